@@ -1,8 +1,8 @@
 #!/bin/sh
-# Makes a signed apt repository for Debian 12, or adds packages to one:
+# Creates a signed apt repository for Debian 12, or adds packages to one:
 #   docker/apt_repository.sh DIRECTORY KEY PACKAGE.deb…
-# KEY names a secret key of gpg (GNUPGHOME says whose). DIRECTORY/public is what a web server hands out, with the public
-# key in fxagent.asc; conf and db beside it are reprepro's own. On each machine, as root:
+# KEY names a secret gpg key (in GNUPGHOME). A web server has to serve DIRECTORY/public, which includes the public key
+# as fxagent.asc; conf and db next to it belong to reprepro. On each machine, as root:
 #   install -m 644 fxagent.asc /etc/apt/keyrings/
 #   echo "deb [signed-by=/etc/apt/keyrings/fxagent.asc] http://SERVER/ bookworm main" > /etc/apt/sources.list.d/fxagent.list
 #   apt update && apt install fxagent
@@ -13,7 +13,7 @@ directory=$1 key=$2
 shift 2
 "$(dirname "$0")/install.sh" repository
 
-# Of several keys by that name the first; reprepro takes no names with blanks.
+# The first of several keys with that name; reprepro does not accept names with blanks.
 fingerprint=$(gpg --batch --with-colons --list-secret-keys "$key" | awk -F: '/^fpr:/ { print $10; exit }')
 mkdir -p "$directory/conf" "$directory/public"
 cat >"$directory/conf/distributions" <<END

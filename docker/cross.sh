@@ -1,16 +1,17 @@
 #!/bin/bash
-# Makes the package for a gateway with another processor, and tries it as far as an emulator goes:
+# Builds the package for a gateway with another processor, and tests it in an emulator:
 #   docker/cross.sh arm64|armhf
-# In a Debian 12 root of its own, so that this machine keeps its packages: the last commit is compiled there with
-# Debian's cross compiler and the libraries of the other processor. The package is then installed, and its program runs
-# under qemu: --version, check, decode, and an agent that polls and commands the simulator of this machine (fxsim,
-# native) through a broker. Serial ports cannot be tried: qemu 7.2 does not know their ioctls.
-# The package is left in the build directory. Run by hand, not by CI: the first time takes some twenty minutes on two
-# cores, and later ones five, by the compiler's cache.
+# It works in its own Debian 12 root and does not change this machine's packages. It compiles the last commit there
+# with Debian's cross compiler and the libraries of the other processor. It then installs the package and runs its
+# program under qemu: --version, check, decode, and an agent that polls and commands the simulator of this machine
+# (fxsim, native) through a broker. Serial ports cannot be tested, because qemu 7.2 does not support their ioctls.
+# The package is left in the build directory. Run by hand, not by CI: the first run takes some twenty minutes on two
+# cores, later ones five, thanks to the compiler cache.
 #
-# Needs root, mmdebstrap and the right to mount. BUILD_DIR: the build directory with a native fxsim, `build` in the
-# project unless set. BARE_CACHE: where the caches are (~/.cache/fxagent-bare). JOBS: compilers at a time.
-# Exit status: 0 made and tried, 1 something failed, 2 wrong usage, 3 such a root cannot be made here.
+# Needs root, mmdebstrap and permission to mount. BUILD_DIR: the build directory with a native fxsim, `build` in the
+# project by default. BARE_CACHE: the directory of the caches (~/.cache/fxagent-bare). JOBS: number of parallel
+# compilers.
+# Exit status: 0 built and tested, 1 a step failed, 2 wrong usage, 3 this machine cannot create such a root.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -38,7 +39,7 @@ outside() {
   [ -x "$build/tests/sim/fxsim" ] || { echo "cross: there is no $build/tests/sim/fxsim: run config/demo/run.sh" >&2; exit 1; }
   cache=${BARE_CACHE:-${HOME:-/root}/.cache/fxagent-bare}
   mkdir -p "$cache/debs-$1/partial" "$cache/ccache"
-  # What was left by one that was killed: nobody holds its lock.
+  # Removes the leftovers of a killed run: their lock is free.
   local child='' old
   while read -r old; do
     if flock --nonblock "$old" true; then rm -rf --one-file-system "$old"; fi
@@ -62,7 +63,8 @@ in_root() {
     chroot "$r" /bin/sh -c 'cd /root/fxagent && exec "$@"' sh "$@" </dev/null
 }
 
-# The build section of packages.txt as packages for this processor (tools, and headers that have none) and for the other.
+# The build section of packages.txt as packages for this processor (tools, and architecture-independent headers) and
+# for the other.
 build_packages() {
   local name
   # shellcheck disable=SC2013 # words
@@ -78,7 +80,8 @@ build_packages() {
 
 inside() {
   work=$1 cache=$2 arch=$3 gnu=$4 emulator=$5
-  # What is compiled against the release runs with its updates as well, and not every mirror has those of each processor.
+  # A program compiled against the release also runs with its updates, and not every mirror has the updates of each
+  # architecture.
   suites=
   make_base --architectures="$(dpkg --print-architecture),$arch"
   r=$work/base

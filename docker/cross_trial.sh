@@ -1,5 +1,5 @@
 #!/bin/bash
-# Tries the installed fxagent of another processor under an emulator, in the root that docker/cross.sh makes:
+# Tests the installed fxagent of another processor under an emulator, in the root made by docker/cross.sh:
 #   cross_trial.sh EMULATOR
 set -euo pipefail
 
@@ -45,11 +45,11 @@ jq --argjson port "$sim_port" --arg store "$dir/store" ".links[0].tcp = {host: \
   | .mqtt = {servers: [\"mqtt://127.0.0.1:$port\"]}" docker/plant/agent.json >"$dir/agent.json"
 fxagent check "$dir/agent.json"
 fxagent read "$dir/agent.json" press1 D100
-# By itself, so that the child is the agent and not a shell that waits for it.
+# Without a subshell, so that the child is the agent itself.
 "$emulator" /usr/bin/fxagent run "$dir/agent.json" 2>"$dir/agent.log" &
 agent=$!
 children+=("$agent")
-# Seen by what stands in for a function of libc: whether it does depends on the processor.
+# Tested through a replaced libc function: the way it is called depends on the processor.
 await grep -q 'broker_unreachable .*connection refused' "$dir/agent.log" || fail "a broker that is not there has no reason"
 mosquitto -c "$dir/broker.conf" >"$dir/broker.log" 2>&1 &
 children+=($!)

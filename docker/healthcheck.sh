@@ -1,10 +1,10 @@
 #!/bin/sh
-# Whether the agent of this container lives, for the engine:
+# Health check of the agent in this container, for the engine:
 #   healthcheck.sh PID CONFIG
-# Right: the process is an fxagent that is neither stopped nor dead, and its config file is still right.
-# A PLC, a line or a broker that is away is no fault of the agent; the state topics tell that, and the
-# health topic shows that its loops turn.
-# Exit status: 0 healthy, 1 not; one line says why.
+# Healthy: the process is an fxagent that is neither stopped nor dead, and its config file is still valid.
+# An unreachable PLC, line or broker is not a fault of the agent; the state topics report those, and the health topic
+# shows that the agent's loops are running.
+# Exit status: 0 healthy, 1 not healthy; prints the reason in one line.
 set -eu
 
 process=/proc/$1

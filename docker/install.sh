@@ -1,18 +1,18 @@
 #!/bin/sh
-# Installs what is missing of some sections of packages.txt:
+# Installs the missing packages of some sections of packages.txt:
 #   docker/install.sh build test
-# Asks the package system only where something is missing, and needs root only then. Exit status: 0
-# all is there, 1 something could not be installed, 2 wrong usage.
+# Calls the package system only if something is missing, and needs root only then. Exit status: 0 everything is
+# present, 1 a package could not be installed, 2 wrong usage.
 set -eu
 
 list=$(dirname "$0")/packages.txt
 
-# The packages of one section, one a line.
+# Prints the packages of one section, one per line.
 packages_of() {
   sed -n "s/^$1://p" "$list" | sed 's/([^)]*)//g' | tr -s ' ' '\n' | sed '/^$/d'
 }
 
-# Node.js from elsewhere brings its own npm, and Debian's would not stand beside it.
+# A Node.js from elsewhere includes its own npm, which conflicts with Debian's.
 is_installed() {
   if [ "$1" = npm ] && command -v npm >/dev/null; then return 0; fi
   [ "$(dpkg-query --show --showformat='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
@@ -45,7 +45,7 @@ export DEBIAN_FRONTEND=noninteractive
 # shellcheck disable=SC2086 # a list of names
 if ! { apt-get update && apt-get install --yes --no-install-recommends $missing; } >"$log" 2>&1; then
   echo "$0: apt-get failed; the end of what it said:" >&2
-  # Where the packages come from is the business of this machine, not of a log that travels.
+  # The package source is local to this machine and does not belong in a log that is passed on.
   tail -n 20 "$log" |
     sed -E -e 's#[a-z+]+://[^ ]+#(source)#g' \
            -e "s#'?[A-Za-z0-9-]+(\.[A-Za-z0-9-]+)*\.[a-z]{2,}(:[0-9]+)?'?#(host)#g" >&2

@@ -1,8 +1,8 @@
-# Finds what the build needs, and names the package and the command that bring what is missing.
-# docker/packages.txt says which package that is: `package(what is found)`.
+# Finds the build's requirements, and names the package and the install command for a missing one.
+# docker/packages.txt maps each to its package: `package(what is found)`.
 set(NEED_PACKAGES_FILE ${CMAKE_CURRENT_LIST_DIR}/packages.txt)
 
-# Ends the configure: `what` could not be found.
+# Ends the configure step: `what` could not be found.
 function(need_missing what)
   file(STRINGS ${NEED_PACKAGES_FILE} lines REGEX "^[a-z]+:")
   foreach(line IN LISTS lines)
@@ -24,7 +24,7 @@ function(need_missing what)
   message(FATAL_ERROR "${what} was not found, and ${NEED_PACKAGES_FILE} has no package for it")
 endfunction()
 
-# find_package(), required. A macro, since some packages set variables for the caller.
+# find_package(), required. A macro, because some packages set variables for the caller.
 macro(need_package name)
   find_package(${name} ${ARGN} QUIET)
   if(NOT ${name}_FOUND)

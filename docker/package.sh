@@ -1,31 +1,31 @@
 #!/bin/sh
-# Makes the Debian packages of this tree in the build directory: fxagent_VERSION_ARCHITECTURE.deb, and fxagent-sim with the
-# simulator:
+# Builds the Debian packages of this tree in the build directory: fxagent_VERSION_ARCHITECTURE.deb, and fxagent-sim
+# with the simulator:
 #   docker/package.sh
-# Installs what is missing first (only then as root). BUILD_DIR: the build directory, `build` in the project unless
-# set; a build that is there is used as it is. The last lines name the packages.
-# HOST_ARCH: the architecture that it is for, with what docker/cross.sh provides.
+# Installs missing packages first (only then as root). BUILD_DIR: the build directory, `build` in the project by
+# default; an existing build is reused. The last lines name the packages.
+# HOST_ARCH: the target architecture, in the environment provided by docker/cross.sh.
 set -eu
 
 root=$(cd "$(dirname "$0")/.." && pwd)
 architecture=${HOST_ARCH:-$(dpkg --print-architecture)}
 FXAGENT_BUILD_DIR=${BUILD_DIR:-$root/build}
-# As dpkg-buildpackage says it: nothing of this needs root.
+# As dpkg-buildpackage sets it: no step needs root.
 DEB_RULES_REQUIRES_ROOT=no
 export FXAGENT_BUILD_DIR DEB_RULES_REQUIRES_ROOT
 
 [ -n "${HOST_ARCH:-}" ] || "$root/docker/install.sh" build package
-# debhelper builds with another HOME, in which no object of an earlier build lies.
+# debhelper builds with another HOME, which has no compiler cache.
 [ -n "${CCACHE_DIR:-}" ] || CCACHE_DIR=$(ccache --get-config cache_dir)
 export CCACHE_DIR
 cd "$root"
 mkdir -p "$FXAGENT_BUILD_DIR"
 rm -f "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb" "$FXAGENT_BUILD_DIR/fxagent-sim_"*"_$architecture.deb"
-# What debhelper lays out, and its marks of steps that need not be done again. Its own `clean` would go through the whole
-# tree for backup copies.
+# Removes debhelper's staging files and its marks of completed steps. Its own `clean` would search the whole tree for
+# backup copies.
 tidy() { rm -rf debian/fxagent debian/fxagent-sim debian/pages debian/.debhelper debian/files debian/debhelper-build-stamp debian/*.substvars debian/*.debhelper debian/*.debhelper.log; }
 tidy
-# What it prints is long, and of interest only where it fails.
+# The output is long and only of interest after a failure.
 log=$FXAGENT_BUILD_DIR/package.log
 if ! dpkg-architecture --host-arch "$architecture" --command "debian/rules binary" >"$log" 2>&1; then
   tail -n 40 "$log" >&2

@@ -1,10 +1,10 @@
 #!/bin/bash
-# Which lines the tests run, by room:
+# Line coverage of the tests, by module:
 #   tests/coverage.sh [ctest arguments, such as -L unit]
-# Builds everything for gcov in BUILD_DIR (build-coverage), runs the tests (the unit tests of all rooms
-# unless said otherwise), and prints the covered part of the lines of each room, then of all. With
-# BUILD_TARGETS only those are built, and what was not built counts for nothing. HTML=DIR: a page for
-# each file there, with every line. Tests that fail end it, with ctest's exit status.
+# Builds everything for gcov in BUILD_DIR (build-coverage), runs the tests (by default the unit tests of all modules),
+# and prints the fraction of covered lines for each module and in total. With BUILD_TARGETS only those targets are
+# built and counted. HTML=DIR: also writes a page per file with all its lines. Failing tests end the script with
+# ctest's exit status.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -14,7 +14,7 @@ build=${BUILD_DIR:-$root/build-coverage}
 cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DFXAGENT_COVERAGE=ON >/dev/null
 # shellcheck disable=SC2086 # several targets
 cmake --build "$build" ${BUILD_TARGETS:+--target $BUILD_TARGETS}
-# What an earlier run counted is not this one's.
+# Deletes the counts of earlier runs.
 find "$build" -name '*.gcda' -delete
 ctest --test-dir "$build" -j2 --output-on-failure --no-tests=error "$@"
 

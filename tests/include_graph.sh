@@ -1,25 +1,25 @@
 #!/bin/bash
-# Draws which folder includes which, as a mermaid diagram between two comments of agent/README.md:
+# Draws the includes between folders, as a mermaid diagram between two comments of agent/README.md:
 #   tests/include_graph.sh            writes it there
-#   tests/include_graph.sh --check    fails where what stands there is not what the sources say
-#   tests/include_graph.sh --lines    prints every pair and in how many lines, that of the tests too
-# `values` stands for the files in agent/ itself, without agent.cpp and reload.cpp, which connect all, and line_time. An arrow is left out where
-# others lead the same way: a --> c beside a --> b --> c. Two folders that know each other (a <--> b) have their other
-# arrows at the first.
+#   tests/include_graph.sh --check    fails if the diagram does not match the sources
+#   tests/include_graph.sh --lines    prints every pair and its number of lines, including the tests
+# `values` stands for line_time and the files in agent/ itself, except agent.cpp and reload.cpp, which connect
+# everything. An arrow is omitted if others lead the same way: a --> c next to a --> b --> c. Of two folders that
+# include each other (a <--> b), the first has their other arrows.
 set -euo pipefail
 
-export LC_ALL=C  # the order of names
+export LC_ALL=C  # order of names
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 page=agent/README.md
 first='<!-- includes: tests/include_graph.sh -->' last='<!-- end of includes -->'
 
-# One line for each #include of ours: the two files. Arguments: what grep is to read.
+# Prints one line for each of our #includes: the two files. Arguments: what grep reads.
 includes() {
   grep -rnE --include=*.h --include=*.cpp '^[[:space:]]*#[[:space:]]*include[[:space:]]*"' "$@" |
     sed -E 's#^([^:]+):[0-9]+:[^"]*"([^"]+)".*#\1 \2#'
 }
 
-# line_time is a node of its own: of the files in agent/ it alone knows the config.
+# line_time is a separate node: it is the only file in agent/ that uses the config.
 graph() {
   echo "$first"
   echo '```mermaid'
@@ -29,12 +29,12 @@ graph() {
             s#agent/[^ ]+#values#g' | awk '$1 != $2' | sort -u |
     awk '
       { from[++n] = $1; to[n] = $2; way[$1, $2]; folder[$1]; folder[$2] }
-      # Whether others lead from a to c.
+      # True if other arrows lead from a to c.
       function is_led(a, c, b) {
         for (b in folder) if (name[b] == b && b != a && b != c && (a, b) in way && (b, c) in way) return 1
         return 0
       }
-      # As many to a line as the page is wide.
+      # As many per line as fit the page.
       function say(arrows) {
         if (length(text) + length(arrows) > 110) { print text; text = "" }
         text = text "  " arrows ";"
@@ -57,7 +57,7 @@ graph() {
   echo "$last"
 }
 
-# The page with the graph in the place of what stands between the comments.
+# The page with the graph replacing the text between the comments.
 page_with_graph() {
   if ! grep -qxF -e "$first" "$page" || ! grep -qxF -e "$last" "$page"; then
     echo "include_graph: $page has no lines '$first' and '$last'" >&2

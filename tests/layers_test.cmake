@@ -1,15 +1,15 @@
-# Which room may include which, checked on the #include lines themselves: linking alone does not
-# enforce it, since system headers are visible to all.
+# Checks which module may include which, on the #include lines themselves: linking alone does not enforce it, because
+# system headers are visible to all.
 #   cmake -DROOT=<the project> -P tests/layers_test.cmake
-# Names every line that breaks a rule as file:line and fails. protocol/ knows bytes, agent/field/ knows wires and
-# time, agent/commands/ knows what may be done, agent/store/ knows the disk, agent/uplink/ knows MQTT and payloads,
-# and only agent/cli/, agent/agent.cpp and agent/reload.cpp see all.
+# Prints every line that breaks a rule as file:line and fails. protocol/ handles bytes, agent/field/ wires and time,
+# agent/commands/ admission, agent/store/ the disk, agent/uplink/ MQTT and payloads. Only agent/cli/, agent/agent.cpp
+# and agent/reload.cpp may use all of them.
 cmake_minimum_required(VERSION 3.25)
 if(NOT IS_DIRECTORY "${ROOT}/protocol" OR NOT IS_DIRECTORY "${ROOT}/agent")
   message(FATAL_ERROR "layers: '${ROOT}' is not the project; call with -DROOT=<the project>")
 endif()
 
-# A rule is: the files it is for, what they may not include, why. The first two are regular
+# A rule consists of its files, the includes that are forbidden for them, and the reason. The first two are regular
 # expressions on the path below ROOT and on the header between quotes or angle brackets.
 set(rules 0)
 macro(forbid files headers reason)
@@ -20,7 +20,7 @@ macro(forbid files headers reason)
 endmacro()
 
 set(mqtt "^(mqtt/|MQTT(Async|Client|Properties|ReasonCodes)|mosquitto)")
-# With a slash or a dot in it a header is no header of the C++ standard library.
+# A header with a slash or a dot in its name is not part of the C++ standard library.
 set(not_standard "[/.]")
 set(threads "thread|mutex|shared_mutex|condition_variable|future|stop_token|semaphore|latch|barrier|pthread\\.h|threads\\.h")
 set(files_and_time "fstream|iostream|syncstream|filesystem|c?signal(\\.h)?|cstdio|stdio\\.h|ctime|time\\.h")
@@ -61,7 +61,7 @@ forbid("." "^(sqlite3|SQLiteCpp/)" "only agent/store/ knows SQLite")
 forbid("^(protocol|agent)/" "^tests/" "the product does not know its tests")
 forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
 
-# What a rule for a whole room does not mean: file, then header.
+# Exceptions from a module's rule: file, then header.
 set(allowed
   "^protocol/[^ ]+ protocol/"
   "^protocol/[^ ]+ tl/expected\\.hpp$"
@@ -79,7 +79,7 @@ set(allowed
   "^agent/metrics/http_library\\.h microhttpd\\.h$"
   "^agent/metrics/exposition\\.cpp prometheus/")
 
-# One line for each include: path:line:#include "header"
+# One line per include: path:line:#include "header"
 execute_process(
   COMMAND grep -rnoE --include=*.h --include=*.hpp --include=*.cpp --include=*.cc --include=*.inc
           "^[[:space:]]*#[[:space:]]*(include|import)(_next)?[[:space:]]*[\"<][^\">]+" agent protocol
@@ -104,7 +104,7 @@ foreach(include IN LISTS includes)
   set(line "${CMAKE_MATCH_2}")
   set(quote "${CMAKE_MATCH_3}")
   set(header "${CMAKE_MATCH_4}")
-  # A path from elsewhere would pass under the rules unseen.
+  # A path outside of the project would escape the rules.
   if(quote STREQUAL "\"" AND NOT header MATCHES "^(protocol|agent|tests)/[^.]")
     message(NOTICE "${file}:${line}: includes ${header}: our headers are named from the root")
     math(EXPR broken "${broken} + 1")
@@ -128,8 +128,8 @@ foreach(include IN LISTS includes)
   endforeach()
 endforeach()
 
-# Lines that no rule on headers sees: an include whose header a macro names, and a clock that is read where time is an
-# argument. Clocks by <chrono>, POSIX and C.
+# Lines that no rule on headers detects: an include whose header is named by a macro, and a clock that is read in code
+# that should take time as an argument. Clocks by <chrono>, POSIX and C.
 function(find_lines regex where reason)
   execute_process(COMMAND grep -rnE --include=*.h --include=*.hpp --include=*.cpp --include=*.cc --include=*.inc
                           "${regex}" ${where}

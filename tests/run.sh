@@ -1,14 +1,14 @@
 #!/bin/bash
-# Builds everything and runs every test:
+# Builds everything and runs all tests:
 #   tests/run.sh [ctest arguments, such as -R PollScheduler or -L field]
-# Installs what is missing first (only then as root). BUILD_DIR: the build directory, `build` in the
-# project unless set. CMAKE_ARGS: more arguments of the configure, such as -DFXAGENT_SANITIZE=address.
-# BUILD_TARGETS: what is built, where not everything is wanted; then nothing comes from npm. BUILD_ONLY: set, no test is
-# run. JOBS: tests at a time, three a core unless set.
+# Installs missing packages first (only then as root). BUILD_DIR: the build directory, `build` in the project by
+# default. CMAKE_ARGS: additional arguments of the configure step, such as -DFXAGENT_SANITIZE=address. BUILD_TARGETS:
+# targets to build instead of everything; then nothing is fetched from npm. BUILD_ONLY: if set, no test runs. JOBS:
+# number of parallel tests, three per core by default.
 # FXAGENT_TEST_SEED: repeats the random tests of a run that printed it.
-# The last lines are ctest's own, then the tests that skipped themselves, by name. The exit status is ctest's.
-# Up to three system tests that failed beside others run once more, alone and with the same seed, and are named if they
-# pass then: on a busy machine one of their peers may stall for longer than the test allows.
+# The last lines are ctest's own, followed by the names of skipped tests. The exit status is ctest's.
+# Up to three system tests that failed run once more, alone and with the same seed, and are named if they pass then:
+# on a busy machine one of their peers may stall for longer than the test allows.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -25,13 +25,13 @@ fi
 cmake --build "$build" ${BUILD_TARGETS:+--target $BUILD_TARGETS}
 [ -z "${BUILD_ONLY:-}" ] || exit 0
 
-# Most of the time the tests of the whole agent wait; those that measure time run alone.
+# Tests of the whole agent mostly wait; tests that measure time run alone.
 export FXAGENT_TEST_SEED=${FXAGENT_TEST_SEED:-$((RANDOM * 32768 + RANDOM))}
 echo "random tests: FXAGENT_TEST_SEED=$FXAGENT_TEST_SEED"
 status=0
-# A test without a limit of its own is ended after 300 s.
+# A test without its own limit is ended after 300 s.
 ctest --timeout 300 --test-dir "$build" -j"${JOBS:-$((3 * $(nproc)))}" --output-on-failure --no-tests=error "$@" || status=$?
-# Why a test in Python skipped itself; and those that are many to one of ctest's, which does not see it.
+# Prints why a Python test skipped itself, and individual skips inside one ctest entry, which ctest does not see.
 sed -nE "s/^(test_\S+ \([^)]*\)) \.\.\. (skipped .*)/\1: \2/p" "$build/Testing/Temporary/LastTest.log"
 
 if [ $status -ne 0 ]; then

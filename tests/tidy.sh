@@ -1,9 +1,9 @@
 #!/bin/bash
-# Runs clang-tidy with the checks of .clang-tidy over the files without coroutines and libraries: protocol/, the root
-# files of agent/, its commands/, config/ and remote/, and the pure units of field/.
-#   tests/tidy.sh [FILE...]      these files only
-# It does not come to an end on coroutines. BUILD_DIR: where its commands are configured, build-tidy unless set; nothing
-# is built. The last line counts files; exit status 0 only if nothing was found.
+# Runs clang-tidy with the checks of .clang-tidy on the files without coroutines and libraries: protocol/, the files
+# in agent/ itself, its commands/, config/ and remote/, and the pure units of field/.
+#   tests/tidy.sh [FILE...]      only these files
+# On coroutines clang-tidy does not terminate. BUILD_DIR: the configured directory with the compile commands,
+# build-tidy by default; nothing is built. The last line counts files; exit status 0 only if there are no findings.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -25,7 +25,7 @@ fi
 
 cmake -S "$root" -B "$build" -G Ninja -DCMAKE_CXX_COMPILER=clang++-19 -DFXAGENT_TESTS=OFF \
   -DCMAKE_EXPORT_COMPILE_COMMANDS=ON >/dev/null
-# Of each file only what was found: the count of warnings in system headers goes to standard error.
+# Prints only the findings of each file: the count of warnings in system headers goes to standard error.
 check() {
   said=$("$1" --quiet -p "$2" "$3" 2>&1) && return
   printf '%s\n' "$said"

@@ -1,17 +1,17 @@
 #!/bin/bash
-# The whole thing on this machine, without hardware:
+# The complete system on this machine, without hardware:
 #   config/demo/run.sh [--seconds N]
-# Installs what is missing (only then as root), builds the agent and the simulator, and starts
-#   mosquitto  a broker on port 1883 of the loopback, or another one that is free, with a configuration of its own,
+# Installs missing packages (only then as root), builds the agent and the simulator, and starts
+#   mosquitto  a broker on port 1883 of the loopback, or on another free port, with its own configuration,
 #   fxsim      an FX3U with an oven and a conveyor on a pseudo terminal, paced at 9600 baud,
 #   fxagent    with agent.json of this directory.
-# What the agent publishes is shown as it comes, one message a line. After some seconds three
-# commands go to the PLC (stop the conveyor, start it, a new setpoint) and their results are shown.
+# Prints the agent's messages as they arrive, one per line. After some seconds it sends three commands to the PLC
+# (stop the conveyor, start it, a new setpoint) and prints their results.
 #
-# Without --seconds it runs until Ctrl-C. With it, it stops N seconds after everything is started,
-# and exits 0 only if it saw live telemetry with values and a command that the PLC acknowledged,
-# otherwise 1. BUILD_DIR: the build directory, `build` in the project unless set.
-# It leaves nothing behind but the build directory.
+# Without --seconds it runs until Ctrl-C. With it, it stops N seconds after everything has started. It then exits with
+# 0 only if it received live telemetry with values and the PLC acknowledged a command, otherwise with 1. BUILD_DIR:
+# the build directory, `build` in the project by default.
+# Leaves nothing behind except the build directory.
 set -euo pipefail
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -34,19 +34,19 @@ while [ $# -gt 0 ]; do
   esac
 done
 
-# One line a step, with the seconds since the start: nothing here is to look as if it hung.
+# One line per step, with the seconds since the start, so that nothing looks stuck.
 say() { printf '[%3d s] %s\n' "$SECONDS" "$*"; }
 
 say "installing what is missing (docker/packages.txt: build, demo)"
 "$root/docker/install.sh" build demo
 
-# A build directory that is there keeps its options, and gets the simulator if it has none.
+# An existing build directory keeps its options, and gets the simulator if it has none.
 configure() {
   local options=(-DFXAGENT_SIM=ON)
   [ -f "$build/CMakeCache.txt" ] || options+=(-G Ninja -DFXAGENT_TESTS=OFF)
   cmake -S "$root" -B "$build" "${options[@]}"
 }
-# Shows every tenth step of ninja's `[n/m]`; keeps all of it in a file.
+# Prints every tenth step of ninja's `[n/m]` and writes the full output to a file.
 compile() {
   NINJA_STATUS='[%f/%t] ' cmake --build "$build" --target fxagent fxsim 2>&1 | tee "$1" |
     while read -r line; do
@@ -64,13 +64,13 @@ compile "$log" || { cat "$log"; echo "demo: the build failed"; exit 1; } >&2
 rm -f "$log"
 agent=$build/agent/fxagent
 sim=$build/tests/sim/fxsim
-# Debian keeps the broker where only root looks.
+# Debian installs the broker in /usr/sbin, which is only in root's PATH.
 broker=$(PATH=$PATH:/usr/sbin command -v mosquitto)
 
 dir=$(mktemp -d)
 agent_pid='' viewer_pid='' printer_pid='' sim_pid='' broker_pid=''
 
-# Ends a child by its id and waits for it; one that does not go within 10 s is killed.
+# Ends a child by its id and waits for it; kills it after 10 s.
 stop() {
   [ -n "$1" ] || return 0
   kill -TERM "$1" 2>/dev/null || true
@@ -84,16 +84,16 @@ stop() {
 
 clean_up() {
   trap '' INT TERM
-  # The agent first, so that its last words still reach the broker and the viewer.
+  # The agent first, so that its last messages still reach the broker and the viewer.
   for pid in $agent_pid $viewer_pid $sim_pid $broker_pid; do stop "$pid"; done
   [ -z "$printer_pid" ] || wait "$printer_pid" 2>/dev/null || true
   rm -rf "$dir"
 }
 trap clean_up EXIT
-# Ctrl-C is how one without an end is ended.
+# Ctrl-C is the normal end of a run without a limit.
 trap '[ -z "$seconds" ]; exit' INT TERM
 
-# Says what is wrong, shows the end of every log, and leaves.
+# Prints the error and the end of every log, and exits.
 give_up() {
   echo "demo: $*" >&2
   for file in "$dir"/*.log; do
@@ -115,9 +115,9 @@ await() {
 
 is_open() { (exec 3<>"/dev/tcp/127.0.0.1/$1") 2>/dev/null; }
 
-# 1883 first: there clients look for a broker, such as the flow in config/node-red.
-# A port that nobody listens on may be taken before the broker binds it: then it exits, and the next
-# is tried.
+# 1883 first, because clients expect a broker there, such as the flow in config/node-red.
+# Another process may take a free port before the broker binds it: the broker then exits, and the script tries the
+# next port.
 start_broker() {
   for try in $(seq 20); do
     port=$((20000 + RANDOM % 20000))
@@ -136,7 +136,7 @@ start_broker() {
   give_up "no broker could be started"
 }
 
-# One line a message: time, topic below the agent's, and the payload made short.
+# One line per message: time, topic below the agent's, and the shortened payload.
 # shellcheck disable=SC2016 # jq's own variables
 readable='
   def name: sub("^'$base'/"; "");
@@ -155,7 +155,7 @@ readable='
      else "\($p)" end) as $text
   | "\(now | strflocaltime("%H:%M:%S"))  \($topic)  \($text)"'
 
-# The last line may be half written: what is no JSON is passed over.
+# The last line may be incomplete: lines that are not JSON are skipped.
 seen() {
   jq -e -n -R "[inputs | fromjson? | .payload = ((.payload | fromjson?) // {})] | any(.[]; $1)" \
     "$dir/messages" >"$dir/seen"
@@ -179,10 +179,10 @@ start_broker
 sim_pid=$!
 await grep -q '"ready":true' "$dir/sim.ready" || give_up "the simulator did not start"
 
-: >"$dir/messages"  # there before either of the two opens it
+: >"$dir/messages"  # must exist before either of the two opens it
 mosquitto_sub -p "$port" -q 1 -F %j -t "$base/#" >>"$dir/messages" 2>"$dir/viewer.log" &
 viewer_pid=$!
-# Ends by itself when the viewer is gone.
+# Ends on its own when the viewer has ended.
 tail -n +1 -f --pid="$viewer_pid" "$dir/messages" | jq --unbuffered -r "$readable" &
 printer_pid=$!
 
@@ -195,7 +195,7 @@ start=$SECONDS
 echo "broker on 127.0.0.1:$port, PLC on $dir/press1, base topic $base"
 [ -n "$seconds" ] || echo "Ctrl-C ends it"
 
-# Sleeps to the given second after the start, or to the end; gives up when a part has died.
+# Sleeps until the given second after the start, or to the end; fails when a part has died.
 until_second() {
   while [ $((SECONDS - start)) -lt "$1" ]; do
     [ -z "$seconds" ] || [ $((SECONDS - start)) -lt "$seconds" ] || return 0
@@ -213,7 +213,7 @@ done
 saw_telemetry || give_up "no telemetry came within 20 s"
 say "the first live values are here"
 
-# A short demo orders early; the results need their time too.
+# A short demo sends its commands early, because the results need time too.
 first=4
 [ -z "$seconds" ] || [ "$seconds" -ge 8 ] || first=$((seconds / 3))
 until_second "$first"

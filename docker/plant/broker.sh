@@ -1,14 +1,14 @@
 #!/bin/sh
-# Makes the password file from the secrets, which are the passwords themselves, and becomes the broker:
+# Creates the password file from the secrets, which are the plain passwords, and then runs the broker:
 #   broker.sh CONFIG PASSWORDS
-# SECRETS: the directory of the secrets, one file for each user; /run/secrets unless set.
+# SECRETS: the directory of the secrets, one file per user; /run/secrets by default.
 set -eu
 
 config=$1
 passwords=$2
 secrets=${SECRETS:-/run/secrets}
 
-# Hashed in place, since an argument of a program can be seen by everybody.
+# Hashed in place, because other users can see a program's arguments.
 umask 077
 : >"$passwords"
 for user in edge7 operator; do

@@ -1,8 +1,8 @@
 #!/bin/sh
-# Makes the passwords of the plant to try, random ones, where they are not there yet:
+# Creates random passwords for the trial plant, unless they exist:
 #   docker/plant/secrets.sh
-# A file that a container is to read has to be readable by its user; the directory keeps the others
-# of this machine out.
+# A file for a container has to be readable by the container's user; the directory's mode keeps other users of this
+# machine out.
 set -eu
 
 directory=$(dirname "$0")/secrets

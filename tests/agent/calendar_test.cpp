@@ -8,7 +8,7 @@
 namespace fxagent {
 namespace {
 
-// The numbers are those of date(1).
+// Numbers from date(1).
 TEST(Calendar, ATimeIsWrittenInUtcWithMilliseconds) {
   EXPECT_EQ(utc_text(0), "1970-01-01T00:00:00.000Z");
   EXPECT_EQ(utc_text(-1), "1969-12-31T23:59:59.999Z");

@@ -1,4 +1,4 @@
-// Holds agent/CONTRACT.md, which users build on, to the program: its examples, words and numbers.
+// Compares agent/CONTRACT.md, which users build on, with the program: examples, words, numbers.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -51,7 +51,7 @@ const std::string& document() {
   return text;
 }
 
-/// `text` behind `heading`, up to the next heading that begins with `mark`.
+/// Returns the part of `text` after `heading`, up to the next heading that begins with `mark`.
 std::string_view below(std::string_view text, const std::string& heading, const std::string& mark) {
   const std::size_t begin = text.find("\n" + heading);
   if (begin == text.npos) return {};
@@ -80,7 +80,7 @@ std::set<std::string> words_of(const std::string& text) {
 
 std::string in_backticks(std::string_view word) { return "`" + std::string(word) + "`"; }
 
-/// The words in backticks that the rows of a table begin with.
+/// Returns the words in backticks at the start of a table's rows.
 std::set<std::string> row_names(std::string_view text) {
   constexpr std::string_view begin = "\n| `";
   constexpr std::string_view end = "` |";
@@ -92,7 +92,7 @@ std::set<std::string> row_names(std::string_view text) {
   return names;
 }
 
-/// The last cell of the row in section 8 that begins with `limit`.
+/// Returns the last cell of the row in section 8 that begins with `limit`.
 std::string limit_in_document(const std::string& limit) {
   const std::string_view text = section(8);
   const std::size_t row = text.find("\n| " + limit);
@@ -110,7 +110,7 @@ std::string grouped(std::uint64_t number) {
   return digits;
 }
 
-/// The blocks behind `<!-- example: NAME -->` by their names; empty where no block follows.
+/// The blocks after `<!-- example: NAME -->` by name; empty if no block follows.
 const std::map<std::string, std::string>& examples() {
   static const std::map<std::string, std::string> all = [] {
     constexpr std::string_view mark = "<!-- example: ";
@@ -147,7 +147,7 @@ json example(const std::string& name) {
 
 // ---- the keys of a payload ----------------------------------------------------------------------
 
-/// Objects whose keys are names of tags, links and devices.
+/// True for objects whose keys are names of tags, links and devices.
 bool has_names_for_keys(std::string_view key) {
   constexpr std::array<std::string_view, 5> kOfNames{"values", "bad", "tags", "links", "devices"};
   return std::find(kOfNames.begin(), kOfNames.end(), key) != kOfNames.end();
@@ -166,20 +166,20 @@ void add_keys(const json& value, const std::string& path, bool by_name,
   }
 }
 
-/// Every key as a path, with the type of its value: "/bad/*/since number". Names of the plant are
-/// "*", elements of arrays "[]".
+/// Returns every key as a path with the type of its value: "/bad/*/since number". Names of the
+/// plant are "*", elements of arrays "[]".
 std::set<std::string> keys_of(const json& payload) {
   std::set<std::string> keys;
   add_keys(payload, "", false, keys);
   return keys;
 }
 
-/// `made` is what the program makes of the same thing.
+/// Compares an example with `made`, the program's output for the same thing.
 void expect_same_keys(const std::string& name, const std::string& made) {
   EXPECT_EQ(keys_of(example(name)), keys_of(json::parse(made))) << name << ", made: " << made;
 }
 
-// ---- what the program makes ---------------------------------------------------------------------
+// ---- the program's output ----------------------------------------------------------------------
 
 std::string telemetry_text(const Telemetry& message) {
   return test::sample_text(message, kBoot, kMeta);
@@ -202,7 +202,7 @@ CommandResult acknowledged(std::string id) {
   return result;
 }
 
-/// A list with the target of acknowledged() and another one.
+/// Returns a list result with the target of acknowledged() and another one.
 CommandResult list_with(TargetResult second) {
   CommandResult result = acknowledged("b7e3");
   result.is_list = true;
@@ -381,7 +381,7 @@ TEST(ContractExamples, DuplicateHasTheKeysOfTheProgram) {
 
 // ---- words --------------------------------------------------------------------------------------
 
-/// Every word of Reason, in its order: to_string() has none for what is no enumerator.
+/// Returns all words of Reason in order. to_string() returns "" past the last enumerator.
 std::vector<std::string> reason_words() {
   std::vector<std::string> words;
   for (int i = static_cast<int>(Reason::none) + 1; i < 256; ++i) {
@@ -440,12 +440,12 @@ TEST(ContractWords, ParserKnowsEveryKeyOfACommand) {
 
 TEST(ContractWords, ChecksStandInTheOrderOfTheProgram) {
   const std::string_view checks = part(5, "Order of checks");
-  // A known id goes before everything else; the others as the enumerators stand.
+  // A known id comes first; the other checks follow the order of the enumerators.
   std::size_t last = checks.find(in_backticks(to_string(Reason::duplicate_id)));
   ASSERT_NE(last, checks.npos);
   for (const std::string& word : reason_words()) {
     if (word == to_string(Reason::duplicate_id)) continue;
-    if (word == to_string(Reason::expect_mismatch)) break;  // from here on they are outcomes
+    if (word == to_string(Reason::expect_mismatch)) break;  // outcomes from here on
     const std::size_t at = checks.find(in_backticks(word));
     ASSERT_NE(at, checks.npos) << word;
     EXPECT_GT(at, last) << word;

@@ -9,7 +9,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// One character a millisecond, so that line times read as characters.
+/// One character per millisecond, so line times count characters.
 constexpr milliseconds kCharTime{1};
 
 DeviceConfig device_of(const std::string& protocol) {
@@ -40,7 +40,7 @@ std::vector<Request> writes_of(const DeviceConfig& device, const std::string& ad
 TEST(LineTime, CountsCharactersTurnaroundAndGap) {
   DeviceConfig device = device_of("fx-programming-port");
   const Point d100 = point_of(device, "D100");
-  // 11 characters ask (STX 0 10C8 02 ETX sum), 8 answer (STX 4 digits ETX sum).
+  // 11 characters out (STX 0 10C8 02 ETX sum), 8 back (STX 4 digits ETX sum).
   EXPECT_EQ(read_time(*device.codec, device, d100, timing_of(device, kCharTime)),
             milliseconds(11 + 8 + 30 + 5));
   device.enquire = EnquirePolicy::always;
@@ -50,10 +50,10 @@ TEST(LineTime, CountsCharactersTurnaroundAndGap) {
 
 TEST(LineTime, OfAWriteIsThatOfTheCommandAndItsAnswer) {
   const DeviceConfig port = device_of("fx-programming-port");
-  // 15 characters ask (STX 1 10C8 02 4 digits ETX sum), ACK answers.
+  // 15 characters out (STX 1 10C8 02 4 digits ETX sum), an ACK back.
   EXPECT_EQ(write_time(*port.codec, writes_of(port, "D100"), timing_of(port, kCharTime)),
             milliseconds(15 + 1 + 30 + 5));
-  // Modbus ASCII: ":", "01 06 0064 0001", LRC, CR LF there and the same back.
+  // Modbus ASCII: ":", "01 06 0064 0001", LRC, CR LF out and the same back.
   const DeviceConfig ascii = device_of("modbus-ascii");
   EXPECT_EQ(write_time(*ascii.codec, writes_of(ascii, "hr:100"), timing_of(ascii, kCharTime)),
             milliseconds(17 + 17 + 30 + 5));
@@ -66,7 +66,7 @@ TEST(LineTime, OfAWriteCountsTheReadThatMustComeFirst) {
   DeviceConfig device = device_of("modbus-ascii");
   device.codec = *info->make(options);
   const Request mask = writes_of(device, "hr:100.3").front();
-  const auto by_reading = device.codec->instead_of(mask, 1);  // 01: it has no function 22
+  const auto by_reading = device.codec->instead_of(mask, 1);  // 01: function 22 is missing
   ASSERT_TRUE(by_reading);
   // One register read (17 characters and 15), then written (17 and 17).
   EXPECT_EQ(write_time(*device.codec, std::span(&*by_reading, 1), timing_of(device, kCharTime)),
@@ -82,7 +82,7 @@ TEST(LineTime, LongestPollIsARead) {
 }
 
 TEST(LineTime, ACommandReadsEachPlaceByItselfWhereAnyWayAllowsIt) {
-  // No batch read brings the words W of this one.
+  // This codec has no batch read for words W.
   auto codec = std::make_shared<test::GatheringCodec>(test::gathering_codec());
   codec->ways[0] = {test::word_way(1, 2, 1)};
   DeviceConfig device = device_of("modbus-ascii");
@@ -99,11 +99,11 @@ TEST(LineTime, ACommandReadsEachPlaceByItselfWhereAnyWayAllowsIt) {
 }
 
 TEST(LineTime, LongestPollWithoutReadsIsTheQuestionForRunOrWhetherTheDeviceIsThere) {
-  // One word, the model in D8001: 11 characters ask, 8 answer.
+  // One word, the model in D8001: 11 characters out, 8 back.
   const DeviceConfig port = device_of("fx-programming-port");
   EXPECT_EQ(longest_poll(*port.codec, {}, timing_of(port, kCharTime)),
             milliseconds(11 + 8 + 30 + 5));
-  // Modbus has no RUN state: one register, ":", "01 03 0000 0001", LRC, CR LF and 15 back.
+  // Modbus has no RUN state: one register, ":", "01 03 0000 0001", LRC, CR LF out and 15 back.
   const DeviceConfig ascii = device_of("modbus-ascii");
   EXPECT_EQ(longest_poll(*ascii.codec, {}, timing_of(ascii, kCharTime)),
             milliseconds(17 + 15 + 30 + 5));

@@ -39,11 +39,11 @@ TEST(Outbox, WaitEndsWithNewsOrAtItsDeadline) {
   Outbox outbox(10);
   const auto never = SteadyTime::clock::now() + std::chrono::hours(1);
   outbox.push(test::sample(1));
-  outbox.wait_until(never);  // pushed before
+  outbox.wait_until(never);  // already pushed
   std::thread pusher([&] { outbox.notify(); });
   outbox.wait_until(never);
   pusher.join();
-  outbox.wait_until(SteadyTime::clock::now());  // nothing new
+  outbox.wait_until(SteadyTime::clock::now());  // nothing was pushed since
   EXPECT_EQ(outbox.take().telemetry.size(), 1U);
 }
 
@@ -57,7 +57,7 @@ TEST(Outbox, OnlyTelemetryGathers) {
     outbox.push(test::succeeded("b7e1"));
   });
   outbox.gather(never);
-  outbox.wait_until(never);  // the samples are news too
+  outbox.wait_until(never);  // samples wake it too
   pusher.join();
   const Outbox::Batch batch = outbox.take();
   EXPECT_EQ(batch.telemetry.size(), 2U);

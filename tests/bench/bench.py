@@ -1,8 +1,8 @@
-"""The agent at the limit of the wire, beside the bridges that users write by hand, and alone at the limit
-of its size. One run, one machine; prints a table, and writes the same as JSON. run.sh calls it; FXAGENT
-and FXSIM name the programs, NODE_BRIDGE a folder with bridge.js and its node_modules.
+"""Measures the agent at the limit of the wire, next to hand-written bridges, and alone at the limit of its size. One
+run on one machine; prints a table and writes the same as JSON. run.sh calls it. FXAGENT and FXSIM name the programs,
+NODE_BRIDGE a folder with bridge.js and its node_modules.
 
-    bench.py [--only a,b,c,d,e,f,g,h,i,j,k] [--json FILE] [--seconds N] [--share F] [--smoke]
+bench.py [--only a,b,c,d,e,f,g,h,i,j,k] [--json FILE] [--seconds N] [--share F] [--smoke]
 """
 
 import argparse
@@ -20,7 +20,7 @@ from probe import Usage, percentiles
 from rig import Bench, device, first_message, machine, show, warm_up
 
 PEERS = ["fxagent", "python", "node"]
-# How much of everything.
+# The size of every part.
 FULL = {"changes": 400, "commands": 300, "devices": (100, 1000), "most_devices": 5000, "ports": 1000,
         "links": [100, 5000, 10000], "turns": 2, "tags": [10000, 100000], "quiet": 100, "starts": 10,
         "silences": [ms for ms in range(900, 1201, 10) for _ in range(5)]}
@@ -29,17 +29,17 @@ SMOKE = {"changes": 10, "commands": 10, "devices": (10, 20), "most_devices": 30,
 
 
 def wire_efficiency(seconds):
-    """(a) 100 D and 64 M, as fast as the line allows; least line time by hand-counted characters."""
-    # Programming port: request 11, reply 4 + 2 a byte; D in 64, 64, 64, 8 bytes and M in 8.
+    """(a) 100 D and 64 M, as fast as the line allows. Compares with the least line time by hand-counted characters."""
+    # Programming port: request 11, reply 4 + 2 per byte; D in 64, 64, 64, 8 bytes and M in 8.
     port_chars = 5 * 15 + 2 * (200 + 8)
-    # Computer link: request 17, reply 8 + 4 a word, ACK 5; D in 64 and 36 words, M in 4.
+    # Computer link: request 17, reply 8 + 4 per word, ACK 5; D in 64 and 36 words, M in 4.
     link_chars = 3 * (17 + 8 + 5) + 4 * (100 + 4)
     # 3C, format 1, and 4C, format 5: all 104 words by one 0406 with a block of words and one of bits; request 49 and
-    # 34, reply 14 + 4 a word and 20 + 2 a word.
+    # 34, reply 14 + 4 per word and 20 + 2 per word.
     serial_3c = 49 + 14 + 4 * 104
     serial_4c = 34 + 20 + 2 * 104
     rows = []
-    # With 7E1 a character is 10 bits, with 8E1 11.
+    # A character is 10 bits with 7E1 and 11 with 8E1.
     for protocol, model, more, bits, chars in (
             ("fx-programming-port", "FX3U", {}, 10, port_chars), ("fx-computer-link", "FX3U", {"format": 1}, 10, link_chars),
             ("mc-3c", "FX5U", {"format": 1}, 11, serial_3c), ("mc-4c", "FX5U", {"format": 5}, 11, serial_4c)):
@@ -58,7 +58,7 @@ def wire_efficiency(seconds):
                                        for i in range(64)]}])
                 first_message(client)
                 stamps, end = [], time.monotonic() + seconds
-                # A cycle at 9600 baud takes more than half a second: three stamps are the least.
+                # A cycle at 9600 baud takes more than half a second: wait for at least three stamps.
                 while time.monotonic() < end or len(stamps) < 3:
                     message = client.message(max(0.05, end - time.monotonic()))
                     if message:
@@ -72,7 +72,7 @@ def wire_efficiency(seconds):
 
 
 def thousand_registers(peer, seconds):
-    """(b) 1,000 registers of one device each 100 ms."""
+    """(b) 1,000 registers of one device every 100 ms."""
     with Bench() as bench:
         plc, [(name, port)] = device()
         plc["plant"] = "counter"
@@ -93,7 +93,7 @@ def thousand_registers(peer, seconds):
 
 
 def flat_out(peer, seconds, changes=400):
-    """(c) 10 tags as fast as possible, and from a change in the device to its message."""
+    """(c) 10 tags as fast as possible, and the time from a change in the device to its message."""
     with Bench() as bench:
         plc, [(name, port)] = device()
         bench.simulate([plc])
@@ -125,8 +125,9 @@ def flat_out(peer, seconds, changes=400):
 
 
 def command_times(peer, registers, interval_ms, pauses, journal=False):
-    """Seconds from a published command to its result, one command after each of the pauses (seconds), and how
-    many had none. `journal`: fxagent has a store, and each command is in its journal before it is sent."""
+    """Returns the seconds from each published command to its result, and the number of commands without a result.
+    Sends one command after each of the pauses (seconds). `journal`: fxagent has a store and journals each command
+    before sending it."""
     with Bench() as bench:
         plc, [(name, port)] = device()
         bench.simulate([plc])
@@ -156,7 +157,7 @@ def command_times(peer, registers, interval_ms, pauses, journal=False):
 
 
 def commands(peer, how, interval_ms, count, journal=False):
-    """(d) From a published command to its result."""
+    """(d) The time from a published command to its result."""
     chance = random.Random(7)
     pauses = [chance.uniform(0.002, 0.03) for _ in range(count)]
     latencies, lost = command_times(peer, 10 if how == "idle" else 1000, interval_ms, pauses, journal)
@@ -165,7 +166,7 @@ def commands(peer, how, interval_ms, count, journal=False):
 
 
 def quiet(peer, what, interval_ms, pauses_ms):
-    """(j) From a command to its result, after silences."""
+    """(j) The time from a command to its result, after silences."""
     latencies, lost = command_times(peer, 10, interval_ms, [ms / 1000 for ms in pauses_ms])
     return {"peer": peer, "after": what, "commands": len(pauses_ms), "result_ms": percentiles(latencies),
             "above_5_ms": sum(seconds > 0.005 for seconds in latencies), "lost": lost}

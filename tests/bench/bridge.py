@@ -1,10 +1,10 @@
-"""A Modbus-to-MQTT bridge as users write it by hand: pymodbus and paho-mqtt, a thread for each device.
+"""A Modbus-to-MQTT bridge as users write it by hand: pymodbus and paho-mqtt, one thread per device.
 
     bridge.py '{"mqtt": 1883, "interval_ms": 100, "devices": [{"name": "d0", "port": 5020,
-                "blocks": [[0, 125], [125, 125]]}]}'
+               "blocks": [[0, 125], [125, 125]]}]}'
 
-Publishes every cycle as JSON on bridge/<name>/data and obeys {"id", "address", "value"} on
-bridge/<name>/command, answered on bridge/<name>/result. interval_ms 0: as fast as it goes.
+Publishes every cycle as JSON on bridge/<name>/data. Carries out {"id", "address", "value"} from bridge/<name>/command
+and answers on bridge/<name>/result. interval_ms 0: as fast as possible.
 """
 
 import json

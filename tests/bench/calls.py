@@ -1,9 +1,8 @@
-"""System calls of the agent for each poll cycle, by name and by thread, two builds side by side, and what the
-start of a large config holds in memory over time. Part of no run: strace slows what it counts, so only the
-counts mean anything. Needs strace, and root or a machine that lets a process be traced. FXSIM names the
-simulator.
+"""Counts the agent's system calls per poll cycle by name and thread, for two builds side by side, and its memory over
+time during the start with a large config. Not part of any run: strace slows the agent, so only the counts are
+meaningful. Needs strace, and root or a machine that permits tracing. FXSIM names the simulator.
 
-    FXSIM=build/tests/sim/fxsim tests/bench/calls.py PROGRAM... [--seconds N]
+FXSIM=build/tests/sim/fxsim tests/bench/calls.py PROGRAM... [--seconds N]
 """
 
 import argparse
@@ -23,7 +22,7 @@ from rig import Bench, device, first_message, machine, show, warm_up
 
 
 def threads_of(pid):
-    """The name of each thread by its number."""
+    """Returns the name of each thread by its id."""
     names = {}
     for task in os.listdir(f"/proc/{pid}/task"):
         with open(f"/proc/{pid}/task/{task}/comm") as comm:
@@ -32,7 +31,7 @@ def threads_of(pid):
 
 
 def counted(pid, seconds, folder):
-    """How often each (thread, system call) happened in so many seconds."""
+    """Counts each (thread, system call) for this many seconds."""
     log = os.path.join(folder, "strace")
     tracer = subprocess.Popen(["strace", "-f", "-q", "-p", str(pid), "-o", log, "-e", "signal=none"],
                               stderr=subprocess.DEVNULL)
@@ -50,7 +49,7 @@ def counted(pid, seconds, folder):
 
 
 def one(program, count, interval_ms, seconds):
-    """Calls and switches a cycle of so many devices of 10 registers."""
+    """Returns calls and context switches per cycle for this many devices of 10 registers."""
     rig.FXAGENT = os.path.abspath(program)
     with Bench() as bench:
         plc, found = device(count)
@@ -79,7 +78,7 @@ def one(program, count, interval_ms, seconds):
 
 
 def start(program, count):
-    """Resident memory, MiB, from exec of 1,000 devices of 100 registers to 3 s later, each 20 ms."""
+    """Returns resident memory in MiB every 20 ms, from exec with 1,000 devices of 100 registers to 3 s later."""
     rig.FXAGENT = os.path.abspath(program)
     with Bench() as bench:
         plc, found = device(count)

@@ -1,8 +1,8 @@
-"""From a command to its result, two builds of the agent side by side: both run at once on one broker and one
-simulator, each with a store, and have the next command in turn. So what else the machine does meets
-both, and the ratio of their medians is the figure. FXSIM names the simulator.
+"""Compares the time from a command to its result between two builds of the agent. Both run at once on one broker and
+one simulator, each with a store, and get commands alternately. Other load on the machine thus affects both, and the
+ratio of their medians is the result. FXSIM names the simulator.
 
-    FXSIM=build/tests/sim/fxsim tests/bench/command_ratio.py BEFORE AFTER [--commands N] [--sync offline]
+FXSIM=build/tests/sim/fxsim tests/bench/command_ratio.py BEFORE AFTER [--commands N] [--sync offline]
 """
 
 import argparse
@@ -20,7 +20,7 @@ from rig import Bench, device, first_message, machine, warm_up
 
 
 def start(bench, name, program, port, sync):
-    """The agent `name` with one Modbus TCP device; a watcher of its results."""
+    """Starts the agent `name` with one Modbus TCP device, and a watcher of its results."""
     path = os.path.join(bench.directory, name + ".json")
     with open(path, "w") as out:
         json.dump({"agent": {"id": name, "root": "bench"},
@@ -36,7 +36,7 @@ def start(bench, name, program, port, sync):
 
 
 def one(client, name, number):
-    """Seconds from the publishing of a write to its result."""
+    """Returns the seconds from publishing a write to its result."""
     order = {"id": f"c{number}", "op": "write", "address": "hr:2000", "type": "uint16",
              "value": number % 65536}
     sent = time.monotonic()
@@ -67,7 +67,7 @@ def main():
         warm_up()
         took = {name: [] for name in programs}
         for number in range(options.commands):
-            # Each is first as often as the other.
+            # Each build goes first equally often.
             for name in sorted(programs, reverse=number % 2 == 0):
                 took[name].append(one(clients[name], name, number))
                 time.sleep(0.002)

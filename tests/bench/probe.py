@@ -1,5 +1,5 @@
-"""What the bench measures with: an MQTT client on a bare socket, so that its own time is small and the
-same for every peer, the simulator's control socket, and a process's CPU time and memory.
+"""The bench's instruments: an MQTT client on a bare socket, whose own time is small and the same for every peer; the
+simulator's control socket; and a process's CPU time and memory.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ def _text(value):
 
 
 class Mqtt:
-    """MQTT 3.1.1, subscriptions at QoS 0, publishes at QoS 1 whose PUBACKs are passed over."""
+    """An MQTT 3.1.1 client: subscribes at QoS 0, publishes at QoS 1 and ignores the PUBACKs."""
 
     def __init__(self, port, name):
         self.socket = socket.create_connection(("127.0.0.1", port))
@@ -54,7 +54,7 @@ class Mqtt:
         return packet
 
     def _packet(self, patience):
-        """The next packet, or None when `patience` seconds have passed."""
+        """Returns the next packet, or None after `patience` seconds."""
         deadline = time.monotonic() + patience
         while True:
             packet = self._parse()
@@ -79,7 +79,7 @@ class Mqtt:
         self._send(0x32, _text(topic) + struct.pack("!H", self.packet_id) + payload.encode())
 
     def message(self, patience):
-        """(topic, payload, time of arrival) of the next message; None when there is none in time."""
+        """Returns (topic, payload, time of arrival) of the next message, or None if none arrives in time."""
         deadline = time.monotonic() + patience
         while True:
             packet = self._packet(max(0.0, deadline - time.monotonic()))
@@ -111,8 +111,8 @@ class Control:
 
 
 class Usage:
-    """CPU time and context switches of a process since this was made, its memory and threads now, and the most memory that it
-    ever held."""
+    """CPU time and context switches of a process since the creation of this object, and its memory, peak memory and
+    threads now."""
 
     def __init__(self, pid):
         self.pid = pid
@@ -128,7 +128,7 @@ class Usage:
         return total
 
     def switches(self):
-        """Context switches of its threads."""
+        """Returns the context switches of its threads."""
         return self._switches() - self.switched
 
     def _ticks(self):
@@ -150,7 +150,7 @@ class Usage:
 
 
 def percentiles(seconds):
-    """p50, p99 and the largest of some durations, in ms."""
+    """Returns p50, p99 and the maximum of some durations, in ms."""
     if not seconds:
         return {"p50": None, "p99": None, "max": None, "count": 0}
     ordered = sorted(seconds)

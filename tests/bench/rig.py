@@ -1,5 +1,5 @@
-"""What every part of the bench stands on: a broker, a simulator and one peer for each measurement, and
-the table that is printed. Programs come from the environment: FXAGENT, FXSIM, NODE_BRIDGE.
+"""The common base of the bench: a broker, a simulator and one peer for each measurement, and the printed table.
+Programs come from the environment: FXAGENT, FXSIM, NODE_BRIDGE.
 """
 
 import contextlib
@@ -26,12 +26,12 @@ WARM_UP_S = 2.0
 
 
 def warm_up():
-    """What a measurement lets pass before it counts."""
+    """Lets a measurement run for a while before it counts."""
     time.sleep(WARM_UP_S)
 
 
 def free_ports(count):
-    """The first of so many free ports in a row."""
+    """Returns the first of this many consecutive free ports."""
     for first in range(21000, 60000 - count, 500):
         with contextlib.ExitStack() as stack, contextlib.suppress(OSError):
             for port in range(first, first + count):
@@ -41,8 +41,8 @@ def free_ports(count):
 
 
 class CpuShare:
-    """Holds programs to a part of one core, by a cgroup of its own (version 1 or 2), as root. The quota is
-    given out each 4 ms, so that a program which has used its part stands still for 3 ms at a quarter."""
+    """Limits programs to a fraction of one core through a cgroup of their own (version 1 or 2), as root. The quota is
+    per 4 ms: at a quarter, a program that has used its share stops for 3 ms."""
 
     PERIOD_US = 4000
 
@@ -59,7 +59,7 @@ class CpuShare:
         self.join = os.path.join(self.folder, "cgroup.procs")
 
     def command(self, command):
-        """The command that runs `command` under the limit."""
+        """Returns the command line that runs `command` under the limit."""
         return ["sh", "-c", 'echo $$ > "$0"; exec "$@"', self.join, *command]
 
     def close(self):
@@ -67,9 +67,9 @@ class CpuShare:
 
 
 class Bench:
-    """A broker, a simulator and one peer, for one measurement."""
+    """A broker, a simulator and one peer for one measurement."""
 
-    share = None  # a CpuShare that the agent is held to
+    share = None  # a CpuShare that limits the agent
 
     def __init__(self):
         self.directory = tempfile.mkdtemp(prefix="fxagent-bench-")
@@ -133,7 +133,7 @@ class Bench:
         return client
 
     def agent(self, links, devices, **more):
-        """Starts the agent; `more` are other sections of its config."""
+        """Starts the agent; `more` adds sections to its config."""
         path = os.path.join(self.directory, "agent.json")
         with open(path, "w") as out:
             json.dump({"agent": {"id": "edge", "root": "bench"},
@@ -143,7 +143,7 @@ class Bench:
         return self.spawn(self.share.command(command) if self.share else command)
 
     def peer(self, name, devices, interval_ms, **more):
-        """Starts a peer on Modbus TCP devices: [(name, port, registers)]; `more` as for agent()."""
+        """Starts a peer with Modbus TCP devices [(name, port, registers)]; `more` as for agent()."""
         if name == "fxagent":
             links = self.links([(d, port) for d, port, _ in devices])
             return self.agent(links, [self.modbus(d, count, interval_ms)
@@ -159,7 +159,7 @@ class Bench:
 
     @staticmethod
     def links(devices):
-        """A TCP link for each (name, port)."""
+        """Returns a TCP link for each (name, port)."""
         return [{"name": name, "tcp": {"host": "127.0.0.1", "port": port}} for name, port in devices]
 
     @staticmethod
@@ -169,7 +169,7 @@ class Bench:
 
     @staticmethod
     def words(name, protocol, letters, count, interval_ms, **more):
-        """A device of so many words in a row, on the link of its name."""
+        """Returns a device with this many consecutive words, on the link of the same name."""
         return {"name": name, "link": name, "protocol": protocol,
                 "groups": [{"name": "g", "interval_ms": interval_ms}],
                 "tags": [{"name": f"r{i}", "address": f"{letters}{i}", "type": "uint16", "group": "g"}
@@ -195,7 +195,7 @@ class Bench:
 
 
 def device(count=1, first_port=None, protocol="modbus-tcp", **more):
-    """So many equal devices for the simulator, and where each listens: (name, port)."""
+    """Returns this many equal devices for the simulator, and each one's (name, port)."""
     port = first_port or free_ports(count)
     plc = {"name": "d{}", "protocol": protocol, "tcp": port, "repeat": count, "baud": 0,
            "turnaround_ms": 0, **more}

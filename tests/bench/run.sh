@@ -1,11 +1,10 @@
 #!/bin/bash
-# Speed, beside the bridges that users write by hand (Python: pymodbus and paho-mqtt; Node.js:
-# modbus-serial and mqtt.js), and size and store by themselves, in one run on one machine:
+# Measures speed next to hand-written bridges (Python: pymodbus and paho-mqtt; Node.js: modbus-serial and mqtt.js),
+# and size and store alone, in one run on one machine:
 #   tests/bench/run.sh [--only a,b,c,d,e,f,g,h,i,j,k] [--seconds N] [--samples N] [--json FILE] [--share F] [--smoke]
 # (a) to (d) speed, (e) and (f) many devices, (g) many links, (h) many tags, (i) the store, (j) commands after a
-# silence, (k) the start. --smoke: each once, small and short, which shows that the bench works and measures
-# nothing.
-# Installs what is missing, builds, prints a table. BUILD_DIR: where (build-bench).
+# silence, (k) the start. --smoke: each part once, small and short; verifies the bench and measures nothing.
+# Installs missing packages, builds, prints a table. BUILD_DIR: the build directory (build-bench).
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)

@@ -13,12 +13,12 @@ from rig import FXAGENT, Bench, device, free_port, free_ports, warm_up
 
 
 def stamp_of(message):
-    """`ts` of a data message, in ms: the sender's clock, so that the watcher's load is not measured."""
+    """Returns `ts` of a data message in ms. It comes from the sender's clock, so the watcher's load is not measured."""
     return int(message[1][message[1].index(b'"ts":') + 5:][:15].split(b",")[0])
 
 
 def first_data_of_all(bench, client, began, count, patience=60):
-    """Seconds until each device has published, or None."""
+    """Returns the seconds until every device has published, or None."""
     seen = set()
     while len(seen) < count and time.monotonic() < began + patience:
         message = client.message(1)
@@ -28,7 +28,7 @@ def first_data_of_all(bench, client, began, count, patience=60):
 
 
 def beats(bench, client, child, count, seconds):
-    """How well a period of 1 s is kept by so many devices, and what that takes."""
+    """Measures how well this many devices keep a period of 1 s, and the resources used."""
     warm_up()
     while client.message(0):
         pass
@@ -50,7 +50,7 @@ def beats(bench, client, child, count, seconds):
 
 
 def modbus_devices(peer, count, seconds):
-    """(e) So many devices of 100 registers at 1 s."""
+    """(e) This many devices of 100 registers at 1 s."""
     with Bench() as bench:
         plc, found = device(count)
         bench.simulate([plc])
@@ -63,7 +63,7 @@ def modbus_devices(peer, count, seconds):
 
 
 def fx5u_devices(count, seconds):
-    """(e) So many FX5U of 100 words at 1 s, by MC protocol (3E, binary)."""
+    """(e) This many FX5U of 100 words at 1 s, by MC protocol (3E, binary)."""
     with Bench() as bench:
         plc, found = device(count, protocol="mc-3e", model="FX5U")
         bench.simulate([plc])
@@ -77,7 +77,7 @@ def fx5u_devices(count, seconds):
 
 
 def programming_ports(count, baud, seconds):
-    """(f) So many FX programming ports behind serial servers, 64 bytes each at 1 s."""
+    """(f) This many FX programming ports behind serial servers, 64 bytes each at 1 s."""
     with Bench() as bench:
         first = free_ports(count)
         bench.simulate([{"name": "d{}", "model": "FX3U", "tcp": first, "repeat": count,
@@ -97,8 +97,8 @@ def programming_ports(count, baud, seconds):
 
 
 def idle_links(counts, seconds):
-    """(g) Devices that are connected and polled once an hour: what a link costs by itself. They share
-    one port, which takes every connection, so that the simulator is as small as it can be."""
+    """(g) Devices that are connected and polled once an hour: the cost of a link alone. They share one port that
+    accepts all connections, to keep the simulator small."""
     rows = []
     for count in counts:
         with Bench() as bench:
@@ -127,14 +127,14 @@ def idle_links(counts, seconds):
                 row["kib_a_link"] = round(1024 * (row["rss_mib"] - rows[0]["rss_mib"]) /
                                           (count - rows[0]["links"]), 1)
             rows.append(row)
-    # The first row is the one that the others are compared with.
+    # The first row is the baseline.
     rows[0]["kib_a_link"] = None
     return rows
 
 
 def program(*arguments):
-    """Seconds of CPU and MiB at the most that one call takes; it must succeed."""
-    # What a process has had at the most begins with its parent's, before it became another program.
+    """Returns the CPU seconds and peak MiB of one call, which must succeed."""
+    # The peak of a process includes its parent's before exec.
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     began = time.monotonic()
     child = subprocess.Popen([FXAGENT, *arguments], stdout=subprocess.DEVNULL,
@@ -148,7 +148,7 @@ def program(*arguments):
 
 
 def loading(counts):
-    """(h) `check` and `plan` of devices of 1,000 tags each, and of one group that holds 10,000."""
+    """(h) `check` and `plan` for devices of 1,000 tags each, and for a single group of 10,000 tags."""
     def tags(protocol, count):
         letter = "D" if protocol.startswith("fx") else "hr:"
         return [{"name": f"t{i}", "address": f"{letter}{i}", "type": "uint16", "group": "g"}

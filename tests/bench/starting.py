@@ -1,4 +1,4 @@
-"""How soon the agent works: from the start of the program until a device is asked for the first time. Part (k)."""
+"""The start of the agent: time from the start of the program to the first request to a device. Part (k)."""
 
 import os
 import statistics
@@ -10,7 +10,7 @@ PATIENCE_S = 30
 
 
 def first_read(bench, plc, start):
-    """Milliseconds from start() to the first read that the simulator counts."""
+    """Returns the milliseconds from start() to the first read that the simulator counts."""
     began = time.monotonic()
     start()
     while bench.reads(plc) == 0:
@@ -20,14 +20,14 @@ def first_read(bench, plc, start):
 
 
 def modbus_tcp(bench):
-    """10 registers of one device; returns what starts the agent."""
+    """10 registers of one device. Returns its name and a function that starts the agent."""
     plc, [(name, port)] = device()
     bench.simulate([plc])
     return name, lambda: bench.peer("fxagent", [(name, port, 10)], 1000)
 
 
 def programming_port(bench):
-    """10 registers on a serial line. What it listens for first, twice timeout_ms, is in it."""
+    """10 registers on a serial line. Includes the initial listening time, twice timeout_ms."""
     pty = os.path.join(bench.directory, "pty")
     bench.simulate([{"name": "d0", "pty": pty, "baud": 9600, "turnaround_ms": 0, "model": "FX3U"}])
     return "d0", lambda: bench.agent(
@@ -38,7 +38,7 @@ def programming_port(bench):
 
 
 def starts(count):
-    """(k) So many starts of each kind."""
+    """(k) This many starts of each kind."""
     rows = []
     for name, prepare in (("modbus-tcp", modbus_tcp), ("fx-programming-port", programming_port)):
         times = []

@@ -1,4 +1,4 @@
-"""The store: what an outage writes, how fast it is made up for, and what that does to live data. Part (i)."""
+"""The store: the writes of an outage, the speed of the catch-up, and its effect on live data. Part (i)."""
 
 import os
 import time
@@ -11,15 +11,15 @@ DEVICES = 20
 
 
 def written(pid):
-    """Bytes that the process has had written to a disk; what lies in memory (tmpfs) does not count."""
+    """Returns the bytes that the process has written to a disk. Memory file systems (tmpfs) do not count."""
     with open(f"/proc/{pid}/io") as io:
         return int(dict(line.split(":") for line in io)["write_bytes"])
 
 
 def start(bench, interval_ms, sync):
-    """The agent with 20 devices of 100 tags each, and a watcher of all their data."""
+    """Starts the agent with 20 devices of 100 tags each, and a watcher of all their data."""
     plc, found = device(DEVICES)
-    plc["plant"] = "counter"  # values that change, as in a plant
+    plc["plant"] = "counter"  # changing values, as in a plant
     bench.simulate([plc])
     client = bench.watch("bench/edge/+/data/#")
     child = bench.agent(
@@ -33,13 +33,13 @@ def start(bench, interval_ms, sync):
 
 
 class Stream:
-    """What arrives: live messages by how old they are, and rows of history."""
+    """Statistics of the arriving data: ages of live messages, and history rows."""
 
     def __init__(self, client):
         self.client = client
 
     def wait(self, seconds, enough=lambda: False):
-        """Counts anew, and only what comes from now on, for so long or until enough()."""
+        """Resets the counts and collects for this long or until enough()."""
         while self.client.message(0):
             pass
         self.ages, self.rows, self.history_bytes = [], 0, 0
@@ -62,7 +62,7 @@ class Stream:
 
 
 def outage(samples):
-    """So many samples while the broker is away, then their history beside live data."""
+    """This many samples while the broker is away, then their history along with live samples."""
     interval_ms = 10
     with Bench() as bench:
         client, child = start(bench, interval_ms, "offline")
@@ -70,7 +70,7 @@ def outage(samples):
         before = percentiles(stream.ages)
         client.socket.close()
         bench.stop_broker()
-        time.sleep(1)  # what was under way is on disk by then
+        time.sleep(1)  # pending writes are on disk by then
         bytes_before, began, usage = written(child.pid), time.monotonic(), Usage(child.pid)
         time.sleep(samples * interval_ms / 1000 / DEVICES)
         took, bytes_after, writing = time.monotonic() - began, written(child.pid), usage.now()
@@ -79,7 +79,7 @@ def outage(samples):
         broker_back = time.monotonic()
         stream = Stream(bench.watch("bench/edge/+/data/#"))
         usage = Usage(child.pid)
-        # Over when no history has come for two seconds after the first of it.
+        # Ends when no history has arrived for two seconds after the first of it.
         stream.wait(180, lambda: stream.last_row and time.monotonic() > stream.last_row + 2)
         replaying = usage.now()
         replay_s = (stream.last_row or 0) - (stream.first_row or 0)
@@ -98,7 +98,7 @@ def outage(samples):
 
 
 def live(sync, seconds):
-    """What the store costs while the broker takes everything."""
+    """The cost of the store while the broker accepts everything."""
     interval_ms = 40
     with Bench() as bench:
         client, child = start(bench, interval_ms, sync)

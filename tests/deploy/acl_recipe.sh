@@ -1,6 +1,6 @@
 #!/bin/bash
-# On a machine where the recipe of agent/OPERATIONS.md, "Who may do what", was followed: starts its mosquitto and
-# checks that it lets each user do what is his and nothing else.
+# For a machine set up according to agent/OPERATIONS.md, "Who may do what": starts its mosquitto and checks that each
+# user can do exactly what is intended:
 #   acl_recipe.sh PASSWORD
 set -euo pipefail
 
@@ -26,7 +26,7 @@ for _ in $(seq 100); do
   sleep 0.1
 done
 
-# Publishes as one user, with retain so that the moment of reading does not matter; reads as another.
+# Publishes as one user, retained, so that the time of reading does not matter; reads as another user.
 passes() {  # WRITER READER TOPIC
   as "$1" mosquitto_pub -q 1 -r -t "$3" -m "from $1" >/dev/null 2>&1 || true
   [ "$(as "$2" mosquitto_sub -t "$3" -C 1 -W 3 2>/dev/null)" = "from $1" ]

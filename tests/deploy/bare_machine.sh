@@ -1,22 +1,22 @@
 #!/bin/bash
-# Shows that the commands of the documents work on a bare Debian 12: makes a root with nothing but apt in it, clones
-# the checkout's last commit into it, and does there by chroot what a new user would:
+# Tests the documented commands on a bare Debian 12: creates a root with only apt in it, clones the checkout's last
+# commit into it, and runs a new user's commands there by chroot:
 #   tests/deploy/bare_machine.sh [demo|tests|package|docker|all]… [-- CTEST ARGUMENTS]
-# demo     config/demo/run.sh, and how long it took to the first live value
-# tests    tests/run.sh, with the ctest arguments; without any the benches too, once and short
-# package  README.md, Install, word for word, which makes the package and installs it; then --version, check of the
-#          example, the recipe of agent/OPERATIONS.md, Who may do what, against the mosquitto that it configures,
+# demo     config/demo/run.sh, and the time until the first live value
+# tests    tests/run.sh, with the ctest arguments; without any also the benches, once and short
+# package  README.md, Install, word for word, which builds and installs the package; then --version, check of the
+#          example, the recipe of agent/OPERATIONS.md, Who may do what, against the mosquitto it configures,
 #          lintian, systemd-analyze, tests/deploy/package_trial.py (upgrade, remove, purge, a signed repository), and
 #          docs/first-plc.md word for word
-# docker   every stage of docker/Dockerfile: with buildah where it is there, else its COPY and RUN lines
+# docker   every stage of docker/Dockerfile: with buildah if it is installed, otherwise its COPY and RUN lines
 # all      all of them (the default)
-# Each in a root of its own. Carried in is only what package managers need to reach their sources: the
-# machine's own settings and certificates. Only caches are shared: packages, npm's, the compiler's.
+# Each runs in its own root. Only what package managers need to reach their sources is copied in: this machine's
+# settings and certificates. Only caches are shared: packages, npm's, the compiler's.
 #
-# Needs root, mmdebstrap and the right to mount. Mounts live in a mount namespace and processes in a
-# PID namespace that end with the script, and the roots are removed whatever happens.
-# Exit status: 0 all passed, 1 something failed, 2 wrong usage, 3 such a root cannot be made here.
-# BARE_CACHE: where the caches are (~/.cache/fxagent-bare). CCACHE_DIR: the compiler's, if elsewhere.
+# Needs root, mmdebstrap and permission to mount. Mounts and processes are in a mount and a PID namespace that end
+# with the script, and the roots are always removed.
+# Exit status: 0 all passed, 1 a step failed, 2 wrong usage, 3 this machine cannot create such a root.
+# BARE_CACHE: the directory of the caches (~/.cache/fxagent-bare). CCACHE_DIR: the compiler's cache, if elsewhere.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]:-$0}")/../.." && pwd)
@@ -49,7 +49,7 @@ outside() {
   cache=${BARE_CACHE:-${HOME:-/root}/.cache/fxagent-bare}
   mkdir -p "$cache/debs/partial" "$cache/npm" "${CCACHE_DIR:=$cache/ccache}"
   export CCACHE_DIR
-  # What was left by one that was killed: nobody holds its lock.
+  # Removes the leftovers of a killed run: their lock is free.
   local old
   while read -r old; do
     if flock --nonblock "$old" true; then rm -rf --one-file-system "$old"; fi
@@ -74,7 +74,7 @@ outside() {
 # shellcheck source=tests/deploy/bare_root.sh
 [ "${1:-}" != --inside ] || . "$root/tests/deploy/bare_root.sh"
 
-# A fresh root named $1 with the clone in /root/fxagent; what a kernel and an init give is mounted.
+# Creates a root named $1 with the clone in /root/fxagent, and mounts what a kernel and an init provide.
 make_root() {
   r=$work/$1
   cp -a --reflink=auto "$work/base" "$r"
@@ -92,15 +92,15 @@ drop_root() {
   for process in /proc/[0-9]*; do
     if [ "$(readlink "$process/root")" = "$r" ]; then kill -KILL "${process#/proc/}" 2>/dev/null || true; fi
   done
-  # Lazily: what was killed may still be on its way out.
+  # Lazily, because killed processes may not have ended yet.
   for place in proc sys dev run var/cache/apt/archives root/.npm root/.cache/ccache; do
     if mountpoint -q "$r/$place"; then umount -R --lazy "$r/$place"; fi
   done
   rm -rf --one-file-system "$r"
 }
 
-# Runs a command in the present root, in the clone, with the environment of a login and no more. Without
-# a home where the caller has none, and in the caller's locale and time zone.
+# Runs a command in the current root, in the clone, with the environment of a login and nothing else. If the caller
+# has no home, neither has the command. Locale and time zone are the caller's.
 in_root() {
   local name settings=()
   [ -z "${HOME:-}" ] || settings+=(HOME=/root)
@@ -111,7 +111,7 @@ in_root() {
     chroot "$r" /bin/sh -c 'cd /root/fxagent && exec "$@"' sh "$@" </dev/null
 }
 
-# Of a file's section the code block with this number: code_block FILE SECTION NUMBER
+# Prints a code block of a file's section by number: code_block FILE SECTION NUMBER
 code_block() {
   local block
   block=$(awk -v section="## $2" -v wanted="$3" '
@@ -127,11 +127,11 @@ show_demo() {
   in_root config/demo/run.sh --seconds 20 2>&1 | tee "$log"
   first=$(sed -nE 's/^\[ *([0-9]+) s\] the first live values.*/\1/p' "$log")
   echo "bare_machine: demo: from the clone to the first live value: $first s"
-  # Printed and not judged: how fast this machine is, is not the clone's doing.
+  # Printed without a check: the speed of this machine does not depend on the clone.
   [ -n "$first" ]
 }
 
-# The benches find here what they need, too: a compiled agent and the packages.
+# The benches find their requirements here too: a compiled agent and the packages.
 show_tests() {
   in_root tests/run.sh "$@"
   [ $# -gt 0 ] || in_root env BUILD_DIR=/root/fxagent/build tests/bench/run.sh --smoke
@@ -157,7 +157,7 @@ show_package() {
   show_first_plc
 }
 
-# docs/first-plc.md: what its reader types, from the package to the first value.
+# docs/first-plc.md: the reader's commands, from the package to the first value.
 show_first_plc() {
   local page=docs/first-plc.md
   { code_block "$page" "1. Install" 1 && code_block "$page" "3. Write the config and read one value" 1 &&
@@ -165,8 +165,8 @@ show_first_plc() {
   in_root sh -c 'tests/deploy/first_plc.sh </root/first_plc'
 }
 
-# The recipe of agent/OPERATIONS.md, "Who may do what", word for word. Certificates and passwords are made
-# here, since they are the user's own affair.
+# The recipe of agent/OPERATIONS.md, "Who may do what", word for word. Certificates and passwords are created here,
+# because the document leaves them to the user.
 show_acl() {
   in_root docker/install.sh demo
   in_root sh -exc "jq '.mqtt += {username: \"edge7\"}' config/agent.example.json >agent.json
@@ -190,14 +190,14 @@ show_docker() {
   if command -v buildah >/dev/null; then build_images; else run_stages; fi
 }
 
-# The stages that become images; the others are built for them.
+# The stages that become images; the other stages are built for them.
 build_images() {
   local stage container driver=overlay
-  # What it leaves behind when it is killed goes with the rest.
+  # Its leftovers after a kill are removed with everything else.
   export TMPDIR=$work/images-tmp
   mkdir -p "$TMPDIR"
   local buildah=(buildah --root "$work/images" --runroot "$work/images-run")
-  # Each layer as a whole copy where the file system takes no other.
+  # Each layer is a full copy if the file system supports nothing better.
   "${buildah[@]}" --storage-driver "$driver" info >/dev/null 2>&1 || driver=vfs
   buildah+=(--storage-driver "$driver")
   slim_base
@@ -217,8 +217,8 @@ build_images() {
   "${buildah[@]}" push --quiet localhost/agent "dir:$work/pushed" && image_size "$work/pushed"
 }
 
-# The base without what debian:12-slim leaves out, also of packages that come later and of apt's caches: what is built on
-# it has the size that it has there.
+# The base without the files that debian:12-slim leaves out, also those of later packages and of apt's caches, so that
+# an image built on it has its real size.
 slim_base() {
   local part
   cp -a --reflink=auto "$work/base" "$work/slim"
@@ -230,7 +230,7 @@ slim_base() {
   printf 'Dir::Cache::%s "";\n' pkgcache srcpkgcache >"$work/slim/etc/apt/apt.conf.d/docker-clean"
 }
 
-# Of an image that was pushed to a directory: its layers, the first being the base, on disk and as they are fetched.
+# For an image pushed to a directory: prints the size of its layers (the first is the base) on disk and as fetched.
 image_size() {
   local layer plain fetched first='' plain_sum=0 fetched_sum=0
   while read -r layer; do
@@ -245,7 +245,7 @@ image_size() {
   echo "bare_machine: docker: the agent's image has $first; on it $((plain_sum / 1000)) kB, $((fetched_sum / 1000)) kB fetched"
 }
 
-# What shows that the program of an image finds all that it needs.
+# Checks that the program of an image finds everything it needs.
 first_words() {
   case $1 in
     sim) echo fxsim --version ;;
@@ -254,10 +254,10 @@ first_words() {
   esac
 }
 
-# The Dockerfile's own lines in roots of their own, as far as FROM, WORKDIR, COPY and RUN go.
+# The Dockerfile's own lines in separate roots, limited to FROM, WORKDIR, COPY and RUN.
 run_stages() {
   local word rest stage='' directory=/ from source last
-  # The present root with no clone in it.
+  # The current root without a clone in it.
   in_stage() { env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root \
     chroot "$r" /bin/sh -ec "cd $directory; $1" </dev/null; }
   while read -r word rest; do
@@ -299,7 +299,7 @@ inside() {
     echo
     echo "bare_machine: $mode"
     began=$SECONDS
-    # Not in a condition: the steps end at the first that fails.
+    # Not in a condition: the steps have to end at the first failure.
     set +e
     (set -e; [ "$mode" = docker ] || make_root "$mode"; "show_$mode" "$@")
     local status=$?

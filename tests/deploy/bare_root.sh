@@ -1,10 +1,10 @@
 # shellcheck shell=bash disable=SC2154
-# A bare Debian 12 in a directory, for scripts that source this: tests/deploy/bare_machine.sh and docker/cross.sh. They
-# set `work`, a directory of theirs, and for mount_kernel `r`, the root; and have impossible(), which says why there can be
-# none and ends them.
+# A bare Debian 12 in a directory, for scripts that source this file: tests/deploy/bare_machine.sh and
+# docker/cross.sh. They set `work`, a directory of their own, and for mount_kernel `r`, the root. They define
+# impossible(), which prints why no root can be created and exits.
 
-# A root in $work/base with apt and nothing else, from the sources of this machine that are Debian 12's own. Arguments
-# go to mmdebstrap. suites: a pattern of those that are taken; empty: the release alone.
+# Creates a root in $work/base with only apt, from this machine's sources for Debian 12. Arguments go to mmdebstrap.
+# suites: a pattern of the suites to use; empty: only the release.
 make_base() {
   local beside=${suites-'(-updates|-security)?'}
   # shellcheck disable=SC2016 # apt's own variables
@@ -15,18 +15,18 @@ make_base() {
     grep -E '^Acquire::(http|https|Check|Retries|ForceIPv)' >"$work/acquire" || true
   if ! mmdebstrap --quiet --variant=minbase --mode=root --format=directory "$@" bookworm "$work/base" \
     --aptopt="$(cat "$work/acquire")" --dpkgopt=force-unsafe-io "$work/sources" >"$work/mmdebstrap.log" 2>&1; then
-    # Where packages come from is the business of this machine.
+    # The package sources are local to this machine.
     tail -n 5 "$work/mmdebstrap.log" | sed -E 's#[a-z+]+://[^ ]+#(source)#g' >&2
     impossible "mmdebstrap failed"
   fi
   local base=$work/base file
   cp "$work/acquire" "$base/etc/apt/apt.conf.d/99carried"
-  # As in the images of Debian: a root that is thrown away needs no fsync for each file.
+  # As in Debian's images: a disposable root needs no fsync for each file.
   echo force-unsafe-io >"$base/etc/dpkg/dpkg.cfg.d/unsafe-io"
   for file in /etc/apt/auth.conf /etc/apt/auth.conf.d /etc/resolv.conf /etc/hosts; do
     [ ! -e "$file" ] || cp -RL "$file" "$base${file%/*}/"
   done
-  # Certificates of this machine's own: the package ca-certificates takes them in when it comes.
+  # Certificates of this machine: the package ca-certificates includes them when it is installed.
   mkdir -p "$base/usr/local/share/ca-certificates"
   find /usr/local/share/ca-certificates -name '*.crt' -exec cp {} "$base/usr/local/share/ca-certificates/" \;
   local key value
@@ -36,7 +36,7 @@ make_base() {
   done
 }
 
-# Mounts in the root $r what a kernel and an init give.
+# Mounts what a kernel and an init provide in the root $r.
 mount_kernel() {
   mount -t proc proc "$r/proc"
   mount -t sysfs -o ro sysfs "$r/sys"

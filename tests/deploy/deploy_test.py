@@ -1,7 +1,7 @@
-"""The images, the plant of docker/, the unit file and the scripts, without an engine: every path,
-package and command that they name exists, and works outside a container.
+"""The images, the plant of docker/, the unit file and the scripts, checked without a container engine: every path,
+package and command they name exists and works outside of a container.
 
-Called with the project's root; FXAGENT and FXSIM name the programs.
+Called with the project's root. FXAGENT and FXSIM name the programs.
 """
 
 import ast
@@ -31,9 +31,9 @@ FXAGENT = os.environ["FXAGENT"]
 FXSIM = os.environ["FXSIM"]
 PATIENCE = 30
 TOPIC = "fx/plant-a/edge7/press1"
-# Debian keeps the broker where only root looks.
+# Debian installs the broker in /usr/sbin, which is only in root's PATH.
 SYSTEM_PATH = os.environ["PATH"] + ":/usr/sbin"
-# What apt and dpkg print is read here: in English.
+# The tests parse the output of apt and dpkg, so it must be English.
 os.environ["LC_ALL"] = "C.UTF-8"
 os.environ.pop("LANGUAGE", None)
 
@@ -52,12 +52,12 @@ def output_of(*arguments, **more):
 
 
 def packages():
-    """section → names, from the one list."""
+    """Returns section → names from the single list."""
     return {section: [name for name, _ in entries] for section, entries in annotated().items()}
 
 
 def annotated():
-    """section → (package, what is found when it is there or None)."""
+    """Returns section → (package, the file that proves it is installed, or None)."""
     out = {}
     for line in text_of("docker", "packages.txt").splitlines():
         match = re.match(r"^([a-z]+):(.*)$", line)
@@ -68,15 +68,15 @@ def annotated():
 
 
 def with_all_they_need(names):
-    """The packages and all that apt installs with them, without what is merely recommended."""
+    """Returns the packages and their dependencies as installed by apt, without recommended packages."""
     known = output_of("apt-cache", "depends", "--recurse", "--no-recommends", "--no-suggests",
                       "--no-conflicts", "--no-breaks", "--no-replaces", "--no-enhances", *names)
     return {line.split(":")[0] for line in known.splitlines() if line and line[0] not in " <"}
 
 
 def owners_of(paths):
-    """The packages that installed these files; a file of no package is an error."""
-    # A file may be registered under / or under /usr: one is a link to the other.
+    """Returns the packages that installed these files. Fails for a file without a package."""
+    # A file may be registered under / or under /usr, because one links to the other.
     names = {path: {path, os.path.realpath(path), "/usr" + path, path.removeprefix("/usr")} for path in paths}
     asked = sorted(set().union(*names.values()))
     found = {}
@@ -95,7 +95,7 @@ def owners_of(paths):
 
 
 def instructions(stage=None):
-    """The Dockerfile's instructions as (word, rest), continuation lines joined; of one stage, or all."""
+    """Returns the Dockerfile's instructions as (word, rest) with continuation lines joined, of one stage or of all."""
     whole = re.sub(r"\\\n", " ", text_of("docker", "Dockerfile"))
     out, current = [], None
     for line in whole.splitlines():
@@ -118,7 +118,7 @@ def of_stage(stage, word):
 
 
 def compose(name="compose.yaml"):
-    """One of the plants, with what its services take from another file."""
+    """Returns one of the plants, including service definitions from other files."""
     plan = yaml.safe_load(text_of("docker", name))
     for service in plan["services"].values():
         base = service.pop("extends", None)
@@ -128,7 +128,7 @@ def compose(name="compose.yaml"):
 
 
 def is_ignored(path):
-    """Whether .dockerignore keeps a path out of what a build may copy."""
+    """True if .dockerignore excludes a path from the build context."""
     patterns = [line for line in text_of(".dockerignore").splitlines()
                 if line and not line.startswith("#")]
     parts = path.split("/")
@@ -150,8 +150,7 @@ def is_open(port):
 
 
 class Replacing:
-    """Puts what is right outside of a container in the place of what is right inside; each place
-    must be there exactly once."""
+    """Replaces paths inside a container by the corresponding ones outside. Each must occur exactly once."""
 
     def __init__(self, text):
         self.text = text
@@ -175,9 +174,9 @@ class Packages(unittest.TestCase):
 
     def test_the_run_section_holds_the_libraries_of_the_agent_and_nothing_else(self):
         paths = set(re.findall(r"=> (/\S+)", output_of("ldd", FXAGENT)))
-        # What every Debian has, and what sanitizers add to a test build.
+        # The base packages of every Debian, and those that sanitizers add to a test build.
         base = {"libc6", "libgcc-s1", "libstdc++6", "libasan8", "libubsan1", "libtsan2"}
-        # This one is loaded where the config asks for metrics (agent/metrics/http_library.cpp).
+        # Loaded at run time if the config asks for metrics (agent/metrics/http_library.cpp).
         owners = owners_of(paths) | {"libmicrohttpd12"}
         self.assertEqual(owners - base, set(packages()["run"]))
 
@@ -231,12 +230,12 @@ class Packages(unittest.TestCase):
             self.assertNotEqual(status, 0)
             self.assertIn("libgtest-dev", text)
             self.assertIn("docker/install.sh build test", text)
-            # The same machine builds the agent and the simulator.
+            # The agent and the simulator are built on the same machine.
             status, text = configure("-DFXAGENT_TESTS=OFF", "-DFXAGENT_SIM=ON")
             self.assertEqual((status, text), (0, ""))
 
     def test_the_demo_has_its_simulator_after_an_install_in_the_same_clone(self):
-        # As docker/package.sh configures it, too.
+        # Configured in the same way by docker/package.sh.
         install = re.search(r"^cmake -S \. -B build (.*)$", text_of("agent", "OPERATIONS.md"), re.M)[1].split()
         self.assertIn(" ".join(install), text_of("debian", "rules"))
         with tempfile.TemporaryDirectory() as directory:
@@ -250,7 +249,7 @@ class Packages(unittest.TestCase):
             self.assertEqual(subprocess.run(knows, capture_output=True).returncode, 0)
 
     def test_what_is_installed_is_not_asked_for(self):
-        # Even where nobody may install, and where there is no package system.
+        # Works even if the user may not install packages, and without a package system.
         with tempfile.TemporaryDirectory() as empty:
             os.symlink("/usr/bin/false", os.path.join(empty, "apt-get"))
             environment = {**os.environ, "PATH": empty + ":" + os.environ["PATH"]}
@@ -290,13 +289,13 @@ class Packages(unittest.TestCase):
 
 
 class Package(unittest.TestCase):
-    """debian/: what can be said of it without making the package; tests/deploy/bare_machine.sh package makes it."""
+    """debian/: the checks that do not need the built package. tests/deploy/bare_machine.sh package builds it."""
 
     def test_it_is_built_from_the_one_list(self):
         control = text_of("debian", "control")
         needs = re.search(r"^Build-Depends: ((?:.*,\n)*.*)$", control, re.M)[1]
         needs = {word.split()[0] for word in needs.split(",")}
-        # The compiler is of every build; the rest is of a clone and not of a package.
+        # Every build needs the compiler; the others are needed for a clone, not for a package.
         apart = {"g++", "ccache", "git", "ca-certificates"}
         self.assertEqual(needs - {"debhelper-compat"}, set(packages()["build"]) - apart)
 
@@ -314,8 +313,8 @@ class Package(unittest.TestCase):
         schema = config["$schema"].removeprefix("file:///")
         self.assertIn("config/agent.schema.json " + os.path.dirname(schema), text_of("debian", "fxagent.install"))
         output_of(FXAGENT, "check", in_root("debian", "agent.json"))
-        # Every plant changes this file. If a new version changed it too, each upgrade would stop and ask which of
-        # the two to keep, and one without a terminal would fail.
+        # Every plant changes this file. If a new version changed it too, each upgrade would stop with a question
+        # about the conflict, and an upgrade without a terminal would fail.
         digest = hashlib.sha256(text_of("debian", "agent.json").encode()).hexdigest()
         self.assertEqual(digest, "290bcfd7f0fea791c2ea885991b58a24e12a938ddca8a73dbab1dfdb777523d8")
 
@@ -341,7 +340,7 @@ class Package(unittest.TestCase):
                 for option in options:
                     self.assertIn("\\fB" + option.replace("-", "\\-"), page, name)
                 self.assertLessEqual(set(options), set(offered(name, "--")), name)
-            # Where a file belongs bash offers files.
+            # bash offers files for file arguments.
             self.assertEqual(offered("read", "''"), [])
             self.assertEqual(offered("verify-stream", "--password-file", "--"), [])
 
@@ -389,7 +388,7 @@ class Scripts(unittest.TestCase):
             os.chmod(fake, 0o755)
 
         def call():
-            """How often npm was called until now, what the script said, and whether packages are there."""
+            """Returns the number of npm calls so far, the script's output, and True if packages are present."""
             done = subprocess.run([in_root("tests", "npm.sh"), folder, target], capture_output=True, text=True,
                                   env={**os.environ, "PATH": directory + ":" + os.environ["PATH"]})
             self.assertEqual((done.returncode, done.stdout), (0, ""), done.stderr)
@@ -403,7 +402,7 @@ class Scripts(unittest.TestCase):
         count, said, there = call()
         self.assertEqual((count, there), (1, False))
         self.assertTrue(said.startswith(named + "not tried again"), said)
-        # Another lock file is another question, and an hour passes.
+        # npm is called for another lock file, and again after an hour.
         with open(lock, "w") as out:
             out.write("{ }")
         self.assertEqual(call()[0], 2)
@@ -473,7 +472,7 @@ class Dockerfile(unittest.TestCase):
         for section in re.findall(r"install\.sh (\w+)", " ".join(of_stage(None, "RUN"))):
             self.assertIn(section, packages())
         self.assertFalse([p for p in packages()["run"] if p.endswith("-dev")])
-        # Packages come from the one list alone, but for our own.
+        # All packages come from the single list, except our own.
         self.assertNotRegex(text_of("docker", "Dockerfile"), r"apt-get|apt install|dpkg -i")
         self.assertEqual(re.findall(r"dpkg --install (\S+)", text_of("docker", "Dockerfile")), ["/opt/fxagent-sim_*.deb", "/opt/fxagent_*.deb"])
 
@@ -484,7 +483,7 @@ class Dockerfile(unittest.TestCase):
             self.assertIn(f"--from=build /src/build/{package}_*.deb /opt/", copies)
 
     def test_the_build_copies_all_that_it_compiles(self):
-        # A configure as in debian/rules and a dry run, in a tree that holds what the stage copies and nothing else.
+        # A configure as in debian/rules and a dry run, in a tree with exactly the files that the stage copies.
         with tempfile.TemporaryDirectory() as tree:
             for copy in of_stage("build", "COPY"):
                 *sources, target = copy.split()
@@ -504,7 +503,7 @@ class Dockerfile(unittest.TestCase):
     def test_the_commands_are_in_the_image_and_the_agent_takes_them(self):
         for stage in ("agent", "sim", "broker"):
             entry = json.loads(of_stage(stage, "ENTRYPOINT")[0])
-            if stage == "broker":  # the others have it from their package
+            if stage == "broker":  # the others get it from their package
                 self.assertIn(f"/usr/local/bin/{entry[0]}", " ".join(of_stage(stage, "COPY")))
         command = json.loads(of_stage("agent", "CMD")[0])
         self.assertEqual(command, ["run", "/etc/fxagent/agent.json"])
@@ -513,7 +512,7 @@ class Dockerfile(unittest.TestCase):
 
 
 class HealthCheck(unittest.TestCase):
-    """The image's own health check, on an agent outside of a container."""
+    """The image's own health check, run on an agent outside of a container."""
 
     def setUp(self):
         self.directory = tempfile.mkdtemp(prefix="fxagent-deploy-")
@@ -528,7 +527,7 @@ class HealthCheck(unittest.TestCase):
         self.addCleanup(self.agent.stderr.close)
         self.addCleanup(self.agent.wait, PATIENCE)
         self.addCleanup(self.agent.kill)
-        # Its first word comes after it has read the config.
+        # Its first line comes after it has read the config.
         self.assertTrue(self.agent.stderr.readline())
 
     def check(self, pid=None):
@@ -592,7 +591,7 @@ class Compose(unittest.TestCase):
                 self.assertEqual(port, "127.0.0.1:1883:1883")
             for other in service.get("depends_on", []):
                 self.assertIn(other, plan["services"])
-            # In another's network it would not outlive the other's restart.
+            # A service in another one's network would not survive a restart of that one.
             self.assertNotIn("network_mode", service, name)
             for network in service.get("networks", []):
                 self.assertIn(network, {"default", *plan.get("networks", {})})
@@ -601,7 +600,7 @@ class Compose(unittest.TestCase):
             self.assertEqual(service["security_opt"], ["no-new-privileges:true"], name)
             self.assertEqual(service["restart"], "unless-stopped", name)
             self.assertNotIn("privileged", service, name)
-            # A flood from outside fills its own container at most.
+            # A flood from outside can at most fill its own container.
             self.assertRegex(service["mem_limit"], r"^[1-9][0-9]*m$", name)
             self.assertLessEqual(service["pids_limit"], 64, name)
         for name, secret in plan["secrets"].items():
@@ -609,7 +608,7 @@ class Compose(unittest.TestCase):
             self.assertIn(name, os.listdir(made))
 
     def make_secrets(self):
-        """docker/plant/secrets.sh in a copy; the directory that it made."""
+        """Runs a copy of docker/plant/secrets.sh and returns the directory it created."""
         copy = tempfile.mkdtemp(prefix="fxagent-deploy-")
         self.addCleanup(shutil.rmtree, copy, True)
         shutil.copy(in_root("docker", "plant", "secrets.sh"), copy)
@@ -664,7 +663,7 @@ class Compose(unittest.TestCase):
                  for name in ("broker.conf", "passwords", "agent.json", "store", "secrets")}
         os.mkdir(place["store"])
         shutil.copytree(self.make_secrets(), place["secrets"])
-        os.chmod(place["secrets"], 0o755)  # the broker reads them as its own user, as in the image
+        os.chmod(place["secrets"], 0o755)  # the broker runs as its own user, as in the image
         password = {}
         for user in ("edge7", "operator"):
             with open(os.path.join(place["secrets"], user)) as file:
@@ -677,7 +676,7 @@ class Compose(unittest.TestCase):
             self.addCleanup(child.terminate)
             return child
 
-        # The image's own entry point and configuration, as the image's own user.
+        # The image's own entry point and configuration, run as the image's user.
         port = free_port()
         inside = json.loads(of_stage("broker", "CMD")[0])
         self.assertEqual(inside, ["/etc/mosquitto/mosquitto.conf", "/tmp/passwords"])
@@ -698,11 +697,11 @@ class Compose(unittest.TestCase):
         if os.getuid() == 0:
             user = of_stage("broker", "USER")[0]
             as_user = ["setpriv", f"--reuid={user}", f"--regid={user}", "--clear-groups"]
-            # /tmp in the image is everybody's; here only this one file is the broker's.
+            # /tmp is world-writable in the image; here the broker owns only this one file.
             with open(place["passwords"], "w"):
                 pass
             shutil.chown(place["passwords"], user, user)
-            # mosquitto_passwd writes a new file beside the old one.
+            # mosquitto_passwd writes a new file next to the old one.
             shutil.chown(directory, user, user)
         start([*as_user, os.path.join(directory, "broker.sh"), place["broker.conf"], place["passwords"]],
               env={**os.environ, "PATH": SYSTEM_PATH, "SECRETS": place["secrets"]})
@@ -715,13 +714,13 @@ class Compose(unittest.TestCase):
         sim_port = free_port()
         command = services["fxsim"]["command"]
         self.assertEqual(command, json.loads(of_stage("sim", "CMD")[0]))
-        # Another address than fxsim's own default, and of this machine alone.
+        # An address that differs from fxsim's default and is local to this machine.
         here = "127.0.0.2"
         start([FXSIM, *(a.replace("tcp=5551", f"tcp={sim_port}").replace("0.0.0.0", here) for a in command)])
 
         self.assertIn("./plant/agent.json:/etc/fxagent/agent.json:ro", services["fxagent"]["volumes"])
         self.assertIn("state:/var/lib/fxagent", services["fxagent"]["volumes"])
-        # The simulator is heard where the agent is, and not where the broker is.
+        # The simulator is in the agent's network, not in the broker's.
         self.assertEqual(services["fxsim"]["networks"], ["field"])
         self.assertEqual(services["fxagent"]["networks"], ["default", "field"])
         self.assertNotIn("networks", services["broker"])
@@ -738,7 +737,7 @@ class Compose(unittest.TestCase):
         checked = subprocess.run([FXAGENT, "check", place["agent.json"]], capture_output=True, text=True,
                                  env=environment)
         self.assertEqual(checked.returncode, 0, checked.stderr)
-        # In a container nobody else is there to read it.
+        # In a container no other user exists who could read it.
         self.assertRegex(checked.stderr, r"\A(\S+ warning: /mqtt/password_file: .* everybody.*\n)?\Z")
         agent = start([FXAGENT, "run", place["agent.json"]], env=environment)
 
@@ -751,15 +750,15 @@ class Compose(unittest.TestCase):
             return subscribe("operator", password["operator"], topic).stdout
         wait_for("telemetry", lambda: '"zone1"' in operator(TOPIC + "/data/fast"))
 
-        # A wrong password, a right one for another user and none at all.
+        # A wrong password, a password of another user, and no password.
         for user, secret in (("operator", "wrong"), ("operator", password["edge7"]), ("nobody", "x")):
             refused = subscribe(user, secret, "fx/#")
             self.assertEqual((refused.returncode, refused.stdout), (5, ""), refused.stderr)
             self.assertIn("not authorised", refused.stderr.lower().replace("authorized", "authorised"))
-        # The agent's account sees orders and its own retained topics, and no telemetry.
+        # The agent's account receives commands and its own retained topics, but no telemetry.
         self.assertEqual(subscribe("edge7", password["edge7"], TOPIC + "/data/fast", patience=2).stdout, "")
 
-        # An order, and everything that the agent publishes passes the rules of the broker.
+        # A command, and everything the agent publishes, must pass the broker's rules.
         granted, results = [], []
         client = mqtt.Client()
         client.username_pw_set("operator", password["operator"])
@@ -780,7 +779,7 @@ class Compose(unittest.TestCase):
             json.loads(operator(topic))
         self.assertIn('"online"', operator("fx/plant-a/edge7/state"))
 
-        # A clean stop, as `docker stop` asks for it.
+        # A clean stop, as by `docker stop`.
         agent.terminate()
         self.assertEqual(agent.wait(10), 0)
         self.assertIn('"stopped"', operator("fx/plant-a/edge7/state"))
@@ -793,21 +792,21 @@ class Unit(unittest.TestCase):
     def test_systemd_finds_nothing_wrong_and_little_exposed(self):
         with tempfile.TemporaryDirectory() as directory:
             path = os.path.join(directory, "fxagent.service")
-            # systemd wants the program to be there.
+            # systemd requires the program to exist.
             text = Replacing(self.unit()).put("ExecStart=/usr/bin/fxagent ",
                                               f"ExecStart={shutil.which('true')} ").text
             with open(path, "w") as out:
                 out.write(text)
-            # The man page comes with the package.
+            # The man page is part of the package.
             done = subprocess.run(["systemd-analyze", "verify", "--man=no", path], capture_output=True, text=True)
             self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
-            # Tenths of systemd's points from 0 to 10. What is left is the network and serial ports.
+            # Tenths of systemd's exposure score from 0 to 10. The network and serial ports account for the rest.
             done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--threshold=25",
                                    "--no-pager", path], capture_output=True, text=True)
             self.assertEqual(done.returncode, 0, done.stdout[-400:] + done.stderr)
 
     def test_a_reload_needs_no_program_that_a_small_machine_lacks(self):
-        # systemd leaves $MAINPID in a longer word to the shell, which has it from its environment.
+        # systemd does not expand $MAINPID inside a longer word; the shell takes it from its environment.
         shell, option, script = shlex.split(self.setting("ExecReload"))
         self.assertIn(owners_of([shell]), ({"dash"}, {"bash"}))
         self.assertEqual(option, "-c")
@@ -830,11 +829,11 @@ class Unit(unittest.TestCase):
         self.assertEqual(self.setting("LimitCORE"), "0")
 
     def test_it_is_started_anew_where_it_stands_still(self):
-        # Only the program's own word says that it is ready, and it is fed by nothing else.
+        # Only the program itself reports readiness and feeds the watchdog.
         self.assertEqual(self.setting("Type"), "notify")
         self.assertEqual(self.setting("Restart"), "always")
         within = int(self.setting("WatchdogSec"))
-        # Longer than a slow disk holds a commit up.
+        # Longer than a commit can take on a slow disk.
         self.assertGreaterEqual(within, 30)
         self.assertLessEqual(within, 120)
         self.assertNotIn("NotifyAccess=all", self.unit())
@@ -847,19 +846,20 @@ class Unit(unittest.TestCase):
             self.assertIn(wish, lines)
         patterns = re.findall(r"^DeviceAllow=char-(\S+) rw$", self.unit(), re.M)
         self.assertEqual(len(patterns), self.unit().count("DeviceAllow="))
-        # As Linux lists them in /proc/devices, and what has nothing to do with a serial port.
+        # Names as in /proc/devices, and some unrelated to serial ports.
         for name in ("ttyS", "ttyUSB", "ttyACM", "ttyAMA", "ttyAP", "ttyMAX", "ttymxc", "ttyO", "OMAP-SERIAL", "rfcomm",
                      "ttySC", "ttyPS", "ttyLP", "ttySTM", "ttyTHS", "ttyXRUSB", "ttyr"):
             self.assertTrue(any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns), name)
         for name in ("mem", "tty", "ttyprintk", "vcs", "input", "hidraw", "ptm", "pts", "spidev", "gpiochip"):
             self.assertFalse(any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns), name)
-        # The driver of an adapter may come with the adapter, after the names were looked up: its number is enough.
+        # An adapter's driver may be loaded only with the adapter, after the names were resolved, so the device number
+        # has to suffice.
         for number in ("166", "188", "216"):
             self.assertIn(number, patterns)
-        # The agent asks the kernel whether the clock is synchronised.
+        # The agent queries the kernel's clock synchronisation.
         self.assertIn("SystemCallFilter=adjtimex clock_adjtime", lines)
         self.assertNotIn("ProtectClock=yes", lines)
-        # Neither can be opened where devices are hidden.
+        # Hidden devices could not be opened.
         self.assertNotIn("PrivateDevices=yes", lines)
         example = json.loads(text_of("config", "agent.example.json"))
         self.assertEqual(example["store"]["path"], "/var/lib/fxagent")

@@ -1,8 +1,8 @@
 #!/bin/bash
-# docs/first-plc.md word for word, as root in a bare root that is thrown away:
-#   first_plc.sh < code blocks of the page, in their sequence
-# The machine lacks three things that the page's reader has: a systemd that runs, the broker that it starts, and a PLC. A
-# stand-in for systemctl starts the agent as the unit does; fxsim answers behind /dev/ttyUSB0.
+# Runs docs/first-plc.md word for word, as root in a disposable bare root:
+#   first_plc.sh < code blocks of the page, in order
+# The root lacks three things that the page's reader has: a running systemd, the broker started by it, and a PLC. A
+# replacement for systemctl starts the agent as the unit does; fxsim answers behind /dev/ttyUSB0.
 set -euo pipefail
 
 page=$(cat)
@@ -23,9 +23,9 @@ mkfifo /tmp/ready
 fxsim --plc name=press1,model=FX3U,pty=/tmp/press1,baud=9600,plant=demo >/tmp/ready &
 plc=$!
 trap 'kill "$broker" "$plc" $(cat /tmp/agent.pid 2>/dev/null) 2>/dev/null || true' EXIT
-read -r _ </tmp/ready  # its one line: every port is open
+read -r _ </tmp/ready  # its single line: all ports are open
 ln -s /tmp/press1 /dev/ttyUSB0
-# A real port belongs to dialout.
+# A real port belongs to the group dialout.
 port=$(readlink -f /dev/ttyUSB0)
 chgrp dialout "$port"
 chmod 660 "$port"

@@ -1,9 +1,9 @@
-# The script that holds the rooms apart, tried on small trees: a right one passes, and each of the
-# wrong includes fails it and is named with its file and line.
+# Tests the script that checks the layers, on small trees: a correct tree passes, and each wrong include fails and is
+# reported with its file and line.
 #   cmake -DSCRIPT=<layers_test.cmake> -DWORK=<a directory to write in> -P layers_script_test.cmake
 cmake_minimum_required(VERSION 3.25)
 
-# Writes the right tree anew.
+# Writes the correct tree again.
 function(write_tree)
   file(REMOVE_RECURSE "${WORK}")
   file(WRITE "${WORK}/protocol/codec.h" "#include <vector>\n#include <tl/expected.hpp>\n#include \"protocol/bytes.h\"\n")
@@ -29,7 +29,7 @@ if(NOT status EQUAL 0)
   message(FATAL_ERROR "the right tree fails:\n${text}")
 endif()
 
-# One wrong line each, put on line 3 of its file.
+# One wrong line each, placed on line 3 of its file.
 set(count 0)
 foreach(wrong IN ITEMS
     "protocol/plan.cpp|<asio.hpp>"
@@ -94,7 +94,7 @@ foreach(wrong IN ITEMS
   math(EXPR count "${count} + 1")
 endforeach()
 
-# Lines that are wrong in another way, on line 3 too.
+# Lines with other errors, also on line 3.
 foreach(wrong IN ITEMS
     "protocol/plan.cpp|#include H"
     "agent/commands/admission.cpp|  # include HEADER"

@@ -1,7 +1,8 @@
-"""The package on a bare machine, as root, on one that is thrown away afterwards:
+"""Tests the package on a disposable bare machine, as root:
     package_trial.py PACKAGE.deb
-The package is installed when this begins. Purged it leaves nothing; an upgrade keeps config, password and store; so
-does the step from an installation by hand; a signed repository serves it. tests/deploy/bare_machine.sh calls this.
+The package must be installed already. A purge leaves nothing behind. An upgrade keeps config, password and store, and
+so does the change from a manual installation. A signed repository can serve the package. tests/deploy/bare_machine.sh
+calls this.
 """
 
 import contextlib
@@ -36,7 +37,7 @@ def say(text):
 
 
 def run(*arguments, status=0, **more):
-    """Without a terminal or an answer to a question: one that waits for a conffile's prompt ends in an error."""
+    """Runs a command without a terminal. A command that waits for an answer, for example about a conffile, fails."""
     done = subprocess.run(arguments, stdin=subprocess.DEVNULL, capture_output=True, text=True, **more)
     assert status in (None, done.returncode), f"{arguments}: {done.returncode}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
     return done.stdout + done.stderr
@@ -51,7 +52,7 @@ def installed(field):
 
 
 def older(package, directory):
-    """The same package as one of an earlier version."""
+    """Rebuilds the package with an earlier version number."""
     tree = os.path.join(directory, "tree")
     run("dpkg-deb", "--raw-extract", package, tree)
     control = os.path.join(tree, "DEBIAN", "control")
@@ -81,7 +82,7 @@ class Registers(threading.Thread):
             threading.Thread(target=self.serve, args=(peer,), daemon=True).start()
 
     def serve(self, peer):
-        # An agent that is killed resets its connections.
+        # A killed agent resets its connections.
         with peer, contextlib.suppress(ConnectionError):
             while request := peer.recv(12, socket.MSG_WAITALL):
                 number, _, _, unit, function, _, count = struct.unpack(">HHHBBHH", request)
@@ -91,7 +92,7 @@ class Registers(threading.Thread):
 
 
 def plant(port):
-    """No broker listens, so that every sample goes into the store."""
+    """A config whose broker is unreachable, so that every sample goes into the store."""
     return {"agent": {"id": "edge7", "root": "fx"},
             "mqtt": {"servers": ["mqtt://127.0.0.1:1"], "username": "edge7", "password_file": "mqtt_password"},
             "store": {"path": STORE},
@@ -113,13 +114,13 @@ def text_of(path):
 
 
 def rows():
-    """Sequence numbers of the samples that wait in the store."""
+    """Returns the sequence numbers of the samples waiting in the store."""
     with sqlite3.connect(f"file:{STORE}/fxagent.db?mode=ro", uri=True) as file:
         return [seq for seq, in file.execute("SELECT seq FROM samples ORDER BY seq")]
 
 
 def as_service(until):
-    """Runs the agent as the unit does until a condition holds, and stops it; what it logged."""
+    """Runs the agent as the unit does until a condition holds, then stops it. Returns its log."""
     agent = subprocess.Popen(["setpriv", "--reuid=fxagent", "--regid=fxagent", "--init-groups", "fxagent", "run", CONFIG],
                              stderr=subprocess.PIPE, text=True, preexec_fn=lambda: os.umask(0o077))
     deadline = time.monotonic() + PATIENCE
@@ -144,7 +145,7 @@ def has_rows():
 
 
 def left_over():
-    """Every file that is still there by its name, but those of the project, of a broker, of caches and of logs."""
+    """Returns all remaining files with the product's name, except those of the project, a broker, caches and logs."""
     others = ("/root", "/tmp", "/var/cache", "/var/log", "/etc/mosquitto")
     apart = [word for place in others for word in ("-not", "-path", place + "/*")]
     return sorted(run("find", "/", "-xdev", "-name", "*fxagent*", *apart).split())
@@ -177,7 +178,7 @@ def depends_on_the_one_list():
     names = {word.split()[0] for word in installed("Depends").split(",")} - {"libc6", "libgcc-s1", "libstdc++6", "adduser"}
     with open(os.path.join(HERE, "..", "..", "docker", "packages.txt")) as file:
         listed = {name for line in file if line.startswith("run:") for name in line.split()[1:]}
-    # A name may be another package's, and what that one needs is in the list with it.
+    # A name may be provided by another package; that one's dependencies are then in the list too.
     of_list = {name: run("dpkg-query", "--show", "--showformat=${Provides} ${Depends}", name) for name in listed}
     for name in names:
         assert name in listed or any(name in more for more in of_list.values()), name
@@ -189,7 +190,7 @@ def depends_on_the_one_list():
 def purge_leaves_nothing():
     apt("purge", "fxagent")
     assert left_over() == [], left_over()
-    # The user stays, locked: its number must not become another's.
+    # The user remains, locked: its number must not be reused for another user.
     assert pwd.getpwnam("fxagent").pw_shell == "/usr/sbin/nologin"
 
 
@@ -209,7 +210,7 @@ def an_upgrade_loses_nothing(old, new, registers):
     assert installed("Version") != OLD_VERSION, said
     assert (text_of(CONFIG), text_of(PASSWORD)) == (config, "secret\n")
     assert rows() == before
-    run("fxagent", "audit", CONFIG)  # as root, who must not take the store from the service
+    run("fxagent", "audit", CONFIG)  # run as root, who must not take the store away from the service
     as_service(lambda: len(rows()) > len(before))
     after = rows()
     assert after[:len(before)] == before, "sequence numbers of what waited"
@@ -222,7 +223,7 @@ def a_store_under_a_dynamic_user_comes_along(new):
     before = rows()
     apt("remove", "fxagent")
     assert os.path.exists(CONFIG) and rows() == before and not os.path.exists("/usr/bin/fxagent")
-    # As systemd lays it out; and below it what a store.path of its own would be, and a link out of it.
+    # The layout made by systemd, and below it a separate store.path and a link that points outside.
     os.makedirs(os.path.dirname(PRIVATE), mode=0o700, exist_ok=True)
     shutil.move(STORE, PRIVATE)
     deep = "/edge7/deep/fxagent.db"
@@ -232,11 +233,11 @@ def a_store_under_a_dynamic_user_comes_along(new):
     for path in (PRIVATE, *glob.glob(PRIVATE + "/**", recursive=True)):
         os.lchown(path, 61184, 61184)
     os.symlink("private/fxagent", STORE)
-    # A unit by hand goes before the package's, and runs on that store.
+    # A manually installed unit takes precedence over the package's and uses that store.
     write(BY_HAND, "[Service]\nDynamicUser=yes\n")
     said = apt("install", new)
     assert "was installed by hand" in said and os.path.islink(STORE), said
-    # No systemd runs here: of the command that is printed this is what is left.
+    # systemd does not run here: the test executes the rest of the printed command.
     assert f"systemctl stop fxagent && rm {BY_HAND} && systemctl daemon-reload && dpkg-reconfigure fxagent" in said, said
     os.remove(BY_HAND)
     run("dpkg-reconfigure", "--frontend=noninteractive", "fxagent")
@@ -250,7 +251,7 @@ def a_store_under_a_dynamic_user_comes_along(new):
 
 
 def what_was_interrupted_on_the_way_is_gone_on_with():
-    """The link was gone, and the store not yet in its place; the user of some files was changed, and not of all."""
+    """The link was removed and the store not yet moved; the owner of some files was changed, but not of all."""
     before = rows()
     shutil.move(STORE, PRIVATE)
     os.chown(PRIVATE, 61184, 61184)
@@ -307,7 +308,7 @@ def a_signed_repository_serves_it(packages, directory):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=public))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     place = f"http://127.0.0.1:{server.server_port}/"
-    # As docker/apt_repository.sh says.
+    # As documented in docker/apt_repository.sh.
     os.makedirs("/etc/apt/keyrings", exist_ok=True)
     shutil.copy(os.path.join(public, "fxagent.asc"), "/etc/apt/keyrings/fxagent.asc")
     listed = "/etc/apt/sources.list.d/fxagent.list"
@@ -318,11 +319,11 @@ def a_signed_repository_serves_it(packages, directory):
     apt("-o", "Acquire::http::Proxy::127.0.0.1=DIRECT", "install", "fxagent")
     assert place.rstrip("/") in run("apt-cache", "policy", "fxagent")
     assert installed("Version") != OLD_VERSION
-    # What was changed on the way is refused.
+    # Files that were modified in transit are refused.
     for name in ("InRelease", "Release"):
         path = os.path.join(public, "dists", "bookworm", name)
         write(path, text_of(path).replace("Label: fxagent", "Label: another"))
-        os.utime(path, (time.time() + 60,) * 2)  # later than what apt has
+        os.utime(path, (time.time() + 60,) * 2)  # later than apt's copy
     said = run("apt-get", *only, "update", status=None)
     assert "BADSIG" in said or "not signed" in said or "invalid" in said.lower(), said
     server.shutdown()
@@ -335,7 +336,7 @@ def a_signed_repository_serves_it(packages, directory):
 def main(package):
     new = os.path.abspath(package)
     with tempfile.TemporaryDirectory() as directory:
-        os.chmod(directory, 0o755)  # for apt's own user
+        os.chmod(directory, 0o755)  # readable by apt's own user
         old = older(new, directory)
         registers = Registers()
         began = time.monotonic()

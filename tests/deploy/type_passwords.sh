@@ -1,5 +1,5 @@
 #!/bin/sh
-# Runs a script that asks for passwords on its terminal, and types the same one each time:
+# Runs a script that asks for passwords on its terminal, and types the same password each time:
 #   type_passwords.sh SCRIPT PASSWORD
 set -eu
 
@@ -10,7 +10,7 @@ typist() {
   while [ ! -e "$seen.done" ]; do
     asked=$(grep -ac 'assword' "$seen" || true)
     if [ "$asked" -gt "$typed" ]; then
-      # What was typed before the program has switched the echo off is thrown away.
+      # Input typed before the program has switched off the echo is discarded.
       sleep 0.3
       echo "$2"
       typed=$((typed + 1))
@@ -19,7 +19,7 @@ typist() {
   done
 }
 status=0
-# mosquitto_passwd asks twice on one line: each question becomes a line of its own here.
+# mosquitto_passwd asks twice on one line: here each prompt becomes a separate line.
 typist "$@" | { script -qefc "sh -ex $1" /dev/null; echo $? >"$seen.done"; } |
   stdbuf -o0 tr ':' '\n' >"$seen" || status=1
 [ "$(cat "$seen.done")" = 0 ] || status=1

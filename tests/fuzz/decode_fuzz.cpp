@@ -1,6 +1,6 @@
-// Any bytes from a wire, given to every codec of the catalogue: as the answer to each kind of
-// question it can ask, and to be explained. Nothing may crash, and what is accepted must lie inside
-// what came.
+// Feeds arbitrary bytes from a wire to every codec of the catalogue: as the answer to each kind of
+// request, and to be explained. Nothing may crash, and every accepted value must lie within the
+// input.
 #include <cstdint>
 #include <cstdlib>
 #include <map>
@@ -19,7 +19,7 @@ namespace {
 
 using namespace fxagent;
 
-/// The values that the option can have; of a station or time the frames differ in digits alone.
+/// Returns the values to try for the option. For a station or a time, frames differ only in digits.
 std::vector<OptionValue> values_of(const OptionSpec& option) {
   std::vector<OptionValue> values;
   switch (option.kind) {
@@ -36,7 +36,7 @@ std::vector<OptionValue> values_of(const OptionSpec& option) {
   return values;
 }
 
-/// The defaults with a known model, and those with one option changed.
+/// Returns the default options with a known model, and variants with one option changed.
 std::vector<Options> variants(const ProtocolInfo& protocol) {
   const Options base = [&] {
     Options options = default_options(protocol);
@@ -55,7 +55,7 @@ std::vector<Options> variants(const ProtocolInfo& protocol) {
   return list;
 }
 
-/// The codec's requests in all their shapes: which memory they are about changes only addresses.
+/// Returns the codec's requests in all their forms. Other memory would only change the addresses.
 std::vector<Request> questions(const Codec& codec) {
   std::vector<Request> asked = {Enquire{}};
   std::set<std::tuple<std::uint8_t, std::uint8_t, std::uint32_t>> shapes;
@@ -96,14 +96,14 @@ struct Asker {
   std::vector<Request> questions;
 };
 
-/// Every codec that the catalogue makes, once: many options change nothing in the frames.
+/// Returns every distinct codec of the catalogue: many options do not affect the frames.
 std::vector<Asker> every_asker() {
   std::vector<Asker> askers;
   for (const ProtocolInfo& protocol : catalog()) {
     std::set<Bytes> seen;
     for (const Options& options : variants(protocol)) {
       auto codec = protocol.make(options);
-      if (!codec) continue;  // the options do not go together
+      if (!codec) continue;  // an invalid combination of options
       Asker asker{*codec, questions(**codec)};
       Bytes frames;
       for (const Request& request : asker.questions) {
@@ -117,7 +117,7 @@ std::vector<Asker> every_asker() {
   return askers;
 }
 
-/// Bytes of the image of what is read; nullopt: it reads nothing.
+/// Returns the size of a read's image in bytes; nullopt if the request is not a read.
 std::optional<std::size_t> image_size(const Request& request) {
   const auto bytes = [](const Read& read) { return std::size_t{read.span.bits + 7} / 8; };
   if (const auto* read = std::get_if<Read>(&request)) return bytes(*read);

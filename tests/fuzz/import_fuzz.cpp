@@ -1,5 +1,5 @@
-// Any bytes as a file of another program, in each format. Nothing may crash, and a config that
-// comes out is right, goes into a spreadsheet, and comes back as it was.
+// Imports arbitrary bytes as a file of another program, in each format. Nothing may crash. A
+// resulting config must be valid and survive a round trip through a spreadsheet unchanged.
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -14,7 +14,7 @@
 
 namespace {
 
-/// Ends the program with what does not hold, and the texts that show it.
+/// Aborts with the violated property and the texts that show it.
 void fail(const char* what, const std::string& made, const std::string& other = {}) {
   std::fprintf(stderr, "%s\n%s\n%s\n", what, made.c_str(), other.c_str());
   std::abort();

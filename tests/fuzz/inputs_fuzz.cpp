@@ -1,5 +1,5 @@
-// Any bytes from a file or a topic: the config loader, the command parser, and a result that the
-// journal kept. Nothing may crash, and a result that goes out is JSON.
+// Feeds arbitrary bytes from a file or topic to the config loader, the command parser and the
+// reader of journalled results. Nothing may crash, and every published result must be JSON.
 #include <cstdint>
 #include <cstdlib>
 #include <nlohmann/json.hpp>

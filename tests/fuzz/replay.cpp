@@ -1,5 +1,4 @@
-// Feeds every file of the directories given to a fuzz target, so that the corpus runs as a plain
-// test.
+// Runs a fuzz target on every file of the given directories, so that the corpus is a plain test.
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -16,7 +15,8 @@ int main(int argc, char** argv) {
       std::ifstream file(entry.path(), std::ios::binary);
       const std::vector<char> bytes((std::istreambuf_iterator<char>(file)),
                                     std::istreambuf_iterator<char>());
-      // Every cut of it too: a wire may stop anywhere. A long one is no frame, and cut more rarely.
+      // Also tries every prefix, because a wire may stop anywhere; fewer prefixes of a long file,
+      // which cannot be a frame.
       const std::size_t step = 1 + bytes.size() / 1024;
       for (std::size_t size = bytes.size() % step; size <= bytes.size(); size += step)
         LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(bytes.data()), size);

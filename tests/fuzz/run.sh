@@ -1,10 +1,10 @@
 #!/bin/bash
 # Builds the fuzz targets with clang, ASan and UBSan, and runs each for a while:
 #   tests/fuzz/run.sh [--seconds N] [TARGET...]
-# 20 s each unless said otherwise; the targets are decode, import, inputs, store and stream. What libFuzzer finds
-# worth keeping goes to BUILD_DIR (build-fuzz) and serves the next run; the corpus here is only read.
-# An input that fails is kept there too, and named. CMAKE_ARGS: more arguments of the configure. JOBS: targets at a
-# time, one a core unless set. The last line counts targets; exit status 0 only if every one passed.
+# 20 s each by default; the targets are decode, import, inputs, store and stream. libFuzzer writes interesting inputs
+# to BUILD_DIR (build-fuzz) for the next run; the corpus here is only read. An input that fails is kept there too, and
+# its file is named. CMAKE_ARGS: additional arguments of the configure step. JOBS: number of parallel targets, one per
+# core by default. The last line counts targets; exit status 0 only if all passed.
 set -euo pipefail
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -41,13 +41,13 @@ cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DCMAKE_
   -DFXAGENT_FUZZ=ON -DFXAGENT_SANITIZE=address ${CMAKE_ARGS:-}
 cmake --build "$build" --target "${targets[@]/%/_fuzz}"
 
-# One target; what libFuzzer says goes to a file, to be shown when it has ended.
+# Runs one target; libFuzzer's output goes to a file and is printed at the end.
 fuzz() {
   local target=$1 kept=$build/fuzz-corpus/$1 quiet=()
   mkdir -p "$kept"
-  # The store's files are on a file system: its own words there are none of libFuzzer's.
+  # The store's files are on a file system: its log lines are not libFuzzer's output.
   if [ "$target" = store ]; then quiet=(-close_fd_mask=2); fi
-  # An input is judged in a second, by sanitizers too; one that takes 30 s hangs, however busy the machine is.
+  # An input takes less than a second, even with sanitizers; after 30 s it hangs, however busy the machine is.
   exec "$build/tests/fuzz/${target}_fuzz" -max_total_time="$seconds" -timeout=30 -rss_limit_mb=1024 \
     -verbosity=0 -print_final_stats=1 -artifact_prefix="$build/fuzz-$target-" "${quiet[@]}" \
     "$kept" "$here/corpus/$target" >"$build/fuzz-$target.log" 2>&1

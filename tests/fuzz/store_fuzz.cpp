@@ -1,6 +1,6 @@
-// Any bytes as the store's file, as a worn-out card or another program may leave it. Nothing may
-// crash or hang; the store works afterwards, with this file or with a fresh one beside it; and what
-// it hands out can be published.
+// Opens arbitrary bytes as the store's file, as a worn-out card or another program may leave it.
+// Nothing may crash or hang. Afterwards the store must work, with this file or with a fresh one
+// next to it, and its rows must be publishable.
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -20,11 +20,11 @@ using namespace fxagent;
 
 constexpr std::int64_t kUtc = 1790000000000;
 const StreamKey kStream{"press1", "fast"};
-// CBOR of a sample without tags: its time, number 7, boot "b", meta "m", no span, no flags.
+// CBOR of a sample without tags: time, number 7, boot "b", meta "m", no span, no flags.
 const std::string kRow("\x86\x18\x64\x07\x61\x62\x61\x6D\xF6\x00", 10);
 
-/// In memory where the system has such a place: a disk would be worn out by this. Removed when the
-/// program ends by itself.
+/// A directory in memory if the system has one, to avoid wearing out a disk. Removed at a normal
+/// end of the program.
 class Directory final {
  public:
   Directory() {
@@ -53,7 +53,7 @@ const fs::path& directory() {
 
 bool any(const StreamKey&) { return true; }
 
-/// What the agent does with a store at its start, and a while later.
+/// Uses a store as the agent does at its start, and a while later.
 void live_with(Store& store) {
   const std::vector<std::string> devices{"press1"};
   store.numbers().begin(devices, kUtc);
@@ -94,7 +94,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     rows[0].group = kStream.second;
     rows[0].seq = 7;
     rows[0].content = kRow;
-    // The disk is there, so that damage found while writing costs one attempt at most.
+    // The disk works, so damage found while writing costs at most one attempt.
     if (!store.samples().append(rows, Store::Hold::no) &&
         !store.samples().append(rows, Store::Hold::no))
       std::abort();

@@ -1,5 +1,5 @@
-// Any messages on the topics of samples, judged by the stream check. Each line of the input is a
-// message; its first byte chooses the topic. Nothing may crash, and the counts must fit together.
+// Feeds arbitrary messages on sample topics to the stream check. Each line of the input is a
+// message; its first byte selects the topic. Nothing may crash, and the counts must be consistent.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -28,7 +28,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         stream.missing.listed.size() > NumberRanges::kMostListed)
       std::abort();
     if (!stream.seen) continue;
-    // Modulo 2^64: all numbers at once would be one more than that holds.
+    // Modulo 2^64: the full range of numbers would be one more than the type can hold.
     const std::uint64_t span = stream.seen->last - stream.seen->first + 1;
     const std::uint64_t known = stream.distinct + stream.missing.numbers + stream.skipped.numbers;
     if (span != 0 && known > span) std::abort();

@@ -63,8 +63,8 @@ TEST(Checklist, ComputerLinkNamesStationD8120AndThePowerCycle) {
       << "the line behind the serial server is not known";
 }
 
-// JY992D69901: bits 0 to 3 data, parity and stop, 4 to 7 speed, 13 sum check, 14 computer link, 15
-// format 4. The first two are in protocol/README.md, of PLCs that worked.
+// JY992D69901: bits 0 to 3 are data, parity and stop, 4 to 7 speed, 13 sum check, 14 computer link,
+// 15 format 4. The first two values come from working PLCs, see protocol/README.md.
 TEST(Checklist, D8120IsThatOfTheManual) {
   const Options format1{{"format", std::int64_t{1}}, {"sum_check", true}};
   const Options format4{{"format", std::int64_t{4}}, {"sum_check", true}};

@@ -1,5 +1,5 @@
-// What every protocol of the catalogue must keep, whatever its frames look like. A new protocol
-// adds its exchanges to samples(); a protocol without any fails the first test.
+// The rules that every protocol of the catalogue must follow, independent of its frames. A new
+// protocol adds its exchanges to samples(); a protocol without any fails the first test.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,22 +15,22 @@ namespace {
 
 using test::hex;
 
-/// One exchange with the bytes that answer it.
+/// One request and its answer.
 struct Sample {
   std::string what;
   std::string model;
   Request request;
   Bytes reply;
-  /// A late answer to another request, which must not be taken for this one's; empty: none can be
-  /// told.
+  /// A late answer to another request, which must be rejected; empty: the protocol cannot detect
+  /// one.
   Bytes stale;
   /// Bytes that may come first on a bad line.
   Bytes noise;
-  /// A single character without a sum: nothing tells ACK from NAK but the byte itself.
+  /// A single character without a sum: only the byte itself distinguishes ACK from NAK.
   bool bare = false;
-  // Where the protocol itself cannot tell:
+  // Limits of the protocol itself:
   bool no_sum = false;          ///< a damaged value looks like another value (Modbus TCP)
-  bool answer_is_echo = false;  ///< Modbus 05, 06, 22: the answer is the request once more
+  bool answer_is_echo = false;  ///< Modbus 05, 06, 22: the answer equals the request
 };
 
 std::vector<Sample> programming_port_samples() {
@@ -91,7 +91,7 @@ std::vector<Sample> computer_link_samples() {
   };
 }
 
-/// V1.1b3, 6.3, 6.2 and 6.12; unit 1. The CRCs and LRCs were computed apart from this project.
+/// V1.1b3, 6.3, 6.2 and 6.12; unit 1. CRCs and LRCs were computed outside of this project.
 std::vector<Sample> modbus_samples(std::string_view framing) {
   const std::uint16_t holding = 3;
   const Request words = Read{{holding, 0x6B * 16, 48}};
@@ -143,8 +143,8 @@ std::vector<Sample> modbus_samples(std::string_view framing) {
   return all;
 }
 
-/// The frames are those of tests/frames/mc_1e.txt. They have no length and no sum: a stale answer
-/// is never told from another one, so the connection that might bring one is given up.
+/// The frames are from tests/frames/mc_1e.txt. They have no length and no sum, so a stale answer is
+/// undetectable; the agent instead drops a connection that might deliver one.
 std::vector<Sample> mc_1e_samples() {
   const std::uint16_t d = mc::id(mc::Space::d);
   const std::uint16_t m = mc::id(mc::Space::m);
@@ -181,7 +181,7 @@ std::vector<Sample> mc_1e_samples() {
 }
 
 /// SH-080008, 8.1, 8.3 and 11.2, with the own station and serial number or block 1; sums computed
-/// apart from this project. Spaces by their places in mc/device.h.
+/// outside of this project. Spaces are numbered as in mc/device.h.
 std::vector<Sample> mc_ethernet_samples(bool numbered) {
   const std::uint16_t d = 28;
   const std::uint16_t m = 4;
@@ -429,7 +429,7 @@ TEST(CodecContract, EveryAnswerMayPassForAnAnswer) {
   for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
     EXPECT_TRUE(codec.may_pass_for_answer(sample.reply));
     EXPECT_TRUE(codec.may_pass_for_answer(joined({Bytes{0x00, 0xFF}, sample.reply})));
-    if (codec.after_silence() == Recovery::none) return;  // told apart by its number
+    if (codec.after_silence() == Recovery::none) return;  // identified by its number
     EXPECT_FALSE(codec.may_pass_for_answer({}));
     EXPECT_FALSE(codec.may_pass_for_answer(Bytes{0x00, 0xFF, 0x7F})) << "noise";
     EXPECT_FALSE(codec.may_pass_for_answer(Bytes(40, 0xFF))) << "an idle line that is broken";

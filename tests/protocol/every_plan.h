@@ -1,4 +1,4 @@
-// The least line time of a plan, by trying everything: what the planner is compared with.
+// The shortest line time of a plan by exhaustive search, to compare the planner with.
 #pragma once
 
 #include <algorithm>
@@ -11,14 +11,14 @@
 
 namespace fxagent::test {
 
-/// The least line time over every way to share the points out among reads, and those among frames.
+/// Tries every distribution of points among reads, and of reads among frames.
 class EveryPlan {
  public:
   EveryPlan(const Codec& codec, const std::vector<Point>& points, const LineCost& cost)
       : codec_(codec), cost_(cost), all_((1U << points.size()) - 1) {
     for (const Point& each : points) {
       Span span = *span_of(each);
-      std::uint32_t grain = 0;  // what every read brings anyway
+      std::uint32_t grain = 0;  // read granularity in bits
       for (const ReadWay& way : codec.addresses().read_ways(span.space))
         grain = std::gcd(grain, std::gcd(way.align_bits, way.unit_bits));
       const std::uint32_t end = (span.end_bit() + grain - 1) / grain * grain;
@@ -52,7 +52,7 @@ class EveryPlan {
  private:
   static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
-  /// One frame that brings the whole set, with what `gather` has already.
+  /// Tries to complete one frame for the whole set, starting with the parts in `gather`.
   void cover(std::uint32_t set, const GatherCommand& command, Gather& gather, std::uint32_t bits) {
     if (bits > command.max_bits || gather.parts.size() > command.max_parts) return;
     if (set == 0) {
@@ -71,7 +71,7 @@ class EveryPlan {
     }
   }
 
-  /// The shortest reads that bring all of the set by ways of the command.
+  /// The shortest reads that cover the set with the command's ways.
   std::vector<Read> reads_of(std::uint32_t set, std::uint8_t gather) const {
     Span whole;
     bool first = true;

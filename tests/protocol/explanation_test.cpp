@@ -18,7 +18,7 @@ std::string summary_of(std::string_view protocol, std::string_view frame, Direct
   return summary((*codec)->explain(*from_hex(frame), direction));
 }
 
-/// The bytes of a frame that is printed as text: < STX, > ETX, ! ENQ, . ACK, ? NAK.
+/// Converts a frame printed as text: < STX, > ETX, ! ENQ, . ACK, ? NAK.
 std::string link(std::string_view text) {
   std::string hex;
   for (const char c : text) {
@@ -38,7 +38,7 @@ struct Row {
   std::string_view says;
 };
 
-// The worked frames of protocol/README.md, which are those of the manuals and of captures.
+// The worked frames of protocol/README.md, from the manuals and from captures.
 TEST(Explanation, OneLineSaysWhatAFrameMeans) {
   const Row rows[] = {
       {"fx-programming-port", "05", Direction::request, "enquire"},

@@ -1,5 +1,4 @@
-// Reads the transcripts in tests/frames: one block of lines for each exchange, a blank line
-// between.
+// Reads the transcripts in tests/frames: one block of lines per exchange, separated by blank lines.
 #pragma once
 
 #include <string>
@@ -9,9 +8,9 @@
 
 namespace fxagent::test {
 
-/// One exchange as the transcript tells it; what a line does not give is empty.
+/// One exchange of a transcript; a missing field is empty.
 struct Exchange {
-  int line = 0;  ///< of the file, for failure texts
+  int line = 0;  ///< in the file, for failure texts
   std::string source;
   std::string model;
   std::string command_set;
@@ -23,10 +22,10 @@ struct Exchange {
   Bytes image;
 };
 
-/// All exchanges of tests/frames/`name`; a malformed file fails the running test.
+/// Returns all exchanges of tests/frames/`name`. A malformed file fails the running test.
 std::vector<Exchange> read_frames(const std::string& name);
 
-/// The bytes of "02 30 03"; a typing error in a test fails it.
+/// Converts "02 30 03" to bytes. A typing error fails the running test.
 Bytes hex(std::string_view text);
 
 }  // namespace fxagent::test

@@ -1,5 +1,5 @@
-// A made-up protocol that reads several places by one frame, for tests of what is made of that. Its
-// commands, ways and prices are a test's to choose; its frames are lists of numbers.
+// A made-up protocol that reads several places in one frame, for tests of the code that uses such
+// frames. The test chooses commands, ways and prices; the frames are lists of numbers.
 #pragma once
 
 #include <map>
@@ -11,13 +11,13 @@
 
 namespace fxagent::test {
 
-/// Characters of one command: around its parts, and of each part beside two for each of its bytes.
+/// Characters of one command: for the frame, and for each part in addition to two per byte.
 struct GatherPrice {
   std::uint32_t fixed = 12;
   std::uint32_t each = 6;
 };
 
-/// Words are "W5" in space 0, "V5" in space 1 …; bits "B5" lie in space 1 too.
+/// Words are "W5" in space 0, "V5" in space 1 …; bits "B5" are in space 1 too.
 class GatheringCodec : public Codec, public AddressSpace {
  public:
   std::map<std::uint16_t, std::vector<ReadWay>> ways;
@@ -50,7 +50,7 @@ class GatheringCodec : public Codec, public AddressSpace {
 
   const AddressSpace& addresses() const override { return *this; }
   /// The number of the exchange, 'R', then space, first bit, bits, way and command of each part,
-  /// each as two bytes.
+  /// two bytes each.
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override {
     Bytes frame{static_cast<std::uint8_t>(tag), 'R'};
     const auto put = [&](std::uint32_t number) {
@@ -98,7 +98,7 @@ class GatheringCodec : public Codec, public AddressSpace {
     for (const GatherCommand& command : commands)
       if (command.gather == reads.front().gather &&
           (reads.size() > command.max_parts || data / 2 * 8 > command.max_bits))
-        return {};  // no such frame
+        return {};  // not a frame
     const GatherPrice& price = prices.at(reads.front().gather);
     return {price.fixed + price.each * static_cast<std::uint32_t>(reads.size()), data, 0};
   }
@@ -127,7 +127,7 @@ class GatheringCodec : public Codec, public AddressSpace {
   }
 };
 
-/// A way of words at even places, up to `most` of them.
+/// A way that reads words at even places, at most `most` of them.
 inline ReadWay word_way(std::uint8_t way, std::uint32_t most, std::uint8_t gather = 0) {
   ReadWay out;
   out.way = way;
@@ -138,7 +138,8 @@ inline ReadWay word_way(std::uint8_t way, std::uint32_t most, std::uint8_t gathe
   return out;
 }
 
-/// Words and bits by blocks of 64 words; random read of words and double words, 1; blocks, 2.
+/// Words, and bits in blocks of 64 words. Command 1 is a random read of words and double words,
+/// command 2 reads blocks.
 inline GatheringCodec gathering_codec() {
   GatheringCodec codec;
   for (std::uint16_t space = 0; space < 2; ++space)

@@ -35,8 +35,8 @@ std::vector<Point> points_at(const Codec& codec, const std::vector<std::string>&
   return out;
 }
 
-/// What every plan must keep: the limits of its ways and commands, each read sent once, whole
-/// values, and the line time that it names.
+/// Checks the rules for every plan: the limits of its ways and commands, each read sent once, whole
+/// values, and the stated line time.
 void check(const Plan& plan, const Codec& codec, const std::vector<Point>& points,
            const LineCost& cost) {
   std::chrono::nanoseconds time{0};
@@ -213,11 +213,11 @@ TEST(Gathering, EachReadGetsItsOwnOutOfTheImage) {
   for (std::uint32_t i = 0; i < 3; ++i)
     EXPECT_EQ(value_of(plan, images, points[i], i), Value(Scalar(std::int64_t{i + 1})));
   EXPECT_EQ(value_of(plan, images, points[3], 3), Value(Scalar(true)));
-  plan.share_out(plan.reads_in(0), {1, 0, 2}, images);  // shorter than asked for
+  plan.share_out(plan.reads_in(0), {1, 0, 2}, images);  // shorter than requested
   EXPECT_FALSE(value_of(plan, images, points[1], 1));
 }
 
-// ---- exactness ----------------------------------------------------------------------------------
+// ---- comparison with the exhaustive search -----------------------------------------------------
 
 class GatheringPlans : public ::testing::Test {
  protected:
@@ -250,7 +250,7 @@ class GatheringPlans : public ::testing::Test {
   std::mt19937 random{20261123};
 };
 
-/// Whether some point is longer than every way: it is cut, which the comparison does not try.
+/// True if a point is longer than every way. It is split, which the exhaustive search does not try.
 bool is_cut(const Plan& plan) {
   return std::any_of(plan.sources.begin(), plan.sources.end(),
                      [](const PointSource& source) { return source.count > 1; });
@@ -337,7 +337,7 @@ TEST_F(GatheringPlans, ABlockOfMoreThanHalfAFrameHasItsPrice) {
                                   point(codec, "V30")};
   const Plan plan = make_plan(codec, points, kCost, 0);
   check(plan, codec, points, kCost);
-  // 30 + 14 + 3 * 10 + 364 ms, where each by itself they are 3 * 40 + 364 ms.
+  // 30 + 14 + 3 * 10 + 364 ms; single reads would take 3 * 40 + 364 ms.
   EXPECT_EQ(plan.exchange_count(), 1U);
   EXPECT_EQ(plan.line_time, 438ms);
 }
@@ -352,11 +352,11 @@ TEST_F(GatheringPlans, ManyPartsFillTheirFrames) {
   const LineCost cost{1ms, 100ms};
   const Plan plan = make_plan(codec, points, cost, 0);
   check(plan, codec, points, cost);
-  // A read of 64 words brings four of them for 238 ms, a frame 24 of them for 354 ms.
+  // A read of 64 words covers four of them in 238 ms; a frame covers 24 of them in 354 ms.
   EXPECT_EQ(plan.exchange_count(), 10U);
 }
 
-/// Of spaces with room for more than a config can have.
+/// Its spaces are larger than any config needs.
 GatheringCodec large_codec() {
   GatheringCodec codec = gathering_codec();
   for (auto& [space, ways] : codec.ways)
@@ -364,7 +364,7 @@ GatheringCodec large_codec() {
   return codec;
 }
 
-/// So many places, each apart from the one before it by up to `most` words.
+/// Returns this many places, each at most `most` words after the previous one.
 std::vector<Point> scattered(std::size_t places, std::uint32_t most) {
   std::minstd_rand random(20261123);
   std::vector<Point> points;
@@ -397,7 +397,7 @@ TEST_F(GatheringPlans, NorDoPlacesThatLieClose) {
   const auto points = scattered(10'000, 2);
   const Plan plan = make_plan(codec, points, kCost, 0);
   EXPECT_LT(plan.reads.size(), 1000U);
-  EXPECT_LT(plan.weighed, 150 * points.size());  // in many searches, each of which tried 80
+  EXPECT_LT(plan.weighed, 150 * points.size());  // in many searches with 80 trials each
 }
 
 TEST_F(GatheringPlans, FramesThatAreFullAreNotLookedIntoAgainAndAgain) {
@@ -415,7 +415,7 @@ TEST_F(GatheringPlans, FramesThatAreFullAreNotLookedIntoAgainAndAgain) {
   EXPECT_LT(plan.weighed, 100 * points.size());
 }
 
-/// CPU time of a plan, the least of three.
+/// Returns the CPU time of a plan, the minimum of three runs.
 std::clock_t time_of(const Codec& codec, const std::vector<Point>& points, const Holes& holes) {
   std::clock_t least = std::numeric_limits<std::clock_t>::max();
   for (int i = 0; i < 3; ++i) {

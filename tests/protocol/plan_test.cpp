@@ -15,7 +15,7 @@ using namespace std::chrono_literals;
 using fx::Model;
 using fx::ProgrammingPort;
 
-/// A made-up protocol whose ways a test can choose: 10 characters and two for each byte.
+/// A made-up protocol whose ways the test chooses: 10 characters and two per byte.
 class PaperCodec final : public Codec, public AddressSpace {
  public:
   explicit PaperCodec(std::vector<ReadWay> ways) : ways_(std::move(ways)) {}
@@ -43,7 +43,7 @@ class PaperCodec final : public Codec, public AddressSpace {
   bool expects_reply(const Request&) const override { return true; }
   LineLength line_length(const Request& request) const override {
     const auto& read = std::get<Read>(request);
-    // The second way spends a character on each bit, as bit reads of the computer link do.
+    // The second way takes one character per bit, like bit reads of the computer link.
     return {5, 5 + (read.way == 1 ? read.span.bits : (read.span.bits + 3) / 4), 0};
   }
   Explanation explain(ByteView, std::optional<Direction>) const override { return {}; }
@@ -88,7 +88,7 @@ ReadWay way(std::uint32_t end, std::uint32_t align, std::uint32_t unit, std::uin
   return {id, 0, 0, end, align, unit, max, gap};
 }
 
-/// What every plan must keep: limits, whole values, and the line time that it names.
+/// Checks the rules for every plan: limits, whole values, and the stated line time.
 void check(const Plan& plan, const Codec& codec, const std::vector<Point>& points,
            const LineCost& cost, std::uint32_t max_bytes = 0) {
   std::chrono::nanoseconds time{0};
@@ -137,7 +137,8 @@ TEST(Plan, NeighboursShareOneRead) {
 TEST(Plan, AGapIsReadWhereThatIsCheaperThanAnotherExchange) {
   const ProgrammingPort codec({Model::fx3u});
   const LineCost cost{1ms, 30ms};
-  // A second read costs 30 ms, 11 characters to ask and 4 around the answer: 45 ms, as 11 words do.
+  // A second read costs 30 ms, 11 characters out and 4 around the answer: 45 ms, as much as 11
+  // words.
   const auto reads = [&](const char* second) {
     return make_plan(codec, std::vector{device(codec, "D0"), device(codec, second)}, cost, 0)
         .reads.size();
@@ -147,7 +148,7 @@ TEST(Plan, AGapIsReadWhereThatIsCheaperThanAnotherExchange) {
 }
 
 TEST(Plan, WhereOneReadCostsAsMuchAsTwoOneIsTaken) {
-  // A second read costs 1 ms, 11 characters to ask and 4 around the answer: 16 ms, as 4 words do.
+  // A second read costs 1 ms, 11 characters out and 4 around the answer: 16 ms, as much as 4 words.
   const ProgrammingPort codec({Model::fx3u});
   const LineCost cost{1ms, 1ms};
   const auto plan_of = [&](std::vector<const char*> names) {
@@ -235,17 +236,17 @@ TEST(Plan, AGapThatIsTooWideIsNotReadHoweverCheap) {
 }
 
 TEST(Plan, AUnitThatWouldStickOutBehindTheLastDeviceStartsEarlier) {
-  // Sixteen bits a unit at steps of eight, and the space ends half way through one.
+  // Sixteen bits per unit in steps of eight; the space ends half way through a unit.
   const PaperCodec codec({way(1016, 8, 16, 512)});
   const std::vector<Point> points = {bits(1010)};
   const Plan plan = make_plan(codec, points, kCost, 0);
   check(plan, codec, points, kCost);
   EXPECT_EQ(plan.reads[0].read.span, (Span{0, 1000, 16}));
-  // A space smaller than one unit cannot be read by it at all.
+  // This way cannot read a space smaller than one unit.
   const PaperCodec tiny({way(8, 8, 16, 512)});
   EXPECT_EQ(make_plan(tiny, points, kCost, 0).unreachable.size(), 1U);
   EXPECT_EQ(make_plan(tiny, std::vector{bits(3)}, kCost, 0).unreachable.size(), 1U);
-  // Nor one whose reads would have to begin before it does.
+  // Nor a space that its reads would have to start before.
   ReadWay late = way(64, 16, 16, 64);
   late.first_bit = 8;
   EXPECT_EQ(make_plan(PaperCodec({late}), std::vector{bits(9)}, kCost, 0).unreachable.size(), 1U);
@@ -277,7 +278,7 @@ TEST(Plan, MaxBlockBytesLowersEveryRead) {
   }
 }
 
-// ---- values that are longer than a frame --------------------------------------------------------
+// ---- values longer than a frame ----------------------------------------------------------------
 
 TEST(Plan, AnArrayLongerThanAFrameGetsConsecutiveReadsAndComesBackWhole) {
   const ProgrammingPort codec({Model::fx3u});
@@ -327,7 +328,7 @@ TEST(Plan, AValueIsNeverTakenFromAReadThatEndsBeforeIt) {
 TEST(Plan, ALongArraySharesItsReadsWithItsNeighbours) {
   const ProgrammingPort codec({Model::fx3u});
   const LineCost cost{1ns, 1s};
-  // 21 + 40 words: two reads if the array is cut where it suits its neighbours, three if not.
+  // 21 + 40 words: two reads if the array is cut to fit its neighbours, otherwise three.
   const std::vector<Point> points = {device(codec, "D0", DataType::int16, 21),
                                      device(codec, "D21", DataType::int16, 40)};
   const Plan plan = make_plan(codec, points, cost, 0);
@@ -384,13 +385,13 @@ TEST(Plan, ALongBitArrayComesBackWhole) {
   for (std::size_t i = 0; i < 250; ++i) EXPECT_EQ(value->items[i], Scalar((i + 3) % 3 == 0)) << i;
 }
 
-// ---- exactness ----------------------------------------------------------------------------------
+// ---- comparison with the exhaustive search -----------------------------------------------------
 
-/// The least line time over every way to share the points out among reads, contiguous or not.
+/// Returns the shortest line time over all distributions of points among reads, contiguous or not.
 std::int64_t brute_force(const Codec& codec, const std::vector<Point>& points, const LineCost& cost,
                          const Holes& holes = {}) {
   const auto ways = codec.addresses().read_ways(0);
-  // What every read brings anyway, since it goes by whole bytes or words, is nobody's gap.
+  // Bits that a read covers because of its byte or word granularity do not count as a gap.
   std::uint32_t grain = 0;
   for (const ReadWay& w : ways) grain = std::gcd(grain, std::gcd(w.align_bits, w.unit_bits));
   std::vector<Span> spans;
@@ -414,7 +415,7 @@ std::int64_t brute_force(const Codec& codec, const std::vector<Point>& points, c
       for (std::uint32_t start = 0; start <= first; start += w.align_bits) {
         const std::uint32_t length = (end - start + w.unit_bits - 1) / w.unit_bits * w.unit_bits;
         if (length > w.max_bits || start + length > w.end_bit) continue;
-        // Bits that nobody asked for, in one run between two that somebody did.
+        // Unrequested bits in one run between two requested ones.
         std::uint32_t run = 0;
         bool too_wide = false;
         for (std::uint32_t bit = first; bit < end; ++bit) {
@@ -519,8 +520,8 @@ TEST(Plan, NoOtherSharingOfThePointsAroundTheHolesTakesLessLineTime) {
 
 // ---- borders ------------------------------------------------------------------------------------
 
-// A clone of the FX2N keeps M1536 and above in another place: it answers a read across that border,
-// with the bits of what lies behind M1535 in its own memory.
+// A clone of the FX2N stores M1536 and above elsewhere. It answers a read across that border with
+// the bits that follow M1535 in its own memory.
 TEST(Plan, NoReadOfAnFx2nGoesAcrossM1536) {
   const auto plan_for = [](Model model) {
     const ProgrammingPort codec({model, ProgrammingPort::Commands::extended, 64});
@@ -535,7 +536,7 @@ TEST(Plan, NoReadOfAnFx2nGoesAcrossM1536) {
   EXPECT_EQ(plan.reads[1].read.span, (Span{fx::id(fx::Space::m), 1536, 8}));
   EXPECT_EQ(plan.reads[0].points, (std::vector<std::uint32_t>{0, 1}));
   EXPECT_EQ(plan.reads[1].points, (std::vector<std::uint32_t>{2, 3}));
-  // The map of the FX3 is another one.
+  // The FX3 has another map.
   EXPECT_EQ(plan_for(Model::fx3u).reads.size(), 1U);
 }
 
@@ -581,7 +582,7 @@ TEST(Plan, ReadsOfManyBitsAroundM1536TakeTheLeastLineTimeThatTheBorderLeaves) {
       EXPECT_FALSE(span.first_bit < 1536 && 1536 < span.end_bit()) << span.first_bit;
       EXPECT_TRUE(codec.encode(planned.read, 0));
     }
-    // The two sides have nothing to do with each other.
+    // The two sides are independent.
     EXPECT_EQ(plan.line_time, make_plan(codec, sides[0], kCost, 0).line_time +
                                   make_plan(codec, sides[1], kCost, 0).line_time);
   }
@@ -594,7 +595,7 @@ TEST(Plan, AReadIsCutBetweenElementsNearestToItsMiddle) {
   const std::vector<Point> points = {words(0), words(1, 2), words(3, 1, DataType::int32), words(9)};
   const Plan plan = make_plan(codec, points, kCost, 0);
   ASSERT_EQ(plan.reads.size(), 1U);
-  // Ten words; the middle is 5. Word 3 begins two before it, word 9 four behind it.
+  // Ten words; the middle is 5. Word 3 begins two words before it, word 9 four words after it.
   EXPECT_EQ(halves_of(codec, points, plan.reads[0]), (Halves{3 * 16, 3 * 16}));
   const std::vector<Point> one = {words(3, 1, DataType::int32)};
   EXPECT_EQ(halves_of(codec, one, make_plan(codec, one, kCost, 0).reads[0]), std::nullopt);
@@ -641,7 +642,7 @@ TEST(Plan, APointOfWhichAPartIsMissingIsRefusedWhole) {
   const Plan plan = make_plan(codec, points, kCost, 0, holes);
   EXPECT_EQ(plan.refused, std::vector<std::uint32_t>{1});
   EXPECT_EQ(plan.sources[1].count, 0U);
-  EXPECT_EQ(plan.reads.size(), 2U);  // nothing may be read across word 5
+  EXPECT_EQ(plan.reads.size(), 2U);  // no read may include word 5
 }
 
 TEST(Plan, AHundredThousandPointsTakeAFewLooksEach) {
@@ -657,8 +658,8 @@ TEST(Plan, AHundredThousandPointsTakeAFewLooksEach) {
   }
   const Plan plan = make_plan(codec, points, kCost, 0);
   EXPECT_TRUE(plan.unreachable.empty());
-  // 960 bytes of M take 4 reads of up to 254. Any two neighbours among the 8,000 D are somebody's
-  // int32, so a read of 127 words shares its last one with the next: 8,000 take 64.
+  // 960 bytes of M take 4 reads of up to 254. Any two neighbours among the 8,000 D belong to one
+  // int32, so each read of 127 words shares its last word with the next: 8,000 take 64.
   EXPECT_EQ(plan.reads.size(), 68U);
   EXPECT_LT(plan.weighed, 8U * (8000 + 960));
 }
@@ -694,7 +695,7 @@ TEST(PlanWrite, ALongArrayIsSentInFramesThatKeepItsElementsWhole) {
     }
     EXPECT_EQ(sent, image);
   }
-  // 6 bytes a frame would hold one and a half int32.
+  // 6 bytes per frame would hold one and a half int32.
   const ProgrammingPort narrow({Model::fx3u, ProgrammingPort::Commands::automatic, 6});
   const auto pieces = plan_write(narrow, device(codec, "D0", DataType::int32, 3), Bytes(12));
   EXPECT_EQ(pieces->size(), 3U);

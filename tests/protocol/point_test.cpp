@@ -155,7 +155,7 @@ TEST(Unpack, WordsAreLowByteFirstAndDoubleWordsLowWordFirst) {
 }
 
 TEST(Unpack, TheFourOrdersPutTheirFirstLetterFirst) {
-  // The value 12345678h as the device keeps it in two words, which the image holds low byte first.
+  // The value 12345678h as stored in two words of the device; the image has the low byte first.
   const std::pair<ByteOrder, const char*> cases[] = {{ByteOrder::abcd, "34 12 78 56"},
                                                      {ByteOrder::cdab, "78 56 34 12"},
                                                      {ByteOrder::badc, "12 34 56 78"},
@@ -200,7 +200,7 @@ struct FourWords {
   const char* integer;  ///< 0x0123456789ABCDEF
   const char* pi;       ///< 0x400921FB54442D18, IEEE 754
 };
-// The four words of a value, each low byte first, put down by hand.
+// The four words of a value, each low byte first, written out by hand.
 constexpr FourWords kFourWords[] = {
     {ByteOrder::abcd, "23 01 67 45 AB 89 EF CD", "09 40 FB 21 44 54 18 2D"},
     {ByteOrder::cdab, "EF CD AB 89 67 45 23 01", "18 2D 44 54 FB 21 09 40"},
@@ -252,7 +252,7 @@ TEST(Unpack, AScaledIntegerBeyondTwoToThe53IsExact) {
   EXPECT_EQ(read(scaled_point(DataType::int32, -1e10, 0), "FF FF FF 7F"),
             large("-21474836470000000000"));
   EXPECT_EQ(read(scaled_point(DataType::int16, 1e300, 0), "01 00").items.size(), 1U);
-  // Up to there it is the decimal number as before.
+  // Up to this value the result is the decimal number, as before.
   EXPECT_EQ(read(scaled_point(DataType::int32, 1e6, 0), "FF FF FF 7F"), real(2147483647000000));
 }
 
@@ -436,7 +436,7 @@ TEST(Pack, RawIsTheNearestIntegerAndTiesGoAwayFromZero) {
   EXPECT_EQ(written(word_point(DataType::int16), real(1.49)), "01 00");
   const Point tenth = scaled_point(DataType::int16, 0.1, 0);
   EXPECT_EQ(written(tenth, real(23.4)), "EA 00");
-  EXPECT_EQ(written(tenth, real(23.45)), "EB 00");  // 234.5 on paper, 234.49999999999997 in binary
+  EXPECT_EQ(written(tenth, real(23.45)), "EB 00");  // binary 234.49999999999997, decimal 234.5
   EXPECT_EQ(written(tenth, real(23.44)), "EA 00");
   EXPECT_EQ(written(scaled_point(DataType::int16, 0.1, 20), real(23.4)), "22 00");
   EXPECT_EQ(written(scaled_point(DataType::uint32, 1e-9, 0), real(4.294967295)), "FF FF FF FF");
@@ -498,7 +498,7 @@ TEST(Pack, AValueOfTheWrongKindIsABadValue) {
     EXPECT_EQ(fault(point, value), PackFault::bad_value) << to_string(point.type);
 }
 
-// What forms and flows send: a number that became a text, and the other way round.
+// Forms and flows send a number as text, and the other way round.
 TEST(Pack, AWrongKindSaysWhatToSendInstead) {
   Point bit;
   bit.address = {"M0", {2, 0, 1}, Unit::bit, true};

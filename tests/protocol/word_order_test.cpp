@@ -1,4 +1,4 @@
-// When another word order is the likelier one.
+// Detects that another word order is likelier.
 #include "protocol/word_order.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ Point float_point(DataType type, ByteOrder order, std::uint16_t count = 1) {
   return point;
 }
 
-/// `image`: the words in their order, each low byte first.
+/// `image` has the words in their order, each low byte first.
 std::optional<ByteOrder> likelier(DataType type, ByteOrder order, const char* image,
                                   std::uint16_t count = 1) {
   return likelier_order(float_point(type, order, count), hex(image), 0);
@@ -31,7 +31,7 @@ std::optional<ByteOrder> likelier(DataType type, ByteOrder order, const char* im
 TEST(WordOrder, AnAbsurdFloatNamesTheOrderThatIsPlain) {
   // 230.5 is 43 66 80 00 (IEEE 754). High word first:
   EXPECT_EQ(likelier(DataType::float32, ByteOrder::cdab, "66 43 00 80"), ByteOrder::abcd);
-  // Low word first, read high word first: 8000 4366 is a denormal.
+  // Low word first, but read high word first: 8000 4366 is a denormal.
   EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "00 80 66 43"), ByteOrder::cdab);
   EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "43 66 80 00"), ByteOrder::badc);
   EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "80 00 43 66"), ByteOrder::dcba);
@@ -46,7 +46,7 @@ TEST(WordOrder, APlainValueAndOneThatNoOrderMakesPlainHaveNoHint) {
   EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "66 43 00 80"), std::nullopt);
   EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "00 00 00 00"), std::nullopt);
   EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "FF FF FF FF"), std::nullopt);
-  // 1e-9 A (30 89 70 5F) is small, and no absurd current.
+  // 1e-9 A (30 89 70 5F) is small but plausible.
   EXPECT_EQ(likelier(DataType::float32, ByteOrder::abcd, "89 30 5F 70"), std::nullopt);
   EXPECT_EQ(likelier(DataType::int32, ByteOrder::cdab, "66 43 00 80"), std::nullopt);
 }

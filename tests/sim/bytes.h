@@ -1,4 +1,4 @@
-// Bytes of a line and their hexadecimal spelling, as logs, faults and tests write them.
+// Bytes on a line and their hexadecimal notation, as used in logs, faults and tests.
 #pragma once
 
 #include <chrono>
@@ -16,22 +16,22 @@ using ByteView = std::span<const std::uint8_t>;
 using Clock = std::chrono::steady_clock;
 using TimePoint = Clock::time_point;
 
-/// "02 30 03": two upper-case digits a byte, one blank between bytes.
+/// "02 30 03": two upper-case digits per byte, bytes separated by one blank.
 std::string to_hex(ByteView bytes);
 
-/// Reads what to_hex() writes; blanks are optional and lower case is fine. Nothing on any other
-/// character or on half a byte.
+/// Parses the output of to_hex(); blanks are optional and lower case is accepted. Returns nullopt
+/// for any other character or half a byte.
 std::optional<Bytes> from_hex(std::string_view text);
 
-/// Two upper-case digits at the end of `out`.
+/// Appends `byte` to `out` as two upper-case digits.
 void append_hex(Bytes& out, std::uint8_t byte);
-/// The number that upper-case hex digits write, at most eight of them. Nothing on any other
-/// character: clones take a lower-case digit for 0 or refuse it. No digits are 0.
+/// Parses up to eight upper-case hex digits. Returns nullopt for any other character, lower-case
+/// digits included: clones read those as 0 or refuse them. No digits give 0.
 std::optional<std::uint32_t> parse_upper_hex(std::string_view digits);
 
-/// The low byte of the sum, the check of both FX protocols.
+/// The low byte of the sum; the checksum of both FX protocols.
 std::uint8_t sum_of(ByteView bytes);
-/// The two bytes from `at` on, the high one first. Precondition: they are there.
+/// Reads two bytes from `at`, high byte first. Precondition: both exist.
 unsigned big_endian_at(ByteView bytes, std::size_t at);
 /// The same bytes as text.
 std::string_view as_text(ByteView bytes);

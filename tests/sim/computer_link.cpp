@@ -24,9 +24,9 @@ constexpr std::uint8_t kCharacterError = 0x07;
 constexpr std::uint8_t kPcError = 0x10;
 constexpr std::uint8_t kRemoteError = 0x18;
 
-// The usual time-out of the PLC, D8129 = 0.
+// The PLC's default time-out, D8129 = 0.
 constexpr std::chrono::milliseconds kHalfFrameLife{100};
-// More than the longest request whose length can be told: 255 counters of eight digits.
+// Longer than any request of known length: 255 counters of eight digits.
 constexpr std::size_t kMaxFrame = 2100;
 constexpr std::size_t kHead = 7;  // station 2, PC 2, command 2, wait 1
 constexpr std::string_view kAllStations = "FF";
@@ -65,7 +65,7 @@ const Command* find_command(std::string_view text) {
   return found == kCommands.end() ? nullptr : &*found;
 }
 
-/// The most points of one request, 7.7.1. `counter32` means CN200 and up, in words.
+/// The maximum number of points per request, 7.7.1. `counter32` is CN200 and up, in words.
 struct Limits {
   unsigned bits_read, words_read, bit_words_read, counters_read;
   unsigned bits_written, words_written, bit_words_written, counters_written;
@@ -78,7 +78,7 @@ const Limits& limits_of(const Model& model) {
   return model.name == "FX0N" || model.name == "FX1S" ? kSmall : kLarge;
 }
 
-/// PC answers, 8.8. FX3S is in no manual seen: made up.
+/// Replies to PC, 8.8. The code of FX3S is in no manual we have; it is made up.
 std::string_view type_code(const Model& model) {
   struct Row {
     std::string_view model;
@@ -100,11 +100,11 @@ bool is_bit(Kind kind) { return width(kind) == 1; }
 /// Hex digits of one point of a word command.
 std::size_t digits_of(Kind kind) { return kind == Kind::c_value32 ? 8 : 4; }
 
-/// "X0040", "TN123" or, in seven characters, "D000123": letters, then digits to the end.
+/// Parses "X0040", "TN123" or, in seven characters, "D000123": letters, then digits to the end.
 std::optional<Device> device_in(std::string_view text) {
   const auto letters = text.find_first_of("0123456789");
   if (letters == 0 || letters > 2 || letters == std::string_view::npos) return std::nullopt;
-  return parse_device(text);  // which takes leading zeros
+  return parse_device(text);  // accepts leading zeros
 }
 
 bool takes(const Command& command, Kind kind) {
@@ -132,17 +132,17 @@ bool takes(const Command& command, Kind kind) {
   }
 }
 
-/// Characters of one point's data; 0 where the device cannot be told.
+/// Characters of data per point; 0 if the device is unknown.
 std::size_t data_size(const Command& command, std::string_view device) {
   if (command.unit == Unit::bit) return 1;
   const auto found = device_in(device);
   return found && found->kind == Kind::c_value32 ? 8 : 4;
 }
 
-/// How long the character area is going to be.
+/// The expected length of the character area.
 struct Measure {
-  std::optional<std::size_t> characters;  // nothing: more has to come first
-  bool sound = true;                      // false: no area of any command, it cannot be told
+  std::optional<std::size_t> characters;  // nullopt: more characters are needed
+  bool sound = true;  // false: no command has such an area; its length is unknown
 };
 
 Measure measure(const Command& command, std::string_view area) {
@@ -177,8 +177,8 @@ Measure measure(const Command& command, std::string_view area) {
   return {std::nullopt, false};
 }
 
-/// Does a request end here for a station that knows its end from its length alone? One whose length
-/// cannot be told ends at once, and is refused.
+/// True if a request ends here for a station that finds the end by the length alone. A request of
+/// unknown length ends at once and is refused.
 bool is_whole(std::string_view text, bool sum_check) {
   if (text.size() < kHead) return false;
   const auto* command = find_command(text);
@@ -198,7 +198,7 @@ class ComputerLinkFramer final : public Framer {
 
   void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) override {
     if (!frame_.empty() && when - last_ > kHalfFrameLife) give_up(out);
-    if (starts_message(byte)) give_up(out);  // starts the PLC's sequence anew
+    if (starts_message(byte)) give_up(out);  // resets the PLC's sequence
     last_ = when;
     if (frame_.empty() && !starts_message(byte)) {
       add_stray(byte, when, out);
@@ -215,7 +215,7 @@ class ComputerLinkFramer final : public Framer {
 
  private:
   bool is_complete() const {
-    if (settings_.format == 4)  // CR and whatever follows; it should be LF
+    if (settings_.format == 4)  // CR and the next byte, which should be LF
       return frame_.size() > 2 && frame_[frame_.size() - 2] == kCr;
     if (frame_.front() == kEnq)
       return is_whole(as_text(ByteView(frame_).subspan(1)), settings_.sum_check);
@@ -232,13 +232,13 @@ class ComputerLinkFramer final : public Framer {
   TimePoint last_;
 };
 
-/// A request's text: what stands between ENQ and CR LF.
+/// Returns the text of a request, between ENQ and CR LF.
 std::string_view text_of(const Frame& frame, unsigned format) {
   const auto text = as_text(frame.bytes).substr(1);
   return format == 4 ? text.substr(0, text.size() - 2) : text;
 }
 
-/// One device, or the head of a word of bits, and the characters written to it.
+/// One device, or the first of a word of bits, with the characters written to it.
 struct Item {
   Device device;
   std::string_view data;
@@ -246,9 +246,9 @@ struct Item {
 
 struct Access {
   const Command* command = nullptr;
-  std::vector<Item> items;  // a block's points, or a list's
+  std::vector<Item> items;  // the points of a block or of a list
   bool bit_words = false;   // the points are words of 16 bits
-  std::string wrong;        // not empty: NAK 06 and why
+  std::string wrong;        // if not empty: NAK 06, with this reason
 };
 
 Access fail(std::string why) {
@@ -257,7 +257,8 @@ Access fail(std::string why) {
   return access;
 }
 
-/// Does the model have the point, with all its bits where it is a word of bits?
+/// Returns why the model does not have the point (for a word of bits, all of its bits), or an empty
+/// string if it does.
 std::string missing(const Command& command, const DeviceMemory& memory, Device device) {
   if (!takes(command, device.kind)) return "device not for this command";
   const bool bit_word = command.unit == Unit::word && is_bit(device.kind);
@@ -316,7 +317,7 @@ Access list(const Command& command, std::string_view area, const DeviceMemory& m
   return access;
 }
 
-/// A word of 16 bits, the head device in its lowest; `head` is a multiple of 8.
+/// Reads a word of 16 bits with the head device in the lowest; `head` is a multiple of 8.
 std::uint32_t bits_from(const DeviceMemory& memory, Device head) {
   const std::size_t byte = head.number / 8;
   return memory.byte(head.kind, byte) | static_cast<std::uint32_t>(memory.byte(head.kind, byte + 1))
@@ -337,7 +338,7 @@ std::string read_points(const Access& access, const DeviceMemory& memory) {
   return std::string(as_text(out));
 }
 
-/// The raw values; nothing where a character is none of the data.
+/// Returns the raw values, or nullopt if a character is not valid data.
 std::optional<std::vector<std::uint32_t>> values_in(const Access& access) {
   std::vector<std::uint32_t> values;
   for (const auto& item : access.items) {
@@ -361,7 +362,7 @@ void write_points(const Access& access, const std::vector<std::uint32_t>& values
   }
 }
 
-/// Device, count and values for the log; words of bits are logged bit by bit.
+/// Fills in device, count and values for the log; words of bits are logged bit by bit.
 void describe(Ruling& ruling, const Access& access, const std::vector<std::uint32_t>& values) {
   ruling.device = device_name(access.items.front().device);
   ruling.count =
@@ -510,7 +511,7 @@ void ComputerLink::spoil(Bytes& reply, Flaw flaw) const {
   }
 }
 
-/// Adds the sum, where a message takes one, and the end.
+/// Appends the sum, if the message has one, and the end of the message.
 Bytes ComputerLink::closed(Bytes message) const {
   if (settings_.sum_check && message.front() == kStx)
     append_hex(message, sum_of(ByteView(message).subspan(1)));

@@ -1,7 +1,7 @@
-// Requests and answers of the FX computer link, as text that did not come from this simulator.
+// Requests and replies of the FX computer link, as text from sources other than this simulator.
 // printed: Mitsubishi JY992D69901 rev. E and JY997D16901, with their two misprinted sums corrected
-// (BR and WR of X40). derived: put together from the manual's fields, sums computed by a script of
-// its own.
+// (BR and WR of X40). derived: built from the manual's fields, with sums computed by a separate
+// script.
 // ENQ, STX, ETX, ACK, NAK, EOT, CR and LF are written as < > | + - . r n.
 #pragma once
 
@@ -18,7 +18,7 @@ struct ComputerLinkRow {
   unsigned station;
   unsigned format;
   bool sum_check;
-  std::string_view before;  // memory, see frame_table.h
+  std::string_view before;  // memory contents, see frame_table.h
   std::string_view after;
   std::string_view request;
   std::string_view answer;

@@ -38,7 +38,7 @@ Plc make_plc(std::string_view model) {
   return {*find_model(model), make_plant("none"), TimePoint{}};
 }
 
-/// A request of station 0, from the command on, with the sum it takes.
+/// Builds a request to station 0, starting with the command, with the matching sum.
 Bytes summed(std::string_view command) {
   auto request = wire("<00FF" + std::string(command));
   unsigned sum = 0;
@@ -50,7 +50,7 @@ Bytes summed(std::string_view command) {
 
 class ComputerLinkStation : public testing::Test {
  protected:
-  /// The answer of station 0 to a request that ends with its sum.
+  /// Returns the answer of station 0 to a request that ends with its sum.
   std::string asked(std::string_view command) {
     return shown(replies_of(ComputerLink({}), plc_, summed(command)));
   }
@@ -166,22 +166,22 @@ TEST_F(ComputerLinkStation, OneMorePointThanTheLimitIsRefused) {
 
 TEST_F(ComputerLinkStation, CharacterAreaThatMeansNothingIsRefused) {
   for (const std::string_view command : {
-           "WR0M000401",   // head of a word is no multiple of 8
-           "WR0X000401",   // octal, too
-           "BR0X000801",   // no octal number
-           "BR0Z000001",   // no device
-           "BR0D000001",   // no bits
+           "WR0M000401",   // head of a word is not a multiple of 8
+           "WR0X000401",   // the same for octal
+           "BR0X000801",   // not an octal number
+           "BR0Z000001",   // unknown device
+           "BR0D000001",   // not a bit device
            "WR0TS00001",   // contacts have no words
            "BR0TC00001",   // coils: not on FX
            "BR0CC00001",   //
-           "WR0R000001",   // only by QR
-           "BR0M768001",   // behind the last
-           "WR0D799902",   // reaches behind the last
-           "WR0CN19902",   // 16 and 32 bits in one
-           "WR0D000000",   // no point
-           "WR0D0000G1",   // count is no hex
-           "WRXD000001",   // wait is no hex
-           "QR0R03276801"  // behind the last
+           "WR0R000001",   // QR only
+           "BR0M768001",   // past the last
+           "WR0D799902",   // extends past the last
+           "WR0CN19902",   // 16 and 32 bits in one request
+           "WR0D000000",   // no points
+           "WR0D0000G1",   // count is not hex
+           "WRXD000001",   // wait is not hex
+           "QR0R03276801"  // past the last
        })
     EXPECT_EQ(asked(command), "-00FF06") << command;
   EXPECT_EQ(sent("<00FFJR0"), "-00FF06");  // ends at once: its length is unknown
@@ -210,7 +210,7 @@ TEST_F(ComputerLinkStation, SmallestOfSeveralErrorsIsSent) {
   EXPECT_EQ(asked("WW0D000001123G"), "-00FF07");
   EXPECT_EQ(asked("WW0D00000112a4"), "-00FF07");
   EXPECT_EQ(asked("BW0M0000022A"), "-00FF07");
-  EXPECT_EQ(asked("BW0M00000112"), "-00FF02");  // one character more is the sum's first
+  EXPECT_EQ(asked("BW0M00000112"), "-00FF02");  // the extra character is taken for the sum
 }
 
 TEST_F(ComputerLinkStation, PcNumberOtherThanFfIsRefused) {
@@ -266,7 +266,7 @@ TEST_F(ComputerLinkStation, MessageWaitIsToldToTheLine) {
 
 TEST_F(ComputerLinkStation, RemoteRunTakesOnlyWithTheSwitchInStop) {
   EXPECT_EQ(sent("<00FFRS0C1"), "-00FF18");
-  EXPECT_EQ(asked("RR0"), "-00FF18");  // runs already
+  EXPECT_EQ(asked("RR0"), "-00FF18");  // already in RUN
   plc_.set_running(false);
   EXPECT_EQ(asked("RR0"), "-00FF18");  // switch in RUN
   plc_.set_run_switch(false);

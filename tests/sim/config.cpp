@@ -20,7 +20,7 @@ namespace {
 
 using nlohmann::json;
 
-/// What a protocol's line is like where nothing else is said.
+/// The default line settings of a protocol.
 struct UsualLine {
   int baud;
   int data_bits;
@@ -101,7 +101,7 @@ const json& array_at(const json& object, const char* key, const std::string& whe
   return found;
 }
 
-/// "hr:100-hr:119", or one device alone.
+/// Parses "hr:100-hr:119", or a single device.
 Hole parse_hole(const Model& model, const json& value, const std::string& where) {
   if (!value.is_string()) fail(where, "a text is expected, as hr:100-hr:119 or D100-D119");
   const auto span = value.get<std::string>();
@@ -123,7 +123,7 @@ std::vector<Hole> parse_holes(const json& plc, const Model& model, const std::st
   return found;
 }
 
-/// One of two words, the first where nothing is said. Is it the second?
+/// True if `key` has the second of two words, false if it has the first or is missing.
 bool is_second_of(const json& plc, const char* key, const char* first, const char* second,
                   const std::string& where) {
   const auto word = text(plc, key, first, where);
@@ -215,7 +215,7 @@ Keys keys_of(Protocol protocol) {
   return keys;
 }
 
-/// The model of a PLC that speaks `protocol`, by name; the usual one where none is given.
+/// Returns the model of a PLC of `protocol` by name, or the default model if none is given.
 const Model& parse_model(const json& plc, Protocol protocol, const std::string& where) {
   if (is_modbus(protocol)) return modbus_model();
   const bool mc =
@@ -266,7 +266,7 @@ PlcConfig parse_plc(const json& object, const std::string& where) {
   return plc;
 }
 
-/// What is wrong with `plc` on the line of `other`; empty: they get along.
+/// Returns why `plc` cannot share the line of `other`; empty if it can.
 std::string conflict(const PlcConfig& plc, const PlcConfig& other) {
   if (plc.protocol != other.protocol) return "must speak its protocol";
   if (plc.protocol == Protocol::programming_port) return "but this protocol has no addresses";
@@ -293,14 +293,14 @@ std::string conflict(const PlcConfig& plc, const PlcConfig& other) {
                                                                   : "";
 }
 
-/// `text` with the number of the repetition in the place of {}.
+/// Returns `text` with {} replaced by the number of the repetition.
 std::string numbered(std::string text, std::size_t n) {
   const auto at = text.find("{}");
   return at == std::string::npos ? text : text.replace(at, 2, std::to_string(n));
 }
 
-/// The n-th of the PLCs that an entry with "repeat" stands for. Each has the next port, or on a
-/// shared wire the next address.
+/// Returns the n-th PLC of an entry with "repeat". Each has the next port or, on a shared wire, the
+/// next address.
 json repetition(json entry, std::size_t n) {
   entry.erase("repeat");
   bool own_wire = false;
@@ -326,7 +326,8 @@ json repetition(json entry, std::size_t n) {
   return entry;
 }
 
-/// Takes over the line of the PLC named in "with"; what is said here too stays, to be compared.
+/// Adopts the line of the PLC named in "with". Line settings of `entry` itself are kept and
+/// compared later.
 void join_line(json& entry, const json& host) {
   for (const auto* key :
        {"protocol", "pty", "tcp", "udp", "udp_peer_port", "connections", "baud", "data_bits",
@@ -365,11 +366,11 @@ std::vector<PlcConfig> parse_config(const json& root) {
   if (found == root.end() || !found->is_array() || found->empty())
     fail("/plcs", "an array of at least one PLC is expected");
   std::vector<PlcConfig> plcs;
-  std::vector<json> entries;                 // what each of plcs was read from
+  std::vector<json> entries;                 // source entry of each of plcs
   std::map<std::string, std::size_t> names;  // index in plcs
   std::map<std::string, std::size_t> paths;  // index of the first PLC on the line
-  std::map<std::pair<bool, std::uint16_t>, std::size_t> ports;  // UDP or not, and the number
-  std::map<std::size_t, std::vector<std::size_t>> lines;        // PLCs on the line of the first
+  std::map<std::pair<bool, std::uint16_t>, std::size_t> ports;  // (is UDP, port number)
+  std::map<std::size_t, std::vector<std::size_t>> lines;        // by first PLC of the line
 
   const auto take = [&](json entry, const std::string& where) {
     std::optional<std::size_t> host;
@@ -401,7 +402,7 @@ std::vector<PlcConfig> parse_config(const json& root) {
       const auto what = conflict(plc, other);
       if (!what.empty()) fail(where, plc.name + " is on the line of " + other.name + ", " + what);
     }
-    // A route that nobody has is refused by the first of the line.
+    // The first station of the line refuses a route that no station has.
     if (!neighbours.empty()) {
       plc.mc.refuses_foreign = is_mc_serial(plc.protocol) && plc.mc.refuses_foreign;
       plcs[plc.line_of].mc.neighbours.push_back(plc.mc.route);

@@ -1,4 +1,4 @@
-// What is to be simulated: the configuration file and its short form on the command line.
+// The simulator's configuration file and its short form on the command line.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -17,29 +17,29 @@
 
 namespace fxsim {
 
-/// The text names the key.
+/// A mistake in the configuration. The text names the key.
 class ConfigError final : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// What all stations of a line share.
+/// The settings that all stations of a line share.
 struct LineSettings {
-  std::string pty;                   // path of the link to it; empty: a TCP listener instead
-  std::uint16_t tcp = 0;             // port, 0: any free one
-  std::optional<std::uint16_t> udp;  // a port for datagrams in the place of a TCP listener
-  std::uint16_t udp_peer_port = 0;   // the only one that is heard; 0: all
-  unsigned connections = 0;          // TCP: more at a time are closed at once; 0: no limit
+  std::string pty;                   // path of its symbolic link; empty: a TCP listener instead
+  std::uint16_t tcp = 0;             // port; 0: any free one
+  std::optional<std::uint16_t> udp;  // port for datagrams, instead of a TCP listener
+  std::uint16_t udp_peer_port = 0;   // accepts datagrams from this port only; 0: from any
+  unsigned connections = 0;          // TCP: closes any connection beyond this many; 0: no limit
   std::string listen = "127.0.0.1";  // address of the TCP listener
-  unsigned baud = 9600;              // 0: as fast as it goes
+  unsigned baud = 9600;              // 0: unlimited
   unsigned bits_per_character = 10;  // start, data, parity and stop
-  bool gateway = false;              // a request that no station answers gets nobody_there()
+  bool gateway = false;              // answers nobody_there() when no station replies
 };
 
-/// How long one station takes before it answers.
+/// The time a station takes before it answers.
 struct ResponseTime {
   std::chrono::milliseconds turnaround{5};
-  std::chrono::milliseconds jitter{0};  // up to this much more turnaround
+  std::chrono::milliseconds jitter{0};  // random extra turnaround, up to this much
   std::uint32_t seed = 1;
 };
 
@@ -48,7 +48,7 @@ struct PlcConfig {
   Protocol protocol = Protocol::programming_port;
   const Model* model = nullptr;
   LineSettings line;
-  std::size_t line_of = 0;  // index of the first PLC on this line, its own where it is that
+  std::size_t line_of = 0;  // index of the first PLC on this line, possibly its own
   ResponseTime response;
   ComputerLinkSettings computer_link;
   ModbusSettings modbus;
@@ -60,20 +60,20 @@ struct PlcConfig {
   std::vector<Fault> faults;
 };
 
-/// Reads {"plcs": [...]}, with repetitions written out. Throws ConfigError at the first mistake.
+/// Parses {"plcs": [...]} and expands repetitions. Throws ConfigError at the first mistake.
 std::vector<PlcConfig> parse_config(const nlohmann::json& root);
-/// Turns "name=p1,model=FX3U,pty=/tmp/p1,baud=9600" into one entry of "plcs".
+/// Converts "name=p1,model=FX3U,pty=/tmp/p1,baud=9600" to an entry of "plcs".
 nlohmann::json plc_from_short_form(std::string_view text);
 
-/// What speaks the PLC's protocol.
+/// Creates the implementation of the PLC's protocol.
 std::unique_ptr<Personality> make_personality(const PlcConfig& plc);
 
-/// Reads a fault of a station that speaks `protocol`, as the file and the control socket write it.
-/// `where` begins an error's text.
+/// Parses a fault for a station of `protocol`, in the notation of the file and the control socket.
+/// Error texts begin with `where`.
 Fault parse_fault(const nlohmann::json& object, Protocol protocol, const std::string& where);
-/// A raw value from -2^(width-1) to 2^width-1, or a bool for a bit; its low bits.
+/// Parses a raw value from -2^(width-1) to 2^width-1, or a bool for a bit. Returns the low bits.
 std::uint32_t parse_value(const nlohmann::json& value, Device device, const std::string& where);
-/// The device `name` of `model`. Throws ConfigError where there is none.
+/// Returns the device `name` of `model`. Throws ConfigError if the model does not have it.
 Device parse_device_of(const Model& model, std::string_view name, const std::string& where);
 
 }  // namespace fxsim

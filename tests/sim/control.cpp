@@ -149,7 +149,7 @@ json obey_or_throw(const json& request, const Stations& stations, TimePoint now)
 json obey(const json& request, const Stations& stations, TimePoint now) {
   try {
     return obey_or_throw(request, stations, now);
-  } catch (const std::exception& error) {  // a ConfigError, or a JSON value of another type
+  } catch (const std::exception& error) {  // a ConfigError, or a JSON value of the wrong type
     return {{"ok", false}, {"error", error.what()}};
   }
 }

@@ -1,4 +1,4 @@
-// What a test may ask of the running simulator: faults, values, counters, the list of deeds.
+// The commands a test may send to the running simulator: faults, values, counters, list of deeds.
 // One JSON object in, one out; README.md lists them.
 #pragma once
 
@@ -12,11 +12,11 @@ namespace fxsim {
 
 using Stations = std::map<std::string, Station*, std::less<>>;
 
-/// Carries out `request` at `now`. Errors come back as {"ok": false, "error": ...}. "quit" belongs
-/// to whoever owns the process and is unknown here.
+/// Carries out `request` at `now`. Errors come back as {"ok": false, "error": ...}. "quit" is
+/// unknown here; the owner of the process handles it.
 nlohmann::json obey(const nlohmann::json& request, const Stations& stations, TimePoint now);
 
-/// One line of the log file.
+/// Formats one line of the log file.
 nlohmann::json log_line(const Exchange& exchange);
 
 }  // namespace fxsim

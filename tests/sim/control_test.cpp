@@ -82,7 +82,7 @@ TEST_F(Control, FaultStrikesUntilCleared) {
   EXPECT_EQ(ask(R"({"cmd": "clear_faults", "plc": "p1"})")["ok"], true);
   EXPECT_EQ(station_.answer(enquiry, TimePoint{}).pieces.size(), 1U);
   ask(R"({"cmd": "fault", "plc": "p1", "kind": "silent", "count": -1})");
-  EXPECT_EQ(ask(R"({"cmd": "clear_faults"})")["ok"], true);  // of every PLC
+  EXPECT_EQ(ask(R"({"cmd": "clear_faults"})")["ok"], true);  // of all PLCs
   EXPECT_EQ(station_.answer(enquiry, TimePoint{}).pieces.size(), 1U);
 }
 

@@ -206,8 +206,8 @@ Treatment Faults::treat(RequestKind request) {
   }
   std::erase_if(waiting_, [](const Waiting& w) { return w.fault.count == 0; });
 
-  // Whatever else struck, "carry out and say nothing" carries out: together with drop it is a
-  // connection lost after the deed.
+  // execute_then_silent carries out the request whatever else struck. Together with drop it is a
+  // connection lost after the request was carried out.
   const auto& struck = treatment.struck;
   if (std::ranges::find(struck, FaultKind::execute_then_silent) != struck.end() && !treatment.dead)
     treatment.execute = true;

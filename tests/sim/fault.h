@@ -1,4 +1,4 @@
-// Faults on demand: which requests they hit, and what they make of the answer.
+// Injected faults: the requests they match and their effect on the reply.
 #pragma once
 
 #include <array>
@@ -16,34 +16,34 @@ namespace fxsim {
 
 enum class FaultKind : std::uint8_t {
   nak,                  // refused, not carried out
-  wrong_sum,            // carried out, check of the reply wrong
+  wrong_sum,            // carried out, reply with a wrong checksum
   truncated,            // carried out, reply ends early
   late,                 // carried out at once, answered late
   silent,               // not carried out, no answer
   execute_then_silent,  // carried out, no answer
-  garbage_before,       // other bytes ahead of the reply
-  noise_after,          // other bytes behind the reply
-  echo,                 // the request comes back ahead of the reply
-  split,                // the reply comes in pieces with pauses
-  drop,                 // not carried out, connection gone
-  plc_stopped,          // the PLC falls to STOP, then answers as always
+  garbage_before,       // other bytes before the reply
+  noise_after,          // other bytes after the reply
+  echo,                 // the request is echoed before the reply
+  split,                // the reply arrives in pieces with pauses
+  drop,                 // not carried out, connection closed
+  plc_stopped,          // the PLC goes to STOP, then answers as usual
   dead,                 // the station is silent until the fault is cleared
-  exception,            // nak, as Modbus calls it
-  wrong_station,        // carried out, reply as from another station
-  wrong_unit,           // wrong_station, as Modbus calls it
-  wrong_id,             // carried out, reply carries the transaction before
-  bad_length,           // carried out, the reply's own length is nonsense
-  length_short,         // carried out, the reply's own length is one word too small
-  length_long,          // carried out, the reply's own length is one word too great
-  longer,               // carried out, one word of data too many, and a length that says so
-  shorter,              // carried out, one word of data too few, and a length that says so
-  end_code_with_data,   // carried out, the reply's end code is that of an error
-  wrong_header,         // carried out, reply as of another frame or command
-  twice,                // carried out, the reply comes twice
-  overtaken,            // carried out, answered late; what comes meanwhile is answered first
-  coalesced,            // carried out, the reply comes together with the next one
-  from_elsewhere,       // carried out, the datagram comes from another port
-  asked_twice,          // carried out and answered twice, as a request that the network doubled
+  exception,            // nak under its Modbus name
+  wrong_station,        // carried out, reply appears to come from another station
+  wrong_unit,           // wrong_station under its Modbus name
+  wrong_id,             // carried out, reply has the previous transaction id
+  bad_length,           // carried out, the reply's length field is nonsense
+  length_short,         // carried out, the reply's length field is one word too small
+  length_long,          // carried out, the reply's length field is one word too large
+  longer,               // carried out, one extra word of data and a matching length
+  shorter,              // carried out, one word of data missing and a matching length
+  end_code_with_data,   // carried out, the reply has an error's end code
+  wrong_header,         // carried out, reply has the header of another frame or command
+  twice,                // carried out, the reply is sent twice
+  overtaken,            // carried out, answered late; later requests are answered first
+  coalesced,            // carried out, the reply is sent together with the next one
+  from_elsewhere,       // carried out, the datagram is sent from another port
+  asked_twice,  // carried out and answered twice, as if the network had duplicated the request
 };
 inline constexpr std::size_t kFaultKinds = 29;
 std::string_view fault_name(FaultKind kind);
@@ -57,18 +57,19 @@ inline constexpr std::string_view kMatchNames = "any read write force enq contro
 struct Fault {
   FaultKind kind = FaultKind::nak;
   FaultMatch match = FaultMatch::any;
-  int count = 1;  // how often it strikes; -1: until cleared
-  int every = 1;  // strikes only each n-th request that matches
+  int count = 1;  // number of strikes; -1: until cleared
+  int every = 1;  // strikes only every n-th matching request
   double probability = 1.0;
   std::uint32_t seed = 1;
-  // late, overtaken: of the answer; split: between pieces; twice: between the two; drop: outage
+  // late, overtaken: delay of the reply; split: pause between pieces; twice: pause between the
+  // copies; drop: duration of the outage
   std::chrono::milliseconds delay{0};
-  std::size_t bytes = 0;  // truncated: bytes that still come, 0 = half; split: size of a piece
-  Bytes other{};          // garbage_before and noise_after: what is sent
-  std::optional<std::uint16_t> code{};  // nak and exception; none: the protocol's usual one
+  std::size_t bytes = 0;  // truncated: bytes that are sent, 0 = half; split: size of a piece
+  Bytes other{};          // garbage_before and noise_after: the bytes to send
+  std::optional<std::uint16_t> code{};  // nak and exception; nullopt: the protocol's usual code
 };
 
-/// What the faults that struck make of one exchange. Several add up.
+/// The combined effect on one exchange of all faults that struck.
 struct Treatment {
   enum class Reply : std::uint8_t { as_ruled, refusal, none };
   struct Cut {
@@ -85,7 +86,7 @@ struct Treatment {
   bool dead = false;
   std::optional<std::size_t> truncated_to;
   std::optional<Cut> split;
-  std::optional<std::chrono::milliseconds> drop;  // length of the outage
+  std::optional<std::chrono::milliseconds> drop;  // duration of the outage
   std::optional<std::chrono::milliseconds> twice;
   std::optional<std::chrono::milliseconds> overtaken;
   bool coalesced = false;
@@ -97,14 +98,15 @@ struct Treatment {
   std::vector<FaultKind> struck;
 };
 
-/// The faults that wait on one station.
+/// The pending faults of one station.
 class Faults final {
  public:
   void add(const Fault& fault);
   void clear() { waiting_.clear(); }
-  /// Is the line to be silent now, even in the middle of an answer?
+  /// True if the line must be silent now, even in the middle of a reply.
   bool dead() const;
-  /// Called once for each whole request, in the order of arrival: counts it and picks what strikes.
+  /// Counts a request and selects the faults that strike it. Call once per whole request, in the
+  /// order of arrival.
   Treatment treat(RequestKind request);
 
  private:

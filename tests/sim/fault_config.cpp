@@ -43,7 +43,8 @@ bool knows_fault(Protocol protocol, FaultKind kind) {
   }
 }
 
-/// "code": 2, or as the manuals write it: two hex digits, "18", or those of an MC end code, "C056".
+/// Parses "code": 2, or the notation of the manuals: two hex digits ("18"), or an MC end code
+/// ("C056").
 std::optional<std::uint16_t> parse_code(const json& fault, Protocol protocol,
                                         const std::string& where) {
   const auto found = fault.find("code");

@@ -1,6 +1,6 @@
-// What the tests of the protocols share: tables of frames with the memory before or after them, and
-// bytes fed through a framer into a personality.
-// Memory is written "D0=1234 ABCD; M5=1": raw hex from the device on.
+// Shared by the protocol tests: tables of frames with the memory before or after them, and
+// functions that feed bytes through a framer into a personality.
+// Memory is written "D0=1234 ABCD; M5=1": raw hex starting at the device.
 #pragma once
 
 #include <algorithm>
@@ -43,14 +43,14 @@ inline void preset(Plc& plc, std::string_view notation) {
       plc.preset({device.kind, device.number + i}, values[i]);
 }
 
-/// The opposite of every value, so that nothing is right by being left alone.
+/// Sets every device to the opposite of `notation`, so that an untouched device never looks right.
 inline void preset_opposite(Plc& plc, std::string_view notation) {
   for (const auto& [device, values] : memory_runs(notation, plc.memory().model().family))
     for (unsigned i = 0; i < values.size(); ++i)
       plc.preset({device.kind, device.number + i}, ~values[i]);
 }
 
-/// Which of the devices in `notation` do not hold what it says; empty: none.
+/// Lists the devices whose value differs from `notation`; empty if all match.
 inline std::string differences(const Plc& plc, std::string_view notation) {
   std::ostringstream text;
   for (const auto& [device, values] : memory_runs(notation, plc.memory().model().family))
@@ -62,8 +62,8 @@ inline std::string differences(const Plc& plc, std::string_view notation) {
   return text.str();
 }
 
-/// All that `personality` makes of `bytes`, the first of which is complete at `when`, one a
-/// millisecond. As on a line, it sees no whole frame that is not for it.
+/// Returns all replies of `personality` to `bytes`. The first byte is complete at `when`, the
+/// others follow at 1 ms each. As on a line, frames for other stations are not passed on.
 inline Bytes replies_of(const Personality& personality, Framer& framer, Plc& plc, ByteView bytes,
                         TimePoint when = TimePoint{}) {
   std::vector<Frame> frames;
@@ -81,7 +81,7 @@ inline Bytes replies_of(const Personality& personality, Plc& plc, ByteView bytes
   return replies_of(personality, *personality.make_framer(), plc, bytes);
 }
 
-/// `frame` with a few bytes changed, added and taken away, drawn from `random`.
+/// Returns `frame` with a few bytes changed, inserted and removed, chosen by `random`.
 inline Bytes damaged(Bytes frame, std::mt19937& random) {
   const auto below = [&random](std::size_t end) {
     return random() % std::max<std::size_t>(end, 1);

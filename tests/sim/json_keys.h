@@ -1,4 +1,4 @@
-// Keys of the configuration and of faults, read with their limits. An error names the key.
+// Reads and range-checks keys of the configuration and of faults. Errors name the key.
 #pragma once
 
 #include <chrono>
@@ -12,7 +12,7 @@ namespace fxsim {
 
 using Keys = std::vector<std::string_view>;
 
-// All throw ConfigError; `where` begins its text. What is missing has the value of `fallback`.
+// All throw ConfigError with a text that begins with `where`. A missing key yields `fallback`.
 [[noreturn]] void fail(const std::string& where, const std::string& what);
 void expect_keys(const nlohmann::json& object, const Keys& known, const std::string& where);
 std::int64_t number(const nlohmann::json& object, const char* key, std::int64_t fallback,
@@ -22,7 +22,7 @@ std::chrono::milliseconds duration(const nlohmann::json& object, const char* key
 std::string text(const nlohmann::json& object, const char* key, std::string fallback,
                  const std::string& where);
 bool flag(const nlohmann::json& object, const char* key, bool fallback, const std::string& where);
-/// A text that is there and not empty.
+/// Returns a text that must be present and not empty.
 std::string required(const nlohmann::json& object, const char* key, const std::string& where);
 
 }  // namespace fxsim

@@ -18,15 +18,15 @@ namespace {
 using asio::redirect_error;
 using asio::use_awaitable;
 
-// More than any master has outstanding; what comes on top is lost, as in a UART nobody reads.
+// More than any master has outstanding. Anything beyond is lost, as in a UART that is not read.
 constexpr std::size_t kMaxWaiting = 1024;
-// A serial server and a USB adapter hand on what their UART's FIFO gathers; a terminal hands on
+// Serial servers and USB adapters deliver what their UART's FIFO has gathered; a terminal delivers
 // every character.
 constexpr std::size_t kTcpChunk = 8;
 constexpr std::size_t kPtyChunk = 1;
 constexpr std::chrono::milliseconds kReopenPause{100};
 constexpr std::size_t kMaxDatagram = 65'536;
-// Clients that take a new port for every question are forgotten again.
+// Bounds the table for clients that use a new port for every request.
 constexpr std::size_t kMaxPeers = 256;
 
 }  // namespace
@@ -118,7 +118,7 @@ asio::awaitable<void> Line::accept() {
     if (error) co_return;
     if (is_full()) {
       seats_.front()->station.count_turned_away();
-      continue;  // the socket goes, and with it the connection
+      continue;  // destroying the socket closes the connection
     }
     socket.set_option(asio::ip::tcp::no_delay(true), error);
     const int fd = socket.release(error);
@@ -126,8 +126,8 @@ asio::awaitable<void> Line::accept() {
   }
 }
 
-/// Are all connections there that may be? One whose client has hung up is none, even if that is not
-/// read yet.
+/// True if the maximum number of connections is open. A connection whose client has hung up does
+/// not count, even if that has not been read yet.
 bool Line::is_full() const {
   const auto lives = [](const SessionPtr& session) {
     std::uint8_t byte = 0;
@@ -162,7 +162,7 @@ Line::SessionPtr Line::session_of(const asio::ip::udp::endpoint& peer) {
       std::make_shared<Session>(Session{asio::posix::stream_descriptor(io_), {}, peer, {}}));
 }
 
-/// One datagram is one frame; what is less or more is none.
+/// A datagram is exactly one frame; anything shorter or longer is not a frame.
 Frame Line::frame_of(ByteView datagram) const {
   const auto now = Clock::now();
   std::vector<Frame> frames;
@@ -181,8 +181,8 @@ asio::awaitable<void> Line::receive(SessionPtr session) {
     const auto size = co_await session->stream.async_read_some(
         asio::buffer(buffer), redirect_error(use_awaitable, error));
     if (error) break;
-    // The client's bytes are here at once; on the wire each takes its time, behind those that are
-    // still on it.
+    // All bytes from the client are here at once. On the wire each takes its time, after the bytes
+    // that are still being transmitted.
     received_until_ = std::max(received_until_, Clock::now());
     for (std::size_t i = 0; i < size; ++i) {
       received_until_ += character_time_;
@@ -219,7 +219,7 @@ asio::awaitable<void> Line::respond(Seat& seat) {
     if (seat.response.jitter.count() > 0)
       turnaround += std::chrono::milliseconds(std::uniform_int_distribution<std::int64_t>(
           0, seat.response.jitter.count())(seat.jitter));
-    // Everything is scheduled from the end of the request, not from when this thread woke up.
+    // The schedule starts at the end of the request, not when this thread woke up.
     const auto start = std::max(request.frame.complete, seat.sent_until) + turnaround;
     if (start > Clock::now()) co_await until(seat, start);
     if (closed_) co_return;
@@ -311,7 +311,7 @@ bool Line::reopen() {
     }
     return true;
   } catch (const std::system_error&) {
-    return false;  // the name or the port is taken for the moment
+    return false;  // the name or the port is in use at the moment
   }
 }
 
@@ -321,8 +321,8 @@ asio::awaitable<void> Line::until(Seat& seat, TimePoint when) {
   co_await seat.pace.async_wait(redirect_error(use_awaitable, cancelled));
 }
 
-/// How many bytes went out. A full buffer means that nobody reads: the rest is lost, as on a serial
-/// line. Any other error is the end of the connection, which receive() sees too.
+/// Returns the number of bytes sent. A full buffer means that the client does not read: the rest is
+/// lost, as on a serial line. Any other error ends the connection; receive() notices it too.
 std::size_t Line::put(Session& session, ByteView bytes, bool from_elsewhere) {
   if (session.peer) {
     auto& socket = from_elsewhere ? elsewhere_ : udp_;

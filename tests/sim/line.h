@@ -1,5 +1,5 @@
-// One wire: a pseudo terminal, a TCP listener or a port for datagrams, the time its characters
-// take, and the stations on it. Bytes travel here and nothing is understood.
+// One wire: a pseudo terminal, a TCP listener or a UDP port, with the transmission time of its
+// characters and the stations on it. It carries bytes and does not interpret them.
 #pragma once
 
 #include <asio/awaitable.hpp>
@@ -20,27 +20,27 @@
 
 namespace fxsim {
 
-/// All stations hear a request, the one it is meant for answers. A station sends one answer after
-/// the other, however many clients there are; the answers of two stations may meet on the wire.
+/// Every station receives every request; the addressed one answers. A station sends its answers one
+/// after another, however many clients there are. Answers of two stations may collide on the wire.
 /// Lives on the thread of `io`. Must outlive the run of `io`, not `io` itself.
 class Line final {
  public:
   Line(asio::io_context& io, LineSettings settings);
 
-  /// Before open(), at least once. All stations of a line speak the same protocol.
+  /// Call at least once, before open(). All stations of a line use the same protocol.
   void attach(Station& station, const ResponseTime& response);
-  /// Opens and starts to serve. Throws std::system_error.
+  /// Opens the line and starts to serve. Throws std::system_error.
   void open();
   void close();
-  /// The port of a TCP or UDP line, once open.
+  /// The port of a TCP or UDP line. Valid once open.
   std::uint16_t port() const { return port_; }
 
  private:
   struct Session {
     asio::posix::stream_descriptor stream;
     std::unique_ptr<Framer> framer;
-    std::optional<asio::ip::udp::endpoint> peer{};  // whom datagrams go to, without a stream
-    Bytes kept_back{};                              // goes out ahead of the next answer
+    std::optional<asio::ip::udp::endpoint> peer{};  // destination; UDP only
+    Bytes kept_back{};                              // sent before the next answer
   };
   using SessionPtr = std::shared_ptr<Session>;  // owners: sessions_, its receive(), its requests
   struct Waiting {
@@ -48,15 +48,15 @@ class Line final {
     Frame frame;
   };
 
-  struct Seat {  // of one station
+  struct Seat {  // per station
     Station& station;
     ResponseTime response;
     std::minstd_rand jitter;
     std::deque<Waiting> waiting;
-    bool answering = false;  // respond() runs
-    unsigned overtaken = 0;  // answers that others may overtake
+    bool answering = false;  // respond() is running
+    unsigned overtaken = 0;  // number of answers that others may overtake
     asio::steady_timer pace;
-    TimePoint sent_until;  // its own answers are on the wire until then
+    TimePoint sent_until;  // end of its own answers on the wire
   };
 
   void open_pty();
@@ -88,7 +88,7 @@ class Line final {
   std::optional<Pty> pty_;
   std::optional<asio::ip::tcp::acceptor> acceptor_;
   std::optional<asio::ip::udp::socket> udp_;
-  std::optional<asio::ip::udp::socket> elsewhere_;  // another port of the same address
+  std::optional<asio::ip::udp::socket> elsewhere_;  // another port at the same address
   std::uint16_t port_ = 0;
   std::vector<SessionPtr> sessions_;
   TimePoint received_until_;  // the wire towards the stations is busy until then

@@ -7,19 +7,19 @@ namespace {
 
 constexpr std::uint8_t kRequest3E = 0x50;
 constexpr std::uint8_t kRequest4E = 0x54;
-constexpr std::uint8_t kAnswer = 0x80;  // on top of the request's first byte
+constexpr std::uint8_t kAnswer = 0x80;  // added to the request's first byte
 constexpr std::size_t kMaxLength = 8192;
 constexpr std::size_t kRouteSize = 5;
-constexpr std::uint16_t kUsualRefusal = 0x4013;  // of the fault: the CPU is in no state for this
+constexpr std::uint16_t kUsualRefusal = 0x4013;  // of the nak fault: wrong state of the CPU
 constexpr std::uint16_t kStrangeEndCode = 0xC059;
 
-/// Where the fields of a frame begin. ASCII has two characters for every byte.
+/// Offsets of the fields of a frame. In ASCII every byte is two characters.
 struct Layout {
-  std::size_t unit;    // characters a byte
+  std::size_t unit;    // characters per byte
   std::size_t serial;  // 0: none
   std::size_t route;
   std::size_t length;
-  std::size_t content;  // what the length counts
+  std::size_t content;  // start of the part counted by the length
 };
 
 Layout layout_of(bool four_e, McCode code) {
@@ -29,7 +29,7 @@ Layout layout_of(bool four_e, McCode code) {
           (route + kRouteSize + 2) * unit};
 }
 
-/// The first byte of the subheader; 0 where it is none.
+/// Returns the first byte of the subheader, or 0 if there is none.
 std::uint8_t first_of(ByteView frame, McCode code) {
   McReader in(frame, code);
   const auto first = in.number(1);
@@ -46,7 +46,8 @@ std::uint32_t number_at(ByteView frame, std::size_t at, unsigned size, McCode co
   return in.number(size);
 }
 
-/// Nothing where the frame ends before: two flaws of one reply may leave too little of it.
+/// Overwrites a number in `frame`. Does nothing if the frame is too short: two flaws can cut a
+/// reply.
 void put_number(Bytes& frame, std::size_t at, std::uint32_t value, unsigned size, McCode code) {
   Bytes field;
   append_mc(field, code, value, size);
@@ -62,12 +63,12 @@ McRoute route_of(ByteView frame, McCode code) {
   route.pc = in.number(1);
   route.module_io = in.number(2);
   route.module_station = in.number(1);
-  if (route.module_io == 0x3E0) route.module_io = 0x3FF;  // CPU No. 1 is the one that is asked
+  if (route.module_io == 0x3E0) route.module_io = 0x3FF;  // addresses CPU No. 1
   return route;
 }
 
-/// Bytes that begin no request, or whose length cannot be, make the rest of a connection
-/// unreadable: so a PLC set to the other code is silent.
+/// Bytes that do not begin a request, or an impossible length, make the rest of a connection
+/// unreadable. That is why a PLC set to the other code stays silent.
 class EthernetFramer final : public Framer {
  public:
   explicit EthernetFramer(McCode code) : code_(code) {}
@@ -108,7 +109,7 @@ class EthernetFramer final : public Framer {
   bool lost_ = false;
 };
 
-/// The answer to `request` with an end code and what follows it.
+/// Builds the answer to `request` from an end code and the data after it.
 Bytes answer_to(ByteView request, McCode code, std::uint16_t end_code, ByteView data) {
   const auto layout = layout_of(request, code);
   Bytes answer;
@@ -121,7 +122,8 @@ Bytes answer_to(ByteView request, McCode code, std::uint16_t end_code, ByteView 
   return answer;
 }
 
-/// The route and the command that a refusal repeats; zeros where the request was too short for one.
+/// Returns the route and command that a refusal repeats; zeros if the request was too short for
+/// one.
 Bytes error_information(ByteView request, McCode code, const McRequest& command) {
   const auto layout = layout_of(request, code);
   const auto route = request.subspan(layout.route, kRouteSize * layout.unit);

@@ -1,4 +1,4 @@
-// The MC protocol (SLMP) on Ethernet, the PLC's side: 3E and 4E in binary or ASCII code.
+// The MC protocol (SLMP) on Ethernet, PLC side: 3E and 4E in binary or ASCII code.
 // Source: MELSEC Communication Protocol Reference Manual SH-080008; FX5 User's Manual (SLMP).
 #pragma once
 
@@ -6,7 +6,7 @@
 
 namespace fxsim {
 
-/// Whom a request is for: by default the station that the wire leads to.
+/// The station a request is addressed to; by default the one the wire leads to.
 struct McRoute {
   unsigned network = 0;
   unsigned pc = 0xFF;
@@ -16,14 +16,14 @@ struct McRoute {
   bool operator==(const McRoute&) const = default;
 };
 
-/// Of 1E, 3E, 4E, 3C and 4C; each reads what it has.
+/// Settings of 1E, 3E, 4E, 3C and 4C. Each protocol reads the ones it has.
 struct McSettings {
   McCode code = McCode::binary;
   Family family = Family::iq_f;
   McRoute route{};
-  bool refuses_foreign = true;        // false: silent to routes of other stations
+  bool refuses_foreign = true;        // false: does not answer routes to other stations
   std::vector<McRoute> neighbours{};  // routes that other stations of the line answer
-  unsigned station = 0;               // from here on: of 3C and 4C
+  unsigned station = 0;               // this and the following: 3C and 4C only
   unsigned format = 4;
   bool sum_check = true;
   McCpuSettings cpu{};
@@ -31,8 +31,8 @@ struct McSettings {
 
 class McEthernet final : public Personality {
  public:
-  /// `protocol` is mc_3e or mc_4e. Both answer both frames; only a Q or L that is mc_3e, which is
-  /// its own Ethernet port, is silent to 4E.
+  /// `protocol` is mc_3e or mc_4e. Both answer both frames, with one exception: a Q or L with
+  /// mc_3e, which models its own Ethernet port, does not answer 4E.
   McEthernet(Protocol protocol, McSettings settings);
 
   Protocol protocol() const override { return protocol_; }
@@ -54,7 +54,7 @@ class McEthernet final : public Personality {
 
 /// "0401/0000".
 std::string mc_command_name(const McRequest& request);
-/// A ruling without its reply.
+/// Converts an outcome to a Ruling without a reply.
 Ruling mc_ruling(const McOutcome& outcome, const McRequest& request);
 
 }  // namespace fxsim

@@ -15,7 +15,7 @@ struct Limits {
   unsigned words;
   unsigned bits;
   unsigned random_reads;
-  unsigned random_weight;  // 12 for each word, 14 for each double word
+  unsigned random_weight;  // 12 per word, 14 per double word
   unsigned random_bits;
   unsigned blocks;
 };
@@ -100,7 +100,7 @@ class Cpu final {
     if (request_.shape == Shape::unreadable) return McRefusal::characters;
     if (request_.shape == Shape::unknown) return McRefusal::command;
     if (const auto refusal = profile_objection(); refusal != McRefusal::none) return refusal;
-    // The FX5 measures first; others meet an unknown device before the end of the data.
+    // The FX5 checks the length first; others find an unknown device before the end of the data.
     if (family_ == Family::iq_f && request_.shape != Shape::whole) return McRefusal::length;
     if (has_devices() && request_.accesses.empty() && request_.shape == Shape::cut_off)
       return McRefusal::length;
@@ -116,7 +116,7 @@ class Cpu final {
     return order_objection();
   }
 
-  /// Is the command, or its subcommand, one that this CPU does not have?
+  /// The refusal if this CPU does not have the command or its subcommand.
   McRefusal profile_objection() const {
     const bool long_codes = has_devices() && (request_.subcommand & 2U) != 0;
     if (long_codes && family_ == Family::q_l && settings_.module && !settings_.serial)
@@ -151,7 +151,7 @@ class Cpu final {
       default: {
         unsigned points = 0;
         for (const auto& access : request_.accesses) points += access.points;
-        // Headers that do not fit are not counted: what is behind them is not a header at all.
+        // Headers of the wrong length are not counted: the bytes after them are not headers.
         if (request_.shape != McRequest::Shape::whole) return McRefusal::none;
         return accesses == 0 || accesses > limits_.blocks || points > limits_.words
                    ? McRefusal::words
@@ -181,7 +181,7 @@ class Cpu final {
                : McRefusal::beyond;
   }
 
-  /// How many devices of its row an access touches.
+  /// The number of devices of its row that an access touches.
   std::uint64_t devices_of(const McAccess& access) const {
     const auto kind = *access.kind;
     if (bits()) return access.points;
@@ -220,7 +220,7 @@ class Cpu final {
   void read(McOutcome& outcome) const {
     note(outcome);
     const auto& memory = plc_.memory();
-    // Blocks: the words of all word blocks come before those of the bit blocks, as requested.
+    // The data has all word blocks first and then the bit blocks, in the order of the request.
     for (const auto& access : request_.accesses) {
       const auto head = head_of(access);
       if (bits()) {
@@ -240,7 +240,7 @@ class Cpu final {
     }
   }
 
-  /// Four words a timer: the value with the low word first, coil and contact, and one unused.
+  /// Four words per timer: the value with the low word first, coil and contact, and an unused word.
   void append_long_timers(Bytes& out, Device head, unsigned count) const {
     const auto& memory = plc_.memory();
     const bool retentive = head.kind == Kind::lst_value;
@@ -275,7 +275,7 @@ class Cpu final {
     }
   }
 
-  /// As every protocol's log tells it: device for device.
+  /// Appends the written values device by device, as in every protocol's log.
   void tell_written(const McAccess& access, std::vector<std::uint32_t>& out) const {
     const auto kind = *access.kind;
     const auto parts = bits() || width(kind) == 32 ? 1U : access.is_double ? 2U : 1U;
@@ -317,7 +317,7 @@ class Cpu final {
         plc_.set_running(true);
         break;
       default:
-        break;  // errors and passwords: nothing to be seen
+        break;  // errors and passwords: no visible effect
     }
   }
 

@@ -10,12 +10,12 @@ constexpr unsigned kPointsPerWord = 16;
 
 struct Row {
   std::uint8_t code;
-  std::string_view letters;       // two, blank filled with *
-  std::string_view long_letters;  // of iQ-R, four
-  Kind kind;                      // X and Y: as iQ-F counts them
+  std::string_view letters;       // two, padded with *
+  std::string_view long_letters;  // iQ-R, four
+  Kind kind;                      // X and Y: numbered as on iQ-F
 };
 
-// LT, LST and RD have letters of four alone. DX and DY are the same points as X and Y.
+// LT, LST and RD have only names of four letters. DX and DY are the same points as X and Y.
 constexpr auto kRows = std::to_array<Row>({
     {0x9C, "X*", "X***", Kind::x},          {0x9D, "Y*", "Y***", Kind::y},
     {0xA2, "DX", "DX**", Kind::hex_x},      {0xA3, "DY", "DY**", Kind::hex_y},

@@ -1,8 +1,9 @@
-// Requests and answers of the MC protocol as bytes that did not come from this simulator.
+// Requests and replies of the MC protocol, as bytes from sources other than this simulator.
 // printed: Mitsubishi SH-080008 (iQ-R edition), JY997D45801, JY997D18101, JY997D56001. captured:
-// from R08, R120P, L16H and FX5UC CPUs, published with plc-comm-slmp-python. derived: a printed or
-// a library's message put into a frame by a script of its own. Binary is written in hexadecimal,
-// ASCII as text; ENQ, STX, ETX, ACK, NAK, CR and LF in it are < > | + - r n.
+// from R08, R120P, L16H and FX5UC CPUs, published with plc-comm-slmp-python. derived: a printed
+// message, or one built by a library, put into a frame by a separate script.
+// Binary is written in hexadecimal and ASCII as text, in which ENQ, STX, ETX, ACK, NAK, CR and LF
+// are < > | + - r n.
 #pragma once
 
 #include <array>
@@ -13,7 +14,7 @@
 
 namespace fxsim {
 
-/// The bytes of a frame of the tables.
+/// Converts a table entry to the bytes of the frame.
 inline Bytes mc_bytes(std::string_view text, McCode code) {
   if (code == McCode::binary) return from_hex(text).value();
   constexpr std::string_view kWritten = "<>|+-rn";
@@ -33,7 +34,7 @@ struct McRow {
   std::string_view model;
   McCode code;
   bool run;
-  std::string_view before;  // memory, see frame_table.h
+  std::string_view before;  // memory contents, see frame_table.h
   std::string_view after;
   std::string_view request;
   std::string_view answer;
@@ -268,7 +269,7 @@ constexpr auto kMcOneERows = std::to_array<McOneERow>({
      "03 FF 0A 00 64 00 00 00 20 44 03 00 0B 00 16 00 21 00", "83 00"},
 });
 
-/// Requests of which only what they ask for is known.
+/// Requests without a known reply; only their meaning is known.
 struct McQuestion {
   Protocol protocol;
   std::string_view model;

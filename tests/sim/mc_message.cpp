@@ -7,8 +7,8 @@
 namespace fxsim {
 namespace {
 
-constexpr std::uint16_t kBits = 1;       // in a subcommand: points in place of words
-constexpr std::uint16_t kLongCodes = 2;  // in a subcommand: codes and numbers of iQ-R
+constexpr std::uint16_t kBits = 1;       // in a subcommand: points instead of words
+constexpr std::uint16_t kLongCodes = 2;  // in a subcommand: iQ-R codes and numbers
 
 int digit_of(std::uint8_t character) {
   if (character >= '0' && character <= '9') return character - '0';
@@ -17,7 +17,7 @@ int digit_of(std::uint8_t character) {
   return 16;
 }
 
-/// The device field of a request.
+/// Reads the device field of a request.
 McAccess read_device(McReader& in, bool long_codes, Family family) {
   McAccess access;
   if (in.code() == McCode::binary) {
@@ -27,7 +27,7 @@ McAccess read_device(McReader& in, bool long_codes, Family family) {
   }
   const auto letters = as_text(in.raw(long_codes ? 4 : 2));
   access.kind = mc_kind_of_letters(letters, long_codes, family);
-  // Of a device that is not known, only the length of the number counts.
+  // For an unknown device only the length of the number matters.
   const auto digits = long_codes ? 8U : 6U;
   if (access.kind) {
     access.number = in.digits(digits, mc_base_of(*access.kind));
@@ -64,7 +64,7 @@ class Parser final {
   bool broken() const { return in_.cut_off() || in_.unreadable(); }
   McAccess device() { return read_device(in_, long_codes(), family_); }
 
-  /// False where the command, or its subcommand, is not known.
+  /// Returns false if the command or its subcommand is unknown.
   bool read_data() {
     const auto most = request_.subcommand;
     switch (request_.command) {
@@ -116,7 +116,7 @@ class Parser final {
   void read_words(McAccess& access, unsigned count) {
     const auto size = std::size_t{count} * (in_.code() == McCode::binary ? 2U : 4U);
     if (size > in_.left()) {
-      in_.raw(size);  // noted as cut off
+      in_.raw(size);  // records that data is missing
       return;
     }
     for (unsigned i = 0; i < count; ++i) access.values.push_back(in_.number(2));
@@ -194,7 +194,7 @@ std::uint32_t McReader::numeral(unsigned count, unsigned base, bool blanks) {
   std::uint32_t value = 0;
   for (const auto character : raw(count)) {
     if (character == ' ' && blanks) continue;
-    blanks = false;  // leading ones alone
+    blanks = false;  // only leading blanks
     const auto digit = static_cast<unsigned>(digit_of(character));
     if (digit >= base) {
       unreadable_ = true;

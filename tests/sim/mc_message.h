@@ -1,5 +1,5 @@
-// The commands of 3E, 4E, 3C and 4C, whatever frame carries them: what a request says, in binary or
-// ASCII code, and the numbers of an answer.
+// The commands of 3E, 4E, 3C and 4C, independent of the frame that carries them: requests in binary
+// or ASCII code, and the numbers of a reply.
 // Source: MELSEC Communication Protocol Reference Manual SH-080008.
 #pragma once
 
@@ -13,18 +13,20 @@ namespace fxsim {
 
 enum class McCode : std::uint8_t { binary, ascii };
 
-/// Reads fields one after the other. What is not there or not hexadecimal reads as 0 and is noted.
+/// Reads fields one after another. A field that is missing or not hexadecimal reads as 0 and is
+/// recorded.
 class McReader final {
  public:
   McReader(ByteView bytes, McCode code) : rest_(bytes), code_(code) {}
 
-  /// A number of `size` bytes: low byte first, or twice as many digits.
+  /// Reads a number of `size` bytes, low byte first, or of twice as many digits.
   std::uint32_t number(unsigned size);
-  /// A number written in digits of `base`; leading zeros may be blanks. ASCII only.
+  /// Reads a number of `count` digits in `base`; leading zeros may be blanks. ASCII only.
   std::uint32_t digits(unsigned count, unsigned base);
-  /// As they are: `count` bytes or characters.
+  /// Returns `count` bytes or characters unchanged.
   ByteView raw(std::size_t count);
-  /// `count` points: a nibble each, the first one high, or a character each. Values 0 to 15.
+  /// Reads `count` points with values 0 to 15: a nibble each (high nibble first), or a character
+  /// each.
   std::vector<std::uint32_t> points(unsigned count);
 
   McCode code() const { return code_; }
@@ -41,42 +43,42 @@ class McReader final {
   bool unreadable_ = false;
 };
 
-/// The opposite: a number of `size` bytes behind `out`.
+/// Appends a number of `size` bytes to `out`, as McReader::number() reads it.
 void append_mc(Bytes& out, McCode code, std::uint32_t value, unsigned size);
 void append_mc_points(Bytes& out, McCode code, const std::vector<std::uint32_t>& points);
 
-/// Devices in a row, or one of those picked out.
+/// A row of consecutive devices, or one device of a random access.
 struct McAccess {
-  std::optional<Kind> kind;  // none: the PLC knows no such device
+  std::optional<Kind> kind;  // nullopt: the PLC does not know the device
   std::uint32_t number = 0;
-  unsigned points = 1;                // of the unit of the command
-  bool is_double = false;             // of a random access
-  bool is_bit_block = false;          // of blocks
-  std::vector<std::uint32_t> values;  // of a write: a point, a word or a double word each
+  unsigned points = 1;                // in the unit of the command
+  bool is_double = false;             // random access only
+  bool is_bit_block = false;          // block access only
+  std::vector<std::uint32_t> values;  // write only: a point, a word or a double word each
 };
 
 struct McRequest {
   enum class Shape : std::uint8_t {
     whole,
-    cut_off,     // more would have to come
-    excess,      // more came
-    unreadable,  // ASCII that is no number
+    cut_off,     // data missing at the end
+    excess,      // extra data at the end
+    unreadable,  // ASCII that is not a number
     unknown,     // no such command or subcommand
   };
 
   std::uint16_t command = 0;
   std::uint16_t subcommand = 0;
   Shape shape = Shape::whole;
-  std::size_t used = 0;  // bytes that belong to it, as far as its shape tells
+  std::size_t used = 0;  // bytes that belong to it, as far as its shape shows
   std::vector<McAccess> accesses;
-  unsigned words = 0;    // of a random access, or word blocks
-  unsigned doubles = 0;  // of a random access, or bit blocks
+  unsigned words = 0;    // random access: words; block access: word blocks
+  unsigned doubles = 0;  // random access: double words; block access: bit blocks
   std::uint32_t mode = 0;
   std::uint32_t clear_mode = 0;
-  Bytes text;  // of a loopback
+  Bytes text;  // loopback only
 };
 
-/// `body` begins with the command.
+/// Parses a request. `body` begins with the command.
 McRequest read_mc_request(ByteView body, McCode code, Family family);
 
 }  // namespace fxsim

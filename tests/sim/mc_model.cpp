@@ -1,7 +1,7 @@
-// The models whose own ports speak 3E, 4E, 3C and 4C.
-// Sources: default parameters of the FX5 and MELSEC device tables as far as they are known here; a
-// real PLC's ranges follow its parameters. Type names and codes of Q and iQ-R as printed and as
-// captured; those of FX5 and L are from general product knowledge.
+// The models whose own ports use 3E, 4E, 3C and 4C.
+// Sources: default parameters from the FX5 and MELSEC device tables, as far as known here; the
+// ranges of a real PLC depend on its parameters. Type names and codes of Q and iQ-R as printed and
+// as captured; those of FX5 and L are from general product knowledge.
 #include "tests/sim/model.h"
 
 namespace fxsim {
@@ -9,7 +9,7 @@ namespace {
 
 struct Row {
   Kind kind;
-  unsigned count;  // from 0
+  unsigned count;  // counted from 0
 };
 
 Model make_model(std::string_view name, Family family, std::string_view type_name,
@@ -25,7 +25,7 @@ std::vector<Row> joined(std::vector<Row> rows, const std::vector<Row>& more) {
   return rows;
 }
 
-/// Timers, retentive timers and counters: contact, coil and value each.
+/// Timers, retentive timers and counters, each with contact, coil and value.
 std::vector<Row> timers(unsigned t, unsigned st, unsigned c) {
   return {{Kind::t_contact, t},   {Kind::t_coil, t},   {Kind::t_value, t},
           {Kind::st_contact, st}, {Kind::st_coil, st}, {Kind::st_value, st},

@@ -10,7 +10,7 @@ namespace {
 
 constexpr unsigned kPointsPerWord = 16;
 constexpr std::uint32_t kAnswer = 0x80;
-constexpr std::uint32_t kHighestCommand = 0x1F;  // what is above is no 1E frame at all
+constexpr std::uint32_t kHighestCommand = 0x1F;  // higher numbers are not 1E frames
 constexpr unsigned kFirst32BitCounter = 200;
 constexpr unsigned kSpecialBase = 8000;
 constexpr std::uint8_t kModelFx3u = 0xF3;
@@ -34,7 +34,7 @@ struct Command {
   bool bits;
   bool writes;
   unsigned most;           // points
-  unsigned most_of_words;  // where words are made of bit devices
+  unsigned most_of_words;  // where words consist of bit devices
 };
 
 constexpr auto kCommands = std::to_array<Command>({
@@ -55,7 +55,7 @@ Command command_of(std::uint32_t number) {
   return found == kCommands.end() ? Command{number, Shape::none, false, false, 0, 0} : *found;
 }
 
-/// The device's letters, blank filled, as one number: "D " is 4420.
+/// Converts the device's letters, padded with blanks, as one number: "D " is 4420.
 std::optional<Device> device_of(std::uint32_t letters, std::uint32_t number) {
   struct Row {
     std::uint32_t letters;
@@ -97,8 +97,8 @@ struct Request {
   std::uint32_t pc = 0xFF;
   unsigned points = 0;
   Item head{};
-  std::vector<Item> items{};            // of a list
-  std::vector<std::uint32_t> values{};  // of a row that is written
+  std::vector<Item> items{};            // of a random access
+  std::vector<std::uint32_t> values{};  // of a write to consecutive devices
   Bytes text{};
   bool cut_off = false;
   bool unreadable = false;
@@ -124,7 +124,7 @@ Request request_of(ByteView frame, McCode code) {
   Request request;
   request.command = command_of(in.number(1));
   request.pc = in.number(1);
-  in.number(2);  // the timer
+  in.number(2);  // the monitoring timer
   const auto& command = request.command;
   if (command.shape == Shape::row) {
     request.head = read_device(in);
@@ -132,7 +132,7 @@ Request request_of(ByteView frame, McCode code) {
     in.number(1);
     if (request.points == 0) request.points = 256;
     if (command.writes && command.bits) {
-      // An odd number of points is filled up, in ASCII too.
+      // An odd number of points is padded, in ASCII too.
       request.values = in.points(request.points + (code == McCode::ascii ? request.points % 2 : 0));
       request.values.resize(request.points);
     } else if (command.writes) {
@@ -158,8 +158,8 @@ Request request_of(ByteView frame, McCode code) {
   return request;
 }
 
-/// A frame has no length: it ends where its command says. What begins like no 1E frame makes the
-/// rest of the connection unreadable.
+/// A frame has no length field: its end follows from the command. Bytes that do not begin a 1E
+/// frame make the rest of the connection unreadable.
 class OneEFramer final : public Framer {
  public:
   explicit OneEFramer(McCode code) : code_(code) {}
@@ -180,7 +180,7 @@ class OneEFramer final : public Framer {
     }
     const auto request = request_of(frame_, code_);
     if (request.cut_off) return;
-    lost_ = request.command.shape == Shape::none;  // nobody knows where this one ends
+    lost_ = request.command.shape == Shape::none;  // the end of this frame is unknown
     finish(true, when, out);
   }
 
@@ -195,13 +195,13 @@ class OneEFramer final : public Framer {
   bool lost_ = false;
 };
 
-/// One request on one PLC.
+/// One request, carried out on one PLC.
 class Access final {
  public:
   Access(const Request& request, const std::vector<Hole>& holes, const DeviceMemory& memory)
       : request_(request), command_(request.command), holes_(holes), memory_(memory) {}
 
-  /// The end code; 0: nothing is wrong.
+  /// Returns the end code; 0 if the request is valid.
   std::uint16_t objection() const {
     if (request_.unreadable) return kNoDigits;
     if (command_.shape == Shape::row) return row_objection();
@@ -209,7 +209,7 @@ class Access final {
     return 0;
   }
 
-  /// Devices of the head's row that the request touches.
+  /// The number of devices of the head's row that the request touches.
   unsigned devices() const {
     const auto kind = request_.head.device->kind;
     if (command_.bits) return request_.points;
@@ -276,7 +276,7 @@ Bytes data_of(const Request& request, const DeviceMemory& memory, McCode code) {
   return data;
 }
 
-/// Writes one point or word and tells what was written, device for device.
+/// Writes one point or word and appends the written values to `told`, device by device.
 void put(Plc& plc, Device device, bool bits, std::uint32_t value,
          std::vector<std::uint32_t>& told) {
   if (!bits && is_bit(device.kind)) {
@@ -421,7 +421,7 @@ void McOneE::spoil(Bytes& reply, Flaw flaw) const {
       break;
     }
     default:
-      break;  // no sum, no sender, no serial number and no length
+      break;  // no sum, sender, serial number or length
   }
 }
 

@@ -1,6 +1,6 @@
-// The MC protocol's 1E frame on Ethernet, the PLC's side: an FX3 behind its ENET module. Commands
-// 00 to 05 and 13 to 16, binary or ASCII code. Source: FX3U-ENET-ADP User's Manual JY997D45801,
-// FX3U-ENET User's Manual JY997D18101.
+// The MC protocol's 1E frame on Ethernet, PLC side: an FX3 behind its ENET module. Commands 00 to
+// 05 and 13 to 16, binary or ASCII code.
+// Source: FX3U-ENET-ADP User's Manual JY997D45801, FX3U-ENET User's Manual JY997D18101.
 #pragma once
 
 #include "tests/sim/mc.h"
@@ -16,7 +16,8 @@ class McOneE final : public Personality {
   bool hears(const Frame&) const override { return true; }
   RequestKind kind(const Frame& frame) const override;
   Ruling execute(const Frame& frame, Plc& plc) const override;
-  /// `code` up to FF is the end code, 5B with the abnormal code 10; a greater one is both.
+  /// A `code` up to FF is the end code; 5B is sent with abnormal code 10. A greater code contains
+  /// both.
   Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override;
   void spoil(Bytes& reply, Flaw flaw) const override;
   std::string command(const Frame& frame) const override;

@@ -78,8 +78,8 @@ TEST_F(McOneEPlc, SpecialDevicesGoByTheirNumbers) {
 TEST_F(McOneEPlc, RefusalsHaveTheirCodes) {
   EXPECT_EQ(asked("06 FF 0A 00"), "86 50");
   EXPECT_EQ(asked("01 FF 0A 00 00 00 00 00 20 51 01 00"), "81 56");
-  EXPECT_EQ(asked("01 FF 0A 00 08 00 00 00 20 4D 01 00"), "81 58");  // no multiple of 16
-  EXPECT_EQ(asked("00 FF 0A 00 00 00 00 00 20 44 01 00"), "80 58");  // points of D
+  EXPECT_EQ(asked("01 FF 0A 00 08 00 00 00 20 4D 01 00"), "81 58");  // not a multiple of 16
+  EXPECT_EQ(asked("00 FF 0A 00 00 00 00 00 20 44 01 00"), "80 58");  // bit access to D
   EXPECT_EQ(asked_in_ascii("01FF000A4420000000G00100"), "8154");
   settings_.code = McCode::binary;
   settings_.cpu.holes = {{Kind::d, {5, 5}}};

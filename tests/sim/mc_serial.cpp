@@ -22,22 +22,22 @@ constexpr std::chrono::seconds kHalfFrameLife{1};
 constexpr std::uint16_t kUsualRefusal = 0x7167;
 constexpr std::uint16_t kStrangeEndCode = 0x7E40;
 
-/// What stands in a frame between its control codes and its sum.
+/// The part of a frame between its control codes and its sum.
 struct Content {
-  Bytes text;  // block number, route and message; of format 5 what the length counts
+  Bytes text;  // block number, route and message; in format 5 the part counted by the length
   bool sum_is_right = true;
-  bool closed = true;  // format 4: LF behind CR; format 5: the length is that of the text
+  bool closed = true;  // format 4: LF after CR; format 5: the length matches the text
 };
 
 struct Station {
   std::uint32_t frame = 0;
   std::uint32_t station = 0;
   McRoute route{};
-  std::size_t message_at = 0;  // in the text
+  std::size_t message_at = 0;  // offset in the text
   std::size_t route_at = 0;
 };
 
-/// Nothing where no route begins the text.
+/// Parses the route at the start of the text. Returns nullopt if there is none.
 std::optional<Station> station_of(ByteView text, unsigned format) {
   Station found;
   found.route_at = format == 2 ? 2 : 0;
@@ -53,7 +53,7 @@ std::optional<Station> station_of(ByteView text, unsigned format) {
   } else if (found.frame != kFrame3C || format == 5) {
     return std::nullopt;
   }
-  in.number(1);  // the asking station's own, where several masters share the line
+  in.number(1);  // the requesting station's own number, if several masters share the line
   if (in.cut_off() || in.unreadable()) return std::nullopt;
   if (found.route.module_io == 0x3E0) found.route.module_io = 0x3FF;
   found.message_at = text.size() - in.left();
@@ -68,7 +68,7 @@ bool ends_with_sum(ByteView text, ByteView sum) {
   return std::ranges::equal(right, sum);
 }
 
-/// `text` of format 5 between DLE STX and DLE ETX, and its sum.
+/// Puts `text` of format 5 between DLE STX and DLE ETX and appends the sum.
 Bytes wrapped_binary(ByteView text, std::uint32_t length, bool sum_check) {
   Bytes plain;
   append_mc(plain, McCode::binary, length, 2);
@@ -83,7 +83,7 @@ Bytes wrapped_binary(ByteView text, std::uint32_t length, bool sum_check) {
   return frame;
 }
 
-/// `text` behind `control`; with ETX and a sum where data or a format 3 end so.
+/// Puts `text` after `control`; appends ETX and a sum if data or format 3 require them.
 Bytes wrapped_text(std::uint8_t control, ByteView text, bool etx, bool sum, bool crlf) {
   Bytes frame{control};
   frame.insert(frame.end(), text.begin(), text.end());
@@ -93,7 +93,7 @@ Bytes wrapped_text(std::uint8_t control, ByteView text, bool etx, bool sum, bool
   return frame;
 }
 
-/// Of a whole frame of SerialFramer.
+/// Extracts the content of a whole frame of SerialFramer.
 Content content_of(ByteView frame, const McSettings& settings) {
   Content content;
   const std::size_t sum = settings.sum_check ? kSumSize : 0;
@@ -101,7 +101,7 @@ Content content_of(ByteView frame, const McSettings& settings) {
     const auto given = frame.last(sum);
     Bytes plain;
     for (std::size_t i = 2; i + 2 + sum < frame.size(); ++i) {
-      if (frame[i] == kDle) ++i;  // the first of two
+      if (frame[i] == kDle) ++i;  // skips the first of two
       plain.push_back(frame[i]);
     }
     content.sum_is_right = sum == 0 || ends_with_sum(plain, given);
@@ -177,12 +177,12 @@ class SerialFramer final : public Framer {
       return;
     }
     after_dle_ = false;
-    if (byte == kStx) {  // the beginning, wherever it comes
+    if (byte == kStx) {  // always begins a frame
       frame_.pop_back();
       give_up(out);
       frame_ = {kDle, kStx};
     } else if (frame_.size() == 1 && byte == kDle) {
-      add_stray(byte, last_, out);  // and the other may still begin a frame
+      add_stray(byte, last_, out);  // the other may still begin a frame
       after_dle_ = true;
     } else if (frame_.size() == 1 || (byte != kDle && byte != kEtx)) {
       frame_.push_back(byte);
@@ -206,13 +206,13 @@ class SerialFramer final : public Framer {
     }
   }
 
-  /// Formats 1 and 2 have no end: it is where the command says.
+  /// Formats 1 and 2 have no end mark: the command determines the end.
   bool is_as_long_as_its_command() const {
     const auto text = ByteView(frame_).subspan(1);
     const auto station = station_of(text, settings_.format);
     if (!station) return false;
     const auto message = text.subspan(station->message_at);
-    // Without the sum, so that its characters are not taken for what is missing.
+    // Leaves out the sum, so that its characters do not count as missing data.
     const auto body = message.first(message.size() - std::min(message.size(), sum_size()));
     const auto request = read_mc_request(body, McCode::ascii, settings_.family);
     return request.shape != McRequest::Shape::cut_off &&
@@ -233,7 +233,7 @@ class SerialFramer final : public Framer {
   Bytes frame_;
   TimePoint last_;
   bool after_dle_ = false;
-  std::size_t text_ends_at_ = 0;  // of format 5: behind DLE ETX
+  std::size_t text_ends_at_ = 0;  // format 5: position after DLE ETX
 };
 
 }  // namespace
@@ -285,7 +285,7 @@ Ruling McSerial::execute(const Frame& frame, Plc& plc) const {
   return ruling;
 }
 
-/// Done, or data. An answer without data has no sum, but in format 5.
+/// Returns an acknowledgement or data. An answer without data has a sum only in format 5.
 Bytes McSerial::answer(const Frame& frame, ByteView data) const {
   const auto content = content_of(frame.bytes, settings_);
   const auto station = station_of(content.text, settings_.format).value_or(Station{});
@@ -368,7 +368,7 @@ void McSerial::spoil(Bytes& reply, Flaw flaw) const {
   const bool has_etx = etx != reply.rend() && (binary || reply.front() == kStx);
   const bool has_sum = has_etx && behind_etx == tail + kSumSize;
   if (flaw == Flaw::sum) {
-    // What has no sum gets another first byte.
+    // A frame without a sum gets another first byte.
     auto& last = has_sum ? reply[reply.size() - tail - 1] : reply.front();
     last = static_cast<std::uint8_t>(last == '0' ? '1' : last == kAck ? kAck + 1 : '0');
     return;

@@ -1,5 +1,6 @@
-// The MC protocol on a serial line, the PLC's side: frames 3C and 4C in the formats 1 to 4, and 4C
-// in format 5. Source: MELSEC Communication Protocol Reference Manual SH-080008, 4.2.
+// The MC protocol on a serial line, PLC side: frames 3C and 4C in formats 1 to 4, and 4C in format
+// 5.
+// Source: MELSEC Communication Protocol Reference Manual SH-080008, 4.2.
 #pragma once
 
 #include "tests/sim/mc.h"

@@ -1,4 +1,4 @@
-// MC stations over real sockets: connections, datagrams, and the faults of the wire.
+// MC stations over real sockets: connections, datagrams and faults of the wire.
 
 #include "tests/sim/simulator_client.h"
 
@@ -7,7 +7,7 @@ namespace {
 
 Bytes hex(std::string_view text) { return from_hex(text).value(); }
 
-// D0, D1 and D2, and what they hold.
+// Reads of D0, D1 and D2, and their values.
 const Bytes kRead3E = hex("50 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 00 00 00 A8 01 00");
 constexpr std::string_view kData3E = "D0 00 00 FF FF 03 00 04 00 00 00 34 12";
 

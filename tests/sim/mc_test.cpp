@@ -30,7 +30,7 @@ std::string number(unsigned value, unsigned bytes) {
   return to_hex(out);
 }
 
-/// A 3E request with `message`, which begins with the command.
+/// Builds a 3E request from `message`, which begins with the command.
 Bytes request_3e(std::string_view message, std::string_view route = kRouteOf3E) {
   const auto size = static_cast<unsigned>(from_hex(message).value().size());
   return from_hex("50 00 " + std::string(route) + number(size + 2, 2) + "10 00" +
@@ -50,7 +50,8 @@ class McPlc : public testing::Test {
   Bytes answer(ByteView request) {
     return replies_of(McEthernet(protocol_, settings_), *plc_, request);
   }
-  /// End code and data of the answer to a binary 3E request; of a refusal the end code alone.
+  /// Returns end code and data of the answer to a binary 3E request; for a refusal only the end
+  /// code.
   std::string asked(std::string_view message, std::string_view route = kRouteOf3E) {
     const auto reply = answer(request_3e(message, route));
     if (reply.size() < 11) return "";
@@ -187,11 +188,11 @@ TEST_F(McPlc, PastTheLastDeviceAndInAHoleIsNothing) {
 }
 
 TEST_F(McPlc, WhatItDoesNotKnowIsRefusedByItsEndCode) {
-  EXPECT_EQ(asked("01 08 00 00 01 00 00 00 00 A8"), "C059");        // a command
-  EXPECT_EQ(asked("01 04 02 00 64 00 00 00 A8 00 01 00"), "C059");  // codes of iQ-R
-  EXPECT_EQ(asked("01 04 00 00 00 00 00 77 01 00"), "C05B");        // a device
+  EXPECT_EQ(asked("01 08 00 00 01 00 00 00 00 A8"), "C059");        // unknown command
+  EXPECT_EQ(asked("01 04 02 00 64 00 00 00 A8 00 01 00"), "C059");  // iQ-R codes
+  EXPECT_EQ(asked("01 04 00 00 00 00 00 77 01 00"), "C05B");        // unknown device
   EXPECT_EQ(asked("01 04 00 00 00 00 00 A2 01 00"), "C05B");        // DX
-  EXPECT_EQ(asked("01 04 01 00 00 00 00 A8 01 00"), "C05C");        // points of D
+  EXPECT_EQ(asked("01 04 01 00 00 00 00 A8 01 00"), "C05C");        // bit access to D
   EXPECT_EQ(asked("01 04 00 00 00 00 00 52 01 00"), "C05C");        // LTN
   EXPECT_EQ(asked("01 14 01 00 00 00 00 90 01 00 20"), "C060");     // neither 0 nor 1
   EXPECT_EQ(asked("01 04 00 00 64 00 00 A8 01 00 00"), "C061");     // too long

@@ -1,6 +1,7 @@
-// Device memory of one PLC, byte for byte as the ports show it: bits packed with the lowest number
-// in the lowest bit, words and 32-bit counters with the low byte first. What was never set takes no
-// memory, so that thousands of devices with all their addresses fit into one process.
+// Device memory of one PLC, byte for byte as the ports present it: bits are packed with the lowest
+// number in the lowest bit, words and 32-bit counters are stored low byte first.
+// Devices that were never set take no memory, so one process can hold thousands of PLCs with all
+// their addresses.
 #pragma once
 
 #include <array>
@@ -16,26 +17,26 @@ namespace fxsim {
 
 class DeviceMemory final {
  public:
-  /// All devices of `model`, all 0. `model` must outlive this.
+  /// Creates all devices of `model` with value 0. `model` must outlive this.
   explicit DeviceMemory(const Model& model) : model_(&model) {}
 
   bool has(Device device) const;
-  /// The raw value, without sign. Precondition: has(device).
+  /// Returns the raw value, unsigned. Precondition: has(device).
   std::uint32_t get(Device device) const;
   /// Sets the low width() bits. Precondition: has(device).
   void set(Device device, std::uint32_t value);
 
-  /// Does any device of `kind` live in byte `offset` of its row?
+  /// True if a device of `kind` occupies byte `offset` of its row.
   bool has_byte(Kind kind, std::size_t offset) const;
-  /// Precondition of both: has_byte(kind, offset). Bits that belong to no device stay 0.
+  /// Precondition of both: has_byte(kind, offset). Bits without a device stay 0.
   std::uint8_t byte(Kind kind, std::size_t offset) const;
   void set_byte(Kind kind, std::size_t offset, std::uint8_t value);
 
-  /// All devices become 0, but for L unless `latched`.
+  /// Sets all devices to 0; L keeps its values unless `latched`.
   void clear(bool latched);
 
-  /// From now on get() finds `base` + n modulo 65536 in Modbus register n, holding and input, and
-  /// in D n of iQ-F, Q, L and iQ-R, whatever is set.
+  /// After this call get() returns (`base` + n) modulo 65536 for Modbus register n (holding and
+  /// input) and for D n of iQ-F, Q, L and iQ-R. Values that were set are ignored.
   void show_ramp(std::uint16_t base) { ramp_ = base; }
 
   const Model& model() const { return *model_; }

@@ -60,7 +60,7 @@ Bytes exception(std::uint8_t function, std::uint8_t code) {
   return {static_cast<std::uint8_t>(function | kExceptionFlag), code};
 }
 
-/// Function, byte count and the values of a read.
+/// Builds the reply to a read: function, byte count and values.
 Bytes read_reply(std::uint8_t function, Device first, unsigned count, const DeviceMemory& memory) {
   Bytes pdu{function};
   if (width(first.kind) == 1) {
@@ -79,7 +79,7 @@ Bytes read_reply(std::uint8_t function, Device first, unsigned count, const Devi
   return pdu;
 }
 
-/// The values of a write of several, from its data.
+/// Decodes the values of a write of several registers or coils.
 std::vector<std::uint32_t> values_of(Kind kind, unsigned count, ByteView data) {
   std::vector<std::uint32_t> values;
   for (unsigned i = 0; i < count; ++i)
@@ -95,7 +95,7 @@ Modbus::Modbus(Protocol protocol, ModbusSettings settings)
 
 std::unique_ptr<Framer> Modbus::make_framer() const { return make_modbus_framer(protocol_); }
 
-/// Unit 0 is everybody on a serial line. On TCP it is a unit like any other.
+/// On a serial line unit 0 is the broadcast address. On TCP it is an ordinary unit.
 bool Modbus::is_broadcast(std::uint8_t unit) const {
   return unit == 0 && protocol_ != Protocol::modbus_tcp;
 }
@@ -142,8 +142,8 @@ Ruling Modbus::execute(const Frame& frame, Plc& plc) const {
   return ruling;
 }
 
-/// The exception that the request gets, 0 for none: function, then quantity and value, then
-/// address.
+/// Returns the exception for the request, 0 for none. Checks function, then quantity and value,
+/// then address.
 std::uint8_t Modbus::objection(ByteView pdu) const {
   const auto* function = find_function(pdu[0]);
   if (function == nullptr ||
@@ -153,9 +153,9 @@ std::uint8_t Modbus::objection(ByteView pdu) const {
   const bool bits = width(table) == 1;
   if (pdu.size() < 5) return kIllegalValue;
   const auto first = big_endian_at(pdu, 1);
-  const auto count = big_endian_at(pdu, 3);  // or a value, or a mask
+  const auto count = big_endian_at(pdu, 3);  // or a value or a mask
 
-  // Are there `quantity` values behind their byte count at `at`, and nothing else?
+  // True if exactly `quantity` values follow their byte count at `at`.
   const auto carries = [pdu, bits](std::size_t at, unsigned quantity) {
     const auto bytes = bits ? (quantity + 7) / 8 : quantity * 2;
     return pdu.size() == at + 1 + bytes && pdu[at] == bytes;
@@ -203,7 +203,7 @@ std::uint8_t Modbus::span_objection(Kind kind, std::size_t first, std::size_t co
   return hits_hole ? kIllegalAddress : std::uint8_t{0};
 }
 
-/// Precondition: objection() has none. The reply is a PDU.
+/// Carries out a request. Precondition: objection() returned 0. The reply is a PDU.
 Ruling Modbus::carry_out(ByteView pdu, Plc& plc) const {
   const auto& function = *find_function(pdu[0]);
   const auto& memory = plc.memory();
@@ -212,7 +212,7 @@ Ruling Modbus::carry_out(ByteView pdu, Plc& plc) const {
   const bool reads = function.kind == RequestKind::read;
 
   Ruling ruling{.verdict = reads ? Verdict::data : Verdict::ack};
-  ruling.reply.assign(pdu.begin(), pdu.begin() + 5);  // what most writes are answered with
+  ruling.reply.assign(pdu.begin(), pdu.begin() + 5);  // the reply to most writes
   switch (function.code) {
     case kWriteCoil:
       ruling.values = {count == kCoilOn ? 1U : 0U};
@@ -239,7 +239,7 @@ Ruling Modbus::carry_out(ByteView pdu, Plc& plc) const {
   }
   for (unsigned i = 0; i < ruling.values.size(); ++i)
     plc.write({first.kind, first.number + i}, ruling.values[i]);
-  if (reads || function.code == kReadWriteRegisters)  // the write comes first
+  if (reads || function.code == kReadWriteRegisters)  // function 23 writes first
     ruling.reply =
         read_reply(function.code, {function.table, big_endian_at(pdu, 1)}, count, memory);
   ruling.device = device_name(first);

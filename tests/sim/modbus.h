@@ -1,6 +1,6 @@
 // A Modbus device: functions 01 to 06, 15, 16, 22 and 23 on the four tables of 65,536.
-// Source: Modbus Application Protocol V1.1b3. What a real device lacks is set up: holes, fewer
-// registers in a read, missing functions.
+// Source: Modbus Application Protocol V1.1b3.
+// The limits of a real device are settings: holes, fewer registers per read, missing functions.
 #pragma once
 
 #include "tests/sim/personality.h"
@@ -10,9 +10,9 @@ namespace fxsim {
 struct ModbusSettings {
   using Hole = fxsim::Hole;
   std::uint8_t unit = 1;
-  std::vector<Hole> holes{};                  // a request that touches one gets exception 02
-  unsigned max_read = 125;                    // registers of one read
-  std::uint8_t max_read_code = 3;             // the exception of a longer one
+  std::vector<Hole> holes{};                  // a request that touches a hole gets exception 02
+  unsigned max_read = 125;                    // registers per read
+  std::uint8_t max_read_code = 3;             // exception for a longer read
   std::vector<unsigned> missing_functions{};  // get exception 01
 };
 

@@ -1,7 +1,7 @@
-// Modbus requests and replies as bytes that did not come from this simulator.
+// Modbus requests and replies, as bytes from sources other than this simulator.
 // printed: in a textbook. derived: PDUs of the Modbus Application Protocol V1.1b3, ADUs computed by
-// a script of its own. captured: recorded from the unit tests of libmodbus 3.1.6, whose server has
-// holes everywhere but around its test data.
+// a separate script. captured: recorded from the unit tests of libmodbus 3.1.6, whose server has
+// holes everywhere except around its test data.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ namespace fxsim {
 struct ModbusRow {
   Origin origin;
   Protocol protocol;
-  std::string_view before;  // memory, see frame_table.h
+  std::string_view before;  // memory contents, see frame_table.h
   std::string_view after;
   std::string_view request;
   std::string_view reply;
@@ -216,7 +216,7 @@ constexpr auto kModbusRows = std::to_array<ModbusRow>({
      "00 00 00 00 00 03 FF C2 01"},
 });
 
-/// A read of hr:0 and what it is refused with.
+/// A read of hr:0 and the exception it gets.
 struct ExceptionRow {
   std::uint8_t code;
   std::string_view reply;

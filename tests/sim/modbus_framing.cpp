@@ -6,12 +6,12 @@
 namespace fxsim {
 namespace {
 
-// Longer than a character at 300 baud, shorter than any master waits.
+// Longer than a character at 300 baud, shorter than any master's time-out.
 constexpr std::chrono::milliseconds kRtuSilence{50};
 constexpr std::chrono::seconds kAsciiSilence{1};
 constexpr std::size_t kMaxRtu = 256;
 constexpr std::size_t kMaxAscii = 513;
-constexpr std::size_t kTcpHeader = 6;  // transaction, protocol, length: two bytes each
+constexpr std::size_t kTcpHeader = 6;  // transaction, protocol and length, two bytes each
 constexpr std::size_t kMinTcpLength = 2;
 constexpr std::size_t kMaxTcpLength = 254;
 
@@ -37,10 +37,10 @@ void append_crc(Bytes& bytes) {
   bytes.push_back(static_cast<std::uint8_t>(crc >> 8U));
 }
 
-/// The byte that makes the sum of all 0.
+/// Returns the byte that makes the total sum 0.
 std::uint8_t lrc_of(ByteView bytes) { return static_cast<std::uint8_t>(0x100U - sum_of(bytes)); }
 
-/// Bytes of the RTU request that begins like this, with unit and CRC.
+/// The size of the RTU request that begins with these bytes, including unit and CRC.
 struct RtuLength {
   enum class Known : std::uint8_t { not_yet, yes, by_crc } known;
   std::size_t bytes = 0;
@@ -92,7 +92,7 @@ class RtuFramer final : public Framer {
     last_ = when;
     frame_.push_back(byte);
     crc_ = crc_with(crc_, byte);
-    const bool right = crc_ == 0;  // over a message with its own CRC
+    const bool right = crc_ == 0;  // 0 over a message followed by its CRC
     const auto length = rtu_length(frame_);
     if (length.known == RtuLength::Known::yes && frame_.size() >= length.bytes) {
       finish(right, when, out);
@@ -115,7 +115,7 @@ class RtuFramer final : public Framer {
   TimePoint last_;
 };
 
-/// Unit, PDU and LRC of ":0103...\r\n"; nothing where it is no such line.
+/// Decodes unit, PDU and LRC of ":0103...\r\n". Returns nullopt for any other line.
 std::optional<Bytes> ascii_content(ByteView frame) {
   const auto text = as_text(frame);
   if (text.size() < 9 || !text.ends_with("\r\n") || text.find(' ') != std::string_view::npos)

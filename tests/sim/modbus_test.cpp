@@ -18,13 +18,13 @@ Plc make_device(std::string_view plant = "none") {
 
 Bytes hex(std::string_view text) { return from_hex(text).value(); }
 
-/// `content` (unit and PDU) as an RTU frame.
+/// Builds an RTU frame from `content` (unit and PDU).
 Bytes rtu(std::string_view content) {
   const auto bytes = hex(content);
   return wrap_modbus(Protocol::modbus_rtu, {bytes[0], Bytes(bytes.begin() + 1, bytes.end())}, {});
 }
 
-/// The unit that a request is for, told without the code under test.
+/// Finds the unit of a request without using the code under test.
 std::uint8_t unit_of(Protocol protocol, const Bytes& request) {
   if (protocol == Protocol::modbus_tcp) return request[6];
   if (protocol == Protocol::modbus_rtu) return request[0];
@@ -32,7 +32,7 @@ std::uint8_t unit_of(Protocol protocol, const Bytes& request) {
   return static_cast<std::uint8_t>(std::stoul(std::string(digits), nullptr, 16));
 }
 
-/// What libmodbus's unit test server lacks.
+/// The holes of libmodbus's unit test server.
 std::vector<ModbusSettings::Hole> holes_of_libmodbus() {
   return {{Kind::coil, {0, 0x12F}},
           {Kind::coil, {0x155, kLast}},
@@ -48,7 +48,7 @@ class ModbusDevice : public testing::Test {
  protected:
   explicit ModbusDevice(ModbusSettings settings = {}) : settings_(std::move(settings)) {}
 
-  /// The reply's PDU to an RTU request of unit and PDU, "" for none.
+  /// Returns the PDU of the reply to an RTU request given as unit and PDU; "" if there is no reply.
   std::string asked(std::string_view content) {
     const Modbus device(Protocol::modbus_rtu, settings_);
     const auto reply = replies_of(device, plc_, rtu(content));

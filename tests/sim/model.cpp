@@ -5,7 +5,7 @@
 namespace fxsim {
 namespace {
 
-constexpr unsigned kSpecialBase = 8000;  // M8000 and D8000 begin rows of their own
+constexpr unsigned kSpecialBase = 8000;  // M8000 and D8000 begin separate rows
 constexpr unsigned kFirst32BitCounter = 200;
 
 struct Prefix {
@@ -14,7 +14,7 @@ struct Prefix {
   int radix;
 };
 
-// The longer before the shorter, so that "TN5" is not looked for under a one-letter name.
+// Longer names come before shorter ones, so that "TN5" does not match a one-letter name.
 constexpr auto kPrefixes = std::to_array<Prefix>({
     {"LSTS", Kind::lst_contact, 10},
     {"LSTC", Kind::lst_coil, 10},
@@ -61,7 +61,7 @@ constexpr auto kPrefixes = std::to_array<Prefix>({
     {"Z", Kind::z, 10},
 });
 
-/// Whether X and Y of this kind are not the ones of the family.
+/// True if the family does not number its X and Y like this kind.
 bool counts_otherwise(Kind kind, Family family) {
   const bool hex = family == Family::q_l || family == Family::iq_r;
   if (kind == Kind::x || kind == Kind::y) return hex;
@@ -69,7 +69,7 @@ bool counts_otherwise(Kind kind, Family family) {
 }
 
 struct Sizes {
-  unsigned x, y, m, special, s, t, d;  // how many, counted from 0
+  unsigned x, y, m, special, s, t, d;  // counts from 0
   unsigned r = 0;
 };
 
@@ -98,8 +98,8 @@ Model make_model(std::string_view name, ExtendedSet extended, std::uint16_t type
 }
 
 const std::vector<Model>& models() {
-  // D8001/D8101: FX1S to FX2N and FX3G as captured; FX3U as two emulators have it; FX0N and FX3S
-  // are made up, as is the 0 in D8101 of FX0N, FX1S and FX1N.
+  // D8001/D8101: FX1S to FX2N and FX3G as captured; FX3U as in two emulators. FX0N and FX3S are
+  // made up, as is the 0 in D8101 of FX0N, FX1S and FX1N.
   static const std::vector<Model> all = {
       make_model("FX0N", ExtendedSet::none, 20100, 0, {128, 128, 512, 256, 128, 64, 256}, {0, 31},
                  {235, 254}),

@@ -1,5 +1,5 @@
-// The simulated models: which devices each one has, and how a device is named.
-// A Modbus device counts as a model too: four rows of 65,536.
+// The simulated models: the devices of each one, and the device names. A Modbus device is also a
+// model: four rows of 65,536.
 // Source: MELSEC FX programming manuals' device tables; FX0N, FX1S and FX3S are from general
 // product knowledge. Nothing here was checked against a genuine PLC.
 #pragma once
@@ -36,8 +36,8 @@ enum class Kind : std::uint8_t {
   discrete_input,
   holding_register,
   input_register,
-  // Of iQ-F, Q, L and iQ-R alone.
-  hex_x,  // X and Y where they are counted in hexadecimal
+  // iQ-F, Q, L and iQ-R only.
+  hex_x,  // X and Y of families that number them in hexadecimal
   hex_y,
   l,
   f,
@@ -75,16 +75,16 @@ struct Range {
   unsigned last;  // inclusive
 };
 
-/// Devices of a row that answer as if they were not there.
+/// Devices of a row that answer as if they did not exist.
 struct Hole {
   Kind kind;
   Range range;
 };
 
-/// What the E commands (E00, E10, E7, E8) address on a model.
+/// The address map of the E commands (E00, E10, E7, E8) on a model.
 enum class ExtendedSet : std::uint8_t { none, fx1n_fx2n, fx3 };
 
-/// What belongs together in naming its devices and in answering the MC protocol.
+/// Models that share device names and MC protocol behaviour.
 enum class Family : std::uint8_t { fx, modbus, iq_f, q_l, iq_r };
 
 struct Model {
@@ -94,20 +94,20 @@ struct Model {
   std::uint16_t extended_type_word;  // D8101
   std::array<std::vector<Range>, kKinds> ranges;
   Family family = Family::fx;
-  std::string_view type_name{};  // what 0101 answers
+  std::string_view type_name{};  // reply to command 0101
   std::uint16_t type_code = 0;
 
   const std::vector<Range>& of(Kind kind) const { return ranges[static_cast<std::size_t>(kind)]; }
 };
 
-/// An FX model; null for a name that is not simulated.
+/// Returns an FX model, or null if the name is not simulated.
 const Model* find_model(std::string_view name);
 /// "FX0N FX1S ...", for error texts.
 std::string model_names();
-/// A model whose own ports speak 3E, 4E, 3C and 4C; null for a name that is not simulated.
+/// Returns a model whose own ports use 3E, 4E, 3C and 4C, or null if the name is not simulated.
 const Model* find_mc_model(std::string_view name);
 std::string mc_model_names();
-/// What every Modbus device has.
+/// The devices of every Modbus device.
 const Model& modbus_model();
 
 struct Device {
@@ -117,11 +117,11 @@ struct Device {
   bool operator==(const Device&) const = default;
 };
 
-/// "X17" (octal), "M8013", "TN5", "TS5", "TC5" (coil), "CN200", "CS0", "CC0", "S20", "D100", "R0";
-/// of a Modbus device "co:0", "di:0", "hr:0" and "ir:0", addresses as on the wire.
-/// The families count differently: X, Y in octal on fx and iq_f, else in hexadecimal; M8000, D8000
-/// and CN200 are rows of their own on fx alone.
-/// Nothing if it is no device name; whether a model has the device is not asked here.
+/// Parses "X17" (octal), "M8013", "TN5", "TS5", "TC5" (coil), "CN200", "CS0", "CC0", "S20", "D100",
+/// "R0"; for a Modbus device "co:0", "di:0", "hr:0" and "ir:0", addresses as on the wire.
+/// Families number differently: X and Y are octal on fx and iq_f and hexadecimal elsewhere; M8000,
+/// D8000 and CN200 begin rows of their own on fx only.
+/// Returns nullopt if the text is not a device name. Does not check that a model has the device.
 std::optional<Device> parse_device(std::string_view text, Family family = Family::fx);
 std::string device_name(Device device);
 

@@ -1,6 +1,6 @@
-// The port between a line and what speaks on it. A protocol splits the bytes of a line into
-// requests (Framer) and carries a request out on a PLC (Personality). Neither knows about time
-// on the wire, faults or logs: those belong to Line and Station.
+// The interface between a line and the protocol on it. A protocol splits the bytes of a line into
+// requests (Framer) and carries out a request on a PLC (Personality). Neither handles time on the
+// wire, faults or logs: those belong to Line and Station.
 #pragma once
 
 #include <cstdint>
@@ -38,63 +38,63 @@ bool is_mc_serial(Protocol protocol);
 enum class RequestKind : std::uint8_t {
   read,
   write,
-  force_on,  // an order that sets one bit
+  force_on,  // a command that sets one bit
   force_off,
   enquire,
   control,    // RUN, STOP, global signal
-  handshake,  // the master's own ACK, NAK, EOT or CL: never answered, and no fault strikes it
-  other,      // understood as a frame, but no device access
-  malformed,  // no frame at all
+  handshake,  // the master's own ACK, NAK, EOT or CL: never answered; faults ignore it
+  other,      // a valid frame without device access
+  malformed,  // not a frame
 };
 inline constexpr std::size_t kRequestKinds = 9;
 std::string request_kind_name(RequestKind kind);
 
-/// What a framer has cut out of a line.
+/// Bytes that a framer extracted from a line.
 struct Frame {
   Bytes bytes;
-  bool whole = true;   // false: bytes that belong to no frame
-  TimePoint complete;  // when its last byte was off the wire
+  bool whole = true;   // false: bytes outside of any frame
+  TimePoint complete;  // when its last byte was complete on the wire
 };
 
-/// Puts a byte that belongs to no frame behind the ones before it.
+/// Appends a byte outside of any frame to the stray bytes before it.
 void add_stray(std::uint8_t byte, TimePoint when, std::vector<Frame>& out);
 
 /// Cuts one direction of one line into frames. Keeps state between bytes.
 class Framer {
  public:
   virtual ~Framer() = default;
-  /// Takes the byte that was complete on the wire at `when`; adds what it completes to `out`. Bytes
-  /// outside of any frame join the ones before them in `out`.
+  /// Takes the byte that was complete on the wire at `when` and adds every frame it completes to
+  /// `out`. Bytes outside of any frame are appended to the stray bytes before them in `out`.
   virtual void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) = 0;
 };
 
 enum class Verdict : std::uint8_t { data, ack, nak, silent };
 std::string verdict_name(Verdict verdict);
 
-/// What a PLC made of one request.
+/// The PLC's response to one request.
 struct Ruling {
   Verdict verdict = Verdict::silent;
   Bytes reply{};
-  std::string why{};                    // of a NAK or of silence, for the log
-  std::string device{};                 // first device, empty where none is meant
-  unsigned count = 0;                   // devices of that kind
-  std::vector<std::uint32_t> values{};  // written, raw; empty where a write cuts through a device
-  std::chrono::milliseconds wait{0};    // the answer leaves no sooner after the end of the request
-  unsigned points = 0;                  // asked for, in the request's own unit; MC only
+  std::string why{};                    // reason for a NAK or silence, for the log
+  std::string device{};                 // first device; empty if there is none
+  unsigned count = 0;                   // number of devices
+  std::vector<std::uint32_t> values{};  // written, raw; empty if a write covers part of a device
+  std::chrono::milliseconds wait{0};    // minimum time from the end of the request to the answer
+  unsigned points = 0;                  // requested, in the request's own unit; MC only
 };
 
-/// What can be wrong with a reply that is otherwise as it should be.
+/// A single flaw in an otherwise correct reply.
 enum class Flaw : std::uint8_t {
   sum,
   sender,
   transaction,
   length,        // FFFF in the length field
-  length_short,  // one word less than there is
-  length_long,   // one word more
-  longer,        // one word of data more, and a length that says so
+  length_short,  // one word less than the data
+  length_long,   // one word more than the data
+  longer,        // one extra word of data and a matching length
   shorter,
-  end_code,  // of an error, ahead of the data
-  header,    // of another kind of answer
+  end_code,  // an error's end code before the data
+  header,    // of another kind of reply
 };
 
 class Personality {
@@ -102,19 +102,19 @@ class Personality {
   virtual ~Personality() = default;
   virtual Protocol protocol() const = 0;
   virtual std::unique_ptr<Framer> make_framer() const = 0;
-  /// Is a whole frame meant for this station, alone or with others?
+  /// True if a whole frame is addressed to this station, alone or with others.
   virtual bool hears(const Frame& frame) const = 0;
-  /// What the request is, told before anything is done; faults are matched with it.
+  /// Classifies a request without carrying it out; faults are matched by kind.
   virtual RequestKind kind(const Frame& frame) const = 0;
   virtual Ruling execute(const Frame& frame, Plc& plc) const = 0;
-  /// The answer of a station that refuses `frame` with `code`, or with what it usually says.
+  /// The answer of a station that refuses `frame` with `code`, or with its usual code.
   virtual Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const = 0;
-  /// Puts the flaw into a reply; all else stays right. A reply without a sum gets another byte for
-  /// a wrong one; what a protocol does not have is left alone.
+  /// Applies the flaw to a reply and keeps everything else correct. For a wrong sum, a reply
+  /// without a sum gets one wrong byte. A flaw the protocol does not have changes nothing.
   virtual void spoil(Bytes& reply, Flaw flaw) const = 0;
-  /// What a gateway answers in the place of a station that does not.
+  /// A gateway's answer on behalf of a station that does not answer.
   virtual Bytes nobody_there(const Frame&) const { return {}; }
-  /// The command by its number, for counting; empty where a protocol's kinds tell enough.
+  /// The command's number, for counting; empty for protocols whose kinds are sufficient.
   virtual std::string command(const Frame&) const { return {}; }
 };
 

@@ -14,7 +14,7 @@ class StillPlant final : public Plant {
   void scan(DeviceMemory&, std::int64_t) override {}
 };
 
-/// D n, or register n of a Modbus device, = number of scans since the start + n, modulo 65536.
+/// D n (register n of a Modbus device) = (scans since the start + n) modulo 65536.
 class CounterPlant final : public Plant {
  public:
   void start(DeviceMemory& memory) override { show(memory); }
@@ -36,7 +36,7 @@ class CounterPlant final : public Plant {
   std::int64_t scans_ = 0;
 };
 
-/// An oven with a conveyor; tests/sim/README.md lists its devices.
+/// An oven with a conveyor; for its devices see tests/sim/README.md.
 class DemoPlant final : public Plant {
  public:
   void start(DeviceMemory& memory) override {
@@ -47,8 +47,8 @@ class DemoPlant final : public Plant {
     memory.set(kZone1, 200);
     memory.set(kZone2, 200);
     memory.set(kMotor, 200);
-    // A model without C200 counts its parts in C235, the first 32-bit counter of the small ones; an
-    // FX5 in LC0.
+    // A model without C200 counts its parts in C235, the first 32-bit counter of the small models;
+    // an FX5 uses LC0.
     if (!memory.has(parts_)) parts_ = {Kind::c_value32, 35};
     if (!memory.has(parts_)) parts_ = {Kind::lc_value, 0};
   }
@@ -92,7 +92,7 @@ class DemoPlant final : public Plant {
     drive_outputs(memory);
   }
 
-  /// M8011 to M8014: 10 ms, 100 ms, 1 s and 1 min clocks. The first is as fast as a scan allows.
+  /// M8011 to M8014: clocks of 10 ms, 100 ms, 1 s and 1 min. The first is as fast as a scan allows.
   void refresh_clock(DeviceMemory& memory) const {
     const auto ms = scans_ * kScanTime.count();
     memory.set({Kind::special_m, 11}, static_cast<std::uint32_t>(scans_ % 2));
@@ -101,7 +101,7 @@ class DemoPlant final : public Plant {
     memory.set({Kind::special_m, 14}, ms % 60000 < 30000 ? 1 : 0);
   }
 
-  /// Every X comes from the process, so a forced input lasts until the next scan.
+  /// The process drives every X, so a forced input lasts until the next scan.
   void refresh_inputs(DeviceMemory& memory) const {
     for (const auto& range : memory.model().of(Kind::x))
       for (auto n = range.first; n <= range.last; ++n) memory.set({Kind::x, n}, 0);
@@ -145,7 +145,7 @@ class DemoPlant final : public Plant {
   }
 
   /// Temperatures in 0.1 degrees: zone 1 follows the setpoint within seconds, zone 2 lags behind
-  /// it.
+  /// zone 1.
   void heat(DeviceMemory& memory, double seconds) {
     const double setpoint = std::min(memory.get(kSetpoint), kMaxSetpoint);
     zone1_ += (setpoint - zone1_) * kScanSeconds / 3.0;
@@ -160,7 +160,7 @@ class DemoPlant final : public Plant {
     memory.set(kStopped, memory.get(kRunning) != 0 ? 0 : 1);
   }
 
-  /// Y0 to Y2 belong to the ladder: a forced one falls back here. The other outputs are free.
+  /// The ladder drives Y0 to Y2: a forced value is overwritten here. The other outputs are free.
   void drive_outputs(DeviceMemory& memory) const {
     memory.set({Kind::y, 0}, memory.get(kRunning));
     memory.set({Kind::y, 1}, memory.get(kZone1) < memory.get(kSetpoint) ? 1 : 0);

@@ -1,5 +1,5 @@
-// What moves in a simulated PLC: the process it controls and the ladder that runs in it.
-// Time comes as a number of scans, so that a plant is the same however it is asked.
+// The dynamic part of a simulated PLC: the process it controls and the ladder program that runs in
+// it. Time is a number of scans, so a plant behaves the same however often it is polled.
 #pragma once
 
 #include <chrono>
@@ -16,7 +16,7 @@ inline constexpr std::chrono::milliseconds kScanTime{20};
 class Plant {
  public:
   virtual ~Plant() = default;
-  /// Puts in the values that the process starts from.
+  /// Sets the initial values of the process.
   virtual void start(DeviceMemory& memory) = 0;
   /// Runs the next `scans` scans of the ladder.
   virtual void scan(DeviceMemory& memory, std::int64_t scans) = 0;

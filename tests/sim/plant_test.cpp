@@ -37,8 +37,8 @@ TEST(DemoPlant, ForcedOutputOfTheLadderFallsBackAtTheNextScan) {
   plc.force({Kind::x, 7}, true);
   EXPECT_EQ(plc.memory().get({Kind::y, 0}), 0U);
   plc.advance(TimePoint(2 * kScanTime));
-  EXPECT_EQ(plc.memory().get({Kind::y, 0}), 1U);  // follows M0
-  EXPECT_EQ(plc.memory().get({Kind::y, 7}), 1U);  // no ladder drives it
+  EXPECT_EQ(plc.memory().get({Kind::y, 0}), 1U);  // driven by M0
+  EXPECT_EQ(plc.memory().get({Kind::y, 7}), 1U);  // not driven by the ladder
   EXPECT_EQ(plc.memory().get({Kind::x, 7}), 0U);
 }
 
@@ -57,7 +57,7 @@ TEST(DemoPlant, PartsAreCountedOnEveryModel) {
     SCOPED_TRACE(model);
     auto plc = make_plc(model, "demo");
     const Device parts = plc.memory().has(kParts) ? kParts : Device{Kind::c_value32, 35};
-    plc.advance(TimePoint(seconds(60)));  // 250 mm/s, one part each 500 mm
+    plc.advance(TimePoint(seconds(60)));  // 250 mm/s, one part every 500 mm
     EXPECT_NEAR(plc.memory().get(parts), 30, 1);
     EXPECT_EQ(plc.memory().get({Kind::c_value, 0}), plc.memory().get(parts) - 20);
     EXPECT_EQ(plc.memory().get({Kind::d, 120}), 2U);
@@ -75,7 +75,7 @@ TEST(DemoPlant, NothingMovesInStop) {
   EXPECT_EQ(plc.memory().get(kParts), parts);
   plc.force({Kind::special_m, 37}, false);
   plc.advance(TimePoint(seconds(80)));
-  EXPECT_NEAR(plc.memory().get(kParts), parts + 5, 1);  // the time in STOP is not made up for
+  EXPECT_NEAR(plc.memory().get(kParts), parts + 5, 1);  // time in STOP is not caught up
 }
 
 TEST(DemoPlant, IsTheSameHoweverOftenItIsAsked) {

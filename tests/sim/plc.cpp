@@ -5,7 +5,7 @@ namespace {
 
 constexpr Device kRunMonitor{Kind::special_m, 0};       // M8000: on in RUN
 constexpr Device kStopMonitor{Kind::special_m, 1};      // M8001: the opposite
-constexpr Device kInitialPulse{Kind::special_m, 2};     // M8002: never shown
+constexpr Device kInitialPulse{Kind::special_m, 2};     // M8002: never visible
 constexpr Device kInitialPulseOff{Kind::special_m, 3};  // M8003: the opposite
 constexpr Device kForcedRunMode{Kind::special_m, 35};
 constexpr Device kForcedRun{Kind::special_m, 36};
@@ -16,7 +16,7 @@ constexpr Device kExtendedType{Kind::special_d, 101};  // D8101
 constexpr Device kMemoryType{Kind::special_d, 3};      // D8003: 10h, built-in memory
 constexpr Device kScanNow{Kind::special_d, 10};        // D8010 to D8012: scan time in 0.1 ms
 
-// Of iQ-F, Q, L and iQ-R. SM8000 and SM8001 are on iQ-F what M8000 and M8001 are on FX3.
+// iQ-F, Q, L and iQ-R. SM8000 and SM8001 of iQ-F correspond to M8000 and M8001 of FX3.
 constexpr Device kAlwaysOn{Kind::sm, 400};
 constexpr Device kRunMonitorOfIqF{Kind::sm, 8000};
 constexpr Device kStopMonitorOfIqF{Kind::sm, 8001};
@@ -113,7 +113,7 @@ void Plc::write_byte(Kind kind, std::size_t offset, std::uint8_t value) {
   const unsigned after = value;
   memory_.set_byte(kind, offset, value);
   if (kind == Kind::special_m) {
-    // A byte carries eight relays; only those that it changes are orders.
+    // A byte covers eight relays; only the changed ones are commands.
     const unsigned changed = before ^ after;
     for (unsigned bit = 0; bit < 8; ++bit)
       if (((changed >> bit) & 1U) != 0)

@@ -11,38 +11,40 @@ namespace fxsim {
 
 class Plc final {
  public:
-  /// The clock of its scans starts at `start`. `model` must outlive this.
+  /// The scan clock starts at `start`. `model` must outlive this.
   Plc(const Model& model, std::unique_ptr<Plant> plant, TimePoint start);
 
   const DeviceMemory& memory() const { return memory_; }
   bool running() const { return running_; }
 
-  /// Runs the scans that are due by `now`; none while in STOP. Called before every look from
-  /// outside, so a PLC nobody looks at costs nothing.
+  /// Runs the scans that are due by `now`; none in STOP. Called before every access from outside,
+  /// so an idle PLC costs nothing.
   void advance(TimePoint now);
 
   void set_running(bool run);
-  /// Remote PAUSE of the MC protocol: STOP, but for what SD203 says.
+  /// Remote PAUSE of the MC protocol: like STOP, except for the value of SD203.
   void pause();
-  /// The hardware switch: in STOP it keeps the PLC stopped whatever a port orders.
+  /// The hardware switch: while in STOP, it keeps the PLC stopped whatever a port commands.
   void set_run_switch(bool run);
-  /// The remote orders of the computer link. RUN takes only where the switch keeps a stopped PLC in
-  /// STOP, and holds until STOP, which takes only then. False: refused.
+  /// The remote commands of the computer link. RUN is accepted only while the switch keeps a
+  /// stopped PLC in STOP, and holds until the remote STOP, which is accepted only then. False:
+  /// refused.
   bool force_run();
   bool force_stop();
 
-  /// Every device becomes 0; the latch relays L only where `latched`.
+  /// Sets every device to 0; the latch relays L only if `latched`.
   void clear(bool latched);
 
-  /// Puts a value in as its maker would: D8001 and D8101 change too. Precondition: memory().has().
+  /// Sets a value as the manufacturer would: D8001 and D8101 change too. Precondition:
+  /// memory().has().
   void preset(Device device, std::uint32_t value);
 
-  /// A single bit set by a port. M8037 ON stops the PLC, OFF starts it; M8036 ON starts it while
-  /// M8035 is on. The switch decides whether a start takes.
+  /// Sets a single bit through a port. M8037 ON stops the PLC, OFF starts it; M8036 ON starts it
+  /// while M8035 is on. The switch decides if a start takes effect.
   void force(Device device, bool on);
-  /// A bit (as force()) or a value written by a port.
+  /// Writes a bit (as force()) or a value through a port.
   void write(Device device, std::uint32_t value);
-  /// One byte written by a port. The system's own relays and registers keep their values.
+  /// Writes one byte through a port. The system's own relays and registers keep their values.
   void write_byte(Kind kind, std::size_t offset, std::uint8_t value);
 
  private:
@@ -58,8 +60,8 @@ class Plc final {
   bool run_switch_ = true;
   bool run_forced_ = false;
   bool paused_ = false;
-  bool has_system_;     // the relays and registers from 8000 on
-  bool has_mc_system_;  // SM and SD
+  bool has_system_;     // has the relays and registers from 8000 on
+  bool has_mc_system_;  // has SM and SD
   std::uint16_t type_word_;
   std::uint16_t extended_type_word_;
 };

@@ -12,11 +12,11 @@ constexpr std::uint8_t kEnq = 0x05;
 constexpr std::uint8_t kAck = 0x06;
 constexpr std::uint8_t kNak = 0x15;
 
-// The longest frame is a write of 254 bytes by E10; anything longer has lost its ETX.
+// The longest frame is a write of 254 bytes by E10; in anything longer the ETX was lost.
 constexpr std::size_t kMaxFrame = 1 + 3 + 4 + 2 + 2 * 254 + 1 + 2;
-// KunYi's FX3U firmware forgets half a frame after this much silence.
+// KunYi's FX3U firmware discards half a frame after this much silence.
 constexpr std::chrono::milliseconds kHalfFrameLife{200};
-constexpr unsigned kMaxBytes = 0x40;        // in one frame, all FX
+constexpr unsigned kMaxBytes = 0x40;        // per frame, all FX
 constexpr unsigned kMaxFx3ReadBytes = 254;  // E00 on an FX3U, as captured
 
 struct Area {
@@ -138,7 +138,7 @@ std::span<const ForceArea> force_areas(CommandSet set) {
   return {};
 }
 
-/// The text between STX and ETX of a whole frame.
+/// Returns the text of a whole frame between STX and ETX.
 std::string_view payload(const Frame& frame) {
   if (frame.bytes.size() < 4) return {};
   return as_text(ByteView(frame.bytes).subspan(1, frame.bytes.size() - 4));
@@ -147,7 +147,7 @@ std::string_view payload(const Frame& frame) {
 struct Command {
   RequestKind kind = RequestKind::other;
   bool extended = false;
-  std::string_view rest;  // after the command's own characters
+  std::string_view rest;  // after the characters of the command
 };
 
 Command split(std::string_view text) {
@@ -156,7 +156,7 @@ Command split(std::string_view text) {
     RequestKind kind;
     bool extended;
   };
-  // E0 and E1 take two digits: the second is 0 for devices, 1 for the program.
+  // E0 and E1 have two digits: the second is 0 for devices and 1 for the program.
   static constexpr auto kRows = std::to_array<Row>({
       {"E00", RequestKind::read, true},
       {"E10", RequestKind::write, true},
@@ -177,8 +177,8 @@ class ProgrammingPortFramer final : public Framer {
  public:
   void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) override {
     if (!frame_.empty() && when - last_ > kHalfFrameLife) give_up(out);
-    last_ = when;        // after give_up(), which says when the lost frame ended
-    if (byte == kEnq) {  // resets whatever was being received
+    last_ = when;        // after give_up(), which needs the end of the lost frame
+    if (byte == kEnq) {  // resets any reception in progress
       give_up(out);
       out.push_back({{kEnq}, true, when});
       return;
@@ -218,7 +218,7 @@ class ProgrammingPortFramer final : public Framer {
   }
 
   Bytes frame_;
-  int after_etx_ = 0;  // 1 at the ETX, then one more for each digit of the sum
+  int after_etx_ = 0;  // 1 at the ETX, plus one for each digit of the sum
   TimePoint last_;
 };
 
@@ -226,8 +226,8 @@ Ruling refuse(std::string why) {
   return {.verdict = Verdict::nak, .reply = {kNak}, .why = std::move(why)};
 }
 
-/// First device, count and raw values of bytes that lie in one row; values only where they fill
-/// whole devices.
+/// Fills in the first device, count and raw values of bytes in one row; values only if the bytes
+/// cover whole devices.
 void describe(Ruling& ruling, ByteAt first, std::size_t size, ByteView data) {
   const auto bits = width(first.kind);
   ruling.device = device_name({first.kind, static_cast<unsigned>(first.offset * 8 / bits)});
@@ -365,8 +365,8 @@ Bytes ProgrammingPort::refusal(const Frame&, std::optional<std::uint16_t>) const
 
 void ProgrammingPort::spoil(Bytes& reply, Flaw flaw) const {
   if (reply.empty() || flaw != Flaw::sum) return;
-  // The last digit of the sum; 0 and 1, A and @ ... differ from it in the lowest bit. An ACK has
-  // no sum: it arrives as the neighbouring code, as after a bit error that parity missed.
+  // Changes the last digit of the sum: 0 and 1, A and @ and so on differ in the lowest bit. An ACK
+  // has no sum: it arrives as the neighbouring code, as after a bit error that parity missed.
   auto& last = reply.back();
   last = reply.size() == 1 ? static_cast<std::uint8_t>(last ^ 0x01U)
                            : static_cast<std::uint8_t>(last == '0' ? '1' : '0');

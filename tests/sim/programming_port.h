@@ -1,10 +1,10 @@
-// The Mitsubishi FX programming port, the PLC's side: ENQ, 0, 1, 7, 8, E00, E10, E7 and E8.
-// No Mitsubishi manual describes it; the frames and address maps are those that captures of GX
-// Developer and GX Works2 and several independent clients agree on. Frames are ASCII between STX
-// and ETX, then the low byte of the sum of everything after STX up to and including ETX, as two
+// The Mitsubishi FX programming port, PLC side: ENQ, 0, 1, 7, 8, E00, E10, E7 and E8.
+// No Mitsubishi manual describes it. The frames and address maps are those on which captures of GX
+// Developer and GX Works2 and several independent clients agree. Frames are ASCII between STX and
+// ETX, followed by the low byte of the sum of everything after STX up to and including ETX, as two
 // hex digits.
-// A PLC is more lenient or more severe in places nobody has documented; this one refuses whatever
-// the maps do not name.
+// A PLC may be more lenient or stricter in undocumented cases; this one refuses everything that the
+// maps do not name.
 #pragma once
 
 #include "tests/sim/personality.h"
@@ -15,23 +15,23 @@ class ProgrammingPort final : public Personality {
  public:
   Protocol protocol() const override { return Protocol::programming_port; }
   std::unique_ptr<Framer> make_framer() const override;
-  bool hears(const Frame&) const override { return true; }  // it has no addresses
+  bool hears(const Frame&) const override { return true; }  // the protocol has no addresses
   RequestKind kind(const Frame& frame) const override;
   Ruling execute(const Frame& frame, Plc& plc) const override;
   Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override;
   void spoil(Bytes& reply, Flaw flaw) const override;
 };
 
-/// How the commands of one set address device memory.
+/// The address map of a set of commands.
 enum class CommandSet : std::uint8_t { classic, fx1n_fx2n, fx3 };
 
 struct ByteAt {
   Kind kind;
   std::size_t offset;  // in the kind's row
 };
-/// The byte that a read or write of `address` means, on a PLC that has every device.
+/// Returns the byte that a read or write of `address` accesses on a PLC that has every device.
 std::optional<ByteAt> byte_at(CommandSet set, std::uint32_t address);
-/// The bit that a force of `address` means, on a PLC that has every device.
+/// Returns the bit that a force of `address` sets on a PLC that has every device.
 std::optional<Device> bit_at(CommandSet set, std::uint32_t address);
 
 }  // namespace fxsim

@@ -1,8 +1,8 @@
-// Requests and replies of the FX programming port, as bytes that did not come from this simulator.
-// captured: recorded from GX Developer, GX Works2 or a PLC. In forces and writes the ACK is the
-// documented answer, as the recordings show the requests alone. derived: put together from the
-// address tables, sums computed by a script of its own.
-// "E7000C|52" is STX, the text, ETX in place of the bar, and the two digits of the sum.
+// Requests and replies of the FX programming port, as bytes from sources other than this simulator.
+// captured: recorded from GX Developer, GX Works2 or a PLC. For forces and writes the recordings
+// contain the request alone; the ACK is the documented answer. derived: built from the address
+// tables, with sums computed by a separate script.
+// "E7000C|52" is STX, the text, ETX instead of the bar, and the two digits of the sum.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ enum class State { run, stop };
 
 struct FrameRow {
   Origin origin;
-  std::string_view models;  // on which the row is tried
+  std::string_view models;  // models on which the row is tried
   std::string_view device;
   std::string_view values;  // force and write: what the device holds afterwards; read: before.
                             // Raw hex from the device on, empty: as the PLC is made
@@ -235,8 +235,8 @@ constexpr auto kReads = std::to_array<FrameRow>({
      "712181219121A121B121C121D121E121F12|B7"},
 });
 
-/// Frames that are right and that this PLC refuses all the same: they change its program or its
-/// speed, or nobody needs them to reach a device.
+/// Valid frames that this PLC refuses: they change its program or its speed, or are not needed for
+/// device access.
 struct RefusedRow {
   std::string_view model;
   std::string_view what;

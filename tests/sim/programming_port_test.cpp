@@ -13,7 +13,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// "E7000C|52" as it stands on the wire; "ACK" and "NAK" are one byte.
+/// Converts "E7000C|52" to the bytes on the wire; "ACK" and "NAK" are one byte.
 Bytes wire(std::string_view text) {
   if (text == "ACK") return {0x06};
   if (text == "NAK") return {0x15};
@@ -22,13 +22,13 @@ Bytes wire(std::string_view text) {
   return bytes;
 }
 
-/// `text` between STX and ETX, with the sum it takes.
+/// Puts `text` between STX and ETX and appends the matching sum.
 Bytes framed(std::string_view text) {
   auto bytes = wire(text);
   bytes.push_back(0x03);
   unsigned sum = 0;
   for (const auto byte : bytes) sum += byte;
-  sum -= 0x02;  // STX does not count
+  sum -= 0x02;  // STX is not part of the sum
   for (const auto nibble : {sum >> 4U & 0xFU, sum & 0xFU})
     bytes.push_back(static_cast<std::uint8_t>(nibble < 10 ? '0' + nibble : 'A' + nibble - 10));
   return bytes;
@@ -64,7 +64,7 @@ TEST(ProgrammingPort, ForcesAndWritesOfTheTableReachTheirDevice) {
       SCOPED_TRACE(model + " " + std::string(row.device) + " " + std::string(row.request));
       auto plc = make_plc(model);
       auto device = parse_device(row.device).value();
-      // The opposite of what is ordered, so that nothing is right by being left alone.
+      // The opposite of the commanded values, so that an untouched device never looks right.
       const auto values = words(row.values);
       for (std::size_t i = 0; i < values.size(); ++i)
         plc.preset({device.kind, device.number + static_cast<unsigned>(i)},
@@ -109,20 +109,20 @@ TEST(ProgrammingPort, EnquiryIsAcknowledged) {
 TEST(ProgrammingPort, WrongSumIsRefusedAndNotCarriedOut) {
   EXPECT_EQ(ask("FX2N", wire("0E0202|00")), wire("NAK"));
   auto plc = make_plc("FX3U");
-  EXPECT_EQ(replies_of(plc, wire("76408|0D")), wire("NAK"));  // M100 ON has sum 0C
+  EXPECT_EQ(replies_of(plc, wire("76408|0D")), wire("NAK"));  // the sum of M100 ON is 0C
   EXPECT_EQ(plc.memory().get({Kind::m, 100}), 0U);
 }
 
-// Requests with right sums that do not say what they should.
+// Requests with a correct sum and wrong content.
 TEST(ProgrammingPort, FramesOfWrongShapeAreRefused) {
   for (const auto* request : {
            "010c802",      // lower-case hex
            "010C8",        // no count
            "010C800",      // nothing to read
-           "010C80200",    // data on a read
-           "110C80234",    // one byte of data for two
+           "010C80200",    // a read with data
+           "110C80234",    // one byte of data instead of two
            "110C80212G4",  // seven digits
-           "110C8021G34",  // no hex
+           "110C8021G34",  // not hex
            "7640",         // half an address
            "7640800",      // more than an address
            "",             // nothing
@@ -144,7 +144,7 @@ TEST(ProgrammingPort, SixtyFourBytesAreTheMostButOnFx3) {
   EXPECT_EQ(ask("FX2N", framed("E004000FE")), wire("NAK"));
   EXPECT_EQ(ask("FX3U", framed("E004000FE")).size(), 512U);
   EXPECT_EQ(ask("FX3U", framed("E004000FF")), wire("NAK"));
-  EXPECT_EQ(ask("FX3U", framed("0100041")), wire("NAK"));  // classic stays at 64
+  EXPECT_EQ(ask("FX3U", framed("0100041")), wire("NAK"));  // classic has a limit of 64
 }
 
 TEST(ProgrammingPort, DevicesThatTheModelLacksAreRefused) {
@@ -184,7 +184,7 @@ TEST(ProgrammingPort, DevicesThatTheModelLacksAreRefused) {
   }
 }
 
-// Every captured force obeys it, so a slip in either column of a table shows here.
+// Every captured force follows this rule, so an error in either column of a table fails here.
 TEST(ProgrammingPort, ForceAddressIsEightTimesTheByteAddress) {
   for (const auto set : {CommandSet::classic, CommandSet::fx1n_fx2n, CommandSet::fx3}) {
     unsigned bits = 0;
@@ -265,7 +265,7 @@ TEST(ProgrammingPort, SwitchInStopKeepsThePlcStopped) {
 
 TEST(ProgrammingPort, ByteWriteOverM8037IsAnOrderOnlyWhereItChanges) {
   auto plc = make_plc("FX3U");
-  replies_of(plc, framed("101E40100"));  // M8032 to M8039, all OFF as they are
+  replies_of(plc, framed("101E40100"));  // M8032 to M8039, all remain OFF
   EXPECT_TRUE(plc.running());
   replies_of(plc, framed("101E40120"));
   EXPECT_FALSE(plc.running());
@@ -298,7 +298,7 @@ TEST(ProgrammingPortFramer, HalfAFrameIsForgottenAfter200MsOfSilence) {
 TEST(ProgrammingPortFramer, NonsenseIsMetWithSilence) {
   for (const auto* hex : {
            "41 42 43",                          // outside a frame
-           "06", "15", "03",                    // control codes that are no request
+           "06", "15", "03",                    // control codes that do not begin a request
            "02 30 30 45 B0 32 30 32 03 36 43",  // a character with bit 7
            "02 30 30 0A 30 32 30 32 03 36 43",  // a control code inside
            "02 30 30 45 30 32 30 32",           // never ends
@@ -307,7 +307,7 @@ TEST(ProgrammingPortFramer, NonsenseIsMetWithSilence) {
     auto plc = make_plc("FX3U");
     const auto framer = ProgrammingPort().make_framer();
     EXPECT_TRUE(replies_of(plc, from_hex(hex).value(), *framer).empty());
-    // And the next request is understood.
+    // The next request is answered normally.
     EXPECT_EQ(replies_of(plc, wire("00E0202|6C"), *framer), wire("A85E|F6"));
   }
 }

@@ -44,7 +44,7 @@ Pty::Pty(std::string link) : link_(std::move(link)) {
     const auto status = fs::symlink_status(link_);
     if (fs::exists(status) && !fs::is_symlink(status))
       throw std::system_error(EEXIST, std::generic_category(), link_ + " is not a link");
-    // A new link takes the old one's name in one step: nobody finds the name missing.
+    // Renames the new link over the old one in one step, so that the name always exists.
     const auto fresh = link_ + ".new";
     fs::remove(fresh);
     fs::create_symlink(device_, fresh);

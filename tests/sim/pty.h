@@ -1,18 +1,18 @@
-// A pseudo terminal under a name of our choice: a serial port without a cable.
+// A pseudo terminal under a chosen name: a serial port without a cable.
 #pragma once
 
 #include <string>
 
 namespace fxsim {
 
-/// Owns both ends. The client's end stays open here too, so that the terminal keeps its raw mode
-/// and outlives a client that closes and opens it again.
+/// Owns both ends. The client's end stays open here too, so the terminal keeps its raw mode and
+/// survives a client that closes and reopens it.
 class Pty final {
  public:
-  /// Makes the terminal and a symbolic link to it at `link`, replacing a link that is there.
-  /// Throws std::system_error, also where `link` is something else than a link.
+  /// Creates the terminal and a symbolic link to it at `link`, replacing an existing link.
+  /// Throws std::system_error, also if `link` exists and is not a symbolic link.
   explicit Pty(std::string link);
-  /// Removes the link if it is still ours.
+  /// Removes the link if it still points to this terminal.
   ~Pty();
   Pty(const Pty&) = delete;
   Pty& operator=(const Pty&) = delete;
@@ -20,9 +20,9 @@ class Pty final {
   int master() const { return master_; }
   /// Readable when a client has opened or closed its end.
   int watch() const { return watch_; }
-  /// Call when watch() is readable, and before a request is answered. After a client has closed,
-  /// what it has not read is dropped and its exclusive lock undone, as a port that closes does. A
-  /// client that opens again within the same millisecond may still find the old bytes.
+  /// Call when watch() is readable, and before answering a request. After a client has closed,
+  /// discards its unread bytes and releases its exclusive lock, as closing a real port does. A
+  /// client that reopens within the same millisecond may still read the old bytes.
   void notice_closing();
 
  private:

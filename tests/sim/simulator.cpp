@@ -33,9 +33,9 @@ using asio::use_awaitable;
 using asio::local::stream_protocol;
 using nlohmann::json;
 
-// PLCs nobody asks run their scans this often, so that the next question finds few of them due.
+// Idle PLCs catch up with their scans this often, so the next request finds few of them due.
 constexpr std::chrono::seconds kCatchUp{1};
-// Deeds that are no orders, kept by all stations together.
+// Deeds that are not commands, kept by all stations together.
 constexpr std::size_t kQuestionsOfAll = 100'000;
 constexpr std::size_t kMaxControlLine = 1U << 20U;
 
@@ -54,7 +54,7 @@ class Simulator::Parts final {
   Parts(const std::vector<PlcConfig>& plcs, Options options)
       : options_(std::move(options)), signals_(io_), lifetime_(io_), catch_up_(io_) {
     raise_descriptor_limit();
-    std::signal(SIGPIPE, SIG_IGN);  // a client that is gone is an error of write()
+    std::signal(SIGPIPE, SIG_IGN);  // a closed client is reported as an error of write()
     if (!options_.log.empty()) {
       log_.open(options_.log, std::ios::app);
       if (!log_) throw std::system_error(errno, std::generic_category(), options_.log);
@@ -111,7 +111,7 @@ class Simulator::Parts final {
  private:
   struct Place {
     std::unique_ptr<Station> station;
-    std::unique_ptr<Line> own_line;  // null where an earlier PLC's line is shared
+    std::unique_ptr<Line> own_line;  // null if the PLC shares an earlier PLC's line
     Line* line;
     std::string pty;
     bool udp;
@@ -142,7 +142,7 @@ class Simulator::Parts final {
   }
 
   void open_control() {
-    // A socket of an earlier run may be there; anything else in its place is an error of bind().
+    // Removes the socket of an earlier run. If anything else has the path, bind() fails.
     std::error_code ignored;
     if (std::filesystem::is_socket(options_.control, ignored))
       std::filesystem::remove(options_.control, ignored);

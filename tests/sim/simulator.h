@@ -1,4 +1,4 @@
-// The simulator as a whole: PLCs on their lines, the control socket, the log file.
+// The complete simulator: PLCs on their lines, the control socket, the log file.
 #pragma once
 
 #include <chrono>
@@ -19,7 +19,7 @@ class Simulator final {
     std::string control;  // path of the control socket; empty: none
     std::string log;      // path of the log file; empty: none
     std::optional<std::chrono::milliseconds> lifetime;
-    Signals signals = Signals::ignored;  // obeyed: SIGINT and SIGTERM stop it
+    Signals signals = Signals::ignored;  // obeyed: SIGINT and SIGTERM stop the simulator
   };
 
   /// Opens every line and the control socket. Throws std::system_error.
@@ -28,10 +28,11 @@ class Simulator final {
   Simulator(const Simulator&) = delete;
   Simulator& operator=(const Simulator&) = delete;
 
-  /// {"ready":true,"plcs":[{"name":...,"pty":...} or {"name":...,"tcp":...}]}, a
-  /// port of UDP as "udp".
+  /// Returns {"ready":true,"plcs":[{"name":...,"pty":...} or {"name":...,"tcp":...}]}; a UDP port
+  /// appears as "udp".
   std::string ready_line() const;
-  /// Serves until stop(), "quit", the end of the lifetime or a signal; then removes what it made.
+  /// Serves until stop(), "quit", the end of the lifetime or a signal; then removes the files and
+  /// sockets it created.
   void run();
   /// From any thread.
   void stop();

@@ -1,4 +1,4 @@
-// What the tests of the whole simulator share: clients of its lines, and a simulator that runs.
+// Shared by the tests of the complete simulator: clients of its lines, and a running simulator.
 #pragma once
 
 #include <arpa/inet.h>
@@ -31,7 +31,7 @@ using std::chrono::milliseconds;
 
 inline constexpr milliseconds kPatience{5000};
 
-/// A descriptor that reads with a limit in time.
+/// A descriptor whose reads have a time limit.
 class Client final {
  public:
   explicit Client(int fd) : fd_(fd) { EXPECT_GE(fd_, 0); }
@@ -52,7 +52,7 @@ class Client final {
     EXPECT_TRUE(client.connect_to(port));
     return client;
   }
-  /// Sends to `port` and takes datagrams from anybody; `own` 0: from any free port.
+  /// Sends to `port` and accepts datagrams from any sender; `own` 0: bound to any free port.
   static Client udp(std::uint16_t port, std::uint16_t own = 0) {
     Client client(::socket(AF_INET, SOCK_DGRAM, 0));
     client.peer_ = here(port);
@@ -60,7 +60,7 @@ class Client final {
     EXPECT_EQ(::bind(client.fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
     return client;
   }
-  /// The same socket, sending elsewhere.
+  /// The same socket with another destination.
   static Client udp_of(const Client& other, std::uint16_t port) {
     Client client(::dup(other.fd_));
     client.peer_ = here(port);
@@ -91,7 +91,7 @@ class Client final {
     Bytes bytes;
     std::uint16_t from = 0;
   };
-  /// The next one; empty where none comes in time.
+  /// Returns the next datagram, or an empty one after `limit`.
   Datagram datagram(milliseconds limit = kPatience) const {
     Datagram got;
     if (!wait(Clock::now() + limit)) return got;
@@ -110,7 +110,7 @@ class Client final {
     ::getsockname(fd_, reinterpret_cast<sockaddr*>(&address), &size);
     return ntohs(address.sin_port);
   }
-  /// Reads until `size` bytes are there, the connection ends, or the time is up.
+  /// Reads until `size` bytes have arrived, the connection ends or the time is up.
   Bytes receive(std::size_t size, milliseconds limit = kPatience) const {
     const auto end = Clock::now() + limit;
     Bytes all;
@@ -122,7 +122,7 @@ class Client final {
     }
     return all;
   }
-  /// Waits for the other side to hang up.
+  /// Waits for the peer to close the connection.
   bool ended() const {
     std::uint8_t byte = 0;
     return wait(Clock::now() + kPatience) && ::read(fd_, &byte, 1) <= 0;
@@ -159,7 +159,7 @@ class Client final {
   sockaddr_in peer_{};
 };
 
-/// A simulator on a thread of its own, with its files in a directory of its own.
+/// A simulator on its own thread, with its files in its own directory.
 class Running final {
  public:
   explicit Running(json one, json two = json(), json three = json()) {

@@ -1,4 +1,4 @@
-// The simulator over real pseudo terminals and sockets. Times are checked from below only: a busy
+// The simulator over real pseudo terminals and sockets. Times have only a lower bound: a busy
 // machine may be late, but a paced line is never early.
 
 #include "tests/sim/simulator.h"
@@ -68,7 +68,7 @@ TEST(Simulator, SeveralClientsShareOneTcpPlc) {
   Running sim(network());
   const auto one = sim.tcp();
   const auto two = sim.tcp();
-  one.send(ByteView(kForceM100).first(4));  // half a request of one does not disturb the other
+  one.send(ByteView(kForceM100).first(4));  // half a request on one line does not disturb the other
   EXPECT_EQ(two.ask(kForceM100, 1), Bytes{0x06});
   EXPECT_EQ(one.ask(ByteView(kForceM100).subspan(4), 1), Bytes{0x06});
 }
@@ -82,10 +82,10 @@ TEST(Simulator, TerminalOutlivesItsClients) {
     client.close();
   }
   auto client = sim.terminal();
-  client.send(kRead64);  // closed with an answer on its way: the next one must not find it
+  client.send(kRead64);  // closes with an answer on its way, which the next client must not receive
   EXPECT_EQ(client.receive(1).size(), 1U);
   client.close();
-  // The simulator learns of the closing as of any other event; once it has answered here it has.
+  // The simulator handles the close as an event; once it has answered here it has handled it.
   sim.control({{"cmd", "stats"}, {"plc", "p1"}});
   EXPECT_EQ(sim.terminal().ask(kEnquiry, 1), Bytes{0x06});
 }
@@ -170,7 +170,7 @@ json modbus_unit(const char* name, int unit, json extra = json::object()) {
   plc.update(extra);
   return plc;
 }
-/// Remote RUN of a computer link station that runs: refused with 18, which takes no room here.
+/// Remote RUN of a computer link station that is in RUN: refused with 18, a short reply.
 Bytes remote_run(char station) {
   Bytes bytes{0x05, '0', static_cast<std::uint8_t>(station), 'F', 'F', 'R', 'R', '0'};
   append_hex(bytes, sum_of(ByteView(bytes).subspan(1)));
@@ -179,7 +179,7 @@ Bytes remote_run(char station) {
 Bytes refused_by(char station) {
   return {0x15, '0', static_cast<std::uint8_t>(station), 'F', 'F', '1', '8'};
 }
-/// Read of hr:0 by TCP.
+/// Reads hr:0 over TCP.
 Bytes modbus_read(std::uint8_t unit, std::uint8_t transaction = 1) {
   return {0, transaction, 0, 0, 0, 6, unit, 3, 0, 0, 0, 1};
 }

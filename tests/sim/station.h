@@ -1,5 +1,5 @@
-// One station of a line: a PLC, the protocol it speaks, the faults that wait on it, and what it has
-// been asked. Knows no wire: it turns a request into an Answer with a schedule.
+// One station of a line: a PLC, its protocol, its pending faults and the requests it has received.
+// Independent of any wire: it turns a request into an Answer with a schedule.
 #pragma once
 
 #include <array>
@@ -16,24 +16,24 @@
 
 namespace fxsim {
 
-/// What goes onto the wire for one request.
+/// The bytes to send for one request, and when.
 struct Answer {
   struct Piece {
-    std::chrono::milliseconds pause{0};  // after the end of the piece before
+    std::chrono::milliseconds pause{0};  // after the end of the previous piece
     Bytes bytes;
-    bool paced = true;  // false: already on the wire while the request was, as an echo is
+    bool paced = true;  // false: sent while the request was on the wire, as an echo is
   };
-  std::chrono::milliseconds wait{0};  // the first piece starts no sooner after the request
+  std::chrono::milliseconds wait{0};  // minimum time from the request to the first piece
   std::vector<Piece> pieces;
-  std::optional<std::chrono::milliseconds> hang_up;    // then the connection goes, for this long
-  std::optional<std::chrono::milliseconds> overtaken;  // all of it so late, and others go ahead
-  bool coalesced = false;                              // kept back for the next answer
-  bool from_elsewhere = false;                         // a datagram from another port
+  std::optional<std::chrono::milliseconds> hang_up;    // then closes the connection for this long
+  std::optional<std::chrono::milliseconds> overtaken;  // delays the answer; others go first
+  bool coalesced = false;                              // held back until the next answer
+  bool from_elsewhere = false;                         // sent as a datagram from another port
 };
 
 /// One request that was carried out.
 struct Deed {
-  std::uint64_t index = 0;  // counts all deeds of the station from 0
+  std::uint64_t index = 0;  // counts all deeds of the station, from 0
   std::int64_t unix_ms = 0;
   RequestKind kind = RequestKind::other;
   std::string device;
@@ -41,7 +41,7 @@ struct Deed {
   std::vector<std::uint32_t> values;
 };
 
-/// One request however it ended, for the log file.
+/// One request with its result, for the log file.
 struct Exchange {
   std::string_view station;
   std::int64_t unix_ms = 0;
@@ -56,17 +56,17 @@ struct Exchange {
 struct Stats {
   std::array<std::uint64_t, kRequestKinds> requests{};
   std::array<std::uint64_t, kFaultKinds> faults{};
-  std::uint64_t naks = 0;             // sent, by a ruling or by a fault
+  std::uint64_t naks = 0;             // sent because of a ruling or a fault
   std::uint64_t accepted_reads = 0;   // answered with data
-  std::uint64_t accepted_writes = 0;  // writes and forces that were carried out
+  std::uint64_t accepted_writes = 0;  // writes and forces carried out
   std::uint64_t bytes_in = 0;
   std::uint64_t bytes_out = 0;
-  std::map<std::string, std::uint64_t> commands{};  // requests by the number of their command
-  unsigned most_read = 0;                           // points of one request
+  std::map<std::string, std::uint64_t> commands{};  // requests per command number
+  unsigned most_read = 0;                           // points in one request
   unsigned most_written = 0;
-  std::uint64_t overlaps = 0;     // requests that came before an earlier one was answered
-  std::uint64_t turned_away = 0;  // connections that were one too many
-  std::uint64_t strangers = 0;    // datagrams from another port than the one allowed
+  std::uint64_t overlaps = 0;     // requests received before an earlier one was answered
+  std::uint64_t turned_away = 0;  // connections refused because of the limit
+  std::uint64_t strangers = 0;    // datagrams from a port that is not allowed
 };
 
 class Station final {
@@ -76,7 +76,7 @@ class Station final {
   static constexpr std::size_t kQuestionsKept = 1'000;
 
   /// `wall_at_start` is the wall clock at `start`, the zero of the station's times. `on_exchange`
-  /// may be empty. `questions_kept`: see deeds().
+  /// may be empty. For `questions_kept` see deeds().
   Station(std::string name, std::unique_ptr<Personality> personality, Plc plc, TimePoint start,
           std::chrono::system_clock::time_point wall_at_start, OnExchange on_exchange,
           std::size_t questions_kept = kQuestionsKept);
@@ -95,8 +95,8 @@ class Station final {
   void count_turned_away() { ++stats_.turned_away; }
   void count_stranger() { ++stats_.strangers; }
 
-  /// Deeds from index `since` on, oldest first: the last 100,000 writes and forces and the last
-  /// questions_kept others are kept.
+  /// Returns the deeds from index `since` on, oldest first. Keeps the last 100,000 writes and
+  /// forces and the last `questions_kept` others.
   std::vector<Deed> deeds(std::uint64_t since) const;
 
  private:

@@ -22,7 +22,7 @@ class StationTest : public testing::Test {
  protected:
   void add(Fault fault) { station_.faults().add(fault); }
   Answer ask(const Frame& frame) { return station_.answer(frame, now_ += milliseconds(10)); }
-  /// What is sent for `frame`, end to end.
+  /// Returns all bytes sent for `frame`.
   std::string sent(const Frame& frame) {
     Bytes all;
     for (const auto& piece : ask(frame).pieces)
@@ -151,7 +151,7 @@ TEST_F(Faulted, DeadLastsUntilCleared) {
 TEST_F(Faulted, MatchPicksTheRequests) {
   struct Row {
     FaultMatch match;
-    std::string answers;  // one letter each for ENQ, read, write, force; . where refused
+    std::string answers;  // one letter each for ENQ, read, write, force; . if refused
   };
   for (const auto& row : {Row{FaultMatch::any, "...."}, Row{FaultMatch::enquire, ".rwf"},
                           Row{FaultMatch::read, "e.wf"}, Row{FaultMatch::write, "er.f"},
@@ -200,7 +200,7 @@ TEST_F(StationTest, DeedsCarryIndexTimeDeviceAndValues) {
   ask(kForce);
   ask(kRead);
   const auto deeds = station_.deeds(1);
-  ASSERT_EQ(deeds.size(), 3U);  // the one with the wrong sum is no deed
+  ASSERT_EQ(deeds.size(), 3U);  // the request with the wrong sum is not a deed
   EXPECT_EQ(deeds[0].index, 1U);
   EXPECT_EQ(deeds[0].unix_ms, 1'790'000'000'020);
   EXPECT_EQ(deeds[0].kind, RequestKind::write);
@@ -224,7 +224,7 @@ TEST_F(StationTest, OldReadsAreForgottenBeforeAnyWrite) {
   EXPECT_EQ(deeds.back().index, 1500U);
 }
 
-/// What `station` sends for `request`, as hex.
+/// Returns the bytes that `station` sends for `request`, as hex.
 std::string sent_by(Station& station, const Frame& request) {
   Bytes all;
   for (const auto& piece : station.answer(request, TimePoint{}).pieces)

@@ -1,6 +1,6 @@
-// The clocks of a test program, set by hand: a program that is linked with clock_by_hand.cpp has no
-// others, its libraries included. What takes seconds at a plant takes none here, and a program does
-// the same each time.
+// Manually set clocks for a test program. A program linked with clock_by_hand.cpp has no other
+// clocks, including in its libraries. Seconds at a plant take no time here, and every run is the
+// same.
 #pragma once
 
 #include <asio/io_context.hpp>
@@ -8,12 +8,12 @@
 
 namespace fxagent::test {
 
-/// std::chrono::steady_clock stands `by` further on, and so does system_clock.
+/// Advances std::chrono::steady_clock and system_clock by `by`.
 void advance_clock(std::chrono::nanoseconds by);
-/// system_clock stands at 2026-09-21 14:13:20 UTC again, where it began.
+/// Sets system_clock back to its start, 2026-09-21 14:13:20 UTC.
 void restart_calendar();
 
-/// Lets the timers of `io` that are due by now end, and handles all that is ready.
+/// Expires the timers of `io` that are due and runs all ready handlers.
 void poll_with_timers(asio::io_context& io);
 
 }  // namespace fxagent::test

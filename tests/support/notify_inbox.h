@@ -1,4 +1,4 @@
-// The other end of sd_notify(3), and the environment that leads to it.
+// The receiving end of sd_notify(3) and the environment that refers to it.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@
 
 namespace fxagent::test {
 
-/// An environment variable for as long as this lives.
+/// Sets an environment variable during its own lifetime.
 class Variable {
  public:
   Variable(const char* name, const std::string& value) : name_(name) {
@@ -31,10 +31,10 @@ class Variable {
   const char* name_;
 };
 
-/// The service manager's end.
+/// The service manager's end of the socket.
 class Inbox {
  public:
-  /// It has an abstract name, which the kernel gives it.
+  /// Binds to an abstract name chosen by the kernel.
   Inbox() : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0)) {
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
@@ -43,7 +43,7 @@ class Inbox {
     ::getsockname(socket_, reinterpret_cast<sockaddr*>(&address), &size);
     name_ = "@" + std::string(&address.sun_path[1], size - sizeof(sa_family_t) - 1);
   }
-  /// A path, or an abstract name with @ before it; at most 108 bytes.
+  /// Binds to a path, or to an abstract name preceded by @; at most 108 bytes.
   explicit Inbox(const std::string& name)
       : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0)), name_(name) {
     sockaddr_un address{};
@@ -62,7 +62,7 @@ class Inbox {
   }
 
   const std::string& name() const { return name_; }
-  /// Puts a text of one's own into it. False: it is full.
+  /// Sends a text to this inbox. Returns false if it is full.
   bool put(const std::string& text) const {
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
@@ -75,13 +75,13 @@ class Inbox {
     ::close(out);
     return sent >= 0;
   }
-  /// Empty: there is none.
+  /// Returns the next message, or an empty string if there is none.
   std::string next() {
     std::array<char, 4096> text{};
     const auto size = ::recv(socket_, text.data(), text.size(), 0);
     return size < 0 ? std::string() : std::string(text.data(), static_cast<std::size_t>(size));
   }
-  /// All that has come.
+  /// Returns all messages received so far.
   std::vector<std::string> all() {
     std::vector<std::string> texts;
     for (std::string text = next(); !text.empty(); text = next()) texts.push_back(text);

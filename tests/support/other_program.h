@@ -13,11 +13,11 @@
 
 namespace fxagent::test {
 
-/// It has the name of this one, and ends with this.
+/// The process has the name of this one and ends with this object.
 class OtherProgram {
  public:
   enum class Holds : std::uint8_t { open, locked };
-  /// `lacks`: a file of this process that the other one does not have; -1: it has them all.
+  /// `lacks`: a descriptor of this process that the other one closes; -1: none.
   explicit OtherProgram(const std::string& path, Holds holds = Holds::open, int lacks = -1) {
     std::array<int, 2> ready{};
     std::array<int, 2> end{};

@@ -1,4 +1,4 @@
-"""Ports of the loopback for tests and benches."""
+"""Loopback ports for tests and benches."""
 
 import socket
 
@@ -6,10 +6,9 @@ _held = []
 
 
 def free_port():
-    """A port of the loopback that is the caller's until this process ends, whether or not anybody
-    listens there. It is bound and not listened on: the system gives it to nobody who asks for any port,
-    a server that sets SO_REUSEADDR (as all of ours do) can listen on it, and until then a client is
-    refused."""
+    """Returns a loopback port that is reserved for the caller until this process ends. The port is bound but does not
+    listen. The system therefore gives it to no process that asks for any port, a server that sets SO_REUSEADDR (as
+    all of ours do) can listen on it, and until then clients are refused."""
     holder = socket.socket()
     holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     holder.bind(("127.0.0.1", 0))

@@ -1,4 +1,4 @@
-// A directory that is gone with the test.
+// A directory that is deleted with the test.
 #pragma once
 
 #include <stdlib.h>

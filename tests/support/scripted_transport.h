@@ -1,6 +1,6 @@
-// A channel that plays a script: which bytes must be sent, what arrives, when nothing does, when it
-// breaks. Time is not waited for: a read that brings nothing times out at once, unless the script
-// says `hang`. Every call yields to the io_context, as a real channel does.
+// A channel that plays a script: the writes it expects, the bytes it delivers, silences and
+// failures. It does not wait: a read without data times out at once, except after `hang`. Every
+// call yields to the io_context, as a real channel does.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -18,44 +18,45 @@ namespace fxagent::test {
 
 class ScriptedTransport final : public Transport {
  public:
-  /// The answer to a request, empty for silence.
+  /// Returns the answer to a request; empty means silence.
   using Device = std::function<Bytes(ByteView request)>;
 
   explicit ScriptedTransport(asio::any_io_executor executor);
 
-  /// From now on each give() is a datagram.
+  /// After be_udp() each give() is one datagram.
   enum class Port : std::uint8_t { fixed, renewed };
   void be_udp(Port port) {
     is_udp_ = true;
     renews_ = port == Port::renewed;
   }
-  /// How often renew() was called.
+  /// The number of calls to renew().
   std::size_t renewed() const { return renewed_; }
 
-  // The script, in the order in which it is played.
+  // The script, in the order it is played.
 
-  /// The next write must be exactly these bytes; another one fails the test.
+  /// The next write must be exactly these bytes; any other fails the test.
   ScriptedTransport& expect(Bytes bytes);
-  /// One read (more, where its buffer is small) brings these bytes. discard_input() takes them too.
+  /// One read delivers these bytes; if its buffer is small, several reads do. discard_input()
+  /// discards them too.
   ScriptedTransport& give(Bytes bytes);
-  /// As give(), but a discard_input() comes too early for these.
+  /// Like give(), but these bytes arrive after any discard_input().
   ScriptedTransport& later(Bytes bytes);
-  /// One read brings nothing until its deadline. Any read does so while a write is expected.
+  /// One read delivers nothing before its deadline. Any read does so while a write is expected.
   ScriptedTransport& silence();
-  /// One read waits really: until its deadline, or until the channel is closed.
+  /// One read really waits: until its deadline or until the channel is closed.
   ScriptedTransport& hang();
-  /// The peer goes away: the next read, write or discard_input() notices.
+  /// The peer closes the connection: the next read, write or discard_input() fails.
   ScriptedTransport& hang_up();
-  /// The next write breaks after so many bytes.
+  /// The next write fails after this many bytes.
   ScriptedTransport& break_write(std::size_t after);
   /// The next open() fails with this text.
   ScriptedTransport& refuse_open(std::string why);
-  /// Runs when what stands before is over and the channel is used again.
+  /// Runs once the earlier steps are done and the channel is used again.
   ScriptedTransport& call(std::function<void()> action);
-  /// Answers the writes that come after the script. Without it they fail the test.
+  /// Answers every write after the end of the script. Without it they fail the test.
   void then(Device device) { device_ = std::move(device); }
 
-  /// Leaves out the next step.
+  /// Skips the next step.
   void skip() { steps_.pop_front(); }
   std::size_t steps_left() const { return steps_.size(); }
   std::size_t opened() const { return opened_; }
@@ -96,7 +97,7 @@ class ScriptedTransport final : public Transport {
   };
 
   ScriptedTransport& add(Step step);
-  /// Runs the calls that are due, then says whether the next step is of this kind.
+  /// Runs the calls that are due, then returns true if the next step is of this kind.
   bool next_is(Step::Kind kind);
   Step take();
 

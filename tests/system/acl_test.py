@@ -1,4 +1,4 @@
-"""`fxagent acl` on a real mosquitto: each user can do what it must and nothing else."""
+"""`fxagent acl` on a real mosquitto: each user can do exactly what it must."""
 
 import json
 import os
@@ -18,7 +18,7 @@ PASSWORD = "s3cret"
 
 
 class User:
-    """An MQTT 5 client with a name and a password, that notes what it gets and how it is answered."""
+    """An MQTT 5 client with a name and password that records received messages and reason codes."""
 
     def __init__(self, port, name):
         self.received = []
@@ -28,7 +28,7 @@ class User:
         self.client.username_pw_set(name, PASSWORD)
         self.client.on_message = lambda _c, _u, m: self.received.append((m.topic, m.payload))
         self.client.on_subscribe = lambda *_: self.subscribed.set()
-        # paho's python client hides the reason code of a PUBACK.
+        # paho's Python client hides the reason code of a PUBACK.
         self.client._handle_pubackcomp = self._note_answer
         connected = threading.Event()
         self.client.on_connect = lambda *_: connected.set()
@@ -49,7 +49,7 @@ class User:
             assert self.subscribed.wait(PATIENCE)
 
     def publish(self, topic, payload='{"id":"x"}', retain=False, properties=None):
-        """The reason code of the broker's PUBACK."""
+        """Returns the reason code of the broker's PUBACK."""
         text = payload if isinstance(payload, str) else json.dumps(payload)
         sent = self.client.publish(topic, text, 1, retain, properties)
         return wait_for("the PUBACK", lambda: sent.mid in self.answers and
@@ -90,7 +90,7 @@ class BrokerAcl(PlantTest):
                 "links": [self.serial()], "devices": [device()]}
 
     def start_secured(self, *roles, **agent):
-        """A broker with the files of two agents, one behind the other, and the agent edge7."""
+        """Starts a broker with the concatenated files of two agents, and the agent edge7."""
         os.chmod(self.directory, 0o755)
         passwords = os.path.join(self.directory, "passwords")
         with open(passwords, "w") as out:
@@ -201,12 +201,12 @@ class BrokerAcl(PlantTest):
         anna = self.user("anna")
         for topic in ("press1/command", "press1/state", "press1/result", "press1/data/fast", "state"):
             self.assertEqual(other.publish(f"{BASE}/{topic}"), NOT_AUTHORISED, topic)
-        # Its own data it may write and not command itself.
+        # It may write its own data, but not send itself commands.
         self.assertEqual(other.publish("fx/plant-a/edge8/press1/data/fast"), 0)
         self.assertEqual(other.publish("fx/plant-a/edge8/press1/command"), NOT_AUTHORISED)
         self.assertEqual(anna.publish(f"{BASE}/press1/command"), 0)
         self.assertEqual(anna.publish("fx/plant-a/edge8/press1/command"), 0)
-        # The second command can come only after the first would have.
+        # If the first command had come, it would have come before the second.
         other.got("fx/plant-a/edge8/press1/command")
         self.assertEqual({topic for topic, _ in other.received},
                          {"fx/plant-a/edge8/press1/command"})

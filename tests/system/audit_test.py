@@ -1,4 +1,4 @@
-"""The audit: every command that came and what became of it, and whether its records are whole."""
+"""The audit: a record of every command and its outcome, and a check that the records are complete."""
 
 import json
 import os
@@ -24,7 +24,7 @@ class Audit(PlantTest):
         return [json.loads(line) for line in out.splitlines()]
 
     def acknowledged(self, count):
-        """The lines, once there are so many and the broker has acknowledged every result."""
+        """Returns the lines once there are this many and the broker has acknowledged every result."""
         def look():
             lines = self.lines()
             return lines if len(lines) == count and all(e["acknowledged"] for e in lines) else None
@@ -36,7 +36,7 @@ class Audit(PlantTest):
         self.ready()
 
     def give_commands(self):
-        """One of each kind that the audit has to tell apart; how many they are."""
+        """Sends one command of each kind that the audit has to distinguish. Returns their number."""
         written = self.command(id="w1", op="write", address="D300", value=17, by="anna")
         self.assert_result(written, "SUCCEEDED", None, "ACK")
         self.assert_result(self.command(id="w1", op="write", address="D300", value=18),
@@ -69,7 +69,7 @@ class Audit(PlantTest):
         self.assertLessEqual(written["received"], written["acknowledged"])
         self.assertIsNone(refused["by"])
         self.assertEqual(refused["frames"], [])
-        # The command, its ACK, the read-back and its data; nothing of the polls between.
+        # The command, its ACK, the read-back and its data, without the polls in between.
         ways = [list(frame)[0] for frame in written["frames"]]
         self.assertEqual(ways, ["out", "in"] * (len(ways) // 2))
         answers = [frame["in"] for frame in written["frames"] if "in" in frame]
@@ -172,7 +172,7 @@ class Audit(PlantTest):
         self.assertEqual(status, 1, text)
         self.assertIn("damaged", text)
         shutil.copy(kept, file)
-        # Who cuts the tail and the head too is found by a head that was published before.
+        # Cutting tail and head together is detected by means of a previously published head.
         database = sqlite3.connect(file)
         (digest,) = database.execute("SELECT hash FROM audit WHERE n = 2").fetchone()
         database.execute("DELETE FROM audit WHERE n > 2")
@@ -183,7 +183,7 @@ class Audit(PlantTest):
         self.assertEqual(self.audit("--verify", "--head", health)[0], 1)
 
     def agent_health(self):
-        """RECORDS:HASH of the newest health message, which is published after a connect."""
+        """Returns RECORDS:HASH of the newest health message, which is published after a connect."""
         since = self.watcher.mark()
         self.broker.kill()
         self.broker.start()

@@ -1,5 +1,5 @@
-"""The computed bound of commands on a full line: 9600 baud, 500 words polled by plain tags, and the
-share of the line that polls keep while commands flood it.
+"""The computed bound of commands on a full line (9600 baud, 500 words polled by plain tags), and the share of the
+line that polls keep during a flood of commands.
 """
 
 import json
@@ -11,14 +11,14 @@ import unittest
 from plant import BASE, PlantTest, Watcher, wait_for
 
 CHARACTER_MS = 10 / 9600 * 1000
-# What the PLC needs before it answers: the simulator draws from TURNAROUND_MS - JITTER_MS up, the config
-# names the longest, as a user has to for a bound that holds.
+# The PLC's time before it answers: the simulator draws from TURNAROUND_MS - JITTER_MS up. The config names the
+# longest, as required for a valid bound.
 TURNAROUND_MS = 10
 JITTER_MS = 5
-# What the machine adds to that, whatever the line does: the kernel hands the bytes of a pty on, and the
-# simulator and the agent wake for them, on two cores that broker and test share. Mostly 0.1 ms; one late
-# slice of a busy scheduler is 4 to 20 ms. It does not grow with the queue: what a wake costs at each
-# exchange is less than the PLC's jitter leaves over.
+# Time added by the machine, independent of the line: the kernel passes on the bytes of a pty, and the simulator and
+# the agent wake up for them, on two cores shared with broker and test. Mostly 0.1 ms; one late slice of a busy
+# scheduler takes 4 to 20 ms. It does not grow with the queue: waking at each exchange costs less than the PLC's
+# jitter leaves over.
 NOISE_MS = 25
 
 GROUPS = 5
@@ -26,7 +26,7 @@ WORDS = 500
 
 
 def plain_tags():
-    """A tag for each of 500 words, in groups that ask for more than the line carries."""
+    """Returns a tag for each of 500 words, in groups that ask for more than the line can carry."""
     share = WORDS // GROUPS
     return [{"name": f"d{i}", "address": f"D{i}", "group": f"g{i // share}"} for i in range(WORDS)]
 
@@ -84,7 +84,7 @@ class Bound(PlantTest):
         return command
 
     def judge(self, results):
-        """Each inside its bound; the median part of it that was used."""
+        """Checks each command against its bound, and prints the fraction of the bounds that was used."""
         over = [r for r in results if r["t"]["queue_ms"] + r["t"]["wire_ms"] >
                 r["t"]["bound_ms"] + NOISE_MS]
         self.assertEqual(over, [], json.dumps(over[:3]))
@@ -113,12 +113,12 @@ class Bound(PlantTest):
             for command in burst[half:]:
                 self.send(command)
             second.join()
-            # The next burst meets the line anywhere in an exchange, and often a queue.
+            # The next burst starts anywhere in an exchange, and often meets a queue.
             left = chance.choice([0, 0, 1, 3, 6])
             wait_for("results", lambda: len(self.watcher.payloads(topic)) >= len(commands) - left)
             time.sleep(chance.uniform(0, 0.15))
         wait_for("the last results", lambda: len(self.watcher.payloads(topic)) >= len(commands))
-        self.command(op="read", tag="setpoint")  # what came twice would be here by now
+        self.command(op="read", tag="setpoint")  # a second result would have arrived by now
         results = self.watcher.payloads(topic)[:-1]
         self.assertEqual(sorted(r["id"] for r in results), sorted(commands))
         for result in results:
@@ -128,7 +128,7 @@ class Bound(PlantTest):
         self.judge(results)
 
     def line_ms(self, deed):
-        """Line time of one entry of the PLC's log, by the characters of the programming port."""
+        """Returns the line time of one entry of the PLC's log, by the characters of the programming port."""
         digits = 4 * deed["count"]
         asks = 11  # STX, the command, 4 of address, 2 of length, ETX, 2 of sum
         chars = asks + 4 + digits if deed["kind"] == "read" else asks + digits + 1
@@ -151,16 +151,16 @@ class Bound(PlantTest):
 
         deeds = self.sim.ask(cmd="log", plc="press1", since=0)["log"]
         at = [i for i, d in enumerate(deeds) if d["kind"] == "write"]
-        # From the poll that the first of them met on the wire to the last.
+        # From the poll that was on the wire when the first of them arrived, to the last.
         during = deeds[at[0] - 1:at[-1]]
         of_commands = [d for d in during if d["device"] == "D620"]
         polls = sum(self.line_ms(d) for d in during if d not in of_commands)
         whole = polls + sum(self.line_ms(d) for d in of_commands)
         print(f"{polls / whole:.3f} of {whole:.0f} ms were the polls'")
-        # Turns are whole exchanges, so that one of them may still be owed.
+        # Turns are whole exchanges, so one of them may still be owed.
         longest = self.line_ms({"kind": "read", "count": 32})
         self.assertGreaterEqual(polls + longest, 0.2 * whole)
-        # And no more than the bound has counted: the commands have the rest.
+        # At most what the bound has assumed: the rest belongs to the commands.
         self.assertLess(polls / whole, 0.25)
         seen = [t for _, t, p, _ in self.watcher.messages[since:] if "/data/g" in t]
         for i in range(GROUPS):

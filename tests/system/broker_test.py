@@ -21,7 +21,7 @@ def openssl(directory, *arguments):
 
 
 def sign(directory, name, names):
-    """Makes the certificate of this key, for the host `names`, or makes it anew."""
+    """Creates or replaces the certificate of this key for the host `names`."""
     with open(os.path.join(directory, "san.cnf"), "w") as out:
         out.write(f"subjectAltName={names}\n")
     openssl(directory, "x509", "-req", "-in", f"{name}.csr", "-CA", "ca.pem", "-CAkey", "ca.key",
@@ -29,7 +29,7 @@ def sign(directory, name, names):
 
 
 def certificates(directory):
-    """A CA, a server certificate for 127.0.0.1, a client certificate, and a CA of somebody else."""
+    """Creates a CA, a server certificate for 127.0.0.1, a client certificate, and an unrelated CA."""
     key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
     for ca in ("ca", "other"):
         openssl(directory, "req", "-x509", *key, "-keyout", f"{ca}.key", "-out", f"{ca}.pem",
@@ -69,7 +69,7 @@ class BrokerLife(PlantTest):
     def test_the_last_will_tells_of_a_death(self):
         self.start()
         boot = self.watcher.wait(f"{BASE}/state")["boot"]
-        self.agent.stop(signal.SIGKILL)  # its status is no finding here
+        self.agent.stop(signal.SIGKILL)  # the exit status does not matter here
         gone = self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "offline")
         self.assertEqual(gone, {"state": "offline", "since": None, "reason": "lost", "boot": boot})
 
@@ -95,8 +95,8 @@ class BrokerLife(PlantTest):
                     return set(seen)
                 history = self.watcher.wait(f"{BASE}/press1/data/fast/history")
                 newest = max(numbers())
-                # What the broker had acknowledged and not passed on when it died is its own loss:
-                # from the first row that the agent kept, nothing is missing.
+                # Messages that the broker acknowledged but had not forwarded when it died are the broker's loss. From
+                # the first row kept by the agent on, nothing may be missing.
                 kept = history["rows"][0]["seq"]
                 wait_for("every number", lambda: numbers() >= set(range(kept, newest + 1)))
                 self.tearDown()
@@ -107,7 +107,7 @@ class BrokerLife(PlantTest):
         self.state("press1", "online")
         self.broker.kill()
         wait_for("the log", lambda: "broker_lost" in self.agent.logged())
-        self.broker.start()  # it has kept nothing
+        self.broker.start()  # it lost everything
         late = Watcher(self.broker.port)
         late.wait(f"{BASE}/state", lambda s: s["state"] == "online")
         late.wait(f"{BASE}/press1/state", lambda s: s["state"] == "online")
@@ -125,7 +125,7 @@ class BrokerLife(PlantTest):
         retained.close()
 
     def test_history_is_in_order_in_small_messages_and_beside_live_data(self):
-        # 400 values of five digits a row: a hundred rows are several messages.
+        # 400 values of five digits per row: a hundred rows need several messages.
         tags = [{"name": "block", "address": "D1000", "type": "uint16", "count": 400,
                  "group": "fast"}]
         self.start([device(tags=tags, groups=[{"name": "fast", "interval_ms": 20}])],
@@ -134,7 +134,7 @@ class BrokerLife(PlantTest):
         self.broker.kill()
         wait_for("the log", lambda: "broker_lost" in self.agent.logged())
         polls = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
-        # 800 bytes are at most 13 reads of 64.
+        # 800 bytes take at most 13 reads of 64.
         wait_for("a hundred rows", lambda: self.sim.ask(
             cmd="stats", plc="press1")["accepted_reads"] > polls + 100 * 13)
         since = self.watcher.mark()
@@ -156,8 +156,8 @@ class BrokerLife(PlantTest):
             self.assertEqual(set(row), set(live))
             self.assertEqual(row["boot"], live["boot"])
         seen = set(numbers) | {m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")}
-        # What the broker had acknowledged and not passed on when it died is its own loss, and no more
-        # than its window; from the first row that the agent kept, nothing is missing.
+        # Messages that the broker acknowledged but had not forwarded when it died are the broker's loss, at most one
+        # window. From the first row kept by the agent on, nothing may be missing.
         self.assertLessEqual(set(range(numbers[0], live["seq"])), seen)
         self.assertLess(len(set(range(first, numbers[0])) - seen), 20)
 
@@ -172,7 +172,7 @@ class BrokerLife(PlantTest):
         since = self.watcher.mark()
         self.broker.start()
         self.assert_result(self.result("across", since=since), "SUCCEEDED", None, "ACK")
-        # The id is still known to the agent.
+        # The agent still knows the id.
         again = self.command(id="across", op="force_on", address="M150")
         self.assert_result(again, "DUPLICATE", "duplicate_id", "ACK")
         self.assertEqual(len(self.sim.commands("press1")), 1)
@@ -213,7 +213,7 @@ class BrokerLife(PlantTest):
     def test_a_command_sent_while_a_3_1_1_agent_is_away_is_never_carried_out(self):
         self.start(version="3.1.1")
         self.state("press1", "online")
-        # It goes without a word: one that says goodbye takes its subscription back, session or not.
+        # Killed, because an agent that stops cleanly unsubscribes, with or without a session.
         since = self.watcher.mark()
         self.agent.stop(signal.SIGKILL)
         self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "offline", since)
@@ -257,7 +257,7 @@ class BrokerLife(PlantTest):
     def test_every_health_message_adds_up(self):
         self.start()
         self.data()
-        # One at once; another after each connect, with samples in every place.
+        # One at once; another after each connect, when samples are in every possible place.
         self.broker.kill()
         wait_for("the log", lambda: "broker_lost" in self.agent.logged())
         since = self.watcher.mark()
@@ -369,7 +369,7 @@ class Secrets(PlantTest):
 
     def test_a_certificate_of_another_host_is_refused(self):
         self.tls()
-        # The server's certificate is for 127.0.0.1 and says nothing of localhost.
+        # The server's certificate is for 127.0.0.1 and not for localhost.
         self.start_agent(mqtt_config={
             "servers": [f"mqtts://localhost:{self.broker.port}"],
             "tls": {"ca_file": os.path.join(self.directory, "ca.pem")}})
@@ -377,7 +377,7 @@ class Secrets(PlantTest):
         wait_for("the broker's word that it was reached",
                  lambda: "New connection from" in text_of(self.broker.log_path))
         self.assertNotIn("broker_connected", self.agent.logged())
-        # The name was all that was wrong: with it in the certificate the same agent connects.
+        # Only the name was wrong: with the right name in the certificate the same agent connects.
         sign(self.directory, "server", "DNS:localhost")
         self.broker.kill()
         self.broker.start()
@@ -401,7 +401,7 @@ class Secrets(PlantTest):
         wait_for("the log", lambda: "broker_connected" in self.agent.logged())
 
     def told(self, event, **mqtt_config):
-        """The reason of the first such event of an agent with this section `mqtt`."""
+        """Returns the reason of the first such event of an agent with this `mqtt` section."""
         if mqtt_config.get("tls"):
             mqtt_config["tls"] = {key: os.path.join(self.directory, name)
                                   for key, name in mqtt_config["tls"].items()}
@@ -419,7 +419,7 @@ class Secrets(PlantTest):
         return found[1]
 
     def closing(self):
-        """The port of a server that reads what comes and closes without a word."""
+        """Returns the port of a server that reads all input and then closes without a word."""
         server = socket.create_server(("127.0.0.1", 0))
         self.addCleanup(server.close)
 
@@ -437,7 +437,7 @@ class Secrets(PlantTest):
     def test_each_way_not_to_get_through_has_its_own_text_with_the_cure(self):
         users, rules = self.password_file(), os.path.join(self.directory, "acl")
         with open(rules, "w") as out:
-            # The last will is held against the rules with the CONNECT.
+            # The broker checks the last will against its rules at CONNECT.
             out.write(f"topic read #\ntopic readwrite {BASE}/state\n")
         os.chmod(rules, 0o644)
         secret = os.path.join(self.directory, "secret")

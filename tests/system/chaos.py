@@ -1,5 +1,5 @@
-"""Everything goes wrong at once, by a seed, and the promises are checked: the long form by hand
-(chaos.sh), the short one in chaos_test.py. README.md here says what is checked and what is not.
+"""Injects all faults at once, from a seed, and checks the promises. The long form is run by hand (chaos.sh), the
+short one by chaos_test.py. README.md in this folder lists the checks and their limits.
 """
 
 import argparse
@@ -23,11 +23,11 @@ from chaos_plant import CLOCK_LIBRARY, ChaosAgent, Consumer, Disk, Plant
 from chaos_relay import Relay
 from plant import BASE, FXAGENT, Broker, wait_for
 
-SETTLE_S = 120  # a silent device and a lost broker are tried every 30 s at the most
+SETTLE_S = 120  # silent devices and a lost broker are retried at most every 30 s
 
 
 class Chaos:
-    """One run, from an empty directory to its judgement."""
+    """One run, from an empty directory to its verdict."""
 
     def __init__(self, seed, sync="always", version="5", long=True, lifetime_s=3600, store_bytes=None,
                  commands_a_second=100):
@@ -44,11 +44,11 @@ class Chaos:
         self.rss = []  # (boot number, s since its start, KiB, commands so far)
         self.boots = 0
         self.clients = []
-        self.planned = {}  # lane -> how often it is to act
+        self.planned = {}  # lane -> number of planned acts
         self.not_run = {}  # lane -> why this machine cannot have it
         self.commands = Commands({name: self.plant.places(name) for name in self.plant.PROTOCOLS})
         self.stack = contextlib.ExitStack()
-        self.pending = []  # (when, what heals), in s since the first act could be
+        self.pending = []  # (when, healing action), in s since the first possible act
         self.begin = time.monotonic()
         with open(FXAGENT, "rb") as program:
             code = program.read()
@@ -57,14 +57,14 @@ class Chaos:
             self.not_run["clock"] = "a sanitizer's runtime must be the first library"
         self.with_clock = os.path.exists(CLOCK_LIBRARY) and not sanitized
 
-    # The beginning.
+    # --- Start.
 
     def start(self):
         self.stack.callback(self.trace.close)
         self.stack.callback(self.disk.close)
         at_broker = os.path.join(self.directory, "broker")
         os.mkdir(at_broker)
-        # What the consumer has not got yet outlives a stop of the broker; a kill of it costs 1 s.
+        # Undelivered messages to the consumer survive a stop of the broker; a kill loses 1 s.
         self.broker = Broker(self.directory, "\n".join([
             "user root" if os.geteuid() == 0 else "", "persistence true",
             f"persistence_location {at_broker}/", "autosave_interval 1", "max_queued_messages 0"]))
@@ -121,7 +121,7 @@ class Chaos:
         if self.agent.process:
             self.agent.stop(signal.SIGKILL)
 
-    # The middle.
+    # --- Run.
 
     def run(self, acts, seconds):
         self.begin = time.monotonic()
@@ -168,7 +168,7 @@ class Chaos:
 
     def do_kill(self, act):
         if self.agent.process is None or not self.agent.store_writes():
-            return None  # not up again yet, or the disk is full: another promise
+            return None  # not up again yet, or the disk is full: other promises apply
         self.struck["agent: kill -9"] += 1
         self.kill_agent()
         if act.lasts > 0:
@@ -182,7 +182,7 @@ class Chaos:
         process = self.broker.process
         if act.kind == "paused":
             process.send_signal(signal.SIGSTOP)
-            with contextlib.suppress(AssertionError):  # then it was no pause
+            with contextlib.suppress(AssertionError):  # then there was no pause
                 wait_for("the broker to stand still", lambda: os.waitid(
                     os.P_PID, process.pid, os.WSTOPPED | os.WNOWAIT | os.WNOHANG), 2)
                 self.struck["broker: paused"] += 1
@@ -220,7 +220,7 @@ class Chaos:
     def do_wire(self, act):
         more = dict(act.more)
         plc = more.pop("plc")
-        if act.kind == "late":  # two that strike the same reply would add up
+        if act.kind == "late":  # two on the same reply would add up
             self.plant.sim.ask(cmd="clear_faults", plc=plc)
         self.plant.sim.fault(plc, act.kind, **more)
         if act.kind == "dead":
@@ -250,10 +250,10 @@ class Chaos:
             self.set_clock(dict(act.more)["offset"])
 
     def set_clock(self, offset):
-        self.ledger.clock.set_to(offset)  # first: a sample may be here before the next line is
+        self.ledger.clock.set_to(offset)  # before the next line, because a sample may arrive in between
         self.agent.set_clock(offset)
 
-    # The end: everything healed, and nothing but waiting for calm.
+    # --- End: everything is healed, then only waiting for calm.
 
     def all_online(self):
         states = self.ledger.states
@@ -274,7 +274,7 @@ class Chaos:
         self.set_clock(0)
 
     def missing(self):
-        """How many numbers never came, of each device that misses any."""
+        """Returns the number of missing samples of each device that misses any."""
         missing = collections.Counter()
         for device, first, last in self.ledger.gaps(self.sync == "always"):
             missing[device] += last - first + 1
@@ -292,7 +292,7 @@ class Chaos:
                  ("a store that writes", self.agent.store_writes),
                  ("every number", self.is_caught_up)]
         if self.long:
-            mark = len(self.ledger.healths) + 1  # the one after the next: nothing of an outage in it
+            mark = len(self.ledger.healths) + 1  # the second next one: it contains nothing of an outage
             waits.append(("a calm health message", lambda: self.is_calm(mark)))
         for what, condition in waits:
             try:
@@ -302,8 +302,8 @@ class Chaos:
         self.judge_numbers()
 
     def judge_numbers(self):
-        """What is missing was dropped, by health. More may have been dropped than is missing: the broker
-        had it, and its acknowledgement was lost."""
+        """Missing samples must have been reported as dropped by health. More may have been dropped than are missing,
+        because the broker may have received one whose acknowledgement was lost."""
         missing = self.missing()
         for device in self.plant.PROTOCOLS:
             dropped = self.ledger.dropped(device)
@@ -315,7 +315,7 @@ class Chaos:
     def is_calm(self, mark):
         if len(self.ledger.healths) <= mark:
             return False
-        # With `always` what is on its way is stored, too; that the store is empty is seen after the end.
+        # With `always`, samples in flight are also stored; the end check verifies that the store is empty.
         samples = self.ledger.healths[-1][1]["samples"]
         return samples["stored"] + samples["queued"] + samples["in_flight"] <= 20
 
@@ -336,7 +336,7 @@ class Chaos:
             self.ledger.fault(f"{left} samples are left in the store after a calm end")
 
     def evidence(self):
-        """How often each lane is seen to have acted: by its effect, and not by what was meant."""
+        """Returns the number of acts of each lane, by their observed effects instead of the plan."""
         wire = collections.Counter()
         for name in self.plant.PROTOCOLS:
             wire.update(self.plant.sim.ask(cmd="stats", plc=name)["faults"])
@@ -356,8 +356,7 @@ class Chaos:
         }
 
     def minimums(self, seconds):
-        """The least that a run must have had for its result to mean anything; far below what a machine
-        under load still does."""
+        """Returns the minimum of activity for a meaningful run, far below what a loaded machine still achieves."""
         least = {"samples": 5 * seconds, "devices with samples": len(self.plant.PROTOCOLS),
                  "health messages": 1 + self.planned.get("kill", 0) // 6}
         if self.commands_a_second:
@@ -370,7 +369,7 @@ class Chaos:
         return least
 
     def judge_minimums(self, seconds):
-        """Names what is missing, so that a run in which nothing happened is no pass."""
+        """Reports missing activity, so that a run without any does not pass."""
         evidence = self.evidence()
         for what, least in self.minimums(seconds).items():
             if evidence[what] < least:
@@ -392,7 +391,7 @@ class Chaos:
             self.ledger.fault("not a single sample was seen")
 
     def close(self):
-        """The directory stays where something was found."""
+        """Removes the directory, unless a fault was found."""
         if self.long:
             self.judge_memory()
         self.stack.close()
@@ -400,7 +399,7 @@ class Chaos:
             shutil.rmtree(self.directory, ignore_errors=True)
 
     def judge_memory(self):
-        """Flat within 10 %: of a boot's life after its first minute, without what ids cost that the
+        """Memory must be flat within 10 % from the first minute of a boot's life on, not counting the ids that the
         agent has to remember (an id with its result, 1 KiB)."""
         for boot, samples in self.lives():
             settled = [(rss, commands) for age, rss, commands in samples if age > 60]
@@ -419,7 +418,7 @@ class Chaos:
             lives[boot].append((age, rss, commands))
         return lives.items()
 
-    # The report.
+    # --- Report.
 
     def report(self, out):
         ledger = self.ledger
@@ -462,8 +461,8 @@ class Chaos:
 
 def run_chaos(seed, seconds, pace, sync, version, out, long, without=(), store_bytes=None,
               commands_a_second=100, kind=Chaos):
-    """The faults that were found, where an empty list is a pass; and lane -> why it could not run here.
-    `without` names lanes that are left out of the plan."""
+    """Returns the faults found (an empty list is a pass), and lane -> why it could not run here. `without` names
+    lanes to leave out of the plan."""
     chaos = kind(seed, sync, version, long, seconds + 3 * SETTLE_S, store_bytes, commands_a_second)
     print(f"seed {seed}, {seconds} s, sync {sync}, MQTT {version}, in {chaos.directory}; disk: "
           f"{chaos.disk.kind()}; clock: {'set' if chaos.with_clock else 'left alone'}",
@@ -471,7 +470,7 @@ def run_chaos(seed, seconds, pace, sync, version, out, long, without=(), store_b
     devices = {name: (protocol, "plain" if name == Plant.PLAIN else "ramp")
                for name, protocol in Plant.PROTOCOLS.items()}
     acts = [act for act in chaos_faults.plan(seed, seconds, pace, devices) if act.lane not in without]
-    # A clock that is set to what it is strikes nobody.
+    # Setting the clock to its present value has no effect.
     chaos.planned = {lane: sum(act.lane == lane and ("offset", 0) not in act.more for act in acts)
                      for lane in chaos_faults.LANES if lane not in without}
     with open(os.path.join(chaos.directory, "plan.txt"), "w") as text:
@@ -480,7 +479,7 @@ def run_chaos(seed, seconds, pace, sync, version, out, long, without=(), store_b
 
 
 def run_kills(seed, kills, out):
-    """Nothing but kill -9, at random moments from the first on, with `sync: always`."""
+    """Only kill -9, at random moments from the very start, with `sync: always`."""
     chaos = Chaos(seed, "always", "5", True, kills * 10 + 3 * SETTLE_S)
     chaos.planned = {"kill": kills}
     print(f"seed {seed}, {kills} kills, sync always, in {chaos.directory}", file=out, flush=True)
@@ -488,7 +487,7 @@ def run_kills(seed, kills, out):
 
     def go():
         for number in range(kills):
-            # Right after the start, while it connects, in its history, or in its calm.
+            # Right after the start, while it connects, while it sends history, or while idle.
             time.sleep(rng.choice([rng.uniform(0, 0.3), rng.uniform(0, 1), rng.uniform(0.5, 3)]))
             chaos.kill_agent()
             chaos.struck["agent: kill -9"] += 1

@@ -1,10 +1,10 @@
 #!/bin/bash
-# Everything goes wrong at once, for a while, by a seed:
+# Injects all faults at once for a while, from a seed:
 #   tests/system/chaos.sh --minutes 10 --seed 7 [--sync always|offline] [--version 5|3.1.1]
 #   tests/system/chaos.sh --kills 200 --seed 7
-# Prints a report; exit status 0 only if every check holds. Otherwise its directory stays, with the plan,
-# the agent's log and a trace of everything that was seen. BUILD_DIR: where fxagent and fxsim were built,
-# `build` in the project unless set. As root in a mount namespace of its own, which ends with it.
+# Prints a report; exit status 0 only if every check passes. Otherwise its directory is kept, with the plan, the
+# agent's log and a trace of all observations. BUILD_DIR: the build directory of fxagent and fxsim, `build` in the
+# project by default. As root it runs in its own mount namespace, which ends with it.
 set -euo pipefail
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)

@@ -1,5 +1,5 @@
-"""Commands at a hundred a second, from clients that repeat themselves, come late and write nonsense;
-and what must hold between the commands, their results and what the simulator says it carried out.
+"""Commands at a hundred a second, from clients that repeat commands, send late and send nonsense; and the consistency
+checks between commands, their results and the simulator's log of executions.
 """
 
 import collections
@@ -12,8 +12,8 @@ import paho.mqtt.client as mqtt
 
 from plant import PATIENCE, request_properties, wait_for
 
-# Bits and words of each kind of device that only commands touch; each pair of place and value is used
-# once, so that an execution names its command.
+# Bits and words of each kind of device that only commands write. Each pair of place and value is used once, so an
+# execution identifies its command.
 FX_PLACES = {"bits": ("M{}", 100, 7000), "words": ("CN{}", 0, 150), "tag": "CN199"}
 DEMO_PLACES = {"bits": ("M{}", 102, 98), "words": ("D{}", 300, 99), "tag": "D399"}
 MODBUS_PLACES = {"bits": ("co:{}", 100, 9900), "words": ("hr:{}", 300, 100), "tag": "hr:900"}
@@ -35,7 +35,7 @@ MALFORMED = [
 
 
 class Commands:
-    """Every command that was ever sent; hands out places and values. Thread safe."""
+    """Records every command sent, and assigns places and values. Thread safe."""
 
     def __init__(self, places):
         self.places = places  # device -> its places
@@ -47,7 +47,7 @@ class Commands:
         self.recent = collections.deque(maxlen=60)
 
     def change(self, device, identity):
-        """A write or a force of its own, as a dict, and noted under the id."""
+        """Returns a write or force as a dict with its own place and value, recorded under the id."""
         with self.lock:
             number = self.numbers[device]
             self.numbers[device] += 1
@@ -80,7 +80,7 @@ class Commands:
 
 
 class Client:
-    """One of the three that send; a thread that never stops for the broker's sake."""
+    """One of the three senders; a thread that never stops because of the broker."""
 
     KINDS = ["change"] * 60 + ["repeat"] * 20 + ["read"] * 5 + ["expired"] * 4 + ["soon"] * 4 + \
             ["malformed"] * 4 + ["dry"] * 2 + ["retained"]
@@ -102,7 +102,7 @@ class Client:
         self.thread.start()
 
     def stop(self):
-        """Sends no more, and takes back what it had retained."""
+        """Stops sending and clears its retained messages."""
         self.stopping.set()
         self.thread.join(PATIENCE)
 
@@ -147,7 +147,7 @@ class Client:
         command = {"id": identity, **self.commands.change(device, identity)}
         now_ms = int((time.time() + self.clock.offset) * 1000)
         if kind == "expired":
-            command["expires"] = 1  # past, however the agent's clock is set
+            command["expires"] = 1  # in the past for any setting of the agent's clock
         elif kind == "dry":
             command["dry_run"] = True
         elif kind == "soon":
@@ -158,7 +158,7 @@ class Client:
 
 
 class Deeds:
-    """What the simulator says that it carried out, taken from its log little by little."""
+    """The executions reported by the simulator, read incrementally from its log."""
 
     def __init__(self, sim, devices):
         self.sim = sim
@@ -180,14 +180,14 @@ class Deeds:
         self.forces[device, place].append((at, kind))
 
     def stood_so(self, device, kind, place, at):
-        """Whether the bit was at that time what a command of this kind makes of it."""
+        """True if the bit already had the value that a command of this kind sets, at that time."""
         before = [forced for when, forced in self.forces[device, place] if when < at]
         return kind == (before[-1] if before else "force_off")
 
 
 def judge_commands(ledger, commands, deeds, version):
-    """Everything that must hold between commands, results and deeds; tells the ledger what does not.
-    On MQTT 3.1.1 an agent that is connected cannot tell a retained command, so it may carry it out."""
+    """Checks commands, results and executions against each other and reports violations to the ledger. On MQTT 3.1.1
+    a connected agent cannot recognise a retained command, so it may carry it out."""
     never = {"dry", "expired", "malformed", "read"} | ({"retained"} if version == "5" else set())
     executed = collections.Counter()
     for (device, kind, place, value), times in deeds.count.items():
@@ -197,7 +197,7 @@ def judge_commands(ledger, commands, deeds, version):
                          f"{ids}")
         if len(ids) == 1:
             executed[device, ids[0]] += times
-    shared = set()  # ids of which a message has its place and value in common with another's
+    shared = set()  # ids with a message that shares its place and value with another message
     for (device, *_), ids in commands.keys.items():
         if len(ids) > 1:
             shared.update((device, identity) for identity in ids)
@@ -227,7 +227,7 @@ def judge_commands(ledger, commands, deeds, version):
 
 def judge_one(ledger, key, result, times, stood_so):
     status, reason = result["status"], result["reason"]
-    # No answer came, and the bit that is read back stood so before.
+    # No answer came, and the bit already had the value that is read back.
     if stood_so and not times and status == "SUCCEEDED" and result["plc"] is None:
         return
     was_done = status == "SUCCEEDED" or reason == "verify_mismatch"
@@ -237,9 +237,9 @@ def judge_one(ledger, key, result, times, stood_so):
 
 
 def judge_silence(ledger, key, kind):
-    """No result although the agent had it: only where it was killed, or the connection ended, before
-    the agent can have looked at it; a journal that was written in between would have told. And where
-    the disk refused the journal, and had not taken it yet when the kill came."""
+    """A command received without a result is permitted only in two cases. Either the agent was killed or the
+    connection ended before the agent can have processed it; with a journal entry there would be a result. Or the disk
+    refused the journal and had not accepted it when the kill came."""
     excused = all(any(0 <= end - at <= 2.0 for end in ledger.connection_ends) or
                   ledger.lost_without_a_journal(at) for at in ledger.taken[key])
     if excused:

@@ -1,19 +1,18 @@
-"""What goes wrong and when: a list that a seed determines. Times are in s from the begin."""
+"""The plan of faults, determined by a seed. Times are in s from the start."""
 
 import dataclasses
 import random
 
-# What fxsim can do to a reply, and the keys beside `match` and `count`.
+# The faults that fxsim can apply to a reply, with their keys besides `match` and `count`.
 WIRE = {
     "nak": {}, "silent": {}, "execute_then_silent": {}, "late": {"ms": [50, 200, 330, 500, 1500]},
     "wrong_sum": {}, "truncated": {"bytes": [1, 3, 5]}, "garbage_before": {}, "noise_after": {},
     "echo": {}, "split": {"bytes": [1, 4], "ms": [5, 20]}, "drop": {"ms": [50, 500, 1500]},
 }
-# Where replies have no number and no question tells that the line is clear, one that comes more than
-# twice the time-out (500 ms here) after its question can pass for another's; agent/OPERATIONS.md says
-# so.
+# If replies have no number and no request proves that the line is clear, a reply that comes later than twice the
+# time-out (500 ms here) can pass for the reply to another request; see agent/OPERATIONS.md.
 SOON = {"ms": [50, 200, 600, 900]}
-# A stopped PLC has no ramp, so only the one without does it.
+# A stopped PLC has no ramp, so only the device without one is stopped.
 WIRE_MORE = {
     "fx-programming-port": {}, "fx-computer-link": {"wrong_station": {}, "late": SOON},
     "modbus-rtu": {"wrong_unit": {}, "late": SOON,
@@ -42,7 +41,7 @@ class Act:
 
 @dataclasses.dataclass(frozen=True)
 class Pace:
-    """How often each lane acts, (least, most) s between two, and the longest that a fault lasts."""
+    """Frequency of a lane: (least, most) s between two acts, and the longest duration of a fault."""
     kill: tuple
     broker: tuple
     network: tuple
@@ -60,11 +59,11 @@ LONG = Pace(kill=(8, 40), broker=(20, 50), network=(8, 30), wire=(0.2, 1.5), dis
 
 
 def plan(seed, seconds, pace, devices):
-    """`devices`: name -> protocol, and "ramp" or "plain"."""
+    """Returns the plan. `devices`: name -> protocol, and "ramp" or "plain"."""
     lanes = [agent_kills, broker, network, wire, disk, clock]
     acts = [act for lane in lanes for act in
             lane(random.Random(f"{seed}/{lane.__name__}"), seconds, pace, devices)]
-    # Samples and commands that the disk refused are in memory alone: a kill then is another promise.
+    # Samples and commands that the disk refused are only in memory: other promises apply to a kill then.
     broken = [(a.at - 1.0, a.at + a.lasts + 12.0) for a in acts if a.lane == "disk"]
     return sorted((a for a in acts if a.lane != "kill" or
                    not any(begin <= a.at <= end for begin, end in broken)), key=lambda a: a.at)
@@ -120,7 +119,7 @@ def wire(rng, seconds, pace, devices):
         kind = rng.choice(sorted(kinds))
         more = {k: rng.choice(v) for k, v in kinds[kind].items()}
         match = rng.choice(["any", "read", "write", "force"])
-        # An echoed Modbus write passes for its answer where the line is not known to echo.
+        # An echoed Modbus write passes for its answer unless the line is known to echo.
         if kind == "echo" and protocol.startswith("modbus"):
             match = "read"
         count = rng.choice([1, 1, 1, 2, 3, 6])

@@ -1,8 +1,8 @@
-"""What an agent was seen to do, and what must not be in it. Written from the contract alone.
+"""The observed behaviour of an agent, and the conditions it must meet. Written from the contract alone.
 
-Two observers fill a ledger: the tap on the cable between agent and broker, and a consumer that is
-connected to the broker directly. A sample or a result counts as delivered when either has it: what the
-broker acknowledged and lost in a crash of its own is the broker's loss, and is counted apart.
+Two observers fill a ledger: the tap on the connection between agent and broker, and a consumer that is connected to
+the broker directly. A sample or result counts as delivered when either has it. Messages that the broker acknowledged
+and lost in a crash of its own are the broker's loss, and are counted separately.
 """
 
 import bisect
@@ -12,19 +12,19 @@ import json
 import threading
 import time
 
-SCAN_S = 0.020  # of the simulator: one count of its ramps
+SCAN_S = 0.020  # the simulator's scan: one count of its ramps
 WORD = 65536
 
 
 class Clock:
-    """The offsets, in s, that the agent's clock had against the machine's, and since when."""
+    """The offsets of the agent's clock from the machine's, in s, with their start times."""
 
     def __init__(self):
         self.starts = [0.0]
         self.offsets = [0.0]
 
     def set_to(self, offset):
-        """To be called right before the agent's clock is set."""
+        """Call right before setting the agent's clock."""
         self.starts.append(time.time())
         self.offsets.append(offset)
 
@@ -33,7 +33,7 @@ class Clock:
         return self.offsets[-1]
 
     def real_times(self, ts):
-        """The machine's times, in s, at which the agent's clock may have said `ts`, in ms."""
+        """Returns the machine's times, in s, at which the agent's clock may have shown `ts`, in ms."""
         out = []
         for i, (start, offset) in enumerate(zip(self.starts, self.offsets)):
             end = self.starts[i + 1] if i + 1 < len(self.starts) else time.time()
@@ -44,14 +44,14 @@ class Clock:
 
 
 class Ramp:
-    """A device whose tags tell the time: the word at number n holds scans + n."""
+    """A device whose tags encode the time: the word at number n holds scans + n."""
 
     def __init__(self, count, at, numbers):
         self.count, self.at = count, at
         self.numbers = numbers  # tag -> n
 
     def age(self, tag, value, real):
-        """How old the value was, in s, at the machine's time `real`; within half the ramp's round."""
+        """Returns the age of a value in s at the machine's time `real`; valid within half the ramp's period."""
         ahead = (value - self.numbers[tag] - self.count - (real - self.at) / SCAN_S) % WORD
         return -(ahead - WORD if ahead >= WORD / 2 else ahead) * SCAN_S
 
@@ -60,7 +60,7 @@ class Stream:
     """The samples of one device."""
 
     def __init__(self):
-        self.rows = {}  # seq -> (fingerprint, boot, ts, whether a tag was bad)
+        self.rows = {}  # seq -> (fingerprint, boot, ts, True if a tag was bad)
         self.with_broker = {}  # seq -> when its first PUBACK was seen
         self.consumed = set()
         self.boots = collections.OrderedDict()  # boot -> [first, last] seq
@@ -69,7 +69,7 @@ class Stream:
         return self.consumed | self.with_broker.keys()
 
     def missing(self):
-        """Numbers between the first and the last delivered that nobody has."""
+        """Returns the numbers between the first and the last delivered that neither observer has."""
         there = sorted(self.delivered())
         gaps = []
         for before, after in zip(there, there[1:]):
@@ -79,7 +79,7 @@ class Stream:
 
 
 class Ledger:
-    """Thread safe. `faults` has every promise that was seen broken."""
+    """All observations. `faults` lists every broken promise. Thread safe."""
 
     MOST_FAULTS = 200
 
@@ -92,10 +92,10 @@ class Ledger:
         self.clock = Clock()
         self.ramps = {}  # device -> Ramp
         self.tags = {}  # (device, group) -> tags
-        self.on_shared_lines = set()  # devices that have to wait for their neighbours
+        self.on_shared_lines = set()  # devices that wait for their neighbours
         self.streams = collections.defaultdict(Stream)
         self.ages = []
-        self.most_age_s = 1.5  # beside span_ms: time-out, line time, a busy machine
+        self.most_age_s = 1.5  # in addition to span_ms: time-out, line time, a busy machine
         self.kills, self.broker_kills = [], []  # machine's time; monotonic
         self.connection_ends = []
         self.disk_refusals = []  # [from, until]
@@ -104,13 +104,13 @@ class Ledger:
         self.results = collections.defaultdict(list)  # (device, id) -> results that are not DUPLICATE
         self.statuses = collections.Counter()
         self.unnamed_results = 0
-        self.taken = collections.defaultdict(list)  # (device, id) -> when the agent had it
+        self.taken = collections.defaultdict(list)  # (device, id) -> when the agent received it
         self.result_with_broker = set()
         self.result_consumed = set()
         self.healths = []
         self.states = {}
         self.last_history = time.monotonic()
-        self.last_live = collections.Counter()  # device -> when the broker acknowledged one
+        self.last_live = collections.Counter()  # device -> when the broker acknowledged a live sample
         self.counts = collections.Counter()
 
     def fault(self, text):
@@ -143,13 +143,13 @@ class Ledger:
                 refusal[1] = refusal[1] or time.monotonic()
 
     def lost_without_a_journal(self, at):
-        """Whether the disk refused at this time, and a kill or a broken connection came before the agent
-        can have made up for it: it tries the disk again each 10 s."""
+        """True if the disk refused writes at this time and a kill or lost connection followed before the agent could
+        have retried: it retries every 10 s."""
         return any(begin <= at <= (end or at) and
                    any(at <= over <= (end or over) + 15.0 for over in self.connection_ends)
                    for begin, end in self.disk_refusals)
 
-    # What the tap tells.
+    # --- Reports of the tap.
 
     def connected(self, connection):
         with self.lock:
@@ -189,7 +189,7 @@ class Ledger:
                       payload=payload[:1000].decode("utf-8", "replace"))
             self.counts["commands taken"] += 1
             if len(payload) > 65536:
-                return  # refused unread: its id stays unknown
+                return  # refused without being read: its id stays unknown
             try:
                 identity = json.loads(payload)["id"]
             except (ValueError, KeyError, TypeError, RecursionError):
@@ -197,7 +197,7 @@ class Ledger:
             if isinstance(identity, str):
                 self.taken[(topic.split("/")[-2], identity)].append(time.monotonic())
 
-    # What the consumer tells.
+    # --- Reports of the consumer.
 
     def consumed(self, topic, payload, retained):
         with self.lock:
@@ -213,7 +213,7 @@ class Ledger:
                 self.states[topic] = body
                 self.note("state", topic=topic, state=body)
 
-    # The samples.
+    # --- Samples.
 
     def _json(self, topic, payload):
         if not topic.startswith(self.base) or topic.endswith("/command") or not payload:
@@ -225,7 +225,7 @@ class Ledger:
             return None
 
     def _rows(self, topic, body):
-        """(device, lane, row) of each sample in a message; the lane is the scope of its order."""
+        """Returns (device, lane, row) for each sample in a message; numbers are ordered within a lane."""
         parts = topic[len(self.base) + 1:].split("/")
         if body is None or len(parts) < 3 or parts[1] != "data":
             return []
@@ -289,8 +289,8 @@ class Ledger:
                            f"be: {json.dumps(row)}")
 
     def _in_order(self, last, where, device, lane, seq, first_only):
-        """Live over all groups of a device, and each history topic, rise. At the consumer only what
-        comes for the first time must, since what was not acknowledged comes again."""
+        """Sequence numbers must rise live over all groups of a device, and on each history topic. At the consumer
+        this applies only to first deliveries, because unacknowledged messages are repeated."""
         key = (device, lane)
         seen, top = last.setdefault(key, (set() if first_only else None, [-1]))
         if first_only:
@@ -305,7 +305,7 @@ class Ledger:
                 self.fault(f"{where}: {device} {lane}: seq {seq} after {top[0]}")
         top[0] = max(top[0], seq)
 
-    # Results and health.
+    # --- Results and health.
 
     def _result(self, topic, payload, seen):
         if not topic.startswith(self.base) or not topic.endswith("/result"):
@@ -349,22 +349,22 @@ class Ledger:
         if samples["collected"] + samples["recovered"] != here or not samples["balanced"]:
             self.fault(f"health does not add up: {samples}")
 
-    # What is asked at the end.
+    # --- Queries at the end.
 
     def boots(self):
-        """How many lives of the agent are seen in its samples."""
+        """Returns the number of agent lives that appear in the samples."""
         return len({boot for stream in self.streams.values() for boot in stream.boots})
 
     def dropped(self, device):
-        """By health, over all boots: at least so many, since a kill takes the last count along."""
+        """Returns a lower bound on dropped samples from health over all boots: a kill loses the last count."""
         most = collections.Counter()
         for _, health in self.healths:
             most[health["boot"]] = max(most[health["boot"]], health["devices"][device]["dropped"])
         return sum(most.values())
 
     def gaps(self, sync_always):
-        """Numbers that nobody has and that had to come: (device, first, last). With `offline` those
-        of the last moments of a boot that was killed may go, and the number skips forward there."""
+        """Returns undelivered numbers that should have been delivered: (device, first, last). With `offline`, those
+        of the last moments of a killed boot may be lost, and the number skips forward there."""
         out = []
         skips = 0
         with self.lock:
@@ -378,10 +378,9 @@ class Ledger:
         return out
 
     def _lost_in_a_kill(self, device, first, last):
-        """Whether the kill of its boot came soon after the gap: a sample is due on disk after 1 s,
-        committed within 0.2 s more; the rest is for a busy machine and for commands, and neighbours,
-        that a faulty line takes long over. A device that was silent makes no samples, so nothing can
-        be said of how long before the kill its last one was."""
+        """True if its boot was killed soon after the gap. A sample is due on disk after 1 s and committed within
+        another 0.2 s. The rest allows for a busy machine, and for commands and neighbours that a faulty line delays.
+        A silent device makes no samples, so its last one may be any time before the kill."""
         stream = self.streams[device]
         before, after = stream.rows[first - 1], stream.rows[last + 1]
         if before[1] != after[1] and before[3]:
@@ -396,7 +395,7 @@ class Ledger:
         return False
 
     def broker_losses(self):
-        """Samples that the broker acknowledged and the consumer never got: (device, seq, when)."""
+        """Returns samples that the broker acknowledged and the consumer never got: (device, seq, when)."""
         with self.lock:
             return [(device, seq, when) for device, stream in self.streams.items()
                     for seq, when in stream.with_broker.items() if seq not in stream.consumed]

@@ -1,5 +1,5 @@
-"""What the chaos happens to: an agent whose clock and disk can go wrong, eight devices of every family,
-and a consumer.
+"""The plant of the chaos tests: an agent whose clock and disk can fail, eight devices of all families, and a
+consumer.
 """
 
 import contextlib
@@ -17,13 +17,13 @@ from chaos_ledger import SCAN_S, Ramp
 from chaos_commands import DEMO_PLACES, FX_PLACES, MODBUS_PLACES
 from plant import BASE, FXAGENT, PATIENCE, Agent, Sim, memory_kib
 
-# peers/shifted_clock.cpp, built; without it the clock is left alone.
+# The built peers/shifted_clock.cpp; without it the clock is not changed.
 CLOCK_LIBRARY = os.environ.get("CLOCK_LIBRARY", "")
 
 
 class Disk:
-    """Where the store lives, and can be full: a small file system of its own where root may mount one,
-    else a limit on the size of the agent's files."""
+    """A disk for the store that can be filled: a small file system of its own if root may mount one, otherwise a
+    limit on the size of the agent's files."""
 
     ROOM = "size=512m"
 
@@ -37,10 +37,10 @@ class Disk:
         return "a full tmpfs" if self.is_mounted else "RLIMIT_FSIZE"
 
     def fill(self, pid):
-        """Whether there is no room now: a file system that may not shrink leaves everything as it was."""
+        """Fills the disk. Returns True if it is full now; a file system that cannot shrink is left unchanged."""
         if not self.is_mounted:
             return self._limit(pid, 4096)
-        for _ in range(20):  # the agent writes meanwhile
+        for _ in range(20):  # the agent keeps writing
             usage = os.statvfs(self.path)
             used = (usage.f_blocks - usage.f_bfree) * usage.f_frsize
             if self._remount(f"size={max(used, 4096)}"):
@@ -48,7 +48,7 @@ class Disk:
         return False
 
     def tighten(self, pid):
-        """For a store that gets by with the room that its files have already: they end here now."""
+        """For a store that manages with the room its files already have: sets the limit to their present size."""
         return self._limit(pid, 4096)
 
     def heal(self, pid):
@@ -76,7 +76,7 @@ class Disk:
 
 
 class ChaosAgent(Agent):
-    """With a clock that can be set, and files whose size can be limited; killed and started often."""
+    """An agent with an adjustable clock and a file size limit, killed and started often."""
 
     def __init__(self, directory, config, with_clock):
         super().__init__(directory, config)
@@ -88,15 +88,15 @@ class ChaosAgent(Agent):
             self.environment.update(LD_PRELOAD=CLOCK_LIBRARY, SHIFTED_CLOCK=self.clock_path)
 
     def set_clock(self, offset):
-        """In s, against the machine's."""
+        """Sets the offset from the machine's clock, in s."""
         with open(self.clock_path, "r+b", buffering=0) as out:
             out.write(struct.pack("=q", offset))
 
     def start(self):
-        # Its log goes through another process, so that a limit on its files does not silence it.
+        # The log goes through another process, so that a limit on file sizes does not silence it.
         self.log = open(self.log_path, "a")
         self.logger = subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=self.log)
-        # Python ignores SIGXFSZ; so does the agent then, and a write beyond the limit is an error.
+        # Python ignores SIGXFSZ and the agent inherits that: a write beyond the limit is an error.
         self.process = subprocess.Popen([FXAGENT, "run", self.path], stderr=self.logger.stdin,
                                         stdout=subprocess.DEVNULL, env=self.environment,
                                         restore_signals=False)
@@ -115,17 +115,17 @@ class ChaosAgent(Agent):
         return None
 
     def store_writes(self):
-        """By its last word on the store."""
+        """True if the last log line about the store says that it writes to disk."""
         words = [line for line in self.logged().splitlines() if " store state=" in line]
         return bool(words) and "state=disk" in words[-1]
 
     def disk_refusals(self):
-        """How often the store found, by its own word, that the disk takes nothing."""
+        """Returns how often the store logged that the disk refuses writes."""
         return sum(" store state=memory" in line for line in self.logged().splitlines())
 
 
 class Consumer:
-    """An ordinary subscriber with a session that outlives its connection."""
+    """An ordinary subscriber whose session survives its connection."""
 
     def __init__(self, port, ledger, seed):
         self.ledger = ledger
@@ -147,13 +147,13 @@ class Consumer:
 
 
 class Plant:
-    """Eight devices of every family on six links, as fxsim and as the agent know them."""
+    """Eight devices of all families on six links, as configured in fxsim and in the agent."""
 
     PROTOCOLS = {"press1": "fx-programming-port", "press2": "fx-programming-port",
                  "st0": "fx-computer-link", "st1": "fx-computer-link",
                  "rtu1": "modbus-rtu", "rtu2": "modbus-rtu",
                  "meter1": "modbus-tcp", "meter2": "modbus-tcp"}
-    PLAIN = "press2"  # its memory changes by commands alone, and it may be stopped
+    PLAIN = "press2"  # only commands change its memory, and it may be stopped
 
     def __init__(self, directory, lifetime_s):
         self.directory = directory
@@ -232,7 +232,7 @@ class Plant:
                 continue
             before = time.time()
             count = self.sim.get(name, "hr:0" if self.is_modbus(name) else "D0")
-            # Read between two moments; a scan has passed for half of one, on the average.
+            # Read between two moments; on average half a scan has passed.
             at = (before + time.time()) / 2 - SCAN_S / 2
             out[name] = Ramp(count, at, {"a": 100, "b": 3000, "c": 200})
         return out

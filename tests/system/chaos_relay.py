@@ -1,5 +1,5 @@
-"""The cable between agent and broker, which can be silent, slow, cut or refused, and a tap on it that
-understands enough MQTT to say what crossed it: an observer that neither agent nor broker can fool.
+"""The connection between agent and broker, which can be silent, slow, cut or refused. Its tap decodes enough MQTT to
+report what passed: an observer independent of agent and broker.
 """
 
 import asyncio
@@ -14,7 +14,7 @@ CONNECT, CONNACK, PUBLISH, PUBACK = 1, 2, 3, 4
 
 
 class Packets:
-    """Cuts a stream of bytes into MQTT control packets: (type, flags, body)."""
+    """Splits a stream of bytes into MQTT control packets: (type, flags, body)."""
 
     def __init__(self):
         self.rest = b""
@@ -38,7 +38,7 @@ class Packets:
 
 
 def varint(data, at):
-    """(value, position behind it) of a variable byte integer; None where it is not all there."""
+    """Returns (value, next position) of a variable byte integer, or None if it is incomplete."""
     value = 0
     for place in range(4):
         if at + place >= len(data):
@@ -55,11 +55,11 @@ def text_at(data, at):
 
 
 class Tap:
-    """What one connection of the agent carries; tells `ledger`, with its own number.
+    """Decodes one connection of the agent and reports to `ledger` under its own number.
 
-    A publish of the agent is told as sent when the relay has it, and as acknowledged when the broker's
-    PUBACK reaches the relay: from then on the broker had it, whether or not the agent ever learns so.
-    A command is told as taken when the agent's PUBACK reaches the relay."""
+    A publish of the agent is reported as sent when the relay has it, and as acknowledged when the broker's PUBACK
+    reaches the relay. From then on the broker has it, even if the agent never receives the PUBACK. A command is
+    reported as taken when the agent's PUBACK reaches the relay."""
 
     def __init__(self, ledger, number):
         self.ledger = ledger
@@ -111,7 +111,7 @@ class Tap:
 
 
 class Relay:
-    """Listens on `port` and passes on to the broker, in a thread of its own."""
+    """Listens on `port` and forwards to the broker, in its own thread."""
 
     def __init__(self, broker_port, ledger):
         self.broker_port = broker_port
@@ -122,7 +122,7 @@ class Relay:
         self.server = None
         self.seconds_a_chunk = 0.0
         self.bytes_a_second = None
-        self.struck = collections.Counter()  # what the cable did to bytes and connections
+        self.struck = collections.Counter()  # effects on bytes and connections
         self.loop = asyncio.new_event_loop()
         self.thread = threading.Thread(target=self.loop.run_forever, name="relay", daemon=True)
 
@@ -135,14 +135,14 @@ class Relay:
         self.loop.call_soon_threadsafe(self.loop.stop)
         self.thread.join(PATIENCE)
 
-    # What may be done to the cable, from any thread.
+    # --- Faults of the connection, called from any thread.
 
     def silence(self):
-        """Nothing crosses any more and nobody is told; who connects is accepted and gets no answer."""
+        """Stops all traffic without closing connections. New clients are accepted and get no answer."""
         self.loop.call_soon_threadsafe(self.flowing.clear)
 
     def resume(self):
-        """Everything crosses again, at full speed; what was held back is delivered."""
+        """Resumes all traffic at full speed and delivers what was held back."""
         self.loop.call_soon_threadsafe(self.flowing.set)
         self.seconds_a_chunk, self.bytes_a_second = 0.0, None
 
@@ -150,7 +150,7 @@ class Relay:
         self.seconds_a_chunk, self.bytes_a_second = seconds_a_chunk, bytes_a_second
 
     def cut(self):
-        """Every connection is reset, and what was held back is lost."""
+        """Resets every connection and discards what was held back."""
         self._call(self._cut())
 
     def refuse(self):

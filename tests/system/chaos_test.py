@@ -1,5 +1,5 @@
-"""The short form of the chaos: two runs of half a minute with every fault, each by a fixed seed. And
-proof that its checks see what they look for, and that a run in which nothing happens is no pass."""
+"""The short form of the chaos: two runs of half a minute with every fault, each with a fixed seed. Also proves that
+the checks detect violations, and that a run without activity does not pass."""
 
 import json
 import os
@@ -25,7 +25,7 @@ class Chaos(unittest.TestCase):
         self.assertEqual(faults, [])
         for lane, why in not_run.items():
             print(f"{lane} was not run: {why}")
-        # Only a sanitizer excuses a lane.
+        # Only a sanitizer build may skip a lane.
         self.assertLessEqual(not_run.keys(), {"clock"})
 
     def test_every_fault_at_once_and_every_promise_kept(self):
@@ -34,12 +34,12 @@ class Chaos(unittest.TestCase):
 
 class ChaosOffline(Chaos):
     def test_every_fault_at_once_and_every_promise_kept(self):
-        """The same with the store only where the broker is away, on the older MQTT."""
+        """The same with the store used only while the broker is away, on MQTT 3.1.1."""
         self.run_it(12, "offline", "3.1.1")
 
 
 class NothingHappens(Run):
-    """The chaos with every lane broken, as a lane can break: it is asked to act, and does nothing."""
+    """The chaos with every lane broken: it is asked to act and does nothing."""
 
     def start(self):
         super().start()
@@ -82,7 +82,7 @@ class Minimums(unittest.TestCase):
 
 
 class Checks(unittest.TestCase):
-    """A ledger that is told of a broken promise says so, and of a kept one nothing."""
+    """A ledger reports a broken promise, and reports nothing for a kept one."""
 
     def setUp(self):
         self.ledger = Ledger(BASE)
@@ -118,7 +118,7 @@ class Checks(unittest.TestCase):
         self.sent(self.row(5), self.row(1005, "b2", 3000))
         self.assertEqual(self.ledger.gaps(sync_always=False), [])
         self.assertEqual(len(self.ledger.gaps(sync_always=True)), 1)
-        # The same hole, but its begin lies long before the kill.
+        # The same hole, but it starts long before the kill.
         self.ledger.kills[0] += 5
         self.assertEqual(len(self.ledger.gaps(sync_always=False)), 1)
 

@@ -1,7 +1,7 @@
-"""Random commands to a real agent with a store, faults on the line, clean stops and kills at random
-moments; then every result is held against what the simulated PLCs really did: fxsim's log.
+"""Random commands to a real agent with a store, with faults on the line, clean stops and kills at random moments.
+Every result is then compared with the actual writes of the simulated PLCs, from fxsim's log.
 
-FXAGENT_LEDGER_COMMANDS: how many (300). FXAGENT_TEST_SEED: the seed that a failure printed."""
+FXAGENT_LEDGER_COMMANDS: number of commands (300). FXAGENT_TEST_SEED: the seed printed by a failure."""
 
 import collections
 import json
@@ -15,16 +15,16 @@ import unittest
 from plant import BASE, PATIENCE, TEST_SEED, Broker, PlantTest, Watcher, device, wait_for
 
 COMMANDS = int(os.environ.get("FXAGENT_LEDGER_COMMANDS", 300))
-LIVES = max(6, COMMANDS // 60)  # of the agent
+LIVES = max(6, COMMANDS // 60)  # lives of the agent
 
-# Each of a fault's kinds, as often as it stands here; what a device that works never does is left out.
+# Weighted by the number of entries; faults that a working device never has are left out.
 FAULTS = ["nak", "nak", "nak", "wrong_sum", "truncated", "late", "silent", "silent",
           "execute_then_silent", "execute_then_silent", "split", "drop"]
 PROTOCOLS = {"press1": "fx-programming-port", "oven": "fx-computer-link", "meter": "modbus-tcp"}
-ARRAY = {"press1": 70, "oven": 70, "meter": 200}  # of several frames everywhere
-FIXED = 4711  # in the register that nobody writes
+ARRAY = {"press1": 70, "oven": 70, "meter": 200}  # several frames on every protocol
+FIXED = 4711  # in the register that no command writes
 
-# A command and what it means: `targets`, lists of (place, value); `reads`, the places of a read.
+# A command and its meaning: `targets` is a list of (place, value); `reads` are the places of a read.
 Sent = collections.namedtuple("Sent", "command targets reads is_wrong")
 
 
@@ -48,8 +48,8 @@ def tags(name):
 
 
 class RandomCommands:
-    """Each word that is written has a value, each bit a number, that no other command has: so the log
-    tells whose deed was whose."""
+    """Each word is written with a value, and each bit by a number, that no other command uses: so the log identifies
+    the command of each write."""
 
     def __init__(self, chance):
         self.chance = chance
@@ -80,7 +80,7 @@ class RandomCommands:
 
     def target(self, name, in_list=False):
         kinds = [self.word_target] * 6
-        # Of bits that one frame of the computer link sets the log names the first only.
+        # For bits set in one frame of the computer link, the log names only the first.
         if self.bits[name] < 800 and not (in_list and name == "oven"):
             kinds += [self.bit_target] * 2
         if self.value[name] < 20000:
@@ -169,19 +169,19 @@ class CommandLedger(PlantTest):
         self.watcher = Watcher(self.broker.port)
 
     def strike(self):
-        """Every fourth command or so meets a fault, mostly where it writes."""
+        """About every fourth command meets a fault, mostly in its write."""
         if self.chance.random() > 0.25:
             return
         name = self.chance.choice(list(PROTOCOLS))
         kind = self.chance.choice(FAULTS)
         if kind == "wrong_sum" and name == "meter":
-            kind = "bad_length"  # there is no sum
+            kind = "bad_length"  # it has no checksum
         more = {"ms": self.chance.randint(220, 600)} if kind == "late" else {}
         if kind == "split":
             more = {"ms": 20, "bytes": 3}
         if kind == "drop":
             more = {"ms": 50}
-        if kind == "nak":  # where a repeat can cure it, it takes two
+        if kind == "nak":  # two, because a repeat would hide one
             more = {"count": self.chance.choice([1, 2, 2, 3])}
             if name == "meter":
                 more["code"] = self.chance.choice([2, 3, 4, 6])
@@ -189,7 +189,7 @@ class CommandLedger(PlantTest):
                        every=self.chance.choice([1, 1, 2, 3]), **more)
 
     def send_one(self, commands, number):
-        """A new command, or one of the last again."""
+        """Sends a new command, or repeats one of the last."""
         again = [key for key in self.sent if number - int(key[1][1:]) < 40]
         if again and self.chance.random() < 0.1:
             key = self.chance.choice(again)
@@ -205,7 +205,7 @@ class CommandLedger(PlantTest):
             wait_for(f"a result of {identity}", lambda: self.results(identity, name))
 
     def end_and_start_agent(self):
-        """A kill, at a moment that nobody chose, while more commands come; or a clean stop."""
+        """Kills the agent at a random moment while commands arrive, or stops it cleanly."""
         if self.chance.random() < 0.25:
             self.agent.stop()
         else:
@@ -221,8 +221,8 @@ class CommandLedger(PlantTest):
             self.state(name, "online", since)
 
     def ask_again(self):
-        """Each command once more: one that was carried out is not carried out again, and one that was
-        lost with an agent that was killed has its only result now."""
+        """Sends each command once more. A command that was carried out must not be repeated, and one that was lost
+        with a killed agent now gets its only result."""
         everything = list(self.sent.items())
         for first in range(0, len(everything), 20):
             some = everything[first:first + 20]
@@ -239,7 +239,7 @@ class CommandLedger(PlantTest):
     def told(self, name, identity):
         return [r for r in self.results(identity, name) if r["status"] != "DUPLICATE"]
 
-    # What the log says against what the results say.
+    # --- Comparison of the log with the results.
 
     def judge(self):
         ledgers = {name: self.ledger(name) for name in PROTOCOLS}
@@ -268,12 +268,12 @@ class CommandLedger(PlantTest):
         self.assertEqual(wrong, [])
         for status in ("FAILED", "REJECTED", "DUPLICATE"):
             self.assertGreater(counted[status], 0, status)
-        # One in ten is refused, and a fault every fourth command or so costs one or a few: 63 of 100.
+        # One in ten is refused, and a fault about every fourth command costs one or a few: 63 of 100 succeed.
         self.assertGreater(counted["SUCCEEDED"], 0.4 * len(self.sent))
 
     def ledger(self, name):
-        """How often each (place, value) was set."""
-        # Of a list that one frame carried the log has all values, and the first place.
+        """Returns how often each (place, value) was set."""
+        # For a list carried in one frame the log has all values and the first place.
         place_of = {value: place for (device, _), sent in self.sent.items()
                     if device == name for deeds in sent.targets for place, value in deeds
                     if place.startswith("D")}
@@ -291,13 +291,13 @@ class CommandLedger(PlantTest):
 
 
 def done_of(deeds, ledger):
-    """(done, of, whether nothing at all was done)"""
+    """Returns (done, of, True if nothing at all was done)."""
     done = sum(1 for deed in deeds if ledger[deed])
     return done, len(deeds), done == 0
 
 
 def values_of(name, ledger):
-    """What each place held at some time."""
+    """Returns all values that each place ever held."""
     out = collections.defaultdict(lambda: {0}, {word(name, 90): {FIXED}})
     for place, value in ledger:
         out[place] = out[place] | {value}
@@ -305,7 +305,7 @@ def values_of(name, ledger):
 
 
 def fault_of_values(result, sent, held):
-    """Whether it says that a place had a value that was never there; None: no."""
+    """Returns the fault if a result shows a value that its place never had; None: no fault."""
     parts = result.get("targets") or [result]
     read = [([place for place, _ in deeds], part["verify"]["read"])
             for deeds, part in zip(sent.targets, parts) if part["verify"]]
@@ -329,7 +329,7 @@ def fault_of_values(result, sent, held):
 
 
 def fault_of(result, sent, ledger):
-    """What is wrong with a result; None: nothing."""
+    """Returns the fault of a result; None: no fault."""
     status = result["status"]
     targets = sent.targets
     if any(ledger[deed] > 1 for deeds in targets for deed in deeds):

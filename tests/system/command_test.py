@@ -158,7 +158,7 @@ class Commands(PlantTest):
             self.assertEqual(self.sim.get("press1", address), 1)
         self.assert_result(self.command(op="write", address="TN5", value=50), "SUCCEEDED", None, "ACK")
         self.assertEqual(self.sim.get("press1", "TN5"), 50)
-        # M104 to M119 fill two bytes: M0 lies at a byte's beginning, and so does M104.
+        # M104 to M119 fill two bytes, because M0 and M104 are at the start of a byte.
         self.assert_result(self.command(op="write", address="K4M104", value=0x1234), "SUCCEEDED", None,
                            "ACK")
         self.assertEqual(sum(self.sim.get("press1", f"M{104 + i}") << i for i in range(16)), 0x1234)
@@ -246,7 +246,7 @@ class Commands(PlantTest):
         for value in (-1, 1001):
             self.assert_result(self.command(op="write", tag="setpoint", value=value), "REJECTED",
                                "out_of_range")
-        # The edges of the type itself, where nothing else is set.
+        # The limits of the type itself, if no others are configured.
         for value, status in ((32767, "SUCCEEDED"), (-32768, "SUCCEEDED"), (32768, "REJECTED"),
                               (-32769, "REJECTED"), (1e300, "REJECTED")):
             self.assertEqual(self.command(op="write", address="D300", value=value)["status"], status)
@@ -333,7 +333,7 @@ class Commands(PlantTest):
         self.command(op="write", tag="setpoint", value=78)
         partial = self.data(lambda m: m.get("partial") and m["values"]["setpoint"] == 78, since=since)
         self.assertNotIn("written", partial)
-        # A sample like any other: no number is missing and none is there twice.
+        # A sample like any other: no number is missing or duplicated.
         self.data(lambda m: m["seq"] > partial["seq"] + 1)
         numbers = [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")]
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
@@ -377,7 +377,7 @@ class Commands(PlantTest):
         self.assertEqual(len(self.sim.commands("press1")), 1)
 
     def result_of_dry_run(self):
-        """Once it is there, the agent has taken all commands before it."""
+        """Waits for the result of a dry run. When it arrives, the agent has received all earlier commands."""
         self.command(op="write", tag="setpoint", value=1, dry_run=True)
 
     def test_nothing_a_client_sends_ends_the_agent(self):
@@ -397,7 +397,7 @@ class Commands(PlantTest):
         for payload in payloads:
             self.send(payload)
         self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
-        # One result each (an empty payload that is not retained is a command too: a bad one).
+        # One result each; an empty payload that is not retained is also a command, an invalid one.
         results = self.watcher.wait_count(f"{BASE}/press1/result", len(payloads) + 1)
         self.assertEqual(len(results), len(payloads) + 1)
         self.assertEqual({r["status"] for r in results}, {"REJECTED", "SUCCEEDED"})
@@ -425,14 +425,14 @@ class Commands(PlantTest):
 
     def test_a_retained_command_is_refused(self):
         self.start_press()
-        # Another client's retained command, there before the agent comes back.
+        # Another client's retained command, present before the agent reconnects.
         self.agent.stop()
         self.send({"id": "old", "op": "force_on", "address": "M101"}, retain=True)
         since = self.watcher.mark()
         self.agent.start()
         result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == "old", since)
         self.assert_result(result, "REJECTED", "retained")
-        # Clearing the topic is no command.
+        # Clearing the topic is not a command.
         since = self.watcher.mark()
         self.watcher.publish(f"{BASE}/press1/command", "", retain=True)
         self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
@@ -441,7 +441,7 @@ class Commands(PlantTest):
 
     def test_a_command_sent_while_the_agent_is_away_is_never_carried_out(self):
         self.start_press()
-        # It goes without a word: one that says goodbye takes its subscription back, session or not.
+        # Killed, because an agent that stops cleanly unsubscribes, with or without a session.
         since = self.watcher.mark()
         self.agent.stop(signal.SIGKILL)
         self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "offline", since)
@@ -490,8 +490,8 @@ class Commands(PlantTest):
                            None, "ACK")
 
     def test_bits_are_verified_only_where_the_command_says_so(self):
-        # The demo's ladder resets M100 in the scan after it was set: a pulse that worked. An answer takes
-        # several scans, so that a read-back finds it gone.
+        # The demo's ladder resets M100 in the scan after it was set: a successful pulse. An answer takes several
+        # scans, so the read-back finds it reset.
         self.start_press(plc={"plant": "demo", "turnaround_ms": 100})
         result = self.command(op="force_on", tag="button")
         self.assert_result(result, "SUCCEEDED", None, "ACK")
@@ -499,7 +499,7 @@ class Commands(PlantTest):
         result = self.command(op="force_on", tag="button", verify=True)
         self.assert_result(result, "FAILED", "verify_mismatch", "ACK")
         self.assertEqual(result["verify"], {"read": False, "match": False})
-        # Nothing in the ladder drives M150.
+        # The ladder does not drive M150.
         result = self.command(op="force_on", address="M150", verify=True)
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertEqual(result["verify"], {"read": True, "match": True})
@@ -533,10 +533,10 @@ class Commands(PlantTest):
     def test_a_late_ack_never_answers_the_next_command(self):
         self.start_press()
         for number in range(5):
-            # Carried out, and acknowledged when the agent has given up.
+            # Carried out, and acknowledged after the agent's timeout.
             self.sim.fault("press1", "late", ms=350, match="write")
             self.command(op="write", tag="setpoint", value=10 + number)
-            # Not carried out and not answered: any ACK that counts for it is a lie.
+            # Not carried out and not answered: no ACK may be attributed to it.
             self.sim.fault("press1", "silent", match="write")
             result = self.command(op="write", tag="setpoint", value=500 + number)
             self.assertEqual(result["status"], "UNKNOWN_OUTCOME", result)
@@ -622,7 +622,7 @@ class Commands(PlantTest):
         self.start_press()
         chance = random.Random(7)
         commands = {}
-        for number in range(1, 151):  # 0 is what the PLC holds already
+        for number in range(1, 151):  # 0 is the PLC's present value
             if chance.random() < 0.1:
                 kind = chance.choice(["nak", "silent", "execute_then_silent", "wrong_sum",
                                       "garbage_before", "noise_after", "truncated", "echo"])

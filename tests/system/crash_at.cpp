@@ -1,7 +1,7 @@
-// failpoint() of the program that dies at one: FXAGENT_CRASH_AT="name" or "name:nth" names it,
-// and the kernel ends the process there without another instruction of it. Where
-// FXAGENT_STAND_STILL_AT names the point, the thread that comes there goes no further. And
-// trial_time(), which FXAGENT_TRIAL_MS makes shorter.
+// A failpoint() for tests. FXAGENT_CRASH_AT="name" or "name:nth" selects a failpoint at which the
+// kernel kills the process, without one further instruction. FXAGENT_STAND_STILL_AT selects a
+// failpoint at which the calling thread stops for ever. Also defines trial_time(), which
+// FXAGENT_TRIAL_MS shortens.
 #include <signal.h>
 #include <unistd.h>
 
@@ -39,7 +39,7 @@ void failpoint(std::string_view name) noexcept {
   while (still != nullptr && name == still) ::pause();
   if (name != wanted.name || ++passed != wanted.nth) return;
   ::kill(::getpid(), SIGKILL);
-  ::pause();  // another thread may have been given the signal
+  ::pause();  // another thread may receive the signal
 }
 
 std::chrono::milliseconds trial_time() noexcept {

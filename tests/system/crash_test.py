@@ -1,5 +1,5 @@
-"""The agent dies at each point of the life of a command and of a sample, and is started again. What it
-promises then: CONTRACT sections 5 and 7. The dying program is the product's, but for one function."""
+"""The agent dies at each point in the life of a command and of a sample, and is started again. Checks the promises of
+CONTRACT sections 5 and 7. The dying program is the product except for one function."""
 
 import os
 import signal
@@ -9,9 +9,8 @@ from plant import BASE, PlantTest, Watcher, device, wait_for
 
 CRASHING = os.environ["FXAGENT_CRASHING"]
 
-# Where the agent dies → what is true of a command then. `journaled`: its id is known after the restart,
-# and its result comes unasked. `executed`: how often the PLC may have carried it out. `unsent`: the agent
-# knows that nothing of it has left.
+# Failpoint → expectations for a command. `journaled`: its id is known after the restart, and its result is published
+# unasked. `executed`: how often the PLC may have carried it out. `unsent`: the agent knows that nothing was sent.
 COMMAND = {
     "command_received": {"journaled": False, "executed": (0,)},
     "order_admitted": {"journaled": False, "executed": (0,)},
@@ -44,10 +43,10 @@ class Crashes(PlantTest):
         self.agent.log.close()
 
     def crash_with(self, point, command):
-        """The command is sent to an agent that dies of it and is started again; where that began."""
+        """Sends the command to an agent that dies of it, and restarts it. Returns the watcher's mark of the restart."""
         since = self.start_plant(point)
         self.state("press1", "online", since)
-        # Greeted, so that the next frame of a command is the command's own.
+        # After the handshake, so that the next frame belongs to the command.
         self.data(since=since)
         self.send(command)
         self.wait_dead()
@@ -57,7 +56,7 @@ class Crashes(PlantTest):
         return since
 
     def told(self, identity):
-        """Results that were published for an id and are no DUPLICATE; the same one may come twice."""
+        """Returns the published results of an id except DUPLICATE; the same one may appear twice."""
         return [r for r in self.results(identity) if r["status"] != "DUPLICATE"]
 
     def check(self, point, command, verified):
@@ -87,7 +86,7 @@ class Crashes(PlantTest):
         self.assertEqual(again["first"]["status"], result["status"])
         self.assertEqual({r["status"] for r in self.told(command["id"])}, {result["status"]})
         self.assertEqual(len(self.sim.commands("press1")), commands, "carried out once more")
-        # Once the broker has it, it does not come again.
+        # After the broker has acknowledged it, it is not published again.
         self.agent.stop()
         since = self.watcher.mark()
         self.agent.start()
@@ -110,7 +109,7 @@ class Crashes(PlantTest):
                    {"id": "read", "op": "read", "tag": "temp"}]
         for command in waiting:
             self.send(command)
-        # Its answer tells that those before it are in the journal and with the field.
+        # Its answer proves that the earlier commands are journalled and at the field.
         self.assert_result(self.command(op="force_on", address="M153", dry_run=True), "SUCCEEDED")
         self.agent.stop(signal.SIGKILL, None)
         since = self.watcher.mark()
@@ -145,7 +144,7 @@ class Crashes(PlantTest):
                 self.assertEqual(self.sim.commands("press1"), [])
 
     def test_a_sample_that_was_stored_is_never_lost(self):
-        # With `always` a sample is on disk before it is sent, so that every number has to arrive.
+        # With `always` a sample is on disk before it is sent, so every number has to arrive.
         for number, point in enumerate(("sample_unstored:20", "sample_stored:20",
                                         "sample_acknowledged:20")):
             with self.subTest(point):

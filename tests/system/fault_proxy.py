@@ -1,19 +1,19 @@
 #!/usr/bin/python3 -B
-"""Every protocol through a proxy between agent and device that does to frames what a bad line does, by a seed; and
-a judge who knows the truth: each register holds its number plus a counter, each bit is written by one command.
+"""Runs every protocol through a proxy between agent and device that damages frames as a bad line does, from a seed,
+and checks the results: each register holds its number plus a counter, and each bit is written by one command.
 
     tests/system/fault_proxy.py --faults random --seconds 60 --seed 7
 
-prints a table, a row a protocol. Build first: FXAGENT and FXSIM are those of build/ unless set. --faults:
+prints a table with one row per protocol. Build first: FXAGENT and FXSIM are those of build/ unless set. --faults:
 
-  none        nothing is done
-  random      some frames are late, lost, doubled, cut short or changed in one bit, or stand behind an answer to
-              another question; the question is lost or changed; now and then the connection is cut
-  duplicates  each answer comes a second time, later than its question's time-out
-  echo        the line returns each question, and the config does not say so
+  none        no faults
+  random      some answers are late, lost, duplicated, truncated or changed in one bit, or follow an answer to
+              another request; some requests are lost or changed; now and then the connection is cut
+  duplicates  each answer comes a second time, after the time-out of its request
+  echo        the line echoes each request, and the config does not mention it
 
-One bit is changed only where frames have a sum: over Ethernet the network sees to that. A value is wrong where it is
-another register's, old where it is more than OLD_S older than its `ts`.
+Bits are changed only in frames with a checksum: on Ethernet the network itself detects such errors. A value is wrong
+if it belongs to another register, and old if it is more than OLD_S older than its `ts`.
 """
 
 import argparse
@@ -43,9 +43,9 @@ PATIENCE_S = 30.0  # for a result
 PAUSE_S = 0.5  # between two commands
 ROWS = ["fx-programming-port", "fx-computer-link", "modbus-rtu", "modbus-ascii", "modbus-tcp", "mc-1e", "mc-3e",
         "mc-4e", "mc-3c", "mc-4c", "udp"]
-# Over a serial server, which hands what comes late to whoever is connected now.
+# Through a serial server, which delivers late bytes to whichever client is connected now.
 SERIAL = {"fx-programming-port", "fx-computer-link", "modbus-rtu", "modbus-ascii", "mc-3c", "mc-4c"}
-# Six reads of one length, and two beside each other in one cycle.
+# Six reads of one length, and two adjacent ones in one cycle.
 REGISTERS = {f"r{n}": 1000 * n for n in range(1, 7)} | {"a": 7000, "b": 7500}
 FIRST_BIT, BITS = 100, 7000
 
@@ -70,16 +70,16 @@ def place(row, what, number):
 
 
 class Proxy:
-    """The line to one device, in the loop of all: what is read at once is a frame."""
+    """The line to one device, in the common event loop. The bytes of one recv() count as a frame."""
 
     def __init__(self, row, faults, seed):
         self.row, self.faults = row, faults
         self.rng = random.Random(f"{seed}/{row}")
         self.done = collections.Counter()
-        self.sends = None  # to whom serial answers go, whenever they come
+        self.sends = None  # destination of serial answers, whenever they come
         self.last_answers = collections.deque(maxlen=8)
 
-    # What becomes of a frame: (seconds from now, bytes) for each time that it leaves.
+    # --- The fate of a frame: (delay in seconds, bytes) for each time that it is forwarded.
 
     def question(self, frame):
         kind = self.faults == "random" and self.rng.random() < 0.02 and self.rng.choice(["lost", "changed"])
@@ -117,7 +117,7 @@ class Proxy:
             if frame:
                 asyncio.get_running_loop().call_later(seconds, send, frame) if seconds else send(frame)
 
-    # Streams.
+    # --- Streams.
 
     async def serve(self, reader, writer):
         device_reader, device_writer = await asyncio.open_connection("127.0.0.1", self.device_port)
@@ -144,7 +144,7 @@ class Proxy:
                 return
             self.send(fault(data), send)
 
-    # Datagrams: each port of the agent has one of its own to the device.
+    # --- Datagrams: each port of the agent has its own port towards the device.
 
     async def listen(self, device_port):
         self.device_port = device_port
@@ -179,17 +179,17 @@ class Proxy:
 
 
 class Judge:
-    """Commands one device, one at a time, and counts what is not true. In the thread of the client."""
+    """Commands one device, one command at a time, and counts wrong results. Runs in the client's thread."""
 
     def __init__(self, row, sim, client, seed):
         self.row, self.sim, self.client = row, sim, client
         self.rng = random.Random(f"{seed}/commands/{row}")
         self.count = collections.Counter()
         self.results = collections.Counter()
-        self.stamps = set()  # of whole samples: group and ts
+        self.stamps = set()  # of complete samples: group and ts
         self.next_bit = FIRST_BIT
         self.waits_for, self.waits_since = None, 0.0
-        self.bits = []  # what result said of them: (status, bits)
+        self.bits = []  # (status of its result, bit)
         self.examples = []
         before = time.time()
         count = sim.get(row, place(row, "word", 0))
@@ -218,7 +218,7 @@ class Judge:
         self.bits += [(target["status"], self.sent[i]) for i, target in enumerate(targets)]
 
     def look(self, now):
-        """Sends a command now and then where none is under way, once the device is read."""
+        """Sends a command now and then if none is pending, once the device is being read."""
         pause = PATIENCE_S if self.waits_for else PAUSE_S
         if not self.count["values"] or now - self.waits_since < pause:
             return
@@ -234,7 +234,7 @@ class Judge:
         self.client.publish(f"{BASE}/{self.row}/command", json.dumps(command), 1)
 
     def end(self):
-        """What the device has of the bits, now that nothing is under way."""
+        """Compares the results with the device's bits, now that no command is pending."""
         for status, bit in self.bits:
             is_set = bool(self.sim.get(self.row, place(self.row, "bit", bit)))
             self.count["false ACK"] += status == "SUCCEEDED" and not is_set

@@ -1,4 +1,4 @@
-"""Faults of wires and PLCs: the agent survives, tells the truth, and recovers by itself."""
+"""Faults of wires and PLCs: the agent survives, reports the truth, and recovers on its own."""
 
 import fcntl
 import os
@@ -36,7 +36,7 @@ class Faults(PlantTest):
             f"{BASE}/press1/state")[-1]["state"] == "online")
 
     def test_a_late_reply_never_answers_a_later_question(self):
-        # Two groups of the same shape, so that one's reply would pass for the other's.
+        # Two groups of the same shape, so that the reply to one would fit the other.
         groups = [{"name": "fast", "interval_ms": 50}, {"name": "other", "interval_ms": 50}]
         tags = [{"name": "a", "address": "D10", "group": "fast"},
                 {"name": "b", "address": "D20", "group": "other"}]
@@ -71,7 +71,7 @@ class Faults(PlantTest):
         stamps = [m["ts"] for m in self.watcher.payloads(f"{BASE}/press2/data/fast", since)]
         for earlier, later in zip(stamps, stamps[1:]):
             self.assertLess(later - earlier, 200)
-        # One message when it turned bad; the vain attempts after it say nothing new.
+        # One message when it turned bad; the failed attempts afterwards add nothing.
         self.assertEqual(len([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)
                               if "bad" in m]), 1)
         since = self.watcher.mark()
@@ -80,8 +80,8 @@ class Faults(PlantTest):
         self.data(lambda m: "bad" not in m, since=since)
 
     def test_each_fault_alone_has_the_state_and_the_recovery_of_the_contract(self):
-        # Silence in one poll interval is a miss; retries + 1 of them in a row are an offline device. A refusal or
-        # nonsense is repeated in the same interval, so that fewer than retries + 1 of them are not seen at all.
+        # Silence in one poll interval is a miss; retries + 1 consecutive misses make the device offline. A refusal or
+        # garbage is retried within the interval, so fewer than retries + 1 of them have no visible effect.
         groups = [{"name": "fast", "interval_ms": 100}]
         tags = [{"name": "a", "address": "D10", "group": "fast"}]
         self.start([device(tags=tags, groups=groups, timeout_ms=120)], [self.plc(memory={"D10": 7})])
@@ -118,14 +118,14 @@ class Faults(PlantTest):
         return now - self.struck.get(kind, 0) >= count
 
     def test_a_late_reply_is_never_the_next_reads_value(self):
-        # The memory changes while the old answer is on its way: after the new value, no old one. The
-        # agent waits 100 ms beyond the 20 ms of 19 characters.
+        # The memory changes while the old answer is on its way: no old value may follow the new one. The agent waits
+        # 100 ms in addition to the 20 ms of 19 characters.
         self.start([device(groups=[{"name": "fast", "interval_ms": 30}], timeout_ms=100)],
                    [self.plc(memory={"D100": 0})])
         self.ready()
         for value, ms in enumerate((140, 150, 180, 220, 260, 300, 400, 160), 1):
             since = self.watcher.mark()
-            # Twice: the first one may meet the question for the model.
+            # Twice, because the first may hit the request for the model.
             self.sim.fault("press1", "late", match="read", ms=ms, count=2)
             self.data(lambda m: "bad" in m, since=since)
             self.sim.set("press1", "D100", value)
@@ -176,7 +176,7 @@ class Faults(PlantTest):
         self.assertNotIn(("offline", "offline"), list(zip(states, states[1:])))
 
     def test_two_devices_on_one_line_fail_alone(self):
-        # Two names for one PLC: what one asks is refused, and the other never hears of it.
+        # Two names for one PLC: a refusal for one must not affect the other.
         self.start([device("press1", tags=[{"name": "a", "address": "D10", "group": "fast"}]),
                     device("press2", command_set="classic",
                            tags=[{"name": "b", "address": "D900", "group": "fast"}])],

@@ -1,23 +1,23 @@
-"""Brokers that say the wrong thing, at the wrong time, or nothing. The same agent is back at work each time.
+"""Brokers that send the wrong packet, at the wrong time, or nothing. The agent has to recover each time.
 
-What a broker can do to a client, by stage. Every line is a case below, on MQTT 5, on 3.1.1, or on both.
+A broker's possible misbehaviour by stage. Every item is a case below, on MQTT 5, on 3.1.1, or on both.
 
-before CONNACK      takes the connection and says nothing · closes it at once, or resets it · closes or resets it
-                    after CONNECT · answers in another language · half a CONNACK, and waits or closes · CONNACK
-                    that refuses, each code of 3.1.1 and of 5, and codes that do not exist · each other packet in
-                    place of CONNACK · claims a session that there cannot be · the head of a huge packet
+before CONNACK      accepts the connection and sends nothing · closes it at once, or resets it · closes or resets it
+                    after CONNECT · answers in another protocol · half a CONNACK, and waits or closes · CONNACK
+                    that refuses, each code of 3.1.1 and of 5, and unknown codes · each other packet instead
+                    of CONNACK · claims an impossible session · the head of a huge packet
 after CONNACK       a second CONNACK · AUTH · DISCONNECT, each code of 5, with and without reason, socket closed or
-                    left open · DISCONNECT on 3.1.1 · closes, resets · garbage · not a word any more
+                    left open · DISCONNECT on 3.1.1 · closes, resets · garbage · permanent silence
 after SUBSCRIBE     SUBACK that refuses · without codes, with too many, with another identifier, without a body, with
-                    a code that does not exist · no SUBACK · DISCONNECT, each code · closes, resets
-mid-stream          PUBACK for nothing, twice, for identifier 0, that refuses, without a body · PUBREC in place of PUBACK
-                    · PINGRESP that nobody asked for, or none · UNSUBACK for nothing · SUBSCRIBE and CONNECT to us
-                    · PUBLISH with QoS 3, without a topic, with a topic longer than the packet, with a topic nobody
-                    asked for, with properties longer than the packet · a length of five bytes · packet kinds 0 and 15
+                    an unknown code · no SUBACK · DISCONNECT, each code · closes, resets
+mid-stream          PUBACK for nothing, twice, for identifier 0, that refuses, without a body · PUBREC for PUBACK
+                    · unsolicited PINGRESP, or none · UNSUBACK for nothing · SUBSCRIBE and CONNECT to the client
+                    · PUBLISH with QoS 3, without a topic, with a topic longer than the packet, with an unsubscribed
+                    topic, with properties longer than the packet · a length of five bytes · packet kinds 0 and 15
                     · stops reading · no PUBACK ever · a packet of 250 MB · DISCONNECT, each code, with publishes in
-                    flight and with commands under way · closes, resets · properties without end in any packet
-                    · PUBLISH with QoS 2 without end
-any stage           TLS handshake records without end
+                    flight and with pending commands · closes, resets · endless properties in any packet
+                    · endless PUBLISH with QoS 2
+any stage           endless TLS handshake records
 """
 
 import json
@@ -38,7 +38,7 @@ class HostileBroker(HostileCases):
     # DISCONNECT
 
     def variants(self, stage, name):
-        """Each code once; with and without reason, socket closed or left open, in turn."""
+        """Returns a case for each code, in turn with and without reason, and with the socket closed or left open."""
         cases = []
         for number, code in enumerate(DISCONNECTS):
             for reasoned, closed in (((number & 1) != 0, (number & 2) != 0),) if code not in (
@@ -47,7 +47,7 @@ class HostileBroker(HostileCases):
                     session.disconnect(code, reason_string("for a test") if reasoned else None)
                     if closed:
                         session.close()
-                # What was sent right before a socket is closed may never be read: the reset overtakes it.
+                # Data sent right before a socket is closed may never be read: the reset overtakes it.
                 says = "broker_lost" if closed else "for a test" if reasoned else "the broker said: "
                 cases.append((f"DISCONNECT {code:#04x} {name}, {'with' if reasoned else 'without'} reason, "
                               f"{'closed' if closed else 'left open'}", "5", stage(action),
@@ -221,7 +221,7 @@ class HostileBroker(HostileCases):
 
 
 class Deaf(PlantTest):
-    """Commands that the broker does not let through are not a secret: contract, section 3."""
+    """Commands that the broker does not permit are reported: contract, section 3."""
 
     def last_state(self, guest):
         states = [p.payload for s in guest.broker.sessions for p in s.published(f"{BASE}/state")]
@@ -258,7 +258,7 @@ PLUGIN = next((path for path in (
 
 
 class DynamicSecurity(PlantTest):
-    """mosquitto's own way to throw a client off and to let it in again."""
+    """mosquitto's own way to disconnect a client and to admit it again."""
 
     def setUp(self):
         super().setUp()
@@ -287,7 +287,7 @@ class DynamicSecurity(PlantTest):
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
     def may_publish(self):
-        # Of the same account, so that it can send commands as well.
+        # With the same account, so that it can send commands too.
         self.control("addRoleACL", "admin", "publishClientSend", "#", "allow")
 
     def may_subscribe(self):
@@ -306,7 +306,7 @@ class DynamicSecurity(PlantTest):
         self.data()
         self.control("disableClient", "edge7")
         wait_for("the loss", lambda: "broker_lost" in self.agent.logged())
-        # A reset right behind it may overtake the DISCONNECT: then its words are lost.
+        # A reset right after it may overtake the DISCONNECT, and its reason is lost.
         self.assertRegex(self.agent.logged(), words + "|connection closed")
         wait_for("a refusal", lambda: "broker_unreachable" in self.agent.logged())
         since = self.watcher.mark()

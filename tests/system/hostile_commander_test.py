@@ -1,5 +1,5 @@
-"""A commander that means no good: floods, and commands that are as large as they can be. Nobody else
-may be kept waiting by it, and nothing that it does may fill the memory."""
+"""A hostile client that sends commands: floods, and commands of maximum size. It must not delay other clients or fill
+the memory."""
 
 import json
 import os
@@ -18,7 +18,7 @@ MIB = 1 << 20
 
 
 class Publisher(threading.Thread):
-    """A bare MQTT 5 client that writes packets as fast as the broker reads them, or at a pace."""
+    """A bare MQTT 5 client that writes packets as fast as the broker reads them, or at a fixed pace."""
 
     def __init__(self, port):
         super().__init__(daemon=True)
@@ -34,7 +34,7 @@ class Publisher(threading.Thread):
         return packet(PUBLISH, body, qos << 1)
 
     def flood(self, make, seconds, per_second):
-        """`make(n)` is a packet. In bursts of a hundredth of a second."""
+        """Sends packets in bursts of 10 ms. `make(n)` returns a packet."""
         reader = threading.Thread(target=self._discard, daemon=True)
         reader.start()
         begun = time.monotonic()
@@ -62,7 +62,7 @@ class HostileCommander(PlantTest):
     def begin(self, **settings):
         self.start(store={"path": os.path.join(self.directory, "store")}, **settings)
         self.ready()
-        # Not the commands: the broker would forget what it has for a watcher that is too slow.
+        # Without the commands: the broker would drop messages for a watcher that is too slow.
         self.watcher.client.subscribe([(f"{BASE}/+/result", 1), (f"{BASE}/+/data/#", 1),
                                        (f"{BASE}/state", 1), ("hmi/#", 0), (f"{BASE}/press1/result/+", 0)])
         self.watcher.client.unsubscribe("#")
@@ -77,7 +77,7 @@ class HostileCommander(PlantTest):
         while not self.stop_watching.wait(0.1):
             try:
                 self.most = max(self.most, memory_kib(pid, "VmRSS") * 1024)
-            except (OSError, StopIteration):  # it has ended
+            except (OSError, StopIteration):  # the connection or the packets have ended
                 return
 
     def gap(self, since):
@@ -98,13 +98,13 @@ class HostileCommander(PlantTest):
 
     def flood_beside_another(self, qos, seconds, per_second, most_mib):
         since = self.watcher.mark()
-        # A process of its own: beside it the watcher of this one would be too slow to see.
+        # A separate process: in this one, it would slow down the watcher too much.
         hostile = subprocess.Popen([sys.executable, "-B", __file__, "flood", str(self.broker.port),
                                     str(qos), str(seconds), str(per_second)],
                                    stdout=subprocess.PIPE, text=True)
         asked = {}
-        # The broker's queue may be full: then it, and not the agent, forgets a command. So another
-        # client asks again and again.
+        # The broker's queue may be full; then the broker, and not the agent, drops a command. Therefore another
+        # client repeats its command.
         while hostile.poll() is None:
             self.ask(asked)
             time.sleep(0.02)
@@ -125,12 +125,12 @@ class HostileCommander(PlantTest):
         meanwhile = sum(at < over for at, _ in answers)
         print(f"asked {len(asked)}, answered {len(waits)}, {meanwhile} of them meanwhile, worst {max(waits, default=0):.2f} s, "
               f"sent {sent}, gap {self.gap(since):.2f} s, {self.most / MIB:.0f} MiB")
-        # mosquitto's queue of 1,000 messages is full: which commands come in is by chance.
+        # mosquitto's queue of 1,000 messages is full: it admits commands at random.
         self.assertGreater(meanwhile, len(asked) // 20, "another client was not heard")
-        # Where it pauses it tells so, and that it listens again: each time when half of 16 MiB is out.
+        # The agent reports each pause, and each resumption when half of 16 MiB has been sent.
         self.assertLessEqual(len(self.watcher.payloads(f"{BASE}/state", since)), seconds)
         self.assert_lively(since, most_mib)
-        # One that was not acknowledged when the connection ended comes again, as it was.
+        # A command that was unacknowledged at the end of the connection is delivered again unchanged.
         results = {message.payload for _, topic, _, message in self.watcher.messages
                    if topic == f"{BASE}/press1/result" and b"DUPLICATE" not in message.payload}
         identities = [json.loads(payload)["id"] for payload in results]
@@ -202,7 +202,7 @@ class HostileCommander(PlantTest):
             results = self.watcher.wait_count(f"{BASE}/press1/result", 50, since=since)
             self.assertEqual(sorted({r["status"] for r in results}), ["REJECTED", "SUCCEEDED"])
         self.assert_result(self.command(op="read", address="D300"), "SUCCEEDED", None, "ACK")
-        # The oldest are remembered all the same.
+        # The agent still remembers the oldest ids.
         since = self.watcher.mark()
         self.send({"id": "b0-1", "op": "read", "address": "D300"})
         again = self.result("b0-1", since=since)

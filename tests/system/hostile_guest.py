@@ -1,4 +1,4 @@
-"""One agent beside one scripted broker, and the scripts that tests of hostile brokers share."""
+"""One agent with one scripted broker, and the scripts shared by the tests of hostile brokers."""
 
 import concurrent.futures
 import json
@@ -18,17 +18,17 @@ BOTH = ("5", "3.1.1")
 COMMAND = f"{BASE}/press1/command"
 RESULT = f"{BASE}/press1/result"
 
-BACK_S = 5.0      # from the last word of a broker to the next CONNECT
+BACK_S = 5.0      # from the broker's last packet to the next CONNECT
 ENDS_S = 10.0     # from SIGTERM to the end
-CONNECT_S = 10.0  # what an attempt may take that nobody answers
-GUARD_S = 30.0    # without an acknowledgement
-SLACK_S = 10.0    # of a busy machine, where the time is not the point
-AT_ONCE = 16      # agents side by side
+CONNECT_S = 10.0  # limit of an attempt without an answer
+GUARD_S = 30.0    # limit without an acknowledgement
+SLACK_S = 10.0    # allowance for a busy machine, if the time does not matter
+AT_ONCE = 16      # agents in parallel
 
-# MQTT 5, section 3.14.2.1: what a server may say; 0x04 is a client's, 0xFF nobody's.
+# MQTT 5, section 3.14.2.1: codes for a server; 0x04 is for clients, 0xFF does not exist.
 DISCONNECTS = (0x00, 0x04, 0x81, 0x82, 0x83, 0x87, 0x89, 0x8B, 0x8D, 0x8E, 0x8F, 0x90, 0x93, 0x94, 0x95, 0x96,
                0x97, 0x98, 0x99, 0x9A, 0x9B, 0x9C, 0x9D, 0x9E, 0x9F, 0xA0, 0xA1, 0xA2, 0xFF)
-# Section 3.2.2.2, and one that does not exist.
+# Section 3.2.2.2, and a code that does not exist.
 CONNACKS_5 = (0x80, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87, 0x88, 0x89, 0x8A, 0x8C, 0x90, 0x95, 0x97, 0x99,
               0x9A, 0x9B, 0x9C, 0x9D, 0x9F, 0xEE)
 CONNACKS_311 = (1, 2, 3, 4, 5, 6, 255)
@@ -39,7 +39,7 @@ def ask(session):
 
 
 def asks_itself():
-    """A command on the connection's own thread, when the agent is online."""
+    """Sends a command from the connection's own thread when the agent is online."""
     def do(session, got):
         if got.qos == 1:
             session.puback(got.identifier)
@@ -49,10 +49,10 @@ def asks_itself():
 
 
 class Guest:
-    """One agent with one scripted broker. The line is not there, so commands end as FAILED at once."""
+    """One agent with one scripted broker. Its line does not exist, so commands fail at once."""
 
     def __init__(self, scripts, version, keep_alive_s=30, tls=False, first=None):
-        """`first`: a server that is tried before the broker."""
+        """`first`: a server to try before the broker."""
         self.directory = tempfile.mkdtemp(prefix="fxagent-hostile-")
         context, mqtt = self.certified() if tls else (None, {})
         self.broker = ScriptedBroker(*scripts, tls=context)
@@ -70,7 +70,7 @@ class Guest:
             self.process = subprocess.Popen([FXAGENT, "run", path], stderr=log, stdout=subprocess.DEVNULL)
 
     def certified(self):
-        """The context of a server with a certificate, and the settings of a client that believes it."""
+        """Returns the TLS context of a server, and the settings of a client that trusts its certificate."""
         certificates(self.directory)
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(*(os.path.join(self.directory, f"server.{kind}") for kind in ("pem", "key")))
@@ -81,8 +81,8 @@ class Guest:
             return log.read()
 
     def obeys(self, patience, first=0, asks=True):
-        """The connection, of that number or a later one, on which a command gets its result. `asks`: the
-        command is sent here, and not by the script."""
+        """Waits until a command gets its result on connection number `first` or later. Returns that connection.
+        `asks`: the command is sent here instead of by the script."""
         asked = set()
         limit = time.monotonic() + patience
         while time.monotonic() < limit:
@@ -101,7 +101,7 @@ class Guest:
                              f"{len(self.broker.sessions)} connections")
 
     def end(self):
-        """Exit status, and what SIGTERM took."""
+        """Sends SIGTERM. Returns the exit status and the time it took."""
         begin = time.monotonic()
         if self.process.poll() is None:
             self.process.terminate()
@@ -117,7 +117,7 @@ class Guest:
 
 
 def deed(action):
-    """The action, with the moment after it noted in the session."""
+    """Returns the action, extended to record its end time in the session."""
     def do(session, *what):
         action(session, *what)
         session.deed = time.monotonic()
@@ -125,7 +125,7 @@ def deed(action):
 
 
 def welcome(*actions):
-    """CONNACK, and then at once the actions."""
+    """Sends CONNACK and then runs the actions at once."""
     def do(session, _packet):
         session.connack()
         for action in actions:
@@ -138,7 +138,7 @@ def on_subscribe(action):
 
 
 def in_flight(action):
-    """Nothing is acknowledged; the action follows the third message."""
+    """Acknowledges nothing; runs the action after the third message."""
     def do(session, _packet):
         if len(session.of(PUBLISH)) == 3:
             action(session)
@@ -147,7 +147,7 @@ def in_flight(action):
 
 
 def with_commands(action):
-    """Commands come when the agent is online, and the action right behind them."""
+    """Sends commands when the agent is online, and runs the action directly afterwards."""
     def do(session, got):
         session.puback(got.identifier)
         if got.topic == f"{BASE}/state":
@@ -160,7 +160,7 @@ def with_commands(action):
 
 
 def mid_stream(action):
-    """The action when the first message came, which is acknowledged before it."""
+    """Acknowledges the first message and then runs the action."""
     def do(session, got):
         if got.qos == 1:
             session.puback(got.identifier)
@@ -172,7 +172,7 @@ def mid_stream(action):
 
 class HostileCases(unittest.TestCase):
     def run_cases(self, cases):
-        """Each case: name, version, script of the first connection, and what is expected as keywords of one()."""
+        """Runs each case: name, version, script of the first connection, and expectations as keywords of one()."""
         failures = []
         with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as pool:
             runs = {pool.submit(self.one, version, script, **expected): f"{name}, MQTT {version}"
@@ -185,7 +185,7 @@ class HostileCases(unittest.TestCase):
 
     def one(self, version, script, back_s=BACK_S, stays=False, says=None, keep_alive_s=30, peak_mib=100,
             tls=False):
-        """`stays`: the connection may go on. Otherwise it is over, and the next one comes within `back_s`."""
+        """`stays`: the connection may continue. Otherwise it ends, and the next one comes within `back_s`."""
         guest = Guest((script, asks_itself() if tls else Script()), version, keep_alive_s, tls)
         try:
             guest.obeys(back_s + 2 * SLACK_S, first=0 if stays else 1, asks=not tls)
@@ -199,7 +199,7 @@ class HostileCases(unittest.TestCase):
                 self.assertIn(says, log)
             peak = memory_kib(guest.process.pid, "VmHWM")
             self.assertLess(peak, peak_mib * 1024 * MEMORY_FACTOR, "KiB of memory")
-            # Every command that was acknowledged has its one result.
+            # Every acknowledged command has exactly one result.
             taken = {p.identifier - 100 for p in first.of(PUBACK)}
             for number in taken:
                 wanted = f'"id":"under-way-{number}"'.encode()

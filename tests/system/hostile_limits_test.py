@@ -1,5 +1,5 @@
-"""The machine gives less than the agent needs: threads, memory, files, a disk, a reader of its log. It
-says so and ends, or goes on and says so; and a stop always ends it. CONTRACT sections 1 and 7."""
+"""The machine provides less than the agent needs: threads, memory, files, a disk, a reader of its log. The agent
+reports it and ends or continues; SIGTERM always ends it. CONTRACT sections 1 and 7."""
 
 import fcntl
 import os
@@ -15,13 +15,13 @@ import unittest
 from plant import BASE, FXAGENT, PlantTest, device, request_properties, wait_for
 
 CRASHING = os.environ["FXAGENT_CRASHING"]
-# A user that runs nothing else: what is counted is the agent's alone.
+# A user without other processes: the limits count only the agent's.
 NOBODY_ELSE = 65531
 STOP_S = 10
 
 
 class Start(PlantTest):
-    """What cannot be had at the start ends the process with the reason."""
+    """A resource missing at the start ends the process with a reason."""
 
     def prepare(self, **more):
         self.start(**more)
@@ -29,11 +29,11 @@ class Start(PlantTest):
         self.assertEqual(self.agent.stop(), 0)
         os.chmod(self.directory, 0o755)
         os.chmod(self.agent.path, 0o644)
-        # Where another user may not look, such as below root's home, it could not start a program.
+        # If another user has no access, as below root's home, it could not start the program.
         self.program = shutil.copy(FXAGENT, self.directory)
 
     def tries_under(self, limit):
-        """"ended" with a reason, or "runs" and stops when it is asked to."""
+        """Returns "ended" (with a reason), or "runs" (until it is asked to stop)."""
         log = os.path.join(self.directory, "limited.log")
         since = self.watcher.mark()
         with open(log, "w") as out:
@@ -53,7 +53,7 @@ class Start(PlantTest):
         try:
             end = wait_for("a word from the agent", how)
             if end == "ended":
-                # 127: not even the program itself could be loaded, which the loader says.
+                # 127: the loader could not even load the program, and reports that.
                 self.assertIn(process.returncode, (1, 127), text())
                 self.assertRegex(text(), "cannot begin: |error while loading|bad_alloc")
                 return end
@@ -120,7 +120,7 @@ class Start(PlantTest):
 
 
 class Log(PlantTest):
-    """Nobody who works waits for a reader of the log."""
+    """No working thread waits for a reader of the log."""
 
     def full_pipe(self):
         reader, writer = os.pipe()
@@ -149,7 +149,7 @@ class Log(PlantTest):
     def test_a_pipe_that_nobody_reads_holds_up_neither_samples_nor_commands_nor_the_end(self):
         _, since = self.start_unread()
         self.state("press1", "online", since)
-        # Each makes a line, no result, and together they are more than what may wait for the reader.
+        # Each makes a log line and no result; together they exceed the log's queue.
         for number in range(2000):
             self.watcher.client.publish(f"{BASE}/NOBODY{number}/command", "{}", 1)
         self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
@@ -211,7 +211,7 @@ class Disk(PlantTest):
 
 
 class Watchdog(PlantTest):
-    """systemd is told that the agent lives only while both of its threads do."""
+    """systemd receives a sign of life only while both threads of the agent run."""
 
     def start_watched(self, point, abstract=False):
         self.start(devices=[device(timeout_ms=1000)])
@@ -229,7 +229,7 @@ class Watchdog(PlantTest):
         self.state("press1", "online", since)
 
     def told(self, patience):
-        """The next that is told beside the status, which is collected."""
+        """Returns the next message except statuses, which are collected."""
         deadline = time.monotonic() + patience
         while (left := deadline - time.monotonic()) > 0:
             self.inbox.settimeout(left)
@@ -268,7 +268,7 @@ class Watchdog(PlantTest):
         self.fed(3)
         self.send({"id": "stop-here", "op": "force_on", "address": "M150"})
         wait_for("the log", lambda: f"watchdog stands_still={who}" in self.agent.logged())
-        while self.told(0.01):  # what was fed before
+        while self.told(0.01):  # messages sent earlier
             pass
         self.assertIsNone(self.told(3), "it was fed by a thread that stands still")
         self.assertEqual(self.statuses[-1], f"{who} stands still: the agent is to be started again")

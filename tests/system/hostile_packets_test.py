@@ -15,7 +15,7 @@ from scripted_broker import PUBACK, PUBREC, SUBACK, Script, length, packet, text
 
 class HostilePackets(HostileCases):
     def test_properties_without_end_are_not_copied(self):
-        """Of a message the command is too large; any other packet ends the connection."""
+        """Too many properties make a message too large as a command; in any other packet they end the connection."""
         users = b"\x26\0\0\0\0" * 3_000_000
         asked = b"\x09" + text("same")
 
@@ -50,10 +50,10 @@ class HostilePackets(HostileCases):
                          {"says": "before it has answered CONNECT", "peak_mib": 60}) for version in BOTH])
 
     def test_a_flood_with_qos_2_does_not_starve_commands(self):
-        """Each of them is taken as one of QoS 1, and the commands in between have their results.
+        """Each is handled like one of QoS 1, and the commands in between get their results.
 
-        The flood keeps to the agent's Receive Maximum. A broker that does not is sent away when the
-        agent falls behind, and this session would end."""
+        The flood respects the agent's Receive Maximum. If a broker does not, the agent disconnects when it falls
+        behind, and this session would end."""
         floods, asked, receive_maximum = 1000, 10, 10
 
         def flood(session, _packet):
@@ -83,7 +83,7 @@ class HostilePackets(HostileCases):
             self.assertLessEqual(took, ENDS_S)
 
     def test_a_tls_handshake_without_end_is_given_up(self):
-        """TLS 1.2, section 7.4.1.1: a HelloRequest in the middle of a handshake is ignored, and may come again."""
+        """TLS 1.2, section 7.4.1.1: a HelloRequest during a handshake is ignored, and may be repeated."""
         hello_requests = b"\x16\x03\x03\0\4\0\0\0\0"
         for name, pause, says in (("fast", 0, "handshake does not end"), ("slow", 0.05, "no answer")):
             with self.subTest(name), socket.create_server(("127.0.0.1", 0)) as listener:

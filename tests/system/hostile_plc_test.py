@@ -1,27 +1,26 @@
-"""What a PLC, or somebody else on its wire, may say: polite, legal or not, at each stage of an exchange.
+"""Bytes that a PLC, or another device on its wire, may send, valid or not, at each stage of an exchange.
 
-The peers here are a few lines of Python that speak for themselves: their frames are those of the
-manuals, their sums are computed here and compared with printed examples, and nothing of the agent's is
-in them.
+The peers are a few lines of Python without any of the agent's code: their frames are those of the manuals,
+and their sums are computed here and compared with printed examples.
 
-On a question, beside the right answer:                 stage
+On a request, instead of the right answer:              stage
   nothing; the answer too late                          waiting for an answer
-  the answer twice, at once or 20 ms later              behind the answer
+  the answer twice, at once or 20 ms later              after the answer
   another unit's answer, alone or before the right one  head
   another function, another length, a wrong sum         head, middle, end
-  the question itself, alone or before the answer       head (echo)
-  noise before or behind the answer                     head, behind
+  the request itself, alone or before the answer        head (echo)
+  noise before or after the answer                      head, after
   the answer byte by byte                               middle
-  a frame that never ends; FF without end               middle
+  a frame that never ends; endless FF                   middle
   half of the answer, and the connection closed         middle
   a refusal                                             whole
-  NAK where data belong, ACK where data belong          whole
-  data where an ACK belongs                             whole
-  an ACK, then the PLC's own NAK, together or apart     behind the answer
-Without any question: bytes at full speed from the first moment, or from the first question on.
+  NAK instead of data, ACK instead of data              whole
+  data instead of an ACK                                whole
+  an ACK, then the PLC's own NAK, together or apart     after the answer
+Without any request: bytes at full speed from the start, or from the first request on.
 
-After each of them: the process lives, no wrong value has good quality once the line has shown that it
-cannot be believed, the neighbours keep their poll interval, and the polite PLC is read again.
+After each of them, the process lives, no wrong value has good quality once the line is known to be
+unreliable, the neighbours keep their poll interval, and the well-behaved PLC is read again.
 """
 
 import socket
@@ -33,8 +32,8 @@ from plant import BASE, MEMORY_FACTOR, Broker, PlantTest, Watcher, device, memor
 
 CLOSE = object()
 UNIT = 1
-REGISTERS = {10: 1010, 200: 1200}  # all that good values may be
-LONGEST_GAP_MS = 1000  # of a neighbour at 200 ms, on a busy machine; a stall took 2 to 4 s
+REGISTERS = {10: 1010, 200: 1200}  # all permitted good values
+LONGEST_GAP_MS = 1000  # of a neighbour at 200 ms, on a busy machine; a stall would take 2 to 4 s
 
 
 def crc(data):
@@ -52,18 +51,18 @@ def rtu(*body):
 
 
 def port_frame(text):
-    """STX, the text, ETX, and the sum of all behind STX."""
+    """STX, the text, ETX, and the sum of everything after STX."""
     inner = text.encode() + b"\x03"
     return b"\x02" + inner + f"{sum(inner) & 0xFF:02X}".encode()
 
 
 class Peer:
-    """One TCP port that answers. `mode(question, answer)` gives what is said and done instead: bytes to
-    send, seconds to wait, or CLOSE."""
+    """One TCP port that answers. `mode(question, answer)` replaces the answer by a list of actions: bytes to send,
+    seconds to wait, or CLOSE."""
 
     def __init__(self, mode=None, greeting=None):
         self.mode = mode or self.polite
-        self.greeting = greeting  # called with each new connection
+        self.greeting = greeting  # called for each new connection
         self.questions = 0
         self.connections = 0
         self.server = socket.socket()
@@ -80,7 +79,7 @@ class Peer:
         return [answer]
 
     def take(self, received):
-        """The first whole question in `received` and the rest; (None, received) where it is not whole."""
+        """Returns the first whole request in `received` and the rest, or (None, received) if it is incomplete."""
         raise NotImplementedError
 
     def answer(self, question):
@@ -134,7 +133,7 @@ class Peer:
 
 
 class RtuPeer(Peer):
-    """Modbus RTU through a transparent serial server; reads holding registers."""
+    """Modbus RTU through a transparent serial server; answers reads of holding registers."""
 
     def take(self, received):
         if len(received) < 8:
@@ -149,7 +148,7 @@ class RtuPeer(Peer):
 
 
 class PortPeer(Peer):
-    """An FX on the programming port, classic commands: D10 and D200 have values, M100 is off for ever."""
+    """An FX on the programming port, classic commands: D10 and D200 have values, M100 is always off."""
 
     def take(self, received):
         if received[:1] == b"\x05":
@@ -248,7 +247,7 @@ class HostilePlc(PlantTest):
                             {"name": "b", "address": "D200", "group": "fast"}], **more)
 
     def plant(self, hostile, make_device, neighbours=1):
-        """The agent with a hostile link and healthy ones at 200 ms."""
+        """Starts the agent with a hostile link and healthy ones at 200 ms."""
         links, devices = [self.link("bad", hostile)], [make_device("press1", "bad")]
         for i in range(neighbours):
             links.append(self.link(f"good{i}", self.peer(RtuPeer())))
@@ -280,8 +279,8 @@ class HostilePlc(PlantTest):
                    for tag, value in message["values"].items())
 
     def assert_wrong_only_before_found(self, samples):
-        """A second answer that comes behind the next question passes for that one's: nobody can tell,
-        and a busy machine may do that to this peer a few times. Once one was seen none passes."""
+        """An answer that arrives after the next request passes for the answer to that request. That is undetectable,
+        and a busy machine may do it a few times here. After the first detection none may pass."""
         found = next((i for i, m in enumerate(samples) if "bad" in m), len(samples))
         wrong = [m for m in samples[found:] if not self.is_right(m)]
         self.assertEqual(wrong, [], f"from {found} on, of {len(samples)}")
@@ -345,7 +344,7 @@ class HostilePlc(PlantTest):
         self.state("press1", "online")
         results = [self.command(op="force_on", address="M100", expires=int(time.time() * 1000) + 30000)
                    for _ in range(8)]
-        # The first one's NAK comes when its result is out already; nothing before it tells.
+        # The first NAK arrives after its result was published; nothing announced it.
         for result in results[1:]:
             self.assert_result(result, "UNKNOWN_OUTCOME", "bad_frame")
         self.assert_neighbours_kept_their_beat(0)
@@ -371,7 +370,7 @@ class HostilePlc(PlantTest):
         self.assert_result(result, "UNKNOWN_OUTCOME", "timeout")
 
     def babble(self, peer, connection):
-        """At full speed until the agent has had enough."""
+        """Sends at full speed until the agent closes the connection."""
         flood = b"\x55" * 65536
         while not peer.ended:
             connection.sendall(flood)
@@ -383,7 +382,7 @@ class HostilePlc(PlantTest):
         self.watcher.wait_count(f"{BASE}/good0/data/fast", 40, since=since)
         took = time.monotonic() - began
         self.assert_neighbours_kept_their_beat(since, neighbours=2)
-        # It backs off: 0.5 s, 1 s, 2 s and so on, a fifth more or less.
+        # It backs off: 0.5 s, 1 s, 2 s and so on, each ± a fifth.
         self.assertLessEqual(hostile.connections - seen, 3 + took / 2)
         self.assertIn("bytes come without end", self.agent.logged())
         self.assert_agent_is_well()

@@ -1,4 +1,4 @@
-"""Whatever goes on, SIGTERM ends the agent within 10 s, and what a long command did is told."""
+"""SIGTERM ends the agent within 10 s in any situation, and the effects of a long command are reported."""
 
 import contextlib
 import fcntl
@@ -18,7 +18,7 @@ LIST = [{"address": f"D{300 + i}", "value": i + 1} for i in range(64)]
 
 class StopTest(PlantTest):
     def stopped(self, expected=0):
-        """Ends the agent; it may not take longer than the limit."""
+        """Ends the agent, which must not take longer than the limit."""
         began = time.monotonic()
         status = self.agent.stop(expected=expected)
         took = time.monotonic() - began
@@ -27,7 +27,7 @@ class StopTest(PlantTest):
         self.assertEqual(status, expected, self.agent.logged())
 
     def start_alone(self, links, devices=None, server=None, **more):
-        """An agent without a simulator, and without a broker where `server` is none."""
+        """Starts an agent without a simulator; if `server` is None, also without a broker."""
         server = server or f"127.0.0.1:{free_port()}"
         config = {"agent": {"id": "edge7", "root": "fx/plant-a"},
                   "mqtt": {"servers": [f"mqtt://{server}"]},
@@ -45,7 +45,7 @@ class StopTest(PlantTest):
         return dict(what, LD_PRELOAD=os.environ["SLOW_MACHINE"])
 
     def peer(self, serve):
-        """A TCP server on the loopback: `serve(connection)` for each client, on a thread."""
+        """A TCP server on the loopback: runs `serve(connection)` for each client on its own thread."""
         listener = socket.create_server(("127.0.0.1", 0))
         self.stack.callback(listener.close)
 
@@ -182,7 +182,7 @@ class Waits(StopTest):
         port = self.peer(babble)
         self.start_alone([{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}])
         self.logged("starting")
-        time.sleep(1)  # no event tells that the agent is in the midst of it
+        time.sleep(1)  # no event shows that the agent is in the middle of it
         self.stopped()
 
     def test_a_peer_that_takes_no_connection(self):
@@ -202,7 +202,7 @@ class Waits(StopTest):
         path = self.pty("press1")
         self.start_alone([self.serial()], environment=self.slow_machine(SLOW_OPEN=path))
         self.logged("starting")
-        time.sleep(1)  # no event tells that the agent is in the midst of it
+        time.sleep(1)  # no event shows that the agent is in the middle of it
         self.stopped(expected=1)
         self.assertIn('unfinished="links: line1"', self.agent.logged())
 
@@ -210,7 +210,7 @@ class Waits(StopTest):
         link = {"name": "line1", "tcp": {"host": "plc.invalid", "port": 5551}}
         self.start_alone([link], environment=self.slow_machine(SLOW_LOOKUP="plc.invalid"))
         self.logged("starting")
-        time.sleep(1)  # no event tells that the agent is in the midst of it
+        time.sleep(1)  # no event shows that the agent is in the middle of it
         self.stopped()
 
     def test_a_broker_whose_name_takes_long_to_look_up(self):
@@ -258,7 +258,7 @@ class Waits(StopTest):
         self.agent.stop(expected=None)
         process = subprocess.Popen([FXAGENT, "run", self.agent.path], stderr=writing)
         os.close(writing)
-        time.sleep(1)  # it says nothing, by design of the test
+        time.sleep(1)  # it sends nothing, as the test requires
         process.terminate()
         try:
             process.wait(LIMIT_S)

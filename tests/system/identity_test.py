@@ -1,5 +1,5 @@
-"""Two agents with one id, texts of others on the agent's topics, commands for devices that are not there.
-CONTRACT sections 3 and 5."""
+"""Two agents with one id, other clients' messages on the agent's topics, commands for unknown devices. CONTRACT
+sections 3 and 5."""
 
 import json
 import os
@@ -13,7 +13,7 @@ FORCE = {"op": "force_on", "address": "M150"}
 
 class Identity(PlantTest):
     def start_second(self, client_id):
-        """Another agent with the id of the first, on a line and a PLC of its own."""
+        """Starts another agent with the first one's id, on its own line and PLC."""
         config = json.loads(json.dumps(self.agent.config))
         config["mqtt"]["client_id"] = client_id
         config["links"] = [self.serial("line1", "twin")]
@@ -86,7 +86,7 @@ class Identity(PlantTest):
         self.start_plant()
         self.agent.stop(signal.SIGKILL)
         self.agent_state(lambda s: s["state"] == "offline")
-        # As a broker has it that lost the will.
+        # The state as kept by a broker that lost the will.
         self.watcher.publish(f"{BASE}/state", {"state": "online", "since": 1, "boot": "0ld0ld0l",
                                                "version": "0.1.0"}, retain=True)
         since = self.watcher.mark()

@@ -1,4 +1,4 @@
-"""`import` and `export` as programs: formats found by themselves, what is told, and the exit status."""
+"""`import` and `export` as programs: detection of formats, messages and exit status."""
 
 import glob
 import json
@@ -30,7 +30,7 @@ class Import(unittest.TestCase):
         return done.returncode, done.stdout, done.stderr
 
     def imported(self, *arguments):
-        """The config, which passes check, and what was told."""
+        """Returns the config, which must pass check, and the messages."""
         status, out, err = self.run_agent("import", *arguments)
         self.assertEqual(status, 0, err)
         self.assertEqual(self.run_agent("check", self.file("made.json", out))[0], 0, out)

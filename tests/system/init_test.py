@@ -1,4 +1,5 @@
-"""`init`: what it writes fits each other, with a broker that holds to its access rules; what it asks and refuses."""
+"""`init`: the files it writes are consistent, and work with a broker that enforces its access rules; its questions
+and refusals."""
 
 import contextlib
 import json
@@ -22,7 +23,7 @@ class Init(PlantTest):
 
     def test_the_files_work_together(self):
         place = self.place()
-        os.chmod(self.directory, 0o755)  # mosquitto reads its files as a user of its own
+        os.chmod(self.directory, 0o755)  # mosquitto reads its files as its own user
         secret = os.path.join(self.directory, "secret")
         with open(secret, "w") as out:
             out.write("pw")
@@ -86,7 +87,7 @@ class Init(PlantTest):
         secret = os.path.join(self.place(), "mqtt_password")
         self.assertIn(f"The password of anna at the broker goes into {secret} (mode 600, of ", done.stdout)
         self.assertEqual((os.stat(secret).st_mode & 0o777, os.stat(secret).st_size), (0o600, 0))
-        # It ends with check, plan and the next call.
+        # It ends with the output of check and plan, and the next command to run.
         config = os.path.join(self.place(), "agent.json")
         heads = [f"fxagent check {config}", f"{config}: right: ", f"fxagent plan {config}", "link line1",
                  f"Next: fxagent check --online {config}"]
@@ -136,7 +137,7 @@ class Init(PlantTest):
         self.assertEqual(done.returncode, 0, done.stderr)
         for name in os.listdir(self.place()):
             self.assertEqual(os.stat(os.path.join(self.place(), name)).st_mode & 0o777, 0o644, name)
-        # Now it is one of a plant, which is told before anything is asked.
+        # Now the plant exists, which is reported before any question.
         done = self.run_init(self.place())
         self.assertEqual(done.returncode, 1)
         self.assertIn("agent.json is there already", done.stderr)
@@ -152,7 +153,7 @@ class Init(PlantTest):
         self.assertIn("--port", done.stderr)
 
     def talk(self, flags, answers):
-        """Answers the questions of `init` on a terminal; what it said, and its exit status."""
+        """Answers the questions of `init` on a terminal. Returns its output and exit status."""
         ours, theirs = os.openpty()
         self.stack.callback(os.close, ours)
         child = subprocess.Popen([FXAGENT, "init", self.place(), *flags], stdin=theirs,

@@ -1,7 +1,7 @@
-"""MC protocol beside a client by others: npm's mcprotocol 0.1.2 and the agent read the same PLCs of fxsim and see
-the same; what one has written the other reads. It stands for 1E reads of words and bits in both codes and for
-3E binary words both ways; its 1E writes break on their own answer, its 3E bit writes swap bytes and its ASCII
-counts are decimal, so those are not asked of it."""
+"""MC protocol with a third-party client: npm's mcprotocol 0.1.2 and the agent read the same PLCs of fxsim and get the
+same values, and each reads what the other has written. The client covers 1E reads of words and bits in both codes and
+3E binary words in both directions. It has bugs elsewhere: 1E writes fail on their own answer, 3E bit writes swap
+bytes, and ASCII counts are decimal; those are left out."""
 
 import json
 import os
@@ -16,7 +16,7 @@ PEERS = os.environ["NODE_PEERS"]
 MEMORY = {"D0": list(range(1000, 1140)), "D50": [0x5678, 0x1234], "D7990": [1, -1, 32767], "R100": [4, 5],
           "M0": [1, 0, 0, 1, 1] * 20, "M7676": [1, 0, 1, 1], "S33": 1, "X17": 1, "X20": [0, 1, 1], "Y35": 1,
           "TN5": [55, 66], "CN3": 77, "CN200": [12345678, -9]}
-# How the client names what, how the agent does, of how many elements, and of which type.
+# The client's name, the agent's name, the number of elements, and their type.
 SAME = [("D0,140", "D0", 140, None), ("D7990,3", "D7990", 3, None), ("DDINT50", "D50", 1, "int32"),
         ("R100,2", "R100", 2, None), ("TN5,2", "TN5", 2, None), ("CN3", "CN3", 1, None),
         ("CN200,2", "CN200", 2, None), ("M0,100", "M0", 100, None), ("M7676,4", "M7676", 4, None),
@@ -46,7 +46,7 @@ class Mcprotocol(unittest.TestCase):
                                     "commands": {"allow": ["D0-D999"]}}]}, out)
 
     def client(self, *words):
-        """What mcprotocol makes of it."""
+        """Returns mcprotocol's result."""
         done = subprocess.run(["node", os.path.join(PEERS, "mc_client.js"), str(self.sim.ports["plc"]),
                                self.frame, self.code, *words],
                               capture_output=True, text=True, timeout=PATIENCE, check=False)
@@ -83,7 +83,7 @@ class Mcprotocol(unittest.TestCase):
         self.start("mc-3e", "FX5U", "binary", {"D0": list(range(-5, 300)), "R100": [4, -5], "TN5": [55, 66]})
         self.compare([("D0,300", "D0", 300, None), ("R100,2", "R100", 2, None), ("TN5,2", "TN5", 2, None)])
         values = [7, -8, 32767, -32768]
-        # It calls every 3E write bad, since it looks for the subheader of 1E in the answer.
+        # It reports every 3E write as bad, because it looks for the 1E subheader in the answer.
         self.client("write", "D400,4", json.dumps(values))
         self.assertEqual(self.agent_reads("D400", 4), values)
         self.agent("write", "D500", "[1, -2, 3]")

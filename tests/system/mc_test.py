@@ -1,6 +1,6 @@
-"""One agent with every frame of the MC protocol beside each other against fxsim: 1E, 3E and 4E on TCP and UDP, 3C
-and 4C on a line. Telemetry, writes, forces, RUN and STOP, `model: auto`, refusals with their end codes, and what the
-agent says where a setting is wrong."""
+"""One agent with every frame of the MC protocol at once against fxsim: 1E, 3E and 4E on TCP and UDP, 3C and 4C on a
+line. Telemetry, writes, forces, RUN and STOP, `model: auto`, refusals with their end codes, and the messages about
+wrong settings."""
 
 import json
 import os
@@ -10,8 +10,8 @@ import unittest
 
 from plant import FXAGENT, PATIENCE, Broker, PlantTest, Watcher, wait_for
 
-# Name of a device: its protocol, model, what its PLC and its device have besides, and an input: number 31 in the
-# series' own base, or one below 8 where the model is to be asked, since nobody knows the base then.
+# Name of a device: its protocol, model, extra keys for its PLC and for its device, and an input. The input is number
+# 31 in the series' own base, or one below 8 if the model is detected, because the base is unknown until then.
 KINDS = {
     "fx3": ("mc-1e", "FX3U", {}, {}, "X37"),
     "fx3ascii": ("mc-1e", "FX3G", {"code": "ascii"}, {"code": "ascii"}, "X37"),
@@ -23,12 +23,12 @@ KINDS = {
     "c3": ("mc-3c", "FX5U", {"station": 3, "format": 4}, {"station": 3, "format": 4}, "X7"),
     "c4": ("mc-4c", "FX5U", {"format": 5}, {"format": 5}, "X37"),
 }
-MODELS = {"fx3": "FX3U", "fx5": "FX5U", "iqr": "iQ-R", "c3": "FX5U"}  # those that are asked
+MODELS = {"fx3": "FX3U", "fx5": "FX5U", "iqr": "iQ-R", "c3": "FX5U"}  # detected models
 REFUSALS = {"fx3": "55", "fx5": "0055", "c4": "7167"}
 
 
 def knows_inputs(name):
-    """Whether X above 7 has a name: not while nobody knows whether it is octal or hexadecimal."""
+    """True if X above 7 has a name: not before it is known to be octal or hexadecimal."""
     return name not in MODELS or KINDS[name][0] == "mc-1e"
 
 
@@ -76,7 +76,7 @@ class EveryFrame(McTest):
         self.start_plant(KINDS)
         wanted = {"words": [1234, 5678, -2], "long": 5678 * 65536 + 1234, "bits": [True, False, True]}
         for name in KINDS:
-            # The demo's ladder refreshes inputs; there is none here.
+            # The demo's ladder refreshes inputs; here there is no ladder.
             sample = self.data(lambda m: wanted.items() <= m["values"].items(), name)
             self.assertFalse(sample.get("bad"), sample)
             self.assertEqual(sample["values"].get("input"), True if knows_inputs(name) else None, sample)
@@ -117,12 +117,11 @@ class EveryFrame(McTest):
 
 
 class GatheredReads(McTest):
-    """Places far from each other, read by one frame: 0406 of an FX5, 0403 beside a batch read of a Q, which has no
-    0406."""
+    """Distant places read by one frame: 0406 of an FX5, and 0403 plus a batch read of a Q, which has no 0406."""
     WORDS = ("D100", "D300", "D500", "D700", "D900", "W10")
     GATHERS = {"fx5": "0406/0000", "q": "0403/0000"}
     HOLE = "D101"
-    LATER = 10  # polls that are counted once the hole is known
+    LATER = 10  # number of polls counted after the hole is known
 
     def device_of(self, name, **more):
         device = super().device_of(name, **more)
@@ -163,7 +162,7 @@ class GatheredReads(McTest):
 
 
 class WrongSettings(McTest):
-    """What a person reads who has set something wrong: by `fxagent read`, without a broker."""
+    """Messages about wrong settings, from `fxagent read` without a broker."""
 
     def start_one(self, name, device=None, **plc):
         self.start_sim([self.plc_of(name, **plc)])

@@ -1,5 +1,5 @@
-"""MC protocol on a bad network: datagrams that are lost, come twice, late or in another order, and somebody else's.
-No value is ever another question's, each command has one result, and no write is done twice."""
+"""MC protocol on a bad network: datagrams that are lost, duplicated, late or reordered, and foreign ones. No value
+may belong to another request; each command has one result, and no write is repeated by the agent."""
 
 import heapq
 import random
@@ -12,21 +12,21 @@ import unittest
 from plant import BASE, Broker, PlantTest, Watcher, device, wait_for
 
 TIMEOUT_MS = 300
-# Blocks of one length, each word of which is its own number: a late answer to one would fit the other.
+# Blocks of equal length in which each word is its own number: a late answer to one would fit another.
 BLOCKS = {"a": 100, "b": 300, "c": 500}
 WORDS = 10
 WRITE = b"\x01\x14"  # 1401, low byte first
 
 
 def free_udp_port():
-    """One that nobody has at this moment."""
+    """Returns a UDP port that is free at this moment."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
         holder.bind(("127.0.0.1", 0))
         return holder.getsockname()[1]
 
 
 class BadNetwork:
-    """Between the agent and a PLC on UDP. Each port of the agent has one of its own here, as behind a router."""
+    """The network between the agent and a PLC on UDP. Each port of the agent has its own port here, as in a NAT."""
 
     def __init__(self, plc_port, seed, lost=0.2, twice=0.1, late=0.2):
         self.plc = ("127.0.0.1", plc_port)
@@ -36,8 +36,8 @@ class BadNetwork:
         self.front.bind(("127.0.0.1", 0))
         self.port = self.front.getsockname()[1]
         self.stranger = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.backs = {}  # the agent's address: the socket that stands for it
-        self.writes = []  # as the agent sent them
+        self.backs = {}  # the agent's address: its socket here
+        self.writes = []  # as sent by the agent
         self.counts = {"lost": 0, "twice": 0, "late": 0, "forged": 0}
         self.under_way = []
         self.number = 0
@@ -71,7 +71,7 @@ class BadNetwork:
             is_write = WRITE in datagram
             if is_write:
                 self.writes.append(datagram)
-            # A network that doubles a write does it twice; that is nothing the agent can do about.
+            # A network that duplicates a write executes it twice; the agent cannot prevent that.
             self._carry(self.backs[whence], datagram, self.plc, 0 if is_write else self.twice)
             return
         agent = next(address for address, back in self.backs.items() if back is heard)
@@ -91,7 +91,7 @@ class BadNetwork:
         for copy in range(copies):
             delay = 0.0
             if copy or self.random.random() < self.late:
-                # Behind those that follow it, now and then behind the agent's patience.
+                # After the datagrams that follow it, sometimes after the agent's time-out.
                 self.counts["late"] += 1
                 beyond = self.random.random() < 0.1
                 delay = self.random.uniform(0.3, 0.5) if beyond else self.random.uniform(0, 0.1)
@@ -113,7 +113,7 @@ class McOverUdp(PlantTest):
         return {f"D{first}": list(range(first, first + WORDS)) for first in BLOCKS.values()}
 
     def start_others(self, plcs):
-        """All but the agent."""
+        """Starts everything except the agent."""
         self.start_sim(plcs)
         self.broker = Broker(self.directory)
         self.broker.start()

@@ -1,6 +1,4 @@
-"""Metrics and probes: read by Debian's Prometheus with the files of config/monitoring, and by clients that do
-it no good.
-"""
+"""Metrics and probes, read by Debian's Prometheus with the files of config/monitoring and by misbehaving clients."""
 
 import contextlib
 import http.client
@@ -25,7 +23,7 @@ PROMTOOL = shutil.which("promtool", path=os.environ["PATH"] + ":/usr/bin:/usr/sb
 
 
 def get(port, path, host="127.0.0.1"):
-    """Status and body."""
+    """Returns status and body."""
     with contextlib.closing(http.client.HTTPConnection(host, port, timeout=PATIENCE)) as connection:
         connection.request("GET", path)
         response = connection.getresponse()
@@ -33,9 +31,9 @@ def get(port, path, host="127.0.0.1"):
 
 
 def exchange(port, request, half_close=False):
-    """What comes back of any bytes, until the server closes."""
+    """Sends arbitrary bytes. Returns everything received until the server closes."""
     with socket.create_connection(("127.0.0.1", port), PATIENCE) as connection:
-        with contextlib.suppress(OSError):  # closed already
+        with contextlib.suppress(OSError):  # already closed
             connection.sendall(request)
             if half_close:
                 connection.shutdown(socket.SHUT_WR)
@@ -78,7 +76,7 @@ class Metrics(PlantTest):
         self.assertTrue(self.probe("/healthz")["ok"], "a broker that is away is no fault of the agent")
         self.broker.start()
         wait_for("readiness", lambda: self.probe("/readyz")["ok"])
-        # A device that is away neither.
+        # Nor does a device that is offline.
         self.sim.stop()
         wait_for("the loss of the device", lambda: 'fxagent_device_up{device="press1",link="line1"} 0\n'
                  in get(self.port, "/metrics")[1])
@@ -165,7 +163,7 @@ class Scraped(PlantTest):
         self.assertIn("SUCCESS", said)
 
     def prometheus(self, target):
-        """The shipped configuration, with another target and every second."""
+        """The shipped configuration with another target and an interval of one second."""
         shutil.copy(os.path.join(MONITORING, "alerts.yml"), self.directory)
         with open(os.path.join(MONITORING, "prometheus.yml")) as shipped:
             config = shipped.read()
@@ -201,7 +199,7 @@ class Scraped(PlantTest):
         return json.loads(body)["data"]["result"]
 
     def has_data(self, expression):
-        """At least one series with a number: of nothing a quantile is NaN."""
+        """True if at least one series has a number: a quantile of no data is NaN."""
         return any(series["value"][1] != "NaN" for series in self.query(expression))
 
     def dashboard_queries(self):
@@ -235,16 +233,16 @@ class Scraped(PlantTest):
         known = set(json.loads(get(self.web, "/api/v1/label/__name__/values")[1])["data"])
         for rule in rules:
             names = set(re.findall(r"\b((?:fxagent|process)_[a-z_]+)\b", rule["query"]))
-            # Until something was sampled nobody knows how long the store lasts.
+            # Until a sample was made, the remaining time of the store is unknown.
             self.assertEqual(names - known - {"fxagent_store_left_seconds"}, set(), rule["name"])
-        # A fault is on its way to its alert.
+        # A fault leads to its alert.
         self.sim.stop()
         wait_for("the pending alert", lambda: self.has_data(
             'ALERTS{alertname="FxagentDeviceOffline",device="press1",alertstate="pending"}'))
 
 
 class SlowClients:
-    """So many connections that send a byte of their headers now and then, and come again when they were closed."""
+    """Many connections that send a byte of their headers now and then, and reconnect when they are closed."""
 
     def __init__(self, port, count):
         self.port = port
@@ -262,7 +260,7 @@ class SlowClients:
         self.open += 1
 
     def turn(self):
-        """One round; takes up to 10 ms."""
+        """Runs one round; takes up to 10 ms."""
         for _ in range(min(50, self.count - self.open)):
             self.connect()
         for key, _ in self.waiting.select(0.01):
@@ -286,19 +284,19 @@ class SlowClients:
 
 
 class HostileClients(PlantTest):
-    """Polls as the device sees them, with a crowd at the door and without one."""
+    """Poll times as seen by the device, with and without a crowd of clients."""
 
     INTERVAL_MS = 20
     POLLS = 200
 
     def polls(self, clock):
-        """The times of the requests since the last call, in ms."""
+        """Returns the times of the requests since the last call, in ms."""
         clock.stdin.write("\n")
         clock.stdin.flush()
         return [ns / 1e6 for ns in json.loads(clock.stdout.readline())]
 
     def gaps(self, clock, meanwhile):
-        """Those between many polls, in ms."""
+        """Returns the gaps between many polls, in ms."""
         self.polls(clock)
         times = []
         while len(times) < self.POLLS:
@@ -307,11 +305,11 @@ class HostileClients(PlantTest):
         return [b - a for a, b in zip(times, times[1:])]
 
     def off(self, gaps):
-        """How far nine of ten are from the interval at the most, in ms."""
+        """Returns the largest deviation from the interval of nine polls in ten, in ms."""
         return sorted(abs(gap - self.INTERVAL_MS) for gap in gaps)[len(gaps) * 9 // 10]
 
     def left_out(self, gaps):
-        """Polls that did not come."""
+        """Returns the number of skipped polls."""
         return sum(round(gap / self.INTERVAL_MS) - 1 for gap in gaps if gap > 1.5 * self.INTERVAL_MS)
 
     def test_five_hundred_slow_clients_move_no_poll(self):
@@ -336,14 +334,14 @@ class HostileClients(PlantTest):
         self.stack.callback(crowd.close)
         wait_for("a crowd that was turned away", lambda: crowd.turn() or crowd.closed >= 500)
         during = self.gaps(clock, crowd.turn)
-        # In the crowd a scrape is answered all the same.
+        # A scrape is answered in spite of the crowd.
         self.assertEqual(get(port, "/healthz")[0], 200)
         crowd.close()
         after = self.gaps(clock, wait_a_little)
         said = {name: (round(self.off(of), 3), self.left_out(of))
                 for name, of in (("before", before), ("during", during), ("after", after))}
         print("p90 of ms off the interval, polls left out:", said, file=sys.stderr)
-        # The crowd itself takes one of the processors: a poll in twenty may come late for that.
+        # The crowd itself uses one of the processors: one poll in twenty may be late for that reason.
         self.assertLess(self.off(during), max(self.off(before), self.off(after)) + 2, said)
         self.assertLessEqual(self.left_out(during),
                              max(self.left_out(before), self.left_out(after)) + self.POLLS // 20, said)

@@ -1,5 +1,5 @@
-"""One agent with every protocol at once: two FX on programming ports, four FX stations on one computer
-link, two Modbus RTU units on one line, three Modbus TCP devices. Then with one of each dead."""
+"""One agent with every protocol at once: two FX on programming ports, four FX stations on one computer link, two
+Modbus RTU units on one line, three Modbus TCP devices. Then one of each fails."""
 
 import json
 import statistics
@@ -15,7 +15,7 @@ STATIONS = ["st0", "st1", "st2", "st3"]
 UNITS = ["rtu1", "rtu2"]
 METERS = ["tcp1", "tcp2", "tcp3"]
 DEAD = ["fx2", "st2", "rtu2", "tcp3"]
-# What shares a line with a dead one, and what does not.
+# Devices that share a line with a dead one.
 NEIGHBOURS = ["st0", "st1", "st3", "rtu1"]
 
 
@@ -88,7 +88,7 @@ class MixedPlant(PlantTest):
         return PORTS + STATIONS + UNITS + METERS
 
     def gaps(self, seconds):
-        """For each device the time stamps of `seconds` worth of polls from now on, as gaps in ms."""
+        """Returns the time stamps of each device over the next `seconds` of polls, as gaps in ms."""
         since = self.watcher.mark()
         polls = int(seconds * 1000 / INTERVAL_MS)
         living = [name for name in self.everybody() if name not in self.dead]
@@ -116,7 +116,7 @@ class MixedPlant(PlantTest):
         healthy = self.gaps(6)
         self.table("all alive", healthy)
         for name, gaps in healthy.items():
-            self.assertLess(sum(gaps), (len(gaps) + 0.5) * INTERVAL_MS, name)  # no poll was left out
+            self.assertLess(sum(gaps), (len(gaps) + 0.5) * INTERVAL_MS, name)  # no poll was skipped
             self.assertLess(max(gaps), 2 * INTERVAL_MS, name)
             self.assertAlmostEqual(statistics.median(gaps), INTERVAL_MS, delta=SCHEDULING_MS)
 
@@ -128,14 +128,14 @@ class MixedPlant(PlantTest):
         beside = self.gaps(10)
         self.table("fx2, st2, rtu2 and tcp3 dead", beside)
         for name, gaps in beside.items():
-            # An attempt at a silent neighbour holds the line for its timeout and as much silence.
+            # An attempt at a silent neighbour occupies the line for its timeout and as much silence again.
             most = 2 * INTERVAL_MS + (2 * TIMEOUT_MS if name in NEIGHBOURS else 0)
             self.assertLess(max(gaps), most, name)
             self.assertAlmostEqual(statistics.median(gaps), INTERVAL_MS, delta=SCHEDULING_MS)
 
         since = self.watcher.mark()
         self.sim.ask(cmd="clear_faults")
-        for name in DEAD:  # a silent member of a shared line is tried every 30 s at the most
+        for name in DEAD:  # a silent device of a shared line is retried at most every 30 s
             self.watcher.wait(f"{BASE}/{name}/state", lambda s: s["state"] == "online", since, 60)
 
     def test_every_protocol_obeys_and_answers(self):

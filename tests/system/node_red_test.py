@@ -1,6 +1,6 @@
-"""The flow of config/node-red in a real Node-RED 4 with the dashboard's nodes, beside the agent of the demo.
-Only the broker's port is another one. Its functions show what they know in the flow's context, which the
-admin interface of Node-RED tells.
+"""The flow of config/node-red in a real Node-RED 4 with the dashboard's nodes, with the agent of the demo. Only the
+broker's port differs. The flow keeps its state in its context, which the test reads through Node-RED's admin
+interface.
 """
 
 import contextlib
@@ -30,8 +30,8 @@ SETTINGS = """module.exports = {
 
 class NodeRed(PlantTest):
     def start_demo(self):
-        """What config/demo/run.sh starts; the PLC's memory is the test's, and the fast group is faster, so
-        that an outage of seconds has a history."""
+        """Starts the programs of config/demo/run.sh. The test controls the PLC's memory, and the fast group is
+        faster, so that an outage of seconds has a history."""
         self.broker = Broker(self.directory)
         self.broker.start()
         self.sim = Sim(self.directory, [self.plc()])
@@ -85,7 +85,7 @@ class NodeRed(PlantTest):
             return response.status, response.read().decode()
 
     def context(self, key):
-        """What the flow keeps under this name; None: nothing yet."""
+        """Returns the flow's context value of this name; None: nothing yet."""
         status, text = self.ask("GET", f"/context/flow/{TAB}/{key}")
         self.assertEqual(status, 200, text)
         answer = json.loads(text)
@@ -101,14 +101,14 @@ class NodeRed(PlantTest):
             self.skipTest("Node-RED is not there: tests/run.sh fetches it from npm's registry")
         self.start_demo()
         self.start_node_red()
-        # Nothing of the flow is unknown, and nothing of it fails.
+        # The flow has no unknown nodes, and none fails.
         wait_for("a value", lambda: self.tag("zone1"))
         self.assertNotIn("Waiting for missing types", self.said())
 
         self.sim.set("press1", "D100", 234)
         wait_for("the value that was set", lambda: self.tag("zone1")["value"] == 23.4)
 
-        # Two set-points, by the button and by a value as the dashboard's field sends it; each has one result.
+        # Two setpoints, through the button and through a value as sent by the dashboard's field; each has one result.
         self.assertEqual(self.ask("POST", "/inject/" + SET_60)[0], 200)
         wait_for("the result", lambda: self.context("last_result") == "set-point 60: SUCCEEDED, read back 60")
         self.assertEqual(self.sim.get("press1", "D200"), 600)
@@ -120,8 +120,8 @@ class NodeRed(PlantTest):
         self.assertEqual([r["status"] for r in results], ["SUCCEEDED", "REJECTED"])
         self.assertEqual(self.context("pending"), {})
 
-        # The broker stands still until more waits than the window of 20 that is on its way: that is history
-        # then, beside live samples. The flow has all in one sequence.
+        # The broker is stopped until more samples wait than the window of 20 in flight. They become history, sent
+        # along with live samples. The flow receives all of them in one sequence.
         mark = self.watcher.mark()
         self.broker.process.send_signal(signal.SIGSTOP)
         try:
@@ -133,7 +133,7 @@ class NodeRed(PlantTest):
         self.assertEqual(seqs, list(range(seqs[0], seqs[0] + len(seqs))))
         self.assertIn(last, seqs)
 
-        # Offline, and back.
+        # Offline, and online again.
         self.assertEqual(self.context("alarms"), {})
         self.sim.stop()
         wait_for("the alarm", lambda: (self.context("alarms") or {}).get("press1", "").startswith("press1 is offline"))
@@ -145,20 +145,20 @@ class NodeRed(PlantTest):
             self.assertNotIn(trouble, self.said())
 
     def stored(self):
-        """Samples in the agent's store."""
+        """Returns the number of samples in the agent's store."""
         with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.metrics, timeout=PATIENCE)) as connection:
             connection.request("GET", "/metrics")
             text = connection.getresponse().read().decode()
         return int(re.search(r'^fxagent_samples_waiting\{place="stored"\} (\d+)$', text, re.M)[1])
 
     def seqs_after(self, last):
-        """Every number that the flow has, once it has this one and a newer one."""
+        """Returns all numbers received by the flow, once it has this one and a newer one."""
         seqs = [row["seq"] for row in (self.context("rows") or {}).get("press1", [])]
         return seqs if last in seqs and seqs[-1] > last else None
 
 
 class TextForNumber(PlantTest):
-    """What forms and flows send by mistake is answered with what to send instead."""
+    """A value of the wrong type, as sent by forms and flows, is refused with the value to send instead."""
 
     def test_a_number_that_came_as_text_is_told_what_to_send(self):
         self.start(devices=None)

@@ -1,4 +1,4 @@
-"""`check --online`: what answers and what does not, and that an agent which runs is left alone."""
+"""`check --online`: devices that answer and devices that do not; a running agent is not disturbed."""
 
 import json
 import shlex
@@ -50,7 +50,7 @@ class Online(PlantTest):
         self.assertIn("device meter on line2: answers, 1 of 2 tags read\n", said)
         self.assertIn("  meter: beyond (hr:100): the device refuses to give it", said)
 
-        # A PLC that is silent, and one whose port is not there: 1, each with what to check.
+        # One PLC is silent and one port does not exist: 1, each with advice.
         self.sim.fault("press1", "dead")
         self.write(links=[self.serial(), {"name": "line2", "tcp": {"host": "127.0.0.1", "port": 1}}],
                    devices=[device(), device("press2", "line2")])
@@ -78,14 +78,14 @@ class Online(PlantTest):
                          {"program": "fxagent", "pid": self.agent.process.pid, "is": "the agent of this config"})
         self.assertEqual((found["devices"][0]["state"], found["brokers"][0]["connected"]), ("not_asked", True))
 
-        # The command that it offers works word for word.
+        # The suggested command works as printed.
         command = found["to_do"][0].split(": ", 2)[2]
         self.assertTrue(command.startswith("mosquitto_rr "), command)
         answer = subprocess.run(shlex.split(command), capture_output=True, text=True, timeout=30, check=False)
         result = json.loads(answer.stdout)
         self.assertEqual((result["status"], result["tag"], result["value"]), ("SUCCEEDED", "temp", 0), answer.stderr)
 
-        # The agent noticed nothing: its connection stands, and its numbers go on.
+        # The agent noticed nothing: its connection stays, and its numbers continue.
         numbers = [sample["seq"] for sample in self.watcher.wait_count(f"{BASE}/press1/data/fast", 3, since=since)]
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
         self.assertNotIn("broker_lost", self.agent.logged())

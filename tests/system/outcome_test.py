@@ -1,4 +1,4 @@
-"""Commands on lines that fail: one honest result each, and no command carried out twice. CONTRACT section 5."""
+"""Commands on failing lines: one true result each, and no command carried out twice. CONTRACT section 5."""
 
 import random
 import time
@@ -33,7 +33,7 @@ class Outcomes(PlantTest):
         self.assertNotEqual(result["verify"]["read"], 12345)
         self.assertTrue(result["detail"])
         self.assertEqual((result["attempts"], self.writes("D110")), (1, [12345]))
-        # Whoever does not want it verified is told of the ACK alone.
+        # Without verification the result reports only the ACK.
         result = self.command(op="write", tag="shadow", value=12345, verify=False)
         self.assert_result(result, "SUCCEEDED", None, "ACK")
         self.assertIsNone(result["verify"])
@@ -75,7 +75,7 @@ class Outcomes(PlantTest):
         self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
 
     def test_each_way_an_answer_can_be_lost(self):
-        # Carried out every time, and never a whole answer: the value read back is what settles it.
+        # Carried out every time, but the answer is never complete: the read-back decides.
         self.start_press()
         for number, (kind, more) in enumerate([
                 ("execute_then_silent", {}), ("wrong_sum", {}), ("late", {"ms": 450}),
@@ -104,7 +104,7 @@ class Outcomes(PlantTest):
         self.assertTrue(result["verify"]["match"])
         self.sim.fault("press1", "silent", match="write")
         self.assert_result(self.write(6, verify=False), "UNKNOWN_OUTCOME", "timeout", None)
-        # The value was there before the command: it is there now, and that is what is told.
+        # The place had the value before the command and still has it; the result reports that.
         self.sim.fault("press1", "silent", match="write")
         self.assert_result(self.write(5, verify=False), "SUCCEEDED", None, None)
         self.assertEqual(self.writes(), [5])
@@ -130,7 +130,7 @@ class Outcomes(PlantTest):
         self.assertEqual(self.writes(), [6])
 
     def test_a_refused_command_is_never_repeated_after_its_time(self):
-        # The refusal comes 2.5 s after the command, and the command's time was up after 1.5 s.
+        # The refusal comes 2.5 s after the command, which expired after 1.5 s.
         self.start_press(groups=[{"name": "fast", "interval_ms": 3600000}], timeout_ms=5000)
         self.data()
         self.sim.fault("press1", "late", match="write", ms=2500, count=2)
@@ -153,7 +153,7 @@ class Outcomes(PlantTest):
         result = self.command(op="stop")
         self.assertEqual((result["status"], result["verify"], result["attempts"]),
                          ("SUCCEEDED", {"read": "stop", "match": True}, 1), result)
-        # Refused, and already as it was wanted.
+        # Refused, and already in the requested state.
         self.sim.fault("press1", "nak", match="force")
         result = self.command(op="stop")
         self.assert_result(result, "SUCCEEDED", None, "NAK")
@@ -242,18 +242,18 @@ class Outcomes(PlantTest):
         self.assertGreater(len({r["status"] for r in results}), 3)
 
 
-# What waking late may add to one exchange, in ms: the simulator and the agent on two busy cores.
+# Maximum delay of late wake-ups per exchange, in ms: the simulator and the agent on two busy cores.
 WAKING_MS = 5.0
 
 
 class Latency(PlantTest):
-    """Times that follow from the line: 9600 baud, 10 bits a character."""
+    """Times determined by the line: 9600 baud, 10 bits per character."""
 
     CHARACTER_MS = 10 / 9600 * 1000
     TURNAROUND_MS = 10
 
     def start_busy_line(self, interval_ms=0):
-        # Ten blocks far apart: a cycle takes more than a second, and one exchange 64 bytes at most.
+        # Ten distant blocks: a cycle takes more than a second, and an exchange has at most 64 bytes.
         tags = TAGS + [{"name": f"block{i}", "address": f"D{500 + 100 * i}", "count": 30,
                         "group": "fast"} for i in range(10)]
         self.start([device(tags=tags, turnaround_ms=self.TURNAROUND_MS,
@@ -283,17 +283,17 @@ class Latency(PlantTest):
             # Two exchanges for each command so far; a busy machine may wake either side late at each.
             allowed = SCHEDULING_MS + 2 * (number + 1) * WAKING_MS
             self.assertLessEqual(t["queue_ms"] + t["wire_ms"], t["bound_ms"] + allowed, result)
-            # Write: 11 + 4 characters and an ACK; read-back: 11 and 8. Twice the PLC's time.
+            # Write: 11 + 4 characters and an ACK; read-back: 11 and 8. Plus twice the PLC's time.
             least = (16 + 19) * self.CHARACTER_MS + 2 * self.TURNAROUND_MS
             self.assertGreater(t["wire_ms"], least - 2)
             self.assertLess(t["wire_ms"], least + 6 * self.CHARACTER_MS + SCHEDULING_MS)
-        # Commands come in an order of their own, and what they leave of the line is the polls'.
+        # Commands keep their order, and polls use the rest of the line.
         self.assertEqual([r["id"] for r in results], [f"b{number}" for number in range(50)])
         deeds = self.sim.ask(cmd="log", plc="press1", since=0)["log"]
         writes = [d["index"] for d in deeds if d["kind"] == "write"]
         polls = [d for d in deeds if d["kind"] == "read" and d["count"] > 1 and
                  writes[0] < d["index"] < writes[-1]]
-        # A part of the line is the polls' even then; of the three seconds that this took, some polls.
+        # Polls keep a part of the line: in these three seconds there were some.
         self.assertGreaterEqual(len(polls), 2)
 
     def test_the_bound_says_what_waits_ahead(self):
@@ -303,7 +303,7 @@ class Latency(PlantTest):
         results = self.watcher.wait_count(f"{BASE}/press1/result", 5)
         bounds = [r["t"]["bound_ms"] for r in results]
         self.assertEqual(bounds, sorted(bounds))
-        # Alone: the longest poll and the command's own two exchanges, and no more than two polls.
+        # Alone: the longest poll and the command's own two exchanges, and at most two polls.
         own = (16 + 19 + 6) * self.CHARACTER_MS + 2 * self.TURNAROUND_MS
         self.assertGreater(bounds[0], self.longest_exchange_ms() * 0.9)
         self.assertLess(bounds[0], 2 * self.longest_exchange_ms() + own + 2)

@@ -1,9 +1,9 @@
-"""The agent against Modbus servers that others wrote: pymodbus (TCP, RTU, ASCII), libmodbus (TCP, RTU)
-and jsmodbus (TCP); and mbpoll, another master, against the simulator. Every function that the agent
-sends is answered by each server that has it.
+"""The agent against third-party Modbus servers: pymodbus (TCP, RTU, ASCII), libmodbus (TCP, RTU) and jsmodbus (TCP);
+and mbpoll, a third-party master, against the simulator. Every function that the agent sends is answered by each
+server that supports it.
 
-A pty has neither parity nor speed, so serial lines are 8N1 here. LIBMODBUS_SERVER names the program
-built from peers/libmodbus_server.cpp.
+A pty has neither parity nor speed, so serial lines are 8N1 here. LIBMODBUS_SERVER names the program built from
+peers/libmodbus_server.cpp.
 """
 
 import contextlib
@@ -36,7 +36,7 @@ class Peer(unittest.TestCase):
                 print(f"---- {os.path.basename(path)}:\n{text_of(path)}", file=sys.stderr)
 
     def spawn(self, command, ready="ready"):
-        """A child that is ended with the test; waits for the line that says it serves."""
+        """Starts a child that ends with the test. Waits for the line with which it reports that it serves."""
         self.said.append(os.path.join(self.directory, f"peer{len(self.said)}.log"))
         with open(self.said[-1], "w") as log:
             child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log,
@@ -52,7 +52,7 @@ class Peer(unittest.TestCase):
         return child
 
     def wire(self):
-        """The two ends of a serial line."""
+        """Creates the two ends of a serial line."""
         ends = [os.path.join(self.directory, name) for name in ("agent", "peer")]
         self.spawn(["socat", *(f"pty,raw,echo=0,link={end}" for end in ends)], ready=None)
         wait_for("the serial line", lambda: all(os.path.exists(end) for end in ends))
@@ -92,7 +92,7 @@ class Peer(unittest.TestCase):
         return out
 
     def exercise(self, mask_write=True, refuses=True):
-        """01 to 06, 15, 16 and, where the peer has it, 22; and an address that it lacks."""
+        """01 to 06, 15, 16 and, if the peer supports it, 22; and an address that it lacks."""
         self.assertEqual(self.read("co:0", 10), [n % 3 == 0 for n in range(10)])
         self.assertEqual(self.read("di:0", 10), [n % 5 == 0 for n in range(10)])
         self.assertEqual(self.read("hr:0", 100), [1000 + n for n in range(100)])
@@ -172,14 +172,14 @@ class Jsmodbus(Peer):
             self.skipTest("jsmodbus is not there: tests/run.sh fetches it from npm's registry")
         port = free_port()
         self.spawn(["node", os.path.join(peers, "server.js"), str(port)])
-        # It says nothing to function 22, and answers an address that it lacks with no bytes, where the
-        # specification asks for exceptions 01 and 02.
+        # It does not answer function 22, and answers an address that it lacks with no data, although the
+        # specification requires exceptions 01 and 02.
         self.use("modbus-tcp", self.tcp_link(port))
         self.exercise(mask_write=False, refuses=False)
 
 
 class Mbpoll(Peer):
-    """A master by others reads and writes the simulator, so that both ends of the tests are known."""
+    """A third-party master reads and writes the simulator, so that both ends of the tests are verified."""
 
     def poll(self, port, *words):
         done = subprocess.run(["mbpoll", "-m", "tcp", "-p", str(port), "-a", "1", "-0", "-1", "-q",

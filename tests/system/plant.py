@@ -1,8 +1,8 @@
-"""A small plant for system tests: mosquitto, fxsim and fxagent on the loopback, in a directory of their
-own, and an MQTT client that is independent of the agent's (python3-paho-mqtt).
+"""A small plant for system tests: mosquitto, fxsim and fxagent on the loopback, in their own directory, and an MQTT
+client that is independent of the agent's (python3-paho-mqtt).
 
-Nothing here sleeps for a fixed time: everything waits for an event, up to a limit. Programs come from
-the environment: FXAGENT, FXSIM. Children are ended by their pid.
+Nothing here sleeps for a fixed time: everything waits for an event, up to a limit. Programs come from the
+environment: FXAGENT, FXSIM. Children are ended by their pid.
 """
 
 import contextlib
@@ -29,40 +29,40 @@ from ports import free_port
 
 FXAGENT = os.environ["FXAGENT"]
 FXSIM = os.environ["FXSIM"]
-# A sanitizer keeps what was freed, and shadows the rest.
+# A sanitizer keeps freed memory and adds shadow memory.
 MEMORY_FACTOR = 10 if os.environ.get("SANITIZE") else 1
 BROKER = shutil.which("mosquitto", path=os.environ.get("PATH", "") + ":/usr/sbin")
 
-# How long an event may take at the very most on a busy machine; not a bound on anything measured.
+# The longest wait for an event on a busy machine; not a bound on anything measured.
 PATIENCE = 30.0
-# Seed of the tests that play a new game in each run; tests/run.sh sets it, so that a rerun plays the same.
+# Seed of the tests that differ in each run. tests/run.sh sets it, so that a rerun repeats the same test.
 TEST_SEED = int(os.environ.get("FXAGENT_TEST_SEED") or random.randrange(1 << 30))
-# What the scheduler of a busy machine may add to a time that the line determines, in ms.
+# Delay by the scheduler of a busy machine, in addition to a time determined by the line, in ms.
 SCHEDULING_MS = 60.0
 
 BASE = "fx/plant-a/edge7"
 
-# What a sanitizer writes, whenever it comes: at the exit of the program at the latest.
+# Output of a sanitizer, which may come as late as the program's exit.
 SANITIZER = re.compile(r"^.*(?:Sanitizer|runtime error:).*$", re.MULTILINE)
 
 
 def has_failed(test):
-    """Whether the test has failed so far: for tearDown() and cleanups, where unittest's own flag stands for
-    the part that runs, which is they themselves."""
+    """True if the test has failed so far. For tearDown() and cleanups, where unittest's own flag refers to the
+    running part, which is the cleanup itself."""
     result = test._outcome.result
     return any(test in (case, getattr(case, "test_case", None))
                for case, _ in result.failures + result.errors)
 
 
 def memory_kib(pid, what):
-    """Of a running process: VmRSS, what it has now, or VmHWM, the most it ever had. OSError or
-    StopIteration where it has ended."""
+    """Memory of a running process: VmRSS, the present size, or VmHWM, the peak. Raises OSError or StopIteration if it
+    has ended."""
     with open(f"/proc/{pid}/status") as status:
         return next(int(line.split()[1]) for line in status if line.startswith(what))
 
 
 def listens(pid, port):
-    """Whether this process listens on this port of IPv4; anybody's listener will not do."""
+    """True if this process itself listens on this IPv4 port."""
     with open("/proc/net/tcp") as table:
         rows = [line.split() for line in table][1:]
     sockets = {f"socket:[{row[9]}]" for row in rows
@@ -76,7 +76,7 @@ def listens(pid, port):
 
 
 def text_of(path):
-    """What a child wrote, as far as it is text; nothing where it never ran."""
+    """Returns a child's output, as far as it is text; "" if the child never ran."""
     with contextlib.suppress(FileNotFoundError):
         with open(path, errors="replace") as text:
             return text.read()
@@ -84,7 +84,7 @@ def text_of(path):
 
 
 def wait_for(what, condition, patience=PATIENCE):
-    """The first true value of condition(); fails the test when there is none in time."""
+    """Returns the first true value of condition(). Fails the test if there is none in time."""
     deadline = time.monotonic() + patience
     while True:
         value = condition()
@@ -96,7 +96,7 @@ def wait_for(what, condition, patience=PATIENCE):
 
 
 def device(name="press1", link="line1", tags=None, groups=None, **more):
-    """A device of the config with sensible test values; `more` adds or replaces keys."""
+    """Returns a device of the config with sensible test values; `more` adds or replaces keys."""
     out = {
         "name": name, "link": link, "protocol": "fx-programming-port", "model": "FX3U",
         "timeout_ms": 300, "retries": 2,
@@ -109,8 +109,8 @@ def device(name="press1", link="line1", tags=None, groups=None, **more):
 
 
 class Broker:
-    """One mosquitto on a port of its own; start() and kill() as often as wanted. What it says is in
-    mosquitto-PORT.log beside its settings."""
+    """One mosquitto on its own port; start() and kill() may be repeated. Its output is in mosquitto-PORT.log next to
+    its settings."""
 
     def __init__(self, directory, extra=""):
         self.port = free_port()
@@ -135,7 +135,7 @@ class Broker:
         try:
             return listens(self.process.pid, self.port)
         except PermissionError:
-            # Another user by now, whose files root may not see in some containers: its own word then.
+            # It runs as another user by now, whose files root cannot read in some containers: use its own log.
             return bool(re.search(r"mosquitto version \S+ running",
                                   text_of(self.log_path)[self.said_before:]))
 
@@ -169,7 +169,7 @@ class Watcher:
         assert self.subscribed.wait(PATIENCE), "the watcher found no broker"
 
     def _on_message(self, _client, _user, message):
-        # What is no JSON stays as it came, so that it equals nothing that a test expects.
+        # A payload that is not JSON stays unchanged, so that it equals nothing a test expects.
         payload = message.payload or None
         with contextlib.suppress(ValueError, RecursionError):
             payload = json.loads(message.payload.decode("utf-8"), parse_constant=_refuse_constant)
@@ -186,7 +186,7 @@ class Watcher:
             return len(self.messages)
 
     def wait(self, topic, accept=lambda payload: True, since=0, patience=PATIENCE):
-        """The first payload on `topic` that `accept` takes."""
+        """Returns the first payload on `topic` for which `accept` returns true."""
         deadline = time.monotonic() + patience
         position = since
         with self.arrival:
@@ -202,7 +202,7 @@ class Watcher:
                 self.arrival.wait(left)
 
     def wait_count(self, topic, count, accept=lambda payload: True, since=0, patience=PATIENCE):
-        """The payloads on `topic` that `accept` takes, once there are `count` of them."""
+        """Returns the payloads on `topic` for which `accept` returns true, once there are `count` of them."""
         def look():
             seen = [p for p in self.payloads(topic, since) if p is not None and accept(p)]
             return seen if len(seen) >= count else None
@@ -282,7 +282,7 @@ class Sim:
         self.ask(cmd="fault", plc=plc, kind=kind, **more)
 
     def commands(self, plc):
-        """What the PLC was told to change: accepted writes and forces, oldest first."""
+        """Returns the changes commanded to the PLC: accepted writes and forces, oldest first."""
         entries = self.ask(cmd="log", plc=plc, since=0)["log"]
         return [e for e in entries if e["kind"] in ("write", "force_on", "force_off")]
 
@@ -297,12 +297,12 @@ class Sim:
 class Agent:
     def __init__(self, directory, config, arguments=()):
         self.directory = directory
-        self.arguments = arguments  # of `run`, behind the config
+        self.arguments = arguments  # of `run`, after the config
         self.path = os.path.join(directory, "agent.json")
         self.write(config)
         self.log_path = os.path.join(directory, "agent.log")
         self.process = None
-        self.clean_stops = []  # the exit status of each
+        self.clean_stops = []  # exit status of each
 
     def write(self, config):
         self.config = config
@@ -317,7 +317,7 @@ class Agent:
                                         env=dict(os.environ, **(environment or {})), **more)
 
     def stop(self, sign=signal.SIGTERM, expected=0):
-        """The exit status; sanitizers make it differ from 0. `expected` None: whatever it is."""
+        """Stops the agent and returns its exit status, which sanitizers make non-zero. `expected` None: any status."""
         if self.process is None:
             return None
         process, self.process = self.process, None
@@ -337,7 +337,7 @@ class Agent:
 
     @contextlib.contextmanager
     def frozen(self):
-        """No thread of the agent runs inside the block, as on a machine that was suspended."""
+        """Stops all threads of the agent inside the block, as on a suspended machine."""
         self.process.send_signal(signal.SIGSTOP)
         try:
             yield
@@ -350,7 +350,7 @@ class Agent:
 
 
 class PlantTest(unittest.TestCase):
-    """A test with a broker, a simulator, an agent and a watcher, all ended with it."""
+    """A test with a broker, a simulator, an agent and a watcher, all ended with the test."""
 
     def setUp(self):
         self.directory = tempfile.mkdtemp(prefix="fxagent-test-")
@@ -365,9 +365,9 @@ class PlantTest(unittest.TestCase):
                     self.stack.close]:
             try:
                 end()
-            except Exception as error:  # whatever it was, the others are ended too
+            except Exception as error:  # the others must be ended in any case
                 trouble.append(repr(error))
-        # Every program writes into the directory, and some a last word at its very end.
+        # Every program writes into the directory, some at the very end.
         logs = {name: text_of(os.path.join(self.directory, name))
                 for name in sorted(os.listdir(self.directory)) if name.endswith(".log")}
         shutil.rmtree(self.directory, ignore_errors=True)
@@ -377,13 +377,13 @@ class PlantTest(unittest.TestCase):
             trouble.append(f"the agent's clean stops ended with {self.agent.clean_stops}")
         if trouble or has_failed(self):
             for name, log in logs.items():
-                # Of a long run the end, and all of what a sanitizer had to say.
+                # The end of a long log, but all output of a sanitizer.
                 told = log if SANITIZER.search(log) else log[-100_000:]
                 print(f"---- {name} of {self.id()}:\n{told}", file=sys.stderr)
         self.assertEqual(trouble, [])
 
     def end_agent(self):
-        """One that has ended by itself by now has failed, whatever the test was about."""
+        """An agent that has ended on its own fails any test."""
         status = self.agent.stop() if self.agent else None
         if status:
             raise AssertionError(f"the agent ended with status {status}")
@@ -428,27 +428,27 @@ class PlantTest(unittest.TestCase):
         self.agent = Agent(self.directory, config, arguments)
         self.agent.start()
 
-    # What tests ask for most.
+    # --- The most frequent requests of tests.
 
     def state(self, name, wanted, since=0):
         return self.watcher.wait(f"{BASE}/{name}/state", lambda s: s["state"] == wanted, since)
 
     def state_after(self, name, wanted, earlier, since=0):
-        """The first state of this kind that does not stem from before `earlier`, a state too."""
+        """Returns the first state of this kind that is not older than `earlier`, another state."""
         return self.watcher.wait(
             f"{BASE}/{name}/state",
             lambda s: s["state"] == wanted and s["since"] >= earlier["since"], since)
 
     def ready(self, name="press1"):
-        """The device is online and its RUN state was read; that is asked again 10 s later, so that the
-        polls of the next seconds are the groups' alone."""
+        """Waits until the device is online and its RUN state was read. The next such read is 10 s later, so the polls
+        of the next seconds all belong to groups."""
         self.watcher.wait(f"{BASE}/{name}/state", lambda s: s["state"] == "online" and s["run"])
 
     def data(self, accept=lambda m: True, name="press1", group="fast", since=0):
         return self.watcher.wait(f"{BASE}/{name}/data/{group}", accept, since)
 
     def stamps(self, name="press1", group="fast", since=0):
-        """`ts` of every whole message of a group, in ms."""
+        """Returns `ts` of every complete message of a group, in ms."""
         return [m["ts"] for m in self.watcher.payloads(f"{BASE}/{name}/data/{group}", since)
                 if not m.get("partial")]
 

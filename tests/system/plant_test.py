@@ -1,4 +1,4 @@
-"""The tests' own ground: whether it notices what it must not overlook."""
+"""Tests of the test plant itself: it must detect what it must not overlook."""
 
 import io
 import os
@@ -26,7 +26,7 @@ class Ports(unittest.TestCase):
                 self.assertNotEqual(other.getsockname()[1], port)
         with socket.socket() as client:
             self.assertNotEqual(client.connect_ex(("127.0.0.1", port)), 0)
-        # Its own server can have it, and again after that.
+        # Its own server can use it, repeatedly.
         for _ in range(2):
             with socket.create_server(("127.0.0.1", port)):
                 self.assertTrue(listens(os.getpid(), port))
@@ -47,7 +47,7 @@ class Ports(unittest.TestCase):
                 other.wait()
 
 
-# An agent that works until its end, and has a last word.
+# An agent that works until its end and then prints a last line.
 VICTIM = f"""#!{sys.executable}
 import signal, sys
 def end(*_):
@@ -62,7 +62,7 @@ while True:
 
 class LateFaults(unittest.TestCase):
     def outcome(self, last_word, status, stop_in_test, fails=False):
-        """What the test said of its failure; what it printed is in self.printed."""
+        """Returns the test's failure text; its output is in self.printed."""
         class Victim(PlantTest):
             def test(self):
                 program = os.path.join(self.directory, "agent")

@@ -1,4 +1,4 @@
-"""The programs: exit statuses and what they say. CONTRACT sections 1 and 2."""
+"""The programs: exit statuses and output. CONTRACT sections 1 and 2."""
 
 import json
 import os
@@ -22,7 +22,7 @@ class Programs(PlantTest):
         return config
 
     def config(self, **more):
-        """A config file with these sections replaced."""
+        """Returns a config file with these sections replaced."""
         path = os.path.join(self.directory, "c.json")
         with open(path, "w") as out:
             json.dump(self.configuration(**more), out, indent=1)
@@ -67,7 +67,7 @@ class Programs(PlantTest):
         self.assertIn("fxagent.db-wal", names)
         for name in names:
             self.assertEqual(os.stat(os.path.join(store, name)).st_mode & 0o777, 0o600, name)
-        # Nothing else appeared beside what the test itself made.
+        # No other files appeared than those of the test itself.
         self.assertEqual(set(os.listdir(self.directory)) - {"store", "agent.json", "agent.log"},
                          {name for name in os.listdir(self.directory)
                           if name.startswith(("mosquitto", "sim", "press1"))})
@@ -190,7 +190,7 @@ class Programs(PlantTest):
         status, out, errors = self.run_agent("check", self.config())
         self.assertEqual(status, 0)
         self.assertIn("right", out)
-        self.assertIn("/links/0/serial/path", errors)  # no simulator runs: the pty is not there
+        self.assertIn("/links/0/serial/path", errors)  # no simulator runs, so the pty does not exist
 
     def test_secrets_appear_nowhere(self):
         secret = "s3cr3t-and-only-here"
@@ -202,7 +202,7 @@ class Programs(PlantTest):
                               env=with_secret)
         self.assertEqual(done.returncode, 0)
         self.assertNotIn(secret, done.stdout + done.stderr)
-        mqtt["password"] = secret  # a key that does not exist
+        mqtt["password"] = secret  # an unknown key
         done = subprocess.run([FXAGENT, "check", self.config(mqtt=mqtt)], capture_output=True,
                               text=True, timeout=30, env=with_secret)
         self.assertEqual(done.returncode, 2)
@@ -216,7 +216,7 @@ class Programs(PlantTest):
         return json.loads(out)
 
     def small(self, **more):
-        """One word each 100 ms on a programming port without a time of its own."""
+        """One word every 100 ms on a programming port without response time."""
         return device(**{"turnaround_ms": 0, "groups": [{"name": "fast", "interval_ms": 100}],
                          "tags": [{"name": "temp", "address": "D100", "group": "fast",
                                    "access": "read_write"}], **more})
@@ -228,7 +228,7 @@ class Programs(PlantTest):
         (group,) = link["groups"]
         self.assertEqual((group["device"], group["group"], group["interval_ms"], group["line_ms"]),
                          ("press1", "fast", 100, 19.8))
-        # 11 characters there, 8 back, at 10 bits: 19.8 ms each 100 ms, and M8000 each 10 s.
+        # 11 characters out, 8 back, at 10 bits: 19.8 ms every 100 ms, plus M8000 every 10 s.
         self.assertEqual(group["exchanges"], [{"address": "D100", "bytes": 2, "bits": 16,
                                                "chars": 19, "line_ms": 19.8}])
         self.assertEqual(group["waste_ms"],
@@ -312,7 +312,7 @@ class Programs(PlantTest):
         self.assertLess(trade[0]["command_bound_ms"], link["command_bound_ms"])
 
     def test_a_device_that_does_not_answer_is_exit_1(self):
-        path = self.config()  # nobody holds the pty
+        path = self.config()  # the pty is not in use
         status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
         answer = json.loads(out)
         self.assertEqual((status, answer["ok"], answer["reason"]), (1, False, "link_down"))
@@ -362,7 +362,7 @@ class Programs(PlantTest):
         self.assertEqual(status, 0)
         status, out, _ = self.run_agent("read", path, "press1", "D300", "--type", "float32", "--json")
         self.assertEqual((status, json.loads(out)["values"]), (0, [1.5]))
-        # Reading is free: the engineer at the machine may read what no tag names.
+        # Reads are not restricted: the engineer at the machine may read places that no tag names.
         status, out, _ = self.run_agent("read", path, "press1", "D7000")
         self.assertEqual(status, 0)
         self.assertIn("D7000", out)
@@ -428,7 +428,7 @@ class Programs(PlantTest):
         answer = json.loads(out)
         self.assertEqual((status, answer["operation"], answer["direction"], answer["checksum"]),
                          (0, "data", "reply", {"given": "D7", "computed": "D7"}))
-        # Cut short, with a wrong sum, with a strange command: bad, and said so; never a crash.
+        # Truncated, with a wrong sum, with an unknown command: reported as bad, without a crash.
         for frame in ("02 30 31", "02 37 30 30 30 35 03 46 45", "03", "02 03 30 33", "FF"):
             status, out, _ = self.run_agent("decode", "fx-programming-port", frame, "--json")
             self.assertEqual((status, json.loads(out)["ok"]), (1, False), frame)

@@ -1,6 +1,6 @@
-"""A quiet connection: a command is read at once, however long nothing was said before it. And the thread of
-the MQTT library that reads never spins, whatever becomes of the broker. By itself it polls for 1 s, and
-sleeps 100 ms wherever that brought nothing (agent/uplink/idle_sleep.h)."""
+"""A quiet connection: a command is read at once after any silence. The MQTT library's reading thread never spins,
+whatever happens to the broker. The library itself polls for 1 s and sleeps 100 ms after each poll without data
+(agent/uplink/idle_sleep.h)."""
 
 import os
 import signal
@@ -11,21 +11,21 @@ from broker_test import certificates
 from plant import BASE, Broker, PlantTest, device, free_port, wait_for
 from scripted_broker import PINGRESP, Script, ScriptedBroker, packet
 
-# From the last word on the connection to the next one.
+# From the last packet on the connection to the next.
 SILENCES_MS = range(900, 1200, 10)
-# A command takes a few ms, and after these it would wait for longer than this.
+# A command takes a few ms. After the silences in ASLEEP_MS the library's sleep would delay it by more than LATE_MS.
 LATE_MS = 15
 ASLEEP_MS = range(1000, 1090, 10)
-# Commands that the machine's other work may make late.
+# Commands that other load on the machine may delay.
 BUSY = 3
 
-POLLS = 20  # of a group each 100 ms: 2 s
-MOST_TICKS = 20  # of 10 ms, in that time: a thread that spins has more than 100
+POLLS = 20  # of a group at 100 ms: 2 s
+MOST_TICKS = 20  # of 10 ms, in that time; a spinning thread has more than 100
 
 
 class QuietConnection(PlantTest):
     def test_no_silence_makes_a_command_wait(self):
-        # The broker would hold the second of two messages back for 40 ms, too.
+        # Otherwise the broker would hold back the second of two messages for 40 ms.
         self.start([device(groups=[{"name": "fast", "interval_ms": 3600000}])],
                    broker_conf="set_tcp_nodelay true")
         self.ready()
@@ -37,24 +37,24 @@ class QuietConnection(PlantTest):
             self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
             if time.monotonic() - sent > LATE_MS / 1000:
                 late.append(silence_ms)
-        # A busy machine makes commands late after any silence.
+        # A busy machine delays commands after any silence.
         asleep = [ms for ms in late if ms in ASLEEP_MS]
         self.assertLessEqual(len(asleep), BUSY + (len(late) - len(asleep)) // 2, f"late after {late} ms")
 
 
 class Scripted(ScriptedBroker):
-    """As the broker of a PlantTest."""
+    """Behaves like the broker of a PlantTest."""
 
     def kill(self):
         self.close()
 
 
 class Reader(PlantTest):
-    """CPU time of the thread that reads, while the agent polls its device so many times."""
+    """CPU time of the reading thread while the agent polls its device this many times."""
 
     def start_plant(self, devices=(), plcs=(), links=(), **mqtt_config):
         self.start_sim([self.plc(), *plcs])
-        # What does not change is not published.
+        # An unchanged value is not published.
         groups = [{"name": "fast", "interval_ms": 100, "publish": "on_change"}]
         self.start_agent([device(groups=groups), *devices], [self.serial(), *links], mqtt_config)
 
@@ -69,7 +69,7 @@ class Reader(PlantTest):
         wait_for("the log", lambda: self.agent.logged().count(words) >= times)
 
     def ticks(self):
-        """utime and stime of proc(5)."""
+        """Returns utime and stime of proc(5)."""
         for number in os.listdir(f"/proc/{self.agent.process.pid}/task"):
             with open(f"/proc/{self.agent.process.pid}/task/{number}/stat") as stat:
                 name, fields = stat.read().rsplit(")", 1)
@@ -83,7 +83,7 @@ class Reader(PlantTest):
         self.assertLessEqual(self.ticks() - before, MOST_TICKS, what)
 
     def unread(self):
-        """Bytes from the broker that the agent has not read: proc_net_tcp."""
+        """Returns the bytes from the broker that the agent has not read: proc_net_tcp."""
         with open("/proc/net/tcp") as table:
             for row in table.read().splitlines()[1:]:
                 _, _, remote, state, queues = row.split()[:5]
@@ -134,7 +134,7 @@ class Reader(PlantTest):
         self.assert_waits("the broker refuses")
 
     def test_it_waits_while_the_broker_talks_and_does_not_read(self):
-        # poll() returns at once then: there is something to read, and Paho does not read before it can send.
+        # poll() returns at once then: data is waiting, and Paho does not read before it can send.
         self.broker = Scripted()
         port = free_port()
         self.start_plant(

@@ -1,7 +1,7 @@
-"""SIGHUP: the agent takes over what differs in its config, and nothing else notices. Random changes, commands
-all the while, and a Modbus server of our own that records every request.
+"""SIGHUP: the agent applies the differences in its config, and nothing else is affected. Random changes with
+continuous commands, and our own Modbus server that records every request.
 
-    FXAGENT_RELOADS=200 FXAGENT_TEST_SEED=7 ctest --test-dir build -R '^system.reload'
+FXAGENT_RELOADS=200 FXAGENT_TEST_SEED=7 ctest --test-dir build -R '^system.reload'
 """
 
 import collections
@@ -37,7 +37,7 @@ def modbus(name, link, unit, interval_ms=INTERVAL_MS, register=10):
 
 
 class Metronome:
-    """Knows when the machine stood still: a thread that wants to run every 20 ms, and could not."""
+    """Detects stalls of the machine: a thread that should run every 20 ms and could not."""
 
     def __init__(self):
         self.stood_still = []  # from, to
@@ -67,7 +67,7 @@ class ReloadTest(PlantTest):
         self.recorders = {}
         self.last_reload = None
         self.store = os.path.join(self.directory, "store")
-        # What a busy disk holds up is not what this is about.
+        # Delays by a busy disk are not the subject here.
         if os.access("/dev/shm", os.W_OK):
             self.store = self.stack.enter_context(tempfile.TemporaryDirectory(dir="/dev/shm"))
 
@@ -95,7 +95,7 @@ class ReloadTest(PlantTest):
         return config
 
     def write(self, config):
-        """At once: an agent that reads meanwhile finds the one or the other."""
+        """Replaces the file atomically: an agent that reads meanwhile finds the old or the new one."""
         fresh = self.agent.path + ".new"
         with open(fresh, "w") as out:
             out.write(config if isinstance(config, str) else json.dumps(config, indent=1))
@@ -105,7 +105,7 @@ class ReloadTest(PlantTest):
         self.agent.process.send_signal(signal.SIGHUP)
 
     def reload(self, config):
-        """Writes the config, or text that is none, and returns what became of it."""
+        """Writes the config, or invalid text, and returns the outcome of the reload."""
         self.write(config)
         since = self.watcher.mark()
         self.hang_up()
@@ -113,7 +113,7 @@ class ReloadTest(PlantTest):
             return self.outcome(since, hashlib.sha256(text.read()).hexdigest()[:16])
 
     def outcome(self, since, digest=None):
-        """Of the first reload since the last one seen that was of this file, or found it wrong."""
+        """Returns the outcome of the first later reload that read this file or found it invalid."""
         def is_new(health):
             last = health["config"]["last_reload"]
             return (last not in (None, self.last_reload) and
@@ -124,7 +124,7 @@ class ReloadTest(PlantTest):
         return health["config"]
 
     def seqs(self, name, watcher=None):
-        """Of all samples of a device, live and from its history."""
+        """Returns the numbers of all samples of a device, live and from its history."""
         prefix, seqs = f"{BASE}/{name}/data/", []
         watcher = watcher or self.watcher
         with watcher.lock:
@@ -175,7 +175,7 @@ class Reload(ReloadTest):
         before = time.monotonic_ns() // 1000
         self.reload(config)
         words = told("READY=1")
-        at = words.index("RELOADING=1")  # before it the status of the start may come
+        at = words.index("RELOADING=1")  # a status message of the start may precede it
         moment = int(words[at + 1].removeprefix("MONOTONIC_USEC="))
         self.assertLessEqual(before, moment)
         self.assertLess(moment, time.monotonic_ns() // 1000)
@@ -213,7 +213,7 @@ class Reload(ReloadTest):
             m.retain for _, t, _, m in late.messages if t.startswith(f"{BASE}/m1/")))
         self.assertEqual(self.command("m1", op="read", tag="level")["reason"], "unknown_device")
         self.assertEqual(self.command("m3", op="read", tag="level")["status"], "SUCCEEDED")
-        # And back, where it knows its ids and its numbers.
+        # And back: its ids and numbers are still known.
         config["devices"] = [first, second]
         self.send({"id": "one", "op": "write", "tag": "setpoint", "value": 5}, "m2")
         self.result("one", "m2")
@@ -247,7 +247,7 @@ class Reload(ReloadTest):
 
 
 class RandomReloads(ReloadTest):
-    """Two links never change; one has a device that does, beside one that does not; the rest is chance."""
+    """Two links never change. One has a device that changes next to one that does not; the rest is random."""
 
     STEADY = ("steady1", "steady2", "shared")
     PLACES = ("a", "b", "c")
@@ -260,7 +260,7 @@ class RandomReloads(ReloadTest):
         config["links"] = [self.link(name) for name in self.STEADY]
         config["devices"] = self.base()
         places = [name for name in self.PLACES if chance.random() < 0.8]
-        # Which port is behind a name changes too.
+        # The port behind a name changes too.
         config["links"] += [self.link(name, chance.choice(self.PLACES)) for name in places]
         places.append("shared")
         for number in range(6):
@@ -272,7 +272,7 @@ class RandomReloads(ReloadTest):
         return config
 
     def commands(self, chance):
-        """Writes to all names there ever are, each a value of its own, until the end."""
+        """Writes to all names that ever exist, each time a unique value, until the end."""
         value = 0
         while not self.over.is_set():
             value += 1
@@ -306,7 +306,7 @@ class RandomReloads(ReloadTest):
         self.judge_steady_links(health, took, metronome)
 
     def test_killed_in_the_middle(self):
-        """With `sync: always` no number is missing, whatever the file said before and after."""
+        """With `sync: always` no number is missing, whatever the file contained before and after."""
         print(f"FXAGENT_TEST_SEED={TEST_SEED}")
         chance = random.Random(TEST_SEED)
         self.sent, self.over = {}, threading.Event()
@@ -339,7 +339,7 @@ class RandomReloads(ReloadTest):
         self.judge_outcomes()
 
     def judge_outcomes(self):
-        """A kill may take a command along, or have a result published again. None is done twice."""
+        """A kill may lose a command or cause its result to be published again. No command may be carried out twice."""
         written = self.written()
         seen = {}
         with self.watcher.lock:
@@ -366,17 +366,17 @@ class RandomReloads(ReloadTest):
             return
         wanted = self.random_config(chance)
         if kind < 0.2:
-            # The second waits for the first, and reads what is there then.
+            # The second waits for the first, and then reads the newest file.
             self.write(self.random_config(chance))
             self.hang_up()
         state = self.reload(wanted)["last_reload"]["state"]
         self.assertIn(state, ("applied", "unchanged"))
         outcomes[state] += 1
-        # How long it is in force is chance as well.
+        # The time until the next change is random as well.
         self.over.wait(chance.choice((0, 0, 0.1, 0.4, 0.8)))
 
     def judge_commands(self):
-        """Each id has one result, and a value was written once where that says so, never where it denies it."""
+        """Each id has one result. A value was written once if the result says so, and never if the result denies it."""
         def by_id():
             found = collections.defaultdict(list)
             with self.watcher.lock:
@@ -396,7 +396,7 @@ class RandomReloads(ReloadTest):
         self.assertGreater(statuses["SUCCEEDED", None], 0)
 
     def written(self):
-        """How often each value was written, on whichever port."""
+        """Returns how often each value was written, on any port."""
         return collections.Counter(
             value for recorder in self.recorders.values() for _, register, value in recorder.written()
             if register == SETPOINT)
@@ -426,7 +426,7 @@ class RandomReloads(ReloadTest):
         return health
 
     def judge_steady_links(self, health, took, metronome):
-        """No poll is missing but where the machine stood still, and none of the connections was made anew."""
+        """No poll is missing except during stalls of the machine, and no connection was reopened."""
         gaps = collections.Counter()
         for name in self.STEADY:
             recorder = self.recorders[name]
@@ -443,7 +443,7 @@ class RandomReloads(ReloadTest):
               {name: health["devices"][name]["late_ms"]["p99"] for name in missed})
         print(f"the machine stood still {len(metronome.stood_still)} times,",
               f"{1000 * metronome.longest_s():.0f} ms at the most")
-        # A sanitizer takes the time away that this is about.
+        # A sanitizer slows down what this measures.
         if not os.environ.get("SANITIZE") and metronome.longest_s() < INTERVAL_MS / 2000:
             self.assertEqual(missed, dict.fromkeys(missed, 0))
 

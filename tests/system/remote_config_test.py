@@ -1,5 +1,5 @@
-"""A remote config: desired and reported, with a real broker. The trial is shorter than the product's 60 s; the
-program differs from the product's in that alone (crash_at.cpp)."""
+"""A remote config: desired and reported, with a real broker. The program differs from the product only in its trial
+time, which is shorter than 60 s (crash_at.cpp)."""
 
 import copy
 import json
@@ -27,7 +27,7 @@ def reading(name, link, unit):
 
 class RemoteConfig(ReloadTest):
     def begin_remote(self, trial_ms=TRIAL_MS, **agent):
-        """An agent that lets configs come, with a device m1; its config."""
+        """Starts an agent that permits remote configs, with a device m1. Returns its config."""
         config = self.begin([self.link("a")], [modbus("m1", "a", 1)])
         self.agent.stop()
         config["agent"] = {**config["agent"], "remote_config": True, **agent}
@@ -49,7 +49,7 @@ class RemoteConfig(ReloadTest):
                                  confirmed in (None, r["confirmed"]), since)
 
     def applied(self, version, config):
-        """Applies it and waits for the end of its trial."""
+        """Applies a document and waits for the end of its trial."""
         since = self.watcher.mark()
         self.desire(version, config)
         return self.report("applied", version, since, confirmed=True)
@@ -63,7 +63,7 @@ class RemoteConfig(ReloadTest):
         config = self.begin_remote()
         devices = config["devices"] + [reading("m2", "a", 2)]
         since = self.watcher.mark()
-        # Live, as whoever publishes it has not retained it; and longer than a command may be.
+        # Sent live, as if the publisher had not retained it; and longer than a command may be.
         document = json.dumps({"version": "v1", "by": "ann", "config": {"devices": devices}})
         self.watcher.publish(DESIRED, document + " " * 200_000)
         report = self.report("applied", "v1", since)
@@ -101,7 +101,7 @@ class RemoteConfig(ReloadTest):
         self.report("applied", None, since)
         self.assertEqual(self.command("m2", op="read", tag="level")["reason"], "unknown_device")
         self.agent.stop()
-        self.assertNotIn("state=reading", self.agent.logged())  # nobody has reloaded the local file
+        self.assertNotIn("state=reading", self.agent.logged())  # the local file was not reloaded
         self.assertEqual([(a["version"], a["by"], a["state"]) for a in self.audit()],
                          [("v1", "ann", "applied"), ("v2", None, "rejected"), ("v3", None, "rejected"),
                           (None, None, "rejected"), (None, None, "rejected"), (None, None, "applied")])
@@ -159,7 +159,7 @@ class RemoteConfig(ReloadTest):
         self.assertIn("the broker was lost", report["errors"][0])
         self.assertEqual(report["in_force"], "v1")
         self.state("m2", "online", since)
-        # It is retained still, or again, and is not tried again.
+        # It is still or again retained, and is not tried again.
         since = self.watcher.mark()
         self.desire("v2", {"devices": [reading("m3", "a", 3)]})
         self.report("rolled_back", "v2", since)
@@ -170,7 +170,7 @@ class RemoteConfig(ReloadTest):
         self.report("applied", "v2b")
 
     def test_a_server_that_is_none_is_left_again(self):
-        """What a remote config can do to lose the broker, where the local file lets it."""
+        """A remote config that loses the broker, as far as the local file permits one."""
         config = self.begin_remote(remote_allow=["mqtt.servers"])
         before = config["mqtt"]["servers"]
         since = self.watcher.mark()
@@ -197,7 +197,7 @@ class RemoteConfig(ReloadTest):
             self.assertIn("the process ended", report["errors"][0])
             self.assertEqual(report["in_force"], "v1")
             self.state("m2", "online", since)
-        # A stop is no such end: the trial goes on.
+        # A stop does not end the trial.
         self.agent.stop()
         self.run_agent(trial_ms=60_000)
         self.desire("v3", {"devices": [reading("m3", "a", 3)]})
@@ -246,7 +246,7 @@ class RemoteConfig(ReloadTest):
         wait_for("the report to be cleared", lambda: None in self.watcher.payloads(REPORTED, since))
 
     def test_health_agrees_with_the_report_when_a_hang_up_brings_it_back(self):
-        # Its end would publish health, and so does each minute.
+        # The end of a trial would publish health, as every minute does.
         config = self.begin_remote(trial_ms=600_000)
         self.desire("v1", {"devices": [reading("m2", "a", 2)]})
         self.report("applied", "v1")

@@ -1,4 +1,4 @@
-"""Many tags and many links: what loading takes, and what is said where the system allows too little."""
+"""Many tags and many links: the cost of loading, and the messages if the system's limits are too low."""
 
 import json
 import os
@@ -12,7 +12,7 @@ from plant import BASE, FXAGENT, SCHEDULING_MS, PlantTest, device, free_port, te
 
 class Scale(PlantTest):
     def config_of(self, devices, protocol, address):
-        """A file with so many devices of 1,000 tags each."""
+        """Returns a file with this many devices of 1,000 tags each."""
         path = os.path.join(self.directory, f"{devices}.json")
         closed = free_port()
         with open(path, "w") as out:
@@ -29,8 +29,8 @@ class Scale(PlantTest):
         return path
 
     def cpu_s(self, *arguments):
-        """CPU time of one call, which must succeed: unlike its duration it does not grow where the
-        machine has other things to do. The least of three, for what caches and interrupts add."""
+        """Returns the CPU time of one call, which must succeed. Unlike the duration, it does not grow with other load
+        on the machine. The minimum of three calls, because caches and interrupts add to it."""
         times = []
         for _ in range(3):
             child = subprocess.Popen([FXAGENT, *arguments], stdout=subprocess.DEVNULL,
@@ -48,7 +48,7 @@ class Scale(PlantTest):
             for command in ("check", "plan"):
                 few, many = self.cpu_s(command, small), self.cpu_s(command, large)
                 print(f"{protocol} {command}: 10,000 tags {few:.2f} s, 100,000 tags {many:.2f} s")
-                # In proportion it would be 10; where each looks at all, 100.
+                # Proportional growth would give 10, quadratic growth 100.
                 self.assertLess(many / few, 15)
 
     def test_the_start_takes_no_more_memory_than_the_work(self):
@@ -87,7 +87,7 @@ class Scale(PlantTest):
         wait_for("the others to work", lambda: count("online") > 30)
         self.assertEqual(self.agent.logged().count("open_files_allowed=100"), 1)
         self.assertIn("LimitNOFILE", self.agent.logged())
-        # What the links have taken is not the broker's: it is found again.
+        # The descriptors taken by the links do not include the broker's: the agent reconnects.
         self.broker.kill()
         self.broker.start()
         since = self.watcher.mark()

@@ -1,23 +1,22 @@
-"""An MQTT 3.1.1 and 5 broker on the loopback that says exactly what a test scripts, and nothing else.
+"""An MQTT 3.1.1 and 5 broker on the loopback that sends exactly the packets of a test's script.
 
-Where a script is silent it behaves: it confirms a CONNECT, a SUBSCRIBE, an UNSUBSCRIBE, a QoS 1 PUBLISH and a
-PINGREQ. It routes nothing; what the client published is in `session.packets`, and what it is to hear is sent
-by the test.
+Without a script it behaves correctly: it confirms a CONNECT, a SUBSCRIBE, an UNSUBSCRIBE, a QoS 1 PUBLISH and a
+PINGREQ. It routes nothing: the client's packets are in `session.packets`, and the test sends all messages to it.
 
     broker = ScriptedBroker(Script(connect=lambda session, packet: session.connack(code=0x88)), Script())
 
-The first connection gets the first script, the next one the second, and so on; the last one is for all that
-follow. A script has one function for each thing that a client can say:
+The first connection gets the first script, the next one the second, and so on; the last script is also for all
+later connections. A script has one function for each event:
 
-    accept(session)               the TCP connection stands, not a byte was read: before CONNACK
-    connect(session, packet)      CONNECT came: in place of CONNACK, and what is to follow it
-    subscribe(session, packet)    in place of SUBACK
-    publish(session, packet)      in place of PUBACK
+    accept(session)               the TCP connection is open and nothing was read yet
+    connect(session, packet)      CONNECT has arrived: sends CONNACK or a substitute, and any later packets
+    subscribe(session, packet)    sends SUBACK or a substitute
+    publish(session, packet)      sends PUBACK or a substitute
     unsubscribe, ping, disconnect(session, packet)
     over(session)                 the client has closed
 
-A function that is None stands for the good answer. In mid-stream the test speaks by itself, from its own
-thread: `session = broker.wait_session(...)`, then session.publish(...), session.disconnect(...), session.close().
+None stands for the correct answer. Later the test may send packets from its own thread:
+`session = broker.wait_session(...)`, then session.publish(...), session.disconnect(...), session.close().
 """
 
 import contextlib
@@ -35,7 +34,7 @@ PATIENCE = 30.0
 
 
 def text(words):
-    """A length and UTF-8, or the bytes as they are."""
+    """A length and UTF-8, or the bytes unchanged."""
     raw = words if isinstance(words, bytes) else words.encode()
     return struct.pack(">H", len(raw)) + raw
 
@@ -55,13 +54,13 @@ def packet(kind, body=b"", flags=0):
 
 
 def reason_string(words):
-    """The property of that name."""
+    """The Reason String property."""
     return b"\x1f" + text(words)
 
 
 @dataclasses.dataclass
 class Packet:
-    """What the client sent, taken apart as far as tests ask for it."""
+    """A packet from the client, decoded as far as tests need it."""
     kind: int
     flags: int
     body: bytes
@@ -91,7 +90,7 @@ class Script:
 
 
 class Session:
-    """One connection of a client. Functions: any thread."""
+    """One connection of a client. All methods may be called from any thread."""
 
     def __init__(self, broker, connection, number):
         self.broker = broker
@@ -99,17 +98,17 @@ class Session:
         self.number = number
         self.since = time.monotonic()
         self.connect = None      # the CONNECT packet
-        self.packets = []        # all that came, in order
-        self.closed = None       # when the client had closed, or we
+        self.packets = []        # all received packets, in order
+        self.closed = None       # when either side closed
         self.version = 0
         self.reading = threading.Event()
         self.reading.set()
         self.writing = threading.Lock()
 
-    # What the broker says. Every function can be called at every stage, right or wrong.
+    # --- The broker's packets. Every function can be called at any stage, correctly or not.
 
     def send(self, raw):
-        """These bytes. False where the client has gone."""
+        """Sends these bytes. Returns False if the client has closed."""
         with self.writing:
             try:
                 self.connection.sendall(raw)
@@ -122,7 +121,7 @@ class Session:
         return self.send(packet(CONNACK, body + self._properties(properties)))
 
     def suback(self, to, codes=None):
-        """Grants what was asked, or answers with `codes`, as many or as few as there are."""
+        """Grants the request, or answers with `codes`, which may be too few or too many."""
         codes = [1] * len(to.filters) if codes is None else codes
         return self.send(packet(SUBACK, struct.pack(">H", to.identifier) + self._properties()
                                 + bytes(codes)))
@@ -147,7 +146,7 @@ class Session:
                                 qos << 1 | int(retain)))
 
     def disconnect(self, code=None, properties=None):
-        """MQTT 5 alone has it from a broker; on 3.1.1 it is one more thing that must not be."""
+        """Only valid from a broker on MQTT 5; on 3.1.1 it is a protocol violation."""
         body = b"" if code is None else bytes([code])
         if properties is not None:
             body += length(len(properties)) + properties
@@ -157,33 +156,33 @@ class Session:
         return length(len(properties)) + properties if self.version == 5 else b""
 
     def stop_reading(self):
-        """From now on what the client sends stays in its socket and ours."""
+        """After this call the client's data stays in the sockets' buffers."""
         self.reading.clear()
 
     def go_on_reading(self):
         self.reading.set()
 
     def close(self):
-        """The polite end of TCP."""
+        """Closes the TCP connection normally."""
         with contextlib.suppress(OSError):
             self.connection.shutdown(socket.SHUT_RDWR)
         self.reading.set()
 
     def reset(self):
-        """The impolite one: RST."""
+        """Closes the TCP connection with RST."""
         with contextlib.suppress(OSError):
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         self.reading.set()
         self.close_now()
 
     def close_now(self):
-        # A thread that waits in recv() keeps the socket alive: it must be woken first.
+        # A thread in recv() keeps the socket open, so it must be woken first.
         with contextlib.suppress(OSError):
             self.connection.shutdown(socket.SHUT_RD)
         with contextlib.suppress(OSError):
             self.connection.close()
 
-    # What the client said.
+    # --- The client's packets.
 
     def of(self, kind):
         with self.broker.changed:
@@ -193,7 +192,7 @@ class Session:
         return [p for p in self.of(PUBLISH) if p.topic == topic]
 
     def wait(self, what, condition, patience=PATIENCE):
-        """The first true value of condition(self)."""
+        """Returns the first true value of condition(self)."""
         return self.broker.wait(what, lambda: condition(self), patience)
 
     def wait_published(self, topic, accept=lambda packet: True, patience=PATIENCE):
@@ -201,7 +200,7 @@ class Session:
             (p for p in s.packets if p.kind == PUBLISH and p.topic == topic and accept(p)), None),
             patience)
 
-    # The thread of the connection.
+    # --- The thread of the connection.
 
     def _serve(self, script):
         try:
@@ -222,7 +221,7 @@ class Session:
                     self.broker.changed.notify_all()
                 self._answer(script, got)
         except (OSError, ValueError):  # ValueError: an ssl socket that was closed here
-            pass  # it has gone: whether that is right is for the test to say
+            pass  # the client has closed: the test decides if that is right
         finally:
             with self.broker.changed:
                 self.closed = time.monotonic()
@@ -326,8 +325,8 @@ class Session:
 
 
 class ScriptedBroker:
-    """Listens at once, on a port that the system chose; `port` tells it. Every thread ends with close().
-    `tls`: the context of an ssl server. A connection of it must not be read and written at once."""
+    """Listens at once on a port chosen by the system, see `port`. close() ends every thread. `tls`: the context of an
+    ssl server. A TLS connection must not be read and written at the same time."""
 
     def __init__(self, *scripts, tls=None):
         self.tls = tls
@@ -374,7 +373,7 @@ class ScriptedBroker:
             thread.join(PATIENCE)
 
     def wait(self, what, condition, patience=PATIENCE):
-        """The first true value of condition(); looked at whenever something came."""
+        """Returns the first true value of condition(), which is evaluated after every event."""
         deadline = time.monotonic() + patience
         with self.changed:
             while True:
@@ -387,12 +386,12 @@ class ScriptedBroker:
                 self.changed.wait(left)
 
     def wait_session(self, number, patience=PATIENCE):
-        """Connection `number`, counted from 0, once its CONNECT is there."""
+        """Returns connection `number`, counted from 0, once its CONNECT has arrived."""
         return self.wait(f"connection {number}", lambda: next(
             (s for s in self.sessions[number:number + 1] if s.connect), None), patience)
 
     def wait_online(self, base, from_session=0, patience=PATIENCE):
-        """The first connection, from that number on, on which the client said that it is online."""
+        """Returns the first connection with at least this number on which the client published that it is online."""
         def online():
             for session in self.sessions[from_session:]:
                 if any(p.kind == PUBLISH and p.topic == base + "/state" and b'"online"' in p.payload

@@ -1,5 +1,5 @@
-"""What the store promises: samples, numbers and commands outlive outages, restarts and kill -9.
-CONTRACT sections 3 to 7."""
+"""The promises of the store: samples, numbers and commands survive outages, restarts and kill -9. CONTRACT sections 3
+to 7."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ class StoreLife(PlantTest):
         self.start(devices, store=self.store)
 
     def rows(self, since=0, group="fast"):
-        """Every row of the history, in the order of arrival."""
+        """Returns every row of the history, in the order of arrival."""
         return [row for m in self.watcher.payloads(f"{BASE}/press1/data/{group}/history", since)
                 for row in m["rows"]]
 
@@ -24,12 +24,12 @@ class StoreLife(PlantTest):
         return live | {row["seq"] for row in self.rows(since)}
 
     def broker_away(self):
-        """The broker goes with nothing in flight that it has acknowledged and not passed on."""
+        """Kills the broker and waits until the agent has logged the loss."""
         self.broker.kill()
         wait_for("the log", lambda: "broker_lost" in self.agent.logged())
 
     def broker_back(self):
-        """With a watcher that is there before the agent is; the rows of the one before are gone."""
+        """Starts the broker with a watcher that connects before the agent; the previous watcher's rows are gone."""
         self.broker.start()
         self.watcher.close()
         self.watcher = Watcher(self.broker.port)
@@ -67,7 +67,7 @@ class StoreLife(PlantTest):
         history = [row["seq"] for row in self.rows()]
         self.assertEqual(history, list(range(history[0], history[-1] + 1)))
         self.assertGreaterEqual(len(history), 40)
-        # What the broker had acknowledged and not passed on when it died is its own loss.
+        # Messages that the broker acknowledged but had not forwarded when it died are the broker's loss.
         self.assertLess(len(set(range(first, live["seq"])) - before - self.seqs()), 20)
         self.wait_adds_up()
 
@@ -82,7 +82,7 @@ class StoreLife(PlantTest):
         again = self.data()
         wait_for("the number before", lambda: again["seq"] - 1 in self.seqs())
         history = [row["seq"] for row in self.rows()]
-        # Not even a number is missing across the crash.
+        # No number is missing across the crash.
         self.assertEqual(history[:30], list(range(history[0], history[0] + 30)))
         self.assertLessEqual(set(range(history[0], again["seq"])), self.seqs())
         self.assertNotEqual(self.rows()[0]["boot"], again["boot"])
@@ -215,7 +215,7 @@ class Speed(PlantTest):
                         for _ in range(20))
         journaled = sorted(r["t"]["total_ms"] - r["t"]["queue_ms"] - r["t"]["wire_ms"]
                            for r in self.watcher.payloads(f"{BASE}/press1/result"))
-        # What is neither waiting for the line nor on it: the journal and four hops of threads.
+        # The time that is neither waiting for the line nor on it: the journal and four hops between threads.
         self.assertLess(journaled[len(journaled) // 2], 5.0, (queued, journaled))
         print("median beside queue and wire:", journaled[len(journaled) // 2], "ms")
 

@@ -114,7 +114,7 @@ class Telemetry(PlantTest):
         last = self.data(lambda m: m["seq"] >= first["seq"] + 20)
         stamps = [m["ts"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
                   if m["seq"] <= last["seq"]]
-        # A busy machine may delay or skip a poll; nothing catches up. So no span has more polls than intervals.
+        # A busy machine may delay or skip a poll, and nothing catches up. So no span has more polls than intervals.
         for first in range(len(stamps)):
             for last in range(first + 1, len(stamps)):
                 self.assertLess(last - first, (stamps[last] - stamps[first]) / 200 + 1)
@@ -131,7 +131,7 @@ class Telemetry(PlantTest):
         self.data()
         raw = [m for _, topic, _, m in self.watcher.messages
                if topic == f"{BASE}/press1/data/fast"][0].payload.decode()
-        # An integer without scale has no decimal point, and a float is as short as a float can be.
+        # An integer without scale has no decimal point, and a float has the shortest notation of a float.
         self.assertIn('"whole":7,', raw)
         self.assertIn('"scaled":3.5,', raw)
         self.assertIn('"wide":4294967295,', raw)
@@ -142,8 +142,8 @@ class Telemetry(PlantTest):
     def test_text_of_any_bytes_is_valid_json(self):
         tags = [{"name": "text", "address": "D10", "type": "string", "length": 8, "group": "fast"}]
         self.start([device(tags=tags)], [self.plc(memory={"D10": [0x2241, 0x0A5C, 0xFFE9, 0x0142]})])
-        # The PLC has no code page: each byte is the character of its number, up to the first NUL. A payload
-        # that is no JSON or no UTF-8 stays bytes in the watcher, and has no values.
+        # The PLC has no code page: each byte is the character with its number, up to the first NUL. For the watcher,
+        # a payload that is not JSON or UTF-8 stays bytes and has no values.
         self.assertEqual(self.data()["values"], {"text": 'A"\\\n\u00e9\u00ffB\u0001'})
         self.sim.set("press1", "D10", [0x4241, 0x0000, 0x4443, 0x0000])
         self.data(lambda m: m["values"].get("text") == "AB")
@@ -231,7 +231,7 @@ class Telemetry(PlantTest):
             "text": {**plain, "address": "D120", "type": "string", "length": 6},
             "bit": {**plain, "address": "M7", "type": "bool"}})
         self.assertEqual(self.data()["meta"], meta["hash"])
-        # Another description has another hash; the same one keeps it over a restart.
+        # Another description has another hash; the same one keeps its hash after a restart.
         self.agent.stop()
         since = self.watcher.mark()
         self.agent.start()
@@ -246,7 +246,7 @@ class Telemetry(PlantTest):
         self.watcher.wait(f"{BASE}/press1/meta", lambda m: m["hash"] == changed, since)
 
     def test_an_address_that_the_plc_refuses_is_bad_alone(self):
-        # The config says FX3U, and what answers is an FX1S: it has D0 and lacks D900.
+        # The config says FX3U, but the device is an FX1S: it has D0 and lacks D900.
         tags = [{"name": "near", "address": "D0", "group": "fast"},
                 {"name": "far", "address": "D900", "group": "fast"}]
         self.start([device(tags=tags, command_set="classic", retries=1)],
@@ -267,13 +267,13 @@ class Telemetry(PlantTest):
         self.start([device(tags=tags, groups=groups)], [self.plc(memory={"D10": [100, 200, 300]})])
         first = self.data()
         self.assertEqual(first["values"], {"a": [100, 200, 300]})
-        # Each by less than the deadband, together by more: no news. Then one by as much as it.
+        # Each changes by less than the deadband, together by more: no message. Then one changes by the deadband.
         self.sim.set("press1", "D10", [109, 209, 309])
         self.sim.set("press1", "D20", 1)
         self.data(lambda m: m["values"]["c"] == 1, group="steady")
         second = self.data(lambda m: m["seq"] > first["seq"])
         self.assertEqual(second["values"], {"a": [109, 209, 309]})
-        # At the beat before a second would be exceeded: one beat early, or two where one came late.
+        # At the last poll before a second would be exceeded: one interval early, or two if a poll was late.
         self.assertGreaterEqual(second["ts"] - first["ts"], 1000 - 2 * 40)
         self.assertLessEqual(second["ts"] - first["ts"], 1000 + SCHEDULING_MS)
         self.sim.set("press1", "D10", [109, 199, 309])
@@ -281,7 +281,7 @@ class Telemetry(PlantTest):
         self.assertLess(third["ts"] - second["ts"], 900)
 
     def test_no_sample_after_a_result_shows_an_older_value_of_the_place(self):
-        # Each cycle reads D300 first and three far blocks after it, so that most writes meet one under way.
+        # Each cycle reads D300 first and then three distant blocks, so that most writes arrive during a cycle.
         far = [{"name": f"far{at}", "address": f"D{at}", "group": "fast"} for at in (1000, 2000, 3000)]
         tags = [{"name": "same", "address": "D300", "group": "fast"},
                 {"name": "wide", "address": "D299", "type": "int32", "group": "fast"},
@@ -310,7 +310,7 @@ class Telemetry(PlantTest):
         self.assertEqual(self.data(lambda m: "bad" in m)["bad"]["temp"]["why"], "timeout")
         self.state("press1", "offline")
         self.sim.ask(cmd="clear_faults", plc="press1")
-        # Something must ask it first: its RUN state, every 10 s.
+        # A request has to come first: the read of its RUN state, every 10 s.
         self.watcher.wait(f"{BASE}/press1/data/fast", lambda m: m["values"].get("temp") == 9, patience=30)
         self.state("press1", "online")
 
@@ -362,7 +362,7 @@ class Telemetry(PlantTest):
         tags = [{"name": "a", "address": "D10", "group": "fast"},
                 {"name": "b", "address": "D11", "group": "slow"}]
         self.start([device(tags=tags, groups=groups)], [self.plc(baud=9600)])
-        # On a busy machine the first poll is late, and the second one is not.
+        # On a busy machine the first poll is late, and the second is not.
         begun = self.data()["ts"]
         first = self.data(lambda m: m["ts"] > begun + 300)["ts"]
         last = self.watcher.wait(f"{BASE}/press1/data/fast", lambda m: m["ts"] >= first + 3000)["ts"]
@@ -376,11 +376,11 @@ class Telemetry(PlantTest):
         self.data()
         before = self.watcher.mark()
         with self.agent.frozen():
-            time.sleep(1.0)  # the length of the pause is what is tested
+            time.sleep(1.0)  # the test needs a pause of this length
         paused = self.data(since=before)["ts"]
         self.data(lambda m: m["ts"] > paused + 500)
         stamps = [ts for ts in self.stamps(since=before) if paused <= ts <= paused + 500]
-        # 20 polls were missed; of those none is made up for.
+        # 20 polls were missed; none is caught up.
         self.assertLessEqual(len(stamps), 500 / 50 + 2, stamps)
 
     def test_a_change_is_seen_at_the_next_beat(self):

@@ -1,4 +1,4 @@
-"""Many equal devices from one template: polled as if they had been written out, and cheaper to load."""
+"""Many equal devices from one template: polled as if written out in full, and cheaper to load."""
 
 import json
 import os
@@ -76,7 +76,8 @@ class Templates(PlantTest):
         self.assertEqual(self.run_agent("config", self.written(config))[0], 2)
 
     def peak_kib(self, path):
-        """Of a check. A process of its own asks, as the peak of this one would count for its children."""
+        """Returns the peak memory of a check. Runs in a separate process, because the peak of this one would be
+        inherited."""
         ask = ("import os, sys; _, status, used = os.wait4(os.spawnv(os.P_NOWAIT, sys.argv[1], sys.argv[1:]), 0); "
                "print(status, used.ru_maxrss, file=sys.stderr)")
         done = subprocess.run([sys.executable, "-S", "-c", ask, FXAGENT, "check", path], capture_output=True,

@@ -1,7 +1,6 @@
-"""Every thread of the agent at once, for ThreadSanitizer, which sees the whole program only here: field,
-uplink, checkpoints, and the MQTT library's own threads with our callbacks in them, over connections that
-come, go and are refused, with and without TLS. A report fails the test, as any sanitizer's does. In other
-builds it is one more test of the same."""
+"""All threads of the agent at once, for ThreadSanitizer, which sees the whole program only here: field, uplink,
+checkpoints, and the MQTT library's own threads with our callbacks, over connections that come, go and are refused,
+with and without TLS. A report fails the test, as any sanitizer's does. In other builds it is an ordinary test."""
 
 import os
 import signal
@@ -17,13 +16,13 @@ TAGS = [{"name": "temp", "address": "D100", "group": "fast"},
 
 class Threads(PlantTest):
     def devices(self):
-        """Two on links of their own: each link's work meets the others' in the outbox."""
+        """Two devices on separate links, which both write to the outbox."""
         return ([device(tags=TAGS), device("press2", "line2", tags=TAGS)],
                 [self.plc(), self.plc("press2")],
                 [self.serial(), self.serial("line2", "press2")])
 
     def commands(self, count, prefix):
-        """Sends writes and reads to both devices, and waits for the result of each."""
+        """Sends writes and reads to both devices and waits for each result."""
         since = self.watcher.mark()
         for number in range(count):
             for name in ("press1", "press2"):
@@ -54,7 +53,7 @@ class Threads(PlantTest):
         self.watcher.wait(f"{BASE}/health")
 
     def test_commands_until_the_very_end(self):
-        """A stop in the middle of everything."""
+        """A stop in the middle of activity."""
         devices, plcs, links = self.devices()
         self.start(devices, plcs, links, version="3.1.1",
                    store={"path": os.path.join(self.directory, "store")})

@@ -1,5 +1,5 @@
-"""What is on the wire, as the log shows it: `run --trace LINK`, SIGUSR1, `read --trace`. And the log itself:
-levels, JSON, priorities of the journal."""
+"""The bytes on the wire, as shown in the log: `run --trace LINK`, SIGUSR1, `read --trace`. And the log itself:
+levels, JSON, journal priorities."""
 
 import contextlib
 import json
@@ -21,7 +21,7 @@ FIELD = re.compile(r'(\w+)=("(?:[^"\\]|\\.)*"|\S+)')
 
 class TracedTest(PlantTest):
     def frames(self):
-        """The frames that were shown, as dicts; `at` is their time."""
+        """Returns the frames shown, as dicts; `at` is their time."""
         found = []
         for line in self.agent.logged().splitlines():
             if shown := LINE.match(line):
@@ -51,7 +51,7 @@ class Trace(TracedTest):
             self.sim.fault("press1", kind, match="read", count=-1)
             self.shown(kind, lambda f, accept=what: f["way"] == "in" and accept(f))
             self.sim.ask(cmd="clear_faults")
-        # The times are those of the wire: an answer is never shown as earlier than its question.
+        # The times are those on the wire: an answer is never shown as earlier than its request.
         times = [f["at"] for f in self.frames()]
         self.assertEqual(times, sorted(times))
 
@@ -80,7 +80,7 @@ class Trace(TracedTest):
         self.agent.process = subprocess.Popen([FXAGENT, "run", self.agent.path, "--trace", "line1"],
                                               stderr=writer, stdout=subprocess.DEVNULL)
         os.close(writer)
-        # Each poll shows two frames of some 200 bytes: more than pipe and log hold together.
+        # Each poll shows two frames of some 200 bytes: together more than the pipe and the log's queue hold.
         self.watcher.wait_count("fx/plant-a/edge7/press1/data/fast", 1000, since=mark)
         os.set_blocking(reader, False)
         text = b""
@@ -128,7 +128,7 @@ class Trace(TracedTest):
 
 
 class Garbage(PlantTest):
-    """A serial server that is set to 8N1, and a PLC of 7E1 behind it: the parity bit comes as bit 7."""
+    """A serial server set to 8N1 with a PLC of 7E1 behind it: the parity bit arrives as bit 7."""
 
     WORD = "82 41 42 b1 35 03 c5 c3"  # a reply of one word
 

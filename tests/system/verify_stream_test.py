@@ -1,5 +1,5 @@
-"""`fxagent verify-stream` beside a real broker: what the agent sends is whole, and what somebody else
-publishes with a gap and a repeat is not."""
+"""`fxagent verify-stream` with a real broker: the agent's stream passes, and a stream with a gap and a repeat,
+published by the test, does not."""
 
 import json
 import os
@@ -10,7 +10,7 @@ import unittest
 
 from plant import BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, device, wait_for
 
-# A boot of the agent that is played by hand.
+# A boot of an agent that the test simulates.
 FAKE = "fx/plant-a/fake"
 
 
@@ -28,7 +28,7 @@ class Verification:
         self.out, self.errors = self.process.communicate()
 
     def stop(self):
-        """Ends it before its time and returns status and report."""
+        """Ends it early. Returns status and report."""
         self.process.send_signal(signal.SIGINT)
         return self.end()
 
@@ -51,7 +51,8 @@ class VerifyStream(PlantTest):
         return path
 
     def start_broker(self):
-        """With a log of every packet, so that the test knows when the listener listens and has heard."""
+        """Starts a broker that logs every packet, so that the test knows when the listener has subscribed and
+        received."""
         log = os.path.join(self.directory, "mosquitto.log")
         os.chmod(self.directory, 0o777)
         self.broker = Broker(self.directory, f"log_dest file {log}\nlog_type all")
@@ -77,7 +78,7 @@ class VerifyStream(PlantTest):
         return self.logged().count("Received PUBACK from fx-fake-verify")
 
     def end(self, run):
-        """Ends the run once it has heard all that was published; status and report."""
+        """Ends the run once it has received everything published. Returns status and report."""
         wait_for("verify-stream to hear",
                  lambda: self.acknowledged() == self.heard + self.published)
         return run.stop()

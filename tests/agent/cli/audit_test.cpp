@@ -176,7 +176,7 @@ TEST(Audit, PrunedRecordsAreNotMissing) {
   chain.add(pruned(2, chain.records[1].hash, kNow));
   chain.records.erase(chain.records.begin(), chain.records.begin() + 2);
   EXPECT_TRUE(chain.findings().empty());
-  chain.records.erase(chain.records.begin());  // and one more, that nothing speaks of
+  chain.records.erase(chain.records.begin());  // a further record, which no prune record mentions
   const auto findings = chain.findings();
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings[0].record, 3U);

@@ -32,7 +32,7 @@ class CommandLineAuditTest : public ::testing::Test {
     result.status = status;
     return result;
   }
-  /// The records of the file, as `fxagent audit` reads them; their chain is whole.
+  /// Returns the records of the file as `fxagent audit` reads them. Expects an intact chain.
   std::vector<json> records() const {
     std::vector<json> all;
     audit::Verifier verifier;

@@ -15,7 +15,7 @@
 namespace fxagent::test {
 namespace {
 
-/// A command line of two subcommands, with an option of each kind.
+/// A command line with two subcommands and one option of each kind.
 class CommandPagesTest : public ::testing::Test {
  protected:
   CommandPagesTest() {
@@ -73,7 +73,7 @@ TEST_F(CommandPagesTest, ConfigPageHasKeysOfTheTableAndOfTheProtocols) {
   EXPECT_FALSE(has(page, "`"));
 }
 
-/// What bash offers for the last of `words`; `tool` has a config with two devices.
+/// Returns bash's completions for the last of `words`; `tool` has a config with two devices.
 std::string offered(const std::string& script, const std::string& words) {
   const auto file =
       std::filesystem::temp_directory_path() / ("fxagent-bash-" + std::to_string(::getpid()));

@@ -1,4 +1,4 @@
-// The serial ports of a machine, by what /dev and /sys show.
+// The serial ports of a machine, found in /dev and /sys.
 #include "agent/cli/found_ports.h"
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 
 class FoundPorts : public testing::Test {
  protected:
-  /// A port in /dev and /sys; `kind` as Linux has it for ports of PCs.
+  /// Adds a port to /dev and /sys; `kind` is Linux's name for a PC's built-in ports.
   void add(const std::string& name, const std::string& kind = {}, bool hardware = true) {
     fs::create_directories(root() / "sys/class/tty" / name);
     if (hardware) fs::create_directories(root() / "sys/class/tty" / name / "device");

@@ -1,4 +1,4 @@
-// The files of a new plant, for every protocol of the catalogue.
+// The files of a new plant, for every protocol in the catalogue.
 #include "agent/cli/init_files.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// What `check --online` says of what it found: the lines, what to do, the exit status.
+// The report of `check --online`: its lines, the advice, the exit status.
 #include "agent/cli/online_report.h"
 
 #include <gtest/gtest.h>

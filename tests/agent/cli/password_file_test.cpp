@@ -1,4 +1,4 @@
-// The file of a password, made for the user of the service.
+// A password file for the service's user.
 #include "agent/cli/password_file.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// `fxagent plan` of a device whose protocol reads several places by one frame.
+// `fxagent plan` for a device whose protocol can read several places in one frame.
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ double ms(std::chrono::nanoseconds duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
 
-/// One device at 9600 baud that polls these places; its protocol is put under it here.
+/// One device at 9600 baud that polls these places; the test replaces its protocol.
 Config config_of(const std::vector<std::string>& addresses) {
   auto config = parse_config(
       R"({"agent":{"id":"e","root":"r"},"mqtt":{"servers":["mqtt://127.0.0.1:1883"]},)"
@@ -48,7 +48,7 @@ TEST(PlanReportGather, PlacesThatGoTogetherAreOneExchangeWithTheirNames) {
   EXPECT_TRUE(exchange.gathered);
   EXPECT_EQ(exchange.addresses, (std::vector<std::string>{"W5", "W900", "V30"}));
   EXPECT_EQ(exchange.bytes(), 6U);
-  // 14 characters around the parts, 6 for each, and two for each byte.
+  // 14 characters of frame, 6 for each part, and two for each byte.
   EXPECT_EQ(exchange.chars, 14U + 3 * 6 + 12);
   EXPECT_NEAR(ms(*exchange.line_time), 20 + 44 * 10 / 9.6, 0.01);
   EXPECT_NEAR(ms(*group.line_time), 20 + 44 * 10 / 9.6, 0.01);

@@ -41,7 +41,8 @@ TEST(PlanReport, LeastLineTimeIsThatOfTheCharactersCounted) {
   ASSERT_EQ(links.size(), 1U);
   ASSERT_EQ(links[0].groups.size(), 1U);
   const GroupLoad& group = links[0].groups[0];
-  // 64, 64, 64 and 8 bytes of D, 8 bytes of M: five times 11 + 4 characters, and two for each byte.
+  // 64, 64, 64 and 8 bytes of D, 8 bytes of M: five times 11 + 4 characters, plus two for each
+  // byte.
   ASSERT_TRUE(group.line_time);
   EXPECT_NEAR(ms(*group.line_time), 511.5, 0.1);
   EXPECT_EQ(group.exchanges.size(), 5U);
@@ -53,7 +54,7 @@ TEST(PlanReport, LeastLineTimeIsThatOfTheCharactersCounted) {
   EXPECT_EQ(group.use.turnaround.count(), 0);
 }
 
-/// The line time of the only exchange of a device with this one tag.
+/// Returns the line time of the only exchange of a device with this one tag.
 double only_exchange(const std::string& protocol, const std::string& tag) {
   const auto links = plan_links(config_of(
       kSerial, R"({"name":"p","link":"l","turnaround_ms":0,"groups":[{"name":"g"}],"protocol":")" +
@@ -62,7 +63,7 @@ double only_exchange(const std::string& protocol, const std::string& tag) {
   return ms(*links[0].groups[0].exchanges[0].line_time);
 }
 
-// Frames as the protocols' documents print them, counted by hand; 9600 baud.
+// Frames as printed in the protocols' documents, counted by hand; 9600 baud.
 TEST(PlanReport, TimesOfProgrammingPortReadsAreThoseOfTheirFrames) {
   const std::string port = R"(fx-programming-port","model":"FX3U)";
   // D123-D124: 02 30 31 30 46 36 30 34 03 37 34, and back 02, 8 digits, 03, sum: 11 + 12 of 10
@@ -70,26 +71,26 @@ TEST(PlanReport, TimesOfProgrammingPortReadsAreThoseOfTheirFrames) {
   EXPECT_NEAR(only_exchange(port, R"("address":"D123","type":"int32")"), 23 * 10 / 9.6, 0.001);
   // Y0-Y17: 02 30 30 30 41 30 30 32 03 36 36, and back 02, 4 digits, 03, sum: 11 + 8.
   EXPECT_NEAR(only_exchange(port, R"("address":"Y0","count":16)"), 19 * 10 / 9.6, 0.001);
-  // One word behind D1023: 02 45 30 30, address, 30 32 03, sum, and back as above: 13 + 8.
+  // One word past D1023: 02 45 30 30, address, 30 32 03, sum, and back as above: 13 + 8.
   EXPECT_NEAR(only_exchange(port, R"("address":"D5000")"), 21 * 10 / 9.6, 0.001);
-  // 64 bytes: 11 there, 02, 128 digits, 03, sum back.
+  // 64 bytes: 11 out; 02, 128 digits, 03, sum back.
   EXPECT_NEAR(only_exchange(port, R"("address":"D0","count":32)"), 143 * 10 / 9.6, 0.001);
 }
 
 TEST(PlanReport, TimesOfTheOtherProtocolsAreThoseOfTheirFrames) {
-  // 64 words by WR, format 1 with sum: 17 there, 264 back, 5 of ACK.
+  // 64 words by WR, format 1 with sum: 17 out, 264 back, 5 for the ACK.
   EXPECT_NEAR(only_exchange(R"(fx-computer-link","model":"FX3U)", R"("address":"D0","count":64)"),
               (17 + 264 + 5) * 10 / 9.6, 0.001);
-  // 11 03 00 6B 00 03 76 87, and back 11 03 06, 6 bytes, sum; 8E1 is 11 bits; a rest of 3.5.
+  // 11 03 00 6B 00 03 76 87, and back 11 03 06, 6 bytes, sum; 8E1 is 11 bits; a pause of 3.5.
   EXPECT_NEAR(only_exchange("modbus-rtu", R"("address":"hr:107","count":3)"),
               (8 + 11 + 3.5) * 11 / 9.6, 0.001);
-  // The same in ASCII, 7E1: a colon, two digits a byte, LRC, CR LF; no rest.
+  // The same in ASCII, 7E1: a colon, two digits per byte, LRC, CR LF; no pause.
   EXPECT_NEAR(only_exchange("modbus-ascii", R"("address":"hr:107","count":3)"),
               (17 + 23) * 10 / 9.6, 0.001);
 }
 
 TEST(PlanReport, LineTimeIsTheSumOfWhereItGoes) {
-  // M0 and M16 bring their bytes along, and M8-M15 between them; D0 and D2 bring D1 along.
+  // M0 and M16 are read together with M8-M15 between them; D0 and D2 together with D1.
   const std::string tags = R"({"name":"m","address":"M0","group":"g"},
                               {"name":"n","address":"M16","group":"g"},
                               {"name":"a","address":"D0","group":"g"},
@@ -127,7 +128,7 @@ TEST(PlanReport, TheBoundIsTheLongestPollAndTheCommandItself) {
 }
 
 TEST(PlanReport, TheBoundIsThatOfAWordThatMayBeWritten) {
-  // D5000 takes a longer frame than D100: 17 + 1 and 13 + 8, against 15 + 1 and 11 + 8.
+  // D5000 needs a longer frame than D100: 17 + 1 and 13 + 8, instead of 15 + 1 and 11 + 8.
   const std::string tags = R"({"name":"a","address":"D100","group":"g","access":"read_write"},
                               {"name":"b","address":"D5000","group":"g"})";
   const auto of_tag = plan_links(config_of(kSerial, plc(tags)));
@@ -135,11 +136,11 @@ TEST(PlanReport, TheBoundIsThatOfAWordThatMayBeWritten) {
   const auto of_range =
       plan_links(config_of(kSerial, plc(tags, R"(,"commands":{"allow":["D5000-D5001"]})")));
   EXPECT_NEAR(ms(*of_range[0].command_bound), (21 + 18 + 21) * 10 / 9.6, 0.1);
-  // Of several that may be written the longest counts, wherever it stands.
+  // The longest of several writable tags counts, whatever its position.
   const std::string both = R"({"name":"b","address":"D5000","group":"g","access":"read_write"},
                               {"name":"a","address":"D100","group":"g","access":"read_write"})";
   EXPECT_EQ(plan_links(config_of(kSerial, plc(both)))[0].command_bound, of_range[0].command_bound);
-  // A range from short frames to long ones: the long ones count.
+  // In a range from short to long frames, the long ones count.
   const auto of_wide =
       plan_links(config_of(kSerial, plc(tags, R"(,"commands":{"allow":["D0-D7999"]})")));
   EXPECT_EQ(of_wide[0].command_bound, of_range[0].command_bound);
@@ -148,7 +149,7 @@ TEST(PlanReport, TheBoundIsThatOfAWordThatMayBeWritten) {
 TEST(PlanReport, WithoutWordsTheBoundIsThatOfAForceWhichIsNotReadBack) {
   const auto links = plan_links(
       config_of(kSerial, plc(R"({"name":"m","address":"M0","group":"g","access":"read_write"})")));
-  // The model's question, 11 + 8, then a force of 9 and ACK.
+  // The request for the model, 11 + 8, then a force of 9 and an ACK.
   EXPECT_NEAR(ms(*links[0].command_bound), (19 + 10) * 10 / 9.6, 0.1);
   const auto none = plan_links(
       config_of(kSerial,
@@ -163,8 +164,8 @@ TEST(PlanReport, DeviceWithoutTagsIsAskedWhetherItIsThere) {
       kSerial,
       R"({"name":"p","link":"l","protocol":"modbus-ascii","turnaround_ms":0,"commands":{"allow":["hr:100"]}})"));
   EXPECT_GT(*links[0].busy_percent, 0.0);
-  // 17 + 15 characters for one register, that another poll may be; then 17 and 17 for the command,
-  // and 17 and 15 to read it back.
+  // 17 + 15 characters for one register, the longest poll in progress; then 17 and 17 for the
+  // command, and 17 and 15 for the read-back.
   EXPECT_NEAR(ms(*links[0].command_bound), (32 + 34 + 32) * 10 / 9.6, 0.1);
 }
 
@@ -183,9 +184,10 @@ TEST(PlanReport, SmallerBlocksTakeLongerAndLetCommandsThroughSooner) {
   EXPECT_TRUE(link.block_trade[2].configured);
   EXPECT_EQ(link.block_trade[2].cycle, *link.groups[0].line_time);
   EXPECT_EQ(link.block_trade[2].command_bound, *link.command_bound);
-  EXPECT_EQ(link.block_trade[3].block_bytes, 254U);  // extended reads only, and D0-D99 are classic
+  EXPECT_EQ(link.block_trade[3].block_bytes, 254U);  // extended reads only; D0-D99 are classic
   EXPECT_EQ(link.block_trade[3].cycle, link.block_trade[2].cycle);
-  // What the trade promises is what the config then has, and the way back is shown there too.
+  // A config with a listed block size gets the listed times, and its table lists the other sizes
+  // too.
   const LinkReport small = plan_links(config_of(kSerial, plc(tags, R"(,"max_block_bytes":16)")))[0];
   EXPECT_EQ(*small.groups[0].line_time, link.block_trade[0].cycle);
   EXPECT_EQ(small.command_bound, link.block_trade[0].command_bound);
@@ -215,10 +217,10 @@ TEST(PlanReport, AnOverloadNamesTheIntervalThatFits) {
   const auto links = plan_links(config);
   EXPECT_GT(*links[0].busy_percent, 100.0);
   ASSERT_EQ(links[0].warnings.size(), 1U);
-  // 511.5 ms, and 17 characters of M8000 each 10 s.
+  // 511.5 ms, plus 17 characters for M8000 every 10 s.
   EXPECT_EQ(links[0].warnings[0],
             "p/g asks for 400 ms; the link carries 513 ms or more: set interval_ms to 520");
-  // What it names is enough, and a little less is not.
+  // The named interval is sufficient; a slightly shorter one is not.
   config.devices[0].groups[0].interval = *links[0].groups[0].shortest_interval;
   EXPECT_LE(*plan_links(config)[0].busy_percent, 100.0);
   EXPECT_TRUE(plan_links(config)[0].warnings.empty());
@@ -227,7 +229,7 @@ TEST(PlanReport, AnOverloadNamesTheIntervalThatFits) {
 }
 
 TEST(PlanReport, TheIntervalThatFitsLeavesRoomForTheQuestionForRun) {
-  // At 300 baud the question for RUN alone takes 6 % of the line.
+  // At 300 baud the RUN request alone takes 6 % of the line.
   Config config = config_of(R"({"name":"l","serial":{"path":"/dev/x","baud":300}})", plc(kLarge));
   config.devices[0].groups[0].interval = *plan_links(config)[0].groups[0].shortest_interval;
   EXPECT_LE(*plan_links(config)[0].busy_percent, 100.0);
@@ -265,7 +267,7 @@ TEST(PlanReport, AGroupWithoutAnIntervalAsksForNothing) {
   Config config = config_of(kSerial, plc(kLarge));
   config.devices[0].groups[0].interval = milliseconds(0);
   const LinkReport link = plan_links(config)[0];
-  EXPECT_LT(*link.busy_percent, 1.0);  // the question for RUN is all that has an interval
+  EXPECT_LT(*link.busy_percent, 1.0);  // only the RUN request has an interval
   EXPECT_FALSE(link.groups[0].shortest_interval);
   EXPECT_TRUE(link.warnings.empty());
 }

@@ -1,4 +1,4 @@
-// What `fxagent read` shows of what it has read.
+// The output of `fxagent read`.
 #include "agent/cli/read_report.h"
 
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@ std::shared_ptr<const TagUnits> units(TagUnits of) {
   return std::make_shared<const TagUnits>(std::move(of));
 }
 
-/// 230.5 V as a device has it that sends the high word first; `image` is low byte first.
+/// 230.5 V from a device that sends the high word first; `image` is low byte first.
 ReadReport voltage(ByteOrder configured) {
   ReadReport report;
   report.name = "voltage";

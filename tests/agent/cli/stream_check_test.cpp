@@ -147,7 +147,7 @@ TEST(StreamCheck, NewBootMayLeaveNumbersOutOnceButOnlyBetweenTheBoots) {
   EXPECT_TRUE(bench.report().is_whole());
   EXPECT_EQ(bench.report().skipped.listed, (Ranges{{12, 1010}}));
   EXPECT_EQ(bench.report().boots, (std::vector<std::string>{"b1", "b2"}));
-  // What the crash left on disk comes as history, with the old boot.
+  // The samples a crash left on disk arrive as history, with the old boot.
   bench.history({12, 14});
   EXPECT_EQ(bench.report().missing.listed, (Ranges{{13, 13}}));
   EXPECT_EQ(bench.report().skipped.listed, (Ranges{{15, 1010}}));
@@ -283,7 +283,7 @@ TEST(StreamCheck, DevicesAreJudgedEachForItself) {
   EXPECT_FALSE(report.at(1).is_whole());
 }
 
-// ---- random streams against a judge that looks at every number --------------------------------
+// ---- random streams against a reference check that looks at every number -----------------------
 
 struct Receipt {
   std::uint64_t seq = 0;
@@ -294,12 +294,12 @@ struct Receipt {
   std::string topic;
 };
 
-/// What a device sends over a few boots, what of it arrives, and in which order.
+/// The samples of a device over a few boots that arrive, in order of arrival.
 std::vector<Receipt> random_stream(std::mt19937& random) {
   const auto chance = [&random](int percent) { return static_cast<int>(random() % 100) < percent; };
   const int loss = static_cast<int>(random() % 8);
   std::vector<Receipt> arrivals;
-  std::vector<Receipt> kept;  // for the history
+  std::vector<Receipt> kept;  // will be sent as history
   std::uint64_t seq = 20 + random() % 20;
   const int boots = 1 + static_cast<int>(random() % 4);
   for (int boot = 0; boot < boots; ++boot) {
@@ -318,7 +318,7 @@ std::vector<Receipt> random_stream(std::mt19937& random) {
       } else {
         arrivals.push_back(made);
       }
-      if (!away && chance(5)) {  // not acknowledged: once more, as history
+      if (!away && chance(5)) {  // not acknowledged: sent again as history
         made.live = false;
         made.topic += "/history";
         kept.push_back(made);
@@ -340,7 +340,7 @@ std::vector<Receipt> random_stream(std::mt19937& random) {
   return arrivals;
 }
 
-/// The rules read off word by word, in the slowest way there is.
+/// A literal, slow implementation of the rules.
 DeviceStream judged_by_hand(const std::vector<Receipt>& arrivals, BootSkip skip) {
   DeviceStream out;
   std::map<std::uint64_t, Receipt> first;
@@ -418,7 +418,7 @@ TEST(StreamCheck, AgreesWithAJudgeThatLooksAtEveryNumber) {
         ++i;
         continue;
       }
-      json rows = json::array();  // neighbours on one history topic come in one message
+      json rows = json::array();  // neighbours on one history topic share a message
       const std::string& on = arrivals[i].topic;
       for (; i < arrivals.size() && !arrivals[i].live && arrivals[i].topic == on; ++i)
         rows.push_back(text(arrivals[i]));
@@ -442,7 +442,7 @@ TEST(StreamCheck, AgreesWithAJudgeThatLooksAtEveryNumber) {
     skipped += report.skipped.numbers;
     if (report.is_whole()) ++whole;
   }
-  // The streams are of every kind.
+  // The random streams covered every case.
   constexpr auto kMany = static_cast<std::uint64_t>(test::effort(3000));
   EXPECT_GT(missing, kMany);
   EXPECT_GT(skipped, kMany);

@@ -25,7 +25,7 @@ using std::chrono::seconds;
 const SteadyTime kStart{hours(1000)};
 constexpr std::int64_t kStartMs = 1790000000000;
 
-/// Rules of thumb for every test: D100 and M100-M107 may be written raw, RUN and STOP may not.
+/// Raw writes to D100 and M100-M107 are allowed; RUN and STOP are not.
 DeviceConfig press() {
   DeviceConfig device = port_device();
   const Codec& codec = *device.codec;
@@ -42,10 +42,10 @@ DeviceConfig press() {
   return device;
 }
 
-/// Admission, its device, and a clock that moves only by hand.
+/// Admission, its device, and a manually advanced clock.
 class CommandAdmissionTest : public ::testing::Test {
  protected:
-  /// A command that is right in every way.
+  /// A valid command.
   Command write(std::string id, double value = 50) {
     Command command;
     command.id = std::move(id);
@@ -89,7 +89,8 @@ class CommandAdmissionTest : public ::testing::Test {
   CommandAdmission::Decision decide(Command command, std::size_t waiting = 0) {
     return admission.admit(std::move(command), device.codec, waiting, now);
   }
-  /// The result of a command that is answered at once; an empty one, and a failure, if it is not.
+  /// Returns the result of a command that is answered at once. Otherwise returns an empty result
+  /// and reports a failure.
   CommandResult answered(Command command, std::size_t waiting = 0) {
     auto decision = decide(std::move(command), waiting);
     if (auto* result = std::get_if<CommandResult>(&decision)) return *result;
@@ -116,10 +117,9 @@ class CommandAdmissionTest : public ::testing::Test {
   SteadyTime now = kStart;
 };
 
-// ---- the table of checks
-// -------------------------------------------------------------------------
+// ---- the table of checks -----------------------------------------------------------------------
 
-/// Each check of the contract, in its order, and what runs into it and into no other.
+/// Each check of the contract, in its order, with a change that fails this check and no other.
 class CommandAdmissionFaults : public CommandAdmissionTest {
  protected:
   using Spoil = std::function<void(Command&)>;
@@ -128,7 +128,7 @@ class CommandAdmissionFaults : public CommandAdmissionTest {
     CommandStatus status;
     Spoil spoil;
   };
-  /// Those that can meet in one command: each spoils a part of its own.
+  /// Checks that can fail together in one command: each change affects a different part.
   const std::vector<Case> cases{
       {Reason::retained, CommandStatus::rejected, [](Command& c) { c.retained = true; }},
       {Reason::bad_op, CommandStatus::rejected,
@@ -256,8 +256,7 @@ TEST_F(CommandAdmissionTest, ResultEchoesWhatTheSenderNeeds) {
   EXPECT_EQ(result.targets[0].tag, "presure");
 }
 
-// ---- ids
-// -----------------------------------------------------------------------------------------
+// ---- ids ---------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, DuplicateOfARunningCommandHasNoFirstResultYet) {
   admit(write("b7e1"));
@@ -327,7 +326,7 @@ TEST_F(CommandAdmissionTest, RestoredIdLivesOutItsDayAndItsDeadline) {
   };
   restore("old", std::chrono::hours(23), std::chrono::hours(-22));
   restore("late", std::chrono::hours(23), std::chrono::hours(3));
-  restore("old", std::chrono::hours(1), std::chrono::hours(1));  // one is enough
+  restore("old", std::chrono::hours(1), std::chrono::hours(1));  // one id is enough
   EXPECT_EQ(admission.remembered(), 2U);
   now += std::chrono::hours(2);
   admit(write("another"));
@@ -335,7 +334,7 @@ TEST_F(CommandAdmissionTest, RestoredIdLivesOutItsDayAndItsDeadline) {
   EXPECT_EQ(answered(write("late")).status, CommandStatus::duplicate);
 }
 
-// Results of an hour that is yet to come do not fill the memory until then.
+// Results dated an hour in the future do not occupy the memory until then.
 TEST_F(CommandAdmissionTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
   for (std::size_t i = 0; i < kRememberedIds + kFingerprints; ++i) {
     const std::int64_t received_ms = kStartMs + 3600000;
@@ -347,8 +346,8 @@ TEST_F(CommandAdmissionTest, RestoredIdHasNoMoreTimeThanItWasGiven) {
   admit(write("another"));
 }
 
-// The clock was set back by ten days while the agent was away: the day of the id begins now, and
-// not in ten days.
+// The clock was set back by ten days while the agent was stopped: the id expires one day from now,
+// not in eleven days.
 TEST_F(CommandAdmissionTest, RestoredIdOfATimeToComeIsForgottenAfterItsDay) {
   const std::int64_t received_ms = kStartMs + milliseconds(std::chrono::hours(240)).count();
   admission.restore({"press1", "ahead", 0, received_ms, received_ms + 10000}, now, kStartMs);
@@ -446,7 +445,7 @@ TEST_F(CommandAdmissionTest, IdIsForgottenAfterADay) {
   now += hours(24) - milliseconds(1);
   EXPECT_EQ(answered(write("b7e1")).status, CommandStatus::duplicate);
   now += milliseconds(1);
-  admit(write("b7e1"));  // without any other command having come
+  admit(write("b7e1"));  // even if no other command came in between
   EXPECT_EQ(admission.remembered(), 1U);
 }
 
@@ -468,7 +467,7 @@ TEST_F(CommandAdmissionTest, IdOfARunningCommandIsNeverForgotten) {
   EXPECT_EQ(answered(write("b7e1")).status, CommandStatus::duplicate);
 }
 
-// 10,500 reads whose time is not over for an hour, and half of them refused.
+// 10,500 reads with deadlines an hour away; half of them are refused.
 TEST_F(CommandAdmissionTest, ManyReadsThatLastAnHourLockNobodyOut) {
   for (std::size_t i = 0; i < 10500; ++i) {
     const std::string id = "id" + std::to_string(i);
@@ -481,7 +480,7 @@ TEST_F(CommandAdmissionTest, ManyReadsThatLastAnHourLockNobodyOut) {
   EXPECT_EQ(answered(read("id0", "temp")).status, CommandStatus::duplicate);
 }
 
-// Else a command that was refused while the queue was full could be carried out by its repeat.
+// Otherwise a repeat could carry out a command that was refused while the queue was full.
 TEST_F(CommandAdmissionTest, RefusedCommandStaysRefusedWhereTheMemoryIsFull) {
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
     decide(write("id" + std::to_string(i)));
@@ -543,8 +542,7 @@ TEST_F(CommandAdmissionTest, WaitingCommandsAreBoundedInBytesToo) {
   admit(large);
 }
 
-// ---- expiry
-// --------------------------------------------------------------------------------------
+// ---- expiry ------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, ExpiryBecomesTimeFromReceipt) {
   Command command = write("b7e1");
@@ -587,7 +585,7 @@ TEST_F(CommandAdmissionTest, ExpiryBeyondTheLongestAllowedTellsOfAWrongClock) {
 TEST_F(CommandAdmissionTest, AbsurdExpiriesAreNeitherFreshNorACrash) {
   constexpr auto kMin = std::numeric_limits<std::int64_t>::min();
   constexpr auto kMax = std::numeric_limits<std::int64_t>::max();
-  // -1e13 ms before now is further away than nanoseconds in 64 bits can tell.
+  // -1e13 ms from now does not fit into 64-bit nanoseconds.
   for (const std::int64_t long_past : {kMin, kMin + 1, std::int64_t{-10000000000000},
                                        std::int64_t{-1}, std::int64_t{0}, std::int64_t{1}}) {
     Command command = write("past " + std::to_string(long_past));
@@ -697,8 +695,7 @@ TEST_F(CommandAdmissionTest, RunThatTheProtocolCannotSayToThisModelIsRefusedBefo
   EXPECT_NE(refused.detail.find("use mc-3e"), std::string::npos) << refused.detail;
 }
 
-// ---- values
-// --------------------------------------------------------------------------------------
+// ---- values ------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, ValuesThatDoNotFit) {
   const auto reason = [&](const Command& command) {
@@ -726,7 +723,7 @@ TEST_F(CommandAdmissionTest, LimitsOfATagAreItsOwnAndTold) {
   EXPECT_NE(result.detail.find("max of 100"), std::string::npos) << result.detail;
 }
 
-// A raw step of 40: nearest to 100 is 120.
+// The raw step is 40: the step nearest to 100 is 120.
 TEST_F(CommandAdmissionTest, LimitsBindWhatIsReallyWritten) {
   device.tags.push_back(writable(scaled(tag(*device.codec, "coarse", "D260"), 40)));
   device.tags.back().units =
@@ -743,7 +740,7 @@ TEST_F(CommandAdmissionTest, LimitsBindWhatIsReallyWritten) {
     EXPECT_NE(result.detail.find("120"), std::string::npos) << result.detail;
     EXPECT_EQ(to_string(answered(coarse("dry", value, true)).reason), "out_of_range");
   }
-  // What is sent may be beyond where what is written is not.
+  // A requested value may exceed the limit if the written value does not.
   const AdmittedCommand admitted = admit(coarse("b", 99));
   EXPECT_EQ(admitted.targets[0].written, real(80));
   Command above = write("c", 100.04);
@@ -798,7 +795,7 @@ TEST_F(CommandAdmissionTest, ExpectOfTheWrongKindIsRefused) {
   EXPECT_EQ(answered(forced).reason, Reason::bad_value);
 }
 
-// The device is read all the same, and the result tells what it has.
+// The agent still reads the device, and the result reports its value.
 TEST_F(CommandAdmissionTest, ExpectThatTheTagCannotShowIsNoReasonToRefuse) {
   for (const double never : {45.04, 1e9, -5000.0}) {
     Command command = write("number " + std::to_string(never));
@@ -849,8 +846,7 @@ TEST_F(CommandAdmissionTest, BroadcastCannotBeExpectedToHoldAValue) {
   EXPECT_EQ(result.detail, "expect: nobody answers a broadcast, so nothing can be compared");
 }
 
-// ---- lists
-// ---------------------------------------------------------------------------------------
+// ---- lists -------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, ListIsAdmittedWhole) {
   Command list = write("b7e1");
@@ -877,7 +873,7 @@ TEST_F(CommandAdmissionTest, OneRefusedTargetRefusesTheList) {
   EXPECT_EQ(result.targets[2].status, CommandStatus::rejected);
 }
 
-// "REJECTED" of a target would promise that nothing was done, inside a result that says otherwise.
+// A target with REJECTED would promise that nothing was done, contrary to the result around it.
 TEST_F(CommandAdmissionTest, WhatBecameOfAListBecameOfEachOfItsTargets) {
   Command list = write("b7e1");
   list.is_list = true;
@@ -910,7 +906,7 @@ TEST_F(CommandAdmissionTest, ForcesAreListedToo) {
   EXPECT_EQ(result.targets.at(2).reason, Reason::bad_address);
 }
 
-// Checks go by the contract's order over all targets, and not target by target.
+// The checks run in the contract's order over all targets, not target by target.
 TEST_F(CommandAdmissionTest, OfSeveralFaultyTargetsTheFirstCheckDecides) {
   Command list = write("b7e1", 500);
   list.is_list = true;

@@ -24,7 +24,7 @@ class Starts final : public CommandStarts {
   void mark(std::uint64_t) override {}
 };
 
-/// Keeps everything, and what was asked of it in its order.
+/// Keeps all entries and records its calls in order.
 class FakeJournal final : public CommandJournal {
  public:
   std::uint64_t next_command_number() override { return ++last_number; }
@@ -71,7 +71,7 @@ class FakeJournal final : public CommandJournal {
 
 class CommandsTest : public ::testing::Test {
  protected:
-  /// A message for press1, and what it led to at once.
+  /// Delivers a message for press1 and handles its immediate effects.
   void receive(const std::string& payload, std::uint32_t device = 0) {
     MessageProperties properties;
     properties.received = now;
@@ -233,7 +233,7 @@ TEST_F(CommandsTest, FirstResultThatIsLostIsSaidToBeLost) {
   commands().hand_over(kNow);
   finish("a");
   EXPECT_EQ(results().size(), 1U);
-  journal.entries.at("press1/a").number = 9;  // another command's
+  journal.entries.at("press1/a").number = 9;  // belongs to another command
   write("a");
   journal.entries.clear();
   write("a");
@@ -431,7 +431,7 @@ TEST_F(CommandsTest, ResultThatAnEarlierRunGaveIsNoLastOne) {
 
 class CommandsChangeTest : public CommandsTest {
  protected:
-  /// As the publisher does it: begins, and later makes the config the next one.
+  /// Begins a change as the publisher does; the config is switched later.
   void begin_change(Config wanted) {
     change = change_between(config, std::move(wanted));
     commands().begin_change(change);

@@ -17,17 +17,17 @@ using std::chrono::minutes;
 
 constexpr SteadyTime kStart{hours(1000)};
 
-/// What is promised, in the plainest way: of each id when it may go, and never more than there is
-/// room for.
+/// A simple reference implementation of the promises: when each id may be forgotten, and the limits
+/// on their number.
 struct PlainMemory {
   struct Known {
     IdMemory::Entry entry;
     bool refused = false;
-    bool print = false;  ///< only the fingerprint is left
+    bool print = false;  ///< only the fingerprint is kept
   };
-  std::vector<Known> all;  ///< the oldest first
+  std::vector<Known> all;  ///< oldest first
   std::size_t most_prints = 300;
-  int dropped = 0;  ///< refused ids that made room
+  int dropped = 0;  ///< refused ids removed to make room
 
   Known* find(const std::string& id, SteadyTime now) {
     for (Known& known : all)
@@ -173,7 +173,7 @@ TEST(IdMemory, IdThatIsKnownStaysAsItIs) {
   EXPECT_FALSE(memory.ids.find("a", kStart)->over);
 }
 
-// What an earlier run leaves is not in the order of this one's.
+// Ids of an earlier run are not in this run's order.
 TEST(IdMemory, DayIsOverWhateverStandsBefore) {
   Memory memory;
   memory.ids.add({"runs", 1, kStart, kStart}, kStart);
@@ -188,7 +188,7 @@ TEST(IdMemory, DayIsOverWhateverStandsBefore) {
   EXPECT_TRUE(memory.ids.find("runs", later + hours(30)));
 }
 
-// A file that opens late brings ids of earlier commands.
+// A file that opens late adds ids of earlier commands.
 TEST(IdMemory, EarlierCommandsAreOlderWheneverTheyBecomeKnown) {
   Memory memory;
   for (std::uint64_t i = 0; i < 500; ++i)
@@ -203,7 +203,7 @@ TEST(IdMemory, EarlierCommandsAreOlderWheneverTheyBecomeKnown) {
   EXPECT_EQ(memory.ids.size(), kRememberedIds - 1);
 }
 
-// Nobody waits behind a flood of reads whose time is not over for an hour.
+// A flood of reads with deadlines an hour away does not block other clients.
 TEST(IdMemory, TwoHundredThousandAreKnownUntilTheirDeadlines) {
   Memory memory;
   const std::size_t most = kRememberedIds + kFingerprints;
@@ -220,7 +220,7 @@ TEST(IdMemory, TwoHundredThousandAreKnownUntilTheirDeadlines) {
   EXPECT_TRUE(memory.ids.find("1", later));
 }
 
-// A repeat of a refused command stays refused, however many were carried out.
+// A repeat of a refused command stays refused, however many others were carried out.
 TEST(IdMemory, WhatWasRefusedStandsInNobodysWayAndIsRemembered) {
   Memory memory;
   for (std::uint64_t i = 0; i < 3 * kRememberedIds; ++i)

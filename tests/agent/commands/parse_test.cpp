@@ -166,7 +166,7 @@ TEST(ParseCommand, EveryKeyGoesWithItsOp) {
   }
 }
 
-// Which keys go with an op that is none, nobody can say.
+// For an unknown op the set of valid keys is unknown.
 TEST(ParseCommand, UnknownOpIsNoQuestionOfItsKeys) {
   for (const char* const payload :
        {R"({"id":"a","op":"jump","tag":"t","targets":[{"tag":"t","value":1,"type":"int16"}]})",

@@ -21,7 +21,7 @@ struct RecoveryTest : ::testing::Test {
     store = std::make_unique<Store>(settings, kNow);
   }
 
-  /// A command of press1 without a result, as it is in the journal.
+  /// A journal entry of a press1 command without a result.
   static JournalEntry order(const std::string& id, std::uint64_t number, std::string payload = {}) {
     JournalEntry made;
     made.device = "press1";
@@ -38,7 +38,8 @@ struct RecoveryTest : ::testing::Test {
     return recover(config, store->journal(), {}, std::move(unacknowledged), kNow, kStart);
   }
 
-  /// Of a command with this `op` and payload, the rest of its JSON object.
+  /// Returns the result of an interrupted command; `rest` is the rest of its JSON object after
+  /// `op`.
   nlohmann::json result_of_unfinished(const std::string& op, const std::string& rest,
                                       bool surely_not_sent) {
     JournalEntry left = order("left", 5, R"({"id":"left","op":")" + op + "\"" + rest + "}");
@@ -66,8 +67,8 @@ TEST_F(RecoveryTest, InterruptedCommandIsReadBackByItsOwnPayload) {
   EXPECT_TRUE(found.unacknowledged.empty());
 }
 
-// What another command was to write says nothing about this one: a read-back that happens to agree
-// would make a SUCCEEDED of a command that never left.
+// The payload of another command must not be used: a matching read-back would report SUCCEEDED for
+// a command that was never sent.
 TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheInterruptedOne) {
   const std::string payload = R"({"id":"other","op":"write","tag":"setpoint","value":5})";
   ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1, payload)}));
@@ -111,7 +112,7 @@ TEST_F(RecoveryTest, ForceRunAndStopThatWaitedFailedAndThoseThatMayHaveLeftAreUn
       const auto result = result_of_unfinished(op, rest, surely_not_sent);
       EXPECT_EQ(result["status"], surely_not_sent ? "FAILED" : "UNKNOWN_OUTCOME");
       EXPECT_EQ(result["reason"], "interrupted");
-      // Another store: the first result of an id stays.
+      // Uses another store, because the first result of an id is kept.
       settings.path = scratch.path(std::string(op) + (surely_not_sent ? "-again" : "-next"));
       store = std::make_unique<Store>(settings, kNow);
     }
@@ -139,10 +140,10 @@ TEST_F(RecoveryTest, StoreThatOpensLateLeavesThisRunsNewerCommandAlone) {
   EXPECT_TRUE(found.unacknowledged.empty());
   EXPECT_TRUE(found.interrupted.empty());
   EXPECT_TRUE(found.ids.empty());
-  EXPECT_EQ(store->journal().find("press1", "again")->result, "");  // it is still under way
+  EXPECT_EQ(store->journal().find("press1", "again")->result, "");  // still in progress
 }
 
-// With a clock that began in the past this run's numbers are the lower ones.
+// If the clock began in the past, this run has the lower numbers.
 TEST_F(RecoveryTest, StoreThatOpensLateKeepsTheResultThatThisRunHas) {
   JournalEntry done = order("again", 3);
   done.result = R"({"id":"again","status":"SUCCEEDED"})";

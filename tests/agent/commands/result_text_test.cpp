@@ -157,7 +157,7 @@ TEST(ResultText, DuplicateOfTwoLongListsLeavesOutThatOfTheCommand) {
   list.id = "b7e1";
   list.is_list = true;
   list.targets.resize(64);
-  // No control character of a tag is shorter than six bytes in JSON.
+  // Each control character of a tag takes six bytes in JSON.
   for (TargetResult& target : list.targets) target.tag = std::string(128, '\x01');
   CommandResult again = list;
   again.status = CommandStatus::duplicate;

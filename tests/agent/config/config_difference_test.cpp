@@ -21,7 +21,7 @@ using Indices = std::vector<std::uint32_t>;
 
 Config running() { return good(small_plant().dump()); }
 
-/// From the small plant to the same with another value at `pointer`.
+/// The change from the small plant to the same with another value at `pointer`.
 ConfigChange after_change(const std::string& pointer, const std::string& value) {
   return change_between(running(), good(changed(pointer, value)));
 }
@@ -152,7 +152,7 @@ TEST(ConfigDifference, IdentityAndStoreNeedARestartAndAreNamed) {
                                           {"/store/sync", "\"always\""},
                                           {"/store/audit_max_bytes", "1048576"},
                                           {"/store/audit_max_age_h", "9"}}) {
-    // The client id is made of the agent's, and would be another finding.
+    // The client id depends on the agent's id; a change would be a second finding.
     const auto errors = needs_restart(running(), good(changed(pointer, value)));
     expect_error(errors, pointer, {"restart", "in force is"});
   }
@@ -161,7 +161,7 @@ TEST(ConfigDifference, IdentityAndStoreNeedARestartAndAreNamed) {
   EXPECT_TRUE(needs_restart(running(), running()).empty());
 }
 
-/// What a key of the file is to a reload. A key that is not here was forgotten.
+/// Classifies every key for a reload. A key that is missing here was forgotten.
 TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
   const std::set<std::string> sections_taken_over{"mqtt",
                                                   "mqtt.tls",
@@ -191,7 +191,7 @@ TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
   }
 }
 
-/// A plant at random: some of a few names on some of a few links.
+/// Returns a random plant: some of a few names on some of a few links.
 json random_plant(std::mt19937& random) {
   const auto chance = [&random](int of) {
     return std::uniform_int_distribution(0, of - 1)(random);
@@ -242,7 +242,7 @@ TEST(ConfigDifference, WhateverChangesNothingThatGoesOnMovesAndNothingIsForgotte
       const bool was = i < now.devices.size() && !std::as_const(now).devices[i].is_vacant();
       ASSERT_TRUE(begins.contains(i) || (was && !ends.contains(i))) << round;
     }
-    // It says what the file says.
+    // The change leads to the devices in the file.
     ASSERT_EQ(names.size(), wanted.devices.size()) << round;
     for (const DeviceConfig& each : wanted.devices) {
       const auto found = std::ranges::find(next.devices, each.name, &DeviceConfig::name);

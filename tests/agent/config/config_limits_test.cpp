@@ -23,7 +23,7 @@ std::string first_error(const json& plant, const ConfigLimits& limits = kSmall) 
   return config ? "" : config.error()[0].pointer + ": " + config.error()[0].text;
 }
 
-/// A link, a template, and an entry of so many devices for each of `counts`.
+/// A link, a template, and for each of `counts` an entry for that many devices.
 json plant_of(std::initializer_list<int> counts, const json& more = json::object()) {
   json plant = small_plant();
   plant["links"] = json::parse(R"([{"name": "gw", "tcp": {"host": "gw", "port": 502}}])");
@@ -93,7 +93,7 @@ TEST(ConfigLimits, LinksAndTextsAreCounted) {
             0u);
 }
 
-/// Each entry is small, and so is each template.
+/// Each entry and each template is small by itself.
 TEST(ConfigLimits, WhatEntriesWouldBeWrittenOutIsAddedUp) {
   ConfigLimits limits = kSmall;
   limits.written = 10'000;
@@ -116,7 +116,7 @@ TEST(ConfigLimits, MuchMemoryIsAWarning) {
   EXPECT_TRUE(warns(65'535));
 }
 
-/// The search for what somebody may have meant compares each word with each.
+/// Finding a suggestion compares every word with every other word.
 TEST(ConfigLimits, TwentyFindingsHaveASuggestion) {
   json plant = small_plant();
   plant["devices"] = json::array();
@@ -131,7 +131,7 @@ TEST(ConfigLimits, TwentyFindingsHaveASuggestion) {
                                              : "there is no link \"lin\"");
 }
 
-/// One finding, however many devices have it.
+/// A template's error is one finding, however many devices it has.
 TEST(ConfigLimits, ATemplateTakesOneSuggestion) {
   json plant = plant_of({30}, {{"link", "gx"}});
   plant["devices"].push_back({{"name", "last"}, {"link", "gx"}, {"protocol", "modbus-tcp"}});
@@ -159,7 +159,7 @@ TEST(ConfigLimits, ATextHasSoManyValuesOfJson) {
   };
   EXPECT_EQ(fault(R"({"a": [1, "x", null, true, 2.5]})", 7), "");
   EXPECT_EQ(fault(R"({"a": [1, "x", null, true, 2.5]})", 6), "holds more than 6 JSON values");
-  // Each folded array may have as many of its own.
+  // The limit applies to each folded array separately.
   constexpr const char* folded = R"({"devices": [{"tags": [1, 2, 3, 4], "groups": [1, 2, 3, 4]}]})";
   EXPECT_EQ(fault(folded, 5), "");
   EXPECT_EQ(fault(folded, 4), "holds more than 4 JSON values");

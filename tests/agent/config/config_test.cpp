@@ -21,7 +21,7 @@ std::string example() {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// ---- what is right ----------------------------------------------------------------------------
+// ---- valid configs -----------------------------------------------------------------------------
 
 TEST(Config, SmallPlantIsRightAndGetsTheDefaults) {
   const Config config = good(small_plant().dump());
@@ -74,7 +74,7 @@ TEST(Config, EverythingThatCanBeSetIsSet) {
   EXPECT_EQ(config.store.audit_max_age.count(), 2);
 }
 
-// ---- how errors come out ----------------------------------------------------------------------
+// ---- the form of errors ------------------------------------------------------------------------
 
 TEST(Config, ErrorTextHasFileLinePointerAndWords) {
   EXPECT_EQ(to_string(ConfigError{"/a/0", 12, "is wrong"}, "agent.json"),
@@ -158,7 +158,7 @@ TEST(Config, UnknownKeyNamesTheNearestOne) {
   expect_error(changed("/devices/0/commands/que", "5"), "/devices/0/commands/que", {"queue"});
 }
 
-/// The small plant with more keys under /mqtt.
+/// The small plant with additional keys under /mqtt.
 std::string with_mqtt(const nlohmann::json& more) {
   auto plant = small_plant();
   plant["mqtt"].update(more);
@@ -270,7 +270,7 @@ TEST(Config, AnyBytesAreAnAnswer) {
       }
     }
   }
-  // Each kind was among them.
+  // Every kind of error occurred.
   EXPECT_GT(taken, 0);
   EXPECT_GT(no_json, 0);
   EXPECT_GT(wrong, 0);
@@ -288,7 +288,7 @@ std::string plant_with_tags(int count) {
   return text + "]}]}";
 }
 
-/// Equal names, unknown keys and missing ones.
+/// Duplicate names, unknown keys and missing keys.
 std::string plant_with_errors(int count) {
   std::string text = "{\"links\": [";
   for (int i = 0; i < count; ++i) text += "{\"name\": \"x\", \"k\": 1},\n";
@@ -523,7 +523,7 @@ TEST(Config, LineKeysBelongToTheirKindOfLink) {
 
 TEST(Config, TwoLinksOfOneNameAreAnErrorThatNamesBoth) {
   const auto errors = errors_of(changed("/links/1/name", R"("line1")"));
-  ASSERT_EQ(errors.size(), 2U) << listed(errors);  // gw1, which the mixer wants, is gone too
+  ASSERT_EQ(errors.size(), 2U) << listed(errors);  // gw1, which the mixer needs, is missing too
   EXPECT_EQ(errors[1].pointer, "/links/1/name");
   EXPECT_NE(errors[1].text.find("/links/0/name (line "), std::string::npos) << errors[1].text;
 }
@@ -539,7 +539,7 @@ TEST(Config, TwoLinksToOneServerAreAWarning) {
       {"/links/2/tcp", "\"gw2\"", "\"gw1\" at /links/1 (line ", "put the devices of both"}));
 }
 
-/// The small plant with these links besides its own.
+/// The small plant with these links in addition to its own.
 std::string with_links(const std::vector<std::string>& links) {
   auto plant = small_plant();
   for (const std::string& link : links) plant["links"].push_back(nlohmann::json::parse(link));

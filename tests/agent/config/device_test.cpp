@@ -138,7 +138,7 @@ TEST(ConfigDevice, ModelOfAnotherSeriesIsSentToItsProtocol) {
 }
 
 TEST(ConfigDevice, ModelOfAnotherProtocolIsSentToThatOne) {
-  // What is wrong with the link is told beside it.
+  // The text includes the advice about the link.
   const auto text_for = [](const std::string& protocol, const std::string& model) {
     auto plant = small_plant();
     plant["devices"][0]["protocol"] = protocol;
@@ -336,7 +336,7 @@ TEST(ConfigDevice, DevicesOfTheSameTagsShareThem) {
 }
 
 TEST(ConfigDevice, TagsAndDevicesShareWhatTheyHaveInCommon) {
-  // A config may have 100,000 tags: what is added here is added so often.
+  // A config may have 100,000 tags, so every additional byte counts 100,000 times.
   EXPECT_LE(sizeof(TagConfig), 96U);
   auto plant = small_plant();
   auto& devices = plant["devices"];

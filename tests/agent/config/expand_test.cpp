@@ -1,4 +1,4 @@
-// A config with every device written out.
+// A config with every device written out in full.
 #include "agent/config/expand.h"
 
 #include <gtest/gtest.h>

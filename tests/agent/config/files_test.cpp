@@ -20,7 +20,7 @@ namespace {
 using namespace test;
 namespace fs = std::filesystem;
 
-/// A directory of its own for each test, gone afterwards.
+/// Each test has its own directory, deleted afterwards.
 class ConfigFiles : public testing::Test {
  protected:
   std::string write(const std::string& name, std::string_view text) const {
@@ -62,13 +62,13 @@ TEST_F(ConfigFiles, FileWithoutEndIsRefused) {
   expect_error(config.error(), "", {"64 MiB"});
 }
 
-/// A reload reads it on a thread that has more to do.
+/// A reload reads the file on a thread with other duties.
 TEST_F(ConfigFiles, PipeInPlaceOfTheFileHoldsNobody) {
   const std::string pipe = (directory_ / "agent.json").string();
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   auto read = std::async(std::launch::async, [&] { return read_config_file(pipe); });
   const bool came_back = read.wait_for(std::chrono::seconds(30)) == std::future_status::ready;
-  // Who waits is let go, or the test would not end either.
+  // Releases a blocked reader, because the test could not end otherwise.
   if (!came_back) ::close(::open(pipe.c_str(), O_WRONLY));
   ASSERT_TRUE(came_back);
   const auto text = read.get();
@@ -79,7 +79,7 @@ TEST_F(ConfigFiles, PipeInPlaceOfTheFileHoldsNobody) {
 TEST_F(ConfigFiles, PipeThatIsWrittenIsRead) {
   std::array<int, 2> ends{};
   ASSERT_EQ(::pipe(ends.data()), 0);
-  // More than a pipe holds.
+  // Larger than a pipe's buffer.
   const std::string text(200'000, 'x');
   auto writer = std::async(std::launch::async, [&] {
     for (std::size_t at = 0; at < text.size();) {

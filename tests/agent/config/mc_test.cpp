@@ -1,4 +1,4 @@
-// What the config says about MC devices: lines with enough data bits, and rests on UDP.
+// The config's findings about MC devices: lines without enough data bits, pauses on UDP.
 #include <gtest/gtest.h>
 
 #include <optional>

@@ -1,4 +1,4 @@
-// What the config says about Modbus devices: addresses, orders of bytes, units, links.
+// The config's findings about Modbus devices: addresses, byte orders, units, links.
 #include <gtest/gtest.h>
 
 #include <string>

@@ -1,5 +1,4 @@
-// Devices whose protocol has a monitoring timer, and models of which none has all devices of the
-// others.
+// Devices whose protocol has a monitoring timer, and models whose device sets differ.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>

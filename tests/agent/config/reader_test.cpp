@@ -202,7 +202,7 @@ TEST(ConfigReader, WrongTypeSaysWhatIsWantedAndWhatWasFound) {
            {"/devices/0/commands/allow", "{}", {"an array", "an object"}}}) {
     expect_error(changed(c.pointer, c.value), c.pointer, c.words);
   }
-  // These bring others with them.
+  // These errors cause further ones.
   EXPECT_NE(listed(errors_of(changed("/links/0", "7"))).find("/links/0: must be an object"),
             std::string::npos);
   EXPECT_NE(listed(errors_of(changed("/agent", "[]"))).find("/agent: must be an object"),

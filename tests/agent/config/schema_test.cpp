@@ -1,4 +1,4 @@
-// Holds config/agent.schema.json, which editors use, to the loader, which decides.
+// Compares config/agent.schema.json, which editors use, with the loader, which decides.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -30,7 +30,7 @@ const json& schema_text() {
   return text;
 }
 
-/// What the schema says: empty where it accepts.
+/// Returns the schema's errors; empty if it accepts.
 std::string schema_errors(const json& document) {
   static const auto schema = [] {
     auto parsed = std::make_unique<valijson::Schema>();
@@ -51,7 +51,7 @@ std::string schema_errors(const json& document) {
 
 struct Snippet {
   const char* pointer;
-  const char* value;  ///< JSON; null pointer: the member is taken away
+  const char* value;  ///< JSON; null pointer: removes the member
 };
 
 json spoiled(const Snippet& snippet) {
@@ -296,7 +296,7 @@ TEST(ConfigSchema, WhatOnlyTheLoaderCanFindFailsThere) {
   }
 }
 
-/// The small plant with a Modbus device in place of its last one, spoiled in one place.
+/// The small plant with its last device replaced by a Modbus device, with one error.
 json modbus_plant(const Snippet& snippet) {
   json plant = small_plant();
   plant["devices"][1] = json::parse(R"({
@@ -371,7 +371,7 @@ TEST(ConfigSchema, WhatIsWrongOnModbusFailsBoth) {
   }
 }
 
-/// The small plant with a device of 1E frames in place of its last one, spoiled in one place.
+/// The small plant with its last device replaced by a 1E device, with one error.
 json mc_plant(const Snippet& snippet) {
   json plant = small_plant();
   plant["links"][1].erase("line_baud");
@@ -425,14 +425,14 @@ TEST(ConfigSchema, WhatIsWrongOf1EFramesFailsBoth) {
   }
 }
 
-// A variable where a fixed word is wanted: the loader fills it in, an editor marks it.
+// A variable instead of a fixed word: the loader substitutes it, an editor marks it as an error.
 TEST(ConfigSchema, VariableInPlaceOfAWordIsTheOneThingOnlyTheSchemaRefuses) {
   const Snippet snippet{"/devices/0/model", R"("${MODEL}")"};
   EXPECT_NE(schema_errors(spoiled(snippet)), "");
   EXPECT_TRUE(errors_of(spoiled(snippet).dump(), environment({{"MODEL", "FX3U"}})).empty());
 }
 
-/// The small plant with a template and two entries of it, spoiled in one place.
+/// The small plant with a template and two entries of it, with one error.
 json many_plant(const Snippet& snippet) {
   json plant = small_plant();
   plant["templates"] = json::parse(R"({"meter": {

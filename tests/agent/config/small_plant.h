@@ -1,4 +1,4 @@
-// A config that is right, and ways to spoil it in one place.
+// A valid config, and functions that introduce a single error.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 
 namespace fxagent::test {
 
-/// One serial and one tcp link, a device on each; every section is there.
+/// One serial and one TCP link with a device each; has every section.
 inline nlohmann::json small_plant() {
   return nlohmann::json::parse(R"({
     "agent": {"id": "edge7", "root": "fx/plant-a"},
@@ -51,7 +51,7 @@ inline std::string without(const std::string& pointer) {
       .dump(1);
 }
 
-/// The first device's first tag replaced.
+/// The small plant with the first device's first tag replaced.
 inline std::string with_tag(const std::string& tag) { return changed("/devices/0/tags/0", tag); }
 
 inline Environment environment(std::map<std::string, std::string, std::less<>> variables = {}) {
@@ -69,14 +69,14 @@ inline std::vector<ConfigError> errors_of(std::string_view text) {
   return errors_of(text, environment());
 }
 
-/// All errors as lines of text, for messages and for searching.
+/// Formats all errors as lines of text, for messages and searching.
 inline std::string listed(const std::vector<ConfigError>& errors) {
   std::string text;
   for (const ConfigError& error : errors) text += to_string(error, "agent.json") + "\n";
   return text;
 }
 
-/// The config of a text that must be right.
+/// Parses a config that must be valid.
 inline Config good(std::string_view text, const Environment& from) {
   auto config = parse_config(text, from);
   if (config) return std::move(*config);
@@ -99,7 +99,7 @@ inline void expect_error(std::string_view text, const std::string& pointer,
   expect_error(errors_of(text), pointer, words);
 }
 
-/// True where one of the config's warnings has all the words.
+/// True if one of the config's warnings contains all the words.
 inline bool warns(const Config& config, const std::vector<std::string>& words) {
   for (const std::string& warning : config.warnings) {
     bool all = true;

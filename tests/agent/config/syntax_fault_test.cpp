@@ -15,7 +15,7 @@ using namespace test;
 
 struct Case {
   std::string_view text;
-  std::string_view says;  ///< place, what is wrong and the cure
+  std::string_view says;  ///< place, fault and cure
 };
 
 void expect_told(std::initializer_list<Case> cases) {
@@ -61,14 +61,14 @@ TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
 TEST(SyntaxFault, WhatItDoesNotKnowKeepsTheParsersWords) {
   expect_told({
       Case{"{\"a\": 01}", "column 9: "},                      // read as 0, then another number
-      Case{"{\"a\": 1e999, // ten\n \"b\": 2}", "overflow"},  // what follows is not its business
+      Case{"{\"a\": 1e999, // ten\n \"b\": 2}", "overflow"},  // the rest of the line is not checked
       Case{"[\"\\x\" // \n]", "column 4: "},
       Case{"{\"a\": {", "unexpected end of input"},
   });
 }
 
-// One change at a time, all over a text: the fault is never found behind what the parser refused,
-// and what is right is never called wrong.
+// Changes one character at a time throughout a text: the fault is never placed after the parser's,
+// and valid text is never called wrong.
 TEST(SyntaxFault, IsNeverBehindTheParsersPlace) {
   const std::string right = small_plant().dump(1);
   EXPECT_FALSE(syntax_fault(right, right.size()));

@@ -1,4 +1,4 @@
-// Devices that are written once and made many times: what they come to, and every error text.
+// Device templates and their entries: the resulting devices, and every error text.
 #include "agent/config/templates.h"
 
 #include <gtest/gtest.h>
@@ -60,7 +60,7 @@ std::vector<std::string> tags(const DeviceConfig& device) {
 
 using Strings = std::vector<std::string>;
 
-// ---- what it comes to -------------------------------------------------------------------------
+// ---- results -----------------------------------------------------------------------------------
 
 TEST(Templates, OneEntryMakesADeviceForEachNumber) {
   const Config config = good(meters().dump());

@@ -18,7 +18,7 @@ ConfigTree parsed(std::string_view text) {
 TEST(ConfigTree, EveryValueKnowsItsLine) {
   const auto tree = parsed(
       "{\n"                   // 1
-      "  \"a\": 1\n"          // 2: the lexer has read the newline behind the number
+      "  \"a\": 1\n"          // 2: the lexer has read the newline after the number
       "  ,\"b\": -2.5,\n"     // 3
       "  \"c\": [\n"          // 4
       "    true, null,\n"     // 5
@@ -110,7 +110,7 @@ TEST(ConfigTree, FaultInAFoldedArrayIsFoundAtOnce) {
     const std::string text = at_depth(fault);
     EXPECT_FALSE(ConfigTree::parse(text)) << fault;
   }
-  // Four brackets are around it.
+  // The array is nested in four brackets.
   const std::string full = at_depth(std::string(28, '[') + std::string(28, ']'));
   EXPECT_TRUE(ConfigTree::parse(full));
   const std::string over = at_depth(std::string(29, '[') + std::string(29, ']'));

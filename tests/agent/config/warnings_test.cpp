@@ -11,7 +11,7 @@ namespace {
 
 using namespace test;
 
-/// The warnings that a config has beyond those of the small plant.
+/// Returns the warnings of a config that the small plant does not have.
 std::vector<std::string> warnings_of(const std::string& text) {
   const auto config = good(text);
   const auto usual = good(small_plant().dump(1)).warnings;
@@ -21,7 +21,7 @@ std::vector<std::string> warnings_of(const std::string& text) {
   return list;
 }
 
-/// Of a tag at D100 with these keys besides, without its place.
+/// Returns the warning for a tag at D100 with these additional keys, without its place.
 std::string of_tag(const std::string& keys) {
   const auto list = warnings_of(with_tag(R"({"name": "temp", "address": "D100", )" + keys + "}"));
   EXPECT_LE(list.size(), 1U) << keys;
@@ -123,7 +123,7 @@ TEST(ConfigWarnings, TwoDevicesOfOneStationOnALinkAreOnePlc) {
 
 // ---- lines ------------------------------------------------------------------------------------
 
-/// Of the first device's line, set like this, where the device speaks this protocol.
+/// Returns the warnings for the first device's serial line with these settings and this protocol.
 std::vector<std::string> of_line(const std::string& serial, const std::string& protocol,
                                  const std::string& model) {
   return warnings_of(

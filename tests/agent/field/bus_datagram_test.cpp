@@ -1,4 +1,4 @@
-// The bus on UDP: each datagram is a frame or none.
+// The bus on UDP: a datagram is exactly one frame or invalid.
 #include <gtest/gtest.h>
 
 #include <asio/io_context.hpp>
@@ -50,7 +50,7 @@ class DatagramBus : public ::testing::Test {
   Station station;
 };
 
-/// A protocol whose answers have numbers; each question reads hr:0 as its number's own.
+/// A protocol with numbered answers; every request reads hr:0 under its own number.
 class NumberedDatagrams : public DatagramBus {
  protected:
   NumberedDatagrams() { use("modbus-tcp", Port::renewed); }
@@ -149,7 +149,7 @@ TEST_F(NumberedDatagrams, NonsenseLeavesThePortOpenAndTheNextQuestionGoesAtOnce)
   EXPECT_EQ(read("hr:0").reply.image, word(8));
 }
 
-/// A protocol whose answers have none.
+/// A protocol whose answers have no numbers.
 class DatagramsWithoutNumbers : public DatagramBus {
  protected:
   const Bytes kRead = read_frame(kD100, 2);
@@ -157,7 +157,7 @@ class DatagramsWithoutNumbers : public DatagramBus {
 
 TEST_F(DatagramsWithoutNumbers, EachQuestionIsAskedFromAPortOfItsOwn) {
   use("fx-programming-port", Port::renewed);
-  wire->expect(kRead).give(word_frame(1)).give(word_frame(1));  // the second is for the old port
+  wire->expect(kRead).give(word_frame(1)).give(word_frame(1));  // the second goes to the old port
   wire->expect(kRead).give(word_frame(2));
   open();
   EXPECT_EQ(read("D100").reply.image, word(1));
@@ -185,7 +185,7 @@ TEST_F(DatagramsWithoutNumbers, AfterASilenceTheLateAnswerHasItsTime) {
 
 TEST_F(DatagramsWithoutNumbers, FixedPortIsDoubtedLikeASerialLine) {
   use("fx-programming-port", Port::fixed);
-  wire->silence();  // while it is opened
+  wire->silence();  // during open()
   wire->expect(kRead).give(word_frame(1));
   wire->give(word_frame(1));
   wire->silence().expect(read_frame(kM8000, 1)).give(data_frame({0x01}));
@@ -210,9 +210,9 @@ TEST_F(DatagramsWithoutNumbers, TheLateAckOfA1EWriteIsNotThatOfTheNext) {
     const Span d200 = station.codec->addresses().parse_address("D200", {})->span;
     return run_on(io, bus->exchange(station, Write{d200, {value, 0}}));
   };
-  wire->silence();  // while it is opened
+  wire->silence();  // during open()
   wire->expect(write("05 00")).silence();
-  wire->silence().expect(bits("01")).give(*from_hex("83 00"));  // so late that it was not heard out
+  wire->silence().expect(bits("01")).give(*from_hex("83 00"));  // too late for the drain
   wire->silence().expect(bits("03")).give(*from_hex("80 00 10 00"));
   wire->expect(write("07 00")).give(*from_hex("83 00"));
   open();

@@ -29,7 +29,7 @@ const Bytes kReadD200 = read_frame(kD200, 2);
 const Bytes kWriteD200 = write_frame(kD200, word(50));
 const Bytes kProbe = read_frame(kM8000, 1);
 const Bytes kProbeAnswer = data_frame({0x01});
-// The one that follows a probe that failed.
+// The next probe after one that failed.
 const Bytes kNextProbe = read_frame(kM8000, 2);
 const Bytes kNextProbeAnswer = data_frame({0x01, 0x00});
 
@@ -47,7 +47,7 @@ class BusTest : public ::testing::Test {
     wire = transport.get();
     line = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time, listening);
   }
-  /// One exchange on a bus in doubt: silence, a question that is told apart, silence.
+  /// Scripts one exchange on a doubted bus: silence, a distinguishable request, silence.
   void script_doubted(const Bytes& question, const Bytes& answer) {
     wire->silence();
     wire->expect(kProbe).give(kProbeAnswer);
@@ -75,8 +75,7 @@ class BusTest : public ::testing::Test {
   Station station;
 };
 
-// ---- a stream whose answers have numbers
-// --------------------------------------------------------
+// ---- a stream with numbered answers ------------------------------------------------------------
 
 TEST_F(BusTest, AnswerThatIsBrokenOffByItsDeadlineTakesItsConnectionWithIt) {
   station.codec = codec_of("modbus-tcp");
@@ -95,8 +94,7 @@ TEST_F(BusTest, AnswerThatIsBrokenOffByItsDeadlineTakesItsConnectionWithIt) {
   EXPECT_TRUE(line->is_open()) << "nothing of an answer has come";
 }
 
-// ---- the plain case
-// ------------------------------------------------------------------------------
+// ---- the plain case ----------------------------------------------------------------------------
 
 TEST_F(BusTest, EnquiresOnceAfterOpeningAndThenJustAsks) {
   wire->expect(kEnq).give(kAck);
@@ -170,7 +168,7 @@ TEST_F(BusTest, EchoThatTheLineIsSaidToReturnIsTakenOff) {
   station.echo = true;
   wire->expect(kEnq).give(kEnq).give(kAck);
   wire->expect(kWriteD200).give(Bytes{0x00}).give(kWriteD200).give(kAck);
-  wire->expect(kWriteD200).give(kWriteD200).silence();  // an echo is no answer
+  wire->expect(kWriteD200).give(kWriteD200).silence();  // an echo is not an answer
   open();
   EXPECT_TRUE(write_d200().is_ack());
   const Exchange unanswered = write_d200();
@@ -206,8 +204,8 @@ TEST_F(BusTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
 }
 
 TEST_F(BusTest, EchoOfWhatNobodyAnswersIsFoundToo) {
-  // A computer link sends an EOT first and an ACK behind each answer. Their echoes stand before
-  // that of the next question.
+  // A computer link sends an EOT first and an ACK after each answer. Their echoes come before the
+  // echo of the next request.
   codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
   station.codec = codec;
   const Read d100{codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
@@ -230,7 +228,7 @@ TEST_F(BusTest, EchoOfWhatNobodyAnswersIsFoundToo) {
 }
 
 TEST_F(BusTest, OnALineThatReturnsNothingTheLastFrameIsNoEcho) {
-  // The answer of a Modbus write is its question: a second one is as foreign as any other.
+  // The answer to a Modbus write equals the request: a second one is as foreign as any other.
   station.codec = codec_of("modbus-rtu");
   const Bytes question = *from_hex("01 03 00 00 00 02 C4 0B");
   const Bytes admitted = *from_hex("01 06 00 01 00 AA 58 75");
@@ -273,8 +271,7 @@ TEST_F(BusTest, NakIsAnAnswer) {
   EXPECT_TRUE(read("D100").is_data()) << "nothing to clear up after a NAK";
 }
 
-// ---- lines that say nothing, or nonsense
-// ---------------------------------------------------------
+// ---- silent and noisy lines --------------------------------------------------------------------
 
 TEST_F(BusTest, EnquiryThatNobodyAnswersSendsNothingElse) {
   wire->expect(kEnq);
@@ -299,10 +296,10 @@ TEST_F(BusTest, DrainsAndEnquiresAfterASilence) {
 }
 
 TEST_F(BusTest, LateReplyIsNotTakenForTheNextAnswer) {
-  // Both replies have the same shape: nothing but the order of things tells them apart.
+  // Both replies have the same shape; only their order distinguishes them.
   wire->expect(kEnq).give(kAck);
   wire->expect(kReadD100).silence();
-  wire->give(word_frame(1)).silence();                   // it comes during the drain
+  wire->give(word_frame(1)).silence();                   // it arrives during the drain
   wire->expect(kEnq).give(joined(word_frame(1), kAck));  // or after the enquiry
   wire->expect(kReadD200).give(word_frame(2));
   open();
@@ -321,7 +318,7 @@ TEST_F(BusTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
 }
 
 TEST_F(BusTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
-  // EOT of a computer link has no answer that would tell what came before it.
+  // The EOT of a computer link has no answer that could separate earlier bytes from later ones.
   codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
   station.codec = codec;
   station.timeout = milliseconds(150);
@@ -329,7 +326,7 @@ TEST_F(BusTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
   const Bytes question = *codec->encode(d100, 0);
   const Bytes eot = *codec->encode(*codec->resync(), 0);
   wire->expect(eot).expect(question).silence();
-  wire->hang();  // the drain, in truth until its end
+  wire->hang();  // the drain; on a real line it runs to its end
   wire->expect(eot).expect(question).silence();
   open();
   const Exchange first = ask(d100);
@@ -339,15 +336,15 @@ TEST_F(BusTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
 }
 
 TEST_F(BusTest, LateAckIsNotTakenForTheAckOfTheNextWrite) {
-  // The write's ACK comes so late that it answers the enquiry; the enquiry's own would then answer
-  // the next write. The read between them cannot be answered by an ACK, and what comes before its
-  // data is older.
+  // The write's ACK arrives so late that it is read as the answer to the enquiry; the enquiry's own
+  // ACK could then be read as the answer to the next write. An ACK cannot answer the read between
+  // them, and any bytes before its data are older.
   wire->expect(kEnq).give(kAck);
   wire->expect(kWriteD200).silence();
   wire->silence();
-  wire->expect(kEnq).give(kAck);                          // in truth the write's
-  wire->expect(kProbe).give(joined(kAck, kProbeAnswer));  // the enquiry's, then the data
-  wire->expect(write_frame(kD200, word(60))).silence();   // nobody acknowledges this one
+  wire->expect(kEnq).give(kAck);                          // really the write's ACK
+  wire->expect(kProbe).give(joined(kAck, kProbeAnswer));  // the enquiry's ACK, then the data
+  wire->expect(write_frame(kD200, word(60))).silence();   // never acknowledged
   open();
   EXPECT_EQ(write_d200(50).outcome, Outcome::unanswered);
   EXPECT_EQ(write_d200(60).outcome, Outcome::unanswered);
@@ -396,7 +393,7 @@ TEST_F(BusTest, LostAckStaysAWorryUntilAReadWasAnswered) {
       .give(kNextProbeAnswer)
       .expect(kReadD100)
       .give(word_frame(1));
-  wire->expect(kWriteD200).give(kAck);  // the worry is over
+  wire->expect(kWriteD200).give(kAck);  // the doubt is resolved
   open();
   EXPECT_EQ(write_d200().outcome, Outcome::unanswered);
   const Exchange unsure = read("D100");
@@ -407,10 +404,10 @@ TEST_F(BusTest, LostAckStaysAWorryUntilAReadWasAnswered) {
 }
 
 TEST_F(BusTest, LateAckIsNotTakenForAnotherAfterAReconnection) {
-  // A serial server hands what its PLC said last to whoever is connected now.
+  // A serial server delivers the PLC's last bytes to whichever client is connected now.
   wire->expect(kEnq).give(kAck);
   wire->expect(kWriteD200).hang_up();
-  wire->silence();                                        // quiet after opening, and still to come:
+  wire->silence();                                        // quiet after opening; then arrive:
   wire->expect(kEnq).give(kAck);                          // the lost write's ACK
   wire->expect(kProbe).give(joined(kAck, kProbeAnswer));  // the enquiry's
   wire->expect(write_frame(kD200, word(60))).silence();
@@ -443,7 +440,7 @@ TEST_F(BusTest, BabblingLineEndsTheExchange) {
 TEST_F(BusTest, NoiseAroundAnAnswerIsThrownAwayAndCounted) {
   wire->expect(kEnq).give(kAck);
   wire->expect(kReadD100).give(joined(word_frame(1), {0x55, 0x55}));
-  wire->hang();  // would hold up whoever listens here
+  wire->hang();  // would block any further read
   wire->expect(kReadD100).give(word_frame(2));
   open();
   EXPECT_EQ(read("D100").reply.image, word(1));
@@ -468,7 +465,7 @@ TEST_F(BusTest, ListensBeforeTheFirstQuestionOfEachSession) {
   make_line(nanoseconds(0), milliseconds(120));
   station.enquire = EnquirePolicy::never;
   for (unsigned session = 1; session <= 2; ++session) {
-    wire->later(word_frame(99)).hang();  // the answer to whoever asked before
+    wire->later(word_frame(99)).hang();  // the answer to an earlier client
     wire->expect(kReadD100).give(word_frame(session));
     const auto before = Clock::now();
     open();
@@ -484,8 +481,8 @@ TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
   station.enquire = EnquirePolicy::never;
   station.timeout = milliseconds(300);
   open();
-  // A busy machine may delay any one try; without the credit no try would wait for less than the
-  // timeout.
+  // A busy machine may delay any single attempt. Without the credit, every attempt would wait for
+  // the full timeout.
   Clock::duration least = std::chrono::hours(1);
   for (int i = 0; i < 5 && least >= station.timeout; ++i) {
     wire->expect(kReadD100).silence();
@@ -501,15 +498,14 @@ TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
   EXPECT_LT(least, station.timeout);
 }
 
-// ---- answers that nobody asked for
-// ---------------------------------------------------------------
+// ---- unexpected answers ------------------------------------------------------------------------
 
 TEST_F(BusTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kReadD100).give(word_frame(1));
   open();
   EXPECT_TRUE(read("D100").is_data());
-  wire->give(word_frame(99));  // a second answer, behind the right one
+  wire->give(word_frame(99));  // a second answer after the right one
   script_doubted(kReadD100, word_frame(2));
   const Exchange second = read("D100");
   EXPECT_TRUE(second.is_data());
@@ -527,7 +523,7 @@ TEST_F(BusTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
   wire->give(word_frame(99));
   for (unsigned i = 0; i < 3; ++i) script_doubted(kReadD100, word_frame(2));
   for (unsigned i = 0; i < 3; ++i) EXPECT_TRUE(read("D100").doubted) << i;
-  // Nothing listens behind these.
+  // No read follows these answers.
   wire->expect(kReadD100).give(word_frame(3)).expect(kReadD100).give(word_frame(4)).hang();
   const Exchange believed = read("D100");
   EXPECT_TRUE(believed.is_data());
@@ -545,7 +541,8 @@ TEST_F(BusTest, AfterADoubtALateSecondAnswerIsTakenForNoAnswer) {
   wire->give(word_frame(99));
   for (unsigned i = 0; i < 3; ++i) script_doubted(kReadD100, word_frame(2));
   for (unsigned i = 0; i < 3; ++i) EXPECT_TRUE(read("D100").doubted) << i;
-  // The second answer of D100 comes in place of that of D200, which then is that of the reread.
+  // The second answer to D100 arrives instead of the answer to D200, which then arrives as the
+  // answer to the reread.
   wire->expect(kReadD200).give(word_frame(2)).expect(kReadD200).give(word_frame(7));
   EXPECT_EQ(read("D200").reply.image, word(7));
   wire->give(word_frame(8));
@@ -583,7 +580,7 @@ TEST_F(BusTest, SecondAnswerDuringTheSilenceBehindTheFirstIsFoundAndLastsTheDoub
 }
 
 TEST_F(BusTest, AnswerPastWhichAnOlderOneWasSkippedIsNoAnswer) {
-  // Two answers to one question, of which only the second fits: the device is one behind.
+  // Two answers to one request, of which only the second fits: the device is one answer behind.
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).give(joined(word_frame(7), kAck));
   open();
@@ -613,7 +610,7 @@ TEST_F(BusTest, AckIsNotBelievedOnceAnotherAnswerWasFoundBehindOne) {
   wire->expect(kWriteD200).give(kAck);
   open();
   EXPECT_TRUE(write_d200().is_ack()) << "nothing is known yet";
-  wire->give(kNak);  // the PLC's own answer, behind a stray ACK
+  wire->give(kNak);  // the PLC's own answer, after a stray ACK
   script_doubted(kWriteD200, kAck);
   const Exchange second = write_d200();
   EXPECT_EQ(second.outcome, Outcome::garbled);
@@ -622,7 +619,7 @@ TEST_F(BusTest, AckIsNotBelievedOnceAnotherAnswerWasFoundBehindOne) {
 }
 
 TEST_F(BusTest, NakIsNotBelievedInDoubtEither) {
-  // It would promise that nothing was written.
+  // A NAK would promise that nothing was written.
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).give(kAck);
   open();
@@ -638,7 +635,7 @@ TEST_F(BusTest, InDoubtItListensAsLongAsTheSlowestAnswerMayTake) {
   wire->expect(kReadD100).give(word_frame(1));
   open();
   read("D100");
-  station.timeout = milliseconds(100);  // a quicker neighbour on the same wire
+  station.timeout = milliseconds(100);  // a faster neighbour on the same wire
   wire->give(word_frame(99)).hang();
   wire->expect(kProbe).give(kProbeAnswer).expect(kReadD100).give(word_frame(2)).hang();
   const auto before = Clock::now();
@@ -681,7 +678,7 @@ TEST_F(BusTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
 }
 
 TEST_F(BusTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
-  // The command to unit 0 comes back on a two-wire line, and nobody answers it.
+  // On a two-wire line the command to unit 0 comes back as an echo and gets no answer.
   const ProtocolInfo& info = *find_protocol("modbus-rtu");
   Options options = default_options(info);
   options["unit"] = std::int64_t{0};
@@ -697,8 +694,7 @@ TEST_F(BusTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
   EXPECT_EQ(line->counters().unexpected_bytes, 0U);
 }
 
-// ---- a channel that never falls silent
-// -----------------------------------------------------------
+// ---- a channel that is never silent ------------------------------------------------------------
 
 TEST_F(BusTest, FloodBetweenTwoQuestionsClosesTheChannel) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
@@ -738,11 +734,10 @@ TEST_F(BusTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
   EXPECT_FALSE(line->never_silent());
 }
 
-// ---- time
-// ----------------------------------------------------------------------------------------
+// ---- time --------------------------------------------------------------------------------------
 
 TEST_F(BusTest, AnswerHasTheTimeOfItsCharactersBesideTheTimeout) {
-  // 11 characters there and 8 back: a slow line is not a slow device.
+  // 11 characters out and 8 back: a slow line does not make a slow device.
   make_line(milliseconds(4));
   station.enquire = EnquirePolicy::never;
   station.timeout = milliseconds(5);
@@ -763,7 +758,7 @@ TEST_F(BusTest, CommandWhoseTimeHasPassedIsNotSent) {
 }
 
 TEST_F(BusTest, TimeIsCheckedAfterEverythingThatPrecedesTheFirstByte) {
-  // The enquiry takes its time: what was fresh before it need not be fresh after it.
+  // The enquiry takes time: a command may expire during it.
   SteadyTime not_after = Clock::now() + milliseconds(20);
   wire->expect(kEnq);
   wire->call([&] {
@@ -800,8 +795,7 @@ TEST_F(BusTest, ReadWaitsForItsDeadlineAndNoLonger) {
   EXPECT_GE(exchange.ended - exchange.began, milliseconds(5));
 }
 
-// ---- links that break
-// ----------------------------------------------------------------------------
+// ---- broken connections ------------------------------------------------------------------------
 
 TEST_F(BusTest, LinkLostBeforeTheFirstByteSendsNothing) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1)).hang_up();
@@ -882,8 +876,7 @@ TEST_F(BusTest, PeerThatGoesRightAfterOpeningIsAFailureToOpen) {
   EXPECT_FALSE(line->is_open());
 }
 
-// ---- what is counted
-// -----------------------------------------------------------------------------
+// ---- counters ----------------------------------------------------------------------------------
 
 TEST_F(BusTest, EachEndOfAnExchangeIsCounted) {
   Bytes wrong = word_frame(7);

@@ -24,7 +24,7 @@ using Clock = std::chrono::steady_clock;
 const Bytes kWrite50 = write_frame(kD200, word(50));
 const Bytes kReadBack = read_frame(kD200, 2);
 
-/// Others on the line that take their turn at once.
+/// Other users of the line, whose turns end at once.
 class Others final : public BusSharing {
  public:
   asio::awaitable<void> give_way(nanoseconds used) override {
@@ -78,7 +78,7 @@ class CommandExchangesTest : public ::testing::Test {
 };
 
 TEST_F(CommandExchangesTest, BytesThatAreNoAnswerAreToldWithWhatTheyLookLike) {
-  // The line returns the question, and nobody answers it.
+  // The line returns the request as an echo; there is no answer.
   wire->expect(kWrite50).give(kWrite50).silence();
   const Exchange exchange = send(false);
   EXPECT_EQ(exchange.outcome, Exchange::Outcome::unanswered);
@@ -172,7 +172,7 @@ TEST_F(CommandExchangesTest, StopLetsNobodyHaveATurnAndItsEndCutsOff) {
   EXPECT_TRUE(wire->written().empty());
 }
 
-/// The same, of a protocol that knows what to look at.
+/// The same with a protocol that hints where to look for the cause.
 class HintingExchangesTest : public CommandExchangesTest {
  protected:
   HintingExchangesTest() {
@@ -184,7 +184,7 @@ class HintingExchangesTest : public CommandExchangesTest {
 };
 
 TEST_F(HintingExchangesTest, DeviceThatHasNeverAnsweredIsToldWithWhatToLookAt) {
-  wire->hang_up();  // while it listens
+  wire->hang_up();  // during the drain
   const std::string closed = send().error;
   EXPECT_NE(closed.find("; is another program"), std::string::npos) << closed;
   wire->silence().expect(kWrite50).silence();

@@ -40,7 +40,7 @@ const Bytes kStopped = data_frame({0x00});
 const Bytes kStop = force_frame(kForceM8037, true);
 const Bytes kRun = force_frame(kForceM8037, false);
 
-/// One open line with a PLC that has answered its enquiry; commands come through real admission.
+/// One open line with a PLC that has answered its enquiry; commands pass through real admission.
 class CommandExecutionTest : public ::testing::Test {
  protected:
   CommandExecutionTest() {
@@ -116,8 +116,7 @@ class CommandExecutionTest : public ::testing::Test {
   bool was_unanswered = false;
 };
 
-// ---- writes of words
-// -----------------------------------------------------------------------------
+// ---- writes of words ---------------------------------------------------------------------------
 
 TEST_F(CommandExecutionTest, WriteIsVerifiedByReadingBack) {
   wire->expect(kWrite50).give(kAck).expect(kReadBack).give(word_frame(50));
@@ -214,7 +213,7 @@ TEST_F(CommandExecutionTest, SilenceIsSettledByReadingBackEqual) {
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
   wire->expect(kReadBack).give(word_frame(50));
   Command command = write_50();
-  command.verify = false;  // made even so
+  command.verify = false;  // written without verification
   const CommandResult result = run(std::move(command));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.reason, Reason::none);
@@ -259,7 +258,7 @@ TEST_F(CommandExecutionTest, NonsenseInsteadOfAnAckIsSettledLikeSilence) {
   EXPECT_EQ(result.attempts, 1);
 }
 
-// The ACK was a late one, and the NAK behind it is the PLC's own word on this write.
+// The ACK was a late one; the NAK after it is the PLC's real answer to this write.
 TEST_F(CommandExecutionTest, AckWithAnotherAnswerBehindItAndAnotherValueIsNoVerifyMismatch) {
   Bytes late_nak_first = kNak;
   const Bytes read_back = word_frame(45);
@@ -276,9 +275,9 @@ TEST_F(CommandExecutionTest, AckWithAnotherAnswerBehindItAndAnotherValueIsNoVeri
   EXPECT_EQ(result.targets[0].verify->read, number(45));
 }
 
-// ---- what a crash would leave ----------------------------------------------------------------
+// ---- the record a crash would leave ------------------------------------------------------------
 
-/// Notes which commands are marked, and how many frames the line had seen by then.
+/// Records the commands marked as sent, and the number of frames on the line at that time.
 class Marks final : public CommandStarts {
  public:
   explicit Marks(const ScriptedTransport& wire) : wire_(wire) {}
@@ -353,7 +352,7 @@ TEST_F(CommandExecutionMarks, StopIsMarkedBeforeItLeaves) {
   EXPECT_EQ(marks.frames_before, (std::vector<std::size_t>{0}));
 }
 
-// ---- what an earlier run left behind ---------------------------------------------------------
+// ---- records of an earlier run -----------------------------------------------------------------
 
 TEST_F(CommandExecutionTest, InterruptedCommandIsReadAndNotSent) {
   wire->expect(kReadBack).give(word_frame(50));
@@ -384,7 +383,7 @@ TEST_F(CommandExecutionTest, InterruptedCommandThatCannotBeReadIsUnknown) {
 }
 
 TEST_F(CommandExecutionTest, LongWriteGoesInSeveralFramesAndIsReadBackWhole) {
-  // 100 bytes: the port takes 64 in a frame.
+  // 100 bytes: the port takes 64 per frame.
   Bytes first(64, 0);
   Bytes rest(36, 0);
   Scalars items;
@@ -406,8 +405,7 @@ TEST_F(CommandExecutionTest, LongWriteGoesInSeveralFramesAndIsReadBackWhole) {
   EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, Value::array(items));
 }
 
-// ---- bits
-// ----------------------------------------------------------------------------------------
+// ---- bits --------------------------------------------------------------------------------------
 
 TEST_F(CommandExecutionTest, ForceIsNotVerifiedUnlessAsked) {
   wire->expect(kForceOn).give(kAck);
@@ -443,8 +441,7 @@ TEST_F(CommandExecutionTest, SilentForceOfABitThatIsNotSetIsUnknown) {
   EXPECT_EQ(result.attempts, 1) << "a force is never repeated after silence";
 }
 
-// ---- several exchanges
-// -----------------------------------------------------
+// ---- several exchanges -------------------------------------------------------------------------
 
 Bytes words_up_from(unsigned first, unsigned count) {
   Bytes out;
@@ -528,8 +525,7 @@ TEST_F(CommandExecutionTest, CommandThatDoesNotFitIntoItsTimeIsNotBegun) {
   EXPECT_EQ(run(command).status, CommandStatus::succeeded);
 }
 
-// ---- links that break, devices that are away
-// -----------------------------------------------------
+// ---- broken connections, absent devices --------------------------------------------------------
 
 TEST_F(CommandExecutionTest, LinkLostAfterTheFirstByteIsUnknown) {
   wire->expect(kWrite50).hang_up();
@@ -631,8 +627,7 @@ TEST_F(CommandExecutionTest, CommandThatExpiredInTheQueueIsNotSent) {
   EXPECT_EQ(result.attempts, 0);
 }
 
-// ---- expect
-// --------------------------------------------------------------------------------------
+// ---- expect ------------------------------------------------------------------------------------
 
 TEST_F(CommandExecutionTest, ExpectedValueIsReadFirst) {
   wire->expect(kReadBack).give(word_frame(45)).expect(kWrite50).give(kAck);
@@ -678,8 +673,7 @@ TEST_F(CommandExecutionTest, OtherHalfOfTheLastWordStaysAsItIs) {
   const Bytes read = read_frame(kD250, 4);
   wire->expect(read).give(data_frame({'A', 'B', 'C', 'y'}));
   wire->expect(write_frame(kD250, Bytes{'D', 'E', 'F', 'y'})).give(kAck);
-  wire->expect(read).give(
-      data_frame({'D', 'E', 'F', 'z'}));  // changed since, and not this command's
+  wire->expect(read).give(data_frame({'D', 'E', 'F', 'z'}));  // changed since, by another writer
   const CommandResult result = run(command(Op::write, {"name", "", std::nullopt, text("DEF")}));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_TRUE(result.targets[0].verify->match);
@@ -731,8 +725,7 @@ TEST_F(CommandExecutionTest, ExpectThatCannotBeReadFailsAndWritesNothing) {
   EXPECT_EQ(result.attempts, 0);
 }
 
-// ---- reads
-// ---------------------------------------------------------------------------------------
+// ---- reads -------------------------------------------------------------------------------------
 
 TEST_F(CommandExecutionTest, ReadHasItsValue) {
   wire->expect(read_frame(kD100, 2)).give(word_frame(0xFFFE));
@@ -780,8 +773,7 @@ TEST_F(CommandExecutionTest, ReadOfWhatIsNoNumberFailed) {
   EXPECT_EQ(result.reason, Reason::bad_value);
 }
 
-// ---- run and stop
-// --------------------------------------------------------------------------------
+// ---- run and stop ------------------------------------------------------------------------------
 
 TEST_F(CommandExecutionTest, StopIsVerifiedByTheRunState) {
   wire->expect(kStop).give(kAck).expect(kProbe).give(kStopped);
@@ -810,7 +802,7 @@ TEST_F(CommandExecutionTest, StopThatIsRefusedByAStoppedPlcSucceeded) {
 
 TEST_F(CommandExecutionTest, StopIsNotRepeatedAfterSilence) {
   wire->expect(kStop).silence();
-  wire->expect(kEnq).give(kAck).expect(kProbe).give(kStopped);  // the barrier's read
+  wire->expect(kEnq).give(kAck).expect(kProbe).give(kStopped);  // the read that acts as barrier
   wire->expect(kProbe).give(kStopped);
   const CommandResult result = run(admitted(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
@@ -836,7 +828,7 @@ TEST_F(CommandExecutionTest, PlcThatKeepsRunningIsAMismatchThatNamesTheSwitch) {
   EXPECT_NE(result.detail.find("switch"), std::string::npos) << result.detail;
 }
 
-// The ACK was a late one, and the NAK behind it is the PLC's own word on this STOP.
+// The ACK was a late one; the NAK after it is the PLC's real answer to this STOP.
 TEST_F(CommandExecutionTest, StopWithAnotherAnswerBehindItsAckAndARunningPlcIsNoVerifyMismatch) {
   wire->expect(kStop).give(kAck).expect(kProbe).give(joined(kNak, kRunning));
   FakePort plc;
@@ -854,14 +846,12 @@ TEST_F(CommandExecutionTest, RunStateIsAskedForTwoSecondsAndNoLonger) {
   wire->then([](ByteView) { return kRunning; });
   const auto began = Clock::now();
   run(admitted(Op::stop));
-  // Every 100 ms, and not again where that would end behind the 2 s; a slow machine asks less
-  // often.
+  // Polls every 100 ms, unless the poll would end after the 2 s; a slow machine polls less often.
   EXPECT_GE(Clock::now() - began, milliseconds(1900));
   EXPECT_LE(wire->written().size(), 2U + 20U) << "the enquiry, the command, and the questions";
 }
 
-// ---- the time it takes
-// ---------------------------------------------------------------------------
+// ---- line time ---------------------------------------------------------------------------------
 
 TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfACommand) {
   const milliseconds character{1};
@@ -880,7 +870,7 @@ TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfACommand) {
   EXPECT_EQ(planned("2", true, std::nullopt) - write_alone, reading) << "the read-back";
   EXPECT_EQ(planned("3", false, number(45)) - write_alone, reading) << "what is expected";
   EXPECT_EQ(planned("4", true, number(45)) - write_alone, 2 * reading);
-  // And so many exchanges there are.
+  // The number of exchanges matches.
   wire->expect(kReadBack).give(word_frame(45)).expect(kWrite50).give(kAck);
   wire->expect(kReadBack).give(word_frame(50));
   Command command = write_50();
@@ -888,8 +878,7 @@ TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfACommand) {
   EXPECT_EQ(run(command).status, CommandStatus::succeeded);
 }
 
-// ---- lists
-// ---------------------------------------------------------------------------------------
+// ---- lists -------------------------------------------------------------------------------------
 
 class CommandExecutionOfAList : public CommandExecutionTest {
  protected:

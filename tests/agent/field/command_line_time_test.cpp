@@ -18,7 +18,7 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using std::chrono::seconds;
 
-/// A word and an array of 50 that can be written.
+/// A writable word and a writable array of 50.
 class CommandLineTime : public ::testing::Test {
  protected:
   CommandLineTime() {

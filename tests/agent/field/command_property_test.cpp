@@ -1,5 +1,5 @@
-// What a result promises, as a property: random commands on a device that keeps a ledger of what it
-// really did, with a fault, a stop or the end of the command's time at any exchange.
+// Every result must be true, as a property test: random commands run on a device that keeps a
+// ledger of its actual writes, with a fault, a stop or the command's expiry at any exchange.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -30,37 +30,37 @@ using std::chrono::nanoseconds;
 using std::chrono::seconds;
 using Clock = std::chrono::steady_clock;
 
-/// What goes wrong with one exchange.
+/// The fault in one exchange.
 enum class Fault : std::uint8_t {
   none,
-  request_lost,     ///< nothing is done, nothing comes back
-  answer_lost,      ///< done, nothing comes back
-  refused,          ///< NAK, not done
+  request_lost,     ///< not done, no answer
+  answer_lost,      ///< done, no answer
+  refused,          ///< not done, NAK
   answer_garbled,   ///< done
-  request_garbled,  ///< not done, and what comes back is no answer
-  broken_before,    ///< the connection, with no byte gone
-  broken_within,    ///< with part of the frame gone
-  broken_after,     ///< with the frame gone, done
-  set_by_another,   ///< done, and then something else sets other values
-  time_passes,      ///< done; the command's time is over from now on
-  stop,             ///< done; the agent is to stop from now on
+  request_garbled,  ///< not done, and the answer is not a valid frame
+  broken_before,    ///< connection lost before the first byte
+  broken_within,    ///< connection lost within the frame
+  broken_after,     ///< done; connection lost after the frame
+  set_by_another,   ///< done; then another client writes other values
+  time_passes,      ///< done; the command expires
+  stop,             ///< done; then the agent is stopped
   end,              ///< done; the agent ends before the answer
   count_
 };
 
-/// What happens at which exchange of one command, and what came of it.
+/// The faults of one command by exchange, and their outcome.
 struct Scene {
   FakePort plc;
-  std::map<int, Fault> faults;  ///< by the number of the exchange
+  std::map<int, Fault> faults;  ///< by number of the exchange
   bool link_opens = true;
   int exchange = 0;
   AdmittedCommand* admitted = nullptr;
   bool stopping = false;
   bool over = false;
-  std::vector<std::string> ledger;  ///< the writes that the device carried out, as "10C8 3200"
+  std::vector<std::string> ledger;  ///< the writes carried out by the device, as "10C8 3200"
 };
 
-/// "10C8 3200" of a frame that writes; empty: another frame.
+/// Returns "10C8 3200" for a write frame, or an empty string for any other frame.
 std::string write_in(ByteView frame) {
   if (frame.size() < 12 || frame[0] != 0x02 || frame[1] != '1') return {};
   const std::string text(frame.begin(), frame.end());
@@ -192,7 +192,7 @@ class RandomCommands {
     }
   }
 
-  /// One command, from its admission to its result. What is wrong with it is counted.
+  /// Runs one command from admission to its result and counts wrong results.
   void next() {
     scene_ = Scene();
     SceneSharing sharing(scene_);
@@ -254,7 +254,7 @@ class RandomCommands {
     return out;
   }
 
-  /// What happens to this command: mostly one thing, sometimes two, sometimes nothing.
+  /// Chooses the faults of this command: none, one or two.
   void direct(AdmittedCommand& admitted) {
     const int kinds = static_cast<int>(Fault::count_) - 1;
     for (int i = between(0, 2); i > 0; --i)
@@ -276,7 +276,7 @@ class RandomCommands {
   }
 
   void judge(const AdmittedCommand& admitted, const CommandResult& result) {
-    // The ledger against the command, frame by frame: what was carried out, in which sequence.
+    // Compares the ledger with the command, frame by frame and in order.
     std::size_t at = 0;
     std::uint32_t whole = 0;
     std::string fault;
@@ -372,7 +372,7 @@ class RandomCommands {
     return out;
   }
 
-  static constexpr int kCommands = 300;  ///< each is carried out often, with other faults
+  static constexpr int kCommands = 300;  ///< each runs many times, with different faults
   std::mt19937 random_;
   std::vector<AdmittedCommand> commands_;
   DeviceConfig device_ = port_device();
@@ -384,7 +384,7 @@ TEST(CommandProperty, EveryResultSaysWhatTheDeviceReallyDid) {
   RandomCommands commands(1);
   for (int i = 0; i < kCommands; ++i) commands.next();
   EXPECT_EQ(commands.wrong, 0) << commands.example;
-  // A run that never came to one of these would prove nothing of it.
+  // A run without one of these would prove nothing about it.
   for (const CommandStatus status :
        {CommandStatus::succeeded, CommandStatus::failed, CommandStatus::partial,
         CommandStatus::expired, CommandStatus::unknown_outcome})

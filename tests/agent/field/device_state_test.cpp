@@ -126,7 +126,7 @@ TEST(DeviceState, ReasonsHaveTheirOrder) {
 }
 
 TEST(DeviceState, ModelThatIsFoundWhileTheDeviceIsOnlineIsTold) {
-  // A command was answered first, so the device is online when its model is asked for.
+  // A command was answered first, so the device is online before its model is requested.
   DeviceState state(0, *port_codec(fx::Model::unknown), 1000);
   EXPECT_FALSE(state.is_model_known());
   state.answered();

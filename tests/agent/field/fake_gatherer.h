@@ -1,5 +1,5 @@
-// A device that speaks the made-up protocol of GatheringCodec: words that count up, with holes,
-// limits and moods where a test wants them.
+// A device for the made-up protocol of GatheringCodec: words that count up, with holes, limits and
+// temporary refusals chosen by the test.
 #pragma once
 
 #include <cstdint>
@@ -16,16 +16,16 @@ namespace fxagent::test {
 class FakeGatherer final {
  public:
   std::map<unsigned, unsigned> words;  ///< W5 as 5; V5 as 10005
-  std::set<unsigned> lacks;            ///< the same numbers
-  std::set<unsigned> not_gathered;     ///< refused as part of a Gather alone
+  std::set<unsigned> lacks;            ///< same numbering
+  std::set<unsigned> not_gathered;     ///< refused only within a Gather
   std::set<unsigned> unknown_commands;
   std::set<unsigned> dropped_commands;  ///< never answered
   std::set<unsigned> garbled_commands;  ///< answered with nonsense
   std::size_t most_parts = 1000;
-  int in_a_mood = 0;  ///< so many answers are `mood`
+  int in_a_mood = 0;  ///< number of answers that will be `mood`
   int mood = 0;
   bool silent = false;
-  std::vector<std::string> asked;  ///< "W10+60" by itself, "1: W5 W900+2" by a command
+  std::vector<std::string> asked;  ///< "W10+60" for a single read, "1: W5 W900+2" for a command
 
   Bytes answer(ByteView frame) {
     Bytes image;

@@ -1,5 +1,5 @@
-// A Modbus TCP device that just works, holding registers only, with holes where the test wants
-// them. Written from the specification (V1.1b3, 6.3 and 6.6) alone.
+// A working Modbus TCP device: only holding registers, with holes chosen by the test. Written from
+// the specification alone (V1.1b3, 6.3 and 6.6).
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@ class FakeModbus final {
   std::map<unsigned, unsigned> registers;
   std::set<unsigned> lacks;
   unsigned longest = 125;
-  std::map<unsigned, std::uint8_t> refuses;  ///< unit → exception to everything
+  std::map<unsigned, std::uint8_t> refuses;  ///< unit → exception for every request
   std::vector<std::string> asked;            ///< "1 read 10 2"
 
   Bytes answer(ByteView request) {

@@ -1,7 +1,6 @@
-// A PLC on the programming port that just works: memory behind the classic commands and the
-// extended read. It knows the frames from port_frames.h alone, and tells what it was asked in short
-// words
-// ("read 10C8 2", "E00 76B0 2").
+// A working PLC on the programming port: memory behind the classic commands and the extended read.
+// Its frames come from port_frames.h only. It records the requests in short form ("read 10C8 2",
+// "E00 76B0 2").
 #pragma once
 
 #include <algorithm>
@@ -22,7 +21,7 @@ class FakePort final {
   }
   unsigned word_at(unsigned address) { return memory_[address] + memory_[address + 1] * 256U; }
 
-  /// What it says to a whole frame; nothing to what is none, nothing at all while it is silent.
+  /// Returns the answer to a whole frame; empty for anything else, and always while `silent`.
   Bytes answer(ByteView request) {
     const std::string text(request.begin(), request.end());
     if (request.size() == 1 && request[0] == kEnq[0]) {

@@ -1,5 +1,5 @@
-// What the tests of this room work on: a PLC on the programming port with a few tags, as the config
-// would hold it.
+// The test plant of this directory: a PLC on the programming port with a few tags, as the config
+// would describe it.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -60,7 +60,7 @@ inline GroupConfig group(std::string name, std::chrono::milliseconds interval) {
   return out;
 }
 
-/// A device without tags, in one group that is polled as fast as the line allows.
+/// A device without tags, with one group that is polled as fast as the line allows.
 inline DeviceConfig port_device(std::string name = "press1",
                                 std::shared_ptr<const Codec> codec = port_codec()) {
   DeviceConfig device;
@@ -71,7 +71,7 @@ inline DeviceConfig port_device(std::string name = "press1",
   return device;
 }
 
-/// A codec with the defaults of its protocol, and `more`.
+/// A codec with its protocol's default options, overridden by `more`.
 inline std::shared_ptr<const Codec> codec_of(std::string_view protocol, Options more = {}) {
   const ProtocolInfo& info = *find_protocol(protocol);
   Options options = default_options(info);

@@ -21,7 +21,7 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-/// Two devices on two ports that are not there.
+/// Two devices on two ports that do not exist.
 Config plant() {
   Config config;
   for (const char* name : {"line1", "line2"}) {
@@ -84,7 +84,7 @@ TEST(Field, StopLeavesItsCountersInTheOutbox) {
   ASSERT_TRUE(batch.health);
   EXPECT_EQ(batch.health->links.size(), 2U);
   EXPECT_EQ(batch.health->devices.size(), 2U);
-  field.stop();  // once is enough, twice does no harm
+  field.stop();  // calling it twice is harmless
 }
 
 TEST(Field, FieldThatNeverStartedMayGo) {
@@ -94,15 +94,15 @@ TEST(Field, FieldThatNeverStartedMayGo) {
   EXPECT_EQ(outbox.take().states.size(), 2U) << "each device says that it is starting";
 }
 
-/// A field and what the uplink does with it. Its lines are not there, so that each poll is a sample
-/// that says so.
+/// A field and the uplink's side of a change. Its ports do not exist, so every poll gives a bad
+/// sample.
 class FieldChangeTest : public ::testing::Test {
  protected:
   FieldChangeTest() {
     now = plant();
     for (DeviceConfig& device : now.devices) {
       device.groups[0].interval = milliseconds(5);
-      device.groups[0].max_silent = std::chrono::seconds(0);  // each attempt is told
+      device.groups[0].max_silent = std::chrono::seconds(0);  // reports every attempt
     }
     field = std::make_unique<Field>(now, outbox, std::vector<std::uint64_t>{100, 100});
     field->start();
@@ -144,7 +144,7 @@ class FieldChangeTest : public ::testing::Test {
     wait([&] { return done; });
     now = change->config;
     done = false;
-    // Without a store numbers begin at the clock: of no interest for a device that was there.
+    // Without a store, sequence numbers start at the clock. This has no effect on existing devices.
     const std::vector<std::uint64_t> clock(now.devices.size(), 1790000000000);
     field->begin(change, clock, call);
     for (std::uint32_t i = 0; i < now.devices.size(); ++i)
@@ -192,7 +192,7 @@ TEST_F(FieldChangeTest, DeviceThatWasTakenOutGoesOnCountingWhenItComesBack) {
   change_to(std::move(one));
   EXPECT_EQ(now.devices.size(), 1U);
   const std::size_t so_far = seqs["line2"].size();
-  // Once or twice: a device that does not answer is asked ever less often.
+  // Once or twice: a silent device is polled less and less often.
   wait([&, others = seqs["line1"].size()] { return seqs["line1"].size() > others + 1; });
   EXPECT_EQ(seqs["line2"].size(), so_far);
   change_to(both);

@@ -21,7 +21,7 @@ using Cause = ForeignBytes::Cause;
 
 Bytes hex(std::string_view text) { return *from_hex(text); }
 
-/// The bytes of a frame that a manual prints as text: < STX, > ETX, ! ENQ, . ACK, ? NAK.
+/// Converts a frame that a manual prints as text: < STX, > ETX, ! ENQ, . ACK, ? NAK.
 Bytes printed(std::string_view text) {
   Bytes bytes;
   for (const char c : text) {
@@ -45,7 +45,7 @@ ForeignBytes guess(const DeviceConfig& device, const Bytes& heard, const Bytes& 
   return looks_like(device, *device.codec, asked, heard);
 }
 
-// Frames of protocol/README.md, which are those of captures and of the manuals.
+// Frames from protocol/README.md, originally from captures and the manuals.
 const Bytes kReadD123 = hex("02 30 31 30 46 36 30 34 03 37 34");
 const Bytes kD123 = hex("02 33 34 31 32 43 44 41 42 03 44 37");
 const Bytes kLinkRead = printed("!05FFBRAX00400547");
@@ -54,7 +54,7 @@ const Bytes kRtuRequest = hex("11 01 00 13 00 13 8E 92");
 const Bytes kRtuReply = hex("11 01 03 CD 6B 05 40 12");
 const Bytes kAsciiReply = printed(":110103CD6B05AE\r\n");
 
-// ---- a line as a UART hears it ------------------------------------------------------------------
+// ---- a line as received by a UART --------------------------------------------------------------
 
 struct Shape {
   int bits = 7;
@@ -78,8 +78,8 @@ std::vector<bool> on_the_wire(const Bytes& frame, Shape shape) {
   return line;
 }
 
-/// What arrives at a port of this shape. `bit` is as long as so many bits of the sender. As the
-/// kernel has it (INPCK), a character with an error comes as 00 where there is parity.
+/// Returns the bytes received by a port of this shape. `bit` is its bit time in bits of the sender.
+/// As in the kernel (INPCK), a character with an error arrives as 00 if parity is on.
 Bytes heard_by(Shape shape, double bit, const std::vector<bool>& line) {
   const auto at = [&line](double time) {
     const auto index = static_cast<std::size_t>(time);
@@ -115,7 +115,7 @@ TEST(ForeignBytes, AUartThatIsSetAsTheDeviceHearsItsFrames) {
   EXPECT_EQ(heard_by({8, Parity::none}, 1, on_the_wire(kRtuReply, {8, Parity::none})), kRtuReply);
 }
 
-// ---- what they look like ------------------------------------------------------------------------
+// ---- the guesses -------------------------------------------------------------------------------
 
 TEST(ForeignBytes, TheQuestionItselfIsAnEcho) {
   for (const auto& [protocol, frame] :
@@ -160,7 +160,7 @@ TEST(ForeignBytes, FramesOfOtherProtocolsAreNamed) {
       {"modbus-rtu", hex("15 01 00 00 00 06 FF 01 03 CD 6B 05"), Cause::other_protocol,
        "modbus-tcp"},
       {"modbus-ascii", kRtuReply, Cause::other_protocol, "modbus-rtu"},
-      // Cut short: no frame, and still no noise.
+      // Cut short: not a frame, but not noise either.
       {"modbus-rtu", hex("02 33 34 31 32 43 44"), Cause::other_protocol, "fx-programming-port"},
       {"modbus-rtu", printed(":110103CD"), Cause::other_protocol, "modbus-ascii"},
       {"fx-programming-port", printed(":110103CD"), Cause::other_protocol, "modbus-ascii"},
@@ -216,7 +216,7 @@ TEST(ForeignBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
   EXPECT_EQ(with_sum.text.find("D8120"), std::string::npos) << with_sum.text;
 }
 
-// Answers of a PLC as transcripts have them: 3C and 4C in format 1, 3E in binary code.
+// PLC answers as in transcripts: 3C and 4C in format 1, 3E in binary code.
 const Bytes k3cData = printed("<F90000FF0012340002>BA");
 const Bytes k4cData = printed("<F80000FF03FF000012340002>08");
 const Bytes k3eData = hex("D0 00 00 FF FF 03 00 06 00 00 00 34 12 02 00");
@@ -267,7 +267,7 @@ TEST(ForeignBytes, FramesOfTextHaveTheirParitySeenOn8BitsToo) {
     EXPECT_EQ(even.cause, Cause::parity) << even.text;
     EXPECT_NE(even.text.find("even parity in bit 7"), std::string::npos) << even.text;
   }
-  // Format 5 is binary: bit 7 belongs to its bytes.
+  // Format 5 is binary, so its bytes may have bit 7 set.
   const auto binary = guess(device_of("mc-4c", {{"model", "Q"}, {"format", std::int64_t{5}}}),
                             hex("8D 81 82 84 A0"));
   EXPECT_EQ(binary.cause, Cause::unknown) << binary.text;
@@ -298,7 +298,7 @@ TEST(ForeignBytes, WrongSpeedIsSeenInTheBits) {
     std::string_view protocol;
     Bytes frame;
     Shape shape;
-    double bit;  ///< of the line, in bits of the device
+    double bit;  ///< bit time of the line, in bits of the device
     std::string_view says;
   };
   const Row rows[] = {
@@ -325,7 +325,7 @@ TEST(ForeignBytes, WrongSpeedIsSeenInTheBits) {
 TEST(ForeignBytes, OfAllElseNothingIsClaimed) {
   for (const Bytes& heard : {hex("07"), hex("7F 00"), hex("A5 5A 13"), Bytes{}})
     EXPECT_EQ(guess(device_of("modbus-rtu"), heard).cause, Cause::unknown) << to_hex(heard);
-  // A frame that one bit of noise has spoilt.
+  // A frame with one bit changed by noise.
   const auto spoilt = guess(device_of("fx-programming-port"),
                             hex("02 33 34 31 32 43 44 41 42 03 44 36"), kReadD123);
   EXPECT_EQ(spoilt.cause, Cause::unknown) << spoilt.text;

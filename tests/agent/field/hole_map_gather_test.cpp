@@ -1,4 +1,4 @@
-// What is learned of a device that refuses reads of several places by one frame.
+// Learning from a device that refuses reads of several places in one frame.
 
 #include <gtest/gtest.h>
 
@@ -16,8 +16,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Words of one space, some of which are not there, or not for a Gather, and frames that hold less
-/// than the documents say. Does what the poller does with the answers.
+/// Words of one space, some missing, some refused only within a Gather, and frames with a lower
+/// limit than documented. Handles the answers as the poller does.
 struct Refuser {
   GatheringCodec codec = gathering_codec();
   std::vector<Point> points;
@@ -52,7 +52,7 @@ struct Refuser {
   }
   Plan plan() const { return make_plan(codec, points, LineCost{1ms, 30ms}, 0, map.holes()); }
 
-  /// Points that are there and were not read in one cycle.
+  /// Runs one cycle. Returns the number of existing points that were not read.
   int cycle() {
     now += 1s;
     map.retry(now);
@@ -81,7 +81,7 @@ struct Refuser {
     for (std::uint32_t i = 0; i < points.size(); ++i) missed += exists(i) && !good[i] ? 1 : 0;
     return missed;
   }
-  /// Cycles until everything that is there is read, four times in a row; -1: never.
+  /// Returns the cycles until all existing points are read four times in a row; -1: never.
   int settle() {
     int quiet = 0;
     for (int cycles = 0; cycles < 200; ++cycles) {
@@ -130,7 +130,7 @@ TEST(HoleMapGather, AGroupThatIsReadInAnHourDoesNotHoldTheOthersDown) {
   const Holes& holes = hourly.map.holes();
   ASSERT_FALSE(holes.suspects.empty());
   ASSERT_LE(holes.most_others, 4U);
-  // Of the same device, and due each second until then.
+  // Another group of the same device, polled every second in the meantime.
   Refuser other;
   for (std::uint32_t n = 0; n < 24; ++n) other.add(2000 + 16 * n);
   const LineCost slow{1ms, 100ms};
@@ -138,7 +138,7 @@ TEST(HoleMapGather, AGroupThatIsReadInAnHourDoesNotHoldTheOthersDown) {
     return make_plan(other.codec, other.points, slow, 0, known).exchange_count();
   };
   EXPECT_EQ(exchanges(holes), exchanges({}));
-  // Where its own frame was refused, it has suspects of its own.
+  // A refusal of its own frame adds suspects of its own.
   const Plan plan = make_plan(other.codec, other.points, slow, 0, holes);
   ASSERT_EQ(plan.exchange_count(), 1U);
   const ReadIndices which = plan.reads_in(0);

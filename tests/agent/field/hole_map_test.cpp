@@ -14,8 +14,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// A device that refuses whatever touches certain registers, or is too long, and the reads that are
-/// planned for it, cycle by cycle. Registers are the D of a PLC.
+/// A device that refuses every read that touches certain registers or is too long, and the reads
+/// planned for it in each cycle. The registers are the D of a PLC.
 struct Refuser {
   std::shared_ptr<const Codec> codec = port_codec();
   std::vector<Point> points;
@@ -24,7 +24,7 @@ struct Refuser {
   HoleMap map;
   SteadyTime now{};
   int refusals = 0;
-  int naks_of_good_points = 0;  // points that exist and were not read in a cycle
+  int naks_of_good_points = 0;  // existing points that a cycle did not read
 
   void add(std::uint32_t number, std::uint16_t count = 1) {
     TagConfig made = tag(*codec, "t", "D" + std::to_string(number), DataType::int16);
@@ -44,7 +44,7 @@ struct Refuser {
     return first == lacks.end() || *first * 16 >= read.end_bit();
   }
 
-  /// One cycle; true when nothing was refused in it.
+  /// Runs one cycle. Returns true if no read was refused.
   bool cycle() {
     now += 1s;
     map.retry(now);
@@ -68,7 +68,7 @@ struct Refuser {
       if (exists(i) && !good.contains(i)) ++naks_of_good_points;
     return all;
   }
-  /// Cycles until nothing is refused any more; -1: never.
+  /// Returns the cycles until no read is refused any more; -1: never.
   int settle(int at_most = 200) {
     for (int cycles = 0; cycles < at_most; ++cycles)
       if (cycle()) return cycles;
@@ -120,7 +120,7 @@ TEST(HoleMap, ALimitThatWasLearnedNeverGrows) {
     return Span{0, 16 * first, 16 * count};
   };
   HoleMap map;
-  // Reads of two cycles that were planned before anything was known.
+  // Reads of two cycles, both planned before any hole was known.
   for (const auto& [first, count] : {std::pair{0U, 30U}, {1000U, 100U}}) {
     const std::uint32_t middle = first + count / 2;
     map.refused(words(first, count), Halves{16 * middle, 16 * middle}, SteadyTime{});
@@ -171,7 +171,7 @@ TEST(HoleMap, WhatIsMissingIsAskedForAgainWithoutHarmToItsNeighbours) {
     device.cycle();
     EXPECT_EQ(device.naks_of_good_points, 0) << "after " << second << " s";
   }
-  // 10, 20 and 40 s after each other, two registers each time.
+  // 10, 20 and 40 s apart, two registers each time.
   EXPECT_EQ(device.refusals - before, 6);
   device.lacks.clear();
   for (int second = 0; second < 200; ++second) device.cycle();

@@ -1,4 +1,4 @@
-# Read by ctest. Label `threads`: the tests that have more than one, the field's own or the host look-up's.
+# Read by ctest. Label `threads`: tests with more than one thread, the field's own or that of the host look-up.
 foreach(test IN LISTS field_tests)
   set(labels unit field)
   if(test MATCHES "^(Field|TcpTransport|UdpTransport|WireTrace)")

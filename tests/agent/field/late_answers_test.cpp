@@ -1,7 +1,8 @@
-// No wrong value with good quality, no false ACK and no false NAK, whatever answers come late, are
-// lost or doubled, and whoever asked before. The limit: an answer comes at most twice timeout_ms
-// after its question; a doubled one right behind the first; one that nobody asked for while nothing
-// is asked. Modbus TCP has no limit.
+// The bus returns no wrong value with good quality, no false ACK and no false NAK when answers are
+// late, lost or duplicated, or belong to an earlier agent.
+// The limits: an answer comes at most twice timeout_ms after its request. A duplicate follows its
+// original directly. An unsolicited answer comes only while no request is pending. Modbus TCP has
+// no limit.
 #include "agent/field/late_answers.h"
 
 #include <gtest/gtest.h>
@@ -56,13 +57,13 @@ struct Line {
 };
 std::ostream& operator<<(std::ostream& out, const Line& line) { return out << line.name; }
 
-/// How the bus and the wire keep the limit: 1 is as they must.
+/// Factors by which the bus and the wire keep the limit; 1 is correct.
 struct Limit {
-  double listening = 1;  ///< before the first question, by the bus
-  double late = 1;       ///< the latest answer, by the wire
+  double listening = 1;  ///< by the bus, before the first request
+  double late = 1;       ///< by the wire, for the latest answer
 };
 
-/// One wire, and agents one after the other that ask on it.
+/// One wire, and a succession of agents that use it.
 class Agents final {
  public:
   Agents(const Line& line, std::uint32_t seed, Limit limit)
@@ -87,7 +88,7 @@ class Agents final {
     wire_->answers_end_with_it = numbered_;
   }
 
-  /// Asks so often; how often an answer was believed that was another question's.
+  /// Sends this many requests. Returns how often an answer to another request was accepted.
   int wrong_after(int questions) {
     int wrong = 0;
     for (int i = 0; i < questions; ++i) {
@@ -142,7 +143,7 @@ class Agents final {
     return static_cast<std::size_t>(wire_->random_below(static_cast<int>(devices_.size())));
   }
 
-  /// Whether the answer is not believed, or is the question's own.
+  /// Sends one request. Returns false if the bus accepted a wrong answer.
   bool ask() {
     Device& device = devices_[pick()];
     device.station.codec = device.codec;
@@ -157,7 +158,7 @@ class Agents final {
         run_on(io_, bus_->exchange(device.station, request, SteadyTime::max()));
     const bool is_dead = wire_->now >= wire_->killed_at;
     if (is_dead || !exchange.has_answer() || exchange.doubted) return true;
-    if (!exchange.sent) return exchange.is_nak();  // of an enquiry: it claims nothing
+    if (!exchange.sent) return exchange.is_nak();  // answer to an enquiry: proves nothing
     ++believed_;
     const Deed& deed = wire_->last();
     if (exchange.is_nak()) return deed.refused;
@@ -189,7 +190,7 @@ class LateAnswersOn : public ::testing::TestWithParam<Line> {
     believed_ += agents.believed();
     return wrong;
   }
-  /// Whether a wrong answer is believed in any of many plants.
+  /// Returns true if a wrong answer is accepted in any of many plants.
   bool is_found(Limit limit) {
     const bool numbered = GetParam().protocol == "modbus-tcp";
     const int most = numbered ? effort(50) : 4000;
@@ -197,11 +198,11 @@ class LateAnswersOn : public ::testing::TestWithParam<Line> {
       if (wrong_in(seed, limit) > 0) return true;
     return false;
   }
-  /// Numbers tell answers apart, whatever the line does.
+  /// False for numbered answers: they are distinguishable on any line.
   bool must_be_found() const { return GetParam().protocol != "modbus-tcp"; }
   int believed_ = 0;
 };
-/// An enquiry is a barrier by itself: past it a wrong answer comes in one plant of a thousand.
+/// An enquiry is itself a barrier: a wrong answer passes it in one plant of a thousand.
 class LateAnswersWithoutAnEnquiry : public LateAnswersOn {};
 
 TEST_P(LateAnswersOn, AreNeverBelievedWithinTheLimit) {
@@ -210,7 +211,7 @@ TEST_P(LateAnswersOn, AreNeverBelievedWithinTheLimit) {
   EXPECT_GT(believed_, kPlants * kQuestions / 5) << "it is no proof to believe nothing";
 }
 
-// What the proof is worth: each part of the rule, taken away, is found by it.
+// The strength of the test: it fails when any single part of the rule is removed.
 TEST_P(LateAnswersWithoutAnEnquiry, AreFoundWhereALineDoesNotListenBeforeItsFirstQuestion) {
   EXPECT_EQ(is_found({.listening = 0}), must_be_found());
 }

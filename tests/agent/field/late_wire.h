@@ -1,6 +1,6 @@
-// A wire with its devices in a time of its own, for answers that come late, never, twice, or to an
-// agent that is not there any more. Devices carry a question out when they begin with it, one after
-// the other, and each word that is read has a value that no other question ever got.
+// A wire with its devices in simulated time, for answers that come late, never, twice, or to an
+// agent that no longer exists. A device carries out a request when it starts on it, one after
+// another. Every read returns a value that no other request ever got.
 #pragma once
 
 #include <algorithm>
@@ -19,11 +19,11 @@
 
 namespace fxagent::test {
 
-/// What a device says to a frame, in the words of its protocol.
+/// A request, decoded.
 struct Question {
   enum class Kind : std::uint8_t { none, enquiry, read, write } kind = Kind::none;
   unsigned station = 0;
-  unsigned units = 0;  ///< words; of a probe bytes or bits
+  unsigned units = 0;  ///< words; in a probe bytes or bits
   bool words = true;
   std::uint16_t transaction = 0;
   Bytes pdu;  ///< Modbus
@@ -138,18 +138,18 @@ class ModbusDialect final : public Dialect {
   modbus::Framing framing_;
 };
 
-/// What became of the last question.
+/// The outcome of the last request.
 struct Deed {
   bool written = false;  ///< a write was carried out
   bool refused = false;
-  unsigned value = 0;  ///< of every word that a read brings
+  unsigned value = 0;  ///< of every word in a read
 };
 
 class LateWire final {
  public:
   using Duration = std::chrono::milliseconds;
 
-  /// `latest`: how long after its question the answer of each station may come.
+  /// `latest`: maximum delay of each station's answer after the request.
   LateWire(const Dialect& dialect, std::map<unsigned, Duration> timeouts,
            std::map<unsigned, Duration> latest, std::uint32_t seed)
       : dialect_(dialect),
@@ -158,22 +158,22 @@ class LateWire final {
         random_(seed) {}
 
   SteadyTime now{std::chrono::hours(1)};
-  /// At this time the agent is dead.
+  /// The time at which the agent dies.
   SteadyTime killed_at = SteadyTime::max();
-  bool keeps_what_came = false;  ///< a serial server: what came meanwhile awaits the next client
-  bool answers_end_with_it = false;  ///< a connection of its own: its answers are for nobody else
+  bool keeps_what_came = false;      ///< a serial server: keeps bytes for the next client
+  bool answers_end_with_it = false;  ///< TCP: drops pending answers when it is closed
   const Deed& last() const { return last_; }
 
-  /// A frame of the agent; what is no question is not answered.
+  /// Receives a frame from the agent; answers only valid requests.
   void hear(ByteView frame) {
     const Question question = dialect_.understand(frame);
     if (question.kind == Question::Kind::none) return;
     last_ = {};
-    if (one_in(20)) return;  // the question is lost
+    if (one_in(20)) return;  // the request is lost
     last_.value = ++value_;
     last_.refused = question.kind == Question::Kind::write && one_in(6);
     last_.written = question.kind == Question::Kind::write && !last_.refused;
-    if (one_in(20)) return;  // the answer is
+    if (one_in(20)) return;  // the answer is lost
     const Bytes answer = last_.refused ? dialect_.nak(question)
                          : question.kind == Question::Kind::read
                              ? dialect_.data(question, last_.value)
@@ -181,10 +181,10 @@ class LateWire final {
     SteadyTime& busy_until = busy_until_[question.station];
     busy_until = std::max(busy_until, now + delay(question.station));
     add(busy_until, answer);
-    if (one_in(30)) add(busy_until, answer);  // twice, one right behind the other
+    if (one_in(30)) add(busy_until, answer);  // a duplicate, directly after the original
     if (one_in(12)) half_of_the_last();
   }
-  /// While nothing is asked: an answer of this station that nobody asked for.
+  /// Sends an unsolicited answer of this station. Call only while no request is pending.
   void disturb(unsigned station) {
     Question nobodys;
     nobodys.station = station;
@@ -192,7 +192,8 @@ class LateWire final {
     add(now, dialect_.data(nobodys, ++value_));
   }
 
-  /// What has come by `until`; empty: nothing. Time goes on to whichever is first.
+  /// Returns the bytes that arrive by `until`, or nothing. Advances the time to whichever comes
+  /// first.
   Bytes wait(SteadyTime until) {
     const SteadyTime next = under_way_.empty() ? SteadyTime::max() : under_way_.begin()->first;
     const SteadyTime end = std::min({until, next, killed_at});
@@ -231,7 +232,7 @@ class LateWire final {
     if (one_in(6)) return from(timeout, latest);
     return one_in(20) ? Duration(latest) : from(1, timeout / 4);
   }
-  /// The last answer comes in two pieces.
+  /// Splits the last answer in two pieces.
   void half_of_the_last() {
     auto last = std::prev(under_way_.end());
     Bytes& bytes = last->second;
@@ -251,7 +252,7 @@ class LateWire final {
   Deed last_;
 };
 
-/// The agent's end of a LateWire, which outlives it.
+/// The agent's end of a LateWire. The LateWire outlives it.
 class LateTransport final : public Transport {
  public:
   LateTransport(asio::any_io_executor executor, LateWire& wire)

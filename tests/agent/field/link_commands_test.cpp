@@ -33,7 +33,7 @@ asio::awaitable<bool> ended(asio::awaitable<void> task) {
   co_return true;
 }
 
-/// One link without its loop, 1 ms a character: a test says when the next command goes.
+/// One link without its loop, at 1 ms per character: the test decides when the next command runs.
 class LinkCommandsTest : public ::testing::Test {
  protected:
   using Change = std::function<void(DeviceConfig&)>;
@@ -61,7 +61,7 @@ class LinkCommandsTest : public ::testing::Test {
     poller->add_groups(*devices[0], nanoseconds(0));
   }
 
-  /// Writes 50, 51 … to x0, x1 …
+  /// Adds a command that writes 50, 51 … to x0, x1 …
   void add(std::string id, std::vector<int> tags) {
     Command command;
     command.id = std::move(id);
@@ -101,7 +101,7 @@ class LinkCommandsTest : public ::testing::Test {
     commands->add(std::get<AdmittedCommand>(std::move(decision)), device);
   }
   void run_next() { run_on(io, ended(commands->run_next())); }
-  /// The next poll that is due; false: none is.
+  /// Runs the next due poll. Returns false if none is due.
   bool poll() {
     const PollScheduler::Job job = scheduler.next(Clock::now());
     if (job.kind != PollScheduler::Job::Kind::poll) return false;
@@ -112,7 +112,7 @@ class LinkCommandsTest : public ::testing::Test {
     EXPECT_TRUE(run_on(io, bus->open()).has_value());
     state->opened();
   }
-  /// A PLC that is told to run and to stop, too.
+  /// Lets the PLC execute RUN and STOP too.
   void answer_run_and_stop() {
     wire->then([this](ByteView request) {
       for (const bool stop : {true, false})
@@ -292,7 +292,7 @@ TEST_F(TwoGroups, NoCycleIsPublishedTwiceWhereAListOpensTheLineAgain) {
   open();
   for (int i = 0; i < 4; ++i) EXPECT_TRUE(poll());
   collect();
-  // The line breaks in the poll between the two targets; the second target opens it again.
+  // The connection breaks in the poll between the two targets; the second target opens it again.
   wire->expect(write_frame(kD200, word(50))).give(kAck).expect(read_frame(kD200, 6)).hang_up();
   add("list", {0, 1});
   run_next();

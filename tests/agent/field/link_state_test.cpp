@@ -22,7 +22,7 @@ using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 using State = DeviceStatus::State;
 
-/// One link with one device that needs three unanswered exchanges to be silent.
+/// One link with one device that is silent after three unanswered exchanges.
 class LinkStateTest : public ::testing::Test {
  protected:
   void use(decltype(LinkConfig::channel) channel) {
@@ -46,17 +46,17 @@ class LinkStateTest : public ::testing::Test {
     ASSERT_TRUE(run_on(io, bus->open()).has_value());
     link->opened();
   }
-  /// What was told of the device since the last call.
+  /// Returns the device states reported since the last call.
   std::vector<DeviceStatus> told() { return outbox.take().states; }
   nanoseconds next_open_in() const { return link->next_open() - Clock::now(); }
 
-  /// What the log says of `action`.
+  /// Returns the log output of `action`.
   static std::string logged(const std::function<void()>& action) {
     testing::internal::CaptureStderr();
     action();
     return testing::internal::GetCapturedStderr();
   }
-  /// Opens the link as the worker does, and asks where that is worth while.
+  /// Opens the link as the worker does, and sends a request if that makes sense.
   void try_it(Bytes answer = {}) {
     if (!answer.empty()) wire->expect(kReadD100).give(std::move(answer));
     const auto opened = run_on(io, bus->open());
@@ -136,7 +136,7 @@ TEST_F(LinkStateTest, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
     link->heard_foreign(*devices[0], exchange);
     return testing::internal::GetCapturedStderr();
   };
-  // STX and digits of 7 bits with even parity.
+  // STX and digits with 7 bits and even parity.
   const Bytes parity{0x82, 0x33, 0xB4, 0xB1, 0xB2, 0xC3, 0x44, 0x41, 0x42,
                      0x03, 0x44, 0xB7, 0x82, 0x33, 0xB4, 0xB1, 0xB2, 0xC3};
   const std::string first = told_of(parity);
@@ -157,7 +157,7 @@ TEST_F(LinkStateTest, GarbageIsLookedAtOnceInAWhile) {
   exchange.heard = {0x82, 0x33, 0xB4, 0xB1};
   testing::internal::CaptureStderr();
   link->heard_foreign(*devices[0], exchange);
-  exchange.heard = {0xFF, 0x00, 0x13, 0x99};  // another cause, at once
+  exchange.heard = {0xFF, 0x00, 0x13, 0x99};  // another cause, logged at once
   link->heard_foreign(*devices[0], exchange);
   const std::string log = testing::internal::GetCapturedStderr();
   EXPECT_EQ(std::ranges::count(log, '\n'), 1) << log;
@@ -240,7 +240,7 @@ TEST_F(LinkStateTest, ModelIsAskedAgainAfterALoss) {
 
 TEST_F(LinkStateTest, PeerThatClosesBeforeItsFirstAnswerIsTriedEverMoreSeldomAndToldOnce) {
   use(TcpSettings{"192.0.2.10", 5551});
-  for (int i = 0; i < 2; ++i) wire->hang_up();  // while it listens
+  for (int i = 0; i < 2; ++i) wire->hang_up();  // during the drain
   for (int i = 0; i < 3; ++i) wire->silence().expect(kReadD100).hang_up();
   std::string log;
   nanoseconds before{0};

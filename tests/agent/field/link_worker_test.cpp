@@ -34,7 +34,7 @@ using State = DeviceStatus::State;
 const Bytes kReadD100 = read_frame(kD100, 2);
 const Bytes kWrite50 = write_frame(kD200, word(50));
 
-/// One link with its worker; what it says piles up here. The PLC is `plc` where the script ends.
+/// One link with its worker, whose output is collected here. After the script, `plc` answers.
 class LinkWorkerTest : public ::testing::Test {
  protected:
   LinkWorkerTest() {
@@ -45,7 +45,7 @@ class LinkWorkerTest : public ::testing::Test {
     if (worker != nullptr) stop();
   }
 
-  /// temp (D100, read) and setpoint (D200, read and written) in a group without an interval.
+  /// temp (D100, read) and setpoint (D200, read/write) in a group without an interval.
   static DeviceConfig press(std::string name = "press1",
                             std::shared_ptr<const Codec> codec = port_codec()) {
     DeviceConfig device = port_device(std::move(name), std::move(codec));
@@ -53,12 +53,12 @@ class LinkWorkerTest : public ::testing::Test {
     device.groups.push_back(group("slow", milliseconds(0)));
     return device;
   }
-  /// A tag that can be written, in the polled group.
+  /// Adds a writable tag to the polled group.
   void add_setpoint(std::string_view address = "D200") {
     config.devices[0].tags.push_back(writable(tag(*config.devices[0].codec, "setpoint", address)));
   }
 
-  /// Made before the script is written; the worker starts with start().
+  /// Creates the transport for scripting; the worker starts with start().
   ScriptedTransport& script() {
     if (!transport) {
       transport = std::make_unique<ScriptedTransport>(io.get_executor());
@@ -78,7 +78,7 @@ class LinkWorkerTest : public ::testing::Test {
       if (bug) std::rethrow_exception(bug);
     });
   }
-  /// As the uplink does: a command that is admitted goes to the worker, any other has its result.
+  /// Like the uplink: an admitted command goes to the worker, a refused one is answered directly.
   void submit(Command command) {
     auto decision =
         admission(command.device).admit(std::move(command), codec(command.device), 0, Clock::now());
@@ -124,7 +124,7 @@ class LinkWorkerTest : public ::testing::Test {
       return reached();
     });
   }
-  /// Lets the worker go on for so many more requests.
+  /// Runs the worker for this many further requests.
   void wait_for_requests(std::size_t more) {
     const std::size_t enough = wire->written().size() + more;
     wait([&] { return wire->written().size() >= enough; });
@@ -142,8 +142,8 @@ class LinkWorkerTest : public ::testing::Test {
     command.received_ms = utc_ms(std::chrono::system_clock::now());
     return command;
   }
-  /// D200 and its neighbours as x0 … x9; a list that writes 50 … 57 to the first eight of them.
-  /// `then` happens when so many of its writes are on the wire.
+  /// Starts a list that writes 50 … 57 to x0 … x7; D200 and its neighbours are tags x0 … x9. Calls
+  /// `then` when `writes` of them are on the wire.
   void start_list(std::function<void()> then, int writes) {
     for (int i = 0; i < 10; ++i)
       config.devices[0].tags.push_back(
@@ -164,7 +164,7 @@ class LinkWorkerTest : public ::testing::Test {
     wait([&] { return !telemetry.empty(); });
     submit(list);
   }
-  /// What the PLC is asked by the write of x`i`.
+  /// The PLC's record of the write to x`i`.
   static std::string write_of(int i) {
     const unsigned place = kD200 + 2 * static_cast<unsigned>(i);
     return "write " + hex_text(place, 4) + " " + hex_of(word(50U + static_cast<unsigned>(i)));
@@ -189,7 +189,7 @@ class LinkWorkerTest : public ::testing::Test {
     static const CommandResult nothing;
     return found != nullptr ? *found : nothing;
   }
-  /// The newest state of a device.
+  /// Returns the newest state of a device.
   DeviceStatus state(std::uint32_t device = 0) const {
     DeviceStatus newest;
     for (const DeviceStatus& status : states)
@@ -222,8 +222,7 @@ class LinkWorkerTest : public ::testing::Test {
   std::map<std::uint32_t, std::shared_ptr<const Codec>> codecs;
 };
 
-// ---- polls
-// ---------------------------------------------------------------------------------------
+// ---- polls -------------------------------------------------------------------------------------
 
 TEST_F(LinkWorkerTest, PollBecomesATelemetryMessage) {
   plc.set(kD100, word(234));
@@ -253,7 +252,7 @@ TEST_F(LinkWorkerTest, DeviceThatAnswersIsOnline) {
 }
 
 TEST_F(LinkWorkerTest, CommandGoesBetweenTheRepeatsOfARead) {
-  add_setpoint("D2000");  // a read of its own
+  add_setpoint("D2000");  // needs a separate read
   script().expect(kEnq).give(kAck);
   const Bytes write = port_frame("E10" + hex_text(0x4000 + 4000, 4) + "023200");
   wire->expect(kReadD100).call([&] { submit(write_setpoint("b7e1")); });
@@ -316,8 +315,7 @@ TEST_F(LinkWorkerTest, DurationsAreCountedWhereTheConfigAsksForMetrics) {
   EXPECT_GE(total(health.durations[0].lateness), 20U);
 }
 
-// ---- silence, and links that are down
-// ------------------------------------------------------------
+// ---- silence, and links that are down ----------------------------------------------------------
 
 TEST_F(LinkWorkerTest, SilentDeviceIsToldOnceAndIsOffline) {
   plc.silent = true;
@@ -351,8 +349,8 @@ TEST_F(LinkWorkerTest, SilentDeviceDoesNotStarveItsNeighbour) {
   wait_for_state(State::offline, "timeout", 0);
   const std::size_t before = of_device(1).size();
   wait([&] { return of_device(1).size() >= before + 100; });
-  // Its RUN state is answered once, which starts the count of three anew. On a machine that stood
-  // still meanwhile, a rest of a second or more may have ended, and so the count begun again.
+  // One answer to the RUN request restarts the count of three. On a machine that stalled, a rest of
+  // a second or more may have ended, and the count has restarted again.
   const auto rests = static_cast<std::size_t>((Clock::now() - began) / std::chrono::seconds(1));
   EXPECT_LE(vain, 5 + 3 * rests) << "it rests while its neighbour is asked a hundred times";
   EXPECT_EQ(state(1).state, State::online);
@@ -382,7 +380,7 @@ TEST_F(LinkWorkerTest, AnsweredCommandEndsTheBackOff) {
 }
 
 TEST_F(LinkWorkerTest, LinkThatWillNotOpenMakesEveryTagBadAndLeavesTheThreadFree) {
-  // The group has no interval: it must not be offered over and over while nothing can be sent.
+  // The group has no interval: the scheduler must not offer it continuously while the link is down.
   script().refuse_open("no such adapter");
   start();
   bool others_had_their_turn = false;
@@ -413,7 +411,7 @@ TEST_F(LinkWorkerTest, GroupThatNoWayReachesLeavesTheThreadFree) {
 TEST_F(LinkWorkerTest, NoGroupIsPolledBeforeItsLinkOpens) {
   config.links[0].char_time = milliseconds(1);
   const LinkConfig line = config.links[0];
-  config.links.assign(1000, line);  // so many that their starts are spread
+  config.links.assign(1000, line);  // enough to spread their starts
   config.devices[0].groups[0].interval = milliseconds(100);
   config.devices.resize(8, config.devices[0]);
   start();
@@ -499,7 +497,7 @@ TEST_F(LinkWorkerTest, ValuesOfADoubtedBusAreBadFramesUntilItIsBelievedAgain) {
 }
 
 TEST_F(LinkWorkerTest, WholeCycleIsBadInWhichForeignBytesWereFound) {
-  // Two reads; what lies behind the second tells that the first may have been another's answer.
+  // Two reads: the bytes after the second show that the first may have been another's answer.
   config.devices[0].tags.push_back(tag(*config.devices[0].codec, "far", "D200"));
   config.devices[0].max_block_bytes = 2;
   config.devices[0].retries = 0;
@@ -520,7 +518,7 @@ TEST_F(LinkWorkerTest, ChannelThatNeverFallsSilentIsClosedAndBacksOff) {
   wait_for_state(State::offline, "never_silent");
   wait_for_state(State::online, "");
   EXPECT_EQ(wire->opened(), 3U);
-  // Half a second and then a whole one, a fifth less at the least.
+  // Half a second and then one second, each shortened by at most a fifth.
   EXPECT_GE(Clock::now() - began, milliseconds(1200));
 }
 
@@ -580,8 +578,7 @@ TEST_F(LinkWorkerTest, StoppingWhileItListensIsNoLoss) {
   EXPECT_EQ(log.find("state=down"), std::string::npos) << log;
 }
 
-// ---- a stream where each silence needs a new connection
-// -----------------------------------------
+// ---- a stream that needs a new connection after each silence -----------------------------------
 
 /// MC protocol in 3E frames over TCP, without numbers.
 class StreamWithoutNumbers : public LinkWorkerTest {
@@ -600,7 +597,7 @@ class StreamWithoutNumbers : public LinkWorkerTest {
     device.groups[0].interval = milliseconds(5);
     device.tags.push_back(tag(*device.codec, "temp", "D100"));
   }
-  /// The words of a batch read, all 0.
+  /// Answers a batch read with words of 0.
   Bytes answer(ByteView request) {
     const bool answers = request.size() == 21 && there.contains(request[2]);
     if (!answers) return {};
@@ -610,7 +607,7 @@ class StreamWithoutNumbers : public LinkWorkerTest {
     out.resize(out.size() + 3 + bytes);
     return out;
   }
-  /// Those of a device, without "starting".
+  /// The reasons of a device's states, without "starting".
   std::vector<std::string> reasons(std::uint32_t device) const {
     std::vector<std::string> out;
     for (const DeviceStatus& status : states)
@@ -664,14 +661,13 @@ TEST_F(StreamWithoutNumbers, NeighbourOfASilentDeviceStaysOnline) {
   const std::size_t asked = wire->written().size();
   wait([&] { return wire->written().size() >= asked + 10; });
   const std::string log = testing::internal::GetCapturedStderr();
-  // Twice, perhaps: the checklist is shorter once the neighbour has answered.
+  // Possibly twice: the checklist is shorter once the neighbour has answered.
   for (const std::string& reason : reasons(0)) EXPECT_EQ(reason, "timeout");
   for (const std::string& reason : reasons(1)) EXPECT_EQ(reason, "");
   EXPECT_EQ(log.find("state=down"), std::string::npos) << log;
 }
 
-// ---- models
-// --------------------------------------------------------------------------------------
+// ---- models ------------------------------------------------------------------------------------
 
 class LinkWorkerModelTest : public LinkWorkerTest {
  protected:
@@ -682,8 +678,7 @@ class LinkWorkerModelTest : public LinkWorkerTest {
   }
 };
 
-// ---- commands
-// ------------------------------------------------------------------------------------
+// ---- commands ----------------------------------------------------------------------------------
 
 TEST_F(LinkWorkerTest, CommandGoesAfterTheExchangeOnTheWireAndBeforeTheNextPoll) {
   add_setpoint("D2000");
@@ -744,8 +739,8 @@ TEST_F(LinkWorkerTest, RefusedWriteAndRawAddressPublishNothing) {
 }
 
 TEST_F(LinkWorkerTest, PollThatWasUnderWayCarriesTheWrittenValue) {
-  // The cycle reads D200, then the command writes it, then the cycle goes on and ends: what it read
-  // is older than what its message may say.
+  // The cycle reads D200, the command writes it, then the cycle continues and ends: its value is
+  // older than its message may contain.
   add_setpoint("D200");
   config.devices[0].tags[0] = tag(*config.devices[0].codec, "clock", "D8010");
   script().expect(kEnq).give(kAck);
@@ -782,7 +777,7 @@ class LinkWorkerStaleTest : public LinkWorkerTest {
     command.targets[0].address = "D200";
     return command;
   }
-  /// Runs while the first cycle has read D200 and not yet the rest.
+  /// Runs `action` when the first cycle has read D200 and not yet the rest.
   void after_the_first_read(std::function<void()> action) {
     script().then([this, action = std::move(action)](ByteView request) mutable {
       const Bytes answer = reply(request);
@@ -790,10 +785,9 @@ class LinkWorkerStaleTest : public LinkWorkerTest {
       return answer;
     });
   }
-  /// The next write is carried out when the PLC was asked for D200 `reads` times more; nothing
-  /// answers it.
+  /// The next write is not answered, and is carried out after `reads` further reads of D200.
   void swallow_write(std::size_t reads) { late_after_ = reads; }
-  /// The first message of the whole group.
+  /// Returns the first message with the whole group.
   const Telemetry& first_cycle() {
     const auto whole = [](const Telemetry& message) { return !message.partial; };
     wait([&] { return std::any_of(telemetry.begin(), telemetry.end(), whole); });
@@ -850,7 +844,8 @@ TEST_F(LinkWorkerStaleTest, CycleUnderWayShowsTheNewestOfTwoWrites) {
 }
 
 TEST_F(LinkWorkerStaleTest, CycleUnderWayReadsAnewWhatAWriteWithoutAnAnswerMayHaveChanged) {
-  // What is read back is still the old value, so the outcome is unknown; then it is carried out.
+  // The read-back still returns the old value, so the outcome is unknown; then the PLC carries out
+  // the write.
   swallow_write(1);
   after_the_first_read([&] { submit(write_raw("lost", 50)); });
   start();
@@ -944,7 +939,7 @@ TEST_F(LinkWorkerTest, ReadAfterTheWriteIsTheNewest) {
   script().expect(kEnq).give(kAck);
   wire->expect(read_frame(kM0, 1)).call([&] { submit(write_setpoint("b7e1")); });
   wire->give(data_frame({0x00})).expect(kWrite50).give(kAck);
-  wire->expect(read_frame(kD200, 2)).give(word_frame(45));  // the ladder has set another value
+  wire->expect(read_frame(kD200, 2)).give(word_frame(45));  // written by the ladder
   start();
   wait([&] { return telemetry.size() >= 2; });
   EXPECT_EQ(telemetry[1].readings.at(1).value, number(45));
@@ -968,11 +963,11 @@ TEST_F(LinkWorkerTest, SameIdIsCarriedOutOnce) {
 }
 
 TEST_F(LinkWorkerTest, BoundCoversAHealthyLine) {
-  // The PLC of these tests answers at once. What the line would have taken is counted here, from
-  // what went over it: a character's time for each, and the PLC's own time.
+  // The PLC of these tests answers at once, so this test computes the line time from the traffic:
+  // one character time for each character, plus the PLC's own time.
   const milliseconds character{8};  // 1200 baud
   config.links[0].char_time = character;
-  config.links[0].poll_share = 0;  // it is measured in real time; AgendaBound has it in fake time
+  config.links[0].poll_share = 0;  // uses real time; PollSchedulerBound tests it
   add_setpoint();
   constexpr int kCommands = 20;
   std::vector<nanoseconds> arrived(kCommands);
@@ -982,7 +977,8 @@ TEST_F(LinkWorkerTest, BoundCoversAHealthyLine) {
   int written = -1;
   script().then([&](ByteView request) {
     const Bytes asked(request.begin(), request.end());
-    // The worst moment: a poll has just begun. Bursts of five, so that some wait for others.
+    // The worst moment: a poll has just begun. Bursts of five, so that some commands wait for
+    // others.
     for (int i = 0; asked == kReadD100 && telemetry.size() >= 3 && i < 5 && sent < kCommands; ++i) {
       arrived[static_cast<std::size_t>(sent)] = line;
       Command command = write_setpoint("c" + std::to_string(sent), 1000 + sent);
@@ -1029,7 +1025,7 @@ TEST_F(LinkWorkerTest, BoundCountsTheCommandThatIsOnTheWire) {
     return plc.answer(request);
   });
   start();
-  submit(write_setpoint("first"));  // and the enquiry
+  submit(write_setpoint("first"));  // includes the enquiry
   wait_for_result("first");
   submit(write_setpoint("alone"));
   const nanoseconds alone = wait_for_result("alone").bound.value_or(nanoseconds(0));
@@ -1084,7 +1080,7 @@ TEST_F(LinkWorkerModelTest, BoundCountsTheQuestionsAboutTheModelBeforeARead) {
   wait([&] { return state().model == "FX3U"; });
   submit(write_setpoint("later"));
   const nanoseconds later = wait_for_result("later").bound.value_or(nanoseconds(0));
-  // Two words are asked for, 11 characters each and 8 back; and the enquiry.
+  // Two read requests, 11 characters out and 8 back each, and the enquiry.
   EXPECT_GE(first - later, 2 * (19 * milliseconds(8) + milliseconds(30)));
 }
 
@@ -1100,8 +1096,7 @@ TEST_F(LinkWorkerTest, WithoutPollingNoGroupIsRead) {
                            [](const Telemetry& message) { return !message.partial; }));
 }
 
-// ---- the end
-// -------------------------------------------------------------------------------------
+// ---- the end -----------------------------------------------------------------------------------
 
 TEST_F(LinkWorkerTest, StopCutsAPollShort) {
   config.devices[0].timeout = std::chrono::hours(1);
@@ -1171,7 +1166,7 @@ TEST_F(LinkWorkerTest, CommandForAPlaceThatAListWritesWaitsForItsEnd) {
 }
 
 TEST_F(LinkWorkerTest, CommandThatIsLongerThanWhatAListHasHadWaits) {
-  // Two of its targets are as long as the other one, which therefore goes after them and not
+  // Two of its targets are as long as the other command, which therefore runs after them and not
   // before.
   start_list(
       [&] {
@@ -1296,7 +1291,7 @@ TEST_F(LinkWorkerChangeTest, CommandsThatWaitAreAnsweredAndThoseOfTheNeighbourGo
   submit(write_setpoint("a", 50, 1));
   submit(write_setpoint("b", 51, 1));
   remove(1);
-  submit(write_setpoint("c", 52, 1));  // admitted before, and later here
+  submit(write_setpoint("c", 52, 1));  // admitted before the change, delivered after it
   wait([&] { return !left.empty(); });
   for (const char* id : {"a", "b", "c"}) {
     ASSERT_NE(result_of(id), nullptr) << id;
@@ -1304,7 +1299,7 @@ TEST_F(LinkWorkerChangeTest, CommandsThatWaitAreAnsweredAndThoseOfTheNeighbourGo
     EXPECT_EQ(result_of(id)->reason, Reason::shutting_down) << id;
     EXPECT_NE(result_of(id)->detail.find("config"), std::string::npos) << result_of(id)->detail;
   }
-  submit(write_setpoint("d", 53, 1));  // nobody is there
+  submit(write_setpoint("d", 53, 1));  // the device is gone
   wait([&] { return result_of("d") != nullptr; });
   EXPECT_EQ(result_of("d")->reason, Reason::shutting_down);
 }

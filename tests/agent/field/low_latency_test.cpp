@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A pty, which has no adapter behind it, and a directory in the place of sysfs.
+/// A pty, which has no adapter, and a directory instead of sysfs.
 class LowLatencyTest : public ::testing::Test {
  protected:
   LowLatencyTest() : port(posix_openpt(O_RDWR | O_NOCTTY)) {

@@ -1,5 +1,5 @@
-// Commands where a protocol has what the programming port lacks: refusals with reasons,
-// broadcasts, several writes in one frame. Frames are those of the specifications.
+// Commands on protocols with features that the programming port lacks: refusals with reasons,
+// broadcasts, several writes in one frame. The frames come from the specifications.
 #include <gtest/gtest.h>
 
 #include <asio/io_context.hpp>
@@ -22,7 +22,7 @@ using Clock = std::chrono::steady_clock;
 
 Bytes hex(std::string_view text) { return *from_hex(text); }
 
-/// One open line with one device; commands come through real admission.
+/// One open line with one device; commands pass through real admission.
 class CommandOnTheBusTest : public ::testing::Test {
  protected:
   void use(std::string_view protocol, std::shared_ptr<const Codec> codec) {

@@ -1,4 +1,4 @@
-// Runs coroutines of the field to their end, as the field thread would.
+// Runs coroutines of the field to completion, as the field thread would.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -14,10 +14,11 @@
 
 namespace fxagent::test {
 
-/// What a test allows for what takes milliseconds; reaching it is a failure, not a measurement.
+/// A generous limit for operations of a few milliseconds. Reaching it is a failure, not a
+/// measurement.
 inline constexpr std::chrono::seconds kLimit{20};
 
-/// The outcome of `task`. `T` has a default.
+/// Runs `task` and returns its result. `T` must be default-constructible.
 template <class T>
 T run_on(asio::io_context& io, asio::awaitable<T> task) {
   std::optional<T> outcome;
@@ -33,7 +34,7 @@ T run_on(asio::io_context& io, asio::awaitable<T> task) {
   return T();
 }
 
-/// Handles events until `reached` says so; a failure where it never does.
+/// Runs events until `reached` returns true. Reports a failure if it never does.
 inline void run_until(asio::io_context& io, const std::function<bool()>& reached) {
   io.restart();
   const auto give_up = std::chrono::steady_clock::now() + kLimit;

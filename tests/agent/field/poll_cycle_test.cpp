@@ -14,7 +14,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-/// D100, D200 and D300 of one group, each in a read of its own.
+/// D100, D200 and D300 in one group, each in a separate read.
 class PollCycleTest : public ::testing::Test {
  protected:
   PollCycleTest() : device(port_device()) {
@@ -22,7 +22,7 @@ class PollCycleTest : public ::testing::Test {
     for (const char* address : {"D100", "D200", "D300"})
       device.tags.push_back(tag(*device.codec, address, address));
   }
-  /// The cycle of the device's only group, begun under `findings`.
+  /// Starts a cycle of the device's only group, planned with `findings`.
   PollCycle begun(std::uint64_t findings = 0) const {
     PollCycle cycle(device, 0);
     cycle.use(make_plan(*device.codec, cycle.points(), LineCost{}, 2), findings);
@@ -50,7 +50,7 @@ class PollCycleTest : public ::testing::Test {
   std::int64_t now_ms = 1000;
 
  private:
-  /// Each answer comes 10 ms after the one before it.
+  /// Each answer arrives 10 ms after the previous one.
   Exchange answer(Reply::Kind kind) {
     Exchange exchange;
     exchange.outcome = Exchange::Outcome::answered;

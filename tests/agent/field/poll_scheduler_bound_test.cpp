@@ -1,5 +1,5 @@
-// The bound of commands as a property: random lines in fake time, against what the contract
-// promises, and agendas that break the promise, which the same check must find.
+// The bound on commands, as a property test: random lines in fake time are checked against the
+// contract. The same check must detect schedulers that break the bound.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,8 +22,8 @@ const SteadyTime kStart{std::chrono::hours(1000)};
 const SteadyTime kTooLate = kStart + std::chrono::hours(1);
 constexpr BackOff kBackOff{milliseconds(1000), milliseconds(4000)};
 
-/// An agenda that is none: what all that must not be built have in common. The commands are kept
-/// from the real one, so that they have no priority but what next() gives them.
+/// Base of the deliberately wrong schedulers. Hides waiting commands from the real scheduler, so
+/// that their only priority is the one given by next().
 class WithoutPriority {
  public:
   explicit WithoutPriority(double share) : inner_(share) {}
@@ -79,7 +79,7 @@ class PollsFirst final : public WithoutPriority {
   }
 };
 
-/// Commands wait until the cycle that is under way has ended.
+/// Commands wait until the current cycle has ended.
 class WholeCycles final : public WithoutPriority {
  public:
   using WithoutPriority::WithoutPriority;
@@ -90,25 +90,25 @@ class WholeCycles final : public WithoutPriority {
 
 struct Findings {
   int commands = 0;
-  int late_commands = 0;   ///< queue + wire longer than the bound they were given
+  int late_commands = 0;   ///< queue + wire took longer than the given bound
   int wrong_polls = 0;     ///< not the due group with the earliest deadline
-  int lists = 0;           ///< commands that gave way between their parts
-  int went_between = 0;    ///< commands that were carried out between two parts of a list
-  int bursts = 0;          ///< a group began two cycles inside one of its periods
-  int starved_groups = 0;  ///< fewer cycles than there were intervals that nothing held up
-  double tightest = 0;     ///< the largest part of its bound that a command has used
+  int lists = 0;           ///< commands that yield between their parts
+  int went_between = 0;    ///< commands carried out between two parts of a list
+  int bursts = 0;          ///< a group began two cycles within one interval
+  int starved_groups = 0;  ///< fewer cycles than unobstructed intervals
+  double tightest = 0;     ///< the largest fraction of a bound that was used
   std::string example;
 };
 
-/// What a line is made of.
+/// The load on a line.
 enum class LineKind : std::uint8_t {
-  steady,  ///< exchanges take what was planned, and the load is not measured: the order of the
-           ///< polls can be told beforehand
+  steady,  ///< exchanges take the planned time and the load is not measured: the order of the
+           ///< polls is predictable
   rough,   ///< groups without an interval, overload, exchanges that are shorter than planned,
-           ///< repeated or given up
+           ///< repeated or abandoned
 };
 
-/// What a plain reading of the rules makes of the groups: kept apart from the poll scheduler's own.
+/// A literal implementation of the rules for groups, independent of the scheduler's.
 struct NaiveGroup {
   nanoseconds interval{0};
   std::uint32_t exchanges = 1;
@@ -137,7 +137,7 @@ struct NaiveGroup {
   }
 };
 
-/// One line with its groups, its clock and its queue, as a link worker would drive `Subject`.
+/// One line with its groups, clock and queue, driving `Subject` as a link worker does.
 template <class Subject>
 class RandomLine final {
  public:
@@ -154,7 +154,7 @@ class RandomLine final {
     left_ = arrivals;
     next_arrival_ = kStart + milliseconds(between(0, 100));
     while (left_ > 0 || !waiting_.empty()) {
-      if (now_ > kTooLate) {  // all would have been carried out in minutes
+      if (now_ > kTooLate) {  // the queue needs only minutes
         found_.late_commands += static_cast<int>(waiting_.size());
         return found_;
       }
@@ -177,7 +177,7 @@ class RandomLine final {
     SteadyTime arrived{};
     nanoseconds planned{0};
     nanoseconds bound{0};
-    int parts = 1;  ///< more: it gives way between them
+    int parts = 1;  ///< more than 1: yields between them
   };
 
   int between(int low, int high) { return std::uniform_int_distribution<int>(low, high)(random_); }
@@ -196,14 +196,13 @@ class RandomLine final {
     groups_.push_back(std::move(group));
   }
 
-  /// What an exchange planned with `planned` takes in the end: never more, or the line is not
-  /// healthy.
+  /// Returns the actual duration of an exchange: never more than planned, as on a healthy line.
   nanoseconds real(nanoseconds planned) {
     if (kind_ == LineKind::steady || between(0, 2) == 0) return planned;
     return planned * between(30, 100) / 100;
   }
 
-  /// Everything that arrives up to `until`; bursts and quiet times alternate.
+  /// Generates the arrivals up to `until`; bursts and quiet times alternate.
   void arrive(SteadyTime until) {
     while (left_ > 0 && next_arrival_ <= until) {
       AdmittedCommand admitted;
@@ -258,7 +257,7 @@ class RandomLine final {
                      std::to_string(admitted.bound / milliseconds(1)) + " ms";
   }
 
-  /// As the link's worker does between two parts of a command.
+  /// Yields between two parts of a command, as the link's worker does.
   void give_way() {
     while (now_ < kTooLate) {
       const PollScheduler::Job job = scheduler_.next(now_);
@@ -290,7 +289,7 @@ class RandomLine final {
     const int luck = between(0, 19);
     if (luck == 0)
       scheduler_.abandon_cycle(step.group, now_);
-    else if (luck > 1)  // at 1 the answer was garbled: the same step once more
+    else if (luck > 1)  // at 1 the answer was garbled: repeats the step
       scheduler_.step_done(step);
   }
 
@@ -305,7 +304,7 @@ class RandomLine final {
   }
 
   void look_for_starved_groups() {
-    // With a fifth of the line or more for polls, nobody may be left out for good.
+    // If polls have a fifth of the line or more, every group must be polled eventually.
     if (kind_ != LineKind::steady || share_ < 0.2) return;
     for (const NaiveGroup& group : groups_)
       found_.starved_groups += (now_ - group.first) / group.interval >= 20 && group.cycles == 0;
@@ -319,13 +318,13 @@ class RandomLine final {
   std::vector<NaiveGroup> groups_;
   nanoseconds longest_{0};  ///< poll exchange
   std::deque<AdmittedCommand> waiting_;
-  /// What each command under way has had of the line, less what went between its parts.
+  /// Line time used by each running command, minus the commands that ran between its parts.
   std::vector<nanoseconds> credits_;
-  nanoseconds running_{0};  ///< planned line time of the commands under way
+  nanoseconds running_{0};  ///< planned line time of the running commands
   SteadyTime now_ = kStart;
   SteadyTime next_arrival_{};
   int left_ = 0;
-  int burst_ = 0;  ///< so many more arrive at the same moment
+  int burst_ = 0;  ///< number of further arrivals at the same moment
   Findings found_;
 };
 
@@ -361,7 +360,7 @@ TEST(PollSchedulerBound, EveryCommandIsInsideItOnRoughAndOverloadedLines) {
   EXPECT_EQ(commands, 20000);
 }
 
-/// Of 20 lines of each kind, how many show the check that this agenda breaks the bound.
+/// Returns on how many of 20 lines of each kind this scheduler breaks the bound.
 template <class Subject>
 int lines_with_late_commands() {
   int lines = 0;

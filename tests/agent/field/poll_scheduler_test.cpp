@@ -21,8 +21,7 @@ constexpr BackOff kBackOff{milliseconds(1000), milliseconds(4000)};
 
 SteadyTime at(int ms) { return kStart + milliseconds(ms); }
 
-/// The group whose poll the poll scheduler offers, carried out at once; nullopt where it offers
-/// none.
+/// Runs the next poll that the scheduler offers and returns its group; nullopt if it offers none.
 std::optional<PollScheduler::GroupId> poll(PollScheduler& scheduler, SteadyTime now) {
   const auto job = scheduler.next(now);
   if (job.kind != Kind::poll) return std::nullopt;
@@ -62,7 +61,7 @@ TEST(PollScheduler, EarliestDeadlineGoesFirst) {
   const auto device = scheduler.add_device(3, kBackOff);
   const auto slow = scheduler.add_group(device, milliseconds(1000), 1, at(0));
   const auto fast = scheduler.add_group(device, milliseconds(100), 1, at(10));
-  EXPECT_EQ(poll(scheduler, at(20)), fast);  // must be done by 110, the other by 1000
+  EXPECT_EQ(poll(scheduler, at(20)), fast);  // due by 110, the other by 1000
   EXPECT_EQ(poll(scheduler, at(20)), slow);
   EXPECT_EQ(poll(scheduler, at(20)), std::nullopt);
 }
@@ -97,7 +96,7 @@ TEST(PollScheduler, MissedPollsAreSkippedAndCountedNeverSentInABurst) {
   const auto device = scheduler.add_device(3, kBackOff);
   const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
   EXPECT_EQ(poll(scheduler, at(0)), group);
-  EXPECT_EQ(poll(scheduler, at(730)), group);  // the poll of 100; those of 200 to 700 are gone
+  EXPECT_EQ(poll(scheduler, at(730)), group);  // the poll of 100; those of 200 to 700 are skipped
   EXPECT_EQ(poll(scheduler, at(730)), std::nullopt);
   EXPECT_EQ(scheduler.next(at(730)).until, at(800));
   EXPECT_EQ(scheduler.counters(device).missed, 6U);
@@ -122,8 +121,8 @@ TEST(PollScheduler, IntervalZeroIsAlwaysDueAndLeavesOthersTheirInterval) {
 }
 
 TEST(PollScheduler, GivenUpCycleOfIntervalZeroRestsAsLongAsItIsTold) {
-  // Where the link is down a cycle ends without waiting for anything: offered again at once, it
-  // would keep the field thread from ever doing something else.
+  // When the link is down, a cycle ends without waiting. Offered again at once, it would keep the
+  // field thread busy for ever.
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   const auto free = scheduler.add_group(device, milliseconds(0), 1, at(0));
@@ -278,7 +277,7 @@ TEST(PollScheduler, CommandsWithoutAnAnswerDoNotPutOffTheNextPoll) {
   constexpr auto kCommand = PollScheduler::AskedBy::command;
   EXPECT_TRUE(scheduler.device_unanswered(device, at(0), kCommand));
   EXPECT_EQ(scheduler.next(at(999)).until, at(1000));
-  // Each has the line for longer than the rest.
+  // Each one uses the line for longer than the rest lasts.
   for (int now = 1100; now < 20000; now += 1100) {
     EXPECT_TRUE(scheduler.device_unanswered(device, at(now), kCommand));
     ASSERT_EQ(scheduler.next(at(now)).kind, Kind::poll) << "or its tags would never turn bad";
@@ -397,7 +396,8 @@ TEST(PollScheduler, WhatIsReadAtOnceLeavesTheFastGroupsHalfOfTheLine) {
   EXPECT_GE(cycles[fast], 40);
 }
 
-/// Groups on one line, each exchange as long as it is said to be; how many cycles each began.
+/// Runs groups on one line with exchanges of the given length. Returns the number of cycles of each
+/// group.
 struct Share {
   milliseconds interval;
   milliseconds exchange;
@@ -426,7 +426,7 @@ std::vector<int> cycles_within(const std::vector<Share>& groups, milliseconds ti
 }
 
 TEST(PollScheduler, OverloadedLineGivesEveryGroupItsShareInProportion) {
-  // 0.8 and 0.5 of the line: 1.3 together, so each is to have 1 / 1.3 of its polls.
+  // Loads of 0.8 and 0.5, together 1.3: each group should get 1 / 1.3 of its polls.
   std::uint64_t missed = 0;
   const auto cycles = cycles_within(
       {{milliseconds(100), milliseconds(80), 1}, {milliseconds(1000), milliseconds(50), 10}},
@@ -484,7 +484,7 @@ TEST(PollScheduler, GroupIsBackOnTheGridWhenAnOverloadIsOver) {
       continue;
     }
     begun.push_back(now);
-    // Longer than its interval at first, and of an odd length.
+    // At first longer than its interval, and not a divisor of it.
     const milliseconds exchange(now < at(6000) ? 303 : 41);
     now += exchange;
     scheduler.step_used(job.poll, exchange);
@@ -540,7 +540,7 @@ TEST(PollScheduler, PollsKeepTheirShareUnderAFloodOfCommands) {
 }
 
 TEST(PollScheduler, NoPollIsOwedForAQuietTime) {
-  // Polls that nobody held up build no claim against a later burst of commands.
+  // Polls that were not delayed must not build up a claim against a later burst of commands.
   PollScheduler scheduler(0.2);
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.add_group(device, milliseconds(1000), 1, at(500));
@@ -559,7 +559,7 @@ TEST(PollScheduler, WhatIsOwedToPollsIsPartOfTheBound) {
   scheduler.command_waits();
   scheduler.command_waits();
   scheduler.command_taken();
-  scheduler.command_used(milliseconds(10000), at(0));  // 2.5 s belong to the polls now
+  scheduler.command_used(milliseconds(10000), at(0));  // polls are now owed 2.5 s
   EXPECT_GE(scheduler.bound(milliseconds(0), milliseconds(10), milliseconds(50)),
             milliseconds(2500));
 }

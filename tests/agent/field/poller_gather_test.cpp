@@ -1,4 +1,4 @@
-// Polls of a device whose protocol reads several places by one frame.
+// Polls of a device whose protocol can read several places in one frame.
 
 #include <gtest/gtest.h>
 
@@ -21,7 +21,7 @@ using State = DeviceStatus::State;
 
 constexpr int kLocked = 5;
 
-/// Says kLocked to everything while a password locks it.
+/// While a password locks the device, it answers every request with kLocked.
 class LockingCodec final : public GatheringCodec {
  public:
   explicit LockingCodec(const GatheringCodec& other) : GatheringCodec(other) {}
@@ -30,7 +30,7 @@ class LockingCodec final : public GatheringCodec {
   }
 };
 
-/// Two commands, of 24 words or double words and of 12 blocks.
+/// Two gather commands: 24 words or double words, and 12 blocks.
 class GatherPolls : public PollerTest {
  protected:
   GatherPolls() {
@@ -57,7 +57,7 @@ class GatherPolls : public PollerTest {
   void add_scattered(unsigned number) {
     for (unsigned n = 0; n < number; ++n) add_tags({"W" + std::to_string(200 * n)});
   }
-  /// Another plant, not yet begun.
+  /// Replaces the plant by a new one that is not yet started.
   void begin_anew() {
     poller.reset();
     state.reset();
@@ -72,7 +72,7 @@ class GatherPolls : public PollerTest {
     add_device("plc");
   }
   Bytes answer(ByteView request) override { return plc.answer(request); }
-  /// Steps until a sample has come that began after now.
+  /// Runs steps until a new sample arrives.
   const Telemetry& next_sample() {
     const std::size_t seen = telemetry.size();
     steps_until([&] { return telemetry.size() > seen; });

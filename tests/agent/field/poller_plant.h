@@ -1,4 +1,4 @@
-// The polls of one link, for tests that ask for each step.
+// The polls of one link, for tests that run every step.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -23,11 +23,11 @@ inline asio::awaitable<bool> ended(asio::awaitable<void> task) {
   co_return true;
 }
 
-/// The polls of one link without its loop: a test asks for each step. Nothing is waited for; where
-/// nothing is due, the poll scheduler is told that it is later.
+/// The polls of one link without its loop: a test runs every step. Nothing waits: if no poll is
+/// due, the test advances the scheduler's time.
 class PollerTest : public ::testing::Test {
  protected:
-  /// After the devices are configured and the script is written. The bus is open.
+  /// Call after the devices are configured and the script is written. Opens the bus.
   void start() {
     script();
     bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), config.links[0].char_time);

@@ -208,7 +208,7 @@ TEST_F(PortPolls, RunStateThatIsDoubtedIsNotKnown) {
   const Bytes running = data_frame({0x01});
   script().expect(kEnq).give(kAck).expect(question).give(running);
   wire->expect(read_frame(kD8001, 2)).give(word_frame(24310));
-  wire->expect(read_frame(kD8101, 2)).give(word_frame(16310));  // an FX3U, as the config says
+  wire->expect(read_frame(kD8101, 2)).give(word_frame(16310));  // an FX3U, as configured
   start();
   poller->add_question(*devices[0]);
   steps_until([&] { return newest[0].run == true && wire->steps_left() == 0; });
@@ -223,7 +223,7 @@ TEST_F(PortPolls, RunStateThatIsDoubtedIsNotKnown) {
 TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
   config.devices[0].groups[0].interval = hours(1);
   plc.set(kM8000, {0x01});
-  plc.set(kD8001, word(24310));  // FX2N, which repeats it at D8101
+  plc.set(kD8001, word(24310));  // FX2N, repeated at D8101
   plc.set(kD8101, word(24310));
   testing::internal::CaptureStderr();
   start();
@@ -243,7 +243,7 @@ TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
   EXPECT_EQ(log.find("model_configured=FX3U"), log.rfind("model_configured=FX3U")) << log;
 }
 
-// ---- a PLC whose model the config leaves open ---------------------------------------------------
+// ---- a PLC without a configured model ----------------------------------------------------------
 
 class ModelPolls : public PortPolls {
  protected:
@@ -295,7 +295,7 @@ TEST_F(ModelPolls, RefusalThatMayPassIsNoAnswerAndTheModelIsAskedAgain) {
 TEST_F(ModelPolls, OneRefusalDecidesNoModel) {
   script().expect(kEnq).give(kAck);
   wire->expect(read_frame(kD8001, 2)).give(word_frame(24310));
-  wire->expect(read_frame(kD8101, 2)).give(kNak);  // noise: an FX3U has it
+  wire->expect(read_frame(kD8101, 2)).give(kNak);  // noise: an FX3U does not refuse this
   start();
   steps_until([&] { return !telemetry.empty(); });
   EXPECT_EQ(newest[0].model, "FX3U");
@@ -316,7 +316,7 @@ TEST_F(ModelPolls, ModelIsAskedAgainAfterASilence) {
   plc.silent = true;
   steps_until([&] { return newest[0].state == State::offline; });
   plc.silent = false;
-  plc.set(kD8101, word(24310));  // another PLC was plugged in: an FX2N
+  plc.set(kD8101, word(24310));  // the PLC was replaced by an FX2N
   steps_until([&] { return newest[0].model == "FX2N" && newest[0].state != State::offline; });
 }
 
@@ -348,7 +348,7 @@ TEST_F(ModbusPolls, BlockWithAHoleIsCutUntilEverythingElseIsRead) {
   const Telemetry& settled = telemetry.back();
   EXPECT_EQ(settled.readings[11].bad, BadReason::nak);
   EXPECT_EQ(newest[0].state, State::degraded);
-  // From now on two reads, and none of them touches the hole.
+  // From here on there are two reads, and neither touches the hole.
   const std::size_t before = peer.asked.size();
   steps_until([&] { return peer.asked.size() >= before + 6; });
   for (std::size_t i = before; i < peer.asked.size(); ++i)
@@ -422,7 +422,7 @@ TEST_F(ModbusPolls, UnitWithoutTagsIsAskedWhetherItIsThere) {
   step();
   EXPECT_GE(now - asked_at, std::chrono::seconds(9)) << "every 10 s";
   EXPECT_EQ(peer.asked.size(), 2U);
-  peer.refuses[1] = 0x0B;  // by its gateway
+  peer.refuses[1] = 0x0B;  // from its gateway
   steps_until([&] { return newest[0].state == State::offline; });
   EXPECT_EQ(newest[0].reason, "timeout");
 }

@@ -1,5 +1,5 @@
-// Frames of the FX programming port as a PLC and its programmer put them on the wire, spelled out
-// by these tests alone: what the agent sends is compared with them, never with its own encoder.
+// Frames of the FX programming port as a PLC and its programming tool send them, written out for
+// these tests: the agent's frames are compared with them, never with its own encoder.
 // Classic commands: 0 reads, 1 writes bytes, 7 and 8 force one bit; numbers are ASCII hex.
 #pragma once
 
@@ -21,7 +21,7 @@ inline constexpr unsigned kD101 = 0x10CA;
 inline constexpr unsigned kD200 = 0x1190;
 inline constexpr unsigned kD201 = 0x1192;
 inline constexpr unsigned kM0 = 0x0100;
-inline constexpr unsigned kM96 = 0x010C;  // the byte that M100 lies in, at bit 4
+inline constexpr unsigned kM96 = 0x010C;  // the byte that contains M100, as bit 4
 inline constexpr unsigned kM8000 = 0x01E0;
 inline constexpr unsigned kD8001 = 0x0E02;
 inline constexpr unsigned kD8101 = 0x0ECA;
@@ -35,7 +35,7 @@ inline std::string hex_text(unsigned value, int digits) {
   return text;
 }
 
-/// STX, the text, ETX, and the sum of all after STX.
+/// Builds STX, the text, ETX, and the sum of everything after STX.
 inline Bytes port_frame(std::string_view text) {
   Bytes frame{0x02};
   unsigned sum = 0x03;

@@ -14,7 +14,7 @@ using std::chrono::nanoseconds;
 constexpr ReconnectRules kRules{milliseconds(500), milliseconds(30000), milliseconds(200)};
 constexpr std::uint32_t kLinks = 1000;
 
-/// The largest number of these times that lie within one `window`.
+/// The largest number of these times within any one `window`.
 std::size_t most_within(std::vector<nanoseconds> times, nanoseconds window) {
   std::sort(times.begin(), times.end());
   std::size_t most = 0;

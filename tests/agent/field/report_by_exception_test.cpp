@@ -19,7 +19,8 @@ const SteadyTime kStart{std::chrono::hours(1000)};
 
 SteadyTime after(seconds time) { return kStart + time; }
 
-/// temp (D100, scaled by 0.1), running (M0) and levels (D110-D112) in one group; one tag elsewhere.
+/// temp (D100, scaled by 0.1), running (M0) and levels (D110-D112) in one group; one tag in
+/// another.
 DeviceConfig press() {
   DeviceConfig device = port_device();
   device.groups.push_back(group("slow", milliseconds(5000)));
@@ -40,7 +41,7 @@ DeviceConfig press_on_change(std::optional<double> deadband = std::nullopt) {
   return device;
 }
 
-/// What a cycle brought for one tag.
+/// The result of a cycle for one tag.
 using Outcome = std::variant<Value, BadReason>;
 
 std::vector<TagReading> brought(const std::vector<Outcome>& outcomes) {
@@ -155,7 +156,7 @@ TEST(ReportByException, DeadbandIsMeasuredFromTheValueLastSent) {
 }
 
 TEST(ReportByException, ChangeOfExactlyOneDeadbandIsSent) {
-  // In binary 0.3 - 0.2 is a little less than 0.1.
+  // In binary, 0.3 - 0.2 is slightly less than 0.1.
   for (int raw = 1; raw < 2000; ++raw) {
     const DeviceConfig device = press_on_change(0.1);
     ReportByException report(device, 0);

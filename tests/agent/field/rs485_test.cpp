@@ -32,7 +32,7 @@ TEST(Rs485, WhatADriverChangesSilentlyIsNamed) {
   EXPECT_EQ(not_taken(asked, asked), "");
 
   serial_rs485 got = asked;
-  got.flags |= SER_RS485_RX_DURING_TX;  // not ours to judge
+  got.flags |= SER_RS485_RX_DURING_TX;  // set by others, not checked
   EXPECT_EQ(not_taken(asked, got), "");
   got.flags = 0;
   EXPECT_NE(not_taken(asked, got).find("does not switch"), std::string::npos)

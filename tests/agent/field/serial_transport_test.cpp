@@ -1,6 +1,6 @@
 #include "agent/field/serial_transport.h"
 
-#include <asm/termbits.h>  // termios2, which tells any speed; <termios.h> cannot stand beside it
+#include <asm/termbits.h>  // termios2, for any speed; conflicts with <termios.h>
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <stdlib.h>
@@ -24,7 +24,7 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-/// A pty: the test holds the end that the PLC would have, the path is the agent's.
+/// A pty: the test holds the PLC's end, the agent opens the path.
 class Pty final {
  public:
   Pty() {
@@ -52,7 +52,7 @@ class Pty final {
     bytes.resize(count > 0 ? static_cast<std::size_t>(count) : 0);
     return bytes;
   }
-  /// Both ends that the test holds are closed: the agent's hangs up.
+  /// Closes both ends that the test holds, so that the agent's end hangs up.
   void unplug() {
     for (int* fd : {&plc_, &kept_})
       if (*fd >= 0) ::close(std::exchange(*fd, -1));
@@ -78,7 +78,7 @@ class SerialTransportTest : public ::testing::Test {
     const Bytes copy(bytes.begin(), bytes.end());
     return run_on(io, transport.write(copy, Clock::now() + std::chrono::seconds(10)));
   }
-  /// What arrived, or why nothing did.
+  /// Returns the bytes that arrived, or the error.
   std::string read(Transport& transport, milliseconds within = std::chrono::seconds(10)) {
     std::array<std::uint8_t, 64> into{};
     const auto got = run_on(io, transport.read_some(into, Clock::now() + within));
@@ -94,7 +94,7 @@ TEST_F(SerialTransportTest, BytesGoBothWaysUnchanged) {
   const auto transport = port(pty.path());
   ASSERT_TRUE(open(*transport));
   EXPECT_TRUE(transport->is_open());
-  // What a terminal would swallow or change: ETX, CR, LF, XON, XOFF, EOT and all of 7 bits.
+  // Bytes that a terminal would swallow or change: ETX, CR, LF, XON, XOFF, EOT, and all 7 bits set.
   const std::string all = "\x02\x03\x04\x05\x06\x11\x13\x15\r\n\x1a\x7f";
   const auto written = write(*transport, all);
   EXPECT_EQ(written.sent, all.size());
@@ -209,7 +209,7 @@ TEST_F(SerialTransportTest, VanishedPortTakesNoBytes) {
 }
 
 TEST_F(SerialTransportTest, LineThatTakesNoMoreBytesEndsTheWrite) {
-  const Pty pty;  // nobody reads its other end
+  const Pty pty;  // its other end is never read
   const auto transport = port(pty.path());
   ASSERT_TRUE(open(*transport));
   const Bytes flood(1 << 20, 0x55);
@@ -226,7 +226,7 @@ TEST_F(SerialTransportTest, DiscardThrowsAwayWhatHasArrived) {
   EXPECT_EQ(transport->discard_input().value_or(Bytes(99)).size(), 0U);
   pty.say("stale reply");
   std::size_t thrown_away = 0;
-  run_until(io, [&] {  // the kernel hands it over when it likes
+  run_until(io, [&] {  // the kernel delivers it at some later time
     thrown_away += transport->discard_input().value_or(Bytes{}).size();
     return thrown_away == 11;
   });

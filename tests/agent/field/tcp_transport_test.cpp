@@ -22,7 +22,7 @@ using asio::ip::tcp;
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-/// A serial server on the loopback, with blocking calls: it runs between those of the transport.
+/// A serial server on the loopback with blocking calls: it runs between calls of the transport.
 class TcpTransportTest : public ::testing::Test {
  protected:
   std::unique_ptr<Transport> stream(std::string host = "127.0.0.1") {
@@ -99,7 +99,7 @@ TEST_F(TcpTransportTest, ReadEndsAtItsDeadline) {
 }
 
 TEST_F(TcpTransportTest, EarlierDeadlineAfterALaterOneHolds) {
-  // One timer serves all reads: it was armed for the first one, which ended long before.
+  // One timer serves all reads. It was armed for the first read, which ended long before.
   const auto transport = stream();
   tcp::socket peer = connect(*transport);
   say(peer, "x");
@@ -187,7 +187,7 @@ TEST_F(TcpTransportTest, NothingKeepsTheThreadAfterClosing) {
   EXPECT_TRUE(io.stopped());
 }
 
-/// The limit of open files, until the test is over.
+/// Changes the limit of open files until the test is over.
 class OpenFiles final {
  public:
   explicit OpenFiles(rlim_t allowed) {

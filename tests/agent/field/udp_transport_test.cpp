@@ -18,7 +18,7 @@ using asio::ip::udp;
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-/// A device on the loopback, with blocking calls: it runs between those of the transport.
+/// A device on the loopback with blocking calls: it runs between calls of the transport.
 class UdpTransportTest : public ::testing::Test {
  protected:
   std::unique_ptr<Transport> channel(std::string host = "127.0.0.1", std::uint16_t own = 0) {
@@ -36,7 +36,7 @@ class UdpTransportTest : public ::testing::Test {
     const Bytes bytes(text.begin(), text.end());
     return run_on(io, transport.write(bytes, Clock::now() + kLimit));
   }
-  /// Who sent what to the device.
+  /// Receives a text and returns its sender.
   udp::endpoint hear(std::string& text) {
     std::array<char, 65536> into{};
     udp::endpoint from;
@@ -84,7 +84,7 @@ TEST_F(UdpTransportTest, DatagramsGoBothWays) {
 
 TEST_F(UdpTransportTest, HostMayBeAName) {
   const auto transport = channel("localhost");
-  // It may have an address more, where the device is not: then the next one is taken.
+  // The name may have another address, without a device: then the transport tries the next one.
   for (int attempt = 0; attempt < 4; ++attempt) {
     open_well(*transport);
     EXPECT_FALSE(write(*transport, "question").error);
@@ -209,7 +209,7 @@ TEST_F(UdpTransportTest, PortWhereNobodyListensIsLinkDownInWords) {
   EXPECT_FALSE(write(*transport, "question").error) << "it left; what becomes of it is told later";
   const std::string told = read(*transport);
   EXPECT_EQ(told.find(place + ": nobody listens on this UDP port"), 0U) << told;
-  // What the next question meets was sent to nobody.
+  // The refusal of the first request arrives with the next one, which was not sent.
   EXPECT_FALSE(write(*transport, "question").error);
   run_until(io, [&] { return !transport->discard_input().has_value(); });
   EXPECT_FALSE(transport->is_open());
@@ -220,7 +220,7 @@ TEST_F(UdpTransportTest, QuestionThatMeetsTheRefusalOfTheOneBeforeWasNotSent) {
   device.close();
   open_well(*transport);
   EXPECT_FALSE(write(*transport, "question").error);
-  // On the loopback the refusal is there when the call returns.
+  // On the loopback the refusal has arrived when the call returns.
   const auto next = write(*transport, "next");
   ASSERT_TRUE(next.error);
   EXPECT_EQ(next.error->code, ErrorCode::link_down);

@@ -42,7 +42,7 @@ class WireTraceTest : public ::testing::Test {
     station.timeout = milliseconds(1000);
   }
   void trace() { line->trace_to(std::make_unique<WireTrace>("line1")); }
-  /// What is logged while D100 is read, without the times.
+  /// Returns the log lines of a read of D100, without the times.
   Lines read_d100() {
     testing::internal::CaptureStderr();
     if (!line->is_open()) {
@@ -120,7 +120,7 @@ TEST_F(WireTraceTest, BytesThatNobodyAskedForAreShown) {
   trace();
   const Lines lines = read_d100();
   ASSERT_EQ(lines.size(), 4U);
-  // Of the opening, where no device is spoken to.
+  // From open(), where no device is addressed.
   EXPECT_EQ(lines[0],
             "trace frame link=line1 way=in bytes=7F says=\"nobody asked for these bytes\"");
   EXPECT_EQ(lines[1], kAsked);
@@ -138,7 +138,7 @@ TEST_F(WireTraceTest, LongFramesAreShownWhole) {
   EXPECT_GT(testing::internal::GetCapturedStderr().size(), 1800U);
 }
 
-// Whoever traces may be gone, and the device's codec with it, when the log's thread comes to it.
+// The tracer and the device's codec may be gone when the log thread handles the line.
 TEST_F(WireTraceTest, WhatWaitsToBeExplainedKeepsItsCodecAndNothingLonger) {
   auto codec = port_codec();
   const std::weak_ptr<const Codec> kept = codec;

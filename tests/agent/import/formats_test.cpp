@@ -1,4 +1,4 @@
-// Each format is told from all others by what the file begins with.
+// Each format is recognised by the beginning of the file.
 #include "agent/import/formats.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ TEST(ImportFormats, EachTextIsOfOneAlone) {
       EXPECT_EQ(format.is_it(text), format.name == name) << name << " as " << format.name;
 }
 
-/// As `import auto` does.
+/// Detects the format as `import auto` does.
 std::string_view found(std::string_view text) {
   for (const ImportFormat& format : import_formats())
     if (format.is_it(text)) return format.name;

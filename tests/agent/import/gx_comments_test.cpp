@@ -1,4 +1,4 @@
-// Device comments in the shapes of GX Developer, GX Works2 and GX Works3.
+// Device comments in the formats of GX Developer, GX Works2 and GX Works3.
 #include <gtest/gtest.h>
 
 #include <string>

@@ -1,4 +1,4 @@
-// Neuron's JSON, in its three shapes.
+// Neuron's JSON in its three forms.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -92,7 +92,7 @@ TEST(Neuron, ATemplate) {
   EXPECT_EQ(made.config["devices"][0]["name"], "meter");
 }
 
-/// A node of Modbus RTU with these params and one tag of each kind.
+/// A Modbus RTU node with these params and one tag of each kind.
 std::string rtu_with(const std::string& params) {
   return R"({"nodes": [{"name": "rtu", "plugin": "Modbus RTU", "params": {)" + params + R"(},
     "groups": [{"group": "g", "interval": 1000, "tags": [
@@ -175,7 +175,7 @@ TEST(Neuron, IsToldFromOtherJson) {
   EXPECT_EQ(broken.error().line, 2);
 }
 
-/// A node of that plugin at 192.0.2.7 with these tags.
+/// A node of the given plugin at 192.0.2.7 with these tags.
 Made node_of(const std::string& plugin, const std::string& tags, const std::string& model) {
   return made_of(R"({"nodes": [{"name": "n", "plugin": ")" + plugin + R"(",
        "params": {"host": "192.0.2.7", "port": 2000},

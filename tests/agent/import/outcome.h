@@ -1,4 +1,4 @@
-// What an importer makes of a text, for the tests of all formats.
+// The result of an import, for the tests of all formats.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -14,13 +14,13 @@
 namespace fxagent::test {
 
 struct Made {
-  nlohmann::json config;           ///< null where nothing could be carried over
+  nlohmann::json config;           ///< null if nothing could be carried over
   std::vector<std::string> notes;  ///< "3: left out: …"
   std::size_t changed = 0;
   std::size_t left_out = 0;
 };
 
-/// The text must be of the format, and what comes out must pass check.
+/// Imports a text. The text must be of the format, and the result must pass check.
 inline Made made_of(std::string_view text,
                     ImportResult (*read)(std::string_view, const ImportOptions&),
                     const ImportOptions& options = {}) {
@@ -42,7 +42,7 @@ inline Made made_of(std::string_view text,
   return made;
 }
 
-/// How many notes have all the words.
+/// Counts the notes that contain all the words.
 inline int notes_with(const Made& made, const std::vector<std::string>& words) {
   int count = 0;
   for (const std::string& note : made.notes) {

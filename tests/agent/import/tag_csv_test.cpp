@@ -1,4 +1,4 @@
-// Tags as CSV and back: the same config.
+// Tags exported to CSV and imported again give the same config.
 #include "agent/import/tag_csv.h"
 
 #include <gtest/gtest.h>
@@ -27,7 +27,7 @@ std::string text_of(const std::string& path) {
   return text.str();
 }
 
-/// The config that comes back, as JSON.
+/// Returns the re-imported config as JSON.
 json back(const std::string& config) {
   auto imported = import_tag_csv(export_csv(config), {});
   EXPECT_TRUE(imported) << (imported ? "" : imported.error().text);
@@ -38,7 +38,7 @@ json back(const std::string& config) {
   return json::parse(outcome.config.empty() ? "null" : outcome.config);
 }
 
-/// A device whose tags have every key there is.
+/// A device whose tags have every possible key.
 json every_key() {
   json plant = small_plant();
   plant["devices"][0]["tags"] = json::parse(R"([

@@ -201,7 +201,7 @@ TEST(Telegraf, BrokenTextHasItsLine) {
   EXPECT_FALSE(import_telegraf("[agent]\n", {}));
 }
 
-/// A plugin with these lines.
+/// Imports a plugin with these lines.
 Made plugin_of(const std::string& lines) {
   return made_of("[[inputs.modbus]]\nname = \"m\"\ncontroller = \"tcp://192.0.2.1:502\"\n" + lines,
                  import_telegraf);
@@ -280,7 +280,7 @@ TEST(Telegraf, IntervalsInAllUnits) {
   EXPECT_EQ(interval_of("5000us"), 5);
 }
 
-/// The line that is named where the text is too deep; 0: it is not.
+/// Returns the line reported for text that is nested too deeply; 0 if none.
 int deep_line(const std::string& text) {
   const auto read = import_telegraf(text, {});
   if (read || read.error().text.find("over 32 levels") == std::string::npos) return 0;
@@ -303,7 +303,7 @@ TEST(Telegraf, NamesAndBracketsWithoutEndAreAnErrorWithTheirLine) {
   EXPECT_EQ(deep_line("a = " + repeated("[", kMany)), 1);
   EXPECT_EQ(deep_line(repeated("\"=\".", kMany) + "a = 1\n"), 1);
   EXPECT_EQ(deep_line(repeated("'#'.", kMany) + "a = 1\n"), 1);
-  // Behind a string of three quotes that ends with one of its own.
+  // After a """ string that ends with a quote of its own.
   EXPECT_EQ(deep_line("t = {x = \"\"\"a\nb\\\"\"\"\"\", " + dots + " = \"1\"}\n"), 2);
   EXPECT_EQ(deep_line("t = {x = '''a'''', " + dots + " = '1'}\n"), 1);
   EXPECT_EQ(deep_line("a = \"x\\\"\" # it's \"\n" + dots + " = 1\n"), 2);

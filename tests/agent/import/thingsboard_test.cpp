@@ -89,7 +89,7 @@ TEST(Thingsboard, ASerialLineIsWhatTheGatewayTakesItFor) {
       "data_bits":8,"parity":"none","stop_bits":1,"path":"/dev/ttyUSB0"}}])"));
 }
 
-/// What becomes of these timeseries of a slave.
+/// Imports a slave with these timeseries.
 Made series(const std::string& list) {
   return made_of(R"({"master": {"slaves": [{"host": "192.0.2.7", "port": 502, "type": "TCP",
     "method": "Socket", "deviceName": "a", "byteOrder": "big", "wordOrder": "Big",

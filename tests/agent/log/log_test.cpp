@@ -30,7 +30,7 @@ TEST(Log, WhatIsNoUtf8IsEscapedAndWhatIsStays) {
   EXPECT_EQ(log::format_line("x", {{"v", "a\xFFz"}}), "x v=\"a\\xffz\"");
   EXPECT_EQ(log::format_line("x", {{"v", "\xC3"}}), "x v=\"\\xc3\"");
   EXPECT_EQ(log::format_line("x", {{"v", "\xED\xA0\x80"}}), "x v=\"\\xed\\xa0\\x80\"");
-  // U+009B begins a command to a terminal as ESC [ does.
+  // U+009B starts a terminal command, as ESC [ does.
   EXPECT_EQ(log::format_line("x", {{"v",
                                     "\xC2\x9B"
                                     "31m"}}),
@@ -42,7 +42,7 @@ TEST(Log, ForeignTextIsCutAndItsLengthTold) {
   EXPECT_EQ(log::excerpt("short"), "short");
   EXPECT_EQ(log::excerpt(std::string(128, 'x')), std::string(128, 'x'));
   EXPECT_EQ(log::excerpt(std::string(65536, 'x')), std::string(128, 'x') + "… (65536 bytes)");
-  // No character is cut in two.
+  // Never splits a character.
   EXPECT_EQ(log::excerpt(std::string(127, 'x') + "°°"), std::string(127, 'x') + "… (131 bytes)");
   EXPECT_EQ(log::excerpt(std::string(200, '\x80')).substr(0, 125), std::string(125, '\x80'));
 }
@@ -53,7 +53,7 @@ TEST(Log, NoValueMakesALineOfAnyLength) {
   EXPECT_TRUE(line.ends_with("… (1048576 bytes)\"")) << line.substr(1000);
 }
 
-// gtest's name for tests of a process that ends.
+// The suffix DeathTest is gtest's convention for tests of a process that ends.
 TEST(LogDeathTest, LinesBeforeATerminateAreWritten) {
   const auto end = [] {
     const log::InBackground background;
@@ -75,7 +75,7 @@ TEST(LogDeathTest, EqualLinesAreCountedAndTheCountIsToldAtTheEnd) {
               "warning repeated count=95 line=\"link state=down\"");
 }
 
-/// What stderr is like in a child that ends with status 7 behind `what`.
+/// Runs `what` in a child that then ends with status 7, for tests of its stderr.
 template <class What>
 void in_background_and_end(What what) {
   {

@@ -17,15 +17,15 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// A pipe that is read when the test says so.
+/// A pipe that is read on demand.
 struct Pipe {
   int ends[2] = {-1, -1};
   Pipe() { EXPECT_EQ(::pipe(ends), 0); }
   ~Pipe() {
     ::close(ends[0]);
-    // The other end stays open: the writer's thread may still have it.
+    // The other end stays open: the writer's thread may still use it.
   }
-  /// What comes until `last` has come.
+  /// Reads until `last` has arrived.
   std::string read_until(const std::string& last) const {
     std::string all;
     char piece[4096];
@@ -56,7 +56,7 @@ TEST(LogWriter, LinesComeInTheirOrder) {
   EXPECT_EQ(pipe.read_until("line 99\n"), expected);
 }
 
-// 64 KiB fit into the pipe and 256 KiB into the queue; nobody reads.
+// The pipe holds 64 KiB and the queue 256 KiB; the pipe is not read.
 TEST(LogWriter, PipeThatNobodyReadsHoldsUpNobodyAndWhatWasDroppedIsTold) {
   const Pipe pipe;
   LogWriter writer(pipe.ends[1], told());
@@ -96,7 +96,7 @@ TEST(LogWriter, LinesThatAreMadeLaterComeInTheirOrderAndFromItsThread) {
   EXPECT_EQ(pipe.read_until("made 49\n"), expected);
 }
 
-// Nobody reads; the pipe holds 64 KiB.
+// The pipe is not read; it holds 64 KiB.
 TEST(LogWriter, LinesThatAreMadeLaterLeaveHalfOfTheRoomAndAreNotWaitedFor) {
   const Pipe pipe;
   LogWriter writer(pipe.ends[1], told());
@@ -169,7 +169,7 @@ TEST(LogRepeats, LinesThatComeNowAndThenAreAllWritten) {
 TEST(LogRepeats, FloodOfDifferentTextsTakesNoMemory) {
   LogRepeats repeats;
   for (int i = 0; i < 10000; ++i) EXPECT_TRUE(repeats.take(kStart, 2, std::to_string(i)));
-  // The table is full; later there is room again.
+  // The table is full; later it has room again.
   for (int i = 0; i < 10; ++i) EXPECT_TRUE(repeats.take(kStart, 2, "beyond"));
   int written = 0;
   for (int i = 0; i < 10; ++i) written += repeats.take(kStart + 11s, 2, "beyond") ? 1 : 0;

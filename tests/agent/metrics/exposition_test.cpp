@@ -1,4 +1,4 @@
-// What Prometheus reads, against the text format and the table of agent/CONTRACT.md.
+// The Prometheus page, compared with the text format and the table of agent/CONTRACT.md.
 #include "agent/metrics/exposition.h"
 
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
-/// The value behind `series`, as it stands there; "" where it is not there or twice.
+/// Returns the value of `series` as text; "" if the series is missing or appears twice.
 std::string value_of(const std::string& text, const std::string& series) {
   std::string value;
   for (const std::string& line : lines_of(text)) {
@@ -153,7 +153,7 @@ TEST(Exposition, PlaceThatAReloadHasLeftVacantIsNotShown) {
 
 // ---- the contract -------------------------------------------------------------------------------
 
-/// name → "type: label label", of a page.
+/// Parses a page into name → "type: label label".
 std::map<std::string, std::string> families_of(const std::string& text) {
   std::map<std::string, std::string> families;
   std::map<std::string, std::set<std::string>> labels;
@@ -177,7 +177,7 @@ std::map<std::string, std::string> families_of(const std::string& text) {
   return families;
 }
 
-/// The same of the table in section 10.
+/// Parses the table in section 10 the same way.
 std::map<std::string, std::string> families_of_contract() {
   std::ifstream file(FXAGENT_CONTRACT);
   std::map<std::string, std::string> families;

@@ -1,4 +1,4 @@
-// A client that sends any bytes at any pace, for the tests of the HTTP server. Not blocking.
+// A non-blocking client that sends any bytes at any pace, for the tests of the HTTP server.
 #pragma once
 
 #include <sys/socket.h>
@@ -39,7 +39,7 @@ class HttpClient final {
   }
   void end_sending() const { ::shutdown(file_, SHUT_WR); }
 
-  /// What has come so far.
+  /// Returns everything received so far.
   const std::string& heard() {
     std::array<char, 4096> block{};
     while (!closed_) {
@@ -53,12 +53,12 @@ class HttpClient final {
     }
     return heard_;
   }
-  /// Whether the server has closed it.
+  /// True if the server has closed the connection.
   bool closed() {
     heard();
     return closed_;
   }
-  /// Of the answer; 0 where there is none.
+  /// The status of the answer; 0 if there is none yet.
   int status() { return heard().starts_with("HTTP/1.1 ") ? std::stoi(heard().substr(9, 3)) : 0; }
   std::string body() {
     const auto end = heard().find("\r\n\r\n");

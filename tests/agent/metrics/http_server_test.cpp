@@ -1,4 +1,4 @@
-// One thread: the test runs the server, and its clients in between. Time is the test's.
+// Single-threaded: the test runs the server and its clients in turn and controls the clock.
 #include "agent/metrics/http_server.h"
 
 #include <gtest/gtest.h>
@@ -32,7 +32,8 @@ class HttpServerTest : public testing::Test {
   }
   void TearDown() override { server_.reset(); }
 
-  /// Lets the server do all that is due. The library does one step of a connection at a time.
+  /// Lets the server do everything that is due. The library advances a connection one step at a
+  /// time.
   void run() {
     for (int i = 0; i < 50; ++i) server_->run(now_);
   }

@@ -66,7 +66,7 @@ TEST_F(UnixSocket, IsForTheUserAndTheGroupAndGoesWithItsOwner) {
 TEST_F(UnixSocket, FileThatADeadAgentLeftIsReplaced) {
   auto dead = ListeningSocket::open(config_);
   ASSERT_TRUE(dead.has_value());
-  ::close(dead->take_file());  // its file stays
+  ::close(dead->take_file());  // leaves its file behind
   const auto next = ListeningSocket::open(config_);
   ASSERT_TRUE(next.has_value()) << next.error().text;
 }

@@ -1,4 +1,4 @@
-// A status in which everything has another number, of the plant of tests/agent/uplink/plant.h.
+// A status in which every number is different, for the plant of tests/agent/uplink/plant.h.
 #pragma once
 
 #include <memory>

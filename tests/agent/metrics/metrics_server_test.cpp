@@ -1,4 +1,4 @@
-// The whole server against a status board that the test fills, over a Unix socket.
+// The complete server with a status board filled by the test, over a Unix socket.
 #include "agent/metrics/metrics_server.h"
 
 #include <gtest/gtest.h>
@@ -30,7 +30,7 @@ class MetricsServerTest : public testing::Test {
     board_.publish(std::make_shared<const AgentStatus>(std::move(status)), now);
   }
 
-  /// The answer, once there is one.
+  /// Returns the answer, once it has arrived.
   HttpClient ask(const std::string& path) {
     const auto deadline = Clock::now() + 30s;
     while (Clock::now() < deadline) {

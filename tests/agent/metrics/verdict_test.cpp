@@ -13,7 +13,7 @@ using namespace test;
 using namespace std::chrono_literals;
 using nlohmann::json;
 
-/// The one reason that is given.
+/// Returns the only reason given.
 std::string why(const Verdict& verdict) {
   const json body = json::parse(verdict.json);
   EXPECT_EQ(body.at("ok"), verdict.good);
@@ -41,7 +41,7 @@ TEST(Health, UplinkThatMakesNoStatusIsNamed) {
   EXPECT_EQ(why(health_of(nullptr, kMade)), "uplink: no sign of life since the start");
 }
 
-/// While the uplink stands still there is no newer status.
+/// A stalled uplink publishes no newer status.
 TEST(Health, UptimeIsThatOfThisMoment) {
   AgentStatus status = made_up_status();
   status.uptime = 60s;

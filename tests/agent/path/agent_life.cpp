@@ -17,10 +17,10 @@ using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
 constexpr milliseconds kStep{10};
-// Longer than any command takes with all its timeouts: reaching it is a failure.
+// Longer than any command takes including all timeouts: reaching it is a failure.
 constexpr std::chrono::minutes kLongest{5};
 
-Fate* g_fate = nullptr;  ///< of the agent that lives, for failpoint()
+Fate* g_fate = nullptr;  ///< of the current agent, for failpoint()
 
 }  // namespace
 
@@ -159,7 +159,7 @@ void AgentLife::take_acknowledgements() {
 
 }  // namespace fxagent::test
 
-// The places that the product names, in the place of its own definition, which does nothing.
+// Replaces the product's failpoint(), which does nothing.
 void fxagent::failpoint(std::string_view name) noexcept {
   if (fxagent::test::g_fate != nullptr) fxagent::test::g_fate->ends_here(name);
 }

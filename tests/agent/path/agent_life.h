@@ -1,5 +1,5 @@
-// One life of an agent without its broker: commands as text in, results as text out, and all that
-// lies between, on lines with a ledger at their end. Time is that of clock_by_hand.h.
+// One life of an agent without its broker: commands as text in, results as text out, and everything
+// in between. Its lines end at devices with a ledger. The clock is that of clock_by_hand.h.
 #pragma once
 
 #include <asio/io_context.hpp>
@@ -21,34 +21,35 @@
 
 namespace fxagent::test {
 
-/// UTC of the clock by hand.
+/// The manually set clock in UTC.
 std::int64_t path_utc_ms();
 
 class AgentLife final {
  public:
-  /// What the broker gets.
+  /// Receives what would go to the broker.
   using Publish = std::function<void(std::uint32_t device, const std::string& text)>;
 
-  /// What the journal has of earlier lives is taken up. All arguments outlive it.
+  /// Recovers the journal entries of earlier lives. All arguments must outlive this.
   AgentLife(const Config& config, LastingJournal& journal,
             const std::vector<LedgerDevice*>& devices, Fate& fate, Polling polling,
             Publish publish);
-  /// Ends the field, whatever has become of the agent.
+  /// Ends the field, in whatever state the agent is.
   ~AgentLife();
 
   void receive(const SentCommand& sent);
-  /// Empty: nobody has the id of this one.
+  /// An empty text means that no other agent has this id.
   void set_conflict(const std::string& other_boot) { commands_.set_conflict(other_boot); }
-  /// Messages that came together: in the journal in one commit.
+  /// Delivers messages that arrived together: one journal commit.
   void hand_over();
-  /// Lets time pass.
+  /// Advances the time.
   void run_for(std::chrono::milliseconds duration);
-  /// Until every command has its result and the broker has all, or the agent has ended.
+  /// Runs until every command has its result and the broker has received all, or the agent has
+  /// ended.
   void run_until_idle();
-  /// A clean stop, which commands may still come into: `meanwhile` is called now and then.
+  /// Stops cleanly. Calls `meanwhile` from time to time; it may deliver further commands.
   void stop(const std::function<void()>& meanwhile);
 
-  /// Of ten results so many are never acknowledged in this life.
+  /// This many of ten results are never acknowledged in this life.
   int not_acknowledged = 0;
 
  private:
@@ -72,7 +73,7 @@ class AgentLife final {
   std::vector<std::unique_ptr<LinkWorker>> workers_;
   std::vector<InFlight> in_flight_;
   std::size_t ended_ = 0;
-  int with_field_ = 0;  ///< commands that it has and has not answered
+  int with_field_ = 0;  ///< commands at the field without a result
 };
 
 }  // namespace fxagent::test

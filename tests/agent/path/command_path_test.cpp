@@ -1,10 +1,9 @@
-// What a result promises, over the whole way of a command: random messages as JSON into Commands
-// with a journal, over the links to devices that keep a ledger of what they really did, and the
-// results as JSON out. Faults strike at any exchange, time passes, the agent stops or dies at any
-// place and starts again.
-//
-//   FXAGENT_COMMANDS=200000 command_path_test     so many commands
-//   FXAGENT_SEED=7 …                              begins with this scene, and plays it the same
+// Every result must be true, over the complete path of a command. Random JSON messages go into
+// Commands with a journal, and over the links to devices that keep a ledger of their actual writes;
+// the results come out as JSON. Faults strike at any exchange, time passes, and the agent stops or
+// dies at any point and starts again.
+//   FXAGENT_COMMANDS=200000 command_path_test     runs this many commands
+//   FXAGENT_SEED=7 …                              starts with this scene and repeats it exactly
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -37,11 +36,11 @@ int setting(const char* name, int otherwise) {
   return given == nullptr ? otherwise : std::atoi(given);
 }
 
-/// One plant and some commands, over the lives that its agent has.
+/// One plant and some commands, over several lives of its agent.
 class Scene final {
  public:
   Scene(const Config& config, std::uint32_t seed) : config_(config), fate_(seed), journal_(fate_) {
-    // The same each time: polls take their moments from the one, links their jitter from the other.
+    // Makes scenes reproducible: the clock determines the times of polls and the jitter of links.
     advance_clock(seconds(1) - std::chrono::steady_clock::now().time_since_epoch() % seconds(1));
     restart_calendar();
     for (const fxsim::Protocol protocol : kProtocols) {
@@ -54,14 +53,14 @@ class Scene final {
         fate_, std::vector<const LedgerDevice*>(devices_.begin(), devices_.end()));
   }
 
-  /// What is wrong; empty: nothing.
+  /// Runs the scene. Returns what is wrong; empty: nothing.
   std::string play() {
     const int lives = fate_.between(0, 3);
     constexpr std::array<int, 5> kFaults{0, 10, 60, 200, 400};
     for (life_ = 0; life_ < lives; ++life_) {
       fate_.faults_in_1000 = kFaults[static_cast<std::size_t>(fate_.between(0, 4))];
       live(fate_.one_in(3) ? 0 : fate_.between(1, 150));
-      // What a device still owes the agent that is gone has come before the next one starts.
+      // Lets the answers to the previous agent arrive before the next one starts.
       advance_clock(seconds(5));
     }
     live_to_the_end();
@@ -104,7 +103,7 @@ class Scene final {
     if (fate_.has_ended()) judge_.killed(life_);
   }
 
-  /// Nothing goes wrong any more, and all is heard to its end.
+  /// Runs the last life without faults, until every command is finished.
   void live_to_the_end() {
     fate_.faults_in_1000 = fate_.one_in(2) ? 0 : 100;
     const auto agent = begin(0);
@@ -131,7 +130,7 @@ class Scene final {
     agent.hand_over();
   }
 
-  /// A new command, or an id again: with the same message, with another one, with a spoiled one.
+  /// Returns a new command, or a used id with the same, another or an invalid message.
   SentCommand next() {
     if (earlier_.empty() || !fate_.one_in(6)) return commands_->next(path_utc_ms());
     SentCommand again =
@@ -195,8 +194,8 @@ TEST(CommandPath, EveryResultSaysWhatTheDeviceReallyDid) {
   std::cout << "\nof which:";
   for (const auto& [reason, count] : by_reason) std::cout << " " << reason << " " << count << ",";
   std::cout << "\n";
-  if (received < wanted) return;  // broken off
-  // A run that never came to one of these would prove nothing of it.
+  if (received < wanted) return;  // aborted
+  // A run without one of these would prove nothing about it.
   for (const char* status :
        {"SUCCEEDED", "FAILED", "PARTIAL", "REJECTED", "EXPIRED", "DUPLICATE", "UNKNOWN_OUTCOME"})
     EXPECT_GE(counted[status], wanted / 400) << status;

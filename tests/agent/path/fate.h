@@ -1,5 +1,4 @@
-// What befalls the agent and its lines in a test: faults on the wire, and the end of the agent at a
-// place that chance picks.
+// The faults of a test: on the wire, and the end of the agent at a random point.
 #pragma once
 
 #include <cstdint>
@@ -9,23 +8,23 @@
 
 namespace fxagent::test {
 
-/// What goes wrong with one exchange. Where nothing else is said the request is carried out.
+/// The fault in one exchange. Unless noted otherwise, the device carries out the request.
 enum class Fault : std::uint8_t {
   none,
-  request_lost,   ///< nothing is done, nothing comes back
-  answer_lost,    ///< nothing comes back
+  request_lost,   ///< not done, no answer
+  answer_lost,    ///< no answer
   refused,        ///< not done
-  unclear,        ///< done or not, and a gateway's exception; elsewhere as refused
-  garbled,        ///< the check of the answer is wrong
-  cut_short,      ///< half of the answer comes
+  unclear,        ///< done or not, and a gateway's exception; same as refused on other protocols
+  garbled,        ///< the answer has a wrong checksum
+  cut_short,      ///< only half of the answer arrives
   noise,          ///< other bytes before the answer
-  from_another,   ///< as if another station had answered
-  late,           ///< the answer comes late, and all that is asked behind it
-  split,          ///< the answer comes in two pieces
-  broken_before,  ///< the connection, with no byte gone
-  broken_within,  ///< with part of the frame gone: not done
-  broken_after,   ///< with the frame gone
-  overwritten,    ///< and then something else sets another value
+  from_another,   ///< the answer appears to come from another station
+  late,           ///< the answer is late, and delays all later ones
+  split,          ///< the answer arrives in two pieces
+  broken_before,  ///< connection lost before the first byte: not done
+  broken_within,  ///< connection lost within the frame: not done
+  broken_after,   ///< connection lost after the frame
+  overwritten,    ///< then another client writes another value
   count_
 };
 
@@ -36,13 +35,13 @@ class Fate final {
   int between(int low, int high) { return std::uniform_int_distribution<int>(low, high)(random_); }
   bool one_in(int many) { return between(1, many) == 1; }
 
-  /// A new life of the agent, which ends at the n-th place where it may; 0: not so.
+  /// Starts a new life of the agent, which ends at the n-th possible point; 0: never.
   void begin_life(int ends_at) {
     has_ended_ = false;
     ends_at_ = ends_at;
   }
-  /// A place in the life of a command where the agent may end. True: it has ended, here or before;
-  /// nothing that it does from now on is seen by anybody.
+  /// Marks a point at which the agent may end. Returns true if it has ended, here or earlier;
+  /// nothing that it does afterwards has an effect.
   bool ends_here(std::string_view where) {
     if (!has_ended_ && ends_at_ > 0 && --ends_at_ == 0) {
       has_ended_ = true;
@@ -53,10 +52,10 @@ class Fate final {
   bool has_ended() const { return has_ended_; }
   const std::string& ended_at() const { return ended_at_; }
 
-  /// Of a thousand exchanges so many have a fault.
+  /// Faults per thousand exchanges.
   int faults_in_1000 = 0;
   Fault next_fault() {
-    // What strikes once often strikes again: a refusal that a repeat cures is another story.
+    // Faults often repeat: otherwise the next attempt would cure most of them.
     const bool again = faults_in_1000 > 0 && last_fault_ != Fault::none && one_in(3);
     if (again) return last_fault_;
     last_fault_ = Fault::none;

@@ -1,5 +1,5 @@
-// A journal that outlives the agents of a test, and may be where one of them ends: before what it
-// is given is kept, or right behind.
+// A journal that outlives the agents of a test. An agent may end in it, just before or just after
+// an entry is kept.
 #pragma once
 
 #include <algorithm>
@@ -88,7 +88,7 @@ class LastingJournal final : public CommandJournal, private CommandStarts {
 
   Fate& fate_;
   std::map<std::pair<std::string, std::string>, JournalEntry> entries_;
-  std::set<std::uint64_t> started_;  ///< numbers of the commands that may have left
+  std::set<std::uint64_t> started_;  ///< numbers of the commands that may have been sent
   std::uint64_t last_number_ = 0;
 };
 

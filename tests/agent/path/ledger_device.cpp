@@ -16,7 +16,7 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-constexpr unsigned kPresetBits = 1000;  // each third of them is on at first
+constexpr unsigned kPresetBits = 1000;  // every third of them is initially on
 
 constexpr fxsim::Device kForcedStop{fxsim::Kind::special_m, 37};  // M8037
 
@@ -36,7 +36,7 @@ bool is_word(fxsim::Kind kind) {
   return kind == fxsim::Kind::d || kind == fxsim::Kind::holding_register;
 }
 
-/// What carries a deed out where it comes.
+/// True if the device carries out the request despite the fault.
 bool is_done(Fault fault) {
   return fault != Fault::request_lost && fault != Fault::refused && fault != Fault::broken_before &&
          fault != Fault::broken_within;
@@ -49,7 +49,7 @@ bool is_done(Fault fault) {
 LedgerDevice::LedgerDevice(fxsim::Protocol protocol)
     : personality_(personality_of(protocol)),
       plc_(model_of(protocol), fxsim::make_plant("none"), Clock::now()) {
-  // Where the switch stands in RUN a computer link may not switch the PLC at all.
+  // With the switch in RUN, a computer link may not control the PLC at all.
   if (protocol == fxsim::Protocol::computer_link) plc_.set_run_switch(false);
   for (unsigned number = 0; number < kPresetBits; number += 3)
     set(bit_device(number), 1, SteadyTime::min());
@@ -78,7 +78,7 @@ void LedgerDevice::note(const fxsim::Frame& frame, const fxsim::Ruling& ruling) 
                       kind == fxsim::RequestKind::force_off;
   if (!writes) return;
   last_.clear();
-  // The simulator names the first device of a list only.
+  // The simulator names only the first device of a list.
   if (personality_->protocol() == fxsim::Protocol::computer_link) {
     const std::string_view command = text.substr(5, 2);
     if (command == "WT" || command == "BT") return note_list(text.substr(8), command == "BT");
@@ -106,7 +106,7 @@ void LedgerDevice::note_list(std::string_view area, bool bits) {
       note_deed(*device, *value);
       continue;
     }
-    for (unsigned bit = 0; bit < 16; ++bit)  // of a word of bits
+    for (unsigned bit = 0; bit < 16; ++bit)  // a word of bits
       note_deed({device->kind, device->number + bit}, (*value >> bit) & 1U);
   }
 }
@@ -176,7 +176,7 @@ bool LedgerDevice::had(const std::vector<Since>& history, std::uint32_t value, s
 bool LedgerDevice::was(const Deed& deed, std::uint32_t mask, TimeSpan when) const {
   const auto found = history_.find({deed.is_bit, deed.number});
   if (found == history_.end()) return deed.value == 0;
-  if (deed.value == 0 && found->second.front().when >= when.from) return true;  // as at the start
+  if (deed.value == 0 && found->second.front().when >= when.from) return true;  // the initial value
   return had(found->second, deed.value, mask, when);
 }
 
@@ -202,7 +202,8 @@ asio::awaitable<Result<void>> FaultyLine::open(SteadyTime) {
   co_await asio::post(executor_, asio::use_awaitable);
   open_ = !fate_.has_ended() && Clock::now() >= opens_from_;
   if (!open_) co_return fail(ErrorCode::link_down, "the line does not open");
-  // A serial server hands what comes late to whoever is connected now; a TCP connection does not.
+  // A serial server delivers late bytes to the client that is connected now; a TCP connection does
+  // not.
   if (device_.personality().protocol() == fxsim::Protocol::modbus_tcp) {
     arrivals_.clear();
     framer_ = device_.personality().make_framer();
@@ -252,11 +253,11 @@ void FaultyLine::answer(const fxsim::Frame& frame, Fault fault) {
   Bytes reply = reply_to(frame, fault);
   if (fault == Fault::overwritten) device_.overwrite_last();
   spoil(reply, fault);
-  // It answers one after another: what is late holds up what is asked behind it.
+  // The device answers requests in order: a late answer delays the following ones.
   busy_until_ = std::max(busy_until_, Clock::now()) + milliseconds(fate_.between(2, 15));
   if (fault == Fault::late) busy_until_ += milliseconds(fate_.between(50, 350));
-  // No later than config/README.md has it: twice timeout_ms, which is 200 here. Later ones are
-  // what nobody can tell from the answer to the question that is open then.
+  // Within the limit of config/README.md: twice timeout_ms, which is 200 here. A later answer
+  // cannot be distinguished from the answer to the pending request.
   busy_until_ = std::min(busy_until_, Clock::now() + milliseconds(390));
   if (reply.empty()) return;
   if (fault == Fault::split) {
@@ -292,7 +293,7 @@ void FaultyLine::spoil(Bytes& reply, Fault fault) const {
   const fxsim::Personality& personality = device_.personality();
   const bool summed = personality.protocol() != fxsim::Protocol::modbus_tcp;
   if (reply.empty()) return;
-  // Modbus TCP has no check, so that nobody could tell.
+  // Modbus TCP has no checksum, so the fault would be undetectable.
   if (fault == Fault::garbled && summed) personality.spoil(reply, fxsim::Flaw::sum);
   if (fault == Fault::from_another) personality.spoil(reply, fxsim::Flaw::sender);
   if (fault == Fault::cut_short) reply.resize(reply.size() / 2);

@@ -1,5 +1,5 @@
-// A simulated device that keeps a ledger of what it really did, and the line to it, where faults
-// strike. The device is fxsim's: it shares no code with the agent.
+// A simulated device with a ledger of its actual writes, and a faulty line to it. The device is
+// fxsim's: it shares no code with the agent.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
@@ -19,7 +19,7 @@
 
 namespace fxagent::test {
 
-/// One word or bit with the value that it was given.
+/// One word or bit and the value written to it.
 struct Deed {
   bool is_bit = false;
   unsigned number = 0;  ///< D100, hr:100, M100 and co:100 are 100
@@ -27,7 +27,7 @@ struct Deed {
   friend auto operator<=>(const Deed&, const Deed&) = default;
 };
 
-/// From the first moment to the last, both included.
+/// Both ends are included.
 struct TimeSpan {
   SteadyTime from;
   SteadyTime to;
@@ -37,36 +37,36 @@ class LedgerDevice final {
  public:
   explicit LedgerDevice(fxsim::Protocol protocol);
 
-  /// The answer of the device, which does what it is asked.
+  /// Carries out a request and returns the answer.
   fxsim::Bytes carry_out(const fxsim::Frame& frame);
-  /// Something else sets what was written last.
+  /// Overwrites the last write, as another client would.
   void overwrite_last();
-  /// Before the first command: what a word holds; that the bits of `mask` are somebody else's, who
-  /// changes them whenever the word was written. A command must leave them as it finds them.
+  /// Call before the first command. Sets the value of a word. The bits of `mask` belong to another
+  /// client, which changes them after each write to the word; a command must leave them unchanged.
   void preset_word(unsigned number, std::uint32_t value);
   void share(unsigned number, std::uint32_t mask) { shared_[number] = mask; }
 
   bool is_fx() const { return !fxsim::is_modbus(personality_->protocol()); }
   std::uint32_t word(unsigned number) const;
   bool bit(unsigned number) const;
-  /// Whether the place of `deed` had its value, as far as `mask` goes, at some time of `when`.
+  /// True if the place of `deed` had its value, masked by `mask`, at some time in `when`.
   bool was(const Deed& deed, std::uint32_t mask, TimeSpan when) const;
-  /// Whether the PLC was in RUN, or not, at some time of `when`.
+  /// True if the PLC was in RUN (or not in RUN) at some time in `when`.
   bool was_running(bool running, TimeSpan when) const;
   const fxsim::Personality& personality() const { return *personality_; }
 
-  std::map<Deed, int> ledger;  ///< how often each was done; of a shared word its own bits
+  std::map<Deed, int> ledger;  ///< number of times; for a shared word, of its own bits
   std::map<Deed, SteadyTime> first_done;
-  std::map<std::string, int> switched;  ///< "run", "stop": how often it was made to
-  std::vector<std::string> story;       ///< the frames that came, and what struck them
-  std::vector<std::string> faults;      ///< what no command may do
+  std::map<std::string, int> switched;  ///< "run" and "stop": number of times
+  std::vector<std::string> story;       ///< received frames and the faults that struck them
+  std::vector<std::string> faults;      ///< effects that no command may have
 
  private:
   void note(const fxsim::Frame& frame, const fxsim::Ruling& ruling);
   void note_list(std::string_view area, bool bits);
   void note_deed(fxsim::Device device, std::uint32_t value);
   void count(const Deed& deed);
-  /// Sets a place from outside.
+  /// Sets a place from outside of the protocol.
   void set(fxsim::Device device, std::uint32_t value, SteadyTime when);
   fxsim::Device word_device(unsigned number) const;
   fxsim::Device bit_device(unsigned number) const;
@@ -74,19 +74,19 @@ class LedgerDevice final {
   std::unique_ptr<fxsim::Personality> personality_;
   fxsim::Plc plc_;
   std::vector<fxsim::Device> last_;
-  std::map<unsigned, std::uint32_t> shared_;  ///< words, and the bits of them that are not theirs
+  std::map<unsigned, std::uint32_t> shared_;  ///< words and their bits of another client
   struct Since {
     SteadyTime when;
     std::uint32_t value;
   };
   static bool had(const std::vector<Since>& history, std::uint32_t value, std::uint32_t mask,
                   TimeSpan when);
-  /// By kind (bits are true) and number, in their order. What is not in it is 0.
+  /// By (is a bit, number), in order. Missing places are 0.
   std::map<std::pair<bool, unsigned>, std::vector<Since>> history_;
   std::vector<Since> running_;
 };
 
-/// The channel between the agent and a device. Time on it is that of clock_by_hand.h.
+/// The channel between the agent and a device. Uses the clock of clock_by_hand.h.
 class FaultyLine final : public Transport {
  public:
   FaultyLine(asio::any_io_executor executor, LedgerDevice& device, Fate& fate);

@@ -9,7 +9,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// How far a target came on the device.
+/// The part of a target that the device carried out.
 struct Done {
   std::uint32_t done = 0;
   std::uint32_t of = 0;
@@ -20,7 +20,7 @@ struct Done {
 
 Done done_of(const WantedTarget& target, const LedgerDevice& device) {
   Done out;
-  // Of a text each element is a word of two characters, the last one perhaps of one.
+  // Each element of a text is a word of two characters; the last may have only one.
   const bool is_text = target.place.kind == Kind::text && target.place.count == 0;
   for (const std::vector<Part>& element : target.elements) {
     bool whole = true;
@@ -41,7 +41,7 @@ Done done_of(const WantedTarget& target, const LedgerDevice& device) {
   return out;
 }
 
-/// Of a command, by target; of run and stop the one that was switched.
+/// Returns one entry per target; for run and stop, one for the switch.
 std::vector<Done> done_of(const SentCommand& sent, const LedgerDevice& device) {
   std::vector<Done> out;
   if (sent.op == "run" || sent.op == "stop") {
@@ -64,7 +64,7 @@ std::optional<std::uint32_t> number(const Json& result, const char* key) {
   return result[key].get<std::uint32_t>();
 }
 
-/// What a status promises of a target that takes one command's place, and of a command with one.
+/// Checks the status of a target, or of a command with a single target.
 std::string judge_one(const Json& result, const Done& done) {
   const std::string status = result["status"];
   if (status == "FAILED" && is_mismatch(result))
@@ -105,7 +105,8 @@ std::string judge_list(const Json& result, const std::vector<Done>& all) {
   return "";
 }
 
-/// Values that a result shows: what was read must have been there, what was written is as wanted.
+/// Checks the values in a result: a read value must have existed, a written value must be the
+/// requested one.
 std::string judge_values(const WantedTarget& target, const Json& result, const std::string& op,
                          const LedgerDevice& device, TimeSpan when) {
   const Json verify = result.value("verify", Json());
@@ -139,7 +140,7 @@ std::string judge_values(const SentCommand& sent, const Json& result, const Ledg
   return why;
 }
 
-/// Up to the moment before the device began with it.
+/// Returns the time up to just before the device started on the target.
 TimeSpan before_done(const WantedTarget& target, const LedgerDevice& device, TimeSpan when) {
   for (const std::vector<Part>& element : target.elements)
     for (const Part& part : element)
@@ -163,8 +164,8 @@ std::string judge_expect(const SentCommand& sent, const Json& result, const std:
   return is_empty(all) || held ? "" : "it was carried out, and the device never held `expect`";
 }
 
-/// A PLC that is in the wanted state already need not be switched; one that was may be switched
-/// back by a hand.
+/// A PLC that is already in the wanted state need not be switched; after a switch, someone may
+/// switch it back by hand.
 std::string judge_switch(const SentCommand& sent, const Json& result, const Done& done,
                          const LedgerDevice& device, TimeSpan when) {
   const std::string status = result["status"];
@@ -178,7 +179,7 @@ std::string judge_switch(const SentCommand& sent, const Json& result, const Done
   return result["plc"] == "ACK" && done.nothing ? "ACK, and the PLC was never asked" : "";
 }
 
-/// Whether `result` may be said of `sent`, which refused commands too.
+/// Checks `result` against `sent` if the command was not sent, for example because it was refused.
 std::string judge_unsent(const SentCommand& sent, const Json& result, bool nothing) {
   const std::string status = result["status"];
   const Json reason = result.value("reason", Json());
@@ -193,8 +194,7 @@ std::string judge_unsent(const SentCommand& sent, const Json& result, bool nothi
              : status + " of what was not to be sent";
 }
 
-/// Whether `result`, which was published at the end of `when`, may be said of `sent`, given what
-/// the device did.
+/// Checks `result`, published at the end of `when`, against `sent` and the device's actual writes.
 std::string judge_result(const SentCommand& sent, const Json& result, const LedgerDevice& device,
                          TimeSpan when) {
   const std::vector<Done> all = done_of(sent, device);
@@ -293,7 +293,7 @@ std::string PathJudge::judge(const Key& key, const Known& known, const LedgerDev
     return "";
   }
   if (std::string why = judge_results(known); !why.empty()) return why;
-  // Of several messages with one id one is the command; a crash can make it the second.
+  // Of several messages with one id, one is the command; after a crash it may be the second.
   std::string first_why;
   for (std::size_t i = 0; i < known.sent.size(); ++i) {
     std::string why = judge_result(known.sent[i], known.results[0], device,
@@ -319,7 +319,7 @@ std::string PathJudge::judge_unreadable() const {
   return "";
 }
 
-/// What the device did and nobody wanted, and values that no tag may have.
+/// Finds writes that no command requested, and values that no tag can have.
 std::string PathJudge::judge_ledger(std::uint32_t index, const LedgerDevice& device) const {
   std::set<Deed> wanted;
   for (const auto& [key, known] : known_)

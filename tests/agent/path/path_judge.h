@@ -1,4 +1,4 @@
-// Holds the results of commands, as they were published, against what the devices really did.
+// Compares published results of commands with the actual writes of the devices.
 #pragma once
 
 #include <map>
@@ -16,17 +16,17 @@ namespace fxagent::test {
 
 class PathJudge final {
  public:
-  /// A message that the agent has received.
+  /// Records a message that the agent has received.
   void received(const SentCommand& sent);
-  /// A result as it was published.
+  /// Records a published result.
   void published(std::uint32_t device, const std::string& text);
-  /// The agent of that life ended without a word.
+  /// Records that the agent of that life was killed.
   void killed(int life) { killed_.insert(life); }
 
-  /// What is wrong, a line each; empty: nothing.
+  /// Returns all errors, one per line; empty: none.
   std::string judge_all(const std::vector<LedgerDevice*>& devices, const LastingJournal& journal,
                         const std::vector<std::string>& names);
-  /// What is known of one id, for a failure's message.
+  /// Returns all messages of one id, for an error text.
   std::string messages_of(std::uint32_t device, const std::string& id) const;
 
   std::map<std::string, int> counted;    ///< results by status, each once
@@ -37,8 +37,8 @@ class PathJudge final {
   using Key = std::pair<std::uint32_t, std::string>;
   struct Known {
     std::vector<SentCommand> sent;
-    std::vector<Json> results;  ///< but for DUPLICATE
-    SteadyTime published_at{};  ///< the first of them
+    std::vector<Json> results;  ///< without DUPLICATE
+    SteadyTime published_at{};  ///< time of the first
     std::vector<Json> duplicates;
   };
 
@@ -53,7 +53,7 @@ class PathJudge final {
   std::map<Key, Known> known_;
   std::set<int> killed_;
   std::vector<SentCommand> unreadable_;
-  int without_id_ = 0;  ///< results
+  int without_id_ = 0;  ///< number of results
 };
 
 }  // namespace fxagent::test

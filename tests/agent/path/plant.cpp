@@ -31,10 +31,10 @@ std::vector<Place> places(bool fx) {
   for (unsigned i = kFirstLimited; i <= kLastLimited; ++i)
     all.push_back({"lim" + std::to_string(i), Kind::tenths, i});
   all.push_back({"s2", Kind::text, 2000, 0, 7});
-  all.push_back({"s3", Kind::text, 2010, 0, fx ? 151U : 271U});  // several frames
+  all.push_back({"s3", Kind::text, 2010, 0, fx ? 151U : 271U});  // needs several frames
   all.push_back({"sa", Kind::text, 2200, 40, 3});
   for (unsigned i = 0; i < 10; ++i) all.push_back({"t" + std::to_string(i), Kind::bit, i});
-  all.push_back({"flags", Kind::bit, 16, 16});  // on bytes of their own
+  all.push_back({"flags", Kind::bit, 16, 16});  // in bytes that hold nothing else
   return all;
 }
 
@@ -78,7 +78,7 @@ Json device(const char* name, const char* protocol, bool fx) {
 
 // ---- values in words --------------------------------------------------------------------------
 
-/// In which half of its word character `i` of a text lies: its lowest bit there.
+/// The lowest bit of character `i` of a text within its word.
 unsigned shift_of(std::size_t i, const LedgerDevice& device) {
   return (i % 2 != 0) == device.is_fx() ? 8 : 0;
 }
@@ -102,7 +102,7 @@ std::optional<std::string> latin1(const std::string& text) {
   return out;
 }
 
-/// The characters of a text and, where there is room, the end behind them.
+/// Returns the characters of a text and, if there is room, its terminator.
 std::optional<std::vector<Part>> text_parts(const Place& place, unsigned number, const Json& value,
                                             const LedgerDevice& device) {
   if (!value.is_string()) return std::nullopt;
@@ -121,7 +121,7 @@ std::optional<std::vector<Part>> text_parts(const Place& place, unsigned number,
 }
 
 std::vector<Part> long_parts(unsigned number, std::uint32_t value, const LedgerDevice& device) {
-  const unsigned low = device.is_fx() ? 0 : 1;  // where the low word stands
+  const unsigned low = device.is_fx() ? 0 : 1;  // position of the low word
   return {{{false, number + low, value & 0xFFFFU}}, {{false, number + 1 - low, value >> 16U}}};
 }
 
@@ -204,7 +204,7 @@ void prepare(LedgerDevice& device, Fate& fate) {
     const unsigned words = words_of(text);
     for (unsigned i = 0; i < words * std::max(1U, text.count); ++i)
       device.preset_word(text.number + i, static_cast<std::uint32_t>(fate.between(1, 0xFFFF)));
-    // A text ends before its place does.
+    // The text ends before its place does.
     const auto end = static_cast<unsigned>(fate.between(0, static_cast<int>(text.length) / 2));
     device.preset_word(text.number + end, fate.one_in(2) ? 0x0041U : 0x4100U);
     if (text.length % 2 == 0) continue;

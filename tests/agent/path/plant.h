@@ -1,4 +1,4 @@
-// The plant of command_path_test: its config, and how values lie in the words of its devices.
+// The plant of command_path_test: its config, and the layout of values in the words of its devices.
 #pragma once
 
 #include <array>
@@ -14,9 +14,9 @@
 
 namespace fxagent::test {
 
-/// On a line each: programming port, computer link, Modbus TCP and Modbus RTU.
+/// Each on a separate line: programming port, computer link, Modbus TCP and Modbus RTU.
 inline constexpr int kPathDevices = 4;
-/// The registers with min 0.34, max 99.97 and a scale of 0.1: raw 4 … 999 may be written.
+/// The first register with min 0.34, max 99.97 and a scale of 0.1: raw values 4 … 999 are allowed.
 inline constexpr unsigned kFirstLimited = 980;
 inline constexpr unsigned kLastLimited = 989;
 
@@ -29,47 +29,47 @@ enum class Kind : std::uint8_t {
   text
 };
 
-/// Where a command reads or writes, and as what.
+/// A place that a command reads or writes, with its type.
 struct Place {
-  std::string tag;  ///< empty: by address
+  std::string tag;  ///< empty: addressed directly
   Kind kind = Kind::word;
   unsigned number = 0;
-  unsigned count = 0;   ///< elements of an array; 0: it is none
+  unsigned count = 0;   ///< elements of an array; 0: not an array
   unsigned length = 0;  ///< characters of a text
 };
 
-/// A text of odd length that has no tag.
+/// A text of odd length without a tag.
 inline const Place kOddText{"", Kind::text, 1510, 0, 5};
 
-/// A word, a half of one, or a bit, with the value that it has; `mask` says what of it counts.
+/// A word, half a word or a bit, with its value; `mask` selects the relevant bits.
 struct Part {
   Deed deed;
   std::uint32_t mask = 0xFFFF;
   friend bool operator==(const Part&, const Part&) = default;
 };
-/// Of an array its elements, of a text its words.
+/// The elements of an array or the words of a text.
 using Elements = std::vector<std::vector<Part>>;
 
-/// The config of the plant, and its tags that can be written.
+/// The config of the plant, with its writable tags.
 std::string plant_of_the_path();
 std::vector<Place> places_of(const LedgerDevice& device);
 const Place& place_of(const std::vector<Place>& places, std::string_view tag);
 
-/// Texts before anything is written: behind their ends there is something, and the halves of words
-/// that are none of a text's belong to somebody else.
+/// Prepares the texts before the first write: there are characters after their ends, and the unused
+/// halves of words belong to another client.
 void prepare(LedgerDevice& device, Fate& fate);
 
-/// How `value` lies in the device; nullopt: the place never shows it.
+/// Returns the layout of `value` in the device; nullopt if the place can never have it.
 std::optional<Elements> elements_of(const Place& place, const nlohmann::json& value,
                                     const LedgerDevice& device);
-/// What a sample would show of the place now.
+/// Returns what a sample would show for the place now.
 nlohmann::json shown(const Place& place, const LedgerDevice& device);
-/// Whether each part of the place has shown `value` at some time of `when`.
+/// True if each part of the place showed `value` at some time in `when`.
 bool was_shown(const Place& place, const nlohmann::json& value, const LedgerDevice& device,
                TimeSpan when);
-/// The double that is spelled like the number.
+/// Returns the double with the same decimal notation as the number.
 double widened(float number);
-/// A character of Latin-1 in UTF-8.
+/// Converts a Latin-1 character to UTF-8.
 std::string utf8(unsigned character);
 
 }  // namespace fxagent::test

@@ -9,7 +9,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr unsigned kLastCharacters = 188;  // the printable ones of Latin-1, but for the spaces
+constexpr unsigned kLastCharacters = 188;  // the printable ones of Latin-1 except the spaces
 
 unsigned printable(unsigned number) { return (number % 2 == 0 ? 0x21 : 0xA1) + number / 2; }
 
@@ -33,7 +33,7 @@ RandomCommands::Json RandomCommands::name_of(std::uint32_t device, const Place& 
   return name;
 }
 
-/// A place in commands.allow that has no tag, as short as its kind.
+/// Returns a place in commands.allow without a tag; as small as its kind allows.
 Place RandomCommands::raw_place() {
   switch (fate_.between(0, 7)) {
     case 0:
@@ -56,7 +56,7 @@ std::uint32_t RandomCommands::fresh_long() {
   return (high << 16U) + fresh();
 }
 
-/// Two characters tell a number, and where the length is odd the last one alone another.
+/// Two characters encode a number; if the length is odd, the last character encodes another.
 std::string RandomCommands::fresh_text(std::uint32_t device, unsigned length, bool next_odd) {
   std::string text;
   for (unsigned i = 0; i < length / 2; ++i) {
@@ -69,8 +69,8 @@ std::string RandomCommands::fresh_text(std::uint32_t device, unsigned length, bo
   return text;
 }
 
-/// A bit that is not `on` and that no other command sets: what it is already would be read back
-/// whether it was set or not.
+/// Returns a bit that is not `on` and that no other command sets. A bit that already has the value
+/// would read back correctly even if it was never set.
 unsigned RandomCommands::next_bit(std::uint32_t device, bool on) {
   unsigned& next = on ? next_once_[device].on : next_once_[device].off;
   do {
@@ -146,7 +146,7 @@ RandomCommands::Target RandomCommands::limited_target(std::uint32_t device) {
   Once& once = next_once_[device];
   if (once.limited > kLastLimited) return word_target(device);
   const unsigned number = once.limited++;
-  // The nearest raw numbers to the limits lie inside and outside of them.
+  // The raw values nearest to the limits lie inside and outside of them.
   constexpr std::array<double, 8> kValues{0.36, 0.5, 50.04, 99.94, 0.34, 0.349, 99.955, 99.97};
   constexpr std::array<double, 8> kRounded{0.4, 0.5, 50.0, 99.9, 0.3, 0.3, 100.0, 100.0};
   const auto i = static_cast<std::size_t>(fate_.between(0, 7));
@@ -175,7 +175,7 @@ RandomCommands::Target RandomCommands::force_target(std::uint32_t device, bool o
 }
 
 RandomCommands::Target RandomCommands::target(std::uint32_t device) {
-  // The values of a scene are not without end.
+  // A scene has a limited number of distinct values.
   const bool room = fresh_ < 25000;
   switch (fate_.between(0, 14)) {
     case 0:
@@ -187,7 +187,7 @@ RandomCommands::Target RandomCommands::target(std::uint32_t device) {
       return float_target(device);
     case 3:
     case 8:
-      // Two characters tell so many numbers apart.
+      // Two characters distinguish only this many numbers.
       return fresh_ < 3900 ? text_target(device) : word_target(device);
     case 4:
       return limited_target(device);
@@ -256,7 +256,7 @@ void RandomCommands::read(SentCommand& sent, Json& command) {
 void RandomCommands::switch_plc(SentCommand& sent, Json& command) {
   Once& once = next_once_[sent.device];
   bool& used = sent.op == "run" ? once.run : once.stop;
-  if (used) {  // one of each in a scene, so that it is known whose it was
+  if (used) {  // one of each per scene, so that its effect is attributable
     sent.op = command["op"] = "read";
     return read(sent, command);
   }
@@ -288,7 +288,7 @@ RandomCommands::Json RandomCommands::another(const Place& place, Json value) {
     return fate_.one_in(2) ? text + "+" : text.substr(0, text.find_first_of("0123456789AB"));
   }
   const auto number = value.get<double>();
-  // 2^60 is no number of a device; a hundredth of a tenth and a half of a whole are never shown.
+  // No device can hold 2^60; a hundredth of a tenth and half of a whole are never shown.
   constexpr std::array<double, 4> kApart{1, -1, 0.01, 1152921504606846976.0};
   return number + kApart[static_cast<std::size_t>(fate_.between(0, 3))];
 }
@@ -319,7 +319,7 @@ void RandomCommands::spoil(SentCommand& sent, Json& command) {
       command["tag"] = "nothing";
       break;
     case 1:
-      command.update(name_of(sent.device, {"", Kind::word, 100}));  // a tag's, not in allow
+      command.update(name_of(sent.device, {"", Kind::word, 100}));  // a tag, not in allow
       break;
     case 2:
       command["tag"] = "ro";

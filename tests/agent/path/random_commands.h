@@ -1,6 +1,6 @@
-// Random commands for the devices of command_path_test, as JSON text, each with what the ledger
-// must show of it. Each word that is written has a value, or each bit a number, that no other
-// command of the scene writes: so a ledger tells whose deed was whose.
+// Random commands for the devices of command_path_test, as JSON text, each with its expected effect
+// on the ledger. Every word is written with a value (every bit by a number) that no other command
+// of the scene uses, so each entry of the ledger belongs to one command.
 #pragma once
 
 #include <cstdint>
@@ -15,27 +15,27 @@
 
 namespace fxagent::test {
 
-/// What one target of a command is to do.
+/// The expected effect on one target.
 struct WantedTarget {
   Place place;
   Elements elements;
 };
 
-/// A message on a command topic, and what it means.
+/// A message on a command topic and its meaning.
 struct SentCommand {
   std::uint32_t device = 0;
   std::string payload;
-  std::string id;  ///< empty: none can be read
+  std::string id;  ///< empty: has no readable id
   std::string op;
-  bool is_wrong = false;  ///< it must be REJECTED, if nothing else stands in its way
+  bool is_wrong = false;  ///< must be REJECTED, unless something else prevents that
   bool dry_run = false;
   bool retained = false;
   std::optional<int> message_expiry_s;
   bool is_list = false;
-  std::vector<WantedTarget> targets;     ///< of a write or force
-  std::optional<Place> read;             ///< of a read
-  std::optional<nlohmann::json> expect;  ///< what the target must hold
-  int life = 0;                          ///< of the agent that it was sent to
+  std::vector<WantedTarget> targets;     ///< write or force
+  std::optional<Place> read;             ///< read
+  std::optional<nlohmann::json> expect;  ///< required value of the target
+  int life = 0;                          ///< of the agent it was sent to
   SteadyTime sent_at{};
   bool in_conflict = false;  ///< another agent had the same id at that time
 };
@@ -44,7 +44,7 @@ class RandomCommands final {
  public:
   RandomCommands(Fate& fate, std::vector<const LedgerDevice*> devices);
 
-  /// The next command for any device; `utc_ms` is now.
+  /// Returns the next command for any device; `utc_ms` is the current time.
   SentCommand next(std::int64_t utc_ms);
 
  private:
@@ -57,7 +57,7 @@ class RandomCommands final {
   const Place& tag(std::uint32_t device, std::string_view name) const {
     return place_of(places_[device], name);
   }
-  /// A tag of so many whose names are `stem` and a number.
+  /// Returns one of `many` tags whose names are `stem` and a number.
   const Place& any_of(std::uint32_t device, const std::string& stem, int many) {
     return tag(device, stem + std::to_string(fate_.between(0, many - 1)));
   }
@@ -74,7 +74,7 @@ class RandomCommands final {
   void make_unreadable(SentCommand& sent);
   void add_conditions(SentCommand& sent, Json& command, std::int64_t utc_ms);
   void add_expect(SentCommand& sent, Json& command);
-  /// A value that the place does not have, by one element, or never shows.
+  /// Returns a value that differs in one element from the place's, or that it can never have.
   Json another(const Place& place, Json value);
   Place raw_place();
   Json name_of(std::uint32_t device, const Place& place) const;
@@ -94,11 +94,11 @@ class RandomCommands final {
   std::vector<const LedgerDevice*> devices_;
   std::vector<std::vector<Place>> places_;  ///< by device
   unsigned fresh_ = 0;
-  /// What can be used once in a scene, by device.
+  /// Values that can be used once per scene, by device.
   struct Once {
-    unsigned off = 100;  ///< the next bits that may be on at first, and those that are off
+    unsigned off = 100;  ///< the next bits that are initially on, and those that are off
     unsigned on = 100;
-    unsigned last_character = 0;  ///< of a text of odd length
+    unsigned last_character = 0;  ///< for texts of odd length
     unsigned limited = kFirstLimited;
     unsigned flag = 0;
     bool flags = false;

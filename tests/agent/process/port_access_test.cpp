@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using test::OtherProgram;
 
-/// A file in a directory of its own: what a port is to a user, and to who holds it.
+/// A file in its own directory, as a port with a user's access rights and a holder.
 class PortAccess : public testing::Test {
  protected:
   PortAccess() { ::close(::open(port.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0660)); }
@@ -62,7 +62,7 @@ TEST_F(PortAccess, TheMakerOfAPseudoTerminalIsNoHolder) {
   std::array<char, 64> name{};
   ASSERT_EQ(::openpty(&ours, &theirs, name.data(), nullptr, nullptr), 0);
   {
-    const OtherProgram maker(name.data());  // it has both ends, as this process
+    const OtherProgram maker(name.data());  // has both ends, as this process does
     EXPECT_FALSE(port_holder(name.data()));
   }
   {
@@ -89,7 +89,7 @@ TEST_F(PortAccess, AProcessIsFoundByItsNameAndWhatItWasCalledWith) {
   std::ifstream arguments("/proc/self/cmdline", std::ios::binary);
   std::string word;
   std::getline(arguments, word, '\0');
-  // A name of its own, which the other program inherits: tests of this one may run side by side.
+  // A name of its own, which the other program inherits; tests of this program may run in parallel.
   const std::string name = "t" + std::to_string(::getpid());
   ASSERT_EQ(::prctl(PR_SET_NAME, name.c_str()), 0);
   const std::string called_with = "/proc/self/exe";
@@ -118,7 +118,7 @@ TEST_F(PortAccess, WhoCannotBeSeenCanBeLookedFor) {
 }
 
 TEST_F(PortAccess, NoPermissionNamesTheGroupToJoin) {
-  // A group of Debian that no test runs in.
+  // A Debian group that is never the group of a test run.
   const struct group* lp = ::getgrnam("lp");
   if (lp == nullptr || ::chown(port.c_str(), static_cast<uid_t>(-1), lp->gr_gid) != 0)
     GTEST_SKIP() << "only root can give a file to another group";

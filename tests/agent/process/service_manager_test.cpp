@@ -41,7 +41,7 @@ TEST(ServiceManager, IsToldByPathAndByAbstractNameOfUpTo107Bytes) {
       service_manager::tell_ready();
       EXPECT_EQ(inbox.next(), "READY=1") << inbox.name().size() << " bytes";
     }
-    // The kernel would take it; systemd's own library does not.
+    // The kernel would accept it; systemd's own library does not.
     Inbox inbox(begin + std::string(108 - begin.size(), 'n'));
     const Variable socket("NOTIFY_SOCKET", inbox.name());
     service_manager::tell_ready();
@@ -84,7 +84,7 @@ TEST(ServiceManager, AStatusIsOneLineOfWholeCharacters) {
   EXPECT_EQ(inbox.next(), "STATUS=" + most.substr(1));
 }
 
-/// Who reads nothing must not hold the stop, nor the thread that feeds the watchdog.
+/// A manager that does not read must block neither the stop nor the thread that feeds the watchdog.
 TEST(ServiceManager, AFullSocketHoldsNobody) {
   Inbox inbox;
   const Variable socket("NOTIFY_SOCKET", inbox.name());
@@ -105,7 +105,7 @@ TEST(ServiceManager, AFullSocketHoldsNobody) {
 }
 
 TEST(ServiceManager, WithoutASocketNothingHappens) {
-  ::unsetenv("NOTIFY_SOCKET");  // of whoever runs the test
+  ::unsetenv("NOTIFY_SOCKET");  // of the environment of the test run
   EXPECT_FALSE(service_manager::is_there());
 
   for (const std::string& name : {std::string(), std::string("relative"), std::string("/no/such"),
@@ -116,7 +116,7 @@ TEST(ServiceManager, WithoutASocketNothingHappens) {
 }
 
 TEST(ServiceManager, WatchdogIsFedFourTimesInItsTime) {
-  ::unsetenv("WATCHDOG_USEC");  // of whoever runs the test
+  ::unsetenv("WATCHDOG_USEC");  // of the environment of the test run
   ::unsetenv("WATCHDOG_PID");
   EXPECT_EQ(service_manager::watchdog_interval(), std::nullopt);
   const Variable within("WATCHDOG_USEC", "1200000");

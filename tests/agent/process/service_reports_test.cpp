@@ -24,11 +24,11 @@ using Texts = std::vector<std::string>;
 
 constexpr ServiceReports::Time kStart{1h};
 
-/// An agent whose two threads answer where `field` and `uplink` say so.
+/// An agent whose two threads respond while `field` and `uplink` are true.
 class ServiceReportsTest : public ::testing::Test {
  protected:
   ServiceReportsTest() {
-    ::unsetenv("WATCHDOG_USEC");  // of whoever runs the test
+    ::unsetenv("WATCHDOG_USEC");  // of the environment of the test run
     ::unsetenv("WATCHDOG_PID");
   }
   void watch() { within_ = std::make_unique<Variable>("WATCHDOG_USEC", "60000000"); }
@@ -36,7 +36,7 @@ class ServiceReportsTest : public ::testing::Test {
     reports_ = std::make_unique<ServiceReports>(
         signs_, ServiceReports::Sources{[this] { ask(); }, [this] { return status; }}, kStart);
   }
-  /// What is told when all that is due until then is done.
+  /// Runs everything due until then and returns the messages sent.
   Texts told_until(std::chrono::seconds after_start) {
     Texts told;
     while (reports_->next() && *reports_->next() <= kStart + after_start) {
@@ -77,10 +77,10 @@ TEST_F(ServiceReportsTest, StatusIsToldAtOnceThenWhereItIsAnotherOneEveryTenSeco
   status = "line2 down";
   EXPECT_EQ(told_until(39s), Texts{});
   EXPECT_EQ(told_until(40s), Texts{"STATUS=line2 down"});
-  // A reload has told what it brought in between.
+  // A reload has sent its own status in between.
   EXPECT_EQ(told_until(99s), Texts{});
   EXPECT_EQ(told_until(100s), Texts{"STATUS=line2 down"});
-  status = "";  // not known
+  status = "";  // unknown
   EXPECT_EQ(told_until(190s), Texts{});
 }
 
@@ -96,7 +96,7 @@ TEST_F(ServiceReportsTest, AThreadThatStandsStillFeedsNobodyAndIsNamed) {
     begin();
     EXPECT_EQ(fed(told_until(60s)), 4U);
     *stuck = false;
-    // What was answered before it stood still counts once more.
+    // A response from before the thread stopped counts once more.
     EXPECT_LE(fed(told_until(75s)), 1U);
     Texts told = told_until(300s);
     EXPECT_EQ(fed(told), 0U);
@@ -117,7 +117,7 @@ TEST_F(ServiceReportsTest, AWatchdogWithoutASocketIsFedNowhereAndNobodyIsTold) {
   EXPECT_FALSE(reports().next());
 }
 
-// With real threads: one that hangs in a call is not asked for anything that it could answer.
+// With real threads: a thread that hangs in a call cannot respond.
 TEST(ServiceReports, ARealThreadThatHangsFeedsNobody) {
   Inbox inbox;
   const Variable socket("NOTIFY_SOCKET", inbox.name());
@@ -143,7 +143,7 @@ TEST(ServiceReports, ARealThreadThatHangsFeedsNobody) {
   EXPECT_EQ(fed(inbox.all()), 1U);
   {
     const std::lock_guard stands_still(may_go);
-    reports.tell(kStart + 30s);  // for what it did before
+    reports.tell(kStart + 30s);  // for progress made earlier
     inbox.all();
     reports.tell(kStart + 45s);
     reports.tell(kStart + 60s);

@@ -40,7 +40,7 @@ TEST(SignsOfLife, BothHaveToGoOn) {
   EXPECT_EQ(progress.stands_still(), "field and uplink");
   progress.field_went_on();
   EXPECT_EQ(progress.stands_still(), "uplink");
-  EXPECT_EQ(progress.stands_still(), "uplink");  // the field's sign is still good
+  EXPECT_EQ(progress.stands_still(), "uplink");  // the field's sign is still valid
   progress.uplink_went_on();
   EXPECT_EQ(progress.stands_still(), "");
   progress.uplink_went_on();

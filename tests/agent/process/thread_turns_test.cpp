@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 constexpr ThreadTurns::Time kStart{1000s};
 constexpr const char* kName = "turns_test";
 
-/// Waits until it is told to wait anew, as often as it is told.
+/// A thread that waits; each turn() wakes it once.
 class Worker {
  public:
   Worker()
@@ -41,14 +41,14 @@ class Worker {
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
 
-  /// proc(5): the state stands behind the name, in brackets.
+  /// proc(5): the state follows the name in parentheses.
   bool is_asleep() const {
     std::ifstream file("/proc/self/task/" + std::to_string(id_) + "/stat");
     std::string stat;
     std::getline(file, stat);
     return stat.find(") S") != std::string::npos;
   }
-  /// One turn: it was woken, and is on its way to wait again.
+  /// Takes one turn: wakes the thread, which then waits again.
   void turn() {
     go_.release();
     began_.acquire();
@@ -64,7 +64,7 @@ class Worker {
 
 class ThreadTurnsTest : public testing::Test {
  protected:
-  /// So many looks, ten seconds apart.
+  /// Looks this many times, ten seconds apart.
   std::string after(int looks, bool excused = false) {
     for (int i = 0; i < looks; ++i) {
       turns.look(now, excused);
@@ -72,7 +72,7 @@ class ThreadTurnsTest : public testing::Test {
     }
     return turns.stands_still();
   }
-  /// Until what the kernel does with a new or woken thread is over: it waits, and stays so.
+  /// Waits until the kernel has finished starting or waking the thread, and it waits permanently.
   void settle(const Worker& worker) {
     while (!worker.is_asleep()) std::this_thread::yield();
     while (after(ThreadTurns::kLooks).empty()) std::this_thread::yield();
@@ -113,7 +113,7 @@ TEST_F(ThreadTurnsTest, OneOfTwoIsEnough) {
   EXPECT_EQ(said, kName);
 }
 
-/// The name server may take its time.
+/// A name server lookup may take long.
 TEST_F(ThreadTurnsTest, WhoIsExcusedBeginsAnew) {
   const Worker worker;
   settle(worker);
@@ -123,7 +123,7 @@ TEST_F(ThreadTurnsTest, WhoIsExcusedBeginsAnew) {
   EXPECT_EQ(after(1, /*excused=*/true), "");
 }
 
-/// A machine that slept, or a process that was stopped, has missed the looks, too.
+/// A suspended machine or a stopped process has missed the looks too.
 TEST_F(ThreadTurnsTest, TimeAloneDoesNotCount) {
   const Worker worker;
   settle(worker);

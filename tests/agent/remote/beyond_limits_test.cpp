@@ -13,7 +13,7 @@ namespace {
 
 using namespace test;
 
-/// What is said of the local plant with `changes`, JSON by pointer, set remotely.
+/// Returns the errors if `changes` (JSON by pointer) to the local plant are set remotely.
 std::string said_of(const json& local, const std::vector<std::pair<const char*, json>>& changes) {
   json wanted = local;
   for (const auto& [pointer, value] : changes) wanted[json::json_pointer(pointer)] = value;
@@ -24,7 +24,7 @@ struct Case {
   const char* name;
   json remote_allow;
   std::vector<std::pair<const char*, json>> changes;
-  const char* said;  ///< empty: it may
+  const char* said;  ///< empty: allowed
 };
 
 TEST(BeyondLimits, CommandsMayNeverTouchMore) {
@@ -129,7 +129,7 @@ TEST(BeyondLimits, CommandsMayNeverTouchMore) {
   }
 }
 
-/// A name must not carry its rights to another machine.
+/// A device name must not carry its rights to another machine.
 TEST(BeyondLimits, RightsStayWithTheMachine) {
   for (const Case& each : std::vector<Case>{
            {"another port", {}, {{"/links/0/serial/path", "/dev/ttyUSB1"}}, "press1: "},
@@ -177,7 +177,7 @@ TEST(BeyondLimits, RightsStayWithTheMachineOverUdpToo) {
   EXPECT_NE(said_of(local, {{"/links/1", tcp}}), "");
 }
 
-/// Every unit obeys it, so that it would have rights on machines that have none.
+/// Every unit obeys a broadcast, so it would give rights on machines that have none.
 TEST(BeyondLimits, NoNamedRangeIsForABroadcast) {
   json local = local_plant(json{"links", "devices", "commands.allow: modbus-rtu hr:0-hr:9"});
   json wanted = local;
@@ -194,7 +194,7 @@ TEST(BeyondLimits, NoNamedRangeIsForABroadcast) {
   EXPECT_EQ(said(), "");
 }
 
-/// Each on a link of its own, which has its name: one link speaks one protocol.
+/// Each device has its own link with its own name, because a link has one protocol.
 json device(const char* name, const char* protocol, json options = json::object()) {
   json made = {{"name", name}, {"link", name}, {"protocol", protocol}};
   made.update(options);
@@ -206,8 +206,8 @@ json allowing(json device, const json& ranges) {
   return device;
 }
 
-/// A local file with `devices`, which no command may touch; remotely devices may come, and
-/// `entry`, what follows `commands.allow: `, may be written.
+/// A local file whose `devices` no command may write. Remotely, devices may be added and `entry`,
+/// the text after `commands.allow: `, may be written.
 json plant_with(const std::string& entry, const std::vector<json>& devices) {
   json local = small_plant();
   local["agent"]["remote_config"] = true;
@@ -220,7 +220,7 @@ json plant_with(const std::string& entry, const std::vector<json>& devices) {
   return local;
 }
 
-/// What is said of `wanted` in the place of the local device of its name, or beside them.
+/// Returns the errors if `wanted` replaces the local device of the same name or is added.
 std::string said_of_device(const json& local, const json& wanted) {
   json all = local;
   json& devices = all["devices"];
@@ -244,7 +244,7 @@ void expect_may_not(const json& local, const json& wanted) {
 const json kFx3u = {{"model", "FX3U"}};
 const json kQ = {{"model", "Q"}};
 
-/// Y0-Y17 are 16 outputs of an FX3U, and 24 of a Q.
+/// Y0-Y17 are 16 outputs of an FX3U but 24 of a Q.
 TEST(BeyondLimits, ARangeOfRemoteAllowIsForDevicesOfTheLocalFile) {
   const json fx = device("press", "mc-1e", kFx3u);
   const json q = device("saw", "mc-1e", kQ);
@@ -269,11 +269,11 @@ TEST(BeyondLimits, AnEntryWithProtocolAndModelIsForNewDevicesToo) {
   expect_may_not(local, allowing(device("new", "mc-1e", kFx3u), {"Y0-Y20"}));
   expect_may_not(local, allowing(device("new", "mc-1e", kQ), {"Y0"}));
   expect_may_not(local, allowing(device("new", "mc-1e", {{"model", "FX3G"}}), {"Y0"}));
-  expect_may_not(local, allowing(device("new", "mc-1e"), {"Y0"}));  // its model is to be asked
+  expect_may_not(local, allowing(device("new", "mc-1e"), {"Y0"}));  // its model is unknown
   expect_may_not(local, allowing(device("new", "mc-3e", {{"model", "FX5U"}}), {"Y0"}));
 }
 
-/// Whatever a document calls it, the machine at that port is the one of the local file.
+/// The machine at that port is the one in the local file, whatever a document calls it.
 TEST(BeyondLimits, AnotherModelAtALocalPlaceGetsNothing) {
   const json local = plant_with("mc-1e Q Y0-Y17", {device("press", "mc-1e", kFx3u)});
   json q = device("new", "mc-1e", kQ);
@@ -283,7 +283,7 @@ TEST(BeyondLimits, AnotherModelAtALocalPlaceGetsNothing) {
   json all = local;
   all["devices"] = {allowing(q, {"Y0"})};
   EXPECT_NE(listed(beyond_limits(good(local.dump()), good(all.dump()))), "");
-  // As it is, and a route further, it is the same model.
+  // The same model with a longer route.
   json routed = kQ;
   routed["pc"] = 1;
   const json own = plant_with("mc-1e Q Y0-Y17", {device("press", "mc-1e", kQ)});
@@ -296,7 +296,7 @@ TEST(BeyondLimits, ARegisterOfAnEntryIsTheSameByAnyAddressBase) {
   const json from_one = {{"address_base", 1}};
   expect_may(local, allowing(device("new", "modbus-tcp", from_one), {"hr:301-hr:310"}));
   expect_may_not(local, allowing(device("new", "modbus-tcp", from_one), {"hr:300"}));
-  // A plain range is read by the local device, with its own base.
+  // A plain range is interpreted by the local device, with its own base.
   const json own = plant_with("hr:300-hr:309", {device("meter", "modbus-tcp", from_one)});
   expect_may(own, allowing(device("meter", "modbus-tcp", from_one), {"hr:300-hr:309"}));
   expect_may_not(own, allowing(device("meter", "modbus-tcp"), {"hr:300"}));

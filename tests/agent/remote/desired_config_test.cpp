@@ -22,7 +22,7 @@ TEST(DesiredConfig, ConfigOrPatchWithAVersionIsRead) {
   EXPECT_EQ(desired.version, "v7");
   EXPECT_EQ(desired.by, "ann");
   EXPECT_EQ(desired.text, text);
-  // sha256sum | cut -c1-16
+  // From: sha256sum | cut -c1-16
   EXPECT_EQ(desired.hash, "2dabccfd753b3d60");
 }
 
@@ -88,7 +88,7 @@ TEST(DesiredConfig, AWrongVersionDoesNotHideTheOther) {
   EXPECT_EQ(read_desired(R"({"version": "v3", "config": 1})").desired.version, "v3");
 }
 
-// ---- what it makes of the local file ------------------------------------------------------------
+// ---- the merge with the local file -------------------------------------------------------------
 
 TEST(MergedConfig, SectionsTakeThePlaceOfTheLocalOnes) {
   json device = local_plant()["devices"][1];
@@ -114,7 +114,7 @@ TEST(MergedConfig, APatchIsMergedOntoTheLocalFile) {
   EXPECT_EQ(none->devices[1].retries, 2);
 }
 
-/// RFC 7396, appendix A. Onto a section, since the document is an object of sections.
+/// RFC 7396, appendix A. Applied to a section, because the document is an object of sections.
 TEST(MergedConfig, PatchesAreThoseOfTheRfc) {
   struct Case {
     const char* original;
@@ -194,7 +194,7 @@ TEST(MergedConfig, WhatIsAsInTheLocalFileMayStandThere) {
   EXPECT_EQ(merged->mqtt.username, "edge7");
 }
 
-/// Who guesses must not be told whether he guessed right.
+/// A sender must not learn from the refusal that a guessed password was right.
 TEST(MergedConfig, TheRightPasswordIsRefusedLikeAWrongOne) {
   const auto said = [](const char* guess) {
     return listed(errors_of(local_plant(), config_of({{"mqtt", {{"password", guess}}}})));
@@ -249,7 +249,7 @@ TEST(MergedConfig, ErrorsOfTheConfigComeBesideThoseOfTheLimits) {
   for (const ConfigError& error : errors) EXPECT_EQ(error.line, 0);
 }
 
-/// Whatever comes, no secret of the local file is in what is said about it.
+/// No secret of the local file appears in an error, whatever the document contains.
 TEST(MergedConfig, NoErrorHasASecret) {
   std::mt19937 random(7);
   const std::vector<json> values{"s3cret",       nullptr,          5,  json::array(),
@@ -263,7 +263,7 @@ TEST(MergedConfig, NoErrorHasASecret) {
     for (int change = 0; change < 2; ++change) try {
         config[json::json_pointer(places[random() % places.size()])] =
             values[random() % values.size()];
-      } catch (const json::exception&) {  // it was taken away by the change before
+      } catch (const json::exception&) {  // removed by the previous change
       }
     json named = config;
     const bool says_it = named.dump().find("s3cret") != std::string::npos;

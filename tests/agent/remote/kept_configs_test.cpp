@@ -61,14 +61,14 @@ TEST(KeptConfigs, DamageIsFound) {
   for (std::size_t length = 0; length + 2 < text.size(); length += 7)
     EXPECT_FALSE(kept_configs_from(text.substr(0, length)).has_value()) << length;
   std::string other = text;
-  other.replace(other.find("\\\"1\\\""), 5, "\\\"7\\\"");  // the version within the good document
+  other.replace(other.find("\\\"1\\\""), 5, "\\\"7\\\"");  // the version inside the good document
   const auto wrong = kept_configs_from(other);
   ASSERT_FALSE(wrong.has_value());
   EXPECT_NE(wrong.error().find("not the one that was kept"), std::string::npos) << wrong.error();
   EXPECT_FALSE(kept_configs_from(R"({"format": 2})").has_value());
 }
 
-/// After an update of the agent the last good one is still there.
+/// After an update of the agent the last good config is still available.
 TEST(KeptConfigs, OfAnEarlierVersionAreRead) {
   json text = json::parse(to_text(some()));
   for (const char* key : {"before", "watched", "ends", "boot"}) text.erase(key);
@@ -81,7 +81,7 @@ TEST(KeptConfigs, OfAnEarlierVersionAreRead) {
   EXPECT_EQ(back->judged->text, "");
 }
 
-/// It goes into the answer that everybody reads.
+/// The text becomes part of the publicly readable answer.
 TEST(KeptConfigs, DamageIsToldInWordsOfOurOwn) {
   const std::string text = to_text(some());
   std::string other_kind = text;

@@ -42,7 +42,7 @@ TEST(RemoteConfig, WhatIsRightIsAppliedAndGoodAfterItsTrial) {
   plant.pass(1h);
   EXPECT_EQ(plant.remote().next_wake(), SteadyTime::max());
   plant.connection(false);
-  EXPECT_FALSE(plant.pass(1h));  // a broker that goes later proves nothing
+  EXPECT_FALSE(plant.pass(1h));  // a later outage proves nothing
   EXPECT_EQ(plant.retries(), 7);
 }
 
@@ -75,7 +75,7 @@ TEST(RemoteConfig, AWrongOneChangesNothingAndEveryErrorIsSaid) {
   plant.remote().take_news();
   EXPECT_FALSE(plant.hear(wrong));
   EXPECT_FALSE(plant.remote().take_news());
-  // The one in force is answered for what it is.
+  // The answer reports the state of the config in force.
   EXPECT_FALSE(plant.hear(plant.with_retries("v1", 7)));
   EXPECT_EQ(plant.said(), "applied \"v1\"");
 }
@@ -115,7 +115,7 @@ TEST(RemoteConfig, TheBrokerLostIsRolledBackAndNotTriedAgain) {
   plant.start();
   EXPECT_EQ(plant.retries(), 7);
   EXPECT_FALSE(plant.hear(plant.with_retries("v2", 8)));
-  EXPECT_TRUE(plant.hear(plant.with_retries("v3", 8)));  // desired has changed
+  EXPECT_TRUE(plant.hear(plant.with_retries("v3", 8)));  // the desired config has changed
 }
 
 TEST(RemoteConfig, WithoutAGoodOneTheLocalFileIsTheWayBack) {
@@ -138,7 +138,7 @@ TEST(RemoteConfig, AProcessThatEndsInTheTrialIsRolledBack) {
   EXPECT_TRUE(plant.remote().take_news());
   plant.start();
   EXPECT_EQ(plant.said().substr(0, 11), "rolled_back");
-  EXPECT_FALSE(plant.remote().take_news());  // that was said before
+  EXPECT_FALSE(plant.remote().take_news());  // already reported
 }
 
 TEST(RemoteConfig, AStopInTheTrialProvesNothing) {
@@ -161,7 +161,7 @@ TEST(RemoteConfig, AStopIsGoodForOneStart) {
   plant.hear(plant.with_retries("v1", 7));
   plant.stop();
   plant.start();
-  plant.start();  // that one has crashed
+  plant.start();  // the previous start has crashed
   EXPECT_EQ(plant.retries(), 2);
   EXPECT_EQ(plant.said().substr(0, 11), "rolled_back");
 }
@@ -188,7 +188,7 @@ TEST(RemoteConfig, AnEmptyDocumentWithdraws) {
   EXPECT_FALSE(std::filesystem::exists(plant.kept_path()));
   plant.start();
   EXPECT_EQ(plant.retries(), 2);
-  // And what was withdrawn may come again.
+  // A withdrawn config may be sent again.
   EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
 }
 
@@ -204,7 +204,7 @@ TEST(RemoteConfig, TheLocalFileIsTheBaseOfBoth) {
   EXPECT_EQ(plant.retries(), 1);
   plant.local()["templates"]["t"]["gap_ms"] = 5;
   plant.write();
-  EXPECT_EQ(plant.in_force().devices[0].gap, 3ms);  // a file that nobody has reloaded
+  EXPECT_EQ(plant.in_force().devices[0].gap, 3ms);  // the file was not reloaded yet
   EXPECT_TRUE(plant.hang_up());
   EXPECT_EQ(plant.retries(), 1);
   EXPECT_EQ(plant.in_force().devices[0].gap, 5ms);
@@ -224,7 +224,7 @@ TEST(RemoteConfig, WhereItNoLongerFitsTheLocalFileWins) {
   EXPECT_NE(plant.said().find("remote_allow"), std::string::npos) << plant.said();
   plant.start();
   EXPECT_EQ(plant.retries(), 2);
-  // The local file lets it in again: what was rejected is heard once more.
+  // The local file permits it again: a rejected document is judged once more.
   plant.hear(document);
   plant.local()["agent"]["remote_allow"] = {"devices"};
   plant.write();
@@ -353,7 +353,7 @@ TEST(RemoteConfig, OneThatIsRejectedLeavesNothingOfItsJudging) {
   EXPECT_EQ(plant.said(), "applied null");
 }
 
-/// The rights of the file count as they were when it was read, for as long as its text does.
+/// The rights of the file count as they were when it was read, as long as its text is in use.
 TEST(RemoteConfig, TheWayBackDoesNotDependOnTheFileOnDisk) {
   Plant plant;
   plant.local()["mqtt"].erase("allow_plain_secret");
@@ -388,7 +388,7 @@ TEST(RemoteConfig, ReadingAtTheStartWritesNothing) {
   const std::string before = plant.kept_text();
   plant.read();
   EXPECT_EQ(plant.kept_text(), before);
-  // Stopped there, as in a store that opens slowly: that proves nothing.
+  // A stop at this point, for example while a slow store opens, proves nothing.
   plant.start();
   EXPECT_EQ(plant.retries(), 7);
   EXPECT_NE(plant.kept_text(), before);
@@ -447,7 +447,7 @@ json with_server(const std::string& version, const std::string& server) {
   return {{"version", version}, {"config", {{"mqtt", {{"servers", {server}}}}}}};
 }
 
-/// Two brokers whose documents send the agent to each other.
+/// Two brokers whose documents redirect the agent to each other.
 TEST(RemoteConfig, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
   Plant plant;
   plant.local()["agent"]["remote_allow"] = {"mqtt.servers", "devices"};
@@ -462,13 +462,13 @@ TEST(RemoteConfig, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
   EXPECT_TRUE(plant.pass(kTrial));
   EXPECT_EQ(plant.said(), "applied \"a\"");
   EXPECT_EQ(plant.in_force().mqtt.servers[0], "mqtt://192.0.2.1:1883");
-  // Where the trial is lost it is forgotten: the broker of before has its own.
+  // After a lost trial the document is forgotten: the previous broker has its own.
   EXPECT_FALSE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
   plant.connection(false);
   EXPECT_TRUE(plant.pass(kTrial));
   EXPECT_EQ(plant.in_force().mqtt.servers[0], "mqtt://192.0.2.2:1883");
   EXPECT_FALSE(plant.pass(1h));
-  // Another one that stays where it is need not wait.
+  // A further document with the same broker need not wait.
   plant.connection(true);
   EXPECT_TRUE(plant.hear(with_server("c", "mqtt://192.0.2.3")));
   json stays = with_server("d", "mqtt://192.0.2.3");
@@ -504,7 +504,7 @@ TEST(RemoteConfig, WhoHasSentARolledBackOneIsKept) {
 TEST(RemoteConfig, AnOlderRejectedOneDoesNotComeBackOverARolledBackOne) {
   Plant plant;
   plant.hear(plant.with_retries("v1", 7));
-  plant.start();  // it has crashed
+  plant.start();  // after a crash
   plant.hear(plant.with_retries("v0", 99));
   EXPECT_FALSE(plant.remote().rejected().empty());
   EXPECT_FALSE(plant.hear(plant.with_retries("v1", 7)));
@@ -536,7 +536,7 @@ TEST(RemoteConfig, WhatTheDiskRefusedToTryIsPutRightLater) {
   EXPECT_EQ(plant.kept_text(), good);
 }
 
-/// A new file that does not fit the one on trial may fit the one before.
+/// A new local file that conflicts with the config on trial may fit the previous one.
 TEST(RemoteConfig, WhereTheTrialNoLongerFitsTheGoodOneStays) {
   Plant plant;
   plant.hear(plant.with_retries("v1", 7));

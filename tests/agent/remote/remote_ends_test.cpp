@@ -1,4 +1,4 @@
-// What the end of a process says of the remote config that was in force or judged in it.
+// The effect of a process's end on the remote config that was in force or being judged.
 #include <gtest/gtest.h>
 
 #include "tests/agent/remote/remote_run.h"
@@ -11,7 +11,7 @@ using namespace test;
 constexpr const char* kEndedTwice =
     "the process ended twice within an hour of its start while the config was in force";
 
-/// v1 with 7 retries, then v2 with 8, both good.
+/// Makes two configs good: v1 with 7 retries, then v2 with 8.
 void make_two_good(Plant& plant) {
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
@@ -20,7 +20,7 @@ void make_two_good(Plant& plant) {
   ASSERT_EQ(plant.reported()["confirmed"], true);
 }
 
-/// A PLC that was off during the trial answers, and what it says is more than the machine holds.
+/// A PLC that was off during the trial now answers, with more data than the machine can hold.
 TEST(RemoteEnds, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
   Plant plant;
   make_two_good(plant);
@@ -87,7 +87,7 @@ TEST(RemoteEnds, AStopDoesNotCountAndForgivesNothing) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-/// Of a machine that is switched off with its plant every evening.
+/// A machine that is switched off with its plant every evening.
 TEST(RemoteEnds, AnEndOfTheMachineDoesNotCount) {
   Plant plant;
   make_two_good(plant);
@@ -99,7 +99,7 @@ TEST(RemoteEnds, AnEndOfTheMachineDoesNotCount) {
   EXPECT_EQ(plant.reported()["state"], "applied");
 }
 
-/// Which the trial answers for.
+/// The crash counts against the trial.
 TEST(RemoteEnds, AnEndInATrialIsNotThatOfTheGoodOne) {
   Plant plant;
   plant.hear(plant.with_retries("v1", 7));
@@ -122,7 +122,7 @@ TEST(RemoteEnds, AnEndInJudgingIsNotThatOfTheGoodOne) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-/// The same document once more, on the way from another one.
+/// The same document again, on the way back from another one.
 TEST(RemoteEnds, TheSameOneIsNotTheWayBackFromItself) {
   Plant plant;
   plant.hear(plant.with_retries("v1", 7));
@@ -172,7 +172,7 @@ TEST(RemoteEnds, ANewerOneTakesThePlaceOfTheOneThatWasStopped) {
   EXPECT_EQ(plant.retries(), 8);
 }
 
-/// Neither is a document lost that nobody sends again, nor the trial that was under way.
+/// The document would not be sent again, so it is kept, and so is the trial in progress.
 TEST(RemoteEnds, AStopInJudgingKeepsTheTrialToo) {
   Plant plant;
   plant.hear(plant.with_retries("v1", 7));

@@ -1,4 +1,4 @@
-// The small plant as a local file that lets configs come, and documents for it.
+// The small plant as a local file that permits remote configs, and documents for it.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -54,7 +54,7 @@ inline ConfigErrors errors_of(const json& local, const DesiredConfig& desired) {
   return config ? ConfigErrors{} : config.error();
 }
 
-/// Whether exactly one error stands at `pointer` and says `text`.
+/// Expects exactly one error, at `pointer` and containing `text`.
 inline void expect_one_error(const ConfigErrors& errors, const std::string& pointer,
                              const std::string& text) {
   ASSERT_EQ(errors.size(), 1u) << listed(errors);

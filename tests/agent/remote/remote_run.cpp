@@ -12,7 +12,7 @@ std::function<void()> at_judging;
 
 }  // namespace test
 
-/// In place of the product's, so that a test sees the disk at that moment.
+/// Replaces the product's failpoint(), so that a test can inspect the disk at that moment.
 void failpoint(std::string_view name) noexcept {
   if (test::at_judging && name == "remote_config_judged") test::at_judging();
 }

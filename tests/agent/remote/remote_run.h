@@ -1,4 +1,4 @@
-// An agent with a remote config, without threads and without time of its own.
+// An agent with a remote config, without threads and with a simulated clock.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -22,10 +22,10 @@ using namespace std::chrono_literals;
 
 inline constexpr auto kTrial = 60s;
 
-/// Called while a document is judged, after it was kept.
+/// Called while a document is judged, after it was saved.
 extern std::function<void()> at_judging;
 
-/// A local file, and an agent that starts, applies at once what it is told to, and dies.
+/// A local file, and an agent that starts, applies configs at once, and dies.
 class Plant {
  public:
   Plant() {
@@ -45,7 +45,7 @@ class Plant {
     remote_->begin();
     if (is_connected) remote_->connection(true, steady_);
   }
-  /// As far as a start reads only.
+  /// Runs only the part of a start that reads.
   void read() {
     remote_.emplace(path(), kTrial, boot_);
     auto config = remote_->start(now());
@@ -53,10 +53,10 @@ class Plant {
     in_force_ = std::move(*config);
   }
   void stop() { remote_->stop(); }
-  /// What follows is another boot of the machine.
+  /// Everything after this call belongs to another boot of the machine.
   void boot() { boot_ += "'"; }
   std::string store() const { return scratch_.path("store"); }
-  /// The disk is away, and back again.
+  /// Makes the disk unavailable; give_disk() makes it available again.
   void take_disk() const {
     std::filesystem::rename(store(), store() + ".away");
     std::ofstream(store()) << "no directory";
@@ -70,7 +70,7 @@ class Plant {
     return {std::istreambuf_iterator<char>(kept), {}};
   }
 
-  /// False: nothing was applied.
+  /// Returns false if nothing was applied.
   bool hear(const json& document) { return hear_text(document.dump()); }
   bool hear_text(const std::string& text) { return apply(remote_->hear(text, now())); }
   bool hang_up() {
@@ -89,7 +89,7 @@ class Plant {
   const Config& in_force() const { return in_force_; }
   int retries() const { return in_force_.devices[0].retries; }
   json reported() const { return json::parse(remote_->reported(in_force_.hash)); }
-  /// "applied v1", with the first error behind it.
+  /// Returns the reported state and version, 'applied "v1"', followed by the first error.
   std::string said() const {
     const json report = reported();
     std::string text = report["state"].get<std::string>() + " " + report["version"].dump();
@@ -97,7 +97,7 @@ class Plant {
     return text;
   }
 
-  /// Hears it and starts with what the disk has while it is judged.
+  /// Receives a document, then restarts with the disk's content at the time of judging.
   void end_while_judging(const json& document) {
     std::string text;
     at_judging = [&] { text = kept_text(); };
@@ -108,7 +108,7 @@ class Plant {
     start();
   }
 
-  /// Hears it, is told to end while it is judged, and starts again.
+  /// Receives a document, is interrupted while judging it, and starts again.
   void stop_while_judging(const json& document) {
     at_judging = [&] { remote_->interrupt(); };
     EXPECT_FALSE(hear(document));
@@ -117,7 +117,7 @@ class Plant {
     start();
   }
 
-  /// A document that sets the retries of the first device.
+  /// Builds a document that sets the retries of the first device.
   json with_retries(const std::string& version, int retries) const {
     json devices = local_["devices"];
     devices[0]["retries"] = retries;

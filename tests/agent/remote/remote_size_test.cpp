@@ -1,4 +1,4 @@
-// A document of a few KiB may stand for more than the machine holds, or take minutes to be judged.
+// A document of a few KiB may expand to more than the machine's memory or take minutes to judge.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -29,7 +29,7 @@ json many(const std::string& n, const json& tags) {
 struct Attack {
   const char* what;
   json document;
-  const char* said;  ///< behind "rejected v1: "
+  const char* said;  ///< after "rejected v1: "
 };
 
 TEST(RemoteSize, WhatExpandsBeyondAMachineIsRejectedWithTheLimit) {
@@ -69,7 +69,7 @@ TEST(RemoteSize, APlantOfTheLargestKindIsTaken) {
   EXPECT_TRUE(plant.hear(many("1-50", json::array({tag("t", 10'000)})))) << plant.said();
 }
 
-/// What the local file has, a document need not have less of.
+/// A document may be as large as the local file.
 TEST(RemoteSize, ALargeLocalFileStaysOpenForDocuments) {
   Config local;
   for (int i = 0; i < 10'001; ++i) local.devices.emplace_back();
@@ -89,7 +89,7 @@ TEST(RemoteSize, ADocumentHasSoManyValuesOfJson) {
   EXPECT_EQ(read.errors[0].text, "holds more than 200000 JSON values");
 }
 
-/// As many errors as a config has, and the number of the others.
+/// As many errors as a config lists, and the number of the others.
 TEST(RemoteSize, ErrorsOfTheShapeAreCounted) {
   json document = {{"version", "v1"}, {"config", json::object()}};
   for (int i = 0; i < 1500; ++i) document["x" + std::to_string(i)] = 1;
@@ -111,7 +111,7 @@ TEST(RemoteSize, AnInterruptedJudgingEndsAtOnce) {
   EXPECT_EQ(read, 0);
 }
 
-/// Asked for by the reading itself, at the first of 2,000 devices.
+/// The reader itself requests the stop, at the first of 2,000 devices.
 TEST(RemoteSize, JudgingIsInterruptedBetweenDevices) {
   std::atomic<bool> stop = false;
   int read = 0;

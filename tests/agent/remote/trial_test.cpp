@@ -36,7 +36,7 @@ TEST(Trial, AShortOutageIsForgiven) {
 TEST(Trial, AnOutageAtTheEndIsWaitedFor) {
   Trial trial(kLength, kBegin, true);
   trial.connection(false, kBegin + 50s);
-  trial.connection(false, kBegin + 55s);  // tried again in vain: the same outage
+  trial.connection(false, kBegin + 55s);  // a failed attempt: the same outage
   EXPECT_EQ(trial.verdict(kBegin + 60s), Verdict::pending);
   EXPECT_EQ(trial.decided_at(), kBegin + 110s);
   Trial back = trial;

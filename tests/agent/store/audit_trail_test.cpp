@@ -28,7 +28,7 @@ TEST(AuditTrail, AuditOfACommandIsWrittenWithItsJournal) {
   command.result = "{1}";
   shelf.store->journal().record(command);
   EXPECT_EQ(audit_of(shelf).size(), 2U);
-  EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).payload, "");  // it has done its work
+  EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).payload, "");  // no longer needed
   EXPECT_EQ(shelf.store->audit().head().records, 2U);
 }
 
@@ -51,7 +51,7 @@ TEST(AuditTrail, AuditGoesOnAfterARestartAndCommandsKeepTheirNumbers) {
   EXPECT_EQ(shelf.store->audit().next_command_number(), 2U);
   shelf.store->audit().note(told("a"));
   shelf.store->close();
-  EXPECT_EQ(audit_of(shelf).size(), 1U);  // without an agent, too
+  EXPECT_EQ(audit_of(shelf).size(), 1U);  // readable without an agent
   shelf.open();
   EXPECT_EQ(shelf.store->audit().next_command_number(), 3U);
   shelf.store->audit().note(told("b"));
@@ -100,11 +100,11 @@ TEST(AuditTrail, AuditIsPrunedToItsSizeAndItsAge) {
   EXPECT_GT(audit_of(shelf).size(), 50U);
   shelf.open(kNow + 7200000);
   shelf.store->upkeep(kStart, kNow + 7200000);
-  // The last one has to stay, and with it what says that the others were let go.
+  // The last record has to stay, together with the record of the pruning.
   EXPECT_EQ(audit_of(shelf).size(), 2U);
 }
 
-/// A trail in a file of its own, without a store.
+/// A trail in its own file, without a store.
 struct TrailBench {
   Scratch scratch;
   StoreConfig config = in(scratch.path("s"));
@@ -183,10 +183,10 @@ TEST(AuditTrail, PrunesWhatIsTooOldAndNothingOfAYoungRun) {
   bench.append(10);
   bench.prune(1 << 20, kNow + 5, 3);
   EXPECT_TRUE(bench.findings().empty());
-  EXPECT_EQ(bench.left, 8U);  // 4 to 10, and the record of the pruning
+  EXPECT_EQ(bench.left, 8U);  // 4 to 10, and the prune record
   bench.prune(1 << 20, kNow + 5, 100);
   EXPECT_TRUE(bench.findings().empty());
-  EXPECT_EQ(bench.left, 7U);  // 6 to 11, and another
+  EXPECT_EQ(bench.left, 7U);  // 6 to 11, and another prune record
 }
 
 TEST(AuditTrail, ChainGoesOnBehindAHeadThatWasPutBackAndTheBreakIsSeen) {
@@ -195,7 +195,7 @@ TEST(AuditTrail, ChainGoesOnBehindAHeadThatWasPutBackAndTheBreakIsSeen) {
   ASSERT_NO_THROW(bench.disk.database().exec("UPDATE audit_head SET records = 2"));
   bench.trail.load(bench.disk.database());
   bench.append(1);
-  EXPECT_TRUE(bench.findings().empty());  // the hash was left as it was
+  EXPECT_TRUE(bench.findings().empty());  // the hash is unchanged
   ASSERT_NO_THROW(bench.disk.database().exec("UPDATE audit_head SET hash = zeroblob(32)"));
   bench.trail.load(bench.disk.database());
   bench.append(1);

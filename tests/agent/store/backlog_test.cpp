@@ -76,7 +76,7 @@ TEST(Backlog, RowThatMadeRoomOnItsWayIsNotAcknowledgedToo) {
   const auto batch = test::next(backlog, 1000, any);
   ASSERT_TRUE(batch);
   backlog.append(row(2));
-  backlog.append(row(3));  // 1 makes room
+  backlog.append(row(3));  // drops 1 to make room
   EXPECT_EQ(backlog.take_dropped().at("a"), 1U);
   EXPECT_EQ(backlog.remove(*batch), 0U);
   EXPECT_EQ(backlog.rows(), 2U);
@@ -126,7 +126,7 @@ TEST(Backlog, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
 }
 
 TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
-  // With thousands of devices behind after an outage each message would cost a walk over all.
+  // After an outage with thousands of devices, every message would cost a walk over all streams.
   Backlog backlog(1 << 20);
   for (std::uint64_t number = 0; number < 2000; ++number)
     backlog.append(row(number, "d" + std::to_string(number % 1000)));

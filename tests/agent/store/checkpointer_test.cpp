@@ -10,9 +10,9 @@
 namespace fxagent {
 namespace {
 
-constexpr std::uintmax_t kFrame = 4096 + 24;  // a page in the log, with its header
+constexpr std::uintmax_t kFrame = 4096 + 24;  // a page in the WAL, with its header
 
-/// A database in WAL mode that writes one page more than `blob` bytes need with each row.
+/// A database in WAL mode that writes one more page per row than `blob` bytes need.
 struct Ledger {
   test::Scratch scratch;
   std::string path = scratch.path("ledger.db");
@@ -26,7 +26,7 @@ struct Ledger {
                 "CREATE TABLE t(id INTEGER PRIMARY KEY, x BLOB)"));
     checkpointer.emplace(db, path);
   }
-  /// At least `pages` pages, ten with each commit.
+  /// Writes at least `pages` pages, ten per commit.
   void write(int pages) {
     for (int i = 0; i < pages; i += 10, ++rows)
       ASSERT_NO_THROW(db.exec("INSERT INTO t VALUES(NULL, zeroblob(40960))"));
@@ -50,15 +50,16 @@ TEST(Checkpointer, LogStaysBelowItsMostHoweverMuchIsWritten) {
 TEST(Checkpointer, LogIsBroughtHomeBesideTheWriter) {
   Ledger ledger;
   ledger.write(Checkpointer::kPages + 100);
-  // SQLite's own checkpoints are a hook at the commits too, and there is only one.
+  // SQLite's own checkpoints use the commit hook too, and there is only one.
   EXPECT_EQ(sqlite3_wal_hook(ledger.db.getHandle(), nullptr, nullptr), &*ledger.checkpointer);
-  ledger.checkpointer.reset();  // waits for what was under way
-  // The log holds pages that were written twice, and at its end some that came meanwhile.
+  ledger.checkpointer.reset();  // waits for the checkpoint in progress
+  // The WAL contains pages that were written twice and, at its end, pages added in the meantime.
   EXPECT_GE(std::filesystem::file_size(ledger.path),
             std::uintmax_t{Checkpointer::kPages} * 4096 / 2);
 }
 
-// Somebody moves the files away under a running agent, and a program makes new ones in their place.
+// The files of a running agent are moved away, and another program creates new ones with their
+// names.
 TEST(Checkpointer, FilesThatTookThePlaceOfItsOwnAreNotItsBusiness) {
   Ledger ledger;
   ledger.write(100);
@@ -86,7 +87,7 @@ TEST(Checkpointer, ReaderThatHoldsTheLogBackHoldsNobodyUp) {
   ledger.write(100);
   const std::uintmax_t grown = ledger.log_bytes();
   ledger.write(Checkpointer::kPages);
-  EXPECT_EQ(ledger.log_bytes(), grown);  // it begins anew at its start
+  EXPECT_EQ(ledger.log_bytes(), grown);  // wraps around to its start
   EXPECT_TRUE(ledger.is_whole());
 }
 

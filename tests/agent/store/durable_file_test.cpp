@@ -84,7 +84,7 @@ TEST(DurableFile, NothingIsLeftBesideIt) {
   const Scratch scratch;
   const DurableFile file(scratch.path("store"), "kept.json");
   std::filesystem::create_directory(scratch.path("store"));
-  std::ofstream(file.path() + ".new") << "half of";  // a crash was here
+  std::ofstream(file.path() + ".new") << "half of";  // left by a crash
   ASSERT_EQ(file.write("one"), "");
   std::size_t files = 0;
   for (const auto& each : std::filesystem::directory_iterator(scratch.path("store"))) {
@@ -120,7 +120,7 @@ TEST(DurableFile, LinksAndWhatIsTooLargeAreNotRead) {
   std::filesystem::rename(file.path(), scratch.path("elsewhere"));
   std::filesystem::create_symlink(scratch.path("elsewhere"), file.path());
   EXPECT_FALSE(file.read(kMost).has_value());
-  // And one that is written takes the link's place.
+  // Writing replaces the link.
   EXPECT_EQ(file.write("mine"), "");
   EXPECT_EQ(content(file), "mine");
   EXPECT_EQ(std::filesystem::file_size(scratch.path("elsewhere")), 13u);

@@ -1,4 +1,5 @@
-// The store on a disk that does not answer: what is refused, what waits, and where each sample is.
+// The store on a disk that hangs: the calls refused, the calls delayed, and the place of each
+// sample.
 #include "agent/store/guarded_store.h"
 
 #include <gtest/gtest.h>
@@ -27,7 +28,7 @@ class GuardedStoreTest : public ::testing::Test {
     frost.emplace(disk);
     store.set_patience(1ms);
   }
-  /// The disk answers, and the store takes up what it was about.
+  /// The disk works again, and the store finishes its pending work.
   void thaw() {
     store.set_patience(1h);
     frost.reset();
@@ -41,10 +42,10 @@ class GuardedStoreTest : public ::testing::Test {
   test::Shelf shelf;
   std::counting_semaphore<64> answered{0};
   GuardedStore store{shelf.open(), [this] { answered.release(); }};
-  std::optional<test::Frost> frost;  ///< ends before the store
+  std::optional<test::Frost> frost;  ///< destroyed before the store
 };
 
-/// The rows that come back, and how often.
+/// The rows that are returned, and the number of calls.
 struct Outcome {
   std::vector<SampleRow> given;
   std::vector<bool> calls;
@@ -145,7 +146,7 @@ TEST_F(GuardedStoreTest, CommandThatWasRefusedHasItsResultInTheJournal) {
   EXPECT_EQ(inside().journal().find("a", "first")->result, R"({"status":"REJECTED"})");
   EXPECT_EQ(inside().journal().find("a", "late")->result, R"({"status":"REJECTED"})");
   store.close();
-  // No command is without a result: a restart makes none of its own.
+  // Every command has its result, so a restart makes no other.
   Store& again = shelf.open();
   std::vector<std::string> open;
   for (const JournalEntry& each : again.journal().unacknowledged()) open.push_back(each.id);
@@ -174,7 +175,7 @@ TEST_F(GuardedStoreTest, NumbersThatWereUsedMeanwhileAreReserved) {
   store.used("a", 1000 + 3 * SequenceNumbers::kBlock);
   EXPECT_EQ(store.join({"new"}, 5000), std::vector<std::uint64_t>{5000});
   thaw();
-  shelf.store.reset();  // as a crash
+  shelf.store.reset();  // like a crash
   shelf.open();
   EXPECT_GE(shelf.begin(1000), 1000 + 3 * SequenceNumbers::kBlock);
 }
@@ -183,7 +184,7 @@ TEST_F(GuardedStoreTest, EveryHangIsTakenUpAndTheNextOneToo) {
   for (std::uint64_t i = 1; i <= 3; ++i) {
     freeze();
     EXPECT_FALSE(store.journal(std::vector{shelf.arrived(std::to_string(i))}));
-    // While nothing answers, upkeep changes nothing.
+    // While the disk hangs, upkeep changes nothing.
     store.upkeep(kStart, kNow);
     EXPECT_TRUE(store.hangs());
     thaw();

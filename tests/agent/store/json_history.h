@@ -1,4 +1,5 @@
-// A history message of rows that are JSON texts, joined as they are; of a record its number.
+// Builds a history message from rows that are JSON texts, joined unchanged; a record becomes its
+// number.
 #pragma once
 
 #include <optional>
@@ -29,7 +30,7 @@ class JsonHistory final : public HistoryMessage {
   std::string text_ = R"({"history":true,"rows":[)";
 };
 
-/// The next message of a store or a backlog, of at most so many bytes.
+/// Returns the next message of a store or backlog, of at most this many bytes.
 template <class Rows>
 std::optional<HistoryBatch> next(Rows& rows, std::size_t max_bytes, const MaySend& may_send) {
   JsonHistory message(max_bytes);

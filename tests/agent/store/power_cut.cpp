@@ -11,10 +11,10 @@ namespace {
 
 PowerCut* disk = nullptr;
 
-/// SQLite's record of an open file, and behind it the one of the file system itself.
+/// SQLite's record of an open file, followed by that of the file system.
 struct Layered {
   sqlite3_file base;
-  const char* path;  // SQLite keeps the name for as long as the file is open
+  const char* path;  // SQLite keeps the name valid while the file is open
   sqlite3_file* real() { return reinterpret_cast<sqlite3_file*>(this + 1); }
 };
 
@@ -46,7 +46,7 @@ int control(sqlite3_file* file, int what, void* argument) {
   return real(file)->pMethods->xFileControl(real(file), what, argument);
 }
 int sector(sqlite3_file* file) { return real(file)->pMethods->xSectorSize(real(file)); }
-// A disk that can promise nothing, so that SQLite leaves no synchronisation out.
+// A disk without guarantees, so that SQLite omits no sync.
 int character(sqlite3_file*) { return 0; }
 int shm_map(sqlite3_file* file, int page, int size, int extend, void volatile** at) {
   return real(file)->pMethods->xShmMap(real(file), page, size, extend, at);

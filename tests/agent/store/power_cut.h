@@ -1,6 +1,6 @@
-// A disk that forgets at a power cut, and that may freeze: SQLite's own files below a layer of
-// SQLite's that counts what is synchronised, keeps a copy of each file as it was then, and has
-// writes wait. So SQLite tests itself.
+// A disk that loses unsynced data at a power cut and that can freeze. It is a VFS layer below
+// SQLite that counts syncs, keeps a copy of each file as of its last sync, and can block writes.
+// SQLite tests itself in this way.
 #pragma once
 
 #include <sqlite3.h>
@@ -13,7 +13,7 @@
 
 namespace fxagent::test {
 
-/// While it lives, every database that is opened lies on such a disk. One at a time.
+/// While this object lives, every database opened is on such a disk. One at a time.
 class PowerCut final {
  public:
   PowerCut();
@@ -21,23 +21,23 @@ class PowerCut final {
   PowerCut(const PowerCut&) = delete;
   PowerCut& operator=(const PowerCut&) = delete;
 
-  /// Of files whose name ends so: how often they were synchronised.
+  /// The number of syncs of files whose name ends with `ending`.
   std::uint64_t syncs(const std::string& ending) const;
-  /// Makes `directory` with what a power cut at this moment leaves of `from`: of each database file
-  /// what was synchronised last, and nothing of one that never was.
+  /// Creates `directory` with the content of `from` after a power cut at this moment: each database
+  /// file as of its last sync, and no file that was never synced.
   void leave(const std::string& from, const std::string& directory) const;
 
-  /// Every write waits from now on, as on a frozen file system, until thaw().
+  /// Blocks every write until thaw(), as a frozen file system does.
   void freeze();
   void thaw();
-  /// True while a write waits.
+  /// True while a write is blocked.
   bool is_awaited() const;
 
-  /// For the layer: returns when the disk is not frozen.
+  /// Called by the layer: returns when the disk is not frozen.
   void await_thaw() const;
-  /// For the layer: this file is on the disk as it is now.
+  /// Called by the layer: `content` of the file is now on the disk.
   void synchronised(const std::string& path, std::string content);
-  /// For the layer: the file is no more.
+  /// Called by the layer: the file was deleted.
   void deleted(const std::string& path);
 
  private:
@@ -52,7 +52,7 @@ class PowerCut final {
   std::map<std::string, File> files_;
 };
 
-/// The disk is frozen while this lives.
+/// Freezes the disk during its own lifetime.
 class Frost final {
  public:
   explicit Frost(PowerCut& disk) : disk_(disk) { disk_.freeze(); }

@@ -56,7 +56,7 @@ std::string row_of(const Telemetry& sample) {
   return encode_sample(sample, device(), "9f3c21aa", "a41c");
 }
 
-/// What came back says what went in.
+/// Expects the record to equal the sample it was made from.
 void expect_same(const Telemetry& sample, const SampleRecord& record) {
   EXPECT_EQ(record.ts_ms, sample.ts_ms);
   EXPECT_EQ(record.seq, sample.seq);
@@ -129,7 +129,7 @@ TEST(SampleRecord, BytesAreTheShortestOfRfc8949) {
   Telemetry sample = message({good(0, Value(std::int64_t{500}))});
   sample.ts_ms = -1;
   sample.seq = 23;
-  // 9 items; -1, 23, "b", "m", null, 0; "a", 2, 500 (Appendix A: 19 01f4 is of two bytes)
+  // 9 items; -1, 23, "b", "m", null, 0; "a", 2, 500 (Appendix A: 19 01f4 has two bytes)
   const std::string wanted("\x89\x20\x17\x61\x62\x61\x6D\xF6\x00\x61\x61\x02\x19\x01\xF4", 15);
   EXPECT_EQ(encode_sample(sample, plc, "b", "m"), wanted);
   for (const std::int64_t number : {24LL, 255LL, 256LL, 65535LL, 65536LL, 4294967295LL,
@@ -142,7 +142,7 @@ TEST(SampleRecord, BytesAreTheShortestOfRfc8949) {
 }
 
 TEST(SampleRecord, NumbersOfTypesAndReasonsAreThoseInFiles) {
-  // As agent/store/README.md has them.
+  // Numbers from agent/store/README.md.
   const std::vector<DataType> types{DataType::boolean, DataType::int16,  DataType::uint16,
                                     DataType::int32,   DataType::uint32, DataType::float32,
                                     DataType::bcd16,   DataType::bcd32,  DataType::string,
@@ -168,7 +168,7 @@ TEST(SampleRecord, EveryValueComesBackAsItWas) {
                                   Value(0.1 + 0.2),
                                   Value(1e300),
                                   Value(-std::numeric_limits<double>::infinity()),
-                                  Value(3.0),  // a real number stays one
+                                  Value(3.0),  // stays a real number
                                   Value(std::string("\xC3(\xFF\0x", 5)),
                                   Value(std::string()),
                                   Value::array({}),

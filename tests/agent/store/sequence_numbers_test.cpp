@@ -48,13 +48,13 @@ TEST(SequenceNumbers, NumbersOnlySkipForwardAfterACrash) {
   std::uint64_t used = shelf.begin();
   for (std::uint64_t i = 0; i < 3 * SequenceNumbers::kBlock; ++i)
     shelf.store->numbers().used("a", ++used);
-  // The clock went back: the numbers do not.
+  // The clock was set back; the numbers continue.
   shelf.open(5);
   EXPECT_GT(shelf.begin(5), used);
 }
 
-// The file of an earlier run opens in the middle of this one, whose clock began in the past: what
-// it writes of its own low numbers must not hide how far the earlier run had come.
+// The file of an earlier run opens while this run, whose clock began in the past, is under way.
+// Writing this run's low numbers must not hide the high numbers of the earlier run.
 TEST(SequenceNumbers, NumbersOfAnEarlierRunAreNotSetBackByAFileThatOpensLate) {
   constexpr std::int64_t kBoot = 5000;
   Shelf shelf;
@@ -114,11 +114,11 @@ TEST(SequenceNumbers, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
       shelf.store->numbers().used("a", last);
     } while (shelf.add(rows(last, last)));
     for (int i = 0; i < 1000; ++i) shelf.store->numbers().used("a", ++last);
-  }  // and the power goes
+  }  // power cut
   shelf.open(5);
   const std::uint64_t next = shelf.begin(5);
   EXPECT_GT(next, last);
-  shelf.open();  // the mark has done its work
+  shelf.open();  // the mark is no longer needed
   EXPECT_EQ(shelf.begin(), next);
 }
 

@@ -1,4 +1,4 @@
-// A store in a directory of its own, with what the tests put into it.
+// A store in its own directory, and functions that fill it.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -49,7 +49,7 @@ inline JournalEntry entry(std::string id, std::string result = {},
   return made;
 }
 
-/// A store in a directory of its own, opened as often as wanted.
+/// A store in its own directory, opened as often as needed.
 struct Shelf {
   Scratch scratch;
   StoreConfig config;
@@ -61,10 +61,10 @@ struct Shelf {
     store = std::make_unique<Store>(config, utc_ms);
     return *store;
   }
-  /// A file in its place: nothing can be opened there.
+  /// Puts a file at the store's path, so that it cannot be opened.
   void block() const { std::ofstream(config.path) << "a file in its place"; }
   std::string file() const { return config.path + "/fxagent.db"; }
-  /// The number before the first one of device a in this boot.
+  /// Returns the number before device a's first one in this boot.
   std::uint64_t begin(std::int64_t utc_ms = kNow) {
     const std::string device = "a";
     return store->numbers().begin(std::span(&device, 1), utc_ms).at(0);
@@ -72,13 +72,13 @@ struct Shelf {
   bool add(std::vector<SampleRow> made, Store::Hold hold = Store::Hold::no) {
     return store->samples().append(made, hold);
   }
-  /// As the command that has just come.
+  /// Returns the journal entry of a command that has just arrived.
   JournalEntry arrived(std::string id, std::string result = {}, std::int64_t received_ms = kNow) {
     JournalEntry made = entry(std::move(id), std::move(result), received_ms);
     made.number = store->audit().next_command_number();
     return made;
   }
-  /// Everything that waits, message by message, each acknowledged.
+  /// Returns all pending rows message by message, acknowledging each.
   std::string drain(std::size_t max_payload = 65536) {
     std::string all;
     while (const auto batch = test::next(store->samples(), max_payload, any)) {
@@ -89,7 +89,7 @@ struct Shelf {
   }
 };
 
-/// Files of this process end at so many bytes, as on a full disk.
+/// Limits the size of files written by this process, as a full disk does.
 class DiskLimit final {
  public:
   explicit DiskLimit(rlim_t bytes) {
@@ -107,7 +107,7 @@ class DiskLimit final {
   rlimit before_{};
 };
 
-/// The records of the file, as another process reads them; their chain is whole.
+/// Returns the audit records as another process reads them. Expects an intact chain.
 inline std::vector<std::string> audit_of(const Shelf& shelf) {
   std::vector<std::string> texts;
   audit::Verifier verifier;

@@ -17,32 +17,32 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The layout of the file, as agent/store/README.md has it.
+// The layout of the file, from agent/store/README.md.
 constexpr std::size_t kBootAt = 8;
 constexpr std::size_t kHeadWrittenAt = 80;
 constexpr std::size_t kRecords = 128;
 constexpr std::size_t kRecord = 32;
 constexpr std::size_t kRecordWrittenAt = 24;
 
-/// A store whose agent is killed: what it leaves is opened again, without a clean end.
+/// A store whose agent is killed: its files are opened again without a clean end.
 struct StartedCommandsTest : ::testing::Test {
   StartedCommandsTest() { shelf.open(); }
 
-  /// The number of a command that is in the journal now.
+  /// Journals a command and returns its number.
   std::uint64_t journal(const std::string& id) {
     JournalEntry made = shelf.arrived(id);
-    made.audit = told(id);  // a record takes the number with it into the file
+    made.audit = told(id);  // a record stores the number in the file with it
     EXPECT_TRUE(shelf.store->journal().journal(std::vector{made}));
     return made.number;
   }
   void start(std::uint64_t number) { shelf.store->journal().starts()->mark(number); }
-  /// Two commands, of which the first leaves.
+  /// Journals two commands and starts the first.
   void journal_two_and_start_one() {
     start(journal("started"));
     journal("waiting");
   }
   void kill() { shelf.store.reset(); }
-  /// After a restart: the ids without a result, and whether each surely was not sent.
+  /// After a restart: the ids without a result, and true for each that was certainly not sent.
   std::map<std::string, bool> left() {
     std::map<std::string, bool> all;
     for (const JournalEntry& each : shelf.open().journal().unacknowledged())
@@ -147,7 +147,7 @@ TEST_F(StartedCommandsTest, NothingIsProvenWhereTheDatabaseIsAnother) {
   EXPECT_EQ(left(), kNothing);
 }
 
-// As where a backup of the whole directory was copied over it: its marks are older than the file.
+// As if a backup of the whole directory had been restored: its marks are older than the file.
 TEST_F(StartedCommandsTest, NothingIsProvenByAnOldCopyInThePlaceOfTheFile) {
   journal_two_and_start_one();
   kill();
@@ -187,7 +187,7 @@ TEST_F(StartedCommandsTest, MarkFindsItsPlaceOnADiskThatIsFull) {
   const std::uint64_t started = journal("started");
   const auto size = fs::file_size(path());
   {
-    const DiskLimit full(size);  // no file becomes larger
+    const DiskLimit full(size);  // no file can grow
     start(started);
   }
   kill();
@@ -247,7 +247,7 @@ TEST_F(StartedCommandsTest, OldestMarkIsKnownUntilThereIsNoRoomForIt) {
   EXPECT_EQ(left(), kProven);
 }
 
-/// The store opens when this run has sent commands already.
+/// The store opens when this run has already sent commands.
 TEST_F(StartedCommandsTest, StoreThatOpensLateKnowsWhatWaitedAndNothingOfThisRun) {
   journal_two_and_start_one();
   kill();

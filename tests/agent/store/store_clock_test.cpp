@@ -16,7 +16,7 @@ TEST(StoreClock, ClockThatIsSetMakesNothingOlderOrYounger) {
   Shelf shelf;
   shelf.config.max_age = 1h;
   constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
-  shelf.open(kNow - kYear);  // a gateway without a clock of its own
+  shelf.open(kNow - kYear);  // a gateway without a battery-backed clock
   shelf.store->upkeep(kStart, kNow - kYear);
   shelf.add(rows(1, 2));
   JournalEntry command = shelf.arrived("x", {}, kNow - kYear);
@@ -43,15 +43,15 @@ TEST(StoreClock, ClockThatIsSetLeavesRowsOfEarlierRunsAsTheyAre) {
   EXPECT_EQ(shelf.drain(), "a/fast[3]}");
 }
 
-// A gateway without a clock of its own whose data partition is mounted late: the numbers of its
-// commands begin below those of earlier runs, and the clock is set after the file has opened.
+// A gateway without a battery-backed clock mounts its data partition late. Its command numbers
+// begin below those of earlier runs, and the clock is set after the file has opened.
 TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
   constexpr std::int64_t kBoot = 5000;
   Shelf shelf;
   shelf.open();
   for (const char* id : {"told", "again", "untold"}) {
     JournalEntry made = entry(id, "{earlier}", kNow - 60000);
-    made.number = static_cast<std::uint64_t>(kNow);  // as a run that opened its file late counts
+    made.number = static_cast<std::uint64_t>(kNow);  // like a run that opened its file late
     shelf.store->journal().record(made);
     if (made.id != "untold") shelf.store->journal().acknowledge("a", id, made.number);
   }
@@ -68,7 +68,7 @@ TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
   std::filesystem::rename(away, shelf.config.path);
   shelf.store->upkeep(kStart + 10s, kBoot + 10000);
   ASSERT_EQ(shelf.store->state(), "disk");
-  EXPECT_EQ(shelf.store->journal().find("a", "again")->result, "");  // it is this run's
+  EXPECT_EQ(shelf.store->journal().find("a", "again")->result, "");  // belongs to this run
   shelf.store->upkeep(kStart + 20s, kNow + 20000);
   shelf.store->upkeep(kStart + 21s, kNow + 21000);
   EXPECT_EQ(shelf.store->journal().find("a", "told")->received_ms, kNow - 60000);

@@ -1,4 +1,5 @@
-// Files that SQLite opens gladly and that are no store of ours: cut short, or without a table.
+// Files that SQLite opens without an error and that are not valid stores: truncated, or without a
+// table.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -38,7 +39,7 @@ class StoreDamage : public testing::Test {
     ASSERT_TRUE(store.samples().append(some, Store::Hold::no));
     store.close();
   }
-  /// The store works, on a fresh file, and the damaged one lies beside it.
+  /// Expects the store to work on a fresh file, next to the damaged one.
   void expect_a_fresh_one() {
     Store store(config_, kUtc);
     EXPECT_TRUE(store.is_writable());

@@ -13,7 +13,7 @@ namespace {
 constexpr std::int64_t kNow = 1790000000000;
 using Sync = StoreDisk::Sync;
 
-/// Writes rows of devices, and notes what it is told.
+/// Writes device rows and records the calls it receives.
 class Part final : public StorePart {
  public:
   void load(SQLite::Database& database) override {
@@ -124,7 +124,7 @@ TEST_F(StoreDiskParts, DamagedFileIsSetAsideOnceAndItsPlaceIsTaken) {
   EXPECT_EQ(part.aside, "fxagent.db.corrupt-" + std::to_string(kNow));
   EXPECT_EQ(disk->set_aside(), part.aside);
   EXPECT_EQ(count(), 1);
-  // The next such row is taken for one of our own making.
+  // The next such row counts as the program's own error.
   EXPECT_FALSE(disk->commit("test", Sync::as_configured, [&] { part.write(7); }));
   EXPECT_TRUE(disk->is_open());
   EXPECT_FALSE(disk->is_writable());

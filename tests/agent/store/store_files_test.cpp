@@ -1,4 +1,5 @@
-// The store's files in a directory that others reach: deleted, replaced, or links before it came.
+// The store's files in a directory that others can write: deleted, replaced, or created earlier as
+// links.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -35,7 +36,7 @@ struct StoreFiles : ::testing::Test {
     return store->samples().append(rows, Store::Hold::no);
   }
   std::string in_store(const std::string& name) const { return config.path + "/" + name; }
-  /// A store with three rows, whose next minute comes at kStart + 60 s.
+  /// Opens a store with three rows; its next minute is due at kStart + 60 s.
   void begin() {
     open();
     store->upkeep(kStart, kNow);
@@ -71,14 +72,14 @@ TEST_F(StoreFiles, FileThatWasDeletedIsNoticed) {
   expect_noticed_and_usable();
 }
 
-// The file is as it was, and what is written to a log without a name is in no file.
+// The database file is unchanged. Data written to an unlinked log is in no file.
 TEST_F(StoreFiles, LogThatWasDeletedIsNoticed) {
   begin();
   fs::remove(in_store("fxagent.db-wal"));
   a_minute_later();
   EXPECT_EQ(store->samples().take_dropped()["a"], 3U);
   ASSERT_EQ(store->state(), "disk");
-  const std::uint64_t found = store->samples().rows();  // what a checkpoint had brought home
+  const std::uint64_t found = store->samples().rows();  // rows of a completed checkpoint
   ASSERT_TRUE(add(4, 5));
   EXPECT_EQ(open().samples().rows(), found + 2);
 }
@@ -123,7 +124,7 @@ TEST_F(StoreFiles, DirectoryThatOthersMayWriteIsRefused) {
     EXPECT_FALSE(fs::exists(in_store("fxagent.db")));
   }
   EXPECT_NE(make_store_file(config.path).find("chmod 700"), std::string::npos);
-  // Nobody can replace what is in a sticky one.
+  // In a sticky directory, other users cannot replace files.
   ASSERT_EQ(::chmod(config.path.c_str(), 01777), 0);
   EXPECT_EQ(open().state(), "disk");
 }
@@ -150,7 +151,7 @@ TEST_F(StoreFiles, LinkIsNotFollowedAndItsVictimStaysAsItIs) {
   ASSERT_EQ(::stat(victim.c_str(), &found), 0);
   EXPECT_EQ(found.st_mode & 0777, 0644U);
   EXPECT_EQ(found.st_size, 14);
-  // A second name of it is the same in other clothes.
+  // A hard link is the same attack in another form.
   fs::remove(in_store("fxagent.db"));
   fs::create_hard_link(victim, in_store("fxagent.db"));
   EXPECT_EQ(open().state(), "memory");

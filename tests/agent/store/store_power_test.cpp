@@ -1,4 +1,4 @@
-// What the store promises about power cuts, on a disk that loses what was not synchronised.
+// The store's guarantees at power cuts, on a disk that loses unsynced data.
 #include <gtest/gtest.h>
 
 #include <memory>
@@ -45,14 +45,14 @@ class StorePower : public ::testing::Test {
     return *store;
   }
 
-  /// The power goes now and comes back: what opens is what the disk has kept.
+  /// Cuts the power and opens what the disk has kept.
   Store& power_cut(std::int64_t utc_ms = kNow) {
     StoreConfig after = config;
     after.path = scratch.path("after-" + std::to_string(++cuts));
     disk.leave(config.path, after.path);
     plain.leave(config.path, after.path, "fxagent.db.behind");
     config = after;
-    store.reset();  // the end of the program brings its file home, and nothing to the copy
+    store.reset();  // the closing checkpoint does not reach the copy
     return open(utc_ms);
   }
 
@@ -68,7 +68,7 @@ TEST_F(StorePower, DiskOfTheTestLosesWhatWasNotSynchronised) {
   Store& first = open();
   auto kept = rows(1, 3);
   ASSERT_TRUE(first.samples().append(kept, Store::Hold::no));
-  // With `offline` a command is not synchronised by itself.
+  // With `offline` a command alone causes no sync.
   ASSERT_TRUE(first.journal().journal(std::vector{entry("lost", 1)}));
   EXPECT_TRUE(first.journal().find("a", "lost"));
   Store& again = power_cut();
@@ -91,12 +91,12 @@ TEST_F(StorePower, NoSequenceNumberComesTwiceAfterAPowerCut) {
   const std::vector<std::string> devices{"a"};
   std::uint64_t last = first.numbers().begin(devices, 1000).at(0);
   EXPECT_EQ(last, 1000U);
-  // Well into the third block, each of which was reserved on the way.
+  // Reaches the third block; each block was reserved on the way.
   for (std::uint64_t i = 0; i < 2 * SequenceNumbers::kBlock + 500; ++i) {
     first.numbers().used("a", ++last);
     first.upkeep(kStart + i * 1ms, kNow + static_cast<std::int64_t>(i));
   }
-  // The clock of the next boot stands below every number that was used.
+  // The next boot's clock is below every number used.
   EXPECT_GE(power_cut().numbers().begin(devices, 1000).at(0), last);
 }
 

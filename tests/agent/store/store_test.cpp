@@ -24,7 +24,7 @@ TEST(Store, FilesAreTheOwnersAlone) {
     EXPECT_EQ(facts.st_mode & 0777, 0600U) << entry.path();
     ++files;
   }
-  EXPECT_EQ(files, 5U);  // the database, its log and the log's index; the lock; the marks
+  EXPECT_EQ(files, 5U);  // the database, its WAL and the WAL's index; the lock; the marks
   ASSERT_EQ(::stat(shelf.config.path.c_str(), &facts), 0);
   EXPECT_EQ(facts.st_mode & 0777, 0700U);
 }
@@ -92,7 +92,7 @@ TEST(Store, SecondAgentDoesNotGetTheSameFile) {
   EXPECT_EQ(shelf.store->state(), "disk");
 }
 
-/// What the first version of the program made.
+/// The schema of the program's first version.
 constexpr const char* kFirstSchema =
     "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
     " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"

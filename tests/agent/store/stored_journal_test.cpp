@@ -13,7 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 using namespace test;
 
-// Its result was told and then had to make room for newer ones. Nobody is told another one.
+// The result was published and then dropped to make room. A different result must not be published.
 TEST(StoredJournal, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
   Shelf shelf;
   shelf.open();
@@ -49,7 +49,7 @@ TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{early}));
   {
     SQLite::Database other = sqlite::open(shelf.file());
-    ASSERT_NO_THROW(other.exec("INSERT INTO audit VALUES(2, '', x'')"));  // in the next one's place
+    ASSERT_NO_THROW(other.exec("INSERT INTO audit VALUES(2, '', x'')"));  // the next number
   }
   JournalEntry command = entry("x");
   command.audit = R"({"x":1})";
@@ -90,11 +90,11 @@ TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
   ASSERT_TRUE(three);
   EXPECT_EQ(three->result, "{3}");
   EXPECT_TRUE(three->acknowledged);
-  EXPECT_EQ(three->response_topic, "");  // nobody needs it any more
+  EXPECT_EQ(three->response_topic, "");  // no longer needed
   EXPECT_EQ(three->correlation, Bytes{});
 }
 
-// The field forgets the oldest of 10,000 ids at once, and the file once a minute.
+// The field forgets the oldest of 10,000 ids at once, the file once a minute.
 TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
   Shelf shelf;
   shelf.open();
@@ -107,7 +107,7 @@ TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
   first.result = "{1}";
   shelf.store->journal().record(first);
   shelf.store->upkeep(kStart, kNow);
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{first}));  // not another command
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{first}));  // the same command
   EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "{1}");
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{again}));
   const auto found = shelf.store->journal().find("a", "one");
@@ -117,7 +117,7 @@ TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
   EXPECT_EQ(found->op, "read");
   EXPECT_EQ(found->received_ms, kNow + 60000);
   shelf.store->journal().record(first);
-  shelf.store->journal().acknowledge("a", "one", 7);  // of the first, and late
+  shelf.store->journal().acknowledge("a", "one", 7);  // a late one, for the first command
   shelf.store->upkeep(kStart + 1s, kNow);
   EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "");
   again.result = "{2}";
@@ -137,7 +137,7 @@ TEST(StoredJournal, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   Shelf shelf;
   shelf.open();
   const std::int64_t day = 24 * 3600 * 1000;
-  // An hour more than the field knows them, so that it finds what it asks for.
+  // An hour longer than the field remembers ids, so that the field finds every id it asks for.
   for (const std::int64_t age : {day + 3620000, day + 3580000}) {
     const std::string id = std::to_string(age);
     shelf.store->journal().record(entry(id, "{}", kNow - age));
@@ -154,7 +154,7 @@ TEST(StoredJournal, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   EXPECT_EQ(found[1].id, std::to_string(day + 3580000));
 }
 
-// The age of samples is no age of ids: neither a shorter nor a longer one.
+// The maximum age of samples neither shortens nor lengthens that of ids.
 TEST(StoredJournal, IdsAreKeptForTheirDayHoweverLongSamplesAre) {
   for (const std::chrono::hours max_age : {1h, 1000h}) {
     Shelf shelf;
@@ -199,10 +199,10 @@ TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
     shelf.store->journal().acknowledge("a", std::to_string(i), 0);
     if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), old.received_ms);
   }
-  // Nothing waits, and nothing is forgotten yet.
+  // No result is pending, and nothing is forgotten yet.
   shelf.store->upkeep(kStart + std::chrono::seconds(kRememberedIds + 1), old.received_ms);
   {
-    // The first statement lets "old" go; the second one, on the results, fails.
+    // The first statement deletes "old"; the second one, on the results, fails.
     SQLite::Database other = sqlite::open(shelf.file());
     ASSERT_NO_THROW(
         other.exec("CREATE TRIGGER fault BEFORE UPDATE ON orders"
@@ -221,8 +221,8 @@ TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
   EXPECT_LT(shelf.store->journal().bytes(), bytes);
 }
 
-// Whatever the calendar says: an id that came after 10,000 others is a new one, and a result that
-// is not acknowledged is never passed over.
+// Independently of the calendar, an id that came after 10,000 others is new, and an unacknowledged
+// result is never skipped.
 TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
   Shelf shelf;
   shelf.open();
@@ -248,7 +248,7 @@ TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
   EXPECT_EQ(found.back().id, "y");
   ASSERT_EQ(shelf.store->journal().unacknowledged().size(), 1U);
   EXPECT_EQ(shelf.store->journal().unacknowledged()[0].id,
-            "0");  // too many ago, but not acknowledged
+            "0");  // beyond the limit, but not acknowledged
 }
 
 TEST(StoredJournal, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
@@ -327,8 +327,8 @@ TEST(StoredJournal, ResultThatIsNotAcknowledgedIsKeptAsLongAsASample) {
   EXPECT_EQ(waiting[0].id, "old");
 }
 
-// The result of the first one found no disk, and the id was let go: the command that is carried out
-// now is the one that a restart must know of.
+// The result of the first one could not be written and the id was forgotten: a restart must know
+// the command that is carried out now.
 TEST(StoredJournal, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
   Shelf shelf;
   shelf.open();
@@ -342,7 +342,7 @@ TEST(StoredJournal, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
   EXPECT_EQ(shelf.store->journal().find("a", "x")->result, "");
 }
 
-// A clock that is set while a command is under way: its result does not make it old.
+// The clock is set during a command: the result must not change the command's age.
 TEST(StoredJournal, ResultLeavesTheTimeOfItsCommand) {
   Shelf shelf;
   shelf.open();
@@ -392,8 +392,8 @@ TEST(StoredJournal, CommandThatFoundNoDiskIsInTheJournalLater) {
   EXPECT_EQ(found[done_first ? 1 : 0].result, "");
 }
 
-// The disk may be away for a day: a command and its result take one place between them, and an id
-// that is used anew takes its own place again.
+// The disk may be missing for a day: a command and its result use one place together, and a reused
+// id takes its own place again.
 TEST(StoredJournal, TenThousandCommandsFindRoomUntilThereIsADisk) {
   Shelf shelf;
   shelf.block();
@@ -409,12 +409,12 @@ TEST(StoredJournal, TenThousandCommandsFindRoomUntilThereIsADisk) {
     made.result = "{" + std::to_string(i) + "}";
     shelf.store->journal().record(std::move(made));
   }
-  shelf.store->journal().journal(std::vector{make(7, 20000)});  // anew
+  shelf.store->journal().journal(std::vector{make(7, 20000)});  // reuses the id
   JournalEntry late = make(7, 8);
   late.result = "{late}";
-  shelf.store->journal().record(std::move(late));  // of the first one
+  shelf.store->journal().record(std::move(late));  // of the first command
   shelf.store->journal().journal(
-      std::vector{make(kRememberedIds, 20001)});  // one too many: the oldest goes
+      std::vector{make(kRememberedIds, 20001)});  // one too many: drops the oldest
   EXPECT_EQ(shelf.store->journal().find("a", "7")->result, "");
   EXPECT_FALSE(shelf.store->journal().find("a", "0"));
   std::filesystem::remove(shelf.config.path);

@@ -42,7 +42,7 @@ TEST(StoredSamples, UnacknowledgedRowsAreStillThereAfterACrash) {
   shelf.add(rows(1, 3));
   const auto batch = test::next(shelf.store->samples(), 65536, any);
   ASSERT_TRUE(batch);
-  EXPECT_FALSE(test::next(shelf.store->samples(), 65536, any));  // one batch of a stream at a time
+  EXPECT_FALSE(test::next(shelf.store->samples(), 65536, any));  // one pending batch per stream
   EXPECT_EQ(shelf.store->samples().rows(), 3U);
   shelf.open();
   EXPECT_EQ(shelf.drain(), "a/fast[1,2,3]}");
@@ -100,7 +100,7 @@ TEST(StoredSamples, FullStoreLetsTheOldestGoAndCountsThem) {
   EXPECT_EQ(shelf.store->samples().take_dropped(),
             (std::map<std::string, std::uint64_t>{{"b", 2}}));
   const auto batch =
-      test::next(shelf.store->samples(), 27, any);  // row 1 is on its way and makes room
+      test::next(shelf.store->samples(), 27, any);  // row 1 is in flight and makes room
   shelf.add(rows(6, 6));
   EXPECT_EQ(shelf.store->samples().take_dropped().at("a"), 1U);
   EXPECT_EQ(shelf.store->samples().remove(*batch), 0U);
@@ -171,7 +171,7 @@ TEST(StoredSamples, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
   {
     const DiskLimit full(200000);
     std::uint64_t seq = 4;
-    do {  // each time the log makes room by going home, until the file itself is as large
+    do {  // each checkpoint makes room in the log, until the file itself is full
       while (shelf.add(rows(seq, seq + 99))) seq += 100;
       EXPECT_EQ(shelf.store->state(), "memory");
       shelf.store->upkeep(now += 1s, kNow);
@@ -179,7 +179,7 @@ TEST(StoredSamples, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
     } while (shelf.store->state() == "disk");
     EXPECT_GT(seq, 500U);
     EXPECT_EQ(shelf.store->samples().rows(), seq - 1);
-    const auto batch = test::next(shelf.store->samples(), 4096, any);  // reading goes on
+    const auto batch = test::next(shelf.store->samples(), 4096, any);  // reads continue
     ASSERT_TRUE(batch);
     EXPECT_EQ(shelf.store->samples().remove(*batch), batch->row_ids.size());
     shelf.store->upkeep(now += 10s, kNow);

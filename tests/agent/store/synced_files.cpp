@@ -62,7 +62,7 @@ void SyncedFiles::leave(const std::string& from, const std::string& directory,
 
 }  // namespace fxagent::test
 
-/// Takes the place of the C library's in this program.
+/// Replaces the C library's fsync() in this program.
 extern "C" int fsync(int handle) {
   if (fxagent::test::disk != nullptr) fxagent::test::disk->synchronised(handle);
   return static_cast<int>(::syscall(SYS_fsync, handle));

@@ -1,6 +1,6 @@
-// The disk below plain files, as power_cut.h is below SQLite's: what a power cut leaves of a
-// directory. Of each file the content of its last fsync() is there, and the names are those of the
-// last fsync() of the directory. A file that was never synchronised is empty.
+// The disk below plain files, as power_cut.h is below SQLite's. After a power cut, each file has
+// the content of its last fsync(), and the directory has the names of its last fsync(). A file that
+// was never synced is empty.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace fxagent::test {
 
-/// Records every fsync() of the program while it lives. One at a time.
+/// Records every fsync() of the program during its own lifetime. One at a time.
 class SyncedFiles final {
  public:
   SyncedFiles();
@@ -19,16 +19,16 @@ class SyncedFiles final {
   SyncedFiles(const SyncedFiles&) = delete;
   SyncedFiles& operator=(const SyncedFiles&) = delete;
 
-  /// Makes `directory` with what a power cut at this moment leaves of the plain files of `from`
-  /// whose names begin with `prefix`.
+  /// Creates `directory` with the plain files of `from` whose names begin with `prefix`, as they
+  /// are after a power cut at this moment.
   void leave(const std::string& from, const std::string& directory,
              const std::string& prefix = {}) const;
 
-  /// For fsync().
+  /// Called by fsync().
   void synchronised(int handle);
 
  private:
-  /// Device, inode and birth time: an inode is used anew.
+  /// Device, inode and birth time, because inodes are reused.
   using Identity = std::tuple<std::uint64_t, std::uint64_t, std::int64_t>;
   static Identity identity_of(int directory, const char* name);
 

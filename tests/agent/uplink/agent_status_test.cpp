@@ -1,4 +1,4 @@
-// What is known of the agent, as a reader on the status board sees it.
+// The agent's status as a reader of the status board sees it.
 #include <gtest/gtest.h>
 
 #include <stop_token>
@@ -19,7 +19,7 @@ using Values = std::map<std::string, LastValue, std::less<>>;
 struct Bench : test::PublisherBench {
   using PublisherBench::PublisherBench;
 
-  /// What a reader gets that asks now.
+  /// Returns the status that a reader gets now.
   Status asked() {
     now += StatusBoard::kFresh;
     made().board().read(now, 0ms);
@@ -81,7 +81,7 @@ TEST(AgentStatus, TellsWhetherTheBrokerIsThereWhyNotAndSinceWhen) {
   EXPECT_EQ(broker.why, "") << "it is being tried";
   EXPECT_EQ(broker.server, bench.config.mqtt.servers.front());
   bench.broker.answers = true;
-  bench.advance(60s);  // the first attempt is given up, and another one refused
+  bench.advance(60s);  // the first attempt times out, another is refused
   bench.advance(60s);
   EXPECT_EQ(bench.asked()->broker.why, "connection refused");
   EXPECT_EQ(bench.asked()->broker.since_ms, start) << "it was never connected";
@@ -132,7 +132,7 @@ TEST(AgentStatus, TellsHowLongTheStoreLastsFromTheFirstMinuteWithSamplesOn) {
   bench.advance(60s);
   bench.advance(60s);
   EXPECT_EQ(hours_left(), after_a_minute) << "minutes without samples say nothing of the rate";
-  // As many bytes as in the first minute, in about three.
+  // As many bytes as in the first minute, in about three minutes.
   bench.outbox.push(test::sample(2));
   bench.settle();
   bench.advance(60s);
@@ -363,7 +363,7 @@ TEST(AgentStatus, CountsHowLongCommandsTookThatWereSent) {
   EXPECT_EQ(counted.counts()[5], 1U) << "above 25 and up to 50 ms";
 }
 
-// Run with -DFXAGENT_SANITIZE=thread it shows that readers and uplink do not race.
+// With -DFXAGENT_SANITIZE=thread this shows that readers and uplink do not race.
 TEST(AgentStatus, ReadersOnOtherThreadsSeeWholeOnesThatGoForward) {
   Bench bench;
   Publisher& publisher = bench.made();
@@ -375,7 +375,7 @@ TEST(AgentStatus, ReadersOnOtherThreadsSeeWholeOnesThatGoForward) {
   std::thread uplink([&] { run_uplink(publisher, bench.outbox, stop.get_token()); });
   const auto read = [&] {
     std::int64_t last = 0;
-    // The reader's clock runs ahead, so that it asks each time.
+    // The reader's clock runs ahead, so that every read requests a new status.
     for (int i = 0; i < 50; ++i) {
       const auto soon = std::chrono::steady_clock::now() + 1h;
       const Status status = board.read(soon, 10s);

@@ -1,5 +1,6 @@
-// A broker in memory that behaves as a real one: it answers later, acknowledges when told, refuses,
-// breaks the connection, and keeps retained messages. Its news is taken, never called back.
+// A broker in memory that behaves like a real one: it answers later, acknowledges when the test
+// says so, refuses, breaks the connection, and keeps retained messages. The caller takes its
+// events; there are no callbacks.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -17,7 +18,7 @@ namespace fxagent::test {
 
 class FakeBroker final : public Broker {
  public:
-  // ---- the port
+  // ---- the Broker interface --------------------------------------------------------------------
   void use(const MqttConfig& mqtt) override { used.push_back(mqtt); }
   void connect(std::size_t index, std::uint16_t may_send_ahead) override {
     connects.push_back(index);
@@ -71,9 +72,9 @@ class FakeBroker final : public Broker {
   }
   std::vector<BrokerEvent> take_events() override { return std::exchange(events_, {}); }
 
-  mutable int looks = 0;  ///< how often it was asked whether it is connected
+  mutable int looks = 0;  ///< number of calls to is_connected()
 
-  // ---- what the test does to it
+  // ---- actions of the test ---------------------------------------------------------------------
   void acknowledge_next() {
     ASSERT_FALSE(open_.empty());
     const Publication publication = open_.front();
@@ -93,7 +94,7 @@ class FakeBroker final : public Broker {
     open_.clear();
     events_.push_back(Lost{"connection closed", reason_code});
   }
-  /// Gone, and nobody is told.
+  /// Breaks the connection without an event.
   void vanish() {
     up_ = false;
     open_.clear();
@@ -103,10 +104,10 @@ class FakeBroker final : public Broker {
   }
   void send(Message message) { events_.push_back(std::move(message)); }
 
-  // ---- what the test sees
+  // ---- observations of the test ----------------------------------------------------------------
   std::size_t open() const { return open_.size(); }
   bool up() const { return up_; }
-  /// Payloads that arrived on this topic, acknowledged or not.
+  /// Returns the payloads published on this topic, acknowledged or not.
   std::vector<std::string> on(const std::string& topic) const {
     std::vector<std::string> payloads;
     for (const Publication& p : log)
@@ -115,29 +116,29 @@ class FakeBroker final : public Broker {
   }
 
   bool reachable = true;
-  bool answers = true;  ///< an unreachable one says so
+  bool answers = true;  ///< an unreachable broker refuses instead of staying silent
   bool acknowledges = true;
-  bool acknowledges_qos0 = false;  ///< those, even where it acknowledges nothing
-  bool fails = false;              ///< every publish, without a word from the broker
-  bool finds_out = true;           ///< that the connection is gone, when it is used
-  bool believes = false;           ///< that there is a connection, whatever is so
-  bool confirms = true;            ///< a SUBSCRIBE gets its SUBACK
-  bool echoes = false;             ///< what is published comes back where it is subscribed to
-  bool refuses_states = false;     ///< subscriptions to anything but commands
-  std::string refusal;             ///< what the SUBACK says; empty: granted
+  bool acknowledges_qos0 = false;  ///< even if it acknowledges nothing else
+  bool fails = false;              ///< every publish fails without an event from the broker
+  bool finds_out = true;           ///< a publish detects the lost connection
+  bool believes = false;           ///< claims to be connected, whatever the truth
+  bool confirms = true;            ///< answers SUBSCRIBE with SUBACK
+  bool echoes = false;             ///< delivers published messages to matching subscriptions
+  bool refuses_states = false;     ///< refuses all subscriptions except to commands
+  std::string refusal;             ///< the error in SUBACK; empty: granted
   bool acknowledgements_awaited = true;
   bool held = false;
-  std::size_t let_in = 0;  ///< in spite of being held, in all
+  std::size_t let_in = 0;  ///< messages let in while held, in total
   std::uint32_t receive_maximum = 20;
   std::uint32_t maximum_packet = 1 << 28;
 
   std::vector<std::size_t> connects;
-  std::uint16_t sends_ahead = 0;  ///< as it was told with the last connect
+  std::uint16_t sends_ahead = 0;  ///< as set by the last connect
   int disconnects = 0;
   std::vector<MqttConfig> used;
   std::vector<Publication> log;    ///< everything published, in order
-  std::vector<Publication> taken;  ///< what was acknowledged
-  std::vector<std::string> order;  ///< subscribes, and topics of acknowledged publishes
+  std::vector<Publication> taken;  ///< acknowledged ones
+  std::vector<std::string> order;  ///< subscriptions, and topics of acknowledged publishes
   std::set<std::string> filters;
   std::size_t most_open = 0;
 
@@ -153,7 +154,7 @@ class FakeBroker final : public Broker {
     message.retained = publication.retain == Retain::yes;
     events_.push_back(std::move(message));
   }
-  /// Filters of the agent end in a level of their own, behind "+" at the most.
+  /// The agent's filters end in a literal level, with at most a "+" before it.
   bool is_subscribed(const std::string& topic) const {
     const std::size_t leaf = topic.rfind('/');
     const std::size_t device = topic.rfind('/', leaf - 1);

@@ -15,7 +15,7 @@ using Time = std::chrono::steady_clock::time_point;
 
 constexpr useconds_t kIdle = 100'000;
 
-/// Whether this call gave the processor away. usleep() as a shared library finds it.
+/// Returns true if this call yields the processor. Finds usleep() as a shared library would.
 bool sleeps(useconds_t microseconds) {
   static const auto found = reinterpret_cast<int (*)(useconds_t)>(dlsym(RTLD_DEFAULT, "usleep"));
   const auto switches = [] {

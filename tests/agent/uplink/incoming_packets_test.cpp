@@ -13,7 +13,7 @@ using namespace std::string_literals;
 const std::string kConnack5 = "\x20\x03\x00\x00\x00"s;
 const std::string kConnack311 = "\x20\x02\x00\x00"s;
 
-/// MQTT 5, section 1.5.5.
+/// Encodes a length as in MQTT 5, section 1.5.5.
 std::string number(std::size_t value) {
   std::string digits;
   for (; value >= 128; value /= 128) digits += static_cast<char>(value % 128 + 128);
@@ -30,7 +30,7 @@ std::string packet(int head, const std::string& body) {
   return static_cast<char>(head) + number(body.size()) + body;
 }
 
-/// Of MQTT 5, on topic "a".
+/// Builds an MQTT 5 message on topic "a".
 std::string message(int qos, const std::string& properties, const std::string& payload) {
   return packet(0x30 | qos << 1, text("a") + (qos == 0 ? "" : "\x00\x01"s) +
                                      number(properties.size()) + properties + payload);
@@ -42,8 +42,8 @@ std::string user_properties(std::size_t count) {
   return all;
 }
 
-/// What Paho gets to see of these bytes, which come `at_once` at a time; "refused" where it is not
-/// to read on. It reads head and length byte by byte, and then asks for all the rest.
+/// Returns the bytes that Paho sees if they arrive `at_once` at a time; "refused" if it must stop
+/// reading. Like Paho, reads head and length byte by byte and then requests all the rest.
 std::string seen(IncomingPackets& packets, std::string bytes, std::size_t at_once = 1 << 30) {
   auto* const all = reinterpret_cast<unsigned char*>(bytes.data());
   const auto read = [&](std::size_t at, std::size_t asked) {
@@ -100,10 +100,10 @@ TEST(IncomingPackets, PropertiesThatAreTooManyBecomePayloadThatIsNoJson) {
     const std::string before = message(1, properties, "{}");
     const std::string after = after_connack(kConnack5, before, at_once);
     ASSERT_EQ(after.size(), before.size());
-    // Head and length of four bytes, topic of three, identifier of two.
+    // Head and length take four bytes, topic three, identifier two.
     const std::size_t begin = 1 + number(before.size()).size() + 3 + 2;
     EXPECT_EQ(after.substr(0, begin), before.substr(0, begin));
-    // A length of as many digits as before, and what the agent looks at.
+    // A length with as many digits as before, and the properties that the agent uses.
     EXPECT_EQ(after.substr(begin, 3), std::string({static_cast<char>(0x80 | wanted.size()),
                                                    static_cast<char>(0x80), '\0'}));
     EXPECT_EQ(after.substr(begin + 3, wanted.size()), wanted);
@@ -121,7 +121,7 @@ TEST(IncomingPackets, SecondResponseTopicIsNotKept) {
 }
 
 TEST(IncomingPackets, PropertiesUpToTheLimitStay) {
-  // Of 196,608 bytes 196,600 in 39,320 user properties; \x01 is a property of two bytes.
+  // Of 196,608 bytes, 196,600 are 39,320 user properties; \x01 is a property of two bytes.
   const std::string most = user_properties(39'320) + "\x01\x01\x01\x01\x01\x01\x01\x01";
   ASSERT_EQ(most.size(), kMaxPropertiesIn);
   EXPECT_EQ(after_connack(kConnack5, message(1, most, "{}")), message(1, most, "{}"));
@@ -129,7 +129,7 @@ TEST(IncomingPackets, PropertiesUpToTheLimitStay) {
             message(1, most + "\x01", "{}"));
 }
 
-// Paho would copy all that is in front of the end before it finds that out.
+// Paho would copy everything up to the end before it detects the error.
 TEST(IncomingPackets, LengthBehindTheEndOfThePacketIsBoundedToo) {
   const std::string body = text("a") + number(2'000'000) + user_properties(100'000);
   const std::string after = after_connack(kConnack5, packet(0x30, body));

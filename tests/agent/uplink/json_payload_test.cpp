@@ -21,7 +21,7 @@ std::string telemetry_text(const Telemetry& message) {
   return json::parse(test::sample_text(message)).dump();
 }
 
-/// The text of one value as it stands in the message.
+/// Returns the text of one value in the message.
 std::string value_text(std::uint32_t tag, Value value) {
   Telemetry message = test::sample(1);
   message.readings = {good(tag, std::move(value))};
@@ -163,7 +163,7 @@ TEST(MetaJson, DescribesEveryTag) {
   EXPECT_EQ(parsed["tags"]["setpoint"]["access"], "read_write");
   EXPECT_EQ(parsed["tags"]["setpoint"]["max"], 1000);
   EXPECT_EQ(parsed["tags"]["label"]["length"], 8);
-  // By sha256sum, over the tags as they stand in the message.
+  // From sha256sum over the tags as in the message.
   EXPECT_EQ(meta.hash, "1603d6eb262f80b0");
 }
 

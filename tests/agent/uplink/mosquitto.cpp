@@ -68,8 +68,9 @@ void run(const std::vector<std::string>& arguments, const std::string& log) {
 }
 
 std::uint16_t free_port() {
-  // Bound and never listened on, and open to the end of the process: the system gives the port to
-  // nobody else, and a server that sets SO_REUSEADDR, as mosquitto does, can listen on it.
+  // The socket is bound, never listens, and stays open until the end of the process. The system
+  // therefore gives the port to no other process, yet a server that sets SO_REUSEADDR, as mosquitto
+  // does, can listen on it.
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int on = 1;
   sockaddr_in address = loopback(0);
@@ -104,7 +105,7 @@ void make_certificates(const Scratch& directory, const std::string& prefix,
 
 Mosquitto::Mosquitto(const Scratch& directory, const std::string& settings, std::uint16_t port)
     : port_(port) {
-  // Started as root it would become another user, who may not read this directory.
+  // Started as root, mosquitto would switch to another user, who may not read this directory.
   const std::string config = directory.write(
       "mosquitto-" + std::to_string(port) + ".conf",
       "user root\nlistener " + std::to_string(port) + " 127.0.0.1\n" + settings + "\n");

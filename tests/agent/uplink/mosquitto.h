@@ -1,5 +1,5 @@
-// A real mosquitto for one test: on a free loopback port, with files in a directory of its own,
-// gone with the object.
+// A real mosquitto for one test: on a free loopback port, with files in its own directory, stopped
+// by the destructor.
 #pragma once
 
 #include <sys/types.h>
@@ -12,23 +12,23 @@
 
 namespace fxagent::test {
 
-/// Starts a program (found by PATH) with no shell in between; its output goes to `log`.
+/// Starts a program (found through PATH) without a shell; its output goes to `log`.
 pid_t spawn(const std::vector<std::string>& arguments, const std::string& log);
-/// Runs one to its end. Throws where it fails: without it the test means nothing.
+/// Runs a program to its end. Throws if it fails, because the test would be meaningless.
 void run(const std::vector<std::string>& arguments, const std::string& log);
 
-/// A port of 127.0.0.1 that nobody listens on; the caller's until the process ends.
+/// Returns a free port of 127.0.0.1, reserved for the caller until the process ends.
 std::uint16_t free_port();
 
-/// A certificate authority and what it signed, made by openssl: ca.pem, server.pem/.key for
-/// `server_names` ("DNS:localhost,IP:127.0.0.1"), client.pem/.key; all names with `prefix` in
-/// front.
+/// Creates a certificate authority and certificates with openssl: ca.pem, server.pem/.key for
+/// `server_names` ("DNS:localhost,IP:127.0.0.1"), client.pem/.key; all file names begin with
+/// `prefix`.
 void make_certificates(const Scratch& directory, const std::string& prefix,
                        const std::string& server_names);
 
 class Mosquitto final {
  public:
-  /// `settings` are lines of mosquitto.conf that follow its listener. Returns when it listens.
+  /// `settings` are lines of mosquitto.conf after its listener. Returns when it is listening.
   Mosquitto(const Scratch& directory, const std::string& settings,
             std::uint16_t port = free_port());
   ~Mosquitto() { kill(); }

@@ -1,4 +1,4 @@
-// PahoBroker against a real mosquitto. Every wait ends with the event, or fails after a limit.
+// PahoBroker against a real mosquitto. Every wait ends with an event, or fails after a limit.
 #include "agent/uplink/paho_broker.h"
 
 #include <gtest/gtest.h>
@@ -44,7 +44,7 @@ MqttConfig settings(const std::string& url, int version = 5) {
   return config;
 }
 
-/// A PahoBroker whose events can be waited for.
+/// A PahoBroker whose events a test can wait for.
 class Client final {
  public:
   explicit Client(MqttConfig config, std::optional<Will> will = Will{"will/topic", "gone"},
@@ -60,7 +60,7 @@ class Client final {
 
   PahoBroker* operator->() { return &broker_; }
 
-  /// The next event of this kind; those before it are forgotten. Fails after the limit.
+  /// Returns the next event of this type and drops the events before it. Fails after the limit.
   template <class Event>
   Event next() {
     const auto deadline = std::chrono::steady_clock::now() + kLimit;
@@ -82,7 +82,7 @@ class Client final {
     }
   }
 
-  /// Connected events so far.
+  /// The number of Connected events so far.
   int connections() const { return connections_; }
 
   Connected connect() {
@@ -107,7 +107,7 @@ class Client final {
   std::deque<BrokerEvent> events_;
   std::string seen_;
   int connections_ = 0;
-  PahoBroker broker_;  // last: its callbacks use the others
+  PahoBroker broker_;  // last: its callbacks use the other members
 };
 
 Publication publication(std::uint64_t id, std::string topic, std::string payload) {
@@ -125,7 +125,7 @@ int option(int fd, int level, int name) {
   return value;
 }
 
-/// This process's connections to `port`.
+/// Returns this process's connections to `port`.
 std::vector<int> sockets_towards(std::uint16_t port) {
   std::vector<int> found;
   for (int fd = 3; fd < 256; ++fd) {
@@ -147,7 +147,7 @@ TEST(PahoBroker, SmallMessagesDoNotWaitForTheAckOfTheOneBefore) {
   EXPECT_EQ(option(sockets[0], IPPROTO_TCP, TCP_NODELAY), 1);
 }
 
-/// A TCP connection of somebody else in this process, to the broker's own port.
+/// Another TCP connection of this process to the broker's port.
 class OtherConnection final {
  public:
   explicit OtherConnection(std::uint16_t port) {
@@ -168,7 +168,7 @@ class OtherConnection final {
   const int fd_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
 };
 
-/// Connects a client and lets it hold messages: both set options of its socket, and of no other.
+/// Connects a client and lets it hold messages: both must set options only on its own socket.
 void expect_others_left_alone(const Mosquitto& mosquitto, const MqttConfig& config) {
   const OtherConnection other(mosquitto.port());
   const int room = option(other.fd(), SOL_SOCKET, SO_RCVBUF);
@@ -230,7 +230,7 @@ TEST_P(PahoBrokerVersion, Qos0CountsAsDeliveredWhenItIsOnItsWay) {
   EXPECT_EQ(client.next<Delivered>().id, 5U);
 }
 
-/// A broker for edge7, whose password is "right", and nobody else.
+/// A broker that admits only edge7, with password "right".
 Mosquitto edge7_only(const Scratch& directory) {
   const std::string users = directory.path("users");
   test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
@@ -282,7 +282,7 @@ TEST_P(PahoBrokerVersion, BrokerKeepsNoCommandForOneThatWasAway) {
     Client client(config);
     EXPECT_FALSE(client.connect().session_present);
     client.subscribe("press1/command");
-    client->disconnect();  // which leaves the subscription to the session, where there is one
+    client->disconnect();  // keeps the subscription in the session, if there is one
     client.next<Disconnected>();
   }
   sender->publish(publication(1, "press1/command", "while away"));
@@ -380,7 +380,7 @@ TEST(PahoBroker, PropertiesOfMqtt5AndTheRetainFlagArrive) {
              "30"},
             directory.path("log"));
   const auto message = client.next<Message>();
-  EXPECT_TRUE(message.retained);  // Retain As Published: it came live
+  EXPECT_TRUE(message.retained);  // Retain As Published: it was delivered live
   EXPECT_EQ(message.response_topic, "hmi/r");
   EXPECT_EQ(message.correlation, (Bytes{'c', '1'}));
   ASSERT_TRUE(message.message_expiry);
@@ -430,9 +430,9 @@ TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
   EXPECT_EQ(client.next<Delivered>().id, 2U);
 }
 
-// ---- a broker that says goodbye, or worse -------------------------------------------------------
+// ---- a broker that disconnects, or worse -------------------------------------------------------
 
-/// A socket that listens on a loopback port of its own.
+/// A socket that listens on a free loopback port.
 class Listener final {
  public:
   Listener() : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
@@ -456,7 +456,8 @@ class Listener final {
   std::uint16_t port_ = 0;
 };
 
-/// A thread that takes one client, says `answer` to its first packet and closes the connection.
+/// A thread that accepts one client, sends `answer` after its first packet and closes the
+/// connection.
 std::thread answer_first_packet(const Listener& listener, std::string_view answer) {
   return std::thread([&listener, answer] {
     const int client = accept(listener.fd(), nullptr, nullptr);
@@ -467,8 +468,8 @@ std::thread answer_first_packet(const Listener& listener, std::string_view answe
   });
 }
 
-/// A thread of its own serves one client after the other: says `first`
-/// when a client's CONNECT has come to the first of them, and CONNACK to every further one.
+/// Serves one client after another on its own thread. Sends CONNACK to each, and `first` after it
+/// to the first client only.
 class SpitefulServer final {
  public:
   enum class Afterwards : std::uint8_t { closes, stays };
@@ -518,7 +519,7 @@ std::string disconnect_packet(int code, const std::string& reason) {
   return std::string("\xe0") + static_cast<char>(body.size()) + body;
 }
 
-/// All that a broker may say in a DISCONNECT (MQTT 5, section 3.14.2.1), and two that it may not.
+/// All codes a broker may send in DISCONNECT (MQTT 5, section 3.14.2.1), and two invalid ones.
 constexpr int kDisconnectCodes[] = {0x00, 0x04, 0x81, 0x82, 0x83, 0x87, 0x89, 0x8B, 0x8D, 0x8E,
                                     0x8F, 0x90, 0x93, 0x94, 0x95, 0x96, 0x97, 0x98, 0x99, 0x9A,
                                     0x9B, 0x9C, 0x9D, 0x9E, 0x9F, 0xA0, 0xA1, 0xA2, 0xFF};
@@ -592,7 +593,7 @@ TEST_P(PahoBrokerVersion, EveryWayNotToGetThroughHasATextOfItsOwn) {
   EXPECT_TRUE(refusal("mqtts://127.0.0.1:" + port).starts_with("nothing listens on this port"));
   const std::string unknown = refusal("mqtt://no-such-host.invalid:1883");
   EXPECT_TRUE(unknown.starts_with("the host name is not known (")) << unknown;
-  // The facts of one attempt are not taken for those of the next.
+  // The diagnosis of one attempt must not affect the next.
   EXPECT_TRUE(refusal("mqtt://127.0.0.1:" + port).starts_with("nothing listens on this port"));
 }
 
@@ -617,7 +618,7 @@ TEST(PahoBroker, SessionTakenOverNamesTheClientId) {
       << lost.text;
 }
 
-// As Debian's mosquitto does when it gives the session to another client.
+// Debian's mosquitto does this when it gives the session to another client.
 TEST_P(PahoBrokerVersion, CloseWithoutAWordNamesTheClientIdToo) {
   const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
@@ -640,7 +641,7 @@ TEST(PahoBroker, DisconnectWithoutACodeIsALossToo) {
 }
 
 TEST(PahoBroker, LongReasonOfADisconnectIsCutOff) {
-  // 300 characters: lengths of two bytes.
+  // 300 characters: the lengths take two bytes.
   const std::string packet =
       std::string("\xe0\xb2\x02\x98\xaf\x02\x1f\x01\x2c", 9) + std::string(300, 'x');
   const SpitefulServer server(5, packet, Afterwards::stays);
@@ -665,7 +666,7 @@ TEST_P(PahoBrokerVersion, CallThatFindsNoConnectionIsALossToldOnce) {
 }
 
 TEST_P(PahoBrokerVersion, PacketThatIsFarTooLongEndsTheConnectionBeforeItIsRead) {
-  // 250,000,000 bytes to come, of which the beginning is here.
+  // The beginning of a packet of 250,000,000 bytes.
   const std::string huge = std::string("\x30\x80\xe5\x9a\x77", 5) + std::string(
                                                                         "\x00\x01"
                                                                         "a",
@@ -762,7 +763,7 @@ TEST_F(PahoBrokerTls, MissingFileIsNamed) {
 TEST_F(PahoBrokerTls, MutualTlsNeedsTheClientsCertificate) {
   const Mosquitto mosquitto(*directory_, listener("require_certificate true"));
   MqttConfig config = tls(mosquitto.url("mqtts", "localhost"), "ca.pem");
-  for (int i = 0; i < 5; ++i) {  // what TLS can say of it depends on who is faster
+  for (int i = 0; i < 5; ++i) {  // the TLS error depends on timing
     const std::string text = Client(config).refusal();
     EXPECT_NE(text.find("set mqtt.tls.cert_file and key_file"), std::string::npos) << text;
   }
@@ -775,7 +776,7 @@ TEST_F(PahoBrokerTls, MutualTlsNeedsTheClientsCertificate) {
   Client(config).connect();
 }
 
-// ---- the end of a connection --------------------------------------------------------------------
+// ---- the end of a connection -------------------------------------------------------------------
 
 TEST(PahoBroker, EndsInTheMiddleOfAConnect) {
   const Listener silent;
@@ -804,7 +805,7 @@ std::ptrdiff_t open_descriptors() {
 TEST(PahoBroker, EndsWithPublishesOnTheirWayAndLeavesNoConnection) {
   const Scratch directory;
   const Mosquitto mosquitto(directory, "allow_anonymous true");
-  std::ptrdiff_t after_the_first = 0;  // the library keeps descriptors of its own
+  std::ptrdiff_t after_the_first = 0;  // without the library's own descriptors
   for (int i = 0; i < 5; ++i) {
     {
       Client client(settings(mosquitto.url()));
@@ -888,7 +889,7 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
   thread.join();
 }
 
-/// The other process of the test above: says hello and waits to be killed.
+/// The other process of the test above: connects and waits to be killed.
 int be_the_victim(const std::string& url) {
   unsetenv("FXAGENT_TEST_VICTIM");
   Client victim(settings(url), Will{"will/victim", "gone"});
@@ -900,9 +901,9 @@ int be_the_victim(const std::string& url) {
 }  // namespace
 }  // namespace fxagent
 
-/// Paho ends itself with its last client and begins again with the next one; what a thread of its
-/// own that still runs writes into its trace in between is lost, 124,800 bytes at a time. The agent
-/// keeps its last client until it has the next one: its leaks are looked for without this.
+/// Paho shuts down with its last client and starts again with the next. A thread of Paho that still
+/// runs writes to its trace in between and leaks it, 124,800 bytes at a time. The agent keeps its
+/// last client until it has the next one, so its own leaks are checked without this suppression.
 extern "C" const char* __lsan_default_suppressions();
 extern "C" const char* __lsan_default_suppressions() { return "leak:libpaho-mqtt3as.so"; }
 

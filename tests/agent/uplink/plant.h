@@ -1,5 +1,4 @@
-// A small plant for the uplink's tests: press1 as in the examples of agent/CONTRACT.md, and press2
-// beside it.
+// A small plant for the uplink's tests: press1 as in the examples of agent/CONTRACT.md, and press2.
 #pragma once
 
 #include <memory>
@@ -96,7 +95,7 @@ inline DeviceStatus offline(std::uint32_t device, std::string reason, std::int64
   return status;
 }
 
-/// What the field counted: all of it on the first device.
+/// The field's counters, all on the first device.
 inline FieldHealth counted(std::uint64_t collected, std::uint64_t suppressed) {
   FieldHealth health;
   health.devices.resize(2);

@@ -1,7 +1,7 @@
-// A data race on purpose, in a callback that Paho calls: ThreadSanitizer has to report it. Races of
-// the library that nobody here can mend are suppressed (tests/support/tsan.supp), and a suppression
-// that is too broad would hide this one as well. Runs as a test of the TSan build alone, where the
-// report is the pass. Ends with status 0 where the race is not seen.
+// A deliberate data race in a callback that Paho calls: ThreadSanitizer has to report it. Races
+// inside the library are suppressed (tests/support/tsan.supp); a suppression that is too broad
+// would hide this race too. Runs only in the TSan build, where the report makes the test pass.
+// Exits with status 0 if the race is not detected.
 #include <chrono>
 #include <cstdio>
 #include <string>
@@ -18,10 +18,10 @@ using Clock = std::chrono::steady_clock;
 
 int unguarded = 0;
 
-/// On Paho's thread: what a callback of ours would do that forgot its lock.
+/// On Paho's thread: a callback that forgot its lock.
 void planted_race() { ++unguarded; }
 
-/// Whether so many events of a kind come; this thread counts, too, as long as it waits.
+/// Waits for this many events of a type; this thread increments the counter while it waits.
 template <class Event>
 bool await(PahoBroker& broker, int count) {
   const auto limit = Clock::now() + std::chrono::seconds(20);

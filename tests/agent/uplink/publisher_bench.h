@@ -1,4 +1,4 @@
-// A publisher with everything around it, and a clock that the test moves.
+// A publisher with its surroundings, and a clock that the test advances.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -27,11 +27,11 @@ struct PublisherBench {
   Config config = plant();
   Outbox outbox{1000};
   FakeBroker broker;
-  std::vector<AdmittedCommand> admitted;  ///< what the field got
+  std::vector<AdmittedCommand> admitted;  ///< commands given to the field
   std::vector<std::vector<std::uint64_t>> found_late;
   SteadyTime now = kStart;
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
-  std::unique_ptr<Store> store;  ///< null: none
+  std::unique_ptr<Store> store;  ///< null: no store
   std::unique_ptr<GuardedStore> guarded;
   std::unique_ptr<JsonPayload> format;
   std::unique_ptr<Commands> commands;
@@ -47,7 +47,7 @@ struct PublisherBench {
           config,
           [this](AdmittedCommand a) {
             if (on_admitted) on_admitted(a);
-            // It is on the wire at once.
+            // The command is sent at once.
             if (a.starts != nullptr && !a.interrupted) a.starts->mark(a.command.number);
             admitted.push_back(std::move(a));
           },
@@ -64,7 +64,7 @@ struct PublisherBench {
   void open_store() {
     store = std::make_unique<Store>(config.store, utc());
     guarded = std::make_unique<GuardedStore>(*store, [this] { outbox.notify(); });
-    guarded->set_patience(std::chrono::hours(1));  // a machine under load is no disk that hangs
+    guarded->set_patience(std::chrono::hours(1));  // a loaded machine is not a hung disk
   }
   std::int64_t utc() const {
     return 1790000000000 + now.time_since_epoch() / std::chrono::milliseconds(1);
@@ -74,7 +74,7 @@ struct PublisherBench {
     EXPECT_TRUE(publisher->samples().balanced());
     return wake;
   }
-  /// Steps until nothing moves any more at this time.
+  /// Runs steps until nothing changes any more at this time.
   void settle() {
     for (int i = 0; i < 200; ++i) step();
   }
@@ -82,7 +82,7 @@ struct PublisherBench {
     now += by;
     settle();
   }
-  /// Connected for so long that the server counts as a good one.
+  /// Connects and stays connected long enough for the server to count as good.
   void online() {
     settle();
     advance(std::chrono::seconds(20));
@@ -102,11 +102,12 @@ struct PublisherBench {
     broker.send(std::move(message));
     step();
   }
-  /// A command that is admitted.
+  /// Delivers a command that is admitted.
   void write(const std::string& id) {
     command(R"({"id":")" + id + R"(","op":"write","tag":"setpoint","value":50})");
   }
-  /// The field's result of a command that was admitted, or as it would be of one that was not.
+  /// Returns the field's result of an admitted command, or a similar one for a command that was not
+  /// admitted.
   CommandResult succeeded(const std::string& id) const {
     CommandResult result = test::succeeded(id);
     for (const AdmittedCommand& each : admitted)
@@ -128,11 +129,11 @@ struct PublisherBench {
 
   std::function<void(const AdmittedCommand&)> on_admitted;
   std::function<void()> ask_counters;
-  std::string response_topic;  ///< of the commands to come
+  std::string response_topic;  ///< for later commands
   Bytes correlation;
 };
 
-/// The numbers of live and history messages, in their order.
+/// Returns the sequence numbers of live and history messages, in order.
 inline std::vector<std::uint64_t> seqs(const std::vector<std::string>& payloads) {
   std::vector<std::uint64_t> found;
   for (const std::string& payload : payloads) {

@@ -1,4 +1,4 @@
-// A changed config in the uplink: what is published of it, and that nothing is lost or told twice.
+// A config change in the uplink: the messages it causes; nothing is lost or published twice.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,8 +18,8 @@ using namespace std::chrono_literals;
 
 class PublisherChange : public ::testing::Test, public test::PublisherBench {
  protected:
-  /// As agent/reload.cpp has it done, with a field that ends at once. What the field has said by
-  /// then is in the outbox.
+  /// Applies a change as agent/reload.cpp does, with a field that ends at once. The field's last
+  /// output is already in the outbox.
   std::vector<std::uint64_t> change_to(Config wanted) {
     const ConfigChange change = change_between(config, std::move(wanted));
     std::vector<std::uint64_t> numbers;
@@ -61,7 +61,7 @@ TEST_F(PublisherChange, DeviceThatComesBackBeforeItsTopicsWereClearedKeepsThem) 
   broker.acknowledges = false;
   broker.receive_maximum = 4;
   broker.lose();
-  advance(20s);  // a window of four, all of them taken
+  advance(20s);  // a window of four, all in use
   change_to(without_press1(config));
   change_to(both);
   outbox.push(test::offline(0, "timeout"));
@@ -196,7 +196,8 @@ TEST_F(PublisherChange, OtherBrokerGetsWhatTheOldOneDidNotAcknowledge) {
   EXPECT_EQ(json::parse(broker.on(kBase + "/state").back())["state"], "online");
 }
 
-// A broker sends us our own goodbye before it acknowledges it: that is nobody else's.
+// A broker may deliver the agent's own goodbye before it acknowledges it; it is not another
+// agent's.
 TEST_F(PublisherChange, GoodbyeToTheOldBrokerIsNotRepaired) {
   broker.echoes = true;
   online();

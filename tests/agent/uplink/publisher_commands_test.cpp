@@ -1,4 +1,5 @@
-// Commands and results in the publisher: the journal, the audit, and until when a result is told.
+// Commands and results in the publisher: the journal, the audit, and how long a result is
+// published.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -96,7 +97,7 @@ TEST(PublisherStore, StoreThatOpensLateTellsWhatItKnows) {
     before.write("left");
     before.step();
   }
-  std::filesystem::rename(path, path + "-away");  // as a disk that is mounted late
+  std::filesystem::rename(path, path + "-away");  // like a disk that is mounted late
   std::ofstream(path) << "a file in its place";
   Bench bench(path);
   bench.online();
@@ -107,7 +108,7 @@ TEST(PublisherStore, StoreThatOpensLateTellsWhatItKnows) {
   bench.advance(11s);
   bench.advance(11s);
   ASSERT_EQ(bench.found_late.size(), 1U);
-  // What nobody was told yet is told, and the command of this run is not among it.
+  // Publishes the unpublished result of the earlier run, and none for this run's command.
   ASSERT_EQ(bench.results().size(), 1U);
   EXPECT_EQ(bench.results()[0]["id"], "done");
   ASSERT_EQ(bench.admitted.size(), 2U);
@@ -133,7 +134,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndPublishesWhatWasNotAcknowledged) {
     bench.write("told");
     bench.write("untold");
     const std::string left = R"({"id":"left","op":"force_on","tag":"running"})";
-    bench.command(left);  // of a bit no read tells what became of it
+    bench.command(left);  // a bit, which recovery does not read back
     bench.command(R"({"id":"read","op":"read","tag":"temp"})");
     bench.outbox.push(bench.succeeded("told"));
     bench.step();
@@ -167,7 +168,7 @@ TEST(PublisherStore, RestartKnowsTheResultsAndPublishesWhatWasNotAcknowledged) {
   EXPECT_EQ(unacknowledged,
             (std::map<std::string, std::string>{
                 {"untold", "SUCCEEDED"}, {"left", "UNKNOWN_OUTCOME"}, {"read", "FAILED"}}));
-  // A second start tells the same, as long as nobody has heard it.
+  // A second start finds the same, as long as the results are not acknowledged.
   EXPECT_EQ(recover(config, store.journal(), 1790000001000, kStart).unacknowledged.size(), 3U);
 }
 
@@ -194,7 +195,7 @@ TEST(PublisherStore, ResultOfAnEarlierRunIsPublishedAsItWas) {
   EXPECT_EQ(bench.results().back()["first"], json::parse(results[0]));
 }
 
-/// What the audit of the store in this directory says, a line for each command; it is whole.
+/// Returns the audit of the store in this directory, one line per command. Expects an intact chain.
 std::vector<json> audit_lines(const std::string& directory) {
   audit::Report report;
   audit::Verifier verifier;
@@ -292,7 +293,7 @@ TEST(PublisherAudit, CommandThatACrashInterruptedGetsItsOutcomeAndItsAcknowledge
   }  // no goodbye
   Bench again(scratch.path("store"));
   again.made();
-  // A write: the field reads what it was to write, and says.
+  // A write: the field reads the target back and reports the outcome.
   ASSERT_EQ(again.admitted.size(), 1U);
   EXPECT_TRUE(again.admitted[0].interrupted);
   const Command& command = again.admitted[0].command;
@@ -381,7 +382,7 @@ TEST(Publisher, ResultGoesToTheResponseTopicTooAndItsCorrelationToBoth) {
   result.response_topic = kBase + "/press1/result/hmi";
   result.correlation = {1, 2, 3};
   bench.outbox.push(result);
-  result.response_topic = kBase + "/press2/state";  // would forge a state
+  result.response_topic = kBase + "/press2/state";  // would overwrite a state
   bench.outbox.push(result);
   bench.settle();
   ASSERT_EQ(bench.broker.taken.size(), 3U);
@@ -465,11 +466,11 @@ TEST(Publisher, EmptyRetainedPayloadOnlyClearsTheTopic) {
   bench.broker.send(message);
   bench.settle();
   EXPECT_TRUE(bench.results().empty());
-  bench.command("");  // not retained, MQTT 5: an empty command is a bad one
+  bench.command("");  // not retained, MQTT 5: an empty command is invalid
   bench.settle();
   ASSERT_EQ(bench.results().size(), 1U);
   EXPECT_EQ(bench.results()[0]["reason"], "bad_json");
-  bench.config.mqtt.version = 4;  // 3.1.1 does not tell us of the flag
+  bench.config.mqtt.version = 4;  // 3.1.1 does not deliver the flag
   bench.command("");
   bench.settle();
   EXPECT_EQ(bench.results().size(), 1U);
@@ -684,7 +685,7 @@ TEST(PublisherFlood, FewLargeCommandsAreEnoughToHoldTheOthersBack) {
   EXPECT_TRUE(bench.broker.held);
 }
 
-// Acknowledgements come behind the messages that are held back.
+// Acknowledgements arrive behind the messages that are held back.
 TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehind) {
   Bench bench;
   bench.online();
@@ -704,7 +705,8 @@ TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehin
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U) << "none is dropped";
 }
 
-/// Results wait while messages are held back, and before the next is acknowledged so many come.
+/// Results are pending while messages are held back. Delivers this many messages before the next
+/// result is acknowledged.
 void acknowledge_behind(Bench& bench, std::size_t messages) {
   bench.settle();
   bench.broker.acknowledges = false;
@@ -822,7 +824,7 @@ TEST(PublisherFlood, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAr
     if (out_when_heard == 0 && bench.broker.filters.contains(commands))
       out_when_heard = bench.broker.taken.size();
   }
-  // They were several times what there is room for.
+  // The results were several times the limit.
   EXPECT_GT(out_when_heard, 800U);
   EXPECT_LT(out_when_heard, 1000U);
   bench.broker.acknowledges = true;

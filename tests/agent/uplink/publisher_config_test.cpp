@@ -1,4 +1,4 @@
-// A remote config in the uplink: heard where it may come, answered after each connect.
+// A remote config in the uplink: accepted only if permitted, answered after each connect.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -104,7 +104,7 @@ TEST_F(PublisherConfig, TheReportIsRetainedAndComesAfterEachConnect) {
   broker.lose();
   settle();
   advance(60s);
-  EXPECT_EQ(broker.on(kReported).size(), 4u);  // nothing more is said there
+  EXPECT_EQ(broker.on(kReported).size(), 4u);  // no further answer on the old topic
 }
 
 TEST_F(PublisherConfig, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) {
@@ -120,7 +120,7 @@ TEST_F(PublisherConfig, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) 
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
 }
 
-/// Who sent what, and what became of it. That the broker has the answer once more is no news.
+/// Records the sender and the outcome. Publishing the same answer again adds no record.
 TEST(PublisherConfigAudit, AnAnswerThatIsNewsIsARecord) {
   test::Scratch scratch;
   test::PublisherBench bench(scratch.path("store"));

@@ -1,4 +1,5 @@
-// How the publisher notices a loss, comes back, and gets its commands heard.
+// How the publisher detects a lost connection, reconnects, and restores its subscription to
+// commands.
 #include <gtest/gtest.h>
 
 #include "tests/agent/uplink/publisher_bench.h"
@@ -19,7 +20,7 @@ json last_state(const Bench& bench) {
   return states.empty() ? json() : json::parse(states.back());
 }
 
-/// When the next attempt to connect comes, from now on.
+/// Returns the time until the next attempt to connect.
 SteadyTime::duration until_next_connect(Bench& bench) {
   const std::size_t connects = bench.broker.connects.size();
   const SteadyTime begin = bench.now;
@@ -161,7 +162,7 @@ TEST(PublisherConnection, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
   Bench bench;
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.online();
-  // Another agent with this id does the same, so each connection lives as long as its pause.
+  // Another agent with this id does the same, so each connection lasts as long as its pause.
   SteadyTime::duration pause{};
   for (int thrown = 0; thrown < 12; ++thrown) {
     bench.broker.lose();
@@ -173,7 +174,7 @@ TEST(PublisherConnection, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
     bench.settle();
     bench.advance(pause);
   }
-  bench.advance(150s);  // the other one has gone
+  bench.advance(150s);  // the other agent has stopped
   bench.broker.lose();
   bench.settle();
   EXPECT_LE(until_next_connect(bench), 1300ms);

@@ -1,5 +1,5 @@
-// The publisher on a disk that does not answer: what goes on, what is refused, and that nothing is
-// lost or counted twice when it answers again.
+// The publisher on a disk that hangs: it continues or refuses each operation, and loses or
+// double-counts nothing when the disk works again.
 #include <gtest/gtest.h>
 
 #include <optional>
@@ -22,11 +22,11 @@ class PublisherHang : public ::testing::Test {
     frost.emplace(disk);
     bench.guarded->set_patience(1ms);
   }
-  /// Returns when the store hangs in a write: from then on nothing changes until thaw().
+  /// Returns when the store hangs in a write. Nothing changes afterwards until thaw().
   void await_hang() {
     while (!disk.is_awaited() || bench.guarded->state() != "hangs") bench.step();
   }
-  /// The disk answers; the uplink is woken by that, and goes on.
+  /// The disk works again, which wakes the uplink; it continues.
   void thaw() {
     bench.guarded->set_patience(1h);
     frost.reset();
@@ -50,7 +50,7 @@ class PublisherHang : public ::testing::Test {
   test::PowerCut disk;
   test::Scratch scratch;
   Bench bench{scratch.path("store")};
-  std::optional<test::Frost> frost;  ///< ends before the store
+  std::optional<test::Frost> frost;  ///< destroyed before the store
 };
 
 TEST_F(PublisherHang, LiveSamplesAndAnswersGoOnAndCommandsThatWriteAreRefused) {
@@ -69,7 +69,7 @@ TEST_F(PublisherHang, LiveSamplesAndAnswersGoOnAndCommandsThatWriteAreRefused) {
   EXPECT_EQ(live(), (std::vector<std::uint64_t>{1, 2, 3}));
   EXPECT_FALSE(bench.broker.on(kBase + "/press2/state").empty());
   EXPECT_EQ(health()["store"]["state"], "hangs");
-  // Commands that need no entry in the journal have their results as ever.
+  // Commands without a journal entry get their results as usual.
   bench.command(R"({"id":"dry","op":"write","tag":"setpoint","value":5,"dry_run":true})");
   bench.command(R"({"id":"wrong","op":"write","tag":"none","value":5})");
   bench.command(R"({"id":"look","op":"read","tag":"setpoint"})");
@@ -145,7 +145,7 @@ TEST_F(PublisherHang, SamplesInFlightAreAcknowledgedOnce) {
   bench.outbox.push(test::sample(2));
   bench.settle();
   bench.advance(1s);
-  await_hang();  // it would go to the disk
+  await_hang();  // needs the disk
   EXPECT_EQ(bench.made().samples().in_flight, 1U);
   bench.broker.acknowledge_all();
   bench.settle();

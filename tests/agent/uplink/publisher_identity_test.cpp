@@ -1,4 +1,4 @@
-// Two agents with one id, and texts of others on the agent's retained topics.
+// Two agents with one id, and other clients' texts on the agent's retained topics.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -73,7 +73,7 @@ TEST(PublisherIdentity, StateOfADeadBootIsNoConflictForLong) {
   Bench bench;
   bench.broker.echoes = true;
   bench.settle();
-  hear(bench, kState, kOnline);  // as it was found; nobody answers
+  hear(bench, kState, kOnline);  // as found; there is no reply
   EXPECT_EQ(conflict_of(bench), "0ther");
   bench.advance(5s);
   EXPECT_EQ(conflict_of(bench), nullptr);
@@ -115,7 +115,7 @@ TEST(PublisherIdentity, TextsThatAreNoStateOfAnAgentAreNoConflict) {
   }
 }
 
-/// Agents of one id at one broker, each with a client id of its own.
+/// Agents with one id at one broker, each with its own client id.
 struct Twins {
   Bench a;
   Bench b;
@@ -189,7 +189,7 @@ TEST(PublisherIdentity, WhatStandsOnAServerWhereOursNeverStoodIsNoSessionTakenOv
     bench.now += 100ms;
     bench.step();
   }
-  bench.broker.reachable = true;  // the next one
+  bench.broker.reachable = true;  // the next connection
   while (!bench.broker.up()) bench.advance(100ms);
   ASSERT_EQ(bench.broker.connects.back(), 1U);
   hear(bench, kState, R"({"state":"offline","boot":"0lder","reason":"lost"})");
@@ -206,7 +206,7 @@ TEST(PublisherIdentity, SessionTakenOverIsAConflictUntilAConnectionIsSteady) {
   bench.advance(2s);
   ASSERT_TRUE(bench.broker.up());
   EXPECT_EQ(conflict_of(bench), "unknown");
-  hear(bench, kState, kWill);  // of the one that we have thrown off ourselves
+  hear(bench, kState, kWill);  // of the agent whose session we took over
   EXPECT_EQ(conflict_of(bench), "0ther");
   EXPECT_EQ(result_of(bench, "a")["reason"], "conflict");
   bench.advance(9s);
@@ -232,9 +232,9 @@ TEST(PublisherIdentity, WillOfAnotherWhereOurStateWasIsAConflictToo) {
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.broker.echoes = true;
   bench.online();
-  bench.broker.lose();  // without a word, as on 3.1.1
+  bench.broker.lose();  // without a reason code, as on 3.1.1
   bench.settle();
-  bench.broker.confirms = false;  // our state waits for it
+  bench.broker.confirms = false;  // our state waits for the SUBACK
   bench.advance(2s);
   hear(bench, kState, kWill);
   bench.broker.answer_subscription(kBase + "/+/command", "");
@@ -268,7 +268,7 @@ TEST(PublisherIdentity, TwoAgentsWithOneClientIdDoNotChaseEachOther) {
   EXPECT_NE(conflict_of(b), nullptr);
 }
 
-// ---- texts of others ----------------------------------------------------------------------------
+// ---- texts of other clients --------------------------------------------------------------------
 
 TEST(PublisherIdentity, OverwrittenStateAndMetaAreRepairedOnceASecondAtTheMost) {
   for (const std::string leaf : {"/state", "/press1/state", "/press1/meta"}) {
@@ -445,12 +445,12 @@ TEST(PublisherIdentity, FirstOfADuplicateHasTheTotalThatWasPublished) {
   }
 }
 
-// ---- what fails without a word from the broker --------------------------------------------------
+// ---- failures without an event from the broker -------------------------------------------------
 
 TEST(PublisherIdentity, SamplesThatTheLibraryDoesNotTakeAreNotRefused) {
   Bench bench;
   bench.online();
-  bench.advance(39900ms);  // just before health
+  bench.advance(39900ms);  // just before health is due
   bench.broker.fails = true;
   bench.outbox.push(test::sample(1));
   bench.step();

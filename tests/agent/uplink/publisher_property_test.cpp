@@ -18,9 +18,8 @@ using test::seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
-// Whatever the broker and the disk do, in whatever order: every sample is in exactly one place at
-// every step, the window is kept, and once they behave again nothing is missing that was not
-// counted.
+// Invariants under any behaviour of broker and disk: every sample is in exactly one place at every
+// step, the window is respected, and after recovery every missing sample was counted.
 enum class Keeping : std::uint8_t { memory, offline, always, offline_frozen, always_frozen };
 class PublisherProperty : public testing::TestWithParam<std::tuple<unsigned, Keeping>> {};
 
@@ -73,7 +72,7 @@ TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
         break;
       case 8:
         if (bench.broker.open() > 0 && below(2) == 0) {
-          // 0x90 and its like drop results too, so they stay out of this test.
+          // Codes such as 0x90 also drop results, so this test leaves them out.
           const int codes[] = {0, 0x80, 0x87, 0x97};
           bench.broker.refuse_next(codes[below(4)]);
         }
@@ -135,7 +134,8 @@ TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
                     s["dropped"].get<int>());
     }
   }
-  // A row may arrive after it had to make room; what did not arrive was counted in any case.
+  // A row may arrive although it was dropped to make room; every row that did not arrive was
+  // counted.
   EXPECT_GE(arrived.size(), samples.acknowledged);
   EXPECT_EQ(answered, ids);
 }

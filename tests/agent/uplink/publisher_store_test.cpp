@@ -1,4 +1,4 @@
-// The publisher with a store: samples of an outage, on disk and out again.
+// The publisher with a store: samples of an outage go to disk and are sent afterwards.
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gtest/gtest.h>
 
@@ -45,7 +45,7 @@ TEST(PublisherStore, SamplesOfAnOutageOutliveTheProcess) {
   EXPECT_EQ(health["samples"]["balanced"], true);
 }
 
-/// Version 4 of the schema, as README.md of the store described it. Its rows were JSON.
+/// Version 4 of the schema, from the store's README.md at that time. Its rows were JSON.
 constexpr const char* kFourthSchema =
     "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
     " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
@@ -133,7 +133,7 @@ TEST(PublisherStore, SamplesOfOneFifthOfASecondGoToDiskTogether) {
   bench.online();
   bench.broker.acknowledges = false;
   const SteadyTime first = bench.now;
-  for (std::uint64_t seq = 1; seq <= 30; ++seq) {  // 18 in flight, 12 behind them
+  for (std::uint64_t seq = 1; seq <= 30; ++seq) {  // 18 in flight, 12 waiting
     bench.outbox.push(test::sample(seq));
     bench.step();
     bench.now += 10ms;
@@ -143,7 +143,7 @@ TEST(PublisherStore, SamplesOfOneFifthOfASecondGoToDiskTogether) {
   EXPECT_EQ(bench.made().samples().stored, 0U);
   bench.now = first + 1s;
   bench.step();
-  EXPECT_EQ(bench.store->samples().rows(), 18U);  // those of the first 200 ms in flight
+  EXPECT_EQ(bench.store->samples().rows(), 18U);  // the rows of the first 200 ms, in flight
   bench.now = first + 1180ms;
   bench.step();
   EXPECT_EQ(bench.store->samples().rows(), 30U);
@@ -160,7 +160,7 @@ TEST(PublisherStore, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond)
   bench.broker.lose();
   bench.now += 50ms;
   bench.step();
-  EXPECT_EQ(bench.store->samples().rows(), 0U);  // it may have company
+  EXPECT_EQ(bench.store->samples().rows(), 0U);  // waits for more rows
   EXPECT_LE(bench.step(), bench.now + 50ms);
   bench.advance(50ms);
   EXPECT_EQ(bench.store->samples().rows(), 1U);
@@ -210,7 +210,7 @@ TEST(PublisherStore, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothing) {
   bench.broker.acknowledges = false;
   while (!bench.broker.up()) bench.advance(1s);
   for (int i = 0; i < 5; ++i) {
-    bench.broker.acknowledge_next();  // the states, and then the first of the history
+    bench.broker.acknowledge_next();  // the states, then the first history message
     bench.settle();
   }
   ASSERT_LT(bench.made().samples().stored, 900U);
@@ -248,12 +248,12 @@ TEST(PublisherStore, HistoryHasAShareOfTheWindowAndLiveTheRest) {
   bench.broker.log.clear();
   bench.outbox.push(test::sample(21));
   bench.settle();
-  EXPECT_LE(bench.broker.open(), 3U);  // two of history and the live one
+  EXPECT_LE(bench.broker.open(), 3U);  // two history messages and the live one
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{21});
 }
 
-/// Streams of history, 900 rows each, behind a broker that acknowledges nothing by itself: all that
-/// is on its way is history.
+/// History streams of 900 rows each. The broker acknowledges only on request, and everything in
+/// flight is history.
 class Streams final {
  public:
   explicit Streams(std::uint32_t streams, int window = 20) : bench_(scratch_.path("store")) {
@@ -277,7 +277,7 @@ class Streams final {
 
   Bench& operator*() { return bench_; }
   Bench* operator->() { return &bench_; }
-  /// Every history message so far.
+  /// Returns all history messages so far.
   std::vector<Publication> sent() const {
     std::vector<Publication> out;
     for (const Publication& p : bench_.broker.log)
@@ -307,11 +307,11 @@ TEST(PublisherStore, ShortMessageDoesNotCutTheRestOfALongOneShort) {
     streams->broker.acknowledge_next();
     streams->step();
   };
-  acknowledge_after(100ms);  // of two that left together; the rest is 50 ms
+  acknowledge_after(100ms);  // of two sent together; the pause is 50 ms
   streams->advance(50ms);
   ASSERT_EQ(streams.sent().size(), 3U);
-  acknowledge_after(10ms);  // the second one took 160 ms, the rest is 80 ms
-  acknowledge_after(2ms);   // the third one took 12 ms
+  acknowledge_after(10ms);  // the second took 160 ms: the pause is 80 ms
+  acknowledge_after(2ms);   // the third took 12 ms
   streams->advance(77ms);
   EXPECT_EQ(streams.sent().size(), 3U);
   streams->advance(1ms);
@@ -369,7 +369,7 @@ TEST(PublisherStore, HistoryRestsHalfAsLongAsItsLastMessageTook) {
     EXPECT_EQ(messages(), 1U);
     bench.advance(1ms);
     ASSERT_EQ(messages(), 2U);
-    // A line that is slow by itself is not made slower by much.
+    // On a slow line the added pause stays short.
     bench.advance(5s);
     bench.broker.acknowledge_next();
     bench.step();

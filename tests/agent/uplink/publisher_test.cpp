@@ -61,7 +61,7 @@ TEST(Publisher, AcknowledgementWakesNobodyWhoDoesNotWaitForIt) {
   const SteadyTime wake = bench.step();
   EXPECT_EQ(bench.broker.open(), 1U);
   EXPECT_FALSE(bench.broker.acknowledgements_awaited);
-  EXPECT_LE(wake, bench.now + 50ms);  // it is noted soon all the same
+  EXPECT_LE(wake, bench.now + 50ms);  // written down soon all the same
   bench.outbox.push(test::succeeded("b7e1"));
   bench.step();
   EXPECT_TRUE(bench.broker.acknowledgements_awaited) << "a result is marked as told";
@@ -154,7 +154,7 @@ TEST(Publisher, UnacknowledgedSamplesComeAgainAsHistoryBesideLiveOnes) {
   bench.broker.acknowledges = true;
   bench.broker.log.clear();
   bench.now += 2s;
-  bench.outbox.push(test::sample(5));  // before the reconnect: history too
+  bench.outbox.push(test::sample(5));  // before the reconnect: becomes history too
   bench.settle();
   bench.outbox.push(test::sample(6));
   bench.settle();
@@ -240,13 +240,12 @@ TEST(Publisher, FullBacklogDropsTheOldestAndCountsThem) {
   EXPECT_EQ(health["samples"]["dropped"], dropped);
 }
 
-// ---- with a store on disk
-// -------------------------------------------------------------------------
+// ---- with a store on disk ----------------------------------------------------------------------
 
 TEST(Publisher, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
   Bench bench;
   bench.online();
-  bench.advance(2min);  // nothing in flight: nothing to wait for
+  bench.advance(2min);  // nothing in flight: no wait
   EXPECT_EQ(bench.broker.connects.size(), 1U);
   bench.broker.acknowledges = false;
   bench.outbox.push(test::sample(1));
@@ -275,7 +274,7 @@ TEST(Publisher, RetainedTopicsOfUnknownDevicesAreCleared) {
   };
   retained(kBase + "/press9/state", "{}");
   retained(kBase + "/press9/meta", "{}");
-  retained(kBase + "/press8/meta", "");  // the clearing of it coming back
+  retained(kBase + "/press8/meta", "");  // the echo of clearing it
   retained(kBase + "/press1/state", "{}");
   bench.settle();
   ASSERT_EQ(bench.broker.taken.size(), 2U);
@@ -305,7 +304,7 @@ TEST(Publisher, ServersAreTriedFromTheTopWithGrowingPauses) {
       bench.advance(bench.step() - bench.now);
     const SteadyTime::duration pause = bench.now - begin;
     EXPECT_GE(pause, 1s);
-    EXPECT_LE(pause, 38s);  // 30 s and a quarter
+    EXPECT_LE(pause, 38s);  // 30 s plus a quarter
     if (round < 6) {
       EXPECT_GT(pause, last);
     }

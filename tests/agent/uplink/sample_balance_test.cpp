@@ -1,4 +1,4 @@
-// A sample that is lost or made up inside the agent is an error in the log and in health.
+// A sample that is lost or invented inside the agent is an error in the log and in health.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -24,7 +24,7 @@ class SampleBalance : public testing::Test {
   void settle() {
     for (int i = 0; i < 100; ++i) publisher_.step(now_);
   }
-  /// The next health tick; what was logged meanwhile.
+  /// Advances to the next health tick and returns the log output.
   std::string tick() {
     testing::internal::CaptureStderr();
     now_ += 60s;
@@ -79,7 +79,7 @@ TEST_F(SampleBalance, SampleOutOfNowhereIsAnErrorInLogAndHealth) {
   const std::string log = tick();
   EXPECT_NE(log.find("error samples_unbalanced collected=0"), std::string::npos) << log;
   EXPECT_EQ(samples()["balanced"], false);
-  // It stays an error, at each tick.
+  // The error is logged again at each tick.
   EXPECT_NE(tick().find("error samples_unbalanced"), std::string::npos);
 }
 

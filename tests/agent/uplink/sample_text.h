@@ -1,4 +1,4 @@
-// A sample as it is published, by way of the row as which it waits.
+// A sample as published, after the conversion to a row and back.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -13,7 +13,7 @@ namespace {
 
 using State = DeviceStatus::State;
 
-/// Two links with two devices each, all of them well.
+/// Two links with two devices each, all healthy.
 struct Plant {
   Plant() {
     FieldHealth field;
@@ -89,7 +89,7 @@ TEST(StatusLine, TellsWhyTheBrokerIsAwayAndSinceWhen) {
   plant.status.broker = {
       .server = "mqtt://127.0.0.1:1", .since_ms = 1790000000123, .why = "connection refused"};
   plant.status.samples.stored = 1;
-  plant.status.samples.queued = 3;  // about to go
+  plant.status.samples.queued = 3;  // about to be sent
   EXPECT_NE(plant.line().find("; broker not connected since 2026-09-21T14:13:20.123Z: connection "
                               "refused; 1 sample waits; "),
             std::string::npos)
@@ -121,7 +121,7 @@ TEST(StatusLine, TellsThatTheFileIsWrongAndLeavesOutVacantPlaces) {
   EXPECT_TRUE(plant.line().starts_with("links 2 of 2 up")) << plant.line();
 }
 
-// The field has not counted yet, and has not said how its devices are.
+// The field has reported neither counters nor device states yet.
 TEST(StatusLine, BeforeTheFieldHasSaidAnything) {
   Plant plant;
   plant.status.field = std::make_shared<const FieldHealth>();

@@ -22,7 +22,7 @@ class TlsFiles : public testing::Test {
   static void TearDownTestSuite() { delete directory_; }
 
   static std::string path(const std::string& name) { return directory_->path(name); }
-  /// "key: text" of the fault; empty: none.
+  /// Returns the fault as "key: text"; empty: none.
   static std::string fault(const std::string& ca, const std::string& cert, const std::string& key) {
     const auto full = [](const std::string& name) { return name.empty() ? name : path(name); };
     const auto found = fault_in(TlsSettings{full(ca), full(cert), full(key)});

@@ -15,7 +15,7 @@ Explanation explain(std::string_view frame, std::optional<Direction> direction =
   return explain_link_frame(Model::unknown, ascii(frame), direction);
 }
 
-/// The first character, the text and the right sum.
+/// Explains a frame of the first character, the text and the correct sum.
 Explanation summed(std::string_view text) {
   Bytes frame = ascii(text);
   append_hex(frame, link_sum(ByteView(frame).subspan(1)), 2);
@@ -99,7 +99,7 @@ TEST(LinkExplanation, ScatteredDevicesAreAllNamed) {
   EXPECT_EQ(field(out, "Y100"), "BCA9");
 }
 
-// JY997D16901 7.7.2: extension registers have names of seven characters only, in QR, QW and QT.
+// JY997D16901 7.7.2: extension registers have only names of seven characters, in QR, QW and QT.
 TEST(LinkExplanation, ExtensionRegistersAreNamedInSevenCharactersOnly) {
   for (const std::string_view text :
        {"00FFWR0R000002", "00FFWW0R0000011234", "00FFWT001R00001234"}) {

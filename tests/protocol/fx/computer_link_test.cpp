@@ -21,7 +21,7 @@ ComputerLink station(Model model = Model::fx3u) {
 
 Bytes ascii(std::string_view text) { return {text.begin(), text.end()}; }
 
-/// Devices from `address` on: `points` bits or words.
+/// `points` bits or words starting at `address`.
 Span span(std::string_view address, std::uint32_t points) {
   const auto parsed = parse_address(Model::unknown, address, std::nullopt);
   EXPECT_TRUE(parsed.has_value()) << address;
@@ -30,7 +30,7 @@ Span span(std::string_view address, std::uint32_t points) {
 
 std::string text_of(const Bytes& frame) { return {frame.begin(), frame.end()}; }
 
-/// A frame as text, ENQ left out; what was refused as the error's text.
+/// Returns a frame as text without ENQ; for a refused request, the error text.
 std::string sent(const ComputerLink& codec, const Request& request) {
   const auto frame = codec.encode(request, 0);
   return frame ? text_of(*frame).substr(1) : frame.error().text;
@@ -181,7 +181,7 @@ TEST(ComputerLink, ContactsAreReadBitByBitAndWordsAsWords) {
 }
 
 TEST(ComputerLink, NoWordOfBitsRunsPastTheLastDevice) {
-  const auto codec = station(Model::fx2n);  // X0 to X267: 184 points, eleven words and a half
+  const auto codec = station(Model::fx2n);  // X0 to X267: 184 points, eleven and a half words
   const auto read = [&](std::uint32_t first, std::uint32_t bits) {
     return codec.encode(Read{{id(Space::x), first, bits}, ComputerLink::kWordWay}, 0).has_value();
   };
@@ -190,7 +190,7 @@ TEST(ComputerLink, NoWordOfBitsRunsPastTheLastDevice) {
   EXPECT_FALSE(read(176, 16));
   EXPECT_FALSE(read(0, 192));
   EXPECT_FALSE(read(4, 16));
-  // Y0 to Y15 of an FX1S are no whole word.
+  // Y0 to Y15 of an FX1S do not fill whole words.
   EXPECT_EQ(station(Model::fx1s).read_ways(id(Space::y)).size(), 1U);
 }
 
@@ -253,7 +253,7 @@ TEST(ComputerLink, WhateverTheLongestWriteLeavesOverCanBeWritten) {
 }
 
 TEST(ComputerLink, HalfBytesAndWhatStopsThePlcAreNotWritten) {
-  // A frame could, but K1M0 is written nowhere.
+  // A frame could do it, but K1M0 is never written.
   EXPECT_FALSE(station().check_write(span("M0", 4)));
   EXPECT_FALSE(station().check_write(span("M4", 8)));
   EXPECT_TRUE(station().check_write(span("M8", 8)));
@@ -273,7 +273,7 @@ TEST(ComputerLink, HalfBytesAndWhatStopsThePlcAreNotWritten) {
   EXPECT_EQ(station().encode(Enquire{}, 0).error().code, ErrorCode::unsupported);
 }
 
-// ---- what is sent -------------------------------------------------------------------------------
+// ---- requests ----------------------------------------------------------------------------------
 
 TEST(ComputerLink, AForceIsAWriteOfOnePoint) {
   EXPECT_EQ(sent(station(), Force{id(Space::y), 15, true}), "00FFBW0Y001701168");
@@ -308,8 +308,8 @@ TEST(ComputerLink, BitsTogetherAreBtAndWordsTogetherAreWt) {
   EXPECT_EQ(sent(codec, *both).substr(0, 15), "00FFBT009M00160");
 }
 
-// JY997D16901 7.3, 7.6, 7.9: the Q commands have names of seven characters; the sum of the last one
-// is in its list of fields.
+// JY997D16901 7.3, 7.6, 7.9: the Q commands use names of seven characters; the last one's sum is
+// from its list of fields.
 TEST(ComputerLink, ExtensionRegistersGoByTheQCommands) {
   const auto codec = station();
   EXPECT_EQ(sent(codec, Read{span("R5", 2), ComputerLink::kWordWay}).substr(0, 16),
@@ -379,14 +379,13 @@ TEST(ComputerLink, APlanMixesBitsAndWordsWhereThatIsLeastLineTime) {
   EXPECT_EQ(plan.reads[1].read.span.bits, 192U);
 }
 
-// ---- what comes back
-// ------------------------------------------------------------------------------
+// ---- answers -----------------------------------------------------------------------------------
 
 const Read kWords{{id(Space::d), 0, 32}, ComputerLink::kWordWay};  // D0, D1
 const Read kBits{{id(Space::m), 0, 5}, ComputerLink::kBitWay};     // M0 to M4
 const Force kForce{id(Space::y), 0, true};
 
-/// STX, text, ETX and the right sum.
+/// STX, text, ETX and the correct sum.
 std::string data(std::string_view text) {
   Bytes frame = ascii(text);
   frame.push_back(0x03);
@@ -486,7 +485,7 @@ TEST(ComputerLink, LateDataBeforeTheAckOfAWriteAreSkipped) {
   EXPECT_EQ(good(kAnswer + kAckFrame, kForce).kind, Reply::Kind::ack);
   EXPECT_EQ(good(kAnswer + kNakFrame, kForce).kind, Reply::Kind::nak);
   EXPECT_TRUE(needs_more(kAnswer, kForce));
-  // An ACK inside late data is a digit with a flipped bit.
+  // An ACK inside late data is a digit with one bit flipped.
   EXPECT_TRUE(
       needs_more("\x02"
                  "00FF12\x06"
@@ -596,7 +595,7 @@ TEST(ComputerLink, NothingAnswersAnEot) {
   EXPECT_EQ(answer(kAckFrame, reset).error().code, ErrorCode::unsupported);
 }
 
-// ---- the device itself --------------------------------------------------------------------------
+// ---- the PLC itself ----------------------------------------------------------------------------
 
 TEST(ComputerLink, TheModelIsToldByItsCode) {
   const auto codec = station(Model::unknown);

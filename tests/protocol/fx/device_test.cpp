@@ -239,7 +239,7 @@ TEST(DeviceWrite, TakesSingleBitsWholeBytesAndWholeWords) {
 TEST(DeviceWrite, StopsAtTheModelsLastDevice) {
   EXPECT_TRUE(may_write({id(Space::d), 255 * 16, 16}, Model::fx0n));
   EXPECT_FALSE(may_write({id(Space::d), 255 * 16, 32}, Model::fx0n));
-  EXPECT_FALSE(may_write({id(Space::y), 8, 8}, Model::fx1s));  // Y16 and Y17 are not there
+  EXPECT_FALSE(may_write({id(Space::y), 8, 8}, Model::fx1s));  // Y16 and Y17 do not exist
   EXPECT_FALSE(may_write({id(Space::tc), 0, 1}));
   EXPECT_FALSE(may_write({99, 0, 1}));
 }
@@ -249,7 +249,7 @@ TEST(DeviceRange, WhatLeavesItsRangeSaysSoOfTheWhole) {
     const auto inside = check_range(model, span);
     return inside ? std::string() : inside.error().text;
   };
-  // There is a D8000, but not behind D7999.
+  // D8000 exists, but not as the successor of D7999.
   EXPECT_EQ(why(Model::fx3u, {id(Space::d), 7999 * 16, 32}),
             "D7999-D8000 does not exist as one range: FX3U has D0-D7999 and D8000-D8511");
   EXPECT_EQ(why(Model::fx3u, {id(Space::cn), 198 * 16, 64}),

@@ -51,7 +51,7 @@ TEST(PortMap, EveryMapHasEverySpaceOnce) {
   }
 }
 
-/// First byte of each area. Some areas have one address in both extended maps.
+/// The first byte of each area. Some areas have the same address in both extended maps.
 TEST(PortMap, EachModelHasTheMapOfItsSeries) {
   const auto byte_of = [](Model model, CommandSet set, Space space) {
     const PortArea* area = area_of(map_of(model, set), space);

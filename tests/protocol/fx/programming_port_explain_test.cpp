@@ -8,7 +8,7 @@ namespace {
 
 using test::hex;
 
-/// STX, the payload, ETX and the right sum.
+/// STX, the payload, ETX and the correct sum.
 Bytes frame(std::string_view payload) {
   Bytes bytes;
   bytes.push_back(0x02);
@@ -43,7 +43,8 @@ TEST(Explanation, NamesEveryFrameOfTheTranscripts) {
       EXPECT_EQ(out.checksum_given, out.checksum_computed);
     }
     if (e.device == "-") continue;
-    // A read of bits begins at the byte of the device, so it names the first bit of that.
+    // A read of bits begins at the device's byte, so the explanation names the first bit of that
+    // byte.
     const auto [letters, number] = [&] {
       const auto digits = e.device.find_first_of("0123456789");
       return std::pair(e.device.substr(0, digits), e.device.substr(digits));
@@ -66,7 +67,7 @@ TEST(Explanation, TellsARequestFromAnAnswerByItself) {
     if (e.operation == "bad_sum") continue;
     const auto out = explain_port_frame(*model_named(e.model), e.request, std::nullopt);
     EXPECT_TRUE(out.ok) << "line " << e.line;
-    // A speed command has the shape of one data byte, and that is the likelier of the two.
+    // A speed command looks like one data byte, which is the likelier meaning.
     const bool speed = e.request.size() == 6;
     EXPECT_EQ(out.direction, speed ? Direction::reply : Direction::request) << "line " << e.line;
     if (speed) {
@@ -80,7 +81,7 @@ TEST(Explanation, AForceOfY0OnAnFx1nSaysAllOfIt) {
       explain_port_frame(Model::fx1n, hex("02 45 37 30 30 30 43 03 35 32"), std::nullopt);
   EXPECT_TRUE(out.ok);
   EXPECT_EQ(out.direction, Direction::request);
-  EXPECT_TRUE(out.ambiguous);  // six hex digits could be three bytes of data
+  EXPECT_TRUE(out.ambiguous);  // six hex digits could also be three bytes of data
   EXPECT_EQ(out.operation, "force_on");
   EXPECT_EQ(out.command, "E7");
   EXPECT_EQ(out.command_set, "extended");
@@ -102,7 +103,7 @@ TEST(Explanation, AWriteShowsItsWordsAsNumbers) {
   EXPECT_EQ(explain("10100015A").device, "M0");
   EXPECT_EQ(explain("10100015A").values,
             (std::vector<std::string>{"0", "1", "0", "1", "1", "0", "1", "0"}));
-  // Half of a 32-bit counter, and a place that is no device.
+  // Half of a 32-bit counter, and an address without a device.
   EXPECT_EQ(explain("10C00023412").values, std::vector<std::string>{"1234"});
   EXPECT_EQ(explain("1F000023412").values, std::vector<std::string>{"1234"});
 }

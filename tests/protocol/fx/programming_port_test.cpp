@@ -27,7 +27,7 @@ Bytes ascii(std::string_view text) { return {text.begin(), text.end()}; }
 
 // ---- transcripts ------------------------------------------------------------------------------
 
-/// The codec that speaks as the transcript does.
+/// The codec with the transcript's settings.
 ProgrammingPort port_of(const test::Exchange& e) {
   const auto commands = e.command_set == "extended" ? Commands::extended : Commands::classic;
   return port(*model_named(e.model), commands);
@@ -88,7 +88,7 @@ TEST(ProgrammingPort, UnderstandsEveryAnswerOfTheTranscripts) {
 }
 
 TEST(ProgrammingPort, TheWordThatWasPrintedAs3584Is33845) {
-  // The printed frame ends with D6; the digits it holds have the sum D7, and 35 84 is 8435h.
+  // The printed frame ends with D6, but the sum of its digits is D7; 35 84 is 8435h.
   const Read read{span("D123", 2), 0};
   const auto wrong = port().decode(read, 0, hex("02 33 35 38 34 03 44 36"));
   ASSERT_FALSE(wrong);
@@ -100,7 +100,7 @@ TEST(ProgrammingPort, TheWordThatWasPrintedAs3584Is33845) {
   EXPECT_EQ(unpack(point, (*right)->image, read.span.first_bit), Value(std::int64_t{33845}));
 }
 
-// ---- what is sent -------------------------------------------------------------------------------
+// ---- requests ----------------------------------------------------------------------------------
 
 TEST(ProgrammingPort, ClassicCommandsAreTakenWhereverTheyReach) {
   EXPECT_EQ(*port().encode(Force{id(Space::y), 0, true}, 0), hex("02 37 30 30 30 35 03 46 46"));
@@ -110,7 +110,7 @@ TEST(ProgrammingPort, ClassicCommandsAreTakenWhereverTheyReach) {
   EXPECT_EQ(*port().encode(Write{span("D1023", 2), {0x34, 0x12}}, 0)->begin(), 0x02);
   EXPECT_EQ((*port().encode(Write{span("D1023", 2), {0x34, 0x12}}, 0))[1], '1');
   EXPECT_EQ((*port().encode(Write{span("D1024", 2), {0x34, 0x12}}, 0))[1], 'E');
-  // A write that begins within the classic reach and ends outside is not torn.
+  // A write that starts within the classic range and ends outside is not split.
   EXPECT_EQ((*port().encode(Write{span("D1023", 4), {1, 2, 3, 4}}, 0))[1], 'E');
 }
 
@@ -142,7 +142,7 @@ TEST(ProgrammingPort, ClassicIsTierZeroAndExtendedTierOne) {
 }
 
 TEST(ProgrammingPort, NoReadGoesBeyondTheModelsLastDevice) {
-  EXPECT_EQ(port(Model::fx1s).read_ways(id(Space::y))[0].end_bit, 16U);  // Y0-Y15, one byte begun
+  EXPECT_EQ(port(Model::fx1s).read_ways(id(Space::y))[0].end_bit, 16U);  // Y0-Y15, in whole bytes
   EXPECT_EQ(port(Model::fx0n).read_ways(id(Space::d))[0].end_bit, 4096U);
   EXPECT_EQ(port(Model::fx3s).read_ways(id(Space::d))[1].end_bit, 48000U);
   const auto contacts = port(Model::fx0n).read_ways(id(Space::cs));
@@ -235,7 +235,7 @@ Result<std::optional<Reply>> answer(const std::string& rx, const Request& reques
   return port().decode(request, 0, ascii(rx));
 }
 
-/// The image of a good answer; empty where there is none, which no test expects.
+/// Returns the image of a good answer; empty if there is none, which no test expects.
 Bytes image(const std::string& rx) {
   const auto reply = answer(rx);
   EXPECT_TRUE(reply && *reply) << (reply ? "need more" : reply.error().text);
@@ -425,7 +425,7 @@ TEST(ProgrammingPort, TheLateAnswerToAnOldReadIsSkippedBeforeAnAck) {
 }
 
 TEST(ProgrammingPort, AnAckInsideAFrameIsNoAnswer) {
-  // A digit F turned into 06 by one flipped bit, in an echo.
+  // A digit F in an echo, turned into 06 by one flipped bit.
   EXPECT_TRUE(
       needs_more("\x02"
                  "70005\x03"
@@ -455,7 +455,7 @@ TEST(ProgrammingPort, ARequestThatCannotBeSentHasNoAnswer) {
   EXPECT_EQ(reply.error().code, ErrorCode::unsupported);
 }
 
-// ---- the device itself --------------------------------------------------------------------------
+// ---- the PLC itself ----------------------------------------------------------------------------
 
 TEST(ProgrammingPort, TheModelIsAskedForInClassicCommands) {
   for (const auto& codec : {port(Model::unknown), port(Model::unknown, Commands::extended)}) {
@@ -490,7 +490,7 @@ TEST(ProgrammingPort, TheModelIsToldByTheTypeInD8001AndD8101) {
 
 TEST(ProgrammingPort, AModelThatCannotBeToldApartStaysUnknown) {
   const auto codec = port(Model::unknown);
-  // GX Works2 takes D8101 = 0 for an FX3U. A clone that shows it may use the map of an FX2N.
+  // GX Works2 takes D8101 = 0 for an FX3U. A clone with this value may use the map of an FX2N.
   EXPECT_EQ(codec.model_from({word(24241), word(0)}), std::nullopt);
   EXPECT_EQ(codec.model_from({word(20100), word(0)}), std::nullopt);
   EXPECT_EQ(codec.model_from({word(0), {}}), std::nullopt);

@@ -193,7 +193,7 @@ TEST(McDevice, TheNameBeyondTheLastIsRefused) {
   }
 }
 
-// A number that its bits carry over 32 bits is no small one.
+// A number that overflows 32 bits must not become a small one.
 TEST(McDevice, NumbersThatNoSpaceHasAreNeverOthers) {
   struct Case {
     Model model;
@@ -238,9 +238,9 @@ TEST(McDevice, EveryDeviceIsReadBackFromItsOwnName) {
   }
 }
 
-// Codes: SH-080008 for 3E and C frames, in ASCII also those of iQ-R; JY997D45801 for 1E. Last
-// devices: JY997D45801 (FX3U and FX3G by 1E), and the performance tables of the FX5 user's manual
-// (application), the QnUCPU user's manual and the MELSEC iQ-R CPU module user's manual.
+// Codes: SH-080008 for 3E and C frames, in ASCII also those of iQ-R; JY997D45801 for 1E.
+// Last devices: JY997D45801 (FX3U and FX3G by 1E), and the performance tables of the FX5 user's
+// manual (application), the QnUCPU user's manual and the MELSEC iQ-R CPU module user's manual.
 TEST(McDevice, EachKindHasTheCodesAndTheLastDeviceOfTheManuals) {
   struct Kind {
     Space space;
@@ -249,7 +249,7 @@ TEST(McDevice, EachKindHasTheCodesAndTheLastDeviceOfTheManuals) {
     const char* ascii;
     const char* long_ascii;
     int one_e;
-    const char* last[5];  // FX3U, FX3G, FX5, Q and L, iQ-R; empty: it has none
+    const char* last[5];  // FX3U, FX3G, FX5, Q and L, iQ-R; empty: not available
   };
   const Kind kinds[] = {
       {Space::x, "X", 0x9C, "X*", "X***", 0x5820, {"377", "177", "1777", "1FFF", "2FFF"}},
@@ -299,7 +299,7 @@ TEST(McDevice, EachKindHasTheCodesAndTheLastDeviceOfTheManuals) {
     EXPECT_EQ(kind_of(kind.space).binary, kind.binary) << letters;
     EXPECT_EQ(kind_of(kind.space).ascii, kind.ascii) << letters;
     EXPECT_EQ(kind_of(kind.space).one_e, kind.one_e) << letters;
-    if (*kind.long_ascii != '\0') {  // else a code stands for the space before
+    if (*kind.long_ascii != '\0') {  // otherwise a code identifies the previous space
       EXPECT_EQ(space_coded(static_cast<std::uint8_t>(kind.binary)), kind.space) << letters;
       EXPECT_EQ(space_coded(std::string_view(kind.long_ascii)), kind.space) << letters;
       if (*kind.ascii != '\0') {

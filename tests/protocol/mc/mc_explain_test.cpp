@@ -1,4 +1,4 @@
-// `fxagent decode` of frames that are not as they should be, and of what this product never sends.
+// `fxagent decode` of malformed frames, and of frames that this product never sends.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -52,7 +52,7 @@ TEST(McExplain, ARequestIsNamedWithItsRouteDeviceAndTimer) {
   values.insert(values.end(), kBits.begin(), kBits.end());
   EXPECT_EQ(blocks.values, values);
   EXPECT_EQ(blocks.count, 18U);
-  // Words of a bit device are its bits: counted and shown as devices.
+  // The words of a bit device are its bits: counted and shown as devices.
   const Explanation words =
       told(Frame::e3, hex("50 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 64 00 00 90 02 00"));
   EXPECT_EQ(words.device, "M100");
@@ -183,7 +183,7 @@ TEST(McExplain, TheDirectionThatIsAskedForCounts) {
   EXPECT_FALSE(told(Frame::e3, hex("D0 00 00 FF FF 03 00 02 00 00 00"), Direction::request).ok);
   EXPECT_FALSE(
       told(Frame::e3, hex("50 00 00 FF FF 03 00 06 00 10 00 01 01 00 00"), Direction::reply).ok);
-  // In format 3 a request and data may look alike.
+  // In format 3 a request and a data frame may look alike.
   const Bytes both = bytes(
       "\x02"
       "F90000FF0001010000\x03");

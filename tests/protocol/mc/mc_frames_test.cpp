@@ -21,7 +21,7 @@ struct Wire {
   std::uint16_t tag = 0;
 };
 
-/// The codec that the second line of a block describes.
+/// Returns the codec described by the second line of a block.
 Wire wire_of(Frame frame, const test::Exchange& e) {
   Mc::Settings settings;
   settings.frame = frame;
@@ -52,7 +52,7 @@ Span place(const Mc& codec, const std::string& name, std::uint32_t words) {
   return span;
 }
 
-/// "D0*1,D1500*2" with as many words each, or "M50,Y2F".
+/// Parses "D0*1,D1500*2" (with the number of words), or "M50,Y2F".
 std::vector<Span> places(const Mc& codec, const test::Exchange& e) {
   std::vector<Span> spans;
   for (const std::string& one : split(e.device, ',')) {
@@ -152,7 +152,7 @@ TEST_P(McFrames, SpeaksAndUnderstandsEveryExchange) {
     if (brings_data(*request)) {
       EXPECT_EQ(to_hex((*reply)->image), to_hex(e.image));
     }
-    // Doubled bytes of format 5 are counted where they can be foreseen: not in values.
+    // Doubled bytes of format 5 are counted only if they are predictable: not in values.
     if (e.source.find("doubled, length") == std::string::npos) {
       EXPECT_EQ(length.reply_chars, e.reply.size());
     }
@@ -169,7 +169,7 @@ TEST_P(McFrames, ExplainsEveryFrameByItself) {
     const Wire wire = wire_of(GetParam().frame, e);
     const auto asked = request_of(wire.codec, e);
     const Explanation request = explain_frame(GetParam().frame, model, e.request, std::nullopt);
-    // Two captures break the layout of the manual, and their PLCs refused them.
+    // Two captures violate the manual's layout, and their PLCs refused them.
     const bool is_wrong = e.source.find("not the layout of the manual") != std::string::npos;
     EXPECT_EQ(request.ok, !is_wrong) << request.error.value_or("");
     EXPECT_EQ(request.direction, Direction::request);
@@ -182,7 +182,7 @@ TEST_P(McFrames, ExplainsEveryFrameByItself) {
       std::string devices;
       for (const std::string& one : split(e.device, ','))
         devices += (devices.empty() ? "" : ",") + split(one, '*')[0];
-      // Of a gather the single words come first, as in these examples.
+      // In a gather the single words come first, as in these examples.
       EXPECT_EQ(request.device, devices);
     }
     if (e.reply.empty()) continue;

@@ -1,4 +1,4 @@
-// Batch reads, random reads and blocks of the MC protocol as the planner mixes them.
+// The planner's mix of batch reads, random reads and blocks of the MC protocol.
 
 #include <gtest/gtest.h>
 
@@ -117,7 +117,7 @@ TEST(McPlan, OverASerialLineWordsAndBitsAreOneBlockRead) {
   EXPECT_EQ(plc(Frame::c4, Model::unknown).gathers().size(), 1U);
 }
 
-// What a part adds must not depend on the others, or the planner reckons wrong.
+// A part's cost must not depend on the other parts, or the planner's line times are wrong.
 TEST(McPlan, APartAddsTheSameToEveryFrame) {
   for (const Frame frame : {Frame::e3, Frame::e4, Frame::c3, Frame::c4})
     for (const Model model : {Model::fx5u, Model::l, Model::iq_r}) {

@@ -1,4 +1,4 @@
-// mc-3c and mc-4c beyond the transcripts: what a line may bring in each format.
+// mc-3c and mc-4c beyond the transcripts: the bytes a line may deliver in each format.
 #include <gtest/gtest.h>
 
 #include "protocol/mc/mc.h"
@@ -23,7 +23,8 @@ Mc codec(std::uint32_t format, Frame frame = Frame::c4, bool sum = true) {
   return Mc(settings);
 }
 
-/// Control characters by letters that no frame has: < STX, > ETX, ? ENQ, + ACK, - NAK, ! CR LF.
+/// Control characters, written as characters that no frame contains: < STX, > ETX, ? ENQ, + ACK, -
+/// NAK, ! CR LF.
 Bytes line(std::string_view text) {
   Bytes bytes;
   for (const char c : text) {
@@ -129,13 +130,13 @@ TEST(McSerial, AnswersOfOtherStationsAndOfTheOtherKindArePassedOver) {
     rx.insert(rx.end(), right.begin(), right.end());
     EXPECT_EQ(answer(mc, kTwoWords, rx).image, hex("34 12 02 00")) << before;
   };
-  behind(one, "<F80100FF03FF000055550002>12", own);             // another station
-  behind(one, "<F90000FF0055550002>00", own);                   // a 3C frame
-  behind(one, "+F80000FF03FF0000", own);                        // done, where data are awaited
-  behind(one, "-F80100FF03FF00007E4F", own);                    // another station refuses
-  behind(one, "?F80000FF03FF000004010000M*000100000258", own);  // the request, come back
-  behind(one, "<F80000FF03FF00001234", own);                    // cut off by the real one
-  EXPECT_TRUE(needs_more(one, kWrite, own));                    // data, where none are awaited
+  behind(one, "<F80100FF03FF000055550002>12", own);  // another station
+  behind(one, "<F90000FF0055550002>00", own);        // a 3C frame
+  behind(one, "+F80000FF03FF0000", own);             // an acknowledgement instead of data
+  behind(one, "-F80100FF03FF00007E4F", own);         // another station refuses
+  behind(one, "?F80000FF03FF000004010000M*000100000258", own);  // the echo of the request
+  behind(one, "<F80000FF03FF00001234", own);                    // truncated by the right one
+  EXPECT_TRUE(needs_more(one, kWrite, own));  // data instead of an acknowledgement
   EXPECT_EQ(answer(one, kWrite, line("<F80000FF03FF000012340002>08+F80000FF03FF0000")).kind,
             Reply::Kind::ack);
 }
@@ -155,7 +156,7 @@ TEST(McSerial, Format3TellsAnswersByQackAndQnak) {
   const Reply refused = answer(mc, kTwoWords, line("<F80000FF03FF0000QNAK7E4F>"));
   EXPECT_EQ(refused.device_code, 0x7E4F);
   EXPECT_EQ(answer(mc, kWrite, line("<F80000FF03FF0000QACK>")).kind, Reply::Kind::ack);
-  // A late answer with data, and a refusal for another station, before the right one.
+  // A late answer with data and a refusal for another station, before the right answer.
   EXPECT_EQ(answer(mc, kWrite,
                    line("<F80000FF03FF0000QACK12340002>28<F80100FF03FF0000QNAK7167>"
                         "<F80000FF03FF0000QACK>"))
@@ -183,8 +184,8 @@ TEST(McSerial, Format5DoublesEvery10AndFindsItsFramesAgain) {
   };
   behind(to_hex(*mc.encode(word, 1)));  // its echo
   behind("FF 10 03 00");
-  behind("10 02 0E 00 10 05");  // a single 10 inside: no frame
-  behind("10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 03 30 33");  // a late "done"
+  behind("10 02 0E 00 10 05");  // a single 10 inside: not a frame
+  behind("10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 03 30 33");  // a late acknowledgement
   expect_says(fault(mc, word,
                     hex("10 02 0E 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 "
                         "10 10 10 10 10 03 32 36")),
@@ -231,7 +232,8 @@ TEST(McSerial, TheLineLengthIsWhatGoesOverTheLineInEveryFormat) {
   EXPECT_EQ(codec(3).line_length(kWrite).reply_chars, 22U);
   EXPECT_EQ(codec(4).line_length(kTwoWords).reply_chars, 30U);
   EXPECT_EQ(codec(5).line_length(kTwoWords).reply_chars, 25U);  // its length, 10h, is doubled
-  // Data that are all 10h are twice as long: a deadline must allow for it, a plan need not.
+  // Data of nothing but 10h take twice the characters. A deadline must allow for that; a plan need
+  // not.
   const LineLength five = codec(5).line_length(kTwoWords);
   const Bytes doubled =
       hex("10 02 10 10 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 10 10 10 10 10 10 10 10 03 34 37");
@@ -255,7 +257,7 @@ TEST(McSerial, APlanReckonsWithoutTheBytesThatAreDoubled) {
     const std::uint16_t d = five.parse_address("D0", std::nullopt)->span.space;
     return five.line_length(Read{{d, word * 16, words * 16}, kWordWay});
   };
-  // The numbers 10h and 310h have a byte more where they are sent.
+  // The numbers 10h and 310h take one more byte on the wire.
   EXPECT_EQ(of_read(0, 16).request_chars, of_read(0, 15).request_chars + 1);
   EXPECT_EQ(of_read(0x310, 1).request_chars, of_read(0, 1).request_chars + 1);
   for (std::uint32_t words = 1; words <= 256; ++words)

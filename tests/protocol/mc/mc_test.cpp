@@ -1,4 +1,4 @@
-// mc-3e and mc-4e beyond the transcripts: what is asked, what is believed, what follows a refusal.
+// mc-3e and mc-4e beyond the transcripts: requests, accepted answers, and reactions to refusals.
 #include "protocol/mc/mc.h"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ std::string sent(const Mc& mc, const Request& request, std::uint16_t tag = 1) {
   return frame ? to_hex(*frame) : frame.error().text;
 }
 
-/// The message of a binary 3E request: behind the timer.
+/// Returns the message of a binary 3E request, after the timer.
 std::string message(const Mc& mc, const Request& request) {
   const auto frame = mc.encode(request, 1);
   EXPECT_TRUE(frame) << frame.error().text;
@@ -69,7 +69,7 @@ void expect_says(const std::string& text, std::string_view part) {
 const Request kTwoWords = Read{{kD, 1600, 32}, kWordWay};
 const Request kWrite = Write{{kD, 1600, 16}, {0x34, 0x12}};
 
-// ---- what is believed ---------------------------------------------------------------------------
+// ---- accepted answers --------------------------------------------------------------------------
 
 TEST(Mc3E, AnAnswerOfAnotherLengthIsNeverAValue) {
   const Mc mc = codec(Frame::e3);
@@ -78,7 +78,7 @@ TEST(Mc3E, AnAnswerOfAnotherLengthIsNeverAValue) {
               "6 characters");
   expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 02 00 00 00"), "0 characters");
   expect_says(fault(mc, kWrite, "D0 00 00 FF FF 03 00 04 00 00 00 34 12"), "0 expected");
-  // A length that lies: too long is waited for, impossible ones are told at once.
+  // Wrong lengths: the codec waits if a length is too long, and rejects impossible ones at once.
   EXPECT_TRUE(needs_more(mc, kTwoWords, hex("D0 00 00 FF FF 03 00 07 00 00 00 34 12 78 56")));
   expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 01 00 00"), "length 1");
   expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 FF FF 00"), "length 65535");
@@ -122,7 +122,7 @@ TEST(Mc3E, ErrorInformationMayBeWholeInPartOrMissing) {
     EXPECT_EQ(reply.text, "end code C056: beyond the last device");
     EXPECT_TRUE(reply.image.empty());
   }
-  // An error to another command is an answer to an older question.
+  // An error for another command is an answer to an earlier request.
   expect_says(fault(mc, kTwoWords, "D0 00 00 FF FF 03 00 0B 00 56 C0 00 FF FF 03 00 01 14 00 00"),
               "for another command: 01 14");
 }
@@ -146,7 +146,7 @@ TEST(Mc3E, BitsThatAreNeitherZeroNorOneAreNoValue) {
   const Request bits = Read{{kM, 100, 3}, kBitWay};
   const Mc mc = codec(Frame::e3);
   EXPECT_EQ(answer(mc, bits, hex("D0 00 00 FF FF 03 00 04 00 00 00 10 10")).image, hex("05"));
-  // The dummy behind an odd count may be anything.
+  // The padding after an odd count may have any value.
   EXPECT_EQ(answer(mc, bits, hex("D0 00 00 FF FF 03 00 04 00 00 00 10 1F")).image, hex("05"));
   expect_says(fault(mc, bits, "D0 00 00 FF FF 03 00 04 00 00 00 12 00"), "bits are 0 and 1");
 }
@@ -176,7 +176,7 @@ TEST(Mc4E, AnswersWithOtherNumbersArePassedOverHoweverMany) {
   EXPECT_EQ(reply.image, hex("34 12 78 56"));
   EXPECT_EQ(reply.began, began);
   EXPECT_EQ(reply.consumed, rx.size());
-  // With the right number everything else must fit.
+  // Even with the right number, everything else must match.
   expect_says(
       fault(mc, kTwoWords, "D4 00 00 01 00 00 01 FF FF 03 00 06 00 00 00 34 12 78 56", 0x0100),
       "network 1");
@@ -194,7 +194,7 @@ TEST(Mc3E, WhatTheAgentSaysOfWholeFramesItMayPassForAnAnswer) {
   EXPECT_TRUE(codec(Frame::e4).may_pass_for_answer(hex("01")));
 }
 
-// ---- what is asked ------------------------------------------------------------------------------
+// ---- requests ----------------------------------------------------------------------------------
 
 TEST(McMessages, SeriesDecideCodesAndNumbers) {
   const Request read = Read{{kD, 1600, 16}, kWordWay};
@@ -276,7 +276,7 @@ TEST(McMessages, RandomReadsAndBlocksHaveTheirOwnLimits) {
   EXPECT_FALSE(fx5.encode(gather(121, kBlockWay, kBlockRead), 1));
   EXPECT_TRUE(iq_r.encode(gather(60, kBlockWay, kBlockRead), 1));
   EXPECT_FALSE(iq_r.encode(gather(61, kBlockWay, kBlockRead), 1));
-  // Built-in ports of Q and L lack 0406; an unknown model may.
+  // Built-in ports of Q and L lack 0406; an unknown model may lack it.
   EXPECT_FALSE(codec(Frame::e3, Model::q).encode(gather(2, kBlockWay, kBlockRead), 1));
   EXPECT_EQ(codec(Frame::e3, Model::unknown).gathers().size(), 1U);
   Gather both = gather(1, kRandomWay, kRandomRead);
@@ -325,7 +325,7 @@ TEST(McMessages, WritesToScatteredPlacesGoTogetherWhereOneFrameCarriesThem) {
   EXPECT_FALSE(mc.combine({kTwoWords, kWrite}));
   EXPECT_FALSE(mc.combine({Enquire{}, kWrite}));
   EXPECT_TRUE(mc.combine({kTwoWords, Read{{kM, 0, 16}, kWordWay}}));
-  EXPECT_TRUE(mc.combine({kTwoWords, Read{{kM, 0, 160}, kWordWay}}));  // by blocks
+  EXPECT_TRUE(mc.combine({kTwoWords, Read{{kM, 0, 160}, kWordWay}}));  // as blocks
   EXPECT_FALSE(codec(Frame::e3, Model::q).combine({kTwoWords, Read{{kM, 0, 160}, kWordWay}}));
   std::vector<Request> many(161, kWrite);
   EXPECT_FALSE(mc.combine(many));
@@ -336,7 +336,7 @@ TEST(McMessages, WritesToScatteredPlacesGoTogetherWhereOneFrameCarriesThem) {
   EXPECT_TRUE(mc.combine(forces));
   forces.push_back(Force{kM, 2, true});
   EXPECT_FALSE(mc.combine(forces));
-  // An iQ-R takes 188 by short codes and 94 by its own.
+  // An iQ-R takes 188 with short codes and 94 with its own.
   std::vector<Request> long_forces(94, Force{kM, 1, true});
   EXPECT_TRUE(codec(Frame::e3, Model::iq_r).combine(long_forces));
   long_forces.push_back(Force{kM, 2, true});
@@ -369,7 +369,7 @@ TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
   EXPECT_TRUE(mc.parse_address("M10", std::nullopt));
   EXPECT_TRUE(mc.read_ways(id(Space::lcn)).empty());
   EXPECT_FALSE(mc.encode(Read{{id(Space::x), 8, 1}, kBitWay}, 1));
-  // From X0 on one word can be asked for; a second one might have to begin at X20.
+  // From X0 one word can be read; a second one might have to begin at X20.
   EXPECT_TRUE(mc.parse_address("K4X0", std::nullopt));
   EXPECT_TRUE(mc.check_range({id(Space::x), 0, 16}));
   expect_says(refused("K8X0"), "X20: whether an FX5");
@@ -395,7 +395,7 @@ TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
   EXPECT_TRUE(codec(Frame::e3, Model::iq_r, Code::ascii).parse_address("LCN0", std::nullopt));
 }
 
-// ---- what follows a refusal ---------------------------------------------------------------------
+// ---- reactions to a refusal --------------------------------------------------------------------
 
 TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
   const Mc mc = codec(Frame::e3);
@@ -429,7 +429,7 @@ TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
   EXPECT_EQ(mc.meaning_of(kTwoWords, 0x7E47), RefusalMeaning::busy);
   EXPECT_EQ(mc.meaning_of(kWrite, 0x7E47), RefusalMeaning::busy);
   EXPECT_EQ(mc.meaning_of(run, 0x7E47), RefusalMeaning::final);
-  // Of a relay: the request may have gone on, and its answer been lost.
+  // From a relay station: the request may have been forwarded, and its answer lost.
   for (const int code : {0x4B00, 0x4B02, 0x4BFF}) {
     EXPECT_EQ(mc.meaning_of(kTwoWords, code), RefusalMeaning::unreachable) << code;
     EXPECT_EQ(mc.meaning_of(kWrite, code), RefusalMeaning::unclear) << code;
@@ -440,7 +440,7 @@ TEST(McRefusals, EndCodesMeanWhatTheManualsSay) {
   EXPECT_EQ(mc.meaning_of(asked, 0x1234), RefusalMeaning::final);
   EXPECT_EQ(mc.meaning_of(asked, 0xC059), RefusalMeaning::final);
   EXPECT_EQ(mc.meaning_of(asked, 0x7F24), RefusalMeaning::curable);
-  // Of a code that nobody knows nobody knows what was done.
+  // With an unknown code, it is unknown if the request was carried out.
   EXPECT_EQ(mc.meaning_of(kTwoWords, 0x1234), RefusalMeaning::final);
   EXPECT_EQ(mc.meaning_of(kWrite, 0x1234), RefusalMeaning::unclear);
 }
@@ -480,7 +480,7 @@ TEST(McRefusals, TextsNameTheToolAndTheSettingOfThatModel) {
   expect_says(said(Model::q, kPassword), "in GX Works2 (Remote Password)");
   expect_says(said(Model::fx5u, kPassword), "in GX Works3 (Remote Password)");
   expect_says(said(Model::unknown, kPassword), "in GX Works (Remote Password)");
-  // As `fxagent decode` has it.
+  // As in `fxagent decode`.
   const auto explained =
       codec(Frame::e3, Model::l).explain(hex("D0 00 00 FF FF 03 00 02 00 55 00"), std::nullopt);
   ASSERT_FALSE(explained.fields.empty());
@@ -514,7 +514,7 @@ TEST(McRefusals, OutputsOfAnIqRThatMayBeAnFx5AreNotWrittenByOtherCodes) {
   EXPECT_FALSE(mc.instead_of(Scatter{{std::get<Write>(kWrite), Write{{y, 1, 1}, {1}}}}, 0xC059));
 }
 
-// ---- the PLC itself -----------------------------------------------------------------------------
+// ---- the PLC itself ----------------------------------------------------------------------------
 
 TEST(McPlc, TheTypeNameTellsTheModel) {
   const std::array<std::pair<const char*, const char*>, 14> kTypes = {{{"FX5U-32MT/ES", "FX5U"},
@@ -532,7 +532,7 @@ TEST(McPlc, TheTypeNameTellsTheModel) {
                                                                        {"LJ71E71-100", ""},
                                                                        {"KV-8000", ""}}};
   const Mc mc = codec(Frame::e3, Model::unknown);
-  // Others that speak 3E answer with more, or with less, than the manual has.
+  // Other devices that use 3E answer with more or fewer bytes than in the manual.
   const Request asked = mc.identify().front();
   const auto named = [&](std::string_view data_length, std::string_view rest) {
     Bytes rx = hex("D0 00 00 FF FF 03 00 " + std::string(data_length) + " 00 00 00");
@@ -563,7 +563,7 @@ TEST(McPlc, TheTypeNameTellsTheModel) {
     }
   }
   EXPECT_FALSE(mc.model_from({}));
-  EXPECT_FALSE(mc.model_from({Bytes{}}));  // refused, as built-in ports of Q and L do
+  EXPECT_FALSE(mc.model_from({Bytes{}}));  // refused, as by built-in ports of Q and L
   EXPECT_EQ(mc.with_model("FX3U"), nullptr);
 }
 
@@ -592,7 +592,7 @@ TEST(McPlc, ProbesHaveAnswersOfTheirOwnLengths) {
   EXPECT_FALSE(mc.apart_from(kWrite));
 }
 
-// ---- from the config's options ------------------------------------------------------------------
+// ---- options of the config ---------------------------------------------------------------------
 
 TEST(McOptions, RouteAndTimerGoIntoTheFrame) {
   Options options{{"model", std::string("FX5U")},

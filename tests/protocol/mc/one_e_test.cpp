@@ -28,14 +28,14 @@ const OneE kAscii = plc(Model::fx3u, Code::ascii);
 
 Bytes text(std::string_view characters) { return {characters.begin(), characters.end()}; }
 
-/// Devices from `address` on: `points` of them.
+/// `points` devices starting at `address`.
 Span span(std::string_view address, std::uint32_t points, Model model = Model::fx3u) {
   const auto parsed = parse_address(model, address, std::nullopt);
   EXPECT_TRUE(parsed.has_value()) << address;
   return {parsed->span.space, parsed->span.first_bit, parsed->span.bits * points};
 }
 
-/// A frame in hex; what was refused as the error's text.
+/// Returns a frame in hex; for a refused request, the error text.
 std::string sent(const OneE& codec, const Request& request) {
   const auto frame = codec.encode(request, 0);
   return frame ? to_hex(*frame) : frame.error().text;
@@ -72,7 +72,7 @@ Request scatter_of(const test::Exchange& e) {
   return scatter;
 }
 
-/// nullopt: a question that this product does not ask.
+/// Returns nullopt for a request that this product never sends.
 std::optional<Request> request_of(const test::Exchange& e) {
   const std::string& what = e.operation;
   if (what == "scatter") return scatter_of(e);
@@ -148,13 +148,13 @@ TEST(OneE, SpecialDevicesAndLongCountersOfAnFx3HaveTheNumbersThatTheyAreCalledBy
   EXPECT_EQ(sent(plc(), Read{span("M8000", 1), kBitWay}), "00 FF 0A 00 40 1F 00 00 20 4D 01 00");
   EXPECT_EQ(sent(plc(), Read{span("D8511", 1), kWordWay}), "01 FF 0A 00 3F 21 00 00 20 44 01 00");
   EXPECT_EQ(sent(plc(), Read{span("CN200", 1), kWordWay}), "01 FF 0A 00 C8 00 00 00 4E 43 02 00");
-  // On a Q M8000 is an M like any other, and CN200 has 16 bits.
+  // On a Q, M8000 is an ordinary M, and CN200 has 16 bits.
   EXPECT_EQ(sent(plc(Model::q), Read{span("M8000", 1, Model::q), kBitWay}),
             "00 FF 0A 00 40 1F 00 00 20 4D 01 00");
   EXPECT_EQ(plc(Model::q).parse_address("CN200", std::nullopt)->unit, Unit::word);
 }
 
-// Q03UD(E) 5.1.2: by 1E M9000 up and D9000 up of a Q are its SM1000 up and SD1000 up.
+// Q03UD(E) 5.1.2: 1E accesses SM1000 up and SD1000 up of a Q as M9000 up and D9000 up.
 TEST(OneE, AnE71ReachesWhatAnASeriesPlcHasAndNothingThatIsSomethingElse) {
   struct Row {
     const char* last;
@@ -220,7 +220,7 @@ TEST(OneE, ReadsAreAsLongAsTheManualAllows) {
   EXPECT_EQ(most(Space::d, kWordWay), 64U * 16);
   EXPECT_EQ(most(Space::d, kBitWay), 0U);
   EXPECT_EQ(most(Space::cn32, kWordWay), 32U * 32);
-  // 256 points are written 00.
+  // A count of 256 points is written as 00.
   EXPECT_EQ(sent(plc(), Read{span("M0", 256), kBitWay}), "00 FF 0A 00 00 00 00 00 20 4D 00 00");
 }
 
@@ -284,7 +284,7 @@ TEST(OneE, OneFrameCarries80BitsOrTenWords) {
   EXPECT_FALSE(plc().combine(words(11)));
   EXPECT_FALSE(plc().combine(words(1)));
   EXPECT_FALSE(plc().combine({forces(1)[0], words(1)[0]}));
-  // 05 refuses the 32-bit counters.
+  // 05 does not accept 32-bit counters.
   EXPECT_FALSE(plc().combine({words(1)[0], Write{span("CN200", 1), Bytes(4)}}));
   EXPECT_FALSE(plc().combine({words(1)[0], Control{Control::Kind::run}}));
   EXPECT_FALSE(plc().combine({forces(1)[0], Force{id(Space::special_m), 34, true}}));
@@ -306,7 +306,7 @@ TEST(OneE, APlanReadsBitsByWhatTakesFewerExchanges) {
   EXPECT_EQ(plan.reads[0].read.way, kWordWay);
 }
 
-// ---- a model that is not known yet --------------------------------------------------------------
+// ---- an unknown model --------------------------------------------------------------------------
 
 TEST(OneE, AnUnknownModelIsAskedForNothingThatAnotherSeriesHasElsewhere) {
   const auto unknown = plc(Model::unknown_fx3);
@@ -323,11 +323,11 @@ TEST(OneE, AnUnknownModelIsAskedForNothingThatAnotherSeriesHasElsewhere) {
   const auto y = unknown.encode(Force{id(Space::y), 0, true}, 0);
   ASSERT_FALSE(y);
   EXPECT_EQ(y.error().code, ErrorCode::unsupported);
-  // What only an FX3U has is left out as well, and the rest is read.
+  // Devices that only an FX3U has are left out too; all others are read.
   EXPECT_TRUE(unknown.encode(Read{span("R23999", 1), kWordWay}, 0));
   EXPECT_FALSE(unknown.encode(Read{span("R24000", 1), kWordWay}, 0));
   EXPECT_TRUE(unknown.encode(Read{span("M0", 1), kBitWay}, 0));
-  // Its names are those of an FX3U, for a config must be written.
+  // The device names are those of an FX3U, because a config has to be written.
   EXPECT_TRUE(unknown.parse_address("X377", std::nullopt));
   EXPECT_FALSE(unknown.run_state_from(Bytes{1}).has_value());
 }
@@ -364,7 +364,7 @@ TEST(OneE, RunIsM8000OfAnFx3AndNotToldByAnE71) {
   EXPECT_EQ(plc().encode(Gather{}, 0).error().code, ErrorCode::unsupported);
 }
 
-// ---- what comes back ----------------------------------------------------------------------------
+// ---- answers -----------------------------------------------------------------------------------
 
 const Read kWords{{id(Space::d), 0, 32}, kWordWay};  // D0, D1
 const Read kBits{{id(Space::m), 0, 5}, kBitWay};     // M0 to M4
@@ -445,7 +445,7 @@ TEST(OneE, AnAnswerOfAnotherFrameKindOrCodeNamesTheSetting) {
 TEST(OneE, DataThatCannotBeAreABadFrame) {
   expect_says(bad_frame(kBinary, kBits, hex("80 00 10 20 10")), "are not bits");
   expect_says(bad_frame(kAscii, kWords, text("8100123GABCD")), "not all hex digits");
-  // The dummy behind an odd count may be anything.
+  // The padding after an odd count may have any value.
   EXPECT_EQ(good(kBinary, kBits, hex("80 00 01 10 1F")).image, Bytes{0x16});
 }
 
@@ -459,7 +459,7 @@ TEST(OneE, ARefusalTellsItsReason) {
   EXPECT_EQ(pc.text, "nak 5B 10: no PLC has this PC number (`pc`)");
   EXPECT_EQ(good(kBinary, kForce, hex("82 5B 15 00")).text,
             "nak 5B 15: the Ethernet module cannot reach the PLC");
-  // An E71 may give an abnormal code behind other end codes, too.
+  // An E71 may add an abnormal code to other end codes too.
   EXPECT_EQ(good(kBinary, kForce, hex("82 55 01 00")).device_code, 0x0155);
   expect_says(good(kAscii, kForce, text("8255")).text, "\"Enable online change\"");
   expect_says(good(kAscii, kForce, text("8255")).text, "FX3U-ENET: \"Enable Write at RUN time\"");
@@ -487,7 +487,7 @@ TEST(OneE, WhatARefusalMeans) {
     EXPECT_EQ(plc().meaning_of(read, row.code), row.of_read) << row.code;
     EXPECT_EQ(plc().meaning_of(write, row.code), row.of_write) << row.code;
     EXPECT_EQ(plc().meaning_of(run, row.code), row.of_write) << row.code;
-    // Which PLC it is: nothing can have been done.
+    // A request for the model changes nothing.
     EXPECT_EQ(plc().meaning_of(Control{Control::Kind::identify}, row.code), row.of_read)
         << row.code;
   }
@@ -530,13 +530,13 @@ TEST(OneE, OnlyWhatBeginsLikeAnAnswerMayPassForOne) {
   EXPECT_TRUE(kBinary.may_pass_for_answer(hex("00 96 00")));
   EXPECT_FALSE(kBinary.may_pass_for_answer(hex("00 86 92 97 C0")));
   EXPECT_TRUE(kAscii.may_pass_for_answer(text("??85")));
-  // The rest of it may still be under way.
+  // The rest may still be on its way.
   EXPECT_TRUE(kAscii.may_pass_for_answer(text("8")));
   EXPECT_TRUE(kAscii.may_pass_for_answer(text("9")));
   EXPECT_FALSE(kAscii.may_pass_for_answer(text("0G13")));
 }
 
-// ---- made from a config -------------------------------------------------------------------------
+// ---- options of the config ---------------------------------------------------------------------
 
 TEST(OneE, IsMadeFromItsOptions) {
   const auto made = OneE::make({{"model", std::string("FX3GE")},

@@ -122,7 +122,7 @@ TEST(Modbus, ExplainsEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("modbus.txt")) {
     SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
     const Explanation request = explain_frame(framing_of(e), e.request, Direction::request);
-    // What was sent to see it refused breaks a rule of the specification, and that is said.
+    // A request sent in order to be refused violates the specification; the explanation says so.
     if (request_of(e)) {
       EXPECT_TRUE(request.ok) << request.error.value_or("");
       EXPECT_EQ(request.device, e.device);
@@ -349,7 +349,7 @@ TEST(Modbus, AWrongSumIsNamed) {
 }
 
 TEST(Modbus, AnswersOfOtherUnitsAreWaitedPast) {
-  // Unit 18 says the same; the CRC is that of its own frame.
+  // The same answer from unit 18; the CRC is that of its own frame.
   EXPECT_TRUE(needs_more(unit(18), kRead, kRtuAnswer));
   EXPECT_TRUE(needs_more(unit(0x12, Framing::ascii), Read{{kInputRegister, 128, 16}},
                          "3A 31 31 30 34 30 32 30 30 30 41 44 46 0D 0A"));
@@ -405,23 +405,23 @@ TEST(Modbus, ALateAnswerToAnotherWriteIsPassedOver) {
 
 TEST(Modbus, AWholeAnswerThatIsNotThisOnesIsPassedOverWhateverItHolds) {
   const Modbus codec = unit(17);
-  // One register, for a question that was given up; the next answer is right behind it.
+  // One register, for an abandoned request; the expected answer follows directly.
   EXPECT_TRUE(needs_more(codec, kRead, "11 03 02 00 64 78 6C"));
   auto reply = codec.decode(kRead, 0, hex("11 03 02 00 64 78 6C " + kRtuAnswer));
   ASSERT_TRUE(reply && *reply);
   EXPECT_EQ((*reply)->consumed, 18U);
-  // Registers of unit 5 that look like the beginning of an answer of unit 17.
+  // Registers of unit 5 that look like the beginning of an answer from unit 17.
   const std::string other = "05 03 06 11 03 06 02 2B 00 EB 4C ";
   EXPECT_TRUE(needs_more(codec, kRead, other));
   reply = codec.decode(kRead, 0, hex(other + kRtuAnswer));
   ASSERT_TRUE(reply && *reply);
   EXPECT_EQ((*reply)->image, (Bytes{0x2B, 0x02, 0, 0, 0x64, 0}));
-  // A function whose answers have no length of their own.
+  // A function whose answers have no length field.
   EXPECT_TRUE(needs_more(codec, kRead, "11 07 6D E2 18"));
 }
 
 TEST(Modbus, AReadOfRegister768IsNotAnsweredByItsOwnEcho) {
-  // Its bytes are a whole frame: function 03, three bytes of data.
+  // Its bytes form a whole frame: function 03, three bytes of data.
   const Modbus codec = unit(17);
   const Request read = Read{{kHolding, 0x300 * 16, 32}};
   const std::string echo = "11 03 03 00 00 02 C6 DF";
@@ -432,8 +432,8 @@ TEST(Modbus, AReadOfRegister768IsNotAnsweredByItsOwnEcho) {
   EXPECT_EQ((*reply)->image, (Bytes{1, 0, 2, 0}));
 }
 
-// The protocol cannot tell these from an echo; they are answers, because most lines return none.
-// Where a line does, the device's `echo` takes the question off before.
+// The protocol cannot distinguish these from an echo. They count as answers, because most lines
+// have no echo; if a line has one, the device's `echo` removes the request first.
 TEST(Modbus, AnAnswerWithTheBytesOfItsQuestionIsAnAnswer) {
   const Modbus codec = unit(17);
   const Request coils = Read{{kCoil, 0x3AB, 24}};
@@ -505,7 +505,7 @@ TEST(Modbus, ExceptionsMeanWhatTheyMeanToReadsAndToWrites) {
 TEST(Modbus, RtuRestsForThreeAndAHalfCharactersAndNeverLessThan1750Microseconds) {
   EXPECT_EQ(unit().quiet_before(1145833ns), 4010415ns);  // 11 bits at 9600
   EXPECT_EQ(unit().quiet_before(95486ns), 1750us);       // 115200
-  EXPECT_EQ(unit().quiet_before(0ns), 0ns);              // behind a serial server
+  EXPECT_EQ(unit().quiet_before(0ns), 0ns);              // through a serial server
   EXPECT_EQ(unit(1, Framing::ascii).quiet_before(1ms), 0ns);
   EXPECT_EQ(unit(1, Framing::tcp).quiet_before(1ms), 0ns);
 }
@@ -585,7 +585,7 @@ TEST(Modbus, EveryPlanIsSendableBringsEveryPointAndKeepsToGapAndLength) {
     std::vector<Point> points;
     for (int i = 0; i < 40; ++i) {
       const auto space = static_cast<Space>(pick(0, 3));
-      // Half of them at the end of the table, where nothing is left to round up to.
+      // Half of them are at the end of the table, where there is no room to round up.
       const std::uint32_t number = pick(0, 1) == 0 ? pick(0, 600) : pick(65000, 65534);
       Point point;
       point.address = address(name_of(space, number, 0), codec);
@@ -619,8 +619,7 @@ TEST(Modbus, EveryPlanIsSendableBringsEveryPointAndKeepsToGapAndLength) {
   }
 }
 
-// ---- decode
-// ---------------------------------------------------------------------------------------
+// ---- decode ------------------------------------------------------------------------------------
 
 TEST(ModbusExplain, TellsARequestFromAnAnswer) {
   const auto request = explain_frame(Framing::rtu, hex("11 03 00 6B 00 03 76 87"), std::nullopt);
@@ -726,7 +725,7 @@ TEST(ModbusExplain, BothSumsAreShownWhereTheyDiffer) {
   EXPECT_EQ(ascii.checksum_given, "D0");
   EXPECT_EQ(ascii.checksum_computed, "DF");
   EXPECT_EQ(ascii.operation, "data");
-  // The example of the specification with one byte changed, and the sum of the original.
+  // The specification's example with one byte changed and the original sum.
   const auto rtu = explain_frame(Framing::rtu, hex("01 02 03 AC DB 35 22 78"), Direction::reply);
   EXPECT_FALSE(rtu.ok);
   EXPECT_EQ(rtu.checksum_given, "22 78");

@@ -1,5 +1,5 @@
-// A Modbus server by libmodbus: libmodbus_server tcp PORT | rtu TTY. Unit 1 with the same values as
-// pymodbus_server.py. Prints "ready" when it serves, and serves until it is killed.
+// A Modbus server based on libmodbus: libmodbus_server tcp PORT | rtu TTY. Unit 1 has the same
+// values as pymodbus_server.py. Prints "ready" once it serves, and serves until it is killed.
 #include <modbus/modbus.h>
 
 #include <cerrno>
@@ -21,7 +21,7 @@ void fill(modbus_mapping_t& map) {
   }
 }
 
-/// Answers until the connection is gone.
+/// Answers requests until the connection ends.
 void serve(modbus_t* link, modbus_mapping_t* map) {
   std::uint8_t query[MODBUS_TCP_MAX_ADU_LENGTH];
   for (;;) {

@@ -1,6 +1,6 @@
-"""A Modbus TCP device that notes when each request comes, and nothing else: on a port of its own, which it
-prints. A line on its standard input is answered by the times since the last one, in ns of the steady clock.
-It shares no code with the agent or the simulator, and no process with who disturbs the agent.
+"""A Modbus TCP device that only records the time of each request, on a port that it prints. It answers each line on
+its standard input with the times since the previous line, in ns of the steady clock. It shares no code with the agent
+or the simulator, and no process with the clients that disturb the agent.
 """
 
 import json
@@ -11,7 +11,7 @@ import time
 
 
 def answer(request):
-    """To a read of registers (03): all are 0."""
+    """Answers a read of registers (03) with zeros."""
     count = int.from_bytes(request[10:12], "big")
     body = request[6:8] + bytes([2 * count]) + bytes(2 * count)
     return request[:4] + len(body).to_bytes(2, "big") + body
@@ -37,7 +37,7 @@ def main():
                 print(json.dumps(times), flush=True)
                 times = []
             else:
-                # The agent has one request under way, of 12 bytes.
+                # The agent has at most one pending request, of 12 bytes.
                 request = key.fileobj.recv(260)
                 if not request:
                     waiting.unregister(key.fileobj)

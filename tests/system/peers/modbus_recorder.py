@@ -1,5 +1,5 @@
-"""A Modbus TCP server that records when it was asked for what and in which order, for each of its ports. From
-the specification (Modbus Application Protocol V1.1b3, Messaging on TCP/IP V1.0b), with no code of the agent's."""
+"""A Modbus TCP server that records the time and order of its requests, for each of its ports. Written from the
+specification (Modbus Application Protocol V1.1b3, Messaging on TCP/IP V1.0b) without any of the agent's code."""
 
 import collections
 import socket
@@ -14,7 +14,7 @@ Request = collections.namedtuple("Request", "time connection unit function first
 
 
 class Recorder:
-    """One port: any unit answers; each has 65,536 registers of its own, which begin as zero."""
+    """One port. Any unit answers; each has its own 65,536 registers, initially zero."""
 
     def __init__(self):
         self.requests = []
@@ -33,7 +33,7 @@ class Recorder:
                     while recorder.answer(self.request, number):
                         pass
                 except OSError:
-                    pass  # its client has gone
+                    pass  # its client has closed
 
         class Server(socketserver.ThreadingTCPServer):
             daemon_threads = True
@@ -56,7 +56,7 @@ class Recorder:
         return data
 
     def answer(self, connection, number):
-        """One request. False: the connection has ended."""
+        """Answers one request. Returns False if the connection has ended."""
         head = self._take(connection, 7)
         if head is None:
             return False
@@ -87,12 +87,12 @@ class Recorder:
         return True
 
     def written(self):
-        """(unit, register, value) of each register that was written, in their order."""
+        """Returns (unit, register, value) of each register written, in order."""
         with self.lock:
             return [(r.unit, r.first + i, value) for r in self.requests for i, value in enumerate(r.values)]
 
     def reads(self):
-        """The times at which each (unit, register) was asked for."""
+        """Returns the request times of each (unit, register)."""
         times = collections.defaultdict(list)
         with self.lock:
             for r in self.requests:

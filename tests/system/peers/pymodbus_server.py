@@ -1,8 +1,8 @@
-"""A Modbus server by pymodbus (Debian's 3.0): pymodbus_server.py tcp PORT | rtu TTY | ascii TTY [UNITS].
+"""A Modbus server based on pymodbus (Debian's 3.0): pymodbus_server.py tcp PORT | rtu TTY | ascii TTY [UNITS].
 
-Unit 1; holding and input registers 0 to 99 hold 1000 and 2000 + their number, every third coil and
-every fifth discrete input is on. Units beyond the first have 100 more than the one before in each
-register. Prints "ready" when it serves.
+Unit 1: holding and input registers 0 to 99 hold 1000 and 2000 + their number; every third coil and every fifth
+discrete input is on. Each further unit has 100 more in each register than the one before. Prints "ready" when it
+serves.
 """
 
 import asyncio

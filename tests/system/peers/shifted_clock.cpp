@@ -1,10 +1,11 @@
-// Sets the calendar of one program, and nothing else of it: preloaded, it adds what a file says to
-// CLOCK_REALTIME. SHIFTED_CLOCK names the file: 8 bytes, the shift in s as a signed integer of this
-// machine, which may be changed at any time. The steady clock and every timer on it stay untouched.
+// Shifts the calendar of one program and nothing else: when preloaded, it adds an offset from a
+// file to CLOCK_REALTIME. SHIFTED_CLOCK names the file: 8 bytes, the offset in s as a signed
+// integer in this machine's byte order. The file may change at any time. The steady clock and all
+// its timers are unaffected.
 //
-// libfaketime was tried before: it meddles with timerfd_settime() also where the monotonic clock is
-// to be left alone. asio arms a timer that is already due as the absolute time of 1 ns, which then
-// never came, and with it no other timer of the program.
+// libfaketime does not work here: it changes timerfd_settime() even if the monotonic clock is
+// excluded. asio arms a timer that is already due at the absolute time of 1 ns; under libfaketime
+// that timer never expired, and so neither did any other timer of the program.
 
 #include <fcntl.h>
 #include <pthread.h>
@@ -24,7 +25,7 @@ namespace {
 using Shift = std::atomic<std::int64_t>;
 static_assert(sizeof(Shift) == 8 && Shift::is_always_lock_free);
 
-/// In s. 0 where the file is not there, or too short.
+/// In s. 0 if the file is missing or too short.
 std::int64_t shift() {
   static const Shift* const mapped = []() -> const Shift* {
     const char* path = std::getenv("SHIFTED_CLOCK");
@@ -38,7 +39,7 @@ std::int64_t shift() {
   return mapped == nullptr ? 0 : mapped->load(std::memory_order_relaxed);
 }
 
-/// The kernel's time of a moment that the program has computed from the shifted clock.
+/// Converts a time computed from the shifted clock to the kernel's time.
 timespec unshifted(const timespec* moment) {
   timespec real = *moment;
   real.tv_sec -= shift();
@@ -71,7 +72,7 @@ time_t time(time_t* out) noexcept {
   return now.tv_sec;
 }
 
-// Waits until a time of the calendar: the MQTT library's. Those on the steady clock are other
+// Waits until a calendar time: the MQTT library calls this. Waits on the steady clock use other
 // calls.
 
 int pthread_cond_timedwait(pthread_cond_t* condition, pthread_mutex_t* mutex,

@@ -1,6 +1,6 @@
-// A machine on which things take long, for one program: preloaded, it makes some calls rest for a
-// minute first. SLOW_SYNC names a file: while it is there, synchronising with the disk is slow.
-// SLOW_OPEN names a path that opens slowly, SLOW_LOOKUP a host whose lookup is slow.
+// A slow machine for one program: when preloaded, it delays some calls by a minute. SLOW_SYNC names
+// a file: while it exists, syncing to disk is slow. SLOW_OPEN names a path that opens slowly,
+// SLOW_LOOKUP a host whose lookup is slow.
 
 #include <dlfcn.h>
 #include <fcntl.h>
