@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "agent/cli/audit_report.h"
+#include "agent/counted.h"
 #include "agent/messages.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/store_file.h"
@@ -52,8 +53,9 @@ int print_findings(const audit::Verifier& verifier, const audit::Head& head,
   } else {
     for (const audit::Finding& finding : findings)
       std::cout << "record " << finding.record << ": " << finding.text << '\n';
-    std::cout << (findings.empty() ? "whole: " : "NOT whole: ") << verifier.records()
-              << " records, head " << head.records << ":" << hash << '\n';
+    std::cout << (findings.empty() ? "whole: " : "NOT whole: ")
+              << counted(verifier.records(), "record") << ", head " << head.records << ":" << hash
+              << '\n';
   }
   return findings.empty() ? kDone : kBroken;
 }

@@ -11,6 +11,7 @@
 #include "agent/config/reader.h"
 #include "agent/config/remote_limits.h"
 #include "agent/config/serial_ports.h"
+#include "agent/counted.h"
 #include "agent/remote/desired_config.h"
 #include "agent/uplink/tls_files.h"
 
@@ -22,8 +23,8 @@ constexpr int kWrong = 2;
 std::string counts(const Config& config) {
   std::size_t tags = 0;
   for (const DeviceConfig& device : config.devices) tags += device.tags.size();
-  return std::to_string(config.links.size()) + " links, " + std::to_string(config.devices.size()) +
-         " devices, " + std::to_string(tags) + " tags";
+  return counted(config.links.size(), "link") + ", " + counted(config.devices.size(), "device") +
+         ", " + counted(tags, "tag");
 }
 
 /// Checks the document in the file `desired` as if it arrived on {base}/config/desired.

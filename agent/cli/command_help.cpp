@@ -9,6 +9,17 @@
 namespace fxagent {
 namespace {
 
+// Of the program; the subcommands follow.
+constexpr std::string_view kProgram = R"(Examples:
+  fxagent init /etc/fxagent
+  fxagent check --online /etc/fxagent/agent.json
+  fxagent read /etc/fxagent/agent.json press1
+  fxagent run /etc/fxagent/agent.json
+Signals:
+  SIGTERM, SIGINT  end; `run` stops as fxagent-run(1) says
+  SIGHUP           of `run`: read the config again
+  SIGUSR1          of `run`: switch the traces of all links on or off)";
+
 constexpr auto kFooters = std::to_array<std::pair<std::string_view, std::string_view>>({
     {"run", R"(Examples:
   fxagent run /etc/fxagent/agent.json
@@ -19,7 +30,13 @@ Signals:
   SIGUSR1          switch the traces of all links on or off)"},
     {"check", R"(Examples:
   fxagent check agent.json
-  fxagent check --online agent.json)"},
+  fxagent check --online agent.json
+Exit status:
+  0  the config is right; with --online, everything answers as it says
+  1  --online: a link, a device or a broker does not answer
+  2  the call or the config is wrong
+  3  --online: another process has a link, which was left alone; the rest answers
+  4  --online: everything answers, and something not as the config says)"},
     {"config", R"(Examples:
   fxagent config agent.json)"},
     {"plan", R"(Examples:
@@ -60,6 +77,7 @@ Signals:
 }  // namespace
 
 void add_footers(CLI::App& app) {
+  app.footer(std::string(kProgram));
   for (const auto& [name, text] : kFooters)
     app.get_subcommand(std::string(name))->footer(std::string(text));
 }

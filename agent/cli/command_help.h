@@ -1,4 +1,5 @@
-// The parts of --help and of the man pages that follow the options: examples and signals.
+// The parts of --help and of the man pages that follow the options: examples, signals, and exit
+// statuses that a subcommand has to itself.
 #pragma once
 
 namespace CLI {
@@ -7,7 +8,8 @@ class App;
 
 namespace fxagent {
 
-/// Adds a footer to each subcommand of `app`. A line that ends in a colon starts a section.
+/// Adds a footer to `app` and to each of its subcommands. A line that ends in a colon starts a
+/// section.
 void add_footers(CLI::App& app);
 
 }  // namespace fxagent

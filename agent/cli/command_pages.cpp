@@ -37,7 +37,7 @@ constexpr int kDone = 0;
 constexpr int kFailed = 1;
 constexpr int kWrongQuestion = 2;
 
-constexpr std::string_view kExitStatus = R"(.SH "EXIT STATUS"
+constexpr std::string_view kExitStatus = R"(.SH EXIT STATUS
 0: done. 1: the device refused or did not answer, the frame is bad, something is missing, or the agent could not
 run. 2: the call or the config was wrong.
 )";
@@ -195,7 +195,7 @@ std::string man_page(const CLI::App& app, const CLI::App* subcommand, const std:
   out +=
       section("OPTIONS", shown, [](const CLI::Option& option) { return option.nonpositional(); });
   out += footer(shown);
-  out += kExitStatus;
+  if (out.find(".SH EXIT STATUS\n") == std::string::npos) out += kExitStatus;
   out += kFiles;
   return out + see_also(app, subcommand);
 }

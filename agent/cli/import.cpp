@@ -7,6 +7,7 @@
 
 #include "agent/config/config.h"
 #include "agent/config/reader.h"
+#include "agent/counted.h"
 #include "agent/import/formats.h"
 #include "agent/import/tag_csv.h"
 #include "agent/import/text_encoding.h"
@@ -91,12 +92,12 @@ int run_import(const ImportQuestion& what) {
   for (const ImportNote& note : outcome.notes)
     std::cerr << place(what.path, note.line) << ": " << escaped(note.text, Escape::message) << '\n';
   if (outcome.config.empty()) {
-    std::cerr << what.path << ": nothing could be carried over, " << outcome.left_out
-              << " tags left out\n";
+    std::cerr << what.path << ": nothing could be carried over, "
+              << counted(outcome.left_out, "tag") << " left out\n";
     return kNothing;
   }
-  std::cerr << what.path << ": " << outcome.tags << " tags carried over, " << outcome.changed
-            << " of them changed, " << outcome.left_out << " left out\n";
+  std::cerr << what.path << ": " << counted(outcome.tags, "tag") << " carried over, "
+            << outcome.changed << " of them changed, " << outcome.left_out << " left out\n";
   std::cout << outcome.config;
   return kDone;
 }

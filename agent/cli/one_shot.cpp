@@ -6,6 +6,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <string_view>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -27,6 +28,7 @@ namespace {
 constexpr int kDone = 0;
 constexpr int kDeviceFailed = 1;
 constexpr int kWrongQuestion = 2;
+constexpr std::uint32_t kWordBits = 16;
 
 Scalar scalar_of(const nlohmann::json& json, const std::string& text) {
   if (json.is_boolean()) return Scalar(json.get<bool>());
@@ -200,14 +202,20 @@ int exit_status(const CommandResult& result) {
   return result.status == CommandStatus::rejected ? kWrongQuestion : kDeviceFailed;
 }
 
-void print_read(const CommandResult& result, const std::string& device, bool as_json,
-                const TagUnits& units) {
+/// Returns the address of the only target; `name`, as the caller gave it, if it is not known.
+std::string address_or(const CommandResult& result, const std::string& name) {
+  const std::string& address = result.targets.front().address;
+  return address.empty() ? name : address;
+}
+
+void print_address(const CommandResult& result, const OneShot& what) {
   const bool ok = result.status == CommandStatus::succeeded;
+  const std::string address = address_or(result, what.names.front());
   const TargetResult& target = result.targets.front();
   nlohmann::ordered_json out;
   out["ok"] = ok;
-  out["device"] = device;
-  out["address"] = target.address;
+  out["device"] = what.device;
+  out["address"] = address;
   if (ok) {
     json::Writer values;
     values.begin_array();
@@ -218,16 +226,15 @@ void print_read(const CommandResult& result, const std::string& device, bool as_
     out["reason"] = std::string(to_string(result.reason));
     out["detail"] = result.detail;
   }
-  if (as_json) {
+  if (what.as_json) {
     std::cout << out.dump() << '\n';
   } else if (ok) {
-    std::cout << device << ' ' << target.address << " =";
+    std::cout << what.device << ' ' << address << " =";
     for (const Scalar& item : target.value->items)
-      std::cout << ' ' << value_text(Value(item), {.states = units.states});
-    std::cout << (units.unit.empty() ? "" : " ") << units.unit << "  (" << ms(result.wire)
-              << " ms)\n";
+      std::cout << ' ' << value_text(Value(item), *no_units());
+    std::cout << "  (" << ms(result.wire) << " ms)\n";
   } else {
-    std::cout << device << ' ' << target.address << ": " << to_string(result.reason) << ": "
+    std::cout << what.device << ' ' << address << ": " << to_string(result.reason) << ": "
               << result.detail << '\n';
   }
 }
@@ -243,14 +250,14 @@ std::string_view word(PlcAnswer answer) {
   }
 }
 
-void print_command(const CommandResult& result, const std::string& device, bool as_json) {
-  if (as_json) {
+void print_command(const CommandResult& result, const OneShot& what) {
+  if (what.as_json) {
     const auto total = std::chrono::steady_clock::now() - result.received;
     std::cout << with_total(result_text(result), total) << '\n';
     return;
   }
-  std::cout << device << ' ' << result.op << ' ' << result.targets.front().address << ": "
-            << to_string(result.status);
+  std::cout << what.device << ' ' << result.op << ' ' << address_or(result, what.names.front())
+            << ": " << to_string(result.status);
   const bool was_sent = result.status != CommandStatus::rejected;
   if (was_sent) std::cout << ", " << word(result.plc);
   if (result.progress)
@@ -293,6 +300,32 @@ std::optional<Point> point_of(const std::string& name, const CommandTarget& targ
   return point;
 }
 
+/// Reads `count` words from `address` on, unconverted, as the image that unpack() takes. The image
+/// is empty if the result is no success.
+std::pair<CommandResult, Bytes> read_words(DirectLine& line, const Address& address,
+                                           std::uint32_t count) {
+  Point words;  // not the caller's point: its scale and offset do not hold for single words
+  words.address = address;
+  words.type = DataType::uint16;
+  words.order = ByteOrder::abcd;  // the bytes of a word unchanged
+  words.is_array = true;
+  words.count = static_cast<std::uint16_t>(count);
+  CommandTarget target;
+  target.type = words.type;
+  target.order = words.order;
+  target.count = words.count;
+  CommandResult result = line.carry_out(Op::read, std::string(address.text), std::move(target));
+  Bytes image;
+  if (auto& value = result.targets.front().value) {
+    if (!value->is_array) value = Value::array(std::move(value->items));
+    if (auto packed = pack(words, *value))
+      image = std::move(*packed);
+    else
+      set_outcome(result, CommandStatus::failed, Reason::bad_value, packed.error().text);
+  }
+  return {std::move(result), std::move(image)};
+}
+
 /// Reads one tag or address into `report`. A value whose word order may be wrong is read as plain
 /// words, so that every order can be shown. `target` is as the caller gave it.
 CommandResult read_one(DirectLine& line, const std::string& name, const CommandTarget& target,
@@ -304,31 +337,20 @@ CommandResult read_one(DirectLine& line, const std::string& name, const CommandT
   const bool by_words = point && has_word_order(*point);
   CommandResult result;
   if (by_words) {
-    constexpr std::uint32_t kWordBits = 16;
-    CommandTarget words;
-    words.type = DataType::uint16;
-    words.order = ByteOrder::abcd;  // the bytes of a word unchanged
-    words.count = static_cast<std::uint16_t>(span_of(*point)->bits / kWordBits);
-    result = line.carry_out(Op::read, std::string(point->address.text), words);
+    report.point = point;
+    std::tie(result, report.image) =
+        read_words(line, point->address, span_of(*point)->bits / kWordBits);
   } else {
     result = line.carry_out(Op::read, name, target);
   }
   TargetResult& out = result.targets.front();
-  if (by_words && out.value) {
-    Point words = *point;
-    words.type = DataType::uint16;
-    words.order = ByteOrder::abcd;
-    words.is_array = true;
-    words.count = static_cast<std::uint16_t>(out.value->items.size());
-    report.point = point;
-    report.image = *pack(words, *out.value);
+  if (by_words) out.value.reset();
+  if (!report.image.empty()) {
     auto value = unpack(*point, report.image, point->address.span.first_bit);
-    if (value) {
+    if (value)
       out.value = std::move(*value);
-    } else {
-      out.value.reset();
+    else
       set_outcome(result, CommandStatus::failed, Reason::bad_value, value.error().text);
-    }
   }
   report.address = out.address;
   report.reason = to_string(result.reason);
@@ -343,6 +365,54 @@ bool is_silent(const CommandResult& result) {
          result.reason == Reason::link_down;
 }
 
+/// Returns the address if it names a word and `--orders` is to show the 32- and 64-bit values that
+/// begin there: it is not a tag and the caller named no type.
+std::optional<Address> untyped_word(const DirectLine& line, const std::string& name,
+                                    const CommandTarget& target) {
+  if (target.type || tag_named(name, line.device()) != nullptr) return std::nullopt;
+  const auto address = line.codec().addresses().parse_address(name, std::nullopt);
+  return address && address->unit == Unit::word ? std::optional(*address) : std::nullopt;
+}
+
+/// Reads `target.count` words from `address` on and adds a report for each 32- and 64-bit type.
+/// Without a count, one value of each type: of 32 bits only if four words cannot be read.
+CommandResult read_every_type(DirectLine& line, const std::string& name, const Address& address,
+                              const CommandTarget& target, std::vector<ReadReport>& reports) {
+  const bool is_counted = target.count > 1;
+  auto [result, image] = read_words(line, address, is_counted ? target.count : 4);
+  if (image.empty() && !is_counted && !is_silent(result))
+    std::tie(result, image) = read_words(line, address, 2);
+  ReadReport read{.name = name, .address = std::string(address.text)};
+  if (image.empty()) {
+    read.reason = to_string(result.reason);
+    read.detail = result.detail;
+    reports.push_back(std::move(read));
+    return std::move(result);
+  }
+  read.image = std::move(image);
+  for (const DataType type : {DataType::int32, DataType::uint32, DataType::float32, DataType::int64,
+                              DataType::uint64, DataType::float64}) {
+    Point point;
+    point.address = address;
+    point.type = type;
+    point.order = target.order.value_or(line.codec().addresses().default_order());
+    const auto one = span_of(point)->bits / 8;
+    const auto fitting = read.image.size() / one;
+    if (fitting == 0) continue;
+    point.is_array = is_counted && fitting > 1;
+    point.count = static_cast<std::uint16_t>(point.is_array ? fitting : 1);
+    ReadReport& report = reports.emplace_back(read);
+    report.point = point;
+    auto value = unpack(point, report.image, address.span.first_bit);
+    if (value)
+      report.value = std::move(*value);
+    else
+      std::tie(report.reason, report.detail) =
+          std::pair(to_string(Reason::bad_value), value.error().text);
+  }
+  return std::move(result);
+}
+
 int run_reads(DirectLine& line, const OneShot& what, const CommandTarget& target) {
   std::vector<std::string> names = what.names;
   if (names.empty())
@@ -351,11 +421,13 @@ int run_reads(DirectLine& line, const OneShot& what, const CommandTarget& target
   int status = kDone;
   std::chrono::nanoseconds wire{0};
   for (const std::string& name : names) {
+    const auto word = what.orders ? untyped_word(line, name, target) : std::nullopt;
+    CommandTarget of_tag;
+    of_tag.order = target.order;
     const bool is_tag = tag_named(name, line.device()) != nullptr;
-    CommandTarget each;
-    each.order = target.order;
     const CommandResult result =
-        read_one(line, name, is_tag ? each : target, reports.emplace_back());
+        word ? read_every_type(line, name, *word, target, reports)
+             : read_one(line, name, is_tag ? of_tag : target, reports.emplace_back());
     status = std::max(status, exit_status(result));
     wire += result.wire;
     if (is_silent(result)) break;
@@ -369,10 +441,12 @@ int run_reads(DirectLine& line, const OneShot& what, const CommandTarget& target
 }
 
 int run_read(DirectLine& line, const OneShot& what, const CommandTarget& target) {
-  if (what.names.size() != 1 || what.orders) return run_reads(line, what, target);
+  const bool is_one_address =
+      what.names.size() == 1 && tag_named(what.names.front(), line.device()) == nullptr;
+  if (!is_one_address || what.orders) return run_reads(line, what, target);
   ReadReport report;
   const CommandResult result = read_one(line, what.names.front(), target, report);
-  print_read(result, what.device, what.as_json, *report.units);
+  print_address(result, what);
   if (const std::string hint = hint_of(report); !hint.empty())
     std::cerr << "hint: " << hint << '\n';
   return exit_status(result);
@@ -394,8 +468,10 @@ std::string call_fault(const OneShot& what, const DeviceConfig& device) {
 /// Executes a write or a force, recorded in the audit if the config has a store.
 CommandResult command_result(const Config& config, const OneShot& what, CommandTarget target) {
   const std::string& name = what.names.front();
-  if (config.store.path.empty())
+  if (config.store.path.empty()) {
+    std::cerr << "not recorded: store.path is not set, so there is no audit\n";
     return DirectLine(config, what.trace).carry_out(what.op, name, std::move(target));
+  }
   CommandLineAudit audit(config.store, utc_ms(std::chrono::system_clock::now()));
   if (!audit.fault().empty())
     return not_in_the_audit(command_for(what.op, name, config.devices.front(), std::move(target)),
@@ -443,7 +519,7 @@ int run_one_shot(Config config, const OneShot& what) {
   }
   const auto asked = target.value;
   const CommandResult result = command_result(config, what, std::move(target));
-  print_command(result, what.device, what.as_json);
+  print_command(result, what);
   warn_of_rounding(result, asked);
   return exit_status(result);
 }

@@ -6,7 +6,9 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/counted.h"
 #include "agent/text.h"
+#include "protocol/word_order.h"
 
 namespace fxagent {
 namespace {
@@ -111,15 +113,39 @@ std::string said(const OnlineDevice& device, const DeviceConfig& config) {
   if (device.run) text += *device.run ? ", RUN" : ", STOP";
   const std::size_t tags = config.tags.size();
   if (device.bad.empty())
-    text += tags == 1 ? ", 1 tag read" : ", " + std::to_string(tags) + " tags read";
+    text += ", " + counted(tags, "tag") + " read";
   else
-    text += ", " + std::to_string(device.good) + " of " + std::to_string(tags) + " tags read";
+    text += ", " + std::to_string(device.good) + " of " + counted(tags, "tag") + " read";
   return text;
 }
 
 std::string said(const OnlineBroker& broker) {
   if (!broker.connected) return "does not answer";
   return broker.text.empty() ? "answers" : "answers, and refuses what the agent needs";
+}
+
+// ---- requests to a running agent ----------------------------------------------------------------
+
+/// Returns a command line that has the agent read the first tag of the device; without tags, one
+/// that shows its state.
+std::string offer(const Config& config, const DeviceConfig& device, const std::string& id) {
+  const std::string& server = config.mqtt.servers.front();
+  const std::size_t host = server.find("://") + 3;
+  const std::size_t colon = server.rfind(':');
+  const std::string base = config.base_topic() + "/" + device.name;
+  std::string reach =
+      " -h " + server.substr(host, colon - host) + " -p " + server.substr(colon + 1);
+  if (server.starts_with("mqtts://"))
+    reach += config.mqtt.tls && !config.mqtt.tls->ca_file.empty()
+                 ? " --cafile " + config.mqtt.tls->ca_file
+                 : " --tls-use-os-certs";
+  if (device.tags.empty()) return "mosquitto_sub" + reach + " -C 1 -t " + base + "/state";
+  Json command;
+  command["id"] = id;
+  command["op"] = "read";
+  command["tag"] = std::string(std::string_view(device.tags.front().name));
+  return "mosquitto_rr" + reach + " -W 10 -q 1 -t " + base + "/command -e " + base +
+         "/result/check -m '" + command.dump() + "'";
 }
 
 // ---- recommended actions ------------------------------------------------------------------------
@@ -154,45 +180,19 @@ std::string cure_of(BadReason reason) {
   }
 }
 
-/// Suggests a command to send to the agent that holds the link.
-std::string offer(const Config& config, const OnlineFindings& findings,
-                  const DeviceConfig& device) {
-  const std::string& server = config.mqtt.servers.front();
-  const std::size_t host = server.find("://") + 3;
-  const std::size_t colon = server.rfind(':');
-  const std::string base = config.base_topic() + "/" + device.name;
-  std::string reach =
-      " -h " + server.substr(host, colon - host) + " -p " + server.substr(colon + 1);
-  if (server.starts_with("mqtts://"))
-    reach += config.mqtt.tls && !config.mqtt.tls->ca_file.empty()
-                 ? " --cafile " + config.mqtt.tls->ca_file
-                 : " --tls-use-os-certs";
-  if (device.tags.empty()) return "mosquitto_sub" + reach + " -C 1 -t " + base + "/state";
-  Json command;
-  command["id"] = findings.command_id;
-  command["op"] = "read";
-  command["tag"] = std::string(std::string_view(device.tags.front().name));
-  return "mosquitto_rr" + reach + " -W 10 -q 1 -t " + base + "/command -e " + base +
-         "/result/check -m '" + command.dump() + "'";
-}
-
 void add_link(std::vector<std::string>& to_do, const Config& config, const OnlineFindings& findings,
               std::size_t index) {
   const OnlineLink& link = findings.links[index];
   if (link.state == LinkState::down) to_do.push_back(link.name + ": " + link.text);
   if (link.state != LinkState::held) return;
-  if (link.holder->runs == OnlineHolder::Runs::this_config) {
-    const auto device = std::ranges::find_if(
-        config.devices, [&](const DeviceConfig& each) { return each.link == index; });
-    to_do.push_back(link.name + ": have the running agent read" +
-                    (config.mqtt.username.empty()
-                         ? std::string()
-                         : ", with -u and -P of a user who may send commands") +
-                    ": " + offer(config, findings, *device));
-  } else {
-    to_do.push_back(link.name + ": end " + link.holder->program + " (pid " +
-                    std::to_string(link.holder->pid) + "), or give the agent a port of its own");
-  }
+  const std::string end = link.holder->program + " (pid " + std::to_string(link.holder->pid) + ")";
+  if (!link.holder->request.empty())
+    to_do.push_back(link.name + ": " + link.holder->request);
+  else if (std::holds_alternative<SerialSettings>(config.links[index].channel))
+    to_do.push_back(link.name + ": end " + end + ", or give the agent a port of its own");
+  else
+    to_do.push_back(link.name + ": end " + end +
+                    " for this check: a second connection may cut off the first");
 }
 
 void add_device(std::vector<std::string>& to_do, const Config& config,
@@ -212,6 +212,8 @@ void add_device(std::vector<std::string>& to_do, const Config& config,
   std::map<BadReason, std::vector<std::uint32_t>> bad;
   for (const OnlineDevice::BadTag& each : device.bad) bad[each.reason].push_back(each.tag);
   for (const auto& [reason, tags] : bad) add(names_of(configured, tags) + ": " + cure_of(reason));
+  for (const OnlineDevice::Hint& hint : device.hints)
+    add(names_of(configured, {hint.tag}) + ": " + hint.text);
   if (device.run == false) add("the PLC is in STOP: its program does not run");
 }
 
@@ -259,10 +261,38 @@ Json json_of(const OnlineDevice& device, const DeviceConfig& config, const std::
                    {"address", std::string(std::string_view(tag.point.address.text))},
                    {"reason", std::string(to_string(each.reason))}});
   }
+  auto& hints = out["hints"] = Json::array();
+  for (const OnlineDevice::Hint& each : device.hints)
+    hints.push_back(
+        {{"tag", std::string(std::string_view(config.tags[each.tag].name))}, {"text", each.text}});
   return out;
 }
 
+/// Returns a hint if the value is an absurd float and another word order makes it plain; else
+/// empty.
+std::string hint_of(const Point& point, const Value& value) {
+  if (point.type != DataType::float32 && point.type != DataType::float64) return {};
+  const auto image = pack(point, value);
+  if (!image) return {};
+  const std::uint32_t first_bit = point.address.span.first_bit;
+  const auto order = likelier_order(point, *image, first_bit);
+  if (!order) return {};
+  Point other = point;
+  other.order = *order;
+  const auto plain = unpack(other, *image, first_bit);
+  return plain ? order_hint(*order, *plain) : std::string();
+}
+
 }  // namespace
+
+std::string request_to(const Config& config, std::size_t link, const std::string& id) {
+  const auto device = std::ranges::find(config.devices, link, &DeviceConfig::link);
+  if (device == config.devices.end()) return {};
+  const std::string user = config.mqtt.username.empty()
+                               ? std::string()
+                               : ", with -u and -P of a user who may send commands";
+  return "have the running agent read" + user + ": " + offer(config, *device, id);
+}
 
 // ---- answers of the devices ---------------------------------------------------------------------
 
@@ -299,10 +329,14 @@ void OnlineDevices::take(const Telemetry& sample) {
   if (awaited_[sample.device].samples.erase(sample.group) == 0) return;  // one sample is enough
   OnlineDevice& found = found_[sample.device];
   for (const TagReading& reading : sample.readings) {
-    if (reading.bad)
+    if (reading.bad) {
       found.bad.push_back({reading.tag, *reading.bad});
-    else
-      ++found.good;
+      continue;
+    }
+    ++found.good;
+    const Point& point = config_->devices[sample.device].tags[reading.tag].point;
+    if (std::string hint = hint_of(point, reading.value); !hint.empty())
+      found.hints.push_back({reading.tag, std::move(hint)});
   }
 }
 

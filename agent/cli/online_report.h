@@ -17,6 +17,7 @@ struct OnlineHolder {
   int pid = 0;
   std::string program;
   enum class Runs : std::uint8_t { this_config, another_config, no_agent } runs = Runs::no_agent;
+  std::string request{};  ///< how to have it read a tag over MQTT; empty: it is not this agent
 };
 
 struct OnlineLink {
@@ -35,6 +36,10 @@ struct OnlineDevice {
     std::uint32_t tag = 0;  ///< index in DeviceConfig::tags
     BadReason reason = BadReason::timeout;
   };
+  struct Hint {
+    std::uint32_t tag = 0;  ///< index in DeviceConfig::tags
+    std::string text;
+  };
   enum class State : std::uint8_t { answers, silent, not_asked, broadcast };
   State state = State::not_asked;
   std::string reason{};  ///< silent: the reason word of the device state; answers: reason of a
@@ -45,6 +50,7 @@ struct OnlineDevice {
   std::optional<bool> run{};
   std::size_t good = 0;  ///< number of tags read successfully
   std::vector<BadTag> bad{};
+  std::vector<Hint> hints{};  ///< good floats that are absurd, and plain in another word order
 };
 
 struct OnlineBroker {
@@ -88,8 +94,11 @@ struct OnlineFindings {
   std::vector<OnlineLink> links;      ///< indexed as Config::links
   std::vector<OnlineDevice> devices;  ///< indexed as Config::devices
   std::vector<OnlineBroker> brokers;
-  std::string command_id;  ///< a new id for the suggested command
 };
+
+/// Returns text with the command that has the agent of `config` read a tag of a device on this
+/// link. `id` is a new command id. Empty: no device is on the link.
+std::string request_to(const Config& config, std::size_t link, const std::string& id);
 
 /// Derives the state of each link that is neither held nor unused from its devices.
 void judge_links(const Config& config, OnlineFindings& findings);

@@ -74,6 +74,7 @@ void write_report(Writer& out, const ReadReport& report, ShowOrders orders) {
     out.key("reason").string(report.reason).key("detail").string(report.detail);
   }
   if (orders == ShowOrders::yes && report.point && !report.image.empty()) {
+    out.key("type").string(to_string(report.point->type));
     out.key("orders").begin_object();
     for (const ByteOrder order : kOrders) {
       out.key(to_string(order));

@@ -53,6 +53,16 @@ class SharedParts {
         .first->second;
   }
 
+  /// Returns the codec for each of ProtocolInfo::models. `open` is one whose model is unknown.
+  const std::vector<std::shared_ptr<const Codec>>& models_of(const ProtocolInfo& info,
+                                                             const Codec& open) {
+    auto& models = models_[&open];
+    if (models.empty())
+      for (const std::string_view model : info.models)
+        models.push_back(open.plc()->with_model(model));
+    return models;
+  }
+
   std::shared_ptr<const TagUnits> units_of(TagUnits units) {
     if (units == TagUnits{}) return no_units();
     return *units_.insert(std::make_shared<const TagUnits>(std::move(units))).first;
@@ -85,6 +95,7 @@ class SharedParts {
   }
 
   std::map<std::pair<const ProtocolInfo*, Options>, Protocol> protocols_;
+  std::map<const Codec*, std::vector<std::shared_ptr<const Codec>>> models_;
   std::set<std::shared_ptr<const TagUnits>, ByValue> units_;
   std::unordered_multimap<std::size_t, SharedVector<TagConfig>> tags_;
 };
@@ -108,6 +119,8 @@ class DeviceReader {
   /// Makes the timeout longer than the time after which the device itself gives up and replies with
   /// an error; warns if a configured timeout is not longer.
   void outlast_device();
+  /// Warns if the PLC must be asked for its model and some model lacks an address of the config.
+  void warn_of_open_model();
   void read_groups();
   void read_tags();
   void read_tag(const ConfigNode& node);
@@ -243,12 +256,6 @@ void DeviceReader::make_codec() {
   device_.codec = made->codec;
   device_.options = made->options;
   codec_ = widest_of(protocol, made->codec);
-  if (must_ask_model(*device_.codec)) {
-    const ConfigNode* given = node_.find("model");
-    reader_.warn(given != nullptr ? *given : node_,
-                 "model auto: checked against " + widest_name(protocol) +
-                     "; addresses that the real model lacks will be bad");
-  }
 
   if (const auto found = options.find("max_block_bytes"); found != options.end())
     if (const auto* bytes = std::get_if<std::int64_t>(&found->second))
@@ -273,6 +280,7 @@ void DeviceReader::read_rest() {
   read_tags();
   if (const ConfigNode* commands = reader_.object(node_, config_key("devices[].commands")))
     read_commands(*commands);
+  if (device_.codec != nullptr) warn_of_open_model();
 }
 
 void DeviceReader::outlast_device() {
@@ -287,6 +295,26 @@ void DeviceReader::outlast_device() {
 }
 
 // ---- groups -----------------------------------------------------------------------------------
+
+void DeviceReader::warn_of_open_model() {
+  if (!must_ask_model(*device_.codec)) return;
+  const ProtocolInfo& protocol = *device_.protocol;
+  std::vector<Span> spans = device_.commands.allow;
+  for (const TagConfig& tag : device_.tags)
+    if (const auto span = span_of(tag.point)) spans.push_back(*span);
+  const auto models = shared_.models_of(protocol, *device_.codec);
+  for (std::size_t i = 0; i < models.size(); ++i)
+    for (const Span& span : spans) {
+      const AddressSpace& addresses = models[i]->addresses();
+      if (addresses.check_range(span)) continue;
+      const ConfigNode* given = node_.find("model");
+      return reader_.warn(given != nullptr ? *given : node_,
+                          "model auto: checked against " + widest_name(protocol) + "; " +
+                              codec_->addresses().name_of({span.space, span.end_bit() - 1, 1}) +
+                              " is not in every model (" + std::string(protocol.models[i]) +
+                              " lacks it), and bad if the PLC lacks it");
+    }
+}
 
 void DeviceReader::read_groups() {
   const auto nodes = entry_.groups(reader_);
@@ -322,7 +350,7 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
     if (groups_.empty())
       text += "; it has no groups at all";
     else if (reader_.may_suggest(node->offset))
-      text += did_you_mean(name, groups_.names());
+      text += groups_.in_place_of(name);
     reader_.error(*node, std::move(text));
     return 0;
   }
@@ -554,7 +582,7 @@ void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& 
     if (links.empty())
       text += "; there are no links at all";
     else if (reader.may_suggest(given.offset))
-      text += did_you_mean(*name, links.names());
+      text += links.in_place_of(*name);
     reader.error(given, std::move(text));
     return;
   }

@@ -1,5 +1,8 @@
 #include "agent/config/name_table.h"
 
+#include <algorithm>
+#include <vector>
+
 namespace fxagent {
 
 bool NameTable::add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
@@ -16,11 +19,19 @@ std::optional<std::uint32_t> NameTable::find(std::string_view name) const {
   return entry == entries_.end() ? std::nullopt : std::optional(entry->second.index);
 }
 
-std::vector<std::string_view> NameTable::names() const {
-  std::vector<std::string_view> list;
-  list.reserve(entries_.size());
-  for (const auto& [name, entry] : entries_) list.push_back(name);
-  return list;
+std::string NameTable::in_place_of(std::string_view name) const {
+  constexpr std::size_t kMostShown = 8;
+  std::vector<std::string_view> names;
+  names.reserve(entries_.size());
+  for (const auto& [known, entry] : entries_) names.push_back(known);
+  std::string text = did_you_mean(name, names);
+  if (!text.empty() || names.empty()) return text;
+  text = names.size() == 1 ? "; there is " : "; there are ";
+  for (std::size_t i = 0; i < std::min(kMostShown, names.size()); ++i)
+    text.append(i > 0 ? ", " : "").append(names[i]);
+  return names.size() > kMostShown
+             ? text + " and " + std::to_string(names.size() - kMostShown) + " more"
+             : text;
 }
 
 }  // namespace fxagent

@@ -20,7 +20,9 @@ class NameTable {
   bool add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
            std::uint32_t index);
   std::optional<std::uint32_t> find(std::string_view name) const;
-  std::vector<std::string_view> names() const;
+  /// Returns what to append to an error about the unknown `name`: "; did you mean line1?", or if no
+  /// name is near "; there are line1, line2", with at most 8 names. Compares it with every name.
+  std::string in_place_of(std::string_view name) const;
   bool empty() const { return entries_.empty(); }
 
  private:

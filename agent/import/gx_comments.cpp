@@ -5,6 +5,7 @@
 #include <array>
 #include <string>
 
+#include "agent/counted.h"
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
 
@@ -108,7 +109,7 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
   if (head == rows->end() && device.tags.empty())
     return tl::unexpected(ImportFault{0, "has no device comments"});
   if (without_comment > 0)
-    out.note(0, "left out: " + std::to_string(without_comment) + " devices without a comment");
+    out.note(0, "left out: " + counted(without_comment, "device") + " without a comment");
   if (options.port.empty()) out.note(0, "the link is a placeholder: give it the right port");
   out.devices.push_back(std::move(device));
   return out;

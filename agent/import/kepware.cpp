@@ -40,13 +40,16 @@ std::vector<std::string_view> column_names() {
           "Clamp Low", "Clamp High", "Eng Units", "Description",   "Negate Value"};
 }
 
-constexpr std::array<std::pair<std::string_view, std::string_view>, 11> kTypes{{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 14> kTypes{{
     {"boolean", "bool"},
     {"short", "int16"},
     {"word", "uint16"},
     {"long", "int32"},
     {"dword", "uint32"},
+    {"llong", "int64"},
+    {"qword", "uint64"},
     {"float", "float32"},
+    {"double", "float64"},
     {"bcd", "bcd16"},
     {"lbcd", "bcd32"},
     {"string", "string"},

@@ -16,6 +16,8 @@
 namespace fxagent {
 namespace {
 
+using std::string_view_literals::operator""sv;
+
 constexpr std::int64_t kString = 13;
 constexpr std::int64_t kWrite = 2;  // bit of the attribute
 
@@ -32,8 +34,15 @@ std::string_view type_of(std::int64_t number) {
     case 6:
     case 17:  // DWORD
       return "uint32";
+    case 7:
+      return "int64";
+    case 8:
+    case 18:  // LWORD
+      return "uint64";
     case 9:
       return "float32";
+    case 10:
+      return "float64";
     case 11:  // BIT
     case 12:
       return "bool";
@@ -53,7 +62,7 @@ std::string_view order_of(std::string_view endian) {
   return {};
 }
 
-/// Converts the number in the node's `endianess`; empty: unknown.
+/// Converts the number in the node's `endianess` or `endianess_64`; empty: unknown.
 std::string_view order_of(std::int64_t code) {
   constexpr std::array<std::string_view, 5> kOrders{"", "ABCD", "BADC", "DCBA", "CDAB"};
   return code > 0 && code < std::ssize(kOrders) ? kOrders[static_cast<std::size_t>(code)] : "";
@@ -221,6 +230,7 @@ class NeuronReader {
   // State of the driver being read:
   std::string link_;                           ///< empty: not created yet
   std::string_view order_{};                   ///< default for tags of two registers
+  std::string_view order_64_{};                ///< and of four
   std::map<std::int64_t, std::size_t> units_;  ///< index in out_.devices
   std::map<std::size_t, NameMaker> tag_names_;
   std::map<std::pair<std::size_t, std::string_view>, std::string> groups_;
@@ -354,8 +364,8 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   tag.keys.literal("address", place->address);
   tag.keys.text("type", type);
   if (place->length > 0) tag.keys.integer("length", place->length);
-  if (place->order.empty() && (type == "int32" || type == "uint32" || type == "float32"))
-    place->order = order_;
+  if (place->order.empty() && type.ends_with("32")) place->order = order_;
+  if (place->order.empty() && type.ends_with("64")) place->order = order_64_;
   if (!place->order.empty() && type != "bool") tag.keys.text("word_order", place->order);
   if (const auto decimal = number_at(node, "decimal"); decimal && *decimal != 0 && *decimal != 1)
     tag.keys.number("scale", *decimal);
@@ -377,12 +387,14 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
 
 /// Reads the settings that apply to all tags of the node.
 void NeuronReader::read_params(const Driver& driver) {
-  if (const auto code = integer_at(*driver.params, "endianess")) {
-    order_ = order_of(*code);
-    if (order_.empty())
-      out_.note(line_of(*driver.node), "not carried over: endianess " + std::to_string(*code) +
-                                           ", which has no meaning here");
-  }
+  for (const auto& [key, order] :
+       {std::pair("endianess"sv, &order_), std::pair("endianess_64"sv, &order_64_)})
+    if (const auto code = integer_at(*driver.params, key)) {
+      *order = order_of(*code);
+      if (order->empty())
+        out_.note(line_of(*driver.node), "not carried over: " + std::string(key) + " " +
+                                             std::to_string(*code) + ", which has no meaning here");
+    }
   if (integer_at(*driver.params, "address_base") == 0)
     out_.note(line_of(*driver.node),
               "its addresses count from 0, and here from 1: add 1 to each (400000 is 400001)");
@@ -401,7 +413,7 @@ void NeuronReader::read_driver(const Driver& driver) {
   }
   units_.clear();
   link_.clear();
-  order_ = {};
+  order_ = order_64_ = {};
   if (driver.params != nullptr && protocol.starts_with("modbus")) read_params(driver);
   const std::string what = "the node " + std::string(driver.name);
   tell_of_others(*driver.node, what,
@@ -409,7 +421,7 @@ void NeuronReader::read_driver(const Driver& driver) {
   if (driver.params != nullptr)
     tell_of_others(*driver.params, what,
                    {"link", "device", "host", "port", "connection_mode", "baud", "data", "parity",
-                    "stop", "timeout", "interval", "endianess", "address_base"});
+                    "stop", "timeout", "interval", "endianess", "endianess_64", "address_base"});
   for (const Driver::Group& group : driver.groups)
     tell_of_others(*group.node, "the group " + std::string(group.name),
                    {"driver", "group", "name", "interval", "tags"});

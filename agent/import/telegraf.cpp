@@ -17,6 +17,7 @@
 #include <optional>
 #include <string>
 
+#include "agent/counted.h"
 #include "agent/import/formats.h"
 
 namespace fxagent {
@@ -61,17 +62,26 @@ std::optional<std::int64_t> milliseconds(std::string_view text) {
 /// Returns the config's type; empty if there is none. FIXED and similar types are as wide as their
 /// addresses.
 std::string_view type_of(std::string_view name, std::size_t registers, bool is_register_style) {
-  if (name == "INT16" || name == "INT32" || name == "UINT16" || name == "UINT32") {
-    if (name == "INT16") return "int16";
-    if (name == "UINT16") return "uint16";
-    return name == "INT32" ? "int32" : "uint32";
-  }
-  if (name == "STRING") return "string";
-  if (name == "FLOAT32-IEEE" || (name == "FLOAT32" && !is_register_style)) return "float32";
-  if (registers > 2) return {};
-  if (name == "FIXED") return registers == 2 ? "int32" : "int16";
-  if (name == "UFIXED" || name == "FLOAT32") return registers == 2 ? "uint32" : "uint16";
-  if (name == "BIT") return "bool";
+  constexpr std::array<std::pair<std::string_view, std::string_view>, 11> kTypes{{
+      {"INT16", "int16"},
+      {"UINT16", "uint16"},
+      {"INT32", "int32"},
+      {"UINT32", "uint32"},
+      {"INT64", "int64"},
+      {"UINT64", "uint64"},
+      {"FLOAT32-IEEE", "float32"},
+      {"FLOAT64-IEEE", "float64"},
+      {"FLOAT64", "float64"},
+      {"STRING", "string"},
+      {"BIT", "bool"},
+  }};
+  const auto known = std::ranges::find(kTypes, name, [](const auto& pair) { return pair.first; });
+  if (known != kTypes.end()) return known->second;
+  if (name == "FLOAT32" && !is_register_style) return "float32";
+  if (registers != 1 && registers != 2 && registers != 4) return {};
+  if (name == "FIXED") return registers == 1 ? "int16" : registers == 2 ? "int32" : "int64";
+  if (name == "UFIXED" || name == "FLOAT32")
+    return registers == 1 ? "uint16" : registers == 2 ? "uint32" : "uint64";
   return {};
 }
 
@@ -82,10 +92,13 @@ char table_of(std::string_view name) {
   return name.empty() || name == "holding" || name == "holding_registers" ? '4' : '?';
 }
 
-/// Converts a byte order. "AB" and "BA" apply to one register.
+/// Converts a byte order. "AB" and "BA" apply to one register, eight letters to four.
 std::string_view order_of(std::string_view name) {
-  if (name == "BA") return "BADC";
-  return name == "AB" ? ""sv : name;
+  if (name == "AB") return {};
+  if (name == "BA" || name == "BADCFEHG") return "BADC";
+  if (name == "ABCDEFGH") return "ABCD";
+  if (name == "GHEFCDAB") return "CDAB";
+  return name == "HGFEDCBA" ? "DCBA"sv : name;
 }
 
 /// True if the first byte of a string is the high byte of its register.
@@ -301,8 +314,7 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
 void TelegrafReader::tell_of_measurements() {
   for (const auto& [name, known] : measurements_)
     out_.note(known.line, "not carried over: the measurement \"" + name + "\" of " +
-                              std::to_string(known.fields) +
-                              (known.fields == 1 ? " field" : " fields"));
+                              counted(known.fields, "field"));
 }
 
 Imported TelegrafReader::read(const toml::table& top) {

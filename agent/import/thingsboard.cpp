@@ -47,19 +47,23 @@ std::string_view type_of(std::string_view type, std::int64_t registers) {
   if (type == "32int" || type == "int32") return "int32";
   if (type == "32uint" || type == "uint32") return "uint32";
   if (type == "32float" || type == "float32") return "float32";
+  if (type == "64int" || type == "int64") return "int64";
+  if (type == "64uint" || type == "uint64") return "uint64";
+  if (type == "64float" || type == "float64") return "float64";
   if (type == "string") return "string";
   if (type == "bit" || type == "bits") return "bool";
   // Types without a width are as wide as their registers.
-  if ((type == "float" || type == "double") && registers == 2) return "float32";
-  if (registers != 1 && registers != 2) return {};
+  if (registers != 1 && registers != 2 && registers != 4) return {};
+  if ((type == "float" || type == "double") && registers > 1)
+    return registers == 2 ? "float32" : "float64";
   if (type == "int" || type == "long" || type == "integer")
-    return registers == 2 ? "int32" : "int16";
-  if (type == "uint") return registers == 2 ? "uint32" : "uint16";
+    return registers == 1 ? "int16" : registers == 2 ? "int32" : "int64";
+  if (type == "uint") return registers == 1 ? "uint16" : registers == 2 ? "uint32" : "uint64";
   return {};
 }
 
 std::int64_t registers_of(std::string_view type) {
-  return type == "int32" || type == "uint32" || type == "float32" ? 2 : 1;
+  return type.ends_with("64") ? 4 : type.ends_with("32") ? 2 : 1;
 }
 
 /// Returns the order from byteOrder and wordOrder. A tag's own values override those of `slave`.

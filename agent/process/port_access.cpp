@@ -67,6 +67,18 @@ std::vector<std::string> arguments_of(int pid) {
   return arguments;
 }
 
+/// Returns the plain files that these arguments of the process name, whatever its directory.
+std::vector<std::string> files_named_by(int pid, const std::vector<std::string>& arguments) {
+  const std::filesystem::path directory("/proc/" + std::to_string(pid) + "/cwd");
+  std::vector<std::string> files;
+  for (const std::string& argument : arguments) {
+    const auto file = directory / argument;
+    std::error_code unseen;
+    if (std::filesystem::is_regular_file(file, unseen)) files.push_back(file);
+  }
+  return files;
+}
+
 /// Searches the open files of processes; only root sees those of other users. Skips the maker of a
 /// pseudo-terminal, such as a simulator, because it has both ends open.
 std::optional<int> holder_by_files(const std::string& real_path) {
@@ -185,23 +197,22 @@ std::optional<PortHolder> port_holder(const std::string& path) {
 }
 
 bool is_called_with(int pid, const std::string& path) {
-  const std::string seen_from = "/proc/" + std::to_string(pid) + "/cwd";  // for a relative argument
   std::error_code unseen;
-  return std::ranges::any_of(arguments_of(pid), [&](const std::string& argument) {
-    return !argument.empty() &&
-           std::filesystem::equivalent(std::filesystem::path(seen_from) / argument, path, unseen);
+  return std::ranges::any_of(files_named_by(pid, arguments_of(pid)), [&](const std::string& file) {
+    return std::filesystem::equivalent(file, path, unseen);
   });
 }
 
-std::optional<PortHolder> process_called_with(std::string_view program, std::string_view word,
-                                              const std::string& path) {
+std::vector<CalledProcess> processes_called(std::string_view program, std::string_view word) {
+  std::vector<CalledProcess> found;
   const Directory processes = open_directory("/proc");
   while (const auto pid = processes ? next_number(processes.get()) : std::nullopt) {
     if (*pid == ::getpid() || program_of(*pid) != program) continue;
-    if (std::ranges::count(arguments_of(*pid), word) > 0 && is_called_with(*pid, path))
-      return PortHolder{*pid, std::string(program)};
+    const auto arguments = arguments_of(*pid);
+    if (std::ranges::count(arguments, word) > 0)
+      found.push_back({*pid, files_named_by(*pid, arguments)});
   }
-  return std::nullopt;
+  return found;
 }
 
 std::string port_cure(const std::string& path, int error) {

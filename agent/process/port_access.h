@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace fxagent {
 
@@ -21,10 +22,15 @@ std::optional<PortHolder> port_holder(const std::string& path);
 /// it.
 bool is_called_with(int pid, const std::string& path);
 
-/// Returns another process of this name whose arguments include `word` and the file at `path`,
-/// under any name; nullopt: this user sees none.
-std::optional<PortHolder> process_called_with(std::string_view program, std::string_view word,
-                                              const std::string& path);
+/// A process and the plain files that its arguments name.
+struct CalledProcess {
+  int pid = 0;
+  std::vector<std::string> files;
+};
+
+/// Returns the other processes of this name whose arguments include `word`, as far as this user may
+/// see them. A relative argument is resolved as that process resolves it.
+std::vector<CalledProcess> processes_called(std::string_view program, std::string_view word);
 
 /// Returns advice after opening or locking `path` has failed with this errno, in brackets with a
 /// blank before them; empty: none. May call port_holder().

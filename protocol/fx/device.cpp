@@ -124,8 +124,9 @@ Result<std::uint32_t> parse_number(std::string_view name, std::string_view lette
 }
 
 Result<Parts> take_apart(std::string_view text) {
-  const std::string name = upper(text);
-  std::string_view rest = name;
+  const std::string name(text);
+  const std::string in_capitals = upper(text);
+  std::string_view rest = in_capitals;
   Parts parts;
   if (rest.size() >= 3 && rest[0] == 'K' && is_digit(rest[1])) {
     parts.group = rest[1] - '0';
@@ -302,7 +303,7 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
   if (parts.group != 0) {
     const bool groupable = space == Space::x || space == Space::y || space == Space::m ||
                            space == Space::special_m || space == Space::s;
-    if (!groupable) return refuse(upper(text) + ": a group is made of X, Y, M or S");
+    if (!groupable) return refuse(std::string(text) + ": a group is made of X, Y, M or S");
     numbers.last += static_cast<std::uint32_t>(parts.group) * 4 - 1;
     address.unit = Unit::bit_group;
     address.text = "K" + std::to_string(parts.group) + address.text;
@@ -333,9 +334,10 @@ Result<Span> parse_range(Model model, std::string_view text) {
     const auto parts = take_apart(end);
     if (!parts) return tl::make_unexpected(parts.error());
     if (parts->group != 0 || parts->word_bit)
-      return refuse(upper(text) + ": a range goes from one plain device to another, as M100-M199");
+      return refuse(std::string(text) +
+                    ": a range goes from one plain device to another, as M100-M199");
     if (parts->letters == "T" || parts->letters == "C")
-      return refuse(upper(text) + " is ambiguous: write " + parts->letters +
+      return refuse(std::string(text) + " is ambiguous: write " + parts->letters +
                     "N for the values or " + parts->letters + "S for the contacts");
     const Space here = space_of(parts->letters, parts->number);
     if (const auto present = check_range(model, span_of(here, {parts->number, parts->number}));
@@ -346,13 +348,13 @@ Result<Span> parse_range(Model model, std::string_view text) {
       numbers.first = parts->number;
     }
     if (*space != here)
-      return refuse(upper(text) +
+      return refuse(std::string(text) +
                     ": both ends must be of one kind (specials from 8000 and 32-bit "
                     "counters from CN200 are kinds of their own)");
     numbers.last = parts->number;
   }
   if (numbers.last < numbers.first)
-    return refuse(upper(text) + ": the range ends before it begins");
+    return refuse(std::string(text) + ": the range ends before it begins");
   const Span span = span_of(*space, numbers);
   if (const auto present = check_range(model, span); !present)
     return tl::make_unexpected(present.error());

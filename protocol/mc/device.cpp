@@ -204,7 +204,7 @@ Numbering numbering_of(std::string_view letters) {
 
 /// Parts of a name: letters, digits, and what surrounds them. Not checked against a model.
 struct Parts {
-  std::string name;     ///< as given, in upper case
+  std::string name;     ///< as given
   int group = 0;        ///< K1-K8; 0: none
   std::string letters;  ///< those of a kind or of kBare
   std::string digits;
@@ -238,8 +238,9 @@ bool has_word_bits(std::string_view letters) {
 
 Result<Parts> take_apart(std::string_view text) {
   Parts parts;
-  parts.name = upper(text);
-  std::string_view rest = parts.name;
+  parts.name = text;
+  const std::string in_capitals = upper(text);
+  std::string_view rest = in_capitals;
   if (rest.size() >= 3 && rest[0] == 'K' && rest[1] >= '0' && rest[1] <= '9') {
     parts.group = rest[1] - '0';
     if (parts.group < 1 || parts.group > 8 || (rest[2] >= '0' && rest[2] <= '9'))
@@ -579,21 +580,24 @@ Result<Span> parse_range(Model model, std::string_view text) {
     const auto parts = take_apart(end);
     if (!parts) return tl::make_unexpected(parts.error());
     if (parts->group != 0 || parts->word_bit)
-      return refuse(upper(text) + ": a range goes from one plain device to another, as M100-M199");
+      return refuse(std::string(text) +
+                    ": a range goes from one plain device to another, as M100-M199");
     if (is_bare(parts->letters))
-      return refuse(upper(text) + " is ambiguous: write " + parts->letters + "N for the values" +
+      return refuse(std::string(text) + " is ambiguous: write " + parts->letters +
+                    "N for the values" +
                     (has_contact(parts->letters) ? ", " + parts->letters + "S for the contacts"
                                                  : std::string()));
     const auto number = number_in(model, *parts);
     if (!number) return tl::make_unexpected(number.error());
     const Space found = space_of(model, parts->letters, *number);
-    if (space && *space != found) return refuse(upper(text) + ": both ends must be of one kind");
+    if (space && *space != found)
+      return refuse(std::string(text) + ": both ends must be of one kind");
     if (!space) numbers.first = *number;
     numbers.last = *number;
     space = found;
   }
   if (numbers.last < numbers.first)
-    return refuse(upper(text) + ": the range ends before it begins");
+    return refuse(std::string(text) + ": the range ends before it begins");
   if (const auto present = check_number(model, *space, numbers.last); !present)
     return tl::make_unexpected(present.error());
   const Span span = span_of(*space, numbers);

@@ -1,11 +1,12 @@
 """`check --online`: devices that answer and devices that do not; a running agent is not disturbed."""
 
 import json
+import os
 import shlex
 import subprocess
 import unittest
 
-from plant import BASE, FXAGENT, Agent, Broker, PlantTest, device
+from plant import BASE, FXAGENT, Agent, Broker, PlantTest, Watcher, device, free_port
 
 METER = {"name": "meter", "link": "line2", "protocol": "modbus-tcp", "timeout_ms": 300,
          "groups": [{"name": "fast", "interval_ms": 1000}],
@@ -14,8 +15,8 @@ METER = {"name": "meter", "link": "line2", "protocol": "modbus-tcp", "timeout_ms
 
 
 class Online(PlantTest):
-    def check(self, *more):
-        done = subprocess.run([FXAGENT, "check", "--online", self.agent.path, *more], capture_output=True, text=True,
+    def check(self, *more, path=None):
+        done = subprocess.run([FXAGENT, "check", "--online", path or self.agent.path, *more], capture_output=True, text=True,
                               timeout=60, check=False, stdin=subprocess.DEVNULL)
         return done.returncode, done.stdout, done.stderr
 
@@ -52,12 +53,13 @@ class Online(PlantTest):
 
         # One PLC is silent and one port does not exist: 1, each with advice.
         self.sim.fault("press1", "dead")
-        self.write(links=[self.serial(), {"name": "line2", "tcp": {"host": "127.0.0.1", "port": 1}}],
+        closed = free_port()
+        self.write(links=[self.serial(), {"name": "line2", "tcp": {"host": "127.0.0.1", "port": closed}}],
                    devices=[device(), device("press2", "line2")])
         status, said, _ = self.check()
         self.assertEqual(status, 1, said)
         self.assertIn("device press1 on line1: does not answer (timeout)\n", said)
-        self.assertIn("link line2, 127.0.0.1:1: does not open\n", said)
+        self.assertIn(f"link line2, 127.0.0.1:{closed}: does not open\n", said)
         self.assertIn("device press2 on line2: does not answer (link_down)\n", said)
         self.assertIn("What to do:\n", said)
         self.assertIn("line2: ", said.split("What to do:\n")[1])
@@ -90,6 +92,46 @@ class Online(PlantTest):
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
         self.assertNotIn("broker_lost", self.agent.logged())
         self.assertEqual(self.watcher.payloads(f"{BASE}/press1/state", since), [])
+
+    def test_an_agent_that_runs_from_a_copy_of_the_config_is_left_alone_too(self):
+        self.begin()
+        network = {"name": "line2", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}
+        self.watcher = Watcher(self.broker.port)
+        self.start_agent([device(), METER], [self.serial(), network])
+        self.ready()
+        since = self.watcher.mark()
+        edited = os.path.join(self.directory, "edited.json")
+
+        def edit(**agent):
+            tags = [{"name": "fresh", "address": "D101", "group": "fast"}]
+            with open(edited, "w") as out:
+                json.dump({**self.agent.config, "agent": {**self.agent.config["agent"], **agent},
+                           "links": [self.serial("wire"), {**network, "name": "net"}],
+                           "devices": [device("press9", "wire", tags), {**METER, "link": "net"}]}, out)
+
+        edit()
+        status, said, _ = self.check("--json", path=edited)
+        found = json.loads(said)
+        self.assertEqual(status, 3, said)
+        self.assertEqual([(link["link"], link["state"], link["holder"]) for link in found["links"]],
+                         [(name, "held", {"program": "fxagent", "pid": self.agent.process.pid,
+                                          "is": "an agent of another config"}) for name in ("wire", "net")])
+        # It has what the file of the running agent says read, not what the edited one says.
+        for name, asked, to_do in zip(("wire", "net"), ("temp", "level"), found["to_do"]):
+            link, _, command = to_do.split(": ", 2)
+            self.assertEqual(link, name)
+            self.assertTrue(command.startswith("mosquitto_rr "), command)
+            answer = subprocess.run(shlex.split(command), capture_output=True, text=True, timeout=30, check=False)
+            result = json.loads(answer.stdout)
+            self.assertEqual((result["status"], result["tag"]), ("SUCCEEDED", asked), answer.stderr)
+        self.assertEqual(self.watcher.payloads(f"{BASE}/press1/state", since), [])
+
+        # Another agent is not asked, but left alone all the same.
+        edit(id="edge8")
+        status, said, _ = self.check(path=edited)
+        self.assertEqual(status, 3, said)
+        self.assertIn(f"  wire: end fxagent (pid {self.agent.process.pid}), or give the agent a port of its own\n", said)
+        self.assertIn(f"  net: end fxagent (pid {self.agent.process.pid}) for this check: ", said)
 
 
 if __name__ == "__main__":

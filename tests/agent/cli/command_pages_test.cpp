@@ -10,6 +10,7 @@
 #include <set>
 #include <string>
 
+#include "agent/cli/command_help.h"
 #include "agent/cli/config_page.h"
 
 namespace fxagent::test {
@@ -62,6 +63,28 @@ TEST_F(CommandPagesTest, FooterBecomesSections) {
   EXPECT_TRUE(
       has(page, ".SH EXAMPLES\n.nf\ntool stop \\-x\n.fi\n.SH SIGNALS\n.nf\nSIGHUP  again\n.fi\n"))
       << page;
+}
+
+TEST(CommandHelp, PagesOfTheProgramAndOfCheckHaveWhatOthersDoNot) {
+  CLI::App app{"fxagent: agent", "fxagent"};
+  for (const char* name :
+       {"run", "check", "config", "plan", "read", "write", "force-on", "force-off", "verify-stream",
+        "acl", "audit", "import", "export", "init", "decode"})
+    app.add_subcommand(name, "Does it");
+  add_footers(app);
+  const auto count = [](const std::string& page, const std::string& part) {
+    int found = 0;
+    for (auto at = page.find(part); at != std::string::npos; at = page.find(part, at + 1)) ++found;
+    return found;
+  };
+  const std::string program = man_page(app, nullptr, "1");
+  EXPECT_EQ(count(program, ".SH EXAMPLES\n.nf\nfxagent init /etc/fxagent\n"), 1) << program;
+  EXPECT_EQ(count(program, ".SH SIGNALS\n.nf\nSIGTERM, SIGINT "), 1) << program;
+  EXPECT_EQ(count(program, ".SH EXIT STATUS\n0: done."), 1) << program;
+  const std::string check = man_page(app, app.get_subcommand("check"), "1");
+  EXPECT_EQ(count(check, ".SH EXIT STATUS\n"), 1) << check;
+  EXPECT_EQ(count(check, "\n3  \\-\\-online: another process has a link"), 1) << check;
+  EXPECT_EQ(count(check, "\n4  \\-\\-online: everything answers, and something not"), 1) << check;
 }
 
 TEST_F(CommandPagesTest, ConfigPageHasKeysOfTheTableAndOfTheProtocols) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -32,7 +33,6 @@ class OnlineReport : public testing::Test {
  protected:
   OnlineReport() : config(*parse_config(kConfig)) {
     findings.path = "agent.json";
-    findings.command_id = "check-1";
     for (const LinkConfig& link : config.links) findings.links.push_back({link.name, "place"});
     findings.brokers = {{"mqtts://broker.example:8883", true}};
     devices.ask(0);
@@ -205,7 +205,8 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
   meter_answers();
   OnlineLink& link = findings.links[0];
   link.state = OnlineLink::State::held;
-  link.holder = OnlineHolder{4711, "fxagent", OnlineHolder::Runs::this_config};
+  link.holder = OnlineHolder{4711, "fxagent", OnlineHolder::Runs::this_config,
+                             request_to(config, 0, "check-1")};
   devices = OnlineDevices(config);
   devices.ask(1);
   meter_answers();
@@ -226,6 +227,54 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
   link.holder = OnlineHolder{9, "picocom", OnlineHolder::Runs::no_agent};
   EXPECT_NE(online_text(config, findings).find("  line1: end picocom (pid 9), or "),
             std::string::npos);
+  findings.links[1].state = OnlineLink::State::held;
+  findings.links[1].holder = OnlineHolder{8, "fxagent", OnlineHolder::Runs::another_config};
+  EXPECT_NE(online_text(config, findings).find("  line2: end fxagent (pid 8) for this check: "),
+            std::string::npos)
+      << "a device of TCP has no other port to give";
+  EXPECT_EQ(request_to(config, 2, "check-1"), "") << "no device is on it";
+}
+
+TEST(OnlineHints, AGoodFloatThatIsPlainInAnotherWordOrderIsNamedAndStillGood) {
+  const Config config = *parse_config(R"({
+    "agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
+    "links": [{"name": "net", "tcp": {"host": "192.0.2.7", "port": 502}}],
+    "devices": [{"name": "meter", "link": "net", "protocol": "modbus-tcp", "unit": 1,
+      "groups": [{"name": "fast"}],
+      "tags": [{"name": "power", "address": "ir:0", "type": "float32", "group": "fast"},
+               {"name": "volts", "address": "ir:2", "type": "float32", "group": "fast"},
+               {"name": "count", "address": "ir:4", "type": "uint32", "group": "fast"}]}]})");
+  OnlineDevices devices(config);
+  devices.ask(0);
+  DeviceStatus status;
+  status.state = DeviceStatus::State::online;
+  devices.take(status);
+  Telemetry sample;
+  // 0000 4366 by IEEE 754; the bytes of 230.0 with the low word first
+  sample.readings = {{0, std::nullopt, Value(std::ldexp(0x4366, -149))},
+                     {1, std::nullopt, Value(231.5)},
+                     {2, std::nullopt, Value(std::int64_t{0x4366})}};
+  devices.take(sample);
+  OnlineFindings findings;
+  findings.links.push_back({"net", "place"});
+  findings.devices = devices.found();
+  judge_links(config, findings);
+  const std::string said = online_text(config, findings);
+  EXPECT_NE(said.find("meter on net: answers, 3 tags read\n"), std::string::npos) << said;
+  EXPECT_NE(
+      said.find("  meter: power (ir:0): in word order CDAB it is 230: compare word_order with "
+                "the device\n"),
+      std::string::npos)
+      << said;
+  EXPECT_EQ(exit_status(findings), 0) << "it answers, and the value may be what is there";
+  const json out = json::parse(online_json(config, findings));
+  EXPECT_EQ(out["devices"][0]["good"], 3);
+  EXPECT_EQ(out["devices"][0]["hints"],
+            json::parse(R"([{"tag": "power", "text": "in word order CDAB it is 230: compare )"
+                        R"(word_order with the device"}])"));
+  EXPECT_EQ(out["to_do"].size(), 1U);
+  devices.ask(0);
+  EXPECT_TRUE(devices.found()[0].hints.empty()) << "asked again, it starts afresh";
 }
 
 TEST_F(OnlineReport, WhatOthersSayCannotSteerTheTerminal) {

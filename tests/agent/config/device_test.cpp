@@ -181,19 +181,51 @@ TEST(ConfigDevice, RangeIsWrittenWithADashOrWithTwoDots) {
   EXPECT_EQ(allow("M100-M199").at(0).bits, 100U);
 }
 
-TEST(ConfigDevice, ModelAutoIsCheckedAgainstTheWidestAndSaysSo) {
+TEST(ConfigDevice, ModelAutoIsCheckedAgainstTheWidestAndNamesWhatSomeModelLacks) {
   for (const std::string& text :
        {without("/devices/0/model"), changed("/devices/0/model", R"("auto")")}) {
     const auto config = good(text);
-    EXPECT_TRUE(warns(config, {"model auto: checked against FX3U, the widest"}));
+    EXPECT_FALSE(warns(config, {"model auto"})) << "every model has D100, M0, M100-M199 and Y0-Y7";
     EXPECT_EQ(model_of(*config.devices[0].codec), "");
   }
   auto plant = small_plant();
   plant["devices"][0].erase("model");
   plant["devices"][0]["tags"][0]["address"] = "M7679";
-  good(plant.dump());
+  EXPECT_TRUE(warns(good(plant.dump()), {"/devices/0",
+                                         "model auto: checked against FX3U, the widest; "
+                                         "M7679 is not in every model (FX0N lacks it)"}));
   plant["devices"][0]["tags"][0]["address"] = "M7680";
   expect_error(plant.dump(), "/devices/0/tags/0/address", {"M7680", "M0-M7679"});
+  plant["devices"][0]["tags"][0] = {{"name", "t"}, {"address", "D250"}, {"count", 10}};
+  EXPECT_TRUE(warns(good(plant.dump()), {"D259 is not in every model (FX0N lacks it)"}))
+      << "the end of an array counts";
+  plant["devices"][0]["tags"] = nlohmann::json::array();
+  plant["devices"][0]["commands"]["allow"] = {"D300-D399"};
+  EXPECT_TRUE(warns(good(plant.dump()), {"D399 is not in every model"}))
+      << "so does what is allowed";
+}
+
+TEST(ConfigDevice, NormalSetupsHaveNoWarning) {
+  const char* const kDevices[] = {
+      R"({"protocol": "modbus-tcp", "unit": 1, "tags": [
+          {"name": "power", "address": "ir:12", "type": "float32"},
+          {"name": "energy", "address": "hr:100", "type": "uint64"},
+          {"name": "relay", "address": "co:3", "access": "read_write"}]})",
+      R"({"protocol": "mc-3e", "tags": [
+          {"name": "temp", "address": "D100", "scale": 0.1}, {"name": "count", "address": "D7000"},
+          {"name": "run", "address": "M100", "access": "read_write"}, {"name": "in", "address": "X7"}],
+          "commands": {"allow": ["M0-M99"]}})",
+      R"({"protocol": "mc-3e", "model": "FX5U", "tags": [{"name": "in", "address": "X17"}]})"};
+  for (const char* device : kDevices) {
+    auto plant = small_plant();
+    plant["links"] =
+        nlohmann::json::parse(R"([{"name": "net", "tcp": {"host": "192.0.2.7", "port": 502}}])");
+    plant["devices"] = {nlohmann::json::parse(device)};
+    plant["devices"][0]["name"] = "d";
+    plant["devices"][0]["link"] = "net";
+    const auto config = good(plant.dump());
+    EXPECT_TRUE(config.warnings.empty()) << device << "\n" << config.warnings.front();
+  }
 }
 
 TEST(ConfigDevice, TwoDevicesOfOneNameAreAnErrorThatNamesBoth) {
@@ -204,6 +236,16 @@ TEST(ConfigDevice, TwoDevicesOfOneNameAreAnErrorThatNamesBoth) {
 TEST(ConfigDevice, UnknownLinkNamesTheNearest) {
   expect_error(changed("/devices/0/link", R"("lime1")"), "/devices/0/link",
                {"lime1", "did you mean line1?"});
+  expect_error(changed("/devices/0/link", R"("x")"), "/devices/0/link",
+               {"there is no link \"x\"; there are gw1, line1"});
+  auto plant = small_plant();
+  for (int i = 1; i < 10; ++i) {
+    plant["links"].push_back(plant["links"][1]);
+    plant["links"].back()["name"] = "gw1" + std::to_string(i);
+  }
+  plant["devices"][0]["link"] = "x";
+  expect_error(plant.dump(), "/devices/0/link",
+               {"there are gw1, gw11, gw12, gw13, gw14, gw15, gw16, gw17 and 3 more"});
 }
 
 TEST(ConfigDevice, SecondDeviceWithoutStationsOnALinkIsAWarning) {
@@ -246,6 +288,8 @@ TEST(ConfigDevice, DeclaredDefaultGroupIsUsed) {
 TEST(ConfigDevice, UnknownGroupNamesTheNearest) {
   expect_error(changed("/devices/0/tags/0/group", R"("fats")"), "/devices/0/tags/0/group",
                {"fats", "did you mean fast?"});
+  expect_error(changed("/devices/0/tags/0/group", R"("x")"), "/devices/0/tags/0/group",
+               {"this device has no group \"x\"; there is fast"});
 }
 
 TEST(ConfigDevice, NamesGivenTwiceAreErrorsThatNameBoth) {

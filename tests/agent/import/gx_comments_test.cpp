@@ -39,7 +39,7 @@ TEST(GxComments, GxWorks2HasTabsAndATitle) {
       import_gx_comments);
   ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 2U);
-  EXPECT_EQ(notes_with(made, {"0: left out: 1 devices without a comment"}), 1);
+  EXPECT_EQ(notes_with(made, {"0: left out: 1 device without a comment"}), 1);
   EXPECT_EQ(notes_with(made, {"the link is a placeholder"}), 1);
 }
 

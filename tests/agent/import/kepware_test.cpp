@@ -58,19 +58,34 @@ TEST(Kepware, FxTags) {
 
 TEST(Kepware, WhatCannotBeCarriedOverIsTold) {
   const Made out = made(
-      "\"A\",\"400001\",Double,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"A\",\"400001\",Char,1,RO,100,,,,,,,,,,\"\",\n"
       "\"B\",\"400002\",Word,1,RO,100,Square Root,0,1,0,1,Double,0,0,\"\",\"\",0\n"
       "\"C\",\"400003\",Word,1,WO,100,Linear,0,1,0,2,Double,1,0,\"\",\"the pump\",0\n"
       "\"D\",\"H400004\",Word,1,RO,100,,,,,,,,,,\"\",\n"
       "\"E\",\"400005\",Word,1,RO,100,Linear,0,0,0,2,Double,1,0,\"\",\"\",0\n");
   EXPECT_EQ(out.config["devices"][0]["tags"].size(), 1U) << all_of(out.notes);
-  EXPECT_EQ(notes_with(out, {"2: left out", "Double"}), 1);
+  EXPECT_EQ(notes_with(out, {"2: left out", "Char"}), 1);
   EXPECT_EQ(notes_with(out, {"3: left out", "square root"}), 1);
   EXPECT_EQ(notes_with(out, {"4: not carried over", "write only"}), 1);
   EXPECT_EQ(notes_with(out, {"4: not carried over", "clamping"}), 1);
   EXPECT_EQ(out.config["devices"][0]["tags"][0].value("description", ""), "the pump");
   EXPECT_EQ(notes_with(out, {"5: left out", "H400004"}), 1) << all_of(out.notes);
   EXPECT_EQ(notes_with(out, {"6: left out", "no range"}), 1);
+}
+
+TEST(Kepware, ValuesOfFourRegistersHaveTheirType) {
+  const Made out = made(
+      "\"A\",\"400001\",LLong,1,RO,100,Linear,0,1000,0,1,Double,0,0,\"kWh\",\"\",0\n"
+      "\"B\",\"400005\",QWord,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"C\",\"400009\",Double,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"D\",\"400013 [2]\",QWord Array,1,RO,100,,,,,,,,,,\"\",\n");
+  ASSERT_FALSE(out.config.is_null()) << all_of(out.notes);
+  EXPECT_EQ(out.config["devices"][0]["tags"], json::parse(R"([
+    {"name":"a","address":"400001","type":"int64","scale":0.001,"unit":"kWh","group":"every_100_ms"},
+    {"name":"b","address":"400005","type":"uint64","group":"every_100_ms"},
+    {"name":"c","address":"400009","type":"float64","group":"every_100_ms"},
+    {"name":"d","address":"400013","type":"uint64","count":2,"group":"every_100_ms"}])"));
+  EXPECT_EQ(out.left_out, 0U);
 }
 
 TEST(Kepware, IsToldByItsHead) {

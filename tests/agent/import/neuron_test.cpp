@@ -19,6 +19,7 @@ constexpr const char* kTags = R"([
   {"name": "Text", "address": "1!400020.10H", "type": 13, "attribute": 1},
   {"name": "Other", "address": "2!400001", "type": 4, "attribute": 1, "description": "second unit"},
   {"name": "Big", "address": "1!400040", "type": 10, "attribute": 1},
+  {"name": "Bytes", "address": "1!400050", "type": 14, "attribute": 1},
   {"name": "Wrong", "address": "400040", "type": 3, "attribute": 1}])";
 
 TEST(Neuron, NodesWithGroupsAndTags) {
@@ -42,13 +43,14 @@ TEST(Neuron, NodesWithGroupsAndTags) {
     {"name":"power","address":"300010","type":"float32","word_order":"CDAB","group":"fast"},
     {"name":"on","address":"000004","type":"bool","access":"read_write","group":"fast"},
     {"name":"bit","address":"400003.15","type":"bool","group":"fast"},
-    {"name":"text","address":"400020","type":"string","length":10,"word_order":"high_first","group":"fast"}
+    {"name":"text","address":"400020","type":"string","length":10,"word_order":"high_first","group":"fast"},
+    {"name":"big","address":"400040","type":"float64","group":"fast"}
   ])"))
       << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][1]["name"], "line_1_2");
   EXPECT_EQ(made.config["devices"][1]["unit"], 2);
   EXPECT_EQ(notes_with(made, {"not carried over: the access of \"power\""}), 1);
-  EXPECT_EQ(notes_with(made, {"left out: Big has the type 10"}), 1);
+  EXPECT_EQ(notes_with(made, {"left out: Bytes has the type 14"}), 1);
   EXPECT_EQ(notes_with(made, {"left out: Wrong has the address \"400040\""}), 1);
   EXPECT_EQ(made.config["devices"][1]["tags"][0].value("description", ""), "second unit");
 }
@@ -67,6 +69,27 @@ TEST(Neuron, NoSettingIsDroppedInSilence) {
       << all_of(made.notes);
   EXPECT_EQ(notes_with(made, {"not carried over: precision of t"}), 1);
   EXPECT_EQ(notes_with(made, {"not carried over"}), 2) << all_of(made.notes);
+}
+
+// The order of the node for 64 bits is a setting of its own, and "#BL" of a tag goes before it.
+TEST(Neuron, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
+  const Made made = made_of(R"({"nodes": [{"name": "n", "plugin": "Modbus TCP",
+       "params": {"host": "192.0.2.7", "port": 502, "endianess": 1, "endianess_64": 3},
+       "groups": [{"group": "g", "interval": 500, "tags": [
+         {"name": "a", "address": "1!400001", "type": 7, "attribute": 1},
+         {"name": "b", "address": "1!400005#BL", "type": 8, "attribute": 1, "decimal": 0.001},
+         {"name": "c", "address": "1!400009", "type": 10, "attribute": 1},
+         {"name": "d", "address": "1!400013", "type": 18, "attribute": 1},
+         {"name": "e", "address": "1!400017", "type": 5, "attribute": 1}]}]}]})",
+                            import_neuron);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["tags"], json::parse(R"([
+    {"name":"a","address":"400001","type":"int64","word_order":"DCBA","group":"g"},
+    {"name":"b","address":"400005","type":"uint64","word_order":"CDAB","scale":0.001,"group":"g"},
+    {"name":"c","address":"400009","type":"float64","word_order":"DCBA","group":"g"},
+    {"name":"d","address":"400013","type":"uint64","word_order":"DCBA","group":"g"},
+    {"name":"e","address":"400017","type":"int32","word_order":"ABCD","group":"g"}])"));
+  EXPECT_EQ(made.left_out, 0U);
 }
 
 TEST(Neuron, ListsThatNameTheirDriver) {

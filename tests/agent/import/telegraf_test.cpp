@@ -26,7 +26,7 @@ TEST(Telegraf, StyleOfRegisters) {
     { name = "power_factor", byte_order = "AB", data_type = "FIXED", scale=0.01, address = [8]},
     { name = "energy", byte_order = "CDAB", data_type = "UFIXED", scale=0.001, address = [5,6]},
     { name = "torn", byte_order = "ABCD", data_type = "INT32", scale=1.0, address = [5,7]},
-    { name = "wide", byte_order = "ABCDEFGH", data_type = "INT64", scale=1.0, address = [5,6,7,8]},
+    { name = "half", byte_order = "AB", data_type = "FLOAT16-IEEE", scale=1.0, address = [5]},
   ]
   input_registers = [
     { name = "ph", byte_order = "ABCD", data_type = "FLOAT32-IEEE", scale=1.0, address = [1,2]},
@@ -49,8 +49,44 @@ TEST(Telegraf, StyleOfRegisters) {
   ])"));
   EXPECT_EQ(notes_with(made, {"14: left out: torn: its addresses are not in a row"}), 1)
       << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"15: left out: wide", "INT64"}), 1);
+  EXPECT_EQ(notes_with(made, {"15: left out: half", "FLOAT16-IEEE"}), 1);
   EXPECT_EQ(notes_with(made, {"left out: inputs.cpu"}), 1);
+}
+
+TEST(Telegraf, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
+  const Made made = made_of(R"(
+[[inputs.modbus]]
+  name = "m"
+  controller = "tcp://localhost:502"
+  holding_registers = [
+    { name = "a", byte_order = "ABCDEFGH", data_type = "INT64", scale=0.1, address = [0,1,2,3]},
+    { name = "b", byte_order = "HGFEDCBA", data_type = "UINT64", scale=1.0, address = [4,5,6,7]},
+    { name = "c", byte_order = "BADCFEHG", data_type = "FLOAT64-IEEE", scale=1.0, address = [8,9,10,11]},
+    { name = "d", byte_order = "GHEFCDAB", data_type = "FIXED", scale=0.01, address = [12,13,14,15]},
+    { name = "e", byte_order = "ABCDEFGH", data_type = "UFIXED", scale=1.0, address = [16,17,18,19]},
+    { name = "f", byte_order = "ABCD", data_type = "FIXED", scale=1.0, address = [20,21,22]},
+  ]
+[[inputs.modbus]]
+  name = "n"
+  controller = "tcp://localhost:503"
+  configuration_type = "request"
+  [[inputs.modbus.request]]
+    byte_order = "CDAB"
+    fields = [ { address=0, name="g", type="FLOAT64" }, { address=4, name="h", type="UINT64" } ]
+)",
+                            import_telegraf);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["tags"], json::parse(R"([
+    {"name":"a","address":"hr:0","type":"int64","word_order":"ABCD","scale":0.1,"group":"every_10000_ms"},
+    {"name":"b","address":"hr:4","type":"uint64","word_order":"DCBA","group":"every_10000_ms"},
+    {"name":"c","address":"hr:8","type":"float64","word_order":"BADC","group":"every_10000_ms"},
+    {"name":"d","address":"hr:12","type":"int64","word_order":"CDAB","scale":0.01,"group":"every_10000_ms"},
+    {"name":"e","address":"hr:16","type":"uint64","word_order":"ABCD","group":"every_10000_ms"}])"));
+  EXPECT_EQ(made.config["devices"][1]["tags"], json::parse(R"([
+    {"name":"g","address":"hr:0","type":"float64","word_order":"CDAB","group":"every_10000_ms"},
+    {"name":"h","address":"hr:4","type":"uint64","word_order":"CDAB","group":"every_10000_ms"}])"));
+  EXPECT_EQ(notes_with(made, {"left out: f: a config has no type \"FIXED\""}), 1)
+      << all_of(made.notes);
 }
 
 TEST(Telegraf, StyleOfRequests) {

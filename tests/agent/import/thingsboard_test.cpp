@@ -21,7 +21,7 @@ TEST(Thingsboard, ASlaveOverTcp) {
       {"tag": "relay", "type": "bits", "address": 1, "objectsCount": 1, "functionCode": 1},
       {"tag": "name", "type": "string", "address": 30, "objectsCount": 4, "functionCode": 3},
       {"tag": "words", "type": "16uint", "address": 40, "objectsCount": 3, "functionCode": 3},
-      {"tag": "big", "type": "64int", "address": 50, "objectsCount": 4, "functionCode": 3}],
+      {"tag": "byte", "type": "8int", "address": 50, "objectsCount": 1, "functionCode": 3}],
     "attributeUpdates": [{"tag": "relay", "type": "bits", "address": 1, "objectsCount": 1, "functionCode": 5}],
     "rpc": [{"tag": "reset", "type": "bits", "address": 9, "objectsCount": 1, "functionCode": 5}]}]},
     "slave": {"type": "tcp"}})",
@@ -39,9 +39,31 @@ TEST(Thingsboard, ASlaveOverTcp) {
     {"name":"name","address":"hr:30","type":"string","length":8,"word_order":"high_first","group":"every_1000_ms"},
     {"name":"words","address":"hr:40","type":"uint16","group":"every_1000_ms"}
   ])"));
-  EXPECT_EQ(notes_with(made, {"left out: big", "64int"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"left out: byte", "8int"}), 1) << all_of(made.notes);
   EXPECT_EQ(notes_with(made, {"left out: reset of rpc belongs to nothing that is read"}), 1);
   EXPECT_EQ(notes_with(made, {"left out: \"slave\""}), 1);
+}
+
+TEST(Thingsboard, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
+  const Made made = made_of(R"({"master": {"slaves": [{
+    "host": "127.0.0.1", "port": 502, "type": "tcp", "unitId": 3, "deviceName": "d",
+    "byteOrder": "BIG", "wordOrder": "BIG", "pollPeriod": 1000,
+    "timeseries": [
+      {"tag": "a", "type": "64int", "address": 0, "objectsCount": 4, "functionCode": 3},
+      {"tag": "b", "type": "64uint", "address": 4, "objectsCount": 4, "functionCode": 3, "divider": 1000},
+      {"tag": "c", "type": "64float", "address": 8, "objectsCount": 4, "functionCode": 4, "wordOrder": "LITTLE"},
+      {"tag": "d", "type": "double", "address": 12, "objectsCount": 4, "functionCode": 4},
+      {"tag": "e", "type": "long", "address": 16, "objectsCount": 4, "functionCode": 4}]}]}})",
+                            import_thingsboard);
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_FALSE(made.config["devices"][0].contains("byte_order")) << "ABCD is the default";
+  EXPECT_EQ(made.config["devices"][0]["tags"], json::parse(R"([
+    {"name":"a","address":"hr:0","type":"int64","group":"every_1000_ms"},
+    {"name":"b","address":"hr:4","type":"uint64","scale":0.001,"group":"every_1000_ms"},
+    {"name":"c","address":"ir:8","type":"float64","word_order":"CDAB","group":"every_1000_ms"},
+    {"name":"d","address":"ir:12","type":"float64","group":"every_1000_ms"},
+    {"name":"e","address":"ir:16","type":"int64","group":"every_1000_ms"}])"));
+  EXPECT_EQ(made.notes.size(), 0U) << all_of(made.notes);
 }
 
 TEST(Thingsboard, NoSettingIsDroppedInSilence) {
@@ -119,14 +141,14 @@ TEST(Thingsboard, AWidthOfItsOwnIsOneValue) {
   const Made made = series(R"(
     {"tag": "a", "type": "16int", "functionCode": 3, "objectsCount": 2, "address": 0},
     {"tag": "b", "type": "32int", "functionCode": 3, "objectsCount": 4, "address": 2},
-    {"tag": "c", "type": "float", "functionCode": 3, "objectsCount": 4, "address": 6},
+    {"tag": "c", "type": "float", "functionCode": 3, "objectsCount": 3, "address": 6},
     {"tag": "d", "type": "float", "functionCode": 3, "objectsCount": 2, "address": 10},
     {"tag": "e", "type": "16int", "functionCode": 3, "address": 12})");
   ASSERT_EQ(made.config["devices"][0]["tags"].size(), 4U) << all_of(made.notes);
   for (const json& tag : made.config["devices"][0]["tags"]) EXPECT_FALSE(tag.contains("count"));
   EXPECT_EQ(notes_with(made, {"a: ", "one value"}), 1) << all_of(made.notes);
   EXPECT_EQ(notes_with(made, {"b: ", "one value"}), 1) << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"left out: c", "float", "4 registers"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"left out: c", "float", "3 registers"}), 1) << all_of(made.notes);
   EXPECT_EQ(made.notes.size(), 3U) << all_of(made.notes);
 }
 

@@ -85,23 +85,22 @@ TEST_F(PortAccess, WhatAProgramWasCalledWithIsFoundUnderAnyName) {
   EXPECT_FALSE(is_called_with(other.pid(), (directory() / "none").string()));
 }
 
-TEST_F(PortAccess, AProcessIsFoundByItsNameAndWhatItWasCalledWith) {
+TEST_F(PortAccess, AProcessIsFoundByItsNameAndNamesItsFiles) {
   std::ifstream arguments("/proc/self/cmdline", std::ios::binary);
   std::string word;
   std::getline(arguments, word, '\0');
   // A name of its own, which the other program inherits; tests of this program may run in parallel.
   const std::string name = "t" + std::to_string(::getpid());
   ASSERT_EQ(::prctl(PR_SET_NAME, name.c_str()), 0);
-  const std::string called_with = "/proc/self/exe";
-  EXPECT_FALSE(process_called_with(name, word, called_with)) << "this process does not count";
+  EXPECT_TRUE(processes_called(name, word).empty()) << "this process does not count";
   const OtherProgram other(port);
-  const auto found = process_called_with(name, word, called_with);
-  ASSERT_TRUE(found);
-  EXPECT_EQ(found->pid, other.pid());
-  EXPECT_EQ(found->program, name);
-  EXPECT_FALSE(process_called_with("fxagent", word, called_with)) << "another program";
-  EXPECT_FALSE(process_called_with(name, "run", called_with)) << "an argument that it has not";
-  EXPECT_FALSE(process_called_with(name, word, port)) << "a file that is none of its arguments";
+  const auto found = processes_called(name, word);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].pid, other.pid());
+  ASSERT_FALSE(found[0].files.empty()) << "its first argument is the test program";
+  EXPECT_TRUE(std::filesystem::equivalent(found[0].files[0], "/proc/self/exe"));
+  EXPECT_TRUE(processes_called("fxagent", word).empty()) << "another program";
+  EXPECT_TRUE(processes_called(name, "run").empty()) << "an argument that it has not";
 }
 
 TEST_F(PortAccess, WhoHasLockedItIsFoundByTheLock) {

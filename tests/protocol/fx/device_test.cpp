@@ -97,6 +97,21 @@ TEST(Device, NonsenseIsRefusedWithTheFormsThatExist) {
     EXPECT_NE(refusal(text).find("X, Y, M or S"), std::string::npos) << text;
 }
 
+TEST(Device, ARefusalQuotesTheNameAsItWasWritten) {
+  EXPECT_TRUE(refusal("dd1").starts_with("'dd1' is not an FX device")) << refusal("dd1");
+  EXPECT_EQ(refusal("x8"), "x8 does not exist: X is numbered in octal, after X7 comes X10");
+  EXPECT_EQ(refusal("d"), "'d' has no device number");
+  EXPECT_EQ(refusal("k4d0"), "k4d0: a group is made of X, Y, M or S");
+  EXPECT_TRUE(refusal("k9m0").starts_with("k9m0: ")) << refusal("k9m0");
+  EXPECT_TRUE(refusal("d1234567").starts_with("d1234567: ")) << refusal("d1234567");
+  EXPECT_TRUE(refusal("d100.g").starts_with("'d100.g' ")) << refusal("d100.g");
+  for (const char* text : {"m100-k4m0", "t0-t5", "m0-d5", "m9-m0"}) {
+    const auto range = parse_range(Model::fx3u, text);
+    ASSERT_FALSE(range) << text;
+    EXPECT_TRUE(range.error().text.starts_with(text)) << range.error().text;
+  }
+}
+
 TEST(Device, EachModelHasItsLastDeviceAndNotTheNext) {
   struct Case {
     Model model;

@@ -174,6 +174,24 @@ TEST(McDevice, NonsenseIsRefusedWithTheFormsThatExist) {
     expect_says(refusal(Model::fx5u, text), "a group is made of");
 }
 
+TEST(McDevice, ARefusalQuotesTheNameAsItWasWritten) {
+  const std::pair<const char*, std::string_view> cases[] = {
+      {"q5", "'q5' is not a device of the MC protocol"},
+      {"k9m0", "k9m0: "},
+      {"d1.g", "'d1.g': "},
+      {"k4d0", "k4d0: "},
+      {"x8", "x8 does not exist: X of FX5U is numbered in octal"}};
+  for (const auto& [text, beginning] : cases) {
+    const std::string said = refusal(Model::fx5u, text);
+    EXPECT_TRUE(said.starts_with(beginning)) << said;
+  }
+  for (const char* text : {"m100-k4m0", "t0-t5", "m0-d5", "m9-m0"}) {
+    const auto range = parse_range(Model::fx5u, text);
+    ASSERT_FALSE(range) << text;
+    EXPECT_TRUE(range.error().text.starts_with(text)) << range.error().text;
+  }
+}
+
 TEST(McDevice, TheNameBeyondTheLastIsRefused) {
   struct Case {
     Model model;
