@@ -19,10 +19,10 @@
 #include "agent/metrics/metrics_server.h"
 #include "agent/outbox.h"
 #include "agent/process/file_limit.h"
+#include "agent/process/heartbeats.h"
 #include "agent/process/service_manager.h"
 #include "agent/process/service_reports.h"
-#include "agent/process/signs_of_life.h"
-#include "agent/process/thread_turns.h"
+#include "agent/process/thread_progress.h"
 #include "agent/reload.h"
 #include "agent/store/first_numbers.h"
 #include "agent/store/guarded_store.h"
@@ -65,7 +65,7 @@ int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
 /// Counts a step of the uplink as a sign of life only while the threads of the MQTT library
 /// advance. Without them the agent neither sends nor receives, and only a new process gets new
 /// threads.
-void go_on(ThreadTurns& library, SignsOfLife& signs) {
+void report_alive(ThreadProgress& library, Heartbeats& signs) {
   const bool was_well = library.stands_still().empty();
   library.look(std::chrono::steady_clock::now(), paho_looks_up_host());
   const std::string& stuck = library.stands_still();
@@ -133,15 +133,15 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   field.switch_traces_at(SIGUSR1);
   remote.begin();
   field.start();
-  SignsOfLife signs;
+  Heartbeats signs;
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher);
   std::jthread uplink([&](std::stop_token stop) {
-    ThreadTurns library("MQTTAsync_");
-    run_uplink(publisher, outbox, stop, [&] { go_on(library, signs); });
+    ThreadProgress library("MQTTAsync_");
+    run_uplink(publisher, outbox, stop, [&] { report_alive(library, signs); });
   });
   auto metrics = served_at ? std::make_unique<MetricsServer>(*served_at, publisher.board())
                            : std::unique_ptr<MetricsServer>();
-  service_manager::tell_ready();
+  service_manager::notify_ready();
 
   const auto ask = [&] {
     field.ask([&signs] { signs.field_went_on(); });
@@ -151,8 +151,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
                          std::chrono::steady_clock::now());
   const int signal = wait_for_stop(watchdog, reports);
   watchdog.stage("the log: nobody reads it");
-  service_manager::tell_stopping();
-  service_manager::tell_status("stopping");
+  service_manager::notify_stopping();
+  service_manager::notify_status("stopping");
   log::info("agent", {{"state", "stopping"}, {"signal", std::to_string(signal)}});
   reload.stop();
   watchdog.stage("metrics");
@@ -167,7 +167,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   reload.wait_for_end(kReloadEnds);
   watchdog.stage("the log: nobody reads it");
   log::info("agent", {{"state", "stopped"}});
-  service_manager::tell_status("stopped");
+  service_manager::notify_status("stopped");
   // A name lookup, a driver or the MQTT library may take time to let go.
   watchdog.nothing_left_to_lose();
 }

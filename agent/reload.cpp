@@ -182,7 +182,7 @@ void Reload::look_at_news() {
 // ---- the local file -----------------------------------------------------------------------------
 
 void Reload::reload() {
-  service_manager::tell_reloading();
+  service_manager::notify_reloading();
   log::info("config", {{"state", "reading"}, {"file", path_}});
   std::optional<Next> next;
   try {
@@ -209,7 +209,7 @@ void Reload::reload() {
     }
   }
   malloc_trim(0);  // returns the memory that a large file took
-  if (!stopping_) service_manager::tell_ready();
+  if (!stopping_) service_manager::notify_ready();
 }
 
 std::optional<Reload::Next> Reload::wanted() {
@@ -305,7 +305,7 @@ void Reload::say(const std::string& state, const ConfigErrors& errors) {
     reload.errors.push_back(to_string(errors[i], path_));
   const std::string more =
       errors.size() > 1 ? " (and " + std::to_string(errors.size() - 1) + " more)" : "";
-  service_manager::tell_status(
+  service_manager::notify_status(
       errors.empty() ? "reload: config " + state + ", " + status_.hash
                      : "reload rejected, nothing changed: " + reload.errors.front() + more);
   status_.last_reload = std::move(reload);

@@ -200,8 +200,8 @@ void add_device(std::vector<std::string>& to_do, const Config& config,
   const OnlineDevice& device = findings.devices[index];
   const DeviceConfig& configured = config.devices[index];
   const auto add = [&](const std::string& text) { to_do.push_back(configured.name + ": " + text); };
-  const bool is_told_by_link = findings.links[configured.link].state == LinkState::down;
-  if (device.state == DeviceState::silent && !is_told_by_link)
+  const bool is_link_down = findings.links[configured.link].state == LinkState::down;
+  if (device.state == DeviceState::silent && !is_link_down)
     add(device.text.empty() ? device.reason : device.text);
   if (device.state != DeviceState::answers) return;
   if (!device.model_configured.empty())

@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/commands/command_room.h"
 #include "agent/commands/id_memory.h"
 #include "agent/commands/journal.h"
+#include "agent/commands/pending_budget.h"
 #include "agent/config/config.h"
 #include "agent/messages.h"
 #include "protocol/codec.h"
@@ -32,7 +32,7 @@ class CommandAdmission final {
   /// and not here. `room` is shared with the admission of the other devices and with pending
   /// commands.
   explicit CommandAdmission(const DeviceConfig& device, Journaling journaling = Journaling::off,
-                            std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>())
+                            std::shared_ptr<PendingBudget> room = std::make_shared<PendingBudget>())
       : device_(&device),
         journaling_(journaling),
         room_(std::move(room)),
@@ -99,7 +99,7 @@ class CommandAdmission final {
 
   const DeviceConfig* device_;  ///< never null
   const Journaling journaling_;
-  const std::shared_ptr<CommandRoom> room_;
+  const std::shared_ptr<PendingBudget> room_;
   IdMemory ids_;
   bool closed_ = false;
   std::string why_closed_;

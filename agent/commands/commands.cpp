@@ -186,10 +186,10 @@ void Commands::journal_later(const AdmittedCommand& admitted, std::optional<audi
 
 void Commands::hand_over(std::int64_t utc_ms) {
   if (admitted_.empty()) return;
-  failpoint("order_admitted");
+  failpoint("command_admitted");
   // A disk that refuses does not stop the plant. The store's state reports it.
   if (journal_ != nullptr) journal_->journal(std::exchange(to_journal_, {}));
-  failpoint("order_journaled");
+  failpoint("command_journaled");
   const bool hangs = journal_ != nullptr && journal_->hangs();
   for (AdmittedCommand& admitted : std::exchange(admitted_, {})) {
     const Command& command = admitted.command;

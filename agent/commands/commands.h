@@ -110,14 +110,14 @@ class Commands final {
 
  private:
   struct Device {
-    Device(const DeviceConfig& config, Journaling journaling, std::shared_ptr<CommandRoom> room)
+    Device(const DeviceConfig& config, Journaling journaling, std::shared_ptr<PendingBudget> room)
         : name(config.name), admission(config, journaling, std::move(room)), codec(config.codec) {}
 
     const std::string name;
     CommandAdmission admission;
     std::shared_ptr<const Codec> codec;
     /// Commands without a result, by id, each with its share of the room.
-    std::unordered_map<std::string, std::shared_ptr<const CommandRoom::Place>> pending;
+    std::unordered_map<std::string, std::shared_ptr<const PendingBudget::Place>> pending;
 
     /// One of the pending commands may be in progress; the others wait.
     std::size_t waiting() const { return pending.empty() ? 0 : pending.size() - 1; }
@@ -144,7 +144,7 @@ class Commands final {
   const Config& config_;
   const Submit submit_;
   CommandJournal* const journal_;
-  const std::shared_ptr<CommandRoom> room_ = std::make_shared<CommandRoom>();
+  const std::shared_ptr<PendingBudget> room_ = std::make_shared<PendingBudget>();
   std::vector<std::unique_ptr<Device>> devices_;  ///< by index in Config::devices; null: vacant
   std::unordered_map<std::string_view, std::uint32_t> index_;  ///< index in devices_, by name
   /// Devices that are no longer in the config, by name. Their ids stay known as long as the

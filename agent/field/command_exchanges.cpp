@@ -5,8 +5,8 @@
 
 #include "agent/failpoint.h"
 #include "agent/field/command_line_time.h"
-#include "agent/field/foreign_bytes.h"
 #include "agent/field/stream_io.h"
+#include "agent/field/unexpected_bytes.h"
 #include "agent/line_time.h"
 #include "protocol/plan.h"
 
@@ -104,7 +104,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   add_hint(exchange);
   if (!exchange.heard.empty()) {
     const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.heard);
-    if (guess.cause != ForeignBytes::Cause::unknown)
+    if (guess.cause != UnexpectedBytes::Cause::unknown)
       exchange.error += "; it looks like " + guess.text;
   }
   if (exchange.sent) {

@@ -50,10 +50,10 @@ void report_end(const std::exception_ptr& bug, const std::string& link) {
 
 }  // namespace
 
-class Field::Room final {
+class FieldThread final {
  public:
-  Room(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
-       Polling polling)
+  FieldThread(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
+              Polling polling)
       : config_(std::make_shared<const Config>(config)),
         outbox_(outbox),
         polling_(polling),
@@ -387,26 +387,26 @@ class Field::Room final {
 
 Field::Field(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
              Polling polling)
-    : room_(std::make_unique<Room>(config, outbox, last_seq, polling)) {}
+    : thread_(std::make_unique<FieldThread>(config, outbox, last_seq, polling)) {}
 
 Field::~Field() { stop(); }
-void Field::trace(const std::vector<std::uint32_t>& links) { room_->trace(links); }
-void Field::switch_traces_at(int signal) { room_->switch_traces_at(signal); }
-void Field::start() { room_->start(); }
+void Field::trace(const std::vector<std::uint32_t>& links) { thread_->trace(links); }
+void Field::switch_traces_at(int signal) { thread_->switch_traces_at(signal); }
+void Field::start() { thread_->start(); }
 void Field::number_above(std::vector<std::uint64_t> last_seq) {
-  room_->number_above(std::move(last_seq));
+  thread_->number_above(std::move(last_seq));
 }
-void Field::submit(AdmittedCommand admitted) { room_->submit(std::move(admitted)); }
-void Field::report() { room_->report_soon(); }
+void Field::submit(AdmittedCommand admitted) { thread_->submit(std::move(admitted)); }
+void Field::report() { thread_->report_soon(); }
 void Field::end(std::shared_ptr<const ConfigChange> change, Done done) {
-  room_->end(std::move(change), std::move(done));
+  thread_->end(std::move(change), std::move(done));
 }
 void Field::begin(std::shared_ptr<const ConfigChange> change, std::vector<std::uint64_t> last_seq,
                   Done done) {
-  room_->begin(std::move(change), std::move(last_seq), std::move(done));
+  thread_->begin(std::move(change), std::move(last_seq), std::move(done));
 }
-void Field::ask(std::function<void()> answer) { room_->ask(std::move(answer)); }
-void Field::stop() { room_->stop(); }
-std::string Field::unfinished() const { return room_->unfinished(); }
+void Field::ask(std::function<void()> answer) { thread_->ask(std::move(answer)); }
+void Field::stop() { thread_->stop(); }
+std::string Field::unfinished() const { return thread_->unfinished(); }
 
 }  // namespace fxagent

@@ -18,6 +18,8 @@ namespace fxagent {
 /// `off`: devices only answer commands, as the command line needs it.
 enum class Polling : std::uint8_t { on, off };
 
+class FieldThread;
+
 class Field final {
  public:
   using Done = std::function<void()>;
@@ -65,8 +67,7 @@ class Field final {
   std::string unfinished() const;
 
  private:
-  class Room;
-  std::unique_ptr<Room> room_;
+  std::unique_ptr<FieldThread> thread_;
 };
 
 }  // namespace fxagent

@@ -236,7 +236,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   Sharing sharing(*this, running);
   CommandExecution execution(executor_, bus_, station, device.config, admitted, &sharing);
   CommandResult result = co_await execution.run();
-  failpoint("order_answered");
+  failpoint("command_answered");
   // RUN and STOP may be a force, too. No older value of M8037 is reported after it was sent.
   if (const auto* force =
           admitted.run_request ? std::get_if<Force>(&*admitted.run_request) : nullptr;

@@ -13,12 +13,12 @@
 #include "agent/config/config.h"
 #include "agent/field/bus.h"
 #include "agent/field/device_state.h"
-#include "agent/field/foreign_bytes.h"
 #include "agent/field/hole_map.h"
 #include "agent/field/measured_turnaround.h"
 #include "agent/field/percentile_window.h"
 #include "agent/field/poll_cycle.h"
 #include "agent/field/poll_scheduler.h"
+#include "agent/field/unexpected_bytes.h"
 #include "agent/messages.h"
 
 namespace fxagent {
@@ -84,13 +84,13 @@ struct LinkDevice {
   PercentileWindow late_ms;
   std::uint64_t collected = 0;
   std::uint64_t suppressed = 0;
-  /// Next time to examine foreign bytes; the causes logged since `foreign_told_since`.
-  SteadyTime foreign_bytes_from{};
-  SteadyTime foreign_told_since{};
-  std::bitset<ForeignBytes::kCauses> foreign_told;
+  /// Next time to examine foreign bytes; the causes logged since `causes_logged_since`.
+  SteadyTime unexpected_bytes_from{};
+  SteadyTime causes_logged_since{};
+  std::bitset<UnexpectedBytes::kCauses> logged_causes;
   bool asked_in_vain = false;  ///< the last exchange had no answer
   std::string gateway_says;    ///< last reason of a gateway that answered in its place; empty: none
-  std::vector<std::string> refusals_told;  ///< reasons logged since it was online
+  std::vector<std::string> logged_refusals;  ///< reasons logged since it was online
   DeviceState state;
 
   HoleMap& found_holes() {

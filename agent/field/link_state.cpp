@@ -27,8 +27,8 @@ constexpr int kDeadPeerAfter = 3;
 constexpr std::chrono::seconds kDoubtLoggedEvery{60};
 
 // Foreign bytes are examined at most this often, and each cause is logged again after this long.
-constexpr std::chrono::seconds kForeignBytesEvery{10};
-constexpr std::chrono::hours kForeignBytesToldEvery{24};
+constexpr std::chrono::seconds kUnexpectedBytesEvery{10};
+constexpr std::chrono::hours kUnexpectedBytesLoggedEvery{24};
 
 // A device that comes and goes has its groups read at once at most this often. If it is silent to
 // some reads and answers others, it would otherwise keep the line from all others.
@@ -85,7 +85,7 @@ void LinkState::opened() {
   // has answered.
   if (!bus_.never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
-  if (!is_vain_) tell_up();
+  if (!is_vain_) log_up_once();
   SteadyTime from = Clock::now();
   for (const auto& device : devices_) {
     if (was_down_) from = read_at_once(*device, from);
@@ -93,8 +93,8 @@ void LinkState::opened() {
   }
 }
 
-void LinkState::tell_up() {
-  is_told_up_ = true;
+void LinkState::log_up_once() {
+  logged_up_ = true;
   log::info("link", {{"link", config_.name}, {"state", "up"}});
 }
 
@@ -155,7 +155,7 @@ void LinkState::lost(const std::string& why) {
 }
 
 void LinkState::go_down(std::string why, std::string_view note) {
-  if (is_told_up_ || why != why_down_) {
+  if (logged_up_ || why != why_down_) {
     if (note.empty())
       log::warn("link", {{"link", config_.name}, {"state", "down"}, {"reason", why}});
     else
@@ -166,7 +166,7 @@ void LinkState::go_down(std::string why, std::string_view note) {
   }
   is_vain_ =
       !is_serial(config_) && (was_refused_ || (was_open_ && !bus_.was_answered() && is_asked()));
-  is_told_up_ = was_open_ = false;
+  logged_up_ = was_open_ = false;
   was_down_ = true;
   why_down_text_ = note.empty() ? why : why + ": " + std::string(note);
   why_down_ = std::move(why);
@@ -195,9 +195,9 @@ void LinkState::look() {
 std::string LinkState::what_nobody_asked_for() const {
   if (devices_.empty()) return {};
   const LinkDevice& device = *devices_.front();
-  const ForeignBytes guess =
+  const UnexpectedBytes guess =
       looks_like(device.config, *device.codec, ByteView(), bus_.last_unexpected());
-  return guess.cause == ForeignBytes::Cause::unknown ? "" : "; they look like " + guess.text;
+  return guess.cause == UnexpectedBytes::Cause::unknown ? "" : "; they look like " + guess.text;
 }
 
 void LinkState::log_doubt() {
@@ -228,17 +228,17 @@ void LinkState::log_doubt() {
 
 void LinkState::heard_foreign(LinkDevice& device, const Exchange& exchange) {
   const auto now = Clock::now();
-  if (exchange.heard.empty() || now < device.foreign_bytes_from) return;
-  device.foreign_bytes_from = now + kForeignBytesEvery;
-  if (now - device.foreign_told_since >= kForeignBytesToldEvery) {
-    device.foreign_told.reset();
-    device.foreign_told_since = now;
+  if (exchange.heard.empty() || now < device.unexpected_bytes_from) return;
+  device.unexpected_bytes_from = now + kUnexpectedBytesEvery;
+  if (now - device.causes_logged_since >= kUnexpectedBytesLoggedEvery) {
+    device.logged_causes.reset();
+    device.causes_logged_since = now;
   }
-  const ForeignBytes guess =
+  const UnexpectedBytes guess =
       looks_like(device.config, *device.codec, exchange.asked, exchange.heard);
   const auto cause = static_cast<std::size_t>(guess.cause);
-  if (device.foreign_told.test(cause)) return;
-  device.foreign_told.set(cause);
+  if (device.logged_causes.test(cause)) return;
+  device.logged_causes.set(cause);
   log::warn("device", {{"device", device.config.name},
                        {"heard", first_bytes(exchange.heard)},
                        {"reason", exchange.error},
@@ -247,7 +247,7 @@ void LinkState::heard_foreign(LinkDevice& device, const Exchange& exchange) {
 
 void LinkState::answered(LinkDevice& device) {
   unanswered_in_a_row_ = 0;
-  if (std::exchange(is_vain_, false) && was_open_) tell_up();
+  if (std::exchange(is_vain_, false) && was_open_) log_up_once();
   if (!bus_.never_silent()) reconnect_policy_.opened();
   device.state.answered();
   device.asked_in_vain = false;

@@ -73,7 +73,7 @@ class LinkState final {
   std::string_view checklist_of_closed() const;
   bool is_silent(const LinkDevice& device) const;
   std::string why_silent(const LinkDevice& device) const;
-  void tell_up();
+  void log_up_once();
   void go_down(std::string why, std::string_view note);
   void log_doubt();
   /// Returns what the last unexpected bytes look like; empty: unknown.
@@ -97,7 +97,7 @@ class LinkState final {
   bool was_down_ = false;  ///< was lost or failed to open
   /// The log reports the link as up. After a session without an answer, the next one is up at its
   /// first answer.
-  bool is_told_up_ = false;
+  bool logged_up_ = false;
   bool is_vain_ = false;      ///< the previous session had no answer
   bool was_refused_ = false;  ///< and its peer ended it
   bool echo_logged_ = false;

@@ -234,7 +234,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   if (exchange.is_nak()) {
     const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
     if (meaning == RefusalMeaning::unreachable) {
-      tell_refusal(device, exchange.reply.text);
+      log_refusal_once(device, exchange.reply.text);
       state_.unreachable(device, exchange.reply.text);
       fail_cycle(device, group, BadReason::timeout);
       return;
@@ -243,7 +243,7 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     if (meaning == RefusalMeaning::final && gather != nullptr)
       return give_up_command(device, gather->parts.front().gather, exchange.reply.text);
     if (meaning == RefusalMeaning::final || meaning == RefusalMeaning::unclear)
-      tell_refusal(device, exchange.reply.text);
+      log_refusal_once(device, exchange.reply.text);
     is_hole = meaning == RefusalMeaning::hole;
     repeatable = take_refusal(device, group, step, asked, exchange, meaning);
   }
@@ -296,8 +296,8 @@ bool Poller::read_by_other_ways(LinkDevice& device, GroupPoll& group,
   return true;
 }
 
-void Poller::tell_refusal(LinkDevice& device, const std::string& reason) {
-  auto& told = device.refusals_told;
+void Poller::log_refusal_once(LinkDevice& device, const std::string& reason) {
+  auto& told = device.logged_refusals;
   if (told.size() >= kMostTold || std::find(told.begin(), told.end(), reason) != told.end()) return;
   told.push_back(reason);
   log::warn("device",
@@ -413,7 +413,7 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   else
     ++device.suppressed;
   state_.update(device);
-  if (device.state.reported().state == DeviceStatus::State::online) device.refusals_told.clear();
+  if (device.state.reported().state == DeviceStatus::State::online) device.logged_refusals.clear();
 }
 
 void Poller::publish(LinkDevice& device, Telemetry message) {
@@ -459,7 +459,7 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
         exchange.is_nak() && device.codec->meaning_of(question, exchange.reply.device_code) ==
                                  RefusalMeaning::unreachable;
     if (by_gateway) {
-      tell_refusal(device, exchange.reply.text);
+      log_refusal_once(device, exchange.reply.text);
       state_.unreachable(device, exchange.reply.text);
     }
     is_answered = exchange.has_answer() && !by_gateway;
@@ -498,11 +498,11 @@ asio::awaitable<void> Poller::compare_model(LinkDevice& device, PollScheduler::P
   }
   // A device that lacks only this question stays online: its silence does not count here.
   const bool is_final = exchange.is_nak() && is_lack(*device.codec, question, exchange);
-  const bool is_told = !exchange.doubted && (exchange.is_data() || is_final);
-  if (is_told) device.model_images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
-  if (is_told && !scheduler_.step_done(step)) co_return;
+  const bool is_answer = !exchange.doubted && (exchange.is_data() || is_final);
+  if (is_answer) device.model_images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
+  if (is_answer && !scheduler_.step_done(step)) co_return;
   end_cycle();
-  const auto model = is_told ? plc.model_from(device.model_images) : std::nullopt;
+  const auto model = is_answer ? plc.model_from(device.model_images) : std::nullopt;
   device.state.compare_model(model);
   if (model && *model != model_of(*device.codec))
     log::warn("device", {{"device", device.config.name},
@@ -546,7 +546,7 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
     if (exchange.is_nak()) {
       const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
       if (meaning == RefusalMeaning::unreachable) {
-        tell_refusal(device, exchange.reply.text);
+        log_refusal_once(device, exchange.reply.text);
         state_.unreachable(device, exchange.reply.text);
         co_return Knowledge::unanswered;
       }

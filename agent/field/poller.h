@@ -95,7 +95,7 @@ class Poller final {
   void end_step(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
   /// Logs why the device or its gateway refuses requests, each reason once until the device is
   /// online.
-  void tell_refusal(LinkDevice& device, const std::string& reason);
+  void log_refusal_once(LinkDevice& device, const std::string& reason);
   void take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
                  const Exchange& exchange);
   /// Records that the device lacks a command for several places. All its groups get plans without

@@ -214,8 +214,8 @@ class NeuronReader {
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
   std::string port_of(const Driver& driver, std::string_view protocol);
   JsonObject serial_of(const Driver& driver, std::string_view protocol);
-  void tell_of_others(const ConfigNode& node, const std::string& what,
-                      std::initializer_list<std::string_view> known);
+  void list_unread_keys(const ConfigNode& node, const std::string& what,
+                        std::initializer_list<std::string_view> known);
   void read_params(const Driver& driver);
   void read_driver(const Driver& driver);
   ImportedDevice& device_of(const Driver& driver, std::string_view protocol, std::int64_t unit);
@@ -238,8 +238,8 @@ class NeuronReader {
 };
 
 /// Notes the keys of `node` that are not in `known`. `what` names the node.
-void NeuronReader::tell_of_others(const ConfigNode& node, const std::string& what,
-                                  std::initializer_list<std::string_view> known) {
+void NeuronReader::list_unread_keys(const ConfigNode& node, const std::string& what,
+                                    std::initializer_list<std::string_view> known) {
   if (const std::string keys = other_keys(node, known); !keys.empty())
     out_.note(line_of(node), "not carried over: " + keys + " of " + what);
 }
@@ -376,9 +376,9 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   if (const std::string_view unit = text_at(node, "unit"); !unit.empty())
     tag.keys.literal("unit", unit);
   const bool is_rounded = number_at(node, "precision").value_or(0) != 0;
-  tell_of_others(node, std::string(name),
-                 {"name", "address", "type", "attribute", "decimal", "bias", "description", "unit",
-                  is_rounded ? "" : "precision"});
+  list_unread_keys(node, std::string(name),
+                   {"name", "address", "type", "attribute", "decimal", "bias", "description",
+                    "unit", is_rounded ? "" : "precision"});
   describe(tag, text_at(node, "description"));
   tag.keys.text("group", known->second);
   tag.is_changed = out_.notes.size() > before;
@@ -416,15 +416,15 @@ void NeuronReader::read_driver(const Driver& driver) {
   order_ = order_64_ = {};
   if (driver.params != nullptr && protocol.starts_with("modbus")) read_params(driver);
   const std::string what = "the node " + std::string(driver.name);
-  tell_of_others(*driver.node, what,
-                 {"name", "plugin", "params", "groups", "nodes", "tags", "settings"});
+  list_unread_keys(*driver.node, what,
+                   {"name", "plugin", "params", "groups", "nodes", "tags", "settings"});
   if (driver.params != nullptr)
-    tell_of_others(*driver.params, what,
-                   {"link", "device", "host", "port", "connection_mode", "baud", "data", "parity",
-                    "stop", "timeout", "interval", "endianess", "endianess_64", "address_base"});
+    list_unread_keys(*driver.params, what,
+                     {"link", "device", "host", "port", "connection_mode", "baud", "data", "parity",
+                      "stop", "timeout", "interval", "endianess", "endianess_64", "address_base"});
   for (const Driver::Group& group : driver.groups)
-    tell_of_others(*group.node, "the group " + std::string(group.name),
-                   {"driver", "group", "name", "interval", "tags"});
+    list_unread_keys(*group.node, "the group " + std::string(group.name),
+                     {"driver", "group", "name", "interval", "tags"});
   for (const Driver::Group& group : driver.groups)
     for (const ConfigNode* tag : group.tags) read_tag(driver, group, *tag, protocol);
 }

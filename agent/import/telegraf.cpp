@@ -119,14 +119,14 @@ class TelegrafReader {
     bool is_register_style = false;
   };
 
-  void tell_of_others(const toml::table& table, const std::string& what,
-                      std::initializer_list<std::string_view> known);
+  void list_unread_keys(const toml::table& table, const std::string& what,
+                        std::initializer_list<std::string_view> known);
   void read_plugin(const toml::table& plugin, std::int64_t interval);
   std::string link_of(const toml::table& plugin, std::string& protocol);
   ImportedDevice& device_of(std::int64_t unit, int line);
   void read_fields(const toml::table& owner, std::string_view key, std::int64_t unit, Field field);
   void read_field(const toml::table& node, std::int64_t unit, Field field);
-  void tell_of_measurements();
+  void log_measurements();
 
   const ImportOptions& options_;
   Imported out_;
@@ -150,8 +150,8 @@ class TelegrafReader {
 };
 
 /// Notes the keys of `table` that are not in `known`. `what` names the table.
-void TelegrafReader::tell_of_others(const toml::table& table, const std::string& what,
-                                    std::initializer_list<std::string_view> known) {
+void TelegrafReader::list_unread_keys(const toml::table& table, const std::string& what,
+                                      std::initializer_list<std::string_view> known) {
   std::string keys;
   for (const auto& [key, value] : table)
     if (std::ranges::find(known, key.str()) == known.end())
@@ -251,9 +251,9 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
     const auto scale = node["scale"].value<double>();
     if (scale && *scale != 0 && *scale != 1) tag.keys.number("scale", *scale);
   }
-  tell_of_others(node, name,
-                 {"name", "address", "data_type", "type", "byte_order", "scale", "bit",
-                  "measurement", "omit", "register", type == "string" ? "length" : ""});
+  list_unread_keys(node, name,
+                   {"name", "address", "data_type", "type", "byte_order", "scale", "bit",
+                    "measurement", "omit", "register", type == "string" ? "length" : ""});
   tag.is_changed = out_.notes.size() > before;
   if (const std::string_view measurement = text_at(node, "measurement"); !measurement.empty()) {
     Measurement& known = measurements_[std::string(measurement)];
@@ -284,7 +284,7 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
   link_ = link_of(plugin, protocol_);
   timeout_ = milliseconds(text_at(plugin, "timeout"));
   pause_ = milliseconds(text_at(plugin, "pause_between_requests"));
-  tell_of_others(
+  list_unread_keys(
       plugin, "inputs.modbus \"" + name_ + "\"",
       {"name", "controller", "transmission_mode", "baud_rate", "data_bits", "parity", "stop_bits",
        "timeout", "pause_between_requests", "interval", "slave_id", "configuration_type",
@@ -300,8 +300,8 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
     for (const toml::node& item : *requests) {
       const toml::table* request = item.as_table();
       if (request == nullptr) continue;
-      tell_of_others(*request, "the " + std::string(style),
-                     {"slave_id", "byte_order", "register", "fields", "tags"});
+      list_unread_keys(*request, "the " + std::string(style),
+                       {"slave_id", "byte_order", "register", "fields", "tags"});
       const char table = style == "metric" ? kOwnRegister : table_of(text_at(*request, "register"));
       read_fields(*request, "fields", integer_at(*request, "slave_id").value_or(0),
                   {table, text_at(*request, "byte_order"), false});
@@ -311,7 +311,7 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
   }
 }
 
-void TelegrafReader::tell_of_measurements() {
+void TelegrafReader::log_measurements() {
   for (const auto& [name, known] : measurements_)
     out_.note(known.line, "not carried over: the measurement \"" + name + "\" of " +
                               counted(known.fields, "field"));
@@ -323,7 +323,7 @@ Imported TelegrafReader::read(const toml::table& top) {
   const toml::array* plugins = top["inputs"]["modbus"].as_array();
   for (const toml::node& item : *plugins)
     if (const toml::table* plugin = item.as_table()) read_plugin(*plugin, interval);
-  tell_of_measurements();
+  log_measurements();
   if (const toml::table* inputs = top["inputs"].as_table())
     for (const auto& [name, node] : *inputs)
       if (name != "modbus")

@@ -12,7 +12,7 @@
 #include "agent/log/log.h"
 #include "agent/metrics/exposition.h"
 #include "agent/metrics/listening_socket.h"
-#include "agent/metrics/verdict.h"
+#include "agent/metrics/probe.h"
 #include "agent/process/startup.h"
 
 namespace fxagent {
@@ -29,9 +29,9 @@ constexpr unsigned kUnavailable = 503;
 
 constexpr const char* kNote = "the agent runs on without metrics";
 
-HttpAnswer answer_of(Verdict verdict) {
-  return {verdict.good ? kOk : kUnavailable, kJson,
-          std::make_shared<const std::string>(std::move(verdict.json))};
+HttpAnswer answer_of(Probe probe) {
+  return {probe.good ? kOk : kUnavailable, kJson,
+          std::make_shared<const std::string>(std::move(probe.json))};
 }
 
 }  // namespace

@@ -66,18 +66,18 @@ bool is_inside_character(char byte) { return (static_cast<unsigned char>(byte) &
 
 bool is_there() { return !variable("NOTIFY_SOCKET").empty(); }
 
-void tell_ready() { tell("READY=1", Patience::short_); }
+void notify_ready() { tell("READY=1", Patience::short_); }
 
-void tell_reloading() {
+void notify_reloading() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();  // CLOCK_MONOTONIC
   const auto now_us = std::chrono::duration_cast<std::chrono::microseconds>(now).count();
   tell("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(now_us), Patience::short_);
 }
 
-void tell_stopping() { tell("STOPPING=1", Patience::short_); }
-void tell_alive() { tell("WATCHDOG=1", Patience::none); }
+void notify_stopping() { tell("STOPPING=1", Patience::short_); }
+void notify_alive() { tell("WATCHDOG=1", Patience::none); }
 
-void tell_status(std::string_view line) {
+void notify_status(std::string_view line) {
   std::string text(line.substr(0, kMostStatusBytes));
   // Do not cut a character in two: systemd ignores text that is not UTF-8.
   while (text.size() < line.size() && !text.empty() && is_inside_character(line[text.size()]))

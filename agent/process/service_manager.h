@@ -14,22 +14,22 @@ namespace fxagent::service_manager {
 /// True if there is a service manager: NOTIFY_SOCKET is set.
 bool is_there();
 
-/// Field and uplink are running. After tell_reloading(): the new config is in force, or the old one
-/// still is.
-void tell_ready();
-/// The config is being read again, until tell_ready(). Sends the current time, which a unit of
+/// Field and uplink are running. After notify_reloading(): the new config is in force, or the old
+/// one still is.
+void notify_ready();
+/// The config is being read again, until notify_ready(). Sends the current time, which a unit of
 /// Type=notify-reload needs (systemd 253).
-void tell_reloading();
+void notify_reloading();
 /// A stop was requested; the service manager's time limit applies after this call.
-void tell_stopping();
-/// Returns the interval for tell_alive(), a quarter of WatchdogSec; nullopt: no watchdog is set.
+void notify_stopping();
+/// Returns the interval for notify_alive(), a quarter of WatchdogSec; nullopt: no watchdog is set.
 std::optional<std::chrono::nanoseconds> watchdog_interval();
-void tell_alive();
+void notify_alive();
 
 /// Most bytes of a status that are sent.
 inline constexpr std::size_t kMostStatusBytes = 1024;
 /// Sends one line of UTF-8 for people, which `systemctl status` shows until the next. Control
 /// characters become blanks; bytes beyond kMostStatusBytes are left out.
-void tell_status(std::string_view line);
+void notify_status(std::string_view line);
 
 }  // namespace fxagent::service_manager

@@ -8,7 +8,7 @@
 
 namespace fxagent {
 
-ServiceReports::ServiceReports(SignsOfLife& signs, Sources sources, Time now)
+ServiceReports::ServiceReports(Heartbeats& signs, Sources sources, Time now)
     : signs_(signs),
       sources_(std::move(sources)),
       feed_every_(service_manager::watchdog_interval()) {
@@ -26,14 +26,14 @@ std::optional<ServiceReports::Time> ServiceReports::next() const {
 
 void ServiceReports::tell(Time now) {
   if (feed_at_ && now >= *feed_at_) feed(now);
-  if (status_at_ && now >= *status_at_) tell_status(now);
+  if (status_at_ && now >= *status_at_) notify_status(now);
 }
 
 void ServiceReports::feed(Time now) {
   feed_at_ = now + *feed_every_;
   const std::string stands_still = signs_.stands_still();
   if (stands_still.empty()) {
-    service_manager::tell_alive();
+    service_manager::notify_alive();
   } else if (stands_still != stands_still_) {
     log::error("watchdog", {{"stands_still", stands_still}});
     status_at_ = now;
@@ -42,15 +42,15 @@ void ServiceReports::feed(Time now) {
   sources_.ask();
 }
 
-void ServiceReports::tell_status(Time now) {
+void ServiceReports::notify_status(Time now) {
   status_at_ = now + kStatusEvery;
   std::string status = stands_still_.empty()
                            ? sources_.status()
                            : stands_still_ + " stands still: the agent is to be started again";
   // A repetition is needed because other parts send a status too, such as the outcome of a reload.
-  if (status.empty() || (status == status_ && now < told_at_ + kSameStatusEvery)) return;
-  service_manager::tell_status(status);
-  told_at_ = now;
+  if (status.empty() || (status == status_ && now < sent_at_ + kSameStatusEvery)) return;
+  service_manager::notify_status(status);
+  sent_at_ = now;
   status_ = std::move(status);
 }
 

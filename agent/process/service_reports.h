@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "agent/process/signs_of_life.h"
+#include "agent/process/heartbeats.h"
 
 namespace fxagent {
 
@@ -28,7 +28,7 @@ class ServiceReports final {
 
   /// `signs` outlives the object. The environment names the service manager's socket and the
   /// interval.
-  ServiceReports(SignsOfLife& signs, Sources sources, Time now);
+  ServiceReports(Heartbeats& signs, Sources sources, Time now);
 
   /// Returns the time of the next tell(); nullopt: no service manager listens.
   std::optional<Time> next() const;
@@ -38,16 +38,16 @@ class ServiceReports final {
 
  private:
   void feed(Time now);
-  void tell_status(Time now);
+  void notify_status(Time now);
 
-  SignsOfLife& signs_;
+  Heartbeats& signs_;
   const Sources sources_;
   const std::optional<std::chrono::nanoseconds> feed_every_;  ///< nullopt: no watchdog is set
   std::optional<Time> feed_at_;
   std::optional<Time> status_at_;  ///< nullopt: no service manager listens
   std::string stands_still_;       ///< as last reported; empty: neither hangs
   std::string status_;             ///< as last sent
-  Time told_at_{};                 ///< time of the last send
+  Time sent_at_{};                 ///< time of the last send
 };
 
 }  // namespace fxagent

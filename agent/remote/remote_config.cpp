@@ -396,10 +396,10 @@ std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
     save_or_say("that the process went on with the config");
   }
   if (!judge_again_.empty()) return hear(std::exchange(judge_again_, {}), now);
-  auto verdict = trial_ ? trial_->verdict(now.steady) : Trial::Verdict::pending;
-  if (is_given_up_) verdict = Trial::Verdict::lost;
-  if (verdict == Trial::Verdict::pending) return std::nullopt;
-  if (verdict == Trial::Verdict::good) {
+  auto outcome = trial_ ? trial_->outcome(now.steady) : Trial::Outcome::pending;
+  if (is_given_up_) outcome = Trial::Outcome::lost;
+  if (outcome == Trial::Outcome::pending) return std::nullopt;
+  if (outcome == Trial::Outcome::good) {
     trial_.reset();
     kept_.trying.reset();
     if (!is_in_force(kept_.good)) kept_.before = std::exchange(kept_.good, in_force_);
@@ -435,7 +435,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::way_back(Next::Why why, Moment n
   auto config = kept_.good ? with(local_, kept_.good->document) : alone(local_);
   if (config) next.document = kept_.good;
   if (!config && kept_.good) config = alone(local_);
-  if (interrupted_) return std::nullopt;  // the next process will reach the same verdict
+  if (interrupted_) return std::nullopt;  // the next process will reach the same outcome
   if (!config) {
     back_again_at_ = now.steady + kSaveAgain;
     log::error("remote_config", {{"note", "the config cannot be rolled back yet"},

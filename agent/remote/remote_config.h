@@ -153,14 +153,14 @@ class RemoteConfig final {
   SteadyTime save_again_at_{};
   std::optional<KeptConfig> in_force_;
   std::optional<Trial> trial_;  ///< of in_force_
-  bool is_given_up_ = false;    ///< end the trial as lost, whatever its verdict
+  bool is_given_up_ = false;    ///< end the trial as lost, whatever its outcome
   SteadyTime back_again_at_{};  ///< time of the next attempt to roll back
   /// End of the first hour with the good config; nullopt: it is over, or no good config is in
   /// force.
   std::optional<SteadyTime> watched_until_;
   std::vector<std::string> servers_;  ///< mqtt.servers in force
   bool has_moved_ = false;            ///< the config on trial changed mqtt.servers
-  std::string held_;         ///< document with another change of servers; waits for the verdict
+  std::string held_;         ///< document with another change of servers; waits for the outcome
   std::string judge_again_;  ///< document that was being judged when the last process stopped
   bool is_connected_ = false;
   std::string rejected_;

@@ -11,7 +11,7 @@ namespace fxagent {
 
 class Trial {
  public:
-  enum class Verdict { pending, good, lost };
+  enum class Outcome { pending, good, lost };
 
   /// If not connected, the broker counts as away since `began`.
   Trial(std::chrono::milliseconds length, SteadyTime began, bool is_connected)
@@ -28,12 +28,12 @@ class Trial {
       away_since_ = now;
   }
 
-  Verdict verdict(SteadyTime now) const {
-    if (now < decided_at()) return Verdict::pending;
-    return away_since_ ? Verdict::lost : Verdict::good;
+  Outcome outcome(SteadyTime now) const {
+    if (now < decided_at()) return Outcome::pending;
+    return away_since_ ? Outcome::lost : Outcome::good;
   }
 
-  /// Returns the time of the verdict, unless the connection changes before.
+  /// Returns the time of the outcome, unless the connection changes before.
   SteadyTime decided_at() const { return away_since_.value_or(began_) + length_; }
 
  private:

@@ -50,7 +50,7 @@ void IdentityConflict::heard(std::string_view payload, SteadyTime now) {
   if (said.boot == boot_) {
     is_ours_ = is_ours_ || said.state == "online";
     unheard_at_ = SteadyTime::max();
-    told_unheard_ = false;
+    logged_unheard_ = false;
     // Our state has come back, so the other agents can answer now.
     for (auto& [boot, silent_at] : online_) silent_at = std::min(silent_at, now + kAnswersWithin);
     return;
@@ -91,7 +91,7 @@ void IdentityConflict::keep(SteadyTime now, bool messages_held) {
   }
   if (now >= unheard_at_) {
     unheard_at_ = SteadyTime::max();
-    is_unheard_ = !std::exchange(told_unheard_, true);
+    is_unheard_ = !std::exchange(logged_unheard_, true);
   }
   std::erase_if(online_, [now](const auto& each) { return each.second <= now; });
   if (taken_over_ && now >= steady_at_) taken_over_ = false;

@@ -64,7 +64,7 @@ class IdentityConflict final {
   SteadyTime steady_at_ = SteadyTime::max();
   SteadyTime unheard_at_ = SteadyTime::max();  ///< deadline for our own state
   bool is_unheard_ = false;
-  bool told_unheard_ = false;
+  bool logged_unheard_ = false;
 };
 
 }  // namespace fxagent

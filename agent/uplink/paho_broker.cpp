@@ -462,7 +462,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     try {
       switch (token.get_type()) {
         case mqtt::token::CONNECT:
-          if (told_connected_.exchange(true)) return;  // Paho reports it twice
+          if (connected_posted_.exchange(true)) return;  // Paho reports it twice
           end_of_connecting();
           send_at_once(last_socket_read());
           pause_.watch(last_socket_read());
@@ -716,7 +716,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   std::chrono::steady_clock::time_point connecting_since_{};  ///< set before Paho can call back
   ReadPause pause_;
   std::atomic<std::size_t> let_in_ = 0;  ///< messages before the pause
-  std::atomic<bool> told_connected_ = false;
+  std::atomic<bool> connected_posted_ = false;
   std::atomic<bool> leaving_ = false;
   std::atomic<bool> lost_ = false;
   mqtt::async_client client_;  ///< last member: destroyed before what its callbacks use

@@ -13,11 +13,11 @@ CRASHING = os.environ["FXAGENT_CRASHING"]
 # unasked. `executed`: how often the PLC may have carried it out. `unsent`: the agent knows that nothing was sent.
 COMMAND = {
     "command_received": {"journaled": False, "executed": (0,)},
-    "order_admitted": {"journaled": False, "executed": (0,)},
-    "order_journaled": {"journaled": True, "executed": (0,), "unsent": True},
+    "command_admitted": {"journaled": False, "executed": (0,)},
+    "command_journaled": {"journaled": True, "executed": (0,), "unsent": True},
     "command_started": {"journaled": True, "executed": (0,)},
     "frame_sent": {"journaled": True, "executed": (0, 1)},
-    "order_answered": {"journaled": True, "executed": (1,)},
+    "command_answered": {"journaled": True, "executed": (1,)},
     "result_taken": {"journaled": True, "executed": (1,)},
     "result_recorded": {"journaled": True, "executed": (1,), "known": True},
     "result_published": {"journaled": True, "executed": (1,), "known": True},
@@ -134,7 +134,7 @@ class Crashes(PlantTest):
         self.assertEqual(self.sim.commands("press1"), [])
 
     def test_a_crash_before_a_stop_is_sent_leaves_a_plc_that_surely_runs_on(self):
-        for point, wanted in (("order_journaled", "FAILED"), ("command_started", "UNKNOWN_OUTCOME")):
+        for point, wanted in (("command_journaled", "FAILED"), ("command_started", "UNKNOWN_OUTCOME")):
             with self.subTest(point):
                 if wanted != "FAILED":
                     self.tearDown()

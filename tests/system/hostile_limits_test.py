@@ -277,7 +277,7 @@ class Watchdog(PlantTest):
         self.agent.process = None
 
     def test_a_field_that_stands_still_feeds_nobody(self):
-        self.check_standstill("order_answered", "field")
+        self.check_standstill("command_answered", "field")
 
     def test_an_uplink_that_stands_still_feeds_nobody(self):
         self.check_standstill("result_taken", "uplink")

@@ -90,7 +90,7 @@ struct PlainMemory {
 };
 
 struct Memory {
-  std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>();
+  std::shared_ptr<PendingBudget> room = std::make_shared<PendingBudget>();
   IdMemory ids{room, "press1"};
 };
 

@@ -131,7 +131,7 @@ TEST_F(LinkStateTest, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
     exchange.outcome = Exchange::Outcome::garbled;
     exchange.error = "no STX";
     exchange.heard = heard;
-    devices[0]->foreign_bytes_from = {};  // a while has passed
+    devices[0]->unexpected_bytes_from = {};  // a while has passed
     testing::internal::CaptureStderr();
     link->heard_foreign(*devices[0], exchange);
     return testing::internal::GetCapturedStderr();

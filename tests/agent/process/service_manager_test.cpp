@@ -22,9 +22,9 @@ using test::Variable;
 TEST(ServiceManager, IsToldOnItsSocket) {
   Inbox inbox;
   const Variable socket("NOTIFY_SOCKET", inbox.name());
-  service_manager::tell_ready();
-  service_manager::tell_alive();
-  service_manager::tell_stopping();
+  service_manager::notify_ready();
+  service_manager::notify_alive();
+  service_manager::notify_stopping();
   EXPECT_EQ(inbox.next(), "READY=1");
   EXPECT_EQ(inbox.next(), "WATCHDOG=1");
   EXPECT_EQ(inbox.next(), "STOPPING=1");
@@ -38,13 +38,13 @@ TEST(ServiceManager, IsToldByPathAndByAbstractNameOfUpTo107Bytes) {
       Inbox inbox(begin + std::string(length - begin.size(), 'n'));
       const Variable socket("NOTIFY_SOCKET", inbox.name());
       EXPECT_TRUE(service_manager::is_there());
-      service_manager::tell_ready();
+      service_manager::notify_ready();
       EXPECT_EQ(inbox.next(), "READY=1") << inbox.name().size() << " bytes";
     }
     // The kernel would accept it; systemd's own library does not.
     Inbox inbox(begin + std::string(108 - begin.size(), 'n'));
     const Variable socket("NOTIFY_SOCKET", inbox.name());
-    service_manager::tell_ready();
+    service_manager::notify_ready();
     EXPECT_EQ(inbox.next(), "");
   }
 }
@@ -58,7 +58,7 @@ TEST(ServiceManager, AReloadIsToldWithTheTime) {
     return now.tv_sec * 1'000'000 + now.tv_nsec / 1000;
   };
   const auto before = monotonic_us();
-  service_manager::tell_reloading();
+  service_manager::notify_reloading();
   const auto after = monotonic_us();
   const std::string told = inbox.next();
   const std::string begin = "RELOADING=1\nMONOTONIC_USEC=";
@@ -71,16 +71,16 @@ TEST(ServiceManager, AReloadIsToldWithTheTime) {
 TEST(ServiceManager, AStatusIsOneLineOfWholeCharacters) {
   Inbox inbox;
   const Variable socket("NOTIFY_SOCKET", inbox.name());
-  service_manager::tell_status("2 of 3 links up; 21 °C");
+  service_manager::notify_status("2 of 3 links up; 21 °C");
   EXPECT_EQ(inbox.next(), "STATUS=2 of 3 links up; 21 °C");
-  service_manager::tell_status("up\nREADY=1\r\t\x7F.");
+  service_manager::notify_status("up\nREADY=1\r\t\x7F.");
   EXPECT_EQ(inbox.next(), "STATUS=up READY=1   .");
   const std::string most(service_manager::kMostStatusBytes, 'x');
-  service_manager::tell_status(most);
+  service_manager::notify_status(most);
   EXPECT_EQ(inbox.next(), "STATUS=" + most);
-  service_manager::tell_status(most + "y");
+  service_manager::notify_status(most + "y");
   EXPECT_EQ(inbox.next(), "STATUS=" + most);
-  service_manager::tell_status(most.substr(1) + "°C");
+  service_manager::notify_status(most.substr(1) + "°C");
   EXPECT_EQ(inbox.next(), "STATUS=" + most.substr(1));
 }
 
@@ -94,10 +94,10 @@ TEST(ServiceManager, AFullSocketHoldsNobody) {
   ASSERT_GT(filled, 0u);
   ASSERT_LT(filled, 100'000u);
   auto told = std::async(std::launch::async, [] {
-    service_manager::tell_status("up");
-    service_manager::tell_alive();
-    service_manager::tell_stopping();
-    service_manager::tell_status("stopped");
+    service_manager::notify_status("up");
+    service_manager::notify_alive();
+    service_manager::notify_stopping();
+    service_manager::notify_status("stopped");
   });
   const bool came_back = told.wait_for(std::chrono::seconds(30)) == std::future_status::ready;
   EXPECT_EQ(inbox.all().size(), filled);
@@ -111,7 +111,7 @@ TEST(ServiceManager, WithoutASocketNothingHappens) {
   for (const std::string& name : {std::string(), std::string("relative"), std::string("/no/such"),
                                   std::string("@"), "/" + std::string(300, 'x')}) {
     const Variable socket("NOTIFY_SOCKET", name);
-    service_manager::tell_ready();
+    service_manager::notify_ready();
   }
 }
 

@@ -60,7 +60,7 @@ class ServiceReportsTest : public ::testing::Test {
   Inbox inbox_;
   Variable socket_{"NOTIFY_SOCKET", inbox_.name()};
   std::unique_ptr<Variable> within_;
-  SignsOfLife signs_;
+  Heartbeats signs_;
   std::unique_ptr<ServiceReports> reports_;
 };
 
@@ -122,7 +122,7 @@ TEST(ServiceReports, ARealThreadThatHangsFeedsNobody) {
   Inbox inbox;
   const Variable socket("NOTIFY_SOCKET", inbox.name());
   const Variable within("WATCHDOG_USEC", "60000000");
-  SignsOfLife signs;
+  Heartbeats signs;
   std::mutex may_go;
   std::atomic<bool> over = false;
   std::atomic<std::uint64_t> rounds = 0;

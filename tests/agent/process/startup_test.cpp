@@ -5,7 +5,7 @@
 #include <limits>
 #include <thread>
 
-#include "agent/process/signs_of_life.h"
+#include "agent/process/heartbeats.h"
 
 namespace fxagent {
 namespace {
@@ -35,8 +35,8 @@ TEST(WithoutSignals, ThreadsTakeNoneAndTheirMakerDoesAsBefore) {
   EXPECT_EQ(sigismember(&after, SIGTERM), sigismember(&before, SIGTERM));
 }
 
-TEST(SignsOfLife, BothHaveToGoOn) {
-  SignsOfLife progress;
+TEST(Heartbeats, BothHaveToGoOn) {
+  Heartbeats progress;
   EXPECT_EQ(progress.stands_still(), "field and uplink");
   progress.field_went_on();
   EXPECT_EQ(progress.stands_still(), "uplink");

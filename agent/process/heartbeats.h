@@ -8,7 +8,7 @@
 
 namespace fxagent {
 
-class SignsOfLife final {
+class Heartbeats final {
  public:
   /// Called by the two threads in each round of their loops.
   void field_went_on() noexcept { ++field_; }

@@ -1,4 +1,4 @@
-#include "agent/field/foreign_bytes.h"
+#include "agent/field/unexpected_bytes.h"
 
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@
 namespace fxagent::test {
 namespace {
 
-using Cause = ForeignBytes::Cause;
+using Cause = UnexpectedBytes::Cause;
 
 Bytes hex(std::string_view text) { return *from_hex(text); }
 
@@ -41,7 +41,7 @@ DeviceConfig device_of(std::string_view protocol, Options more = {}) {
   return device;
 }
 
-ForeignBytes guess(const DeviceConfig& device, const Bytes& heard, const Bytes& asked = {}) {
+UnexpectedBytes guess(const DeviceConfig& device, const Bytes& heard, const Bytes& asked = {}) {
   return looks_like(device, *device.codec, asked, heard);
 }
 
@@ -110,14 +110,14 @@ Bytes heard_by(Shape shape, double bit, const std::vector<bool>& line) {
   return heard;
 }
 
-TEST(ForeignBytes, AUartThatIsSetAsTheDeviceHearsItsFrames) {
+TEST(UnexpectedBytes, AUartThatIsSetAsTheDeviceHearsItsFrames) {
   EXPECT_EQ(heard_by({}, 1, on_the_wire(kD123, {})), kD123);
   EXPECT_EQ(heard_by({8, Parity::none}, 1, on_the_wire(kRtuReply, {8, Parity::none})), kRtuReply);
 }
 
 // ---- the guesses -------------------------------------------------------------------------------
 
-TEST(ForeignBytes, TheQuestionItselfIsAnEcho) {
+TEST(UnexpectedBytes, TheQuestionItselfIsAnEcho) {
   for (const auto& [protocol, frame] :
        {std::pair{"fx-programming-port", kReadD123}, std::pair{"fx-computer-link", kLinkRead},
         std::pair{"modbus-rtu", kRtuRequest}}) {
@@ -127,14 +127,14 @@ TEST(ForeignBytes, TheQuestionItselfIsAnEcho) {
   }
 }
 
-TEST(ForeignBytes, AQuestionOfAnotherIsAnotherMaster) {
+TEST(UnexpectedBytes, AQuestionOfAnotherIsAnotherMaster) {
   const auto found = guess(device_of("fx-computer-link"), kLinkRead, printed("!00FFPC0C5"));
   EXPECT_EQ(found.cause, Cause::another_master);
   EXPECT_NE(found.text.find("of station 5, \"read X40 × 5\": another master"), std::string::npos)
       << found.text;
 }
 
-TEST(ForeignBytes, AnAnswerOfAnotherStationNamesIt) {
+TEST(UnexpectedBytes, AnAnswerOfAnotherStationNamesIt) {
   const auto found = guess(device_of("modbus-rtu"), kRtuReply, hex("01 01 00 13 00 13 8D C2"));
   EXPECT_EQ(found.cause, Cause::another_master);
   EXPECT_NE(found.text.find("of unit 17"), std::string::npos) << found.text;
@@ -147,7 +147,7 @@ struct Foreign {
   std::string_view says;
 };
 
-TEST(ForeignBytes, FramesOfOtherProtocolsAreNamed) {
+TEST(UnexpectedBytes, FramesOfOtherProtocolsAreNamed) {
   const Foreign rows[] = {
       {"fx-programming-port", kRtuReply, Cause::other_protocol, "modbus-rtu of unit 17"},
       {"fx-programming-port", kAsciiReply, Cause::other_protocol, "modbus-ascii of unit 17"},
@@ -172,7 +172,7 @@ TEST(ForeignBytes, FramesOfOtherProtocolsAreNamed) {
   }
 }
 
-TEST(ForeignBytes, AComputerLinkWithOtherSettingsOfD8120IsTold) {
+TEST(UnexpectedBytes, AComputerLinkWithOtherSettingsOfD8120IsTold) {
   const auto sums = [](bool on, std::int64_t format) {
     return device_of("fx-computer-link", {{"sum_check", on}, {"format", format}});
   };
@@ -189,7 +189,7 @@ TEST(ForeignBytes, AComputerLinkWithOtherSettingsOfD8120IsTold) {
       << "its settings are right";
 }
 
-TEST(ForeignBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
+TEST(UnexpectedBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
   const auto port = [](std::int64_t format, bool sums = true) {
     return device_of("mc-3c", {{"format", format}, {"sum_check", sums}, {"model", "Q"}});
   };
@@ -221,7 +221,7 @@ const Bytes k3cData = printed("<F90000FF0012340002>BA");
 const Bytes k4cData = printed("<F80000FF03FF000012340002>08");
 const Bytes k3eData = hex("D0 00 00 FF FF 03 00 06 00 00 00 34 12 02 00");
 
-TEST(ForeignBytes, ACutOrSpoiltAnswerOfAnMcPortIsNoFxPlc) {
+TEST(UnexpectedBytes, ACutOrSpoiltAnswerOfAnMcPortIsNoFxPlc) {
   for (const auto& [protocol, frame] : {std::pair{"mc-3c", k3cData}, std::pair{"mc-4c", k4cData}}) {
     const DeviceConfig device = device_of(protocol, {{"model", "Q"}});
     const Bytes cut(frame.begin(), frame.end() - 4);
@@ -237,14 +237,14 @@ TEST(ForeignBytes, ACutOrSpoiltAnswerOfAnMcPortIsNoFxPlc) {
   EXPECT_NE(other.text.find("a good frame of mc-4c"), std::string::npos) << other.text;
 }
 
-TEST(ForeignBytes, StxAndTextMayBeAnyProtocolWhoseFramesBeginSo) {
+TEST(UnexpectedBytes, StxAndTextMayBeAnyProtocolWhoseFramesBeginSo) {
   const auto found = guess(device_of("modbus-rtu"), printed("<F90000FF0012"));
   EXPECT_EQ(found.cause, Cause::other_protocol) << found.text;
   for (const char* name : {"fx-programming-port", "fx-computer-link", "mc-3c", "mc-4c"})
     EXPECT_NE(found.text.find(name), std::string::npos) << found.text;
 }
 
-TEST(ForeignBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
+TEST(UnexpectedBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
   for (const char* protocol : {"mc-1e", "mc-3e", "mc-4e", "modbus-tcp"}) {
     const DeviceConfig device = device_of(protocol);
     const Bytes zeros(12, 0);
@@ -260,7 +260,7 @@ TEST(ForeignBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
   }
 }
 
-TEST(ForeignBytes, FramesOfTextHaveTheirParitySeenOn8BitsToo) {
+TEST(UnexpectedBytes, FramesOfTextHaveTheirParitySeenOn8BitsToo) {
   for (const auto& [protocol, frame] : {std::pair{"mc-3c", k3cData}, std::pair{"mc-4c", k4cData}}) {
     const Bytes heard = heard_by({8, Parity::none}, 1, on_the_wire(frame, {7, Parity::even}));
     const auto even = guess(device_of(protocol, {{"model", "Q"}}), heard);
@@ -273,7 +273,7 @@ TEST(ForeignBytes, FramesOfTextHaveTheirParitySeenOn8BitsToo) {
   EXPECT_EQ(binary.cause, Cause::unknown) << binary.text;
 }
 
-TEST(ForeignBytes, WrongParityIsSeenInBit7OrAsZeros) {
+TEST(UnexpectedBytes, WrongParityIsSeenInBit7OrAsZeros) {
   for (const std::string_view protocol : {"fx-programming-port", "fx-computer-link"}) {
     const Bytes& frame = protocol == "fx-computer-link" ? kLinkData : kD123;
     const auto found = [&](Shape here, Shape there) {
@@ -293,7 +293,7 @@ TEST(ForeignBytes, WrongParityIsSeenInBit7OrAsZeros) {
   }
 }
 
-TEST(ForeignBytes, WrongSpeedIsSeenInTheBits) {
+TEST(UnexpectedBytes, WrongSpeedIsSeenInTheBits) {
   struct Row {
     std::string_view protocol;
     Bytes frame;
@@ -322,7 +322,7 @@ TEST(ForeignBytes, WrongSpeedIsSeenInTheBits) {
   }
 }
 
-TEST(ForeignBytes, OfAllElseNothingIsClaimed) {
+TEST(UnexpectedBytes, OfAllElseNothingIsClaimed) {
   for (const Bytes& heard : {hex("07"), hex("7F 00"), hex("A5 5A 13"), Bytes{}})
     EXPECT_EQ(guess(device_of("modbus-rtu"), heard).cause, Cause::unknown) << to_hex(heard);
   // A frame with one bit changed by noise.
@@ -331,7 +331,7 @@ TEST(ForeignBytes, OfAllElseNothingIsClaimed) {
   EXPECT_EQ(spoilt.cause, Cause::unknown) << spoilt.text;
 }
 
-TEST(ForeignBytes, TheFirstSixteenAreShown) {
+TEST(UnexpectedBytes, TheFirstSixteenAreShown) {
   EXPECT_EQ(first_bytes(hex("02 33")), "02 33");
   EXPECT_EQ(first_bytes(Bytes(16, 0)), to_hex(Bytes(16, 0)));
   EXPECT_EQ(first_bytes(Bytes(17, 0)), to_hex(Bytes(16, 0)) + " … (17 bytes)");

@@ -1,4 +1,4 @@
-#include "agent/field/foreign_bytes.h"
+#include "agent/field/unexpected_bytes.h"
 
 #include <algorithm>
 #include <bit>
@@ -11,7 +11,7 @@
 namespace fxagent {
 namespace {
 
-using Cause = ForeignBytes::Cause;
+using Cause = UnexpectedBytes::Cause;
 
 constexpr std::size_t kShown = 16;
 constexpr std::uint8_t kStx = 0x02;
@@ -62,20 +62,21 @@ std::optional<std::int64_t> number_of(const DeviceConfig& device, std::string_vi
 }
 
 /// Recognises a PLC whose frame settings differ from the config. `frame` is valid in itself.
-std::optional<ForeignBytes> other_settings(const DeviceConfig& device, const Explanation& frame) {
+std::optional<UnexpectedBytes> other_settings(const DeviceConfig& device,
+                                              const Explanation& frame) {
   if (device.protocol == nullptr || device.protocol->format_place.empty()) return std::nullopt;
   const std::string place(device.protocol->format_place);
   const auto format = number_of(device, "format");
   if (format && frame.format && *frame.format != *format) {
     const std::string theirs = std::to_string(*frame.format);
-    return ForeignBytes{Cause::other_settings, "a frame of format " + theirs + ": set format to " +
-                                                   theirs + ", or format " +
-                                                   std::to_string(*format) + " in " + place};
+    return UnexpectedBytes{Cause::other_settings, "a frame of format " + theirs +
+                                                      ": set format to " + theirs + ", or format " +
+                                                      std::to_string(*format) + " in " + place};
   }
   const bool* has_sums = flag_of(device, "sum_check");
   const bool may_have_sum = frame.operation == "data" || frame.direction == Direction::request;
   if (has_sums != nullptr && may_have_sum && frame.checksum_given.has_value() != *has_sums)
-    return ForeignBytes{
+    return UnexpectedBytes{
         Cause::other_settings,
         (*has_sums ? "a frame without a sum: set sum_check to false, or the sum check in "
                    : "a frame with a sum: set sum_check to true, or no sum check in ") +
@@ -83,25 +84,26 @@ std::optional<ForeignBytes> other_settings(const DeviceConfig& device, const Exp
   return std::nullopt;
 }
 
-std::optional<ForeignBytes> own_frame(const DeviceConfig& device, const Codec& codec,
-                                      ByteView heard) {
+std::optional<UnexpectedBytes> own_frame(const DeviceConfig& device, const Codec& codec,
+                                         ByteView heard) {
   const Explanation frame = codec.explain(heard, std::nullopt);
   if (!frame.ok) return std::nullopt;
   if (auto other = other_settings(device, frame)) return other;
   if (frame.direction == Direction::request && !frame.ambiguous)
-    return ForeignBytes{Cause::another_master,
-                        "a question" + whose(frame) + ", " + quoted(frame) +
-                            ": another master asks on this line; a line has one"};
-  return ForeignBytes{Cause::another_master,
-                      "a good answer" + whose(frame) + ", " + quoted(frame) +
-                          ", not to this question: another station, another master, or an answer "
-                          "that came late (timeout_ms)"};
+    return UnexpectedBytes{Cause::another_master,
+                           "a question" + whose(frame) + ", " + quoted(frame) +
+                               ": another master asks on this line; a line has one"};
+  return UnexpectedBytes{
+      Cause::another_master,
+      "a good answer" + whose(frame) + ", " + quoted(frame) +
+          ", not to this question: another station, another master, or an answer "
+          "that came late (timeout_ms)"};
 }
 
 /// The bytes may be a valid frame of several protocols. A frame that names its station is
 /// preferred: more of it must be right.
-std::optional<ForeignBytes> frame_of_another(const DeviceConfig& device, ByteView heard) {
-  std::optional<ForeignBytes> found;
+std::optional<UnexpectedBytes> frame_of_another(const DeviceConfig& device, ByteView heard) {
+  std::optional<UnexpectedBytes> found;
   for (const ProtocolInfo& other : catalog()) {
     if (device.protocol == nullptr || other.name == device.protocol->name) continue;
     const auto codec = other.make(default_options(other));
@@ -109,9 +111,9 @@ std::optional<ForeignBytes> frame_of_another(const DeviceConfig& device, ByteVie
     const Explanation frame = (*codec)->explain(heard, std::nullopt);
     const std::string of = whose(frame);
     if (!frame.ok || (found && of.empty())) continue;
-    found = ForeignBytes{Cause::other_protocol, "a good frame of " + std::string(other.name) + of +
-                                                    ", " + quoted(frame) +
-                                                    ": set protocol, or give each its own line"};
+    found = UnexpectedBytes{Cause::other_protocol, "a good frame of " + std::string(other.name) +
+                                                       of + ", " + quoted(frame) +
+                                                       ": set protocol, or give each its own line"};
     if (!of.empty()) break;
   }
   return found;
@@ -126,7 +128,7 @@ std::string protocols_of(std::uint8_t first) {
 }
 
 /// Recognises the beginning of a truncated or garbled frame.
-std::optional<ForeignBytes> beginning_of_another(const DeviceConfig& device, ByteView heard) {
+std::optional<UnexpectedBytes> beginning_of_another(const DeviceConfig& device, ByteView heard) {
   if (device.protocol == nullptr || heard.size() <= kFewBytes) return std::nullopt;
   if (heard[0] == device.protocol->text_begins_with) return std::nullopt;
   const ByteView behind = heard.subspan(1);
@@ -135,47 +137,48 @@ std::optional<ForeignBytes> beginning_of_another(const DeviceConfig& device, Byt
         return hex_digit(byte) >= 0 || byte == '\r' || byte == '\n' || byte == ':';
       });
   if (is_ascii)
-    return ForeignBytes{Cause::other_protocol,
-                        "a colon and hex digits: set protocol to " + protocols_of(':')};
+    return UnexpectedBytes{Cause::other_protocol,
+                           "a colon and hex digits: set protocol to " + protocols_of(':')};
   if (heard[0] == kStx && all(behind, is_text))
-    return ForeignBytes{Cause::other_protocol,
-                        "STX and text: set protocol to the PLC's, one of " + protocols_of(kStx)};
+    return UnexpectedBytes{Cause::other_protocol,
+                           "STX and text: set protocol to the PLC's, one of " + protocols_of(kStx)};
   return std::nullopt;
 }
 
 // ---- characters ---------------------------------------------------------------------------------
 
 /// A line without parity receives the sender's parity bit as bit 7.
-std::optional<ForeignBytes> parity_in_bit_7(ByteView heard) {
+std::optional<UnexpectedBytes> parity_in_bit_7(ByteView heard) {
   const bool has_bit_7 = std::ranges::any_of(heard, [](std::uint8_t b) { return b > 0x7F; });
   const bool is_text_below = all(heard, [](std::uint8_t b) { return is_text(b & 0x7F); });
   const bool even = all(heard, is_even);
   const bool odd = std::ranges::none_of(heard, is_even);
   if (!has_bit_7 || !is_text_below || (!even && !odd)) return std::nullopt;
-  return ForeignBytes{Cause::parity, std::string("7 bits with ") + (even ? "even" : "odd") +
-                                         " parity in bit 7: set data_bits to 7 and parity to " +
-                                         (even ? "even" : "odd") +
-                                         ", here or in the serial server"};
+  return UnexpectedBytes{Cause::parity, std::string("7 bits with ") + (even ? "even" : "odd") +
+                                            " parity in bit 7: set data_bits to 7 and parity to " +
+                                            (even ? "even" : "odd") +
+                                            ", here or in the serial server"};
 }
 
 /// A line with parity delivers a character of wrong parity as 00.
-std::optional<ForeignBytes> zeros_among_text(ByteView heard) {
+std::optional<UnexpectedBytes> zeros_among_text(ByteView heard) {
   const std::size_t zeros = count(heard, [](std::uint8_t b) { return b == 0; });
   const std::size_t good = count(heard, [](std::uint8_t b) { return is_text(b); });
   if (zeros == 0 || good == 0 || zeros + good != heard.size() || 4 * good < heard.size())
     return std::nullopt;
-  return ForeignBytes{Cause::parity,
-                      "text with 00 for each character of wrong parity: set parity and data_bits "
-                      "as the device has them (8 bits without parity?)"};
+  return UnexpectedBytes{
+      Cause::parity,
+      "text with 00 for each character of wrong parity: set parity and data_bits "
+      "as the device has them (8 bits without parity?)"};
 }
 
 /// Recognises a sender that is slower than the line: each of its bits is received several times.
-std::optional<ForeignBytes> bits_in_groups(ByteView heard) {
+std::optional<UnexpectedBytes> bits_in_groups(ByteView heard) {
   if (heard.size() < kFewBytes) return std::nullopt;
   if (all(heard, [](std::uint8_t b) { return b == 0; }))
-    return ForeignBytes{Cause::speed,
-                        "characters with errors alone, which come as 00: compare baud with the "
-                        "device's, then the parity (odd?)"};
+    return UnexpectedBytes{Cause::speed,
+                           "characters with errors alone, which come as 00: compare baud with the "
+                           "device's, then the parity (odd?)"};
   const auto in_fours = [](std::uint8_t b) {
     return b == 0 || b == 0x78 || b == 0x80 || b == 0xF8;
   };
@@ -185,27 +188,27 @@ std::optional<ForeignBytes> bits_in_groups(ByteView heard) {
   };
   const bool fours = all(heard, in_fours);
   if (!fours && !all(heard, in_pairs)) return std::nullopt;
-  return ForeignBytes{Cause::speed, std::string("bits that come in ") +
-                                        (fours ? "fours" : "pairs") +
-                                        ": the device is slower, set baud to " +
-                                        (fours ? "a quarter" : "half") + " of what it is"};
+  return UnexpectedBytes{Cause::speed, std::string("bits that come in ") +
+                                           (fours ? "fours" : "pairs") +
+                                           ": the device is slower, set baud to " +
+                                           (fours ? "a quarter" : "half") + " of what it is"};
 }
 
-std::optional<ForeignBytes> no_text(ByteView heard) {
+std::optional<UnexpectedBytes> no_text(ByteView heard) {
   const std::size_t foreign = count(heard, [](std::uint8_t b) { return !is_text(b); });
   if (heard.size() < kFewBytes || 3 * foreign < heard.size()) return std::nullopt;
-  return ForeignBytes{Cause::speed,
-                      "no text, which this protocol is: compare baud with the device's, then "
-                      "data_bits and parity; or another protocol"};
+  return UnexpectedBytes{Cause::speed,
+                         "no text, which this protocol is: compare baud with the device's, then "
+                         "data_bits and parity; or another protocol"};
 }
 
 }  // namespace
 
-ForeignBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
-                        ByteView heard) {
+UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
+                           ByteView heard) {
   // Speed and parity do not exist over Ethernet.
   const bool is_on_line = device.protocol == nullptr || device.protocol->on_serial;
-  ForeignBytes unknown{
+  UnexpectedBytes unknown{
       Cause::unknown,
       is_on_line ? "nothing that is known: noise, where it is rare; else compare baud, data_bits "
                    "and parity of line and device, and look for another master"

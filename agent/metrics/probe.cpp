@@ -1,4 +1,4 @@
-#include "agent/metrics/verdict.h"
+#include "agent/metrics/probe.h"
 
 #include <vector>
 
@@ -29,7 +29,7 @@ Reasons faults(const AgentStatus* status, SteadyTime now) {
   return {};
 }
 
-Verdict verdict(const Reasons& reasons, const AgentStatus* status, SteadyTime now) {
+Probe probe(const Reasons& reasons, const AgentStatus* status, SteadyTime now) {
   json::Writer out;
   out.begin_object().key("ok").boolean(reasons.empty()).key("why").begin_array();
   for (const std::string& reason : reasons) out.string(reason);
@@ -50,11 +50,11 @@ bool is_stale(const AgentStatus* status, SteadyTime now) {
   return status == nullptr || now - status->made_at > kUplinkWithin;
 }
 
-Verdict health_of(const AgentStatus* status, SteadyTime now) {
-  return verdict(faults(status, now), status, now);
+Probe health_of(const AgentStatus* status, SteadyTime now) {
+  return probe(faults(status, now), status, now);
 }
 
-Verdict readiness_of(const AgentStatus* status, SteadyTime now) {
+Probe readiness_of(const AgentStatus* status, SteadyTime now) {
   Reasons reasons = faults(status, now);
   if (reasons.empty()) {
     const BrokerStatus& broker = status->broker;
@@ -68,7 +68,7 @@ Verdict readiness_of(const AgentStatus* status, SteadyTime now) {
       reasons.push_back("commands are refused: another agent has the same id, boot " +
                         status->conflict);
   }
-  return verdict(reasons, status, now);
+  return probe(reasons, status, now);
 }
 
 }  // namespace fxagent

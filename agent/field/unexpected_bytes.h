@@ -12,7 +12,7 @@
 
 namespace fxagent {
 
-struct ForeignBytes {
+struct UnexpectedBytes {
   enum class Cause : std::uint8_t {
     unknown,
     echo,            ///< the request itself came back
@@ -30,8 +30,8 @@ struct ForeignBytes {
 
 /// Returns the guess for `heard`, bytes received after `asked` was sent to `device`. They are not
 /// its answer. `asked` is empty if no request was sent. `codec` is the device's current codec.
-ForeignBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
-                        ByteView heard);
+UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
+                           ByteView heard);
 
 /// Returns the first 16 bytes in hex, and the total number if there are more.
 std::string first_bytes(ByteView heard);

@@ -14,7 +14,7 @@ inline constexpr std::chrono::seconds kUplinkWithin{10};
 /// The field reports its counters every 5 s. It counts as hanging after this time without a report.
 inline constexpr std::chrono::seconds kFieldWithin{20};
 
-struct Verdict {
+struct Probe {
   bool good = true;
   std::string json;  ///< `{"ok":false,"why":[…],…}`, one line
 };
@@ -24,10 +24,10 @@ bool is_stale(const AgentStatus* status, SteadyTime now);
 
 /// Good if the threads of field and uplink made progress lately. An unreachable PLC, line or broker
 /// changes nothing: a restart of the agent would not help. `status` null: there is none yet.
-Verdict health_of(const AgentStatus* status, SteadyTime now);
+Probe health_of(const AgentStatus* status, SteadyTime now);
 
 /// Good if healthy, connected to a broker, subscribed to commands, and no other agent has the same
 /// id.
-Verdict readiness_of(const AgentStatus* status, SteadyTime now);
+Probe readiness_of(const AgentStatus* status, SteadyTime now);
 
 }  // namespace fxagent

@@ -1,4 +1,4 @@
-#include "agent/process/thread_turns.h"
+#include "agent/process/thread_progress.h"
 
 #include <charconv>
 #include <filesystem>
@@ -43,7 +43,7 @@ std::optional<Thread> thread_at(const std::filesystem::path& task, std::string_v
 
 }  // namespace
 
-void ThreadTurns::look(Time now, bool excused) {
+void ThreadProgress::look(Time now, bool excused) {
   if (now < look_at_) return;
   look_at_ = now + kBetweenLooks;
   stands_still_.clear();

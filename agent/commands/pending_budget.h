@@ -57,7 +57,7 @@ class IdFingerprints final {
 };
 
 /// Shared by the admission of all devices and by each command that has a place here.
-class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
+class PendingBudget final : public std::enable_shared_from_this<PendingBudget> {
  public:
   /// Limit for all pending commands, and the share that each device has in any case.
   static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
@@ -66,14 +66,14 @@ class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
   /// Bytes reserved for one command until this object ends.
   class Place final {
    public:
-    Place(std::shared_ptr<CommandRoom> room, std::uint32_t device, std::size_t bytes)
+    Place(std::shared_ptr<PendingBudget> room, std::uint32_t device, std::size_t bytes)
         : room_(std::move(room)), device_(device), bytes_(bytes) {}
     ~Place() { room_->give_back(device_, bytes_); }
     Place(const Place&) = delete;
     Place& operator=(const Place&) = delete;
 
    private:
-    const std::shared_ptr<CommandRoom> room_;
+    const std::shared_ptr<PendingBudget> room_;
     const std::uint32_t device_;
     const std::size_t bytes_;
   };

@@ -11,7 +11,7 @@
 
 namespace fxagent {
 
-class ThreadTurns final {
+class ThreadProgress final {
  public:
   using Time = std::chrono::steady_clock::time_point;
   /// Interval of checks. A thread that was not switched in kLooks checks in a row hangs. Counts
@@ -21,7 +21,7 @@ class ThreadTurns final {
 
   /// Checks the threads of this process whose names begin with `prefix`. Each of them must wait for
   /// less than kBetweenLooks at a time, unless `excused`.
-  explicit ThreadTurns(std::string prefix) : prefix_(std::move(prefix)) {}
+  explicit ThreadProgress(std::string prefix) : prefix_(std::move(prefix)) {}
 
   /// Checks the threads if a check is due. `excused`: they may be waiting for something else now,
   /// and their counts begin again.

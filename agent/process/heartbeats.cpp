@@ -1,8 +1,8 @@
-#include "agent/process/signs_of_life.h"
+#include "agent/process/heartbeats.h"
 
 namespace fxagent {
 
-std::string SignsOfLife::stands_still() {
+std::string Heartbeats::stands_still() {
   const std::uint64_t field = field_;
   const std::uint64_t uplink = uplink_;
   std::string who;

@@ -1,4 +1,4 @@
-#include "agent/metrics/verdict.h"
+#include "agent/metrics/probe.h"
 
 #include <gtest/gtest.h>
 
@@ -14,11 +14,11 @@ using namespace std::chrono_literals;
 using nlohmann::json;
 
 /// Returns the only reason given.
-std::string why(const Verdict& verdict) {
-  const json body = json::parse(verdict.json);
-  EXPECT_EQ(body.at("ok"), verdict.good);
-  EXPECT_EQ(body.at("why").size(), verdict.good ? 0U : 1U) << verdict.json;
-  return verdict.good ? "" : body.at("why").at(0).get<std::string>();
+std::string why(const Probe& probe) {
+  const json body = json::parse(probe.json);
+  EXPECT_EQ(body.at("ok"), probe.good);
+  EXPECT_EQ(body.at("why").size(), probe.good ? 0U : 1U) << probe.json;
+  return probe.good ? "" : body.at("why").at(0).get<std::string>();
 }
 
 TEST(Health, FieldAndUplinkThatGoOnAreHealthy) {

@@ -1,4 +1,4 @@
-#include "agent/commands/command_room.h"
+#include "agent/commands/pending_budget.h"
 
 #include <openssl/core_names.h>
 #include <openssl/evp.h>
@@ -80,8 +80,8 @@ void IdFingerprints::add(std::string_view device, std::string_view id, SteadyTim
   earliest_deadline_ = std::min(earliest_deadline_, deadline);
 }
 
-std::shared_ptr<const CommandRoom::Place> CommandRoom::take(std::uint32_t device,
-                                                            std::size_t bytes) {
+std::shared_ptr<const PendingBudget::Place> PendingBudget::take(std::uint32_t device,
+                                                                std::size_t bytes) {
   std::size_t& own = by_device_[device];
   if (own + bytes > kBytesOfADevice && bytes_ + bytes > kMostBytes) return nullptr;
   own += bytes;
@@ -89,7 +89,7 @@ std::shared_ptr<const CommandRoom::Place> CommandRoom::take(std::uint32_t device
   return std::make_shared<const Place>(shared_from_this(), device, bytes);
 }
 
-void CommandRoom::give_back(std::uint32_t device, std::size_t bytes) {
+void PendingBudget::give_back(std::uint32_t device, std::size_t bytes) {
   by_device_[device] -= bytes;
   bytes_ -= bytes;
 }

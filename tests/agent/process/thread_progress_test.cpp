@@ -1,4 +1,4 @@
-#include "agent/process/thread_turns.h"
+#include "agent/process/thread_progress.h"
 
 #include <gtest/gtest.h>
 #include <pthread.h>
@@ -16,7 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr ThreadTurns::Time kStart{1000s};
+constexpr ThreadProgress::Time kStart{1000s};
 constexpr const char* kName = "turns_test";
 
 /// A thread that waits; each turn() wakes it once.
@@ -62,51 +62,51 @@ class Worker {
   std::jthread thread_;
 };
 
-class ThreadTurnsTest : public testing::Test {
+class ThreadProgressTest : public testing::Test {
  protected:
   /// Looks this many times, ten seconds apart.
   std::string after(int looks, bool excused = false) {
     for (int i = 0; i < looks; ++i) {
       turns.look(now, excused);
-      now += ThreadTurns::kBetweenLooks;
+      now += ThreadProgress::kBetweenLooks;
     }
     return turns.stands_still();
   }
   /// Waits until the kernel has finished starting or waking the thread, and it waits permanently.
   void settle(const Worker& worker) {
     while (!worker.is_asleep()) std::this_thread::yield();
-    while (after(ThreadTurns::kLooks).empty()) std::this_thread::yield();
-    turns = ThreadTurns(kName);
+    while (after(ThreadProgress::kLooks).empty()) std::this_thread::yield();
+    turns = ThreadProgress(kName);
   }
 
-  ThreadTurns turns{kName};
-  ThreadTurns::Time now = kStart;
+  ThreadProgress turns{kName};
+  ThreadProgress::Time now = kStart;
 };
 
-TEST_F(ThreadTurnsTest, AThreadThatIsNeverSwitchedStandsStillAndIsNamed) {
+TEST_F(ThreadProgressTest, AThreadThatIsNeverSwitchedStandsStillAndIsNamed) {
   Worker worker;
   settle(worker);
-  EXPECT_EQ(after(ThreadTurns::kLooks), "");
+  EXPECT_EQ(after(ThreadProgress::kLooks), "");
   EXPECT_EQ(after(1), kName);
   EXPECT_EQ(after(10), kName);
   worker.turn();
   EXPECT_EQ(after(1), "");
 }
 
-TEST_F(ThreadTurnsTest, AThreadThatTakesATurnNowAndThenGoesOn) {
+TEST_F(ThreadProgressTest, AThreadThatTakesATurnNowAndThenGoesOn) {
   Worker worker;
   for (int i = 0; i < 10; ++i) {
-    EXPECT_EQ(after(ThreadTurns::kLooks), "");
+    EXPECT_EQ(after(ThreadProgress::kLooks), "");
     worker.turn();
   }
 }
 
-TEST_F(ThreadTurnsTest, OneOfTwoIsEnough) {
+TEST_F(ThreadProgressTest, OneOfTwoIsEnough) {
   Worker stuck;
   settle(stuck);
   Worker busy;
   std::string said;
-  for (int i = 0; i < ThreadTurns::kLooks + 1; ++i) {
+  for (int i = 0; i < ThreadProgress::kLooks + 1; ++i) {
     said = after(1);
     busy.turn();
   }
@@ -114,17 +114,17 @@ TEST_F(ThreadTurnsTest, OneOfTwoIsEnough) {
 }
 
 /// A name server lookup may take long.
-TEST_F(ThreadTurnsTest, WhoIsExcusedBeginsAnew) {
+TEST_F(ThreadProgressTest, WhoIsExcusedBeginsAnew) {
   const Worker worker;
   settle(worker);
   EXPECT_EQ(after(100, /*excused=*/true), "");
-  EXPECT_EQ(after(ThreadTurns::kLooks), "");
+  EXPECT_EQ(after(ThreadProgress::kLooks), "");
   EXPECT_EQ(after(1), kName);
   EXPECT_EQ(after(1, /*excused=*/true), "");
 }
 
 /// A suspended machine or a stopped process has missed the looks too.
-TEST_F(ThreadTurnsTest, TimeAloneDoesNotCount) {
+TEST_F(ThreadProgressTest, TimeAloneDoesNotCount) {
   const Worker worker;
   settle(worker);
   EXPECT_EQ(after(2), "");
@@ -135,11 +135,11 @@ TEST_F(ThreadTurnsTest, TimeAloneDoesNotCount) {
   EXPECT_EQ(turns.stands_still(), "");
 }
 
-TEST_F(ThreadTurnsTest, OthersAndThreadsThatAreGoneDoNotMatter) {
+TEST_F(ThreadProgressTest, OthersAndThreadsThatAreGoneDoNotMatter) {
   {
     const Worker worker;
     settle(worker);
-    EXPECT_EQ(after(ThreadTurns::kLooks + 1), kName);
+    EXPECT_EQ(after(ThreadProgress::kLooks + 1), kName);
   }
   EXPECT_EQ(after(1), "");
   EXPECT_EQ(after(100), "");  // this thread has another name
