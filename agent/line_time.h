@@ -7,7 +7,7 @@
 #include <span>
 
 #include "agent/config/config.h"
-#include "protocol/plan.h"
+#include "protocol/plan/plan.h"
 
 namespace fxagent {
 

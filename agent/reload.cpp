@@ -15,7 +15,7 @@
 #include "agent/commands/audit_records.h"
 #include "agent/config/log_warnings.h"
 #include "agent/failpoint.h"
-#include "agent/field/host_lookup.h"
+#include "agent/field/transport/host_lookup.h"
 #include "agent/log/log.h"
 #include "agent/metrics/metrics_server.h"
 #include "agent/process/file_limit.h"

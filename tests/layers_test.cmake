@@ -32,6 +32,7 @@ forbid("^protocol/" "${not_standard}"
        "protocol/ sees itself, tl/expected.hpp, Boost's small_vector and the standard library")
 forbid("^agent/" "^protocol/(fx|mc|modbus)/" "agent/ knows protocols by protocol/catalog.h only: adding one changes nothing here")
 forbid("^agent/field/" "^agent/(uplink|store|cli|agent)[/.]" "agent/field/ sees protocol, config and what may be done")
+forbid("^agent/field/poll/" "${threads_and_io}" "agent/field/poll/ is pure: time is an argument")
 forbid("^agent/field/" "^nlohmann/" "agent/field/ knows no JSON")
 forbid("^agent/commands/" "^agent/(field|store|uplink|cli|agent)[/.]" "agent/commands/ is pure: it names what it needs as ports")
 forbid("^agent/commands/" "${threads_and_io}" "agent/commands/ has no threads, no I/O and no clock")
@@ -56,7 +57,7 @@ forbid("^agent/[a-z_]+/" "^agent/metrics/" "nothing but agent/agent.cpp sees age
 forbid("." "^microhttpd\\.h" "only agent/metrics/http_library.h knows the HTTP library")
 forbid("." "^prometheus/" "only agent/metrics/exposition.cpp knows Prometheus' library")
 forbid("." "^asio" "asio is agent/field/'s")
-forbid("." "${mqtt}" "only agent/uplink/paho_broker.cpp knows the MQTT library")
+forbid("." "${mqtt}" "only agent/uplink/paho/ knows the MQTT library")
 forbid("." "^(sqlite3|SQLiteCpp/)" "only agent/store/ knows SQLite")
 forbid("^(protocol|agent)/" "^tests/" "the product does not know its tests")
 forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
@@ -69,11 +70,11 @@ set(allowed
   "^protocol/exact_number\\.h boost/multiprecision/cpp_int\\.hpp$"
   "^agent/(agent|reload)\\.(h|cpp) agent/"
   "^agent/line_time\\.(h|cpp) agent/config/config\\.h$"
-  "^agent/field/[^ ]+ asio"
+  "^agent/field/((bus|command|transport)/)?[^/ ]+ asio"
   "^tests/[^ ]+ (asio|sqlite3|SQLiteCpp/)"
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
   "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"
-  "^agent/uplink/paho_broker\\.cpp (mqtt/|MQTT)"
+  "^agent/uplink/paho/[^ ]+ (mqtt/|MQTT)"
   "^agent/remote/remote_config\\.h agent/store/durable_file\\.h$"
   "^agent/metrics/[^ ]+ agent/metrics/"
   "^agent/metrics/http_library\\.h microhttpd\\.h$"

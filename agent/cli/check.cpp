@@ -13,7 +13,7 @@
 #include "agent/config/serial_ports.h"
 #include "agent/counted.h"
 #include "agent/remote/desired_config.h"
-#include "agent/uplink/tls_files.h"
+#include "agent/uplink/paho/tls_files.h"
 
 namespace fxagent {
 namespace {

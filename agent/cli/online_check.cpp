@@ -18,7 +18,7 @@
 #include "agent/log/log.h"
 #include "agent/outbox.h"
 #include "agent/process/port_access.h"
-#include "agent/uplink/paho_broker.h"
+#include "agent/uplink/paho/paho_broker.h"
 
 namespace fxagent {
 namespace {

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "agent/line_time.h"
-#include "protocol/plan.h"
+#include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "protocol/range_ends.h"
 

@@ -21,7 +21,7 @@
 #include "agent/cli/stream_check.h"
 #include "agent/log/log.h"
 #include "agent/text.h"
-#include "agent/uplink/paho_broker.h"
+#include "agent/uplink/paho/paho_broker.h"
 
 namespace fxagent {
 namespace {

@@ -6,7 +6,7 @@
 #include "agent/commands/faults.h"
 #include "agent/commands/result.h"
 #include "agent/config/reader.h"
-#include "protocol/plan.h"
+#include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "protocol/value_range.h"
 

@@ -16,11 +16,11 @@
 #include <vector>
 
 #include "agent/commands/result.h"
-#include "agent/field/host_lookup.h"
 #include "agent/field/link_worker.h"
-#include "agent/field/serial_transport.h"
-#include "agent/field/tcp_transport.h"
-#include "agent/field/udp_transport.h"
+#include "agent/field/transport/host_lookup.h"
+#include "agent/field/transport/serial_transport.h"
+#include "agent/field/transport/tcp_transport.h"
+#include "agent/field/transport/udp_transport.h"
 #include "agent/log/log.h"
 #include "agent/process/startup.h"
 

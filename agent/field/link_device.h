@@ -11,14 +11,14 @@
 #include <vector>
 
 #include "agent/config/config.h"
-#include "agent/field/bus.h"
+#include "agent/field/bus/bus.h"
+#include "agent/field/bus/unexpected_bytes.h"
 #include "agent/field/device_state.h"
-#include "agent/field/hole_map.h"
-#include "agent/field/measured_turnaround.h"
 #include "agent/field/percentile_window.h"
-#include "agent/field/poll_cycle.h"
-#include "agent/field/poll_scheduler.h"
-#include "agent/field/unexpected_bytes.h"
+#include "agent/field/poll/hole_map.h"
+#include "agent/field/poll/measured_turnaround.h"
+#include "agent/field/poll/poll_cycle.h"
+#include "agent/field/poll/poll_scheduler.h"
 #include "agent/messages.h"
 
 namespace fxagent {

@@ -10,9 +10,9 @@
 #include <string_view>
 
 #include "agent/config/config.h"
-#include "agent/field/bus.h"
+#include "agent/field/bus/bus.h"
 #include "agent/field/link_device.h"
-#include "agent/field/poll_scheduler.h"
+#include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/reconnect_policy.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"

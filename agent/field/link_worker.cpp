@@ -5,7 +5,7 @@
 
 #include "agent/commands/result.h"
 #include "agent/field/raised.h"
-#include "agent/field/stream_io.h"
+#include "agent/field/transport/stream_io.h"
 #include "agent/log/log.h"
 
 namespace fxagent {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/field/poll_grid.h"
+#include "agent/field/poll/poll_grid.h"
 #include "agent/field/raised.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"

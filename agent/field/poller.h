@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "agent/config/config.h"
-#include "agent/field/bus.h"
+#include "agent/field/bus/bus.h"
 #include "agent/field/link_device.h"
 #include "agent/field/link_state.h"
-#include "agent/field/poll_scheduler.h"
+#include "agent/field/poll/poll_scheduler.h"
 #include "agent/messages.h"
 #include "agent/outbox.h"
 #include "protocol/codec.h"

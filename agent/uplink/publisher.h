@@ -29,7 +29,7 @@
 #include "agent/uplink/identity_conflict.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
-#include "agent/uplink/payload.h"
+#include "agent/uplink/payload/payload.h"
 #include "agent/uplink/result_delivery.h"
 #include "agent/uplink/retained_state.h"
 #include "agent/uplink/sample_delivery.h"

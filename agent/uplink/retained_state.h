@@ -20,7 +20,7 @@
 #include "agent/messages.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
-#include "agent/uplink/payload.h"
+#include "agent/uplink/payload/payload.h"
 
 namespace fxagent {
 

@@ -20,7 +20,7 @@
 #include "agent/store/sample_record.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
-#include "agent/uplink/payload.h"
+#include "agent/uplink/payload/payload.h"
 #include "agent/uplink/sample_spool.h"
 
 namespace fxagent {

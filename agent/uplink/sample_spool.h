@@ -18,7 +18,7 @@
 #include "agent/store/backlog.h"
 #include "agent/store/guarded_store.h"
 #include "agent/store/history.h"
-#include "agent/uplink/payload.h"
+#include "agent/uplink/payload/payload.h"
 
 namespace fxagent {
 

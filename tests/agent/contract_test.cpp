@@ -27,7 +27,7 @@
 #include "agent/remote/remote_config.h"
 #include "agent/store/history.h"
 #include "agent/uplink/broker.h"
-#include "agent/uplink/json_payload.h"
+#include "agent/uplink/payload/json_payload.h"
 #include "tests/agent/uplink/plant.h"
 #include "tests/agent/uplink/sample_text.h"
 

@@ -12,7 +12,7 @@ function(write_tree)
   file(WRITE "${WORK}/agent/field/field.cpp" "#include <asio/post.hpp>\n#include \"protocol/codec.h\"\n")
   file(WRITE "${WORK}/agent/store/store.h" "#include <SQLiteCpp/SQLiteCpp.h>\n#include \"agent/commands/journal.h\"\n")
   file(WRITE "${WORK}/agent/uplink/json_payload.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/messages.h\"\n")
-  file(WRITE "${WORK}/agent/uplink/paho_broker.cpp" "#include <mqtt/async_client.h>\n")
+  file(WRITE "${WORK}/agent/uplink/paho/paho_broker.cpp" "#include <mqtt/async_client.h>\n")
   file(WRITE "${WORK}/tests/sim/main.cpp" "#include <asio/post.hpp>\n#include \"tests/sim/plc.h\"\n")
 endfunction()
 

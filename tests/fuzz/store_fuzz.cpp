@@ -11,7 +11,7 @@
 
 #include "agent/commands/result_text.h"
 #include "agent/store/store.h"
-#include "agent/uplink/json_payload.h"
+#include "agent/uplink/payload/json_payload.h"
 
 namespace {
 

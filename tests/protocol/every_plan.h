@@ -7,7 +7,7 @@
 #include <numeric>
 #include <vector>
 
-#include "protocol/plan.h"
+#include "protocol/plan/plan.h"
 
 namespace fxagent::test {
 

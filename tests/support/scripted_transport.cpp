@@ -7,7 +7,7 @@
 #include <asio/use_awaitable.hpp>
 #include <utility>
 
-#include "agent/field/stream_io.h"
+#include "agent/field/transport/stream_io.h"
 
 namespace fxagent::test {
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/field/transport.h"
+#include "agent/field/transport/transport.h"
 
 namespace fxagent::test {
 

@@ -13,7 +13,7 @@
 #include <string>
 #include <utility>
 
-#include "agent/field/transport.h"
+#include "agent/field/transport/transport.h"
 #include "protocol/modbus/frame.h"
 #include "tests/agent/field/port_frames.h"
 

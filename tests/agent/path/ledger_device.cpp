@@ -5,7 +5,7 @@
 #include <asio/use_awaitable.hpp>
 #include <utility>
 
-#include "agent/field/stream_io.h"
+#include "agent/field/transport/stream_io.h"
 #include "tests/sim/computer_link.h"
 #include "tests/sim/modbus.h"
 #include "tests/sim/programming_port.h"

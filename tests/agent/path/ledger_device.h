@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/field/transport.h"
+#include "agent/field/transport/transport.h"
 #include "tests/agent/path/fate.h"
 #include "tests/sim/personality.h"
 #include "tests/sim/plc.h"

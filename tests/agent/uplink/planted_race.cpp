@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "agent/config/config.h"
-#include "agent/uplink/paho_broker.h"
+#include "agent/uplink/paho/paho_broker.h"
 #include "tests/agent/uplink/mosquitto.h"
 
 namespace fxagent {

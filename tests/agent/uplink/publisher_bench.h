@@ -12,7 +12,7 @@
 
 #include "agent/commands/commands.h"
 #include "agent/commands/recovery.h"
-#include "agent/uplink/json_payload.h"
+#include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/publisher.h"
 #include "tests/agent/uplink/fake_broker.h"
 #include "tests/agent/uplink/plant.h"

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "agent/uplink/json_payload.h"
+#include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/publisher.h"
 #include "tests/agent/uplink/fake_broker.h"
 #include "tests/agent/uplink/plant.h"

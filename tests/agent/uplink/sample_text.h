@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/uplink/json_payload.h"
+#include "agent/uplink/payload/json_payload.h"
 #include "tests/agent/uplink/plant.h"
 
 namespace fxagent::test {

@@ -4,7 +4,7 @@
 
 #include <sstream>
 
-#include "protocol/plan.h"
+#include "protocol/plan/plan.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent::fx {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "protocol/plan.h"
+#include "protocol/plan/plan.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent::fx {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "protocol/mc/mc.h"
-#include "protocol/plan.h"
+#include "protocol/plan/plan.h"
 #include "tests/protocol/every_plan.h"
 
 namespace fxagent::mc {

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/mc/mc.h"
-#include "protocol/plan.h"
+#include "protocol/plan/plan.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent::mc {

@@ -6,7 +6,7 @@
 #include <set>
 #include <sstream>
 
-#include "protocol/plan.h"
+#include "protocol/plan/plan.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent::mc {

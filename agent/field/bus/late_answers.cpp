@@ -1,0 +1,12 @@
+#include "agent/field/bus/late_answers.h"
+
+#include <algorithm>
+
+namespace fxagent {
+
+void LateAnswers::given_up(Owed answer, SteadyTime ended, std::chrono::milliseconds timeout) {
+  owed_ = std::max(owed_, answer);
+  over_at_ = std::max(over_at_, ended + std::clamp(timeout, kLeast, kMost));
+}
+
+}  // namespace fxagent

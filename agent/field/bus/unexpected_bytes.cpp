@@ -1,0 +1,245 @@
+#include "agent/field/bus/unexpected_bytes.h"
+
+#include <algorithm>
+#include <bit>
+#include <optional>
+#include <string_view>
+
+#include "protocol/catalog.h"
+#include "protocol/explanation.h"
+
+namespace fxagent {
+namespace {
+
+using Cause = UnexpectedBytes::Cause;
+
+constexpr std::size_t kShown = 16;
+constexpr std::uint8_t kStx = 0x02;
+// A few bytes may match a pattern by chance.
+constexpr std::size_t kFewBytes = 3;
+
+template <class Is>
+std::size_t count(ByteView bytes, Is is) {
+  return static_cast<std::size_t>(std::ranges::count_if(bytes, is));
+}
+template <class Is>
+bool all(ByteView bytes, Is is) {
+  return std::ranges::all_of(bytes, is);
+}
+
+bool is_even(std::uint8_t byte) { return std::popcount(byte) % 2 == 0; }
+
+/// True for the characters of text protocols: their control characters and printable ASCII.
+bool is_text(std::uint8_t byte) {
+  constexpr std::string_view controls = "\x02\x03\x04\x05\x06\x0A\x0C\x0D\x15";
+  return (byte >= ' ' && byte < 0x7F) || controls.find(static_cast<char>(byte)) != controls.npos;
+}
+
+std::string quoted(const Explanation& frame) { return "\"" + summary(frame) + "\""; }
+
+/// Returns " of station 3" if the frame names its station or unit.
+std::string whose(const Explanation& frame) {
+  for (const auto& [name, meaning] : frame.fields)
+    if (name == "station" || name == "unit")
+      return std::string(" of ").append(name).append(" ").append(meaning);
+  return {};
+}
+
+// ---- frames -------------------------------------------------------------------------------------
+
+const bool* flag_of(const DeviceConfig& device, std::string_view key) {
+  if (device.options == nullptr) return nullptr;
+  const auto option = device.options->find(key);
+  return option == device.options->end() ? nullptr : std::get_if<bool>(&option->second);
+}
+
+std::optional<std::int64_t> number_of(const DeviceConfig& device, std::string_view key) {
+  if (device.options == nullptr) return std::nullopt;
+  const auto option = device.options->find(key);
+  const auto* number =
+      option == device.options->end() ? nullptr : std::get_if<std::int64_t>(&option->second);
+  return number == nullptr ? std::nullopt : std::optional(*number);
+}
+
+/// Recognises a PLC whose frame settings differ from the config. `frame` is valid in itself.
+std::optional<UnexpectedBytes> other_settings(const DeviceConfig& device,
+                                              const Explanation& frame) {
+  if (device.protocol == nullptr || device.protocol->format_place.empty()) return std::nullopt;
+  const std::string place(device.protocol->format_place);
+  const auto format = number_of(device, "format");
+  if (format && frame.format && *frame.format != *format) {
+    const std::string theirs = std::to_string(*frame.format);
+    return UnexpectedBytes{Cause::other_settings, "a frame of format " + theirs +
+                                                      ": set format to " + theirs + ", or format " +
+                                                      std::to_string(*format) + " in " + place};
+  }
+  const bool* has_sums = flag_of(device, "sum_check");
+  const bool may_have_sum = frame.operation == "data" || frame.direction == Direction::request;
+  if (has_sums != nullptr && may_have_sum && frame.checksum_given.has_value() != *has_sums)
+    return UnexpectedBytes{
+        Cause::other_settings,
+        (*has_sums ? "a frame without a sum: set sum_check to false, or the sum check in "
+                   : "a frame with a sum: set sum_check to true, or no sum check in ") +
+            place};
+  return std::nullopt;
+}
+
+std::optional<UnexpectedBytes> own_frame(const DeviceConfig& device, const Codec& codec,
+                                         ByteView heard) {
+  const Explanation frame = codec.explain(heard, std::nullopt);
+  if (!frame.ok) return std::nullopt;
+  if (auto other = other_settings(device, frame)) return other;
+  if (frame.direction == Direction::request && !frame.ambiguous)
+    return UnexpectedBytes{Cause::another_master,
+                           "a question" + whose(frame) + ", " + quoted(frame) +
+                               ": another master asks on this line; a line has one"};
+  return UnexpectedBytes{
+      Cause::another_master,
+      "a good answer" + whose(frame) + ", " + quoted(frame) +
+          ", not to this question: another station, another master, or an answer "
+          "that came late (timeout_ms)"};
+}
+
+/// The bytes may be a valid frame of several protocols. A frame that names its station is
+/// preferred: more of it must be right.
+std::optional<UnexpectedBytes> frame_of_another(const DeviceConfig& device, ByteView heard) {
+  std::optional<UnexpectedBytes> found;
+  for (const ProtocolInfo& other : catalog()) {
+    if (device.protocol == nullptr || other.name == device.protocol->name) continue;
+    const auto codec = other.make(default_options(other));
+    if (!codec) continue;
+    const Explanation frame = (*codec)->explain(heard, std::nullopt);
+    const std::string of = whose(frame);
+    if (!frame.ok || (found && of.empty())) continue;
+    found = UnexpectedBytes{Cause::other_protocol, "a good frame of " + std::string(other.name) +
+                                                       of + ", " + quoted(frame) +
+                                                       ": set protocol, or give each its own line"};
+    if (!of.empty()) break;
+  }
+  return found;
+}
+
+/// Returns the protocols whose answers begin so, as "fx-programming-port, fx-computer-link".
+std::string protocols_of(std::uint8_t first) {
+  std::string names;
+  for (const ProtocolInfo& info : catalog())
+    if (info.text_begins_with == first) names.append(names.empty() ? "" : ", ").append(info.name);
+  return names;
+}
+
+/// Recognises the beginning of a truncated or garbled frame.
+std::optional<UnexpectedBytes> beginning_of_another(const DeviceConfig& device, ByteView heard) {
+  if (device.protocol == nullptr || heard.size() <= kFewBytes) return std::nullopt;
+  if (heard[0] == device.protocol->text_begins_with) return std::nullopt;
+  const ByteView behind = heard.subspan(1);
+  const bool is_ascii =
+      heard[0] == ':' && all(behind, [](std::uint8_t byte) {
+        return hex_digit(byte) >= 0 || byte == '\r' || byte == '\n' || byte == ':';
+      });
+  if (is_ascii)
+    return UnexpectedBytes{Cause::other_protocol,
+                           "a colon and hex digits: set protocol to " + protocols_of(':')};
+  if (heard[0] == kStx && all(behind, is_text))
+    return UnexpectedBytes{Cause::other_protocol,
+                           "STX and text: set protocol to the PLC's, one of " + protocols_of(kStx)};
+  return std::nullopt;
+}
+
+// ---- characters ---------------------------------------------------------------------------------
+
+/// A line without parity receives the sender's parity bit as bit 7.
+std::optional<UnexpectedBytes> parity_in_bit_7(ByteView heard) {
+  const bool has_bit_7 = std::ranges::any_of(heard, [](std::uint8_t b) { return b > 0x7F; });
+  const bool is_text_below = all(heard, [](std::uint8_t b) { return is_text(b & 0x7F); });
+  const bool even = all(heard, is_even);
+  const bool odd = std::ranges::none_of(heard, is_even);
+  if (!has_bit_7 || !is_text_below || (!even && !odd)) return std::nullopt;
+  return UnexpectedBytes{Cause::parity, std::string("7 bits with ") + (even ? "even" : "odd") +
+                                            " parity in bit 7: set data_bits to 7 and parity to " +
+                                            (even ? "even" : "odd") +
+                                            ", here or in the serial server"};
+}
+
+/// A line with parity delivers a character of wrong parity as 00.
+std::optional<UnexpectedBytes> zeros_among_text(ByteView heard) {
+  const std::size_t zeros = count(heard, [](std::uint8_t b) { return b == 0; });
+  const std::size_t good = count(heard, [](std::uint8_t b) { return is_text(b); });
+  if (zeros == 0 || good == 0 || zeros + good != heard.size() || 4 * good < heard.size())
+    return std::nullopt;
+  return UnexpectedBytes{
+      Cause::parity,
+      "text with 00 for each character of wrong parity: set parity and data_bits "
+      "as the device has them (8 bits without parity?)"};
+}
+
+/// Recognises a sender that is slower than the line: each of its bits is received several times.
+std::optional<UnexpectedBytes> bits_in_groups(ByteView heard) {
+  if (heard.size() < kFewBytes) return std::nullopt;
+  if (all(heard, [](std::uint8_t b) { return b == 0; }))
+    return UnexpectedBytes{Cause::speed,
+                           "characters with errors alone, which come as 00: compare baud with the "
+                           "device's, then the parity (odd?)"};
+  const auto in_fours = [](std::uint8_t b) {
+    return b == 0 || b == 0x78 || b == 0x80 || b == 0xF8;
+  };
+  const auto in_pairs = [](std::uint8_t b) {
+    return (b & 1) == 0 && ((b >> 1 ^ b >> 2) & 1) == 0 && ((b >> 3 ^ b >> 4) & 1) == 0 &&
+           ((b >> 5 ^ b >> 6) & 1) == 0;
+  };
+  const bool fours = all(heard, in_fours);
+  if (!fours && !all(heard, in_pairs)) return std::nullopt;
+  return UnexpectedBytes{Cause::speed, std::string("bits that come in ") +
+                                           (fours ? "fours" : "pairs") +
+                                           ": the device is slower, set baud to " +
+                                           (fours ? "a quarter" : "half") + " of what it is"};
+}
+
+std::optional<UnexpectedBytes> no_text(ByteView heard) {
+  const std::size_t foreign = count(heard, [](std::uint8_t b) { return !is_text(b); });
+  if (heard.size() < kFewBytes || 3 * foreign < heard.size()) return std::nullopt;
+  return UnexpectedBytes{Cause::speed,
+                         "no text, which this protocol is: compare baud with the device's, then "
+                         "data_bits and parity; or another protocol"};
+}
+
+}  // namespace
+
+UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
+                           ByteView heard) {
+  // Speed and parity do not exist over Ethernet.
+  const bool is_on_line = device.protocol == nullptr || device.protocol->on_serial;
+  UnexpectedBytes unknown{
+      Cause::unknown,
+      is_on_line ? "nothing that is known: noise, where it is rare; else compare baud, data_bits "
+                   "and parity of line and device, and look for another master"
+                 : "nothing that is known: does another service or protocol answer at this port? "
+                   "Compare protocol and its settings with the device's"};
+  if (heard.empty()) return unknown;
+  const bool returned = !asked.empty() && heard.size() >= asked.size() &&
+                        std::equal(asked.begin(), asked.end(), heard.begin());
+  if (returned)
+    return {Cause::echo,
+            "the question itself, which the line returns (a two-wire adapter?): set "
+            "echo for its devices"};
+  if (auto frame = own_frame(device, codec, heard)) return *std::move(frame);
+  if (auto other = frame_of_another(device, heard)) return *std::move(other);
+  const bool is_text_line = is_on_line && codec.is_text();
+  if (is_text_line) {
+    if (auto parity = parity_in_bit_7(heard)) return *std::move(parity);
+    if (auto parity = zeros_among_text(heard)) return *std::move(parity);
+  }
+  if (is_on_line)
+    if (auto speed = bits_in_groups(heard)) return *std::move(speed);
+  if (auto other = beginning_of_another(device, heard)) return *std::move(other);
+  if (is_text_line)
+    if (auto speed = no_text(heard)) return *std::move(speed);
+  return unknown;
+}
+
+std::string first_bytes(ByteView heard) {
+  std::string text = to_hex(heard.first(std::min(heard.size(), kShown)));
+  if (heard.size() > kShown) text += " … (" + std::to_string(heard.size()) + " bytes)";
+  return text;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,204 @@
+#include "agent/field/command/command_exchanges.h"
+
+#include <utility>
+#include <vector>
+
+#include "agent/failpoint.h"
+#include "agent/field/bus/unexpected_bytes.h"
+#include "agent/field/command/command_line_time.h"
+#include "agent/field/transport/stream_io.h"
+#include "agent/line_time.h"
+#include "protocol/plan/plan.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+// Pause before a busy device is asked again.
+constexpr milliseconds kBusyPause{100};
+
+}  // namespace
+
+CommandExchanges::CommandExchanges(asio::any_io_executor executor, Bus& bus, Station& station,
+                                   const DeviceConfig& device, const AdmittedCommand& admitted,
+                                   BusSharing* sharing)
+    : timer_(executor),
+      bus_(bus),
+      station_(station),
+      device_(device),
+      admitted_(admitted),
+      sharing_(sharing) {}
+
+SteadyTime CommandExchanges::latest_start() const {
+  if (writes_ > 0) return SteadyTime::max();
+  if (first_byte_) return admitted_.deadline;
+  return admitted_.deadline - admitted_.line_time.value_or(nanoseconds(0));
+}
+
+nanoseconds CommandExchanges::used() const {
+  return part_began_ ? last_byte_ - *part_began_ : nanoseconds(0);
+}
+
+asio::awaitable<bool> CommandExchanges::go_on(bool share) {
+  if (share && sharing_ != nullptr && !is_stopping()) {
+    const nanoseconds used_so_far = used();
+    part_began_.reset();
+    co_await sharing_->give_way(used_so_far);
+  }
+  co_return !is_stopping();
+}
+
+/// From here on, a crash leaves the outcome of the command unknown.
+void CommandExchanges::mark_started() {
+  if (std::exchange(is_started_, true)) return;
+  if (admitted_.starts != nullptr) admitted_.starts->mark(admitted_.command.number);
+  failpoint("command_started");
+}
+
+/// Adds what to check if nothing was ever answered on this channel.
+void CommandExchanges::add_hint(Exchange& exchange) const {
+  if (device_.protocol == nullptr || bus_.was_ever_answered()) return;
+  const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
+  const bool is_closed = bus_.closed_unanswered() && !bus_.has_datagrams();
+  if (is_silent && exchange.heard.empty())
+    exchange.error = checklist_of(device_, *station_.codec, station_.wiring, Answers::none);
+  else if (const auto text = checklist_of_closed(*device_.protocol, *station_.codec);
+           is_closed && !text.empty())
+    exchange.error.append("; ").append(text);
+}
+
+asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_after,
+                                                Effect effect) {
+  Exchange exchange;
+  if (Clock::now() > not_after) {  // no need to open a channel or to enquire
+    exchange.outcome = Exchange::Outcome::expired;
+    co_return exchange;
+  }
+  // A channel that proves to be closed before a byte was sent is reopened once.
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    if (sharing_ != nullptr && sharing_->is_over()) {
+      cut_off_ = true;
+      exchange.outcome = Exchange::Outcome::link_down;
+      exchange.error = sharing_->why_stopping();
+      co_return exchange;
+    }
+    if (!bus_.is_open()) {
+      const auto opened = co_await bus_.open();
+      if (!opened) {
+        exchange.outcome = Exchange::Outcome::link_down;
+        exchange.error = opened.error().text;
+        add_hint(exchange);
+        co_return exchange;
+      }
+    }
+    if (effect == Effect::change) mark_started();
+    exchange = co_await bus_.exchange(station_, request, not_after);
+    if (exchange.outcome != Exchange::Outcome::link_down || exchange.sent) break;
+  }
+  if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
+      sharing_->is_over())
+    cut_off_ = true;
+  add_hint(exchange);
+  if (!exchange.heard.empty()) {
+    const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.heard);
+    if (guess.cause != UnexpectedBytes::Cause::unknown)
+      exchange.error += "; it looks like " + guess.text;
+  }
+  if (exchange.sent) {
+    if (!first_byte_) first_byte_ = exchange.began;
+    if (!part_began_) part_began_ = exchange.began - exchange.rest;
+    last_byte_ = exchange.ended;
+  }
+  const bool by_gateway =
+      exchange.is_nak() && station_.codec->meaning_of(request, exchange.reply.device_code) ==
+                               RefusalMeaning::unreachable;
+  if (exchange.has_answer() && !by_gateway) answered_ = true;
+  if (exchange.outcome == Exchange::Outcome::unanswered) unanswered_ = true;
+  co_return exchange;
+}
+
+asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
+    const AdmittedTarget& target, SteadyTime not_after) {
+  ReadBack out;
+  const Plan plan = reads_of(*station_.codec, device_, target.point);
+  std::vector<Bytes> images(plan.reads.size());
+  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
+    const ReadIndices reads = plan.reads_in(e);
+    const Request request = plan.request(reads);
+    if (e > 0) {
+      const bool going_on = co_await go_on(gives_way(target));
+      if (!going_on && target.requests.empty()) {  // after a write, the read-back goes on
+        out.last = {};
+        out.last.outcome = Exchange::Outcome::link_down;
+        out.last.error = sharing_->why_stopping();
+        cut_off_ = true;
+        co_return out;
+      }
+    }
+    for (int attempt = 0; attempt <= device_.retries; ++attempt) {
+      out.last = co_await ask(request, not_after);
+      const bool cured = out.last.is_data();
+      std::optional<RefusalMeaning> refusal;
+      if (out.last.is_nak())
+        refusal = station_.codec->meaning_of(request, out.last.reply.device_code);
+      const bool worth_repeating = out.last.outcome == Exchange::Outcome::garbled ||
+                                   refusal == RefusalMeaning::curable ||
+                                   refusal == RefusalMeaning::busy;
+      if (cured || !worth_repeating) break;
+      if (refusal == RefusalMeaning::busy) co_await pause(kBusyPause);
+    }
+    if (!out.last.is_data()) co_return out;
+    plan.share_out(reads, std::move(out.last.reply.image), images);
+  }
+  auto image = image_of(plan, images, target.point, 0);
+  if (image)
+    out.image = std::move(*image);
+  else
+    out.last.error = image.error().text;
+  co_return out;
+}
+
+asio::awaitable<void> CommandExchanges::pause(milliseconds duration) {
+  timer_.expires_after(duration);
+  co_await timer_.async_wait(use_result);
+}
+
+asio::awaitable<Exchange> CommandExchanges::send(Request request, Try which) {
+  // CONTRACT: a second try must begin before the expiry, even if the command is in progress.
+  const auto not_after = [&] { return which == Try::first ? latest_start() : admitted_.deadline; };
+  if (const auto first = station_.codec->read_before(request)) {
+    Exchange reading = co_await ask(*first, not_after());
+    if (!reading.is_data()) {
+      reading.sent = false;  // the command itself was not sent
+      co_return reading;
+    }
+    request = station_.codec->with_read(request, reading.reply.image);
+  }
+  Exchange exchange = co_await ask(std::move(request), not_after(), Effect::change);
+  if (exchange.sent) ++writes_;
+  co_return exchange;
+}
+
+asio::awaitable<Exchange> CommandExchanges::send_once_or_twice(Request request, bool may_repeat) {
+  const Codec& codec = *station_.codec;
+  Exchange exchange = co_await send(request, Try::first);
+  if (!may_repeat || !exchange.sent || !exchange.is_nak()) co_return exchange;
+  const int code = exchange.reply.device_code;
+  const RefusalMeaning meaning = codec.meaning_of(request, code);
+  const auto other = codec.instead_of(request, code);
+  if (other)
+    request = *other;
+  else if (meaning != RefusalMeaning::curable && meaning != RefusalMeaning::busy)
+    co_return exchange;
+  if (meaning == RefusalMeaning::busy) co_await pause(kBusyPause);
+  if (is_stopping()) co_return exchange;
+  Exchange second = co_await send(request, Try::second);
+  // Too late for a second try: the answer to the first one stands.
+  if (second.outcome == Exchange::Outcome::expired) co_return exchange;
+  co_return second;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,94 @@
+// Performs the exchanges of one command: each within its time, repeated only if the first one
+// surely had no effect, and with turns for others in between. Records what was sent;
+// CommandExecution makes the result of it. Field thread.
+#pragma once
+
+#include <asio/awaitable.hpp>
+#include <asio/steady_timer.hpp>
+#include <chrono>
+#include <optional>
+#include <string_view>
+
+#include "agent/commands/admitted_command.h"
+#include "agent/config/config.h"
+#include "agent/field/bus/bus.h"
+#include "agent/field/command/bus_sharing.h"
+#include "agent/messages.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+class CommandExchanges final {
+ public:
+  struct ReadBack {
+    std::optional<Bytes> image;  ///< of the whole point; nullopt: it could not be read
+    Exchange last;
+  };
+
+  /// Arguments as for CommandExecution.
+  CommandExchanges(asio::any_io_executor executor, Bus& bus, Station& station,
+                   const DeviceConfig& device, const AdmittedCommand& admitted,
+                   BusSharing* sharing);
+
+  /// The effect that an exchange is meant to have on the device.
+  enum class Effect : std::uint8_t { none, change };
+
+  /// Performs one exchange; sends nothing after `not_after`. Opens the channel if it is closed.
+  /// Before the first exchange that is to change something, marks the command as started.
+  asio::awaitable<Exchange> ask(Request request, SteadyTime not_after,
+                                Effect effect = Effect::none);
+  /// Reads the whole point of the target. Repeats each failed read as the config says.
+  asio::awaitable<ReadBack> read_point(const AdmittedTarget& target, SteadyTime not_after);
+  /// Sends a write, and a second time only if the first surely had no effect.
+  asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
+  /// Gives others their turn if `share` is true. False: the command is to stop.
+  asio::awaitable<bool> go_on(bool share);
+  asio::awaitable<void> pause(std::chrono::milliseconds duration);
+
+  /// Returns the latest time at which an exchange may begin. Unlimited once a write was sent,
+  /// because such a command is finished.
+  SteadyTime latest_start() const;
+  bool is_stopping() const { return sharing_ != nullptr && sharing_->is_stopping(); }
+  /// True if a stop came before an answer, or before anything was sent.
+  bool was_cut_off() const { return cut_off_; }
+
+  /// Returns the number of writes sent.
+  int writes() const { return writes_; }
+  /// Times of the first byte of the first exchange and of the end of the last one.
+  std::optional<SteadyTime> first_byte() const { return first_byte_; }
+  SteadyTime last_byte() const { return last_byte_; }
+  /// Returns the line time since others last had their turn.
+  std::chrono::nanoseconds used() const;
+  /// Returns BusDoubt::findings(): how often foreign bytes were found on the bus.
+  std::uint64_t findings() const { return bus_.doubt().findings(); }
+  /// True if the device has answered something, or has left something unanswered.
+  bool was_answered() const { return answered_; }
+  bool was_unanswered() const { return unanswered_; }
+
+ private:
+  enum class Try : std::uint8_t { first, second };
+  /// Sends `request`, after the read that it needs, if any. If that read fails, the command fails
+  /// with it.
+  asio::awaitable<Exchange> send(Request request, Try which);
+  void mark_started();
+  /// Adds the settings to check to the error, if nothing was ever answered.
+  void add_hint(Exchange& exchange) const;
+
+  asio::steady_timer timer_;
+  Bus& bus_;
+  Station& station_;
+  const DeviceConfig& device_;
+  const AdmittedCommand& admitted_;
+  BusSharing* const sharing_;
+  std::optional<SteadyTime> first_byte_;
+  /// Start of the silence before the first byte since others last had their turn.
+  std::optional<SteadyTime> part_began_;
+  SteadyTime last_byte_{};
+  int writes_ = 0;
+  bool is_started_ = false;
+  bool cut_off_ = false;
+  bool answered_ = false;
+  bool unanswered_ = false;
+};
+
+}  // namespace fxagent

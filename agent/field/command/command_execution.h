@@ -1,0 +1,81 @@
+// Carries out one admitted command on the wire (expect, write, verify) and reports how it ended.
+// Its functions are the steps of a command; CommandExchanges performs the exchanges. Field thread.
+#pragma once
+
+#include <asio/awaitable.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "agent/commands/admitted_command.h"
+#include "agent/config/config.h"
+#include "agent/field/bus/bus.h"
+#include "agent/field/command/bus_sharing.h"
+#include "agent/field/command/command_exchanges.h"
+#include "agent/messages.h"
+#include "protocol/plc.h"
+
+namespace fxagent {
+
+class CommandExecution final {
+ public:
+  /// All arguments must outlive run(). `sharing` null: the bus is not shared and nothing stops the
+  /// command.
+  CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
+                   const DeviceConfig& device, const AdmittedCommand& admitted,
+                   BusSharing* sharing = nullptr);
+
+  /// Returns the result, complete except for its bound. Opens the channel if it is closed.
+  asio::awaitable<CommandResult> run();
+
+  /// Returns the line time since others last had their turn.
+  std::chrono::nanoseconds used() const { return wire_.used(); }
+
+  /// True if the device answered something, or left something unanswered, during the run.
+  bool was_answered() const { return wire_.was_answered(); }
+  bool was_unanswered() const { return wire_.was_unanswered(); }
+
+ private:
+  asio::awaitable<void> run_targets();
+  void conclude_target(TargetResult out);
+  asio::awaitable<void> read_target(const AdmittedTarget& target, TargetResult& out);
+  asio::awaitable<void> write_target(const AdmittedTarget& target, TargetResult& out);
+  /// Reads what must be known before the target is written: whether it is as expected, and the bits
+  /// that `requests` must preserve. False: nothing may be written; `out` says why.
+  asio::awaitable<bool> read_first(const AdmittedTarget& target, std::vector<Request>& requests,
+                                   TargetResult& out);
+  /// True if `target` overlaps another target of the command, so that their sequence matters.
+  bool meets_another(const AdmittedTarget& target) const;
+  /// Writes all targets in one frame if the protocol has one for them. False: nothing was sent.
+  asio::awaitable<bool> write_together();
+  /// Ends a target of which `frames` requests were carried out and the rest surely was not.
+  asio::awaitable<void> end_early(const AdmittedTarget& target, std::size_t frames,
+                                  TargetResult& out);
+  /// Sets the outcome of a command that surely had no effect: refused, never sent, or too late.
+  void set_without_effect(TargetResult& out, const Exchange& exchange) const;
+  /// Returns the text for a command that a stopping agent or device left unsent. Requires a
+  /// sharing_.
+  std::string nothing_sent() const;
+  /// Sets the outcome of one target from the command's last exchange, then verifies it.
+  asio::awaitable<void> conclude(const AdmittedTarget& target, Exchange exchange,
+                                 TargetResult& out);
+  bool surely_without_effect(const Request& request, const Exchange& exchange) const;
+  asio::awaitable<void> verify(const AdmittedTarget& target, TargetResult& out);
+  /// Reads what the command was to write. The target counts as carried out if it has that value.
+  asio::awaitable<void> read_outcome(const AdmittedTarget& target, std::string succeeded,
+                                     TargetResult& out);
+  asio::awaitable<void> settle_interrupted();
+  asio::awaitable<void> settle_unknown(const AdmittedTarget& target, const Exchange& lost,
+                                       TargetResult& out);
+  asio::awaitable<void> run_or_stop();
+  asio::awaitable<std::optional<bool>> await_run_state(const PlcServices& plc, bool wanted);
+  void summarise();
+
+  Station& station_;
+  const AdmittedCommand& admitted_;
+  BusSharing* const sharing_;
+  CommandExchanges wire_;
+  CommandResult result_;
+};
+
+}  // namespace fxagent

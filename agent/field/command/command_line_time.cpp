@@ -1,0 +1,76 @@
+#include "agent/field/command/command_line_time.h"
+
+#include <algorithm>
+
+#include "agent/line_time.h"
+#include "protocol/padding.h"
+#include "protocol/plan/plan.h"
+#include "protocol/plc.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+
+// CONTRACT: an array that takes longer lets others run between its frames.
+constexpr milliseconds kLongArray{2000};
+
+nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const LineTiming& timing,
+                        const AdmittedCommand& admitted, const AdmittedTarget& target) {
+  const bool writes = !target.requests.empty();
+  const int readings = (writes ? 0 : 1) + (is_read_first(codec, target) ? 1 : 0) +
+                       (writes && is_verified(admitted, target) ? 1 : 0);
+  return write_time(codec, target.requests, timing) +
+         readings * read_time(codec, device, target.point, timing);
+}
+
+/// Returns the line time of RUN or STOP: the request and one read of the RUN state.
+nanoseconds run_or_stop_time(const Codec& codec, const LineTiming& timing,
+                             const AdmittedCommand& admitted) {
+  if (!admitted.run_request) return {};
+  return exchange_time(codec, *admitted.run_request, timing) +
+         exchange_time(codec, codec.plc()->run_state(), timing);
+}
+
+}  // namespace
+
+nanoseconds line_time_of(const Codec& codec, const DeviceConfig& device, nanoseconds char_time,
+                         const AdmittedCommand& admitted) {
+  const LineTiming timing = timing_of(device, char_time);
+  nanoseconds total = run_or_stop_time(codec, timing, admitted);
+  if (admitted.run_request) total += kRunStateVerifiedWithin;
+  for (const AdmittedTarget& target : admitted.targets)
+    total += target_time(codec, device, timing, admitted, target);
+  return total;
+}
+
+void set_line_times(const Codec& codec, const DeviceConfig& device, nanoseconds char_time,
+                    AdmittedCommand& admitted) {
+  const LineTiming timing = timing_of(device, char_time);
+  nanoseconds total = run_or_stop_time(codec, timing, admitted);
+  for (AdmittedTarget& target : admitted.targets) {
+    target.line_time = target_time(codec, device, timing, admitted, target);
+    total += target.line_time;
+  }
+  if (char_time.count() > 0) admitted.line_time = total;
+}
+
+bool gives_way(const AdmittedTarget& target) { return target.line_time > kLongArray; }
+
+bool gives_way(const AdmittedCommand& admitted) {
+  if (admitted.targets.size() > 1) return true;
+  return std::any_of(admitted.targets.begin(), admitted.targets.end(),
+                     [](const AdmittedTarget& target) { return gives_way(target); });
+}
+
+bool is_read_first(const Codec& codec, const AdmittedTarget& target) {
+  if (target.requests.empty()) return false;
+  return target.expected || (has_padding(target.point) && !codec.is_broadcast());
+}
+
+bool is_verified(const AdmittedCommand& admitted, const AdmittedTarget& target) {
+  return target.point.type == DataType::boolean ? admitted.verify_bits : admitted.verify_words;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,280 @@
+#include "agent/field/command/link_commands.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "agent/commands/result.h"
+#include "agent/failpoint.h"
+#include "agent/field/command/bus_sharing.h"
+#include "agent/field/command/command_execution.h"
+#include "agent/field/command/command_line_time.h"
+#include "agent/line_time.h"
+#include "protocol/padding.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+/// Returns why a place has no value after a command that may have written it, until the next read.
+BadReason bad_after(Reason reason) {
+  switch (reason) {
+    case Reason::nak:
+      return BadReason::nak;
+    case Reason::link_down:
+      return BadReason::link_down;
+    case Reason::bad_frame:
+    case Reason::verify_mismatch:
+      return BadReason::bad_frame;
+    default:
+      return BadReason::timeout;
+  }
+}
+
+/// True if nothing of the target was carried out, as far as can be known.
+bool without_effect(const TargetResult& outcome) {
+  switch (outcome.status) {
+    case CommandStatus::succeeded:
+    case CommandStatus::partial:
+    case CommandStatus::unknown_outcome:
+      return false;
+    default:
+      return outcome.reason != Reason::verify_mismatch;
+  }
+}
+
+}  // namespace
+
+LinkCommands::LinkCommands(asio::any_io_executor executor, const LinkConfig& link, Bus& bus,
+                           PollScheduler& scheduler, const LinkDevices& devices, LinkState& state,
+                           Poller& poller, Outbox& outbox)
+    : executor_(std::move(executor)),
+      link_(link),
+      bus_(bus),
+      scheduler_(scheduler),
+      devices_(devices),
+      state_(state),
+      poller_(poller),
+      outbox_(outbox) {}
+
+void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
+  WaitingCommand command;
+  command.admitted = std::move(admitted);
+  command.admitted.queued = Clock::now();
+  command.device = &device;
+  command.line_time =
+      line_time_of(*command.admitted.codec, device.config, link_.char_time, command.admitted);
+  set_line_times(*command.admitted.codec, device.config, link_.char_time, command.admitted);
+  command.admitted.bound = bound_of(command);
+  waiting_.push_back(std::move(command));
+  scheduler_.command_waits();
+}
+
+std::list<WaitingCommand> LinkCommands::take_waiting() { return std::exchange(waiting_, {}); }
+
+std::list<WaitingCommand> LinkCommands::take_waiting(const LinkDevice& device) {
+  std::list<WaitingCommand> taken;
+  for (auto next = waiting_.begin(); next != waiting_.end();) {
+    const auto current = next++;
+    if (current->device != &device) continue;
+    taken.splice(taken.end(), waiting_, current);
+    scheduler_.command_taken();
+  }
+  return taken;
+}
+
+void LinkCommands::answer_running(std::string_view why) {
+  scheduler_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
+  for (const WaitingCommand& running : running_) {
+    CommandResult result = result_of(running.admitted.command);
+    set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down, std::string(why));
+    for (const AdmittedTarget& target : running.admitted.targets)
+      if (!target.requests.empty())
+        poller_.overwritten(*running.device, *span_of(target.point), nullptr, BadReason::link_down);
+    outbox_.push(std::move(result));
+  }
+  running_.clear();
+}
+
+nanoseconds LinkCommands::handshakes() const {
+  nanoseconds total{0};
+  for (const auto& device : devices_) {
+    const auto enquiry = device->codec->resync();
+    if (!enquiry || device->config.enquire != EnquirePolicy::open) continue;
+    if (bus_.is_open() && device->station.handshake_in == bus_.session()) continue;
+    const LineTiming timing = timing_of(device->config, link_.char_time);
+    total += exchange_time(*device->codec, *enquiry, timing);
+  }
+  return total;
+}
+
+std::optional<nanoseconds> LinkCommands::bound_of(const WaitingCommand& command) const {
+  if (link_.char_time.count() == 0) return std::nullopt;
+  nanoseconds ahead{0};
+  for (const WaitingCommand& running : running_) ahead += running.line_time;
+  for (const WaitingCommand& waiting : waiting_) ahead += waiting.line_time;
+  const nanoseconds own = command.line_time;
+  return handshakes() + (gives_way(command.admitted)
+                             ? scheduler_.bound_giving_way(own, ahead, poller_.longest_poll())
+                             : scheduler_.bound(own, ahead, poller_.longest_poll()));
+}
+
+// ---- on the wire --------------------------------------------------------------------------------
+
+/// Shares the bus between one command, the polls and the commands waiting behind it.
+class LinkCommands::Sharing final : public BusSharing {
+ public:
+  Sharing(LinkCommands& commands, const WaitingCommand& command)
+      : commands_(commands), command_(command), outer_(commands.sharing_) {
+    commands.sharing_ = this;
+  }
+  Sharing(const Sharing&) = delete;
+  Sharing& operator=(const Sharing&) = delete;
+  ~Sharing() override { commands_.sharing_ = outer_; }
+
+  /// Polls have their share as between commands. Waiting commands have as much line time as this
+  /// one has used, in queue order. A short one runs after the first target; one as long as this one
+  /// waits for its end. No command exceeds its bound that way.
+  asio::awaitable<void> give_way(nanoseconds used) override {
+    if (!at_a_target_) within_ += used;
+    at_a_target_ = false;
+    PollScheduler& scheduler = commands_.scheduler_;
+    scheduler.command_waits();  // the rest of this one
+    scheduler.command_used(used, Clock::now());
+    // While the channel is closed, nothing is asked of the scheduler, because next() would begin a
+    // cycle. The command itself opens the channel again.
+    while (!is_stopping() && commands_.bus_.is_open()) {
+      const PollScheduler::Job job = scheduler.next(Clock::now());
+      if (job.kind == PollScheduler::Job::Kind::poll) {
+        const bool on_the_line = co_await commands_.poll_between(job.poll);
+        if (!on_the_line) break;
+      } else if (commands_.may_go_between(credit())) {
+        give(commands_.waiting_.front().line_time);
+        co_await commands_.run_next();
+      } else {
+        break;
+      }
+    }
+    scheduler.command_taken();
+  }
+
+  void concluded(std::size_t target, const TargetResult& outcome) override {
+    const AdmittedCommand& admitted = command_.admitted;
+    if (target >= admitted.targets.size()) return;
+    had_ += admitted.targets[target].line_time;
+    within_ = {};
+    at_a_target_ = true;
+    commands_.after_write(*command_.device, admitted.targets[target], outcome);
+  }
+
+  std::string_view why_stopping() const override {
+    return command_.device->leaves_by ? kReconfigured : commands_.state_.why_stopping();
+  }
+  bool is_over() const override {
+    const auto& leaves_by = command_.device->leaves_by;
+    return commands_.over_ || (leaves_by && Clock::now() >= *leaves_by);
+  }
+
+ private:
+  /// Returns the line time that others may use now: what this command has used and not yet given
+  /// away, at most the credit of the command that it interrupts.
+  nanoseconds credit() const {
+    const nanoseconds own = had_ + within_ - given_;
+    return outer_ == nullptr ? own : std::min(own, outer_->credit());
+  }
+  void give(nanoseconds line_time) {
+    for (Sharing* each = this; each != nullptr; each = each->outer_) each->given_ += line_time;
+  }
+
+  LinkCommands& commands_;
+  const WaitingCommand& command_;
+  Sharing* const outer_;  ///< of the command that rests while this one runs
+  // Planned line time, of which bounds are made.
+  nanoseconds had_{0};     ///< used by the targets with an outcome
+  nanoseconds within_{0};  ///< used by the current target
+  nanoseconds given_{0};   ///< given to other commands
+  bool at_a_target_ = false;
+};
+
+bool LinkCommands::may_go_between(nanoseconds credit) const {
+  if (waiting_.empty() || waiting_.front().line_time > credit) return false;
+  const WaitingCommand& next = waiting_.front();
+  return std::none_of(running_.begin(), running_.end(), [&next](const WaitingCommand& under_way) {
+    if (next.device != under_way.device) return false;
+    // A STOP must not wait. A RUN may be meant to follow the current writes. Places that are read
+    // or written twice keep their sequence.
+    if (next.admitted.run_request) return next.admitted.command.op != Op::stop;
+    for (const AdmittedTarget& target : next.admitted.targets) {
+      const Span span = *span_of(target.point);
+      for (const AdmittedTarget& other : under_way.admitted.targets)
+        if (overlap(span, *span_of(other.point))) return true;
+    }
+    return false;
+  });
+}
+
+asio::awaitable<bool> LinkCommands::poll_between(PollScheduler::PollStep step) {
+  const std::uint64_t before = bus_.counters().exchanges;
+  co_await poller_.run(step);
+  co_return bus_.counters().exchanges != before;
+}
+
+asio::awaitable<void> LinkCommands::run_next() {
+  running_.push_back(std::move(waiting_.front()));
+  waiting_.pop_front();
+  scheduler_.command_taken();
+  const WaitingCommand& running = running_.back();
+  const AdmittedCommand& admitted = running.admitted;
+  LinkDevice& device = *running.device;
+
+  Station station = device.station;
+  station.codec = admitted.codec;
+  FrameTrace trace;
+  station.trace = &trace;
+  Sharing sharing(*this, running);
+  CommandExecution execution(executor_, bus_, station, device.config, admitted, &sharing);
+  CommandResult result = co_await execution.run();
+  failpoint("command_answered");
+  // RUN and STOP may be a force, too. No older value of M8037 is reported after it was sent.
+  if (const auto* force =
+          admitted.run_request ? std::get_if<Force>(&*admitted.run_request) : nullptr;
+      force != nullptr && result.attempts > 0)
+    poller_.overwritten(device, {force->space, force->bit, 1}, nullptr, BadReason::timeout);
+
+  device.station.handshake_in = station.handshake_in;
+  state_.opened();
+  scheduler_.command_used(execution.used(), Clock::now());
+  if (execution.was_answered()) state_.answered(device);
+  if (execution.was_unanswered() && !execution.was_answered())
+    state_.unanswered(device, PollScheduler::AskedBy::command);
+  result.bound = admitted.bound;
+  if (admitted.run_request && result.status == CommandStatus::succeeded)
+    device.state.set_run(admitted.command.op == Op::run);
+  result.frames = std::move(trace);
+  outbox_.push(std::move(result));
+  running_.pop_back();
+  state_.update(device);
+}
+
+void LinkCommands::after_write(LinkDevice& device, const AdmittedTarget& target,
+                               const TargetResult& outcome) {
+  if (target.requests.empty() || without_effect(outcome)) return;
+  // After a string of odd length, the device has kept the byte behind it, so its memory may differ
+  // from the image.
+  const bool as_meant = outcome.status == CommandStatus::succeeded &&
+                        (!outcome.verify || outcome.verify->match) && !has_padding(target.point);
+  poller_.overwritten(device, *span_of(target.point), as_meant ? &target.image : nullptr,
+                      bad_after(outcome.reason));
+  if (!target.tag_index) return;
+  const bool read_back = outcome.verify && outcome.verify->read;
+  const bool whole = outcome.status == CommandStatus::succeeded;
+  const bool in_part = outcome.status == CommandStatus::partial && read_back;
+  if (!whole && !in_part) return;
+  Value value = read_back ? *outcome.verify->read : target.written.value_or(Value());
+  poller_.publish_written(device, *target.tag_index, std::move(value),
+                          read_back ? Poller::Origin::read_back : Poller::Origin::written);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,87 @@
+// Queues and runs the commands of one link, computes their bounds, and lets others run between the
+// parts of a long one. Field thread.
+#pragma once
+
+#include <asio/any_io_executor.hpp>
+#include <asio/awaitable.hpp>
+#include <chrono>
+#include <list>
+#include <memory>
+#include <optional>
+#include <string_view>
+
+#include "agent/commands/admitted_command.h"
+#include "agent/config/config.h"
+#include "agent/field/bus/bus.h"
+#include "agent/field/link_device.h"
+#include "agent/field/link_state.h"
+#include "agent/field/poll/poll_scheduler.h"
+#include "agent/field/poller.h"
+#include "agent/messages.h"
+#include "agent/outbox.h"
+
+namespace fxagent {
+
+/// An admitted command in the queue.
+struct WaitingCommand {
+  AdmittedCommand admitted;
+  LinkDevice* device = nullptr;
+  std::chrono::nanoseconds line_time{0};
+};
+
+class LinkCommands final {
+ public:
+  /// All arguments must outlive it.
+  LinkCommands(asio::any_io_executor executor, const LinkConfig& link, Bus& bus,
+               PollScheduler& scheduler, const LinkDevices& devices, LinkState& state,
+               Poller& poller, Outbox& outbox);
+  LinkCommands(const LinkCommands&) = delete;
+  LinkCommands& operator=(const LinkCommands&) = delete;
+
+  /// Appends a command to the queue and sets its bound.
+  void add(AdmittedCommand admitted, LinkDevice& device);
+  /// Carries out the first waiting command, which must exist. Its result goes to the outbox.
+  asio::awaitable<void> run_next();
+  /// True while run_next() is in progress.
+  bool is_running() const { return !running_.empty(); }
+  /// Stops the running command from sending anything more, read-backs included.
+  void end() { over_ = true; }
+
+  /// After a bug: answers the running commands with UNKNOWN_OUTCOME. The waiting ones go on
+  /// waiting.
+  void answer_running(std::string_view why);
+  /// Removes and returns all waiting commands.
+  std::list<WaitingCommand> take_waiting();
+  /// Removes and returns the waiting commands of `device`.
+  std::list<WaitingCommand> take_waiting(const LinkDevice& device);
+
+ private:
+  class Sharing;
+
+  std::optional<std::chrono::nanoseconds> bound_of(const WaitingCommand& command) const;
+  /// Returns the line time of the enquiries that precede the first exchange with each device of a
+  /// session.
+  std::chrono::nanoseconds handshakes() const;
+  /// True if the next waiting command may run between two parts of the running one: it takes at
+  /// most `credit` and touches nothing that a resting command of its device touches.
+  bool may_go_between(std::chrono::nanoseconds credit) const;
+  /// Runs a poll while a command rests. False: the poll sent nothing.
+  asio::awaitable<bool> poll_between(PollScheduler::PollStep step);
+  void after_write(LinkDevice& device, const AdmittedTarget& target, const TargetResult& outcome);
+
+  asio::any_io_executor executor_;
+  const LinkConfig& link_;
+  Bus& bus_;
+  PollScheduler& scheduler_;
+  const LinkDevices& devices_;
+  LinkState& state_;
+  Poller& poller_;
+  Outbox& outbox_;
+  std::list<WaitingCommand> waiting_;
+  /// The running command, then the command between two of its parts, and so on.
+  std::list<WaitingCommand> running_;
+  Sharing* sharing_ = nullptr;  ///< of the last running command
+  bool over_ = false;
+};
+
+}  // namespace fxagent

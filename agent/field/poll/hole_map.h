@@ -1,0 +1,111 @@
+// Learns what one device refuses although its documents allow it: missing registers, blocks that
+// are too long, commands for several places at once. Halves each refused read until the cause is
+// found. Pure: time is an argument. Field thread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "agent/messages.h"
+#include "protocol/plan/plan.h"
+
+namespace fxagent {
+
+class HoleMap final {
+ public:
+  /// Returns the restrictions for the next plan.
+  const Holes& holes() const { return holes_; }
+  /// Incremented whenever holes() changes.
+  std::uint32_t version() const { return version_; }
+
+  /// Records that the device refused this read. With `halves`, both are read separately afterwards.
+  /// Without them, the span is missing and left out until a retry. `asked` is the result of
+  /// asked_in() if the device's codec may put the read into a Gather with others; otherwise empty.
+  void refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
+               const std::vector<Span>& asked = {});
+  /// Records that the device refused these reads in one Gather; `asked` is the result of
+  /// asked_in(). Afterwards they are read in halves, apart from others. If all that was asked for
+  /// proves readable, by whatever way, the Gather had too many parts. If it had only one part, that
+  /// part is read in another way afterwards.
+  void refused_together(const Gather& gather, const std::vector<Span>& asked);
+  /// Records that a Gather of `parts` parts was answered; read() records each of them.
+  void read_together(std::size_t parts);
+  /// Records that the device gave no answer, or nonsense, to a Gather by this command. The command
+  /// may be the cause: no Gather uses it until the device has answered something else.
+  void unanswered(std::uint8_t gather);
+  /// Consequences of an answer with data for commands that went unanswered.
+  struct Proof {
+    bool again = false;                 ///< some should be tried again now
+    std::vector<std::uint8_t> lacking;  ///< commands that the device seems to lack
+  };
+  /// Records that the device answered a Gather by this command, or with 0 a single read.
+  Proof answered(std::uint8_t gather);
+  /// Records that the device does not know the command: no Gather uses it until a retry. True if
+  /// this is new.
+  bool lacks(std::uint8_t gather, SteadyTime now);
+
+  /// Records a successful read. If both halves of a refused read are good, either the gap between
+  /// them is missing or, if there is none, the whole was too long.
+  void read(const Span& read);
+
+  /// Lifts restrictions whose time has come. Their cause may have gone: a new program or device, a
+  /// password, a wrong setting. Missing spans are read again, apart from their neighbours so that a
+  /// refusal does not harm these. Commands that the device did not know are tried again. Limits on
+  /// the parts of a Gather, and spans read only outside of one, are found anew after 10 minutes,
+  /// then at doubling intervals up to one day.
+  void retry(SteadyTime now);
+
+ private:
+  /// A cut that is being tried, or that was found to be needed.
+  struct Border {
+    Holes::Cut cut;
+    Span reason;  ///< the refused read that the cut may explain
+    std::uint32_t left_end = 0;
+    bool left_read = false;
+    bool right_read = false;
+  };
+
+  void changed();
+  void explained(const Span& span);
+  void learn_limit(std::uint16_t space, std::uint32_t bits);
+
+  /// A command of which some Gathers went unanswered since its last answer.
+  struct Doubt {
+    std::uint8_t gather = 0;
+    bool waits = false;       ///< until the device answers something else
+    int proofs = 0;           ///< number of such answers
+    std::uint32_t parts = 0;  ///< limit of the command before
+  };
+  /// A command that was refused with the suspects, and half of the fewest parts in such a Gather.
+  struct Refused {
+    std::uint8_t gather = 0;
+    std::uint32_t half = 0;
+  };
+
+  void limit_parts(std::uint8_t gather, std::uint32_t parts);
+  std::uint32_t parts_of(std::uint8_t gather) const;
+  void too_many_parts();
+  void retry_commands(SteadyTime now);
+  void forgive(SteadyTime now);
+  bool is_suspect(const Span& span) const;
+  void suspect(const Span& read, const std::vector<Span>& asked);
+  void cleared(const Span& read);
+
+  std::vector<Border> borders_;
+  bool is_gathered_ = false;  ///< reads tried separately may go into a Gather with others
+  /// Empty if there are no suspects, or if they belong to a hole that was found.
+  std::vector<Refused> refused_gathers_;
+  std::vector<Doubt> doubts_;
+  std::vector<std::uint8_t> lacking_;  ///< commands that were lacking at some time
+  SteadyTime commands_retry_at_{};
+  std::optional<SteadyTime> forgive_at_;
+  std::chrono::seconds forgive_after_{600};
+  std::vector<Span> asked_again_;  ///< missing spans under retry
+  Holes holes_;
+  std::uint32_t version_ = 0;
+  SteadyTime retry_at_{};
+  std::chrono::seconds retry_after_{0};
+};
+
+}  // namespace fxagent

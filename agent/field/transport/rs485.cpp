@@ -1,0 +1,60 @@
+#include "agent/field/transport/rs485.h"
+
+#include <linux/serial.h>
+#include <sys/ioctl.h>
+
+#include <cerrno>
+#include <system_error>
+
+namespace fxagent {
+namespace {
+
+constexpr auto kSwitchesItself =
+    "; leave rs485 out where the adapter switches by itself, else use one that does";
+
+}  // namespace
+
+serial_rs485 kernel_settings(const Rs485& wish) {
+  serial_rs485 out{};
+  out.flags = SER_RS485_ENABLED;
+  out.flags |= wish.rts_on_send ? SER_RS485_RTS_ON_SEND : SER_RS485_RTS_AFTER_SEND;
+  out.delay_rts_before_send =
+      static_cast<decltype(out.delay_rts_before_send)>(wish.delay_before.count());
+  out.delay_rts_after_send =
+      static_cast<decltype(out.delay_rts_after_send)>(wish.delay_after.count());
+  return out;
+}
+
+std::string not_taken(const serial_rs485& asked, const serial_rs485& got) {
+  if ((got.flags & SER_RS485_ENABLED) == 0)
+    return std::string("does not switch the RS-485 direction though its driver takes the order") +
+           kSwitchesItself;
+  constexpr auto kWay = SER_RS485_RTS_ON_SEND | SER_RS485_RTS_AFTER_SEND;
+  if ((got.flags & kWay) != (asked.flags & kWay))
+    return (asked.flags & SER_RS485_RTS_ON_SEND) != 0
+               ? "cannot raise RTS while it sends; set rs485/rts_on_send to false"
+               : "cannot lower RTS while it sends; leave rs485/rts_on_send out";
+  const auto delay = [](const char* key, unsigned wanted, unsigned given) {
+    return std::string("does not keep rs485/") + key + " " + std::to_string(wanted) +
+           ", its driver makes it " + std::to_string(given);
+  };
+  if (got.delay_rts_before_send != asked.delay_rts_before_send)
+    return delay("delay_before_ms", asked.delay_rts_before_send, got.delay_rts_before_send);
+  if (got.delay_rts_after_send != asked.delay_rts_after_send)
+    return delay("delay_after_ms", asked.delay_rts_after_send, got.delay_rts_after_send);
+  return {};
+}
+
+std::string switch_direction(int fd, const Rs485& wish) {
+  const serial_rs485 asked = kernel_settings(wish);
+  serial_rs485 got = asked;
+  if (ioctl(fd, TIOCSRS485, &got) == 0) return not_taken(asked, got);
+  if (errno == ENOTTY || errno == EOPNOTSUPP)
+    return std::string(
+               "cannot switch the RS-485 direction: its driver has no way to (TIOCSRS485)") +
+           kSwitchesItself;
+  return "does not switch the RS-485 direction: " + std::system_category().message(errno) +
+         kSwitchesItself;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,133 @@
+#include "agent/field/transport/tcp_transport.h"
+
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+
+#include <asio/ip/tcp.hpp>
+#include <cerrno>
+#include <utility>
+
+#include "agent/field/transport/host_lookup.h"
+#include "agent/field/transport/stream_io.h"
+
+namespace fxagent {
+namespace {
+
+using asio::ip::tcp;
+
+// Detects a cable pulled between two polls within about 20 s, even while nothing is sent.
+constexpr int kKeepAliveIdleSeconds = 10;
+constexpr int kKeepAliveIntervalSeconds = 3;
+constexpr int kKeepAliveProbes = 3;
+
+std::string why_not_connected(const asio::error_code& error, bool is_late) {
+  if (is_late)
+    return "no answer to the connection: is the device on, is this its address, and does every "
+           "firewall let the port through?";
+  if (error == asio::error::connection_refused)
+    return "nothing listens on this port (connection refused): is this the device's port, is it "
+           "opened in the device's settings, and for TCP?";
+  if (error == asio::error::host_unreachable || error == asio::error::network_unreachable)
+    return "no way to this address (" + error.message() +
+           "): is the device on, is the network up, and the address as it should be?";
+  return error.message();
+}
+
+class TcpTransport final : public Transport {
+ public:
+  TcpTransport(asio::any_io_executor executor, TcpSettings settings)
+      : settings_(std::move(settings)),
+        name_(settings_.host + ":" + std::to_string(settings_.port)),
+        socket_(executor),
+        deadline_(executor, socket_) {}
+
+  asio::awaitable<Result<void>> open(SteadyTime at) override {
+    close();
+    const auto found = co_await lookup_.find(socket_.get_executor(), settings_.host, name_, at);
+    if (!found) co_return tl::unexpected<Error>(found.error());
+    Result<void> outcome;
+    for (const asio::ip::address& address : *found) {
+      outcome = co_await connect({address, settings_.port}, at);
+      if (outcome) break;
+    }
+    co_return outcome;
+  }
+
+  bool is_open() const override { return socket_.is_open(); }
+
+  asio::awaitable<Written> write(ByteView bytes, SteadyTime at) override {
+    return write_all(socket_, deadline_, bytes, at, name_);
+  }
+
+  asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime at) override {
+    return fxagent::read_some(socket_, deadline_, into, at, name_);
+  }
+
+  Result<Bytes> discard_input() override {
+    Bytes found;
+    std::uint8_t waste[512];
+    while (found.size() < kMostDiscarded) {
+      if (!socket_.is_open()) return fail(ErrorCode::link_down, name_ + ": not connected");
+      const auto count = ::recv(socket_.native_handle(), waste, sizeof waste, MSG_DONTWAIT);
+      if (count > 0) {
+        found.insert(found.end(), waste, waste + count);
+      } else if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) {
+        return found;
+      } else {
+        close();
+        return fail(ErrorCode::link_down, name_ + ": the peer closed the connection");
+      }
+    }
+    return found;
+  }
+
+  void close() noexcept override {
+    lookup_.cancel();
+    deadline_.cancel();
+    asio::error_code ignored;
+    if (socket_.is_open()) socket_.close(ignored);
+  }
+
+ private:
+  asio::awaitable<Result<void>> connect(tcp::endpoint endpoint, SteadyTime at) {
+    close();
+    deadline_.arm(at);
+    asio::error_code error;
+    socket_.open(endpoint.protocol(), error);
+    if (!error && takes_from_others(socket_.native_handle())) error = asio::error::no_descriptors;
+    if (!error) {
+      const auto [failed] = co_await socket_.async_connect(endpoint, use_result);
+      error = failed;
+    }
+    deadline_.disarm();
+    if (error) {
+      const std::string why = why_not_connected(error, deadline_.passed());
+      close();
+      co_return fail(ErrorCode::link_down, name_ + ": " + why);
+    }
+    asio::error_code ignored;
+    socket_.non_blocking(true, ignored);
+    socket_.set_option(tcp::no_delay(true), ignored);
+    socket_.set_option(asio::socket_base::keep_alive(true), ignored);
+    const int fd = socket_.native_handle();
+    setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &kKeepAliveIdleSeconds, sizeof(int));
+    setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &kKeepAliveIntervalSeconds, sizeof(int));
+    setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &kKeepAliveProbes, sizeof(int));
+    co_return Result<void>{};
+  }
+
+  const TcpSettings settings_;
+  const std::string name_;
+  HostLookup lookup_;
+  tcp::socket socket_;
+  Deadline<tcp::socket> deadline_;
+};
+
+}  // namespace
+
+std::unique_ptr<Transport> make_tcp_transport(asio::any_io_executor executor,
+                                              TcpSettings settings) {
+  return std::make_unique<TcpTransport>(std::move(executor), std::move(settings));
+}
+
+}  // namespace fxagent

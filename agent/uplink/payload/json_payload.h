@@ -1,0 +1,77 @@
+// JSON texts of all that is published except results: samples, states, meta and health. Also the
+// payload format made of them, described in agent/CONTRACT.md. The functions are pure; any thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/config/config.h"
+#include "agent/messages.h"
+#include "agent/status.h"
+#include "agent/uplink/payload/payload.h"
+
+namespace fxagent::json {
+
+/// Returns one message of one group: the payload of …/data/{group}, and a row of its history.
+std::string sample(const SampleRecord& sample);
+
+/// `not_heard_why` is the reason why commands are not received, if so. `conflict` is the boot of
+/// another agent with our id, if any.
+std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
+                         const std::optional<std::string>& not_heard_why = std::nullopt,
+                         const std::optional<std::string>& conflict = std::nullopt);
+/// Without `since_ms` "since" is null, as in the last will, which is written before the time is
+/// known.
+std::string agent_offline(std::optional<std::int64_t> since_ms, std::string_view reason,
+                          std::string_view boot);
+std::string device_state(const DeviceStatus& status);
+
+struct Meta {
+  std::string hash;  ///< first 16 hex digits of the SHA-256 of the tags' text
+  std::string text;
+};
+Meta device_meta(const DeviceConfig& device);
+
+/// Returns the payload of …/health: all numbers and words of AgentStatus.
+std::string health(const AgentStatus& status, const Config& config);
+
+}  // namespace fxagent::json
+
+namespace fxagent {
+
+/// The format of agent/CONTRACT.md: topics below Config::base_topic(), everything as JSON, states
+/// and meta retained.
+class JsonPayload final : public Payload {
+ public:
+  /// `config` outlives the object.
+  JsonPayload(const Config& config, std::string boot, std::string version);
+
+  Will last_will() override;
+  Publication agent_online(std::int64_t since_ms, const std::optional<std::string>& not_heard_why,
+                           const std::optional<std::string>& conflict) override;
+  Publication agent_offline(std::int64_t since_ms) override;
+  Publication device_state(const DeviceStatus& status) override;
+  Publication device_meta(std::uint32_t device) override;
+  Publication sample(const StreamKey& stream, const SampleRecord& sample) override;
+  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
+  Publication history(const HistoryBatch& batch) override;
+
+ private:
+  Publication state(std::string topic, std::string payload) const;
+  Publication data(std::string topic, std::string payload) const;
+  std::string device_topic(std::uint32_t device) const;
+  std::string data_topic(const std::string& device, const std::string& group) const;
+
+  const Config& config_;
+  const std::string base_;
+  const std::string boot_;
+  const std::string version_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,127 @@
+// Finds the reads with the least line time for one space, by dynamic programming. Used only by the
+// planner (plan.h).
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "protocol/plan/forbidden.h"
+#include "protocol/plan/plan.h"
+
+namespace fxagent {
+
+/// Returns the shortest read by `way` that covers `wanted`. nullopt if the way does not reach it or
+/// cannot carry that much.
+std::optional<Extent> fit(const ReadWay& way, const Extent& wanted);
+/// True if reads by `way`, of any length, cover `span`.
+bool reaches(const ReadWay& way, const Span& span);
+
+/// Everything read from one space by ways of one tier. Points are merged only within a bucket.
+struct Bucket {
+  std::uint16_t space = 0;
+  std::vector<ReadWay> ways;
+  Forbidden forbidden;
+  std::vector<std::uint32_t> points;  // indices in the caller's list
+  std::vector<Span> spans;            // their spans, in the same order
+  std::vector<Extent> pieces;         // each must lie whole in one read
+};
+
+/// Returns the point's pieces: the whole point if one read can hold it, otherwise its elements,
+/// otherwise its units. Empty if some of it cannot be read at all.
+std::vector<Extent> pieces_of(const Bucket& bucket, const Point& point, const Span& span);
+/// Sorts the pieces, widens them to what every way reads anyway, and drops those inside another.
+/// Afterwards both their starts and their ends ascend.
+void reduce(Bucket& bucket);
+
+/// In nanoseconds. kImpossible: no set of reads covers everything.
+using Cost = std::int64_t;
+inline constexpr Cost kImpossible = std::numeric_limits<Cost>::max();
+
+/// Price that the search adds to a part of a Gather, besides the part's own characters.
+struct PartPrice {
+  bool open = false;  ///< false: no part uses this command
+  Cost each = 0;
+  Cost each_bit = 0;
+};
+/// Limits of one search: the reads that it may choose.
+struct Terms {
+  std::vector<PartPrice> parts;  ///< by GatherCommand::gather; a command beyond its end is not open
+  std::uint8_t counted = 0;      ///< the command whose parts are counted; 0: none are
+};
+
+/// Searches one bucket, once for each set of terms.
+///
+/// Only runs of pieces that are consecutive in start order need to be tried. Proof: take any set of
+/// reads and drop those inside another, so that starts and ends both ascend. Assign each piece to
+/// the last read that begins at or before it. That read ends no earlier than the read that covered
+/// the piece before, so it covers the piece too. Each read is thus assigned a run of consecutive
+/// pieces.
+class ReadSearch final {
+ public:
+  /// All arguments must outlive the search.
+  ReadSearch(const Codec& codec, const LineCost& cost, const Bucket& bucket);
+
+  /// `before` is the least cost of the other buckets, by the number of parts counted in them; just
+  /// {0} if no parts are counted. Returns the same including this bucket's reads.
+  std::vector<Cost> run(const Terms& terms, const std::vector<Cost>& before);
+  /// Returns the reads of the last run() with `counted` parts in this bucket and those before it,
+  /// in the order of their first bits. Reduces `counted` to the parts of the buckets before. Call
+  /// only if run() found a finite cost.
+  std::vector<Read> reads(std::uint32_t& counted) const;
+
+  /// Reads weighed by all runs together: a measure of processor time.
+  std::size_t weighed() const { return weighed_; }
+  std::size_t pieces() const { return bucket_.pieces.size(); }
+
+ private:
+  struct Choice {
+    Cost cost = kImpossible;  // cost of all reads up to this piece
+    std::uint32_t first = 0;  // first piece of the last read
+    std::uint8_t way = 0;     // index in Bucket::ways
+    Extent extent;
+  };
+  /// A piece that a read may begin with.
+  struct Start {
+    std::size_t piece = 0;
+    /// Cost of all reads before it, less the price in a read of all bits before it.
+    Cost worth = 0;
+  };
+  /// Candidate starts for one way. They are used if a read by the way costs the same amount more
+  /// for each further period, whatever its length. The ranking of two starts then does not depend
+  /// on the end of the read: each next piece adds one start and may discard earlier ones for good.
+  struct Starts {
+    /// In bits; 0: no short period exists, or it is not worth the effort.
+    std::uint32_t period = 0;
+    Cost each = 0;  ///< cost of one more period
+    /// By the offset of the first bit in the period. In each queue worth and piece both ascend.
+    std::vector<std::deque<Start>> queues;
+  };
+
+  Starts starts_by(std::size_t way);
+  Cost price_of(std::size_t way, const Extent& extent);
+  /// Tries reads by `way` that end with piece `last`.
+  void try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last);
+  void try_best_starts(std::size_t way, const PartPrice& part, std::size_t last);
+  void try_all_starts(std::size_t way, const PartPrice& part, bool counts, std::size_t last);
+  /// Returns nullopt if there is no such read.
+  std::optional<Extent> read_of(std::size_t way, std::size_t first, std::size_t last);
+  void take(std::size_t way, const PartPrice& part, bool counts, std::size_t first,
+            std::size_t last, const Extent& extent);
+  Read read_by(std::uint8_t way, const Extent& extent) const;
+
+  const Codec& codec_;
+  const LineCost& cost_;
+  const Bucket& bucket_;
+  std::vector<std::vector<Cost>> prices_;  ///< by way and length; kImpossible: not known yet
+  std::vector<std::uint32_t> around_;      ///< by way: characters around parts; 0: not known yet
+  std::vector<std::vector<std::size_t>> partners_;  ///< by way and piece: the first in one read
+  std::vector<Starts> starts_;                      ///< by way
+  std::size_t counts_ = 1;                          ///< columns of best_
+  std::size_t weighed_ = 0;
+  std::vector<Choice> best_;  ///< by pieces done and parts counted
+};
+
+}  // namespace fxagent

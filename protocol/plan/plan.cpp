@@ -1,0 +1,360 @@
+#include "protocol/plan/plan.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "protocol/plan/cheapest_reads.h"
+#include "protocol/plan/gathering.h"
+#include "protocol/spans.h"
+
+namespace fxagent {
+namespace {
+
+/// Returns the reads that cover `span`: from the last read that contains its first bit to the read
+/// that contains its last bit.
+PointSource source_of(const std::vector<Read>& reads, const Span& span) {
+  const auto after = std::upper_bound(
+      reads.begin(), reads.end(), span.first_bit,
+      [](std::uint32_t bit, const Read& read) { return bit < read.span.first_bit; });
+  auto first = static_cast<std::size_t>(after - reads.begin()) - 1;
+  while (first > 0 && reads[first].span.end_bit() <= span.first_bit) --first;
+  std::size_t last = first;
+  while (last + 1 < reads.size() && reads[last].span.end_bit() < span.end_bit()) ++last;
+  return {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last - first + 1)};
+}
+
+constexpr std::uint32_t kAnySize = GatherCommand{}.max_bits;
+
+/// Buckets to be read, by space and tier, and the commands that read several places at once.
+struct Wanted {
+  std::vector<Bucket> buckets;
+  std::vector<GatherCommand> commands;
+};
+
+/// Ways and commands of a device after its holes are applied.
+class DeviceWays final {
+ public:
+  DeviceWays(const Codec& codec, std::uint32_t max_block_bytes, const Holes& holes)
+      : addresses_(codec.addresses()), max_block_bytes_(max_block_bytes), holes_(holes) {
+    for (GatherCommand command : addresses_.gathers()) {
+      for (const Holes::GatherLimit& limit : holes.gather_limits)
+        if (limit.gather == command.gather)
+          command.max_parts = std::min(command.max_parts, limit.parts);
+      if (command.max_parts > 0) commands_.push_back(command);
+    }
+  }
+
+  /// Returns an empty list if the model has no such space.
+  const std::vector<ReadWay>& all(std::uint16_t space) {
+    const auto [known, fresh] = ways_.try_emplace(space);
+    if (fresh) known->second = addresses_.read_ways(space);
+    return known->second;
+  }
+
+  Bucket bucket(std::uint16_t space, std::uint8_t tier) {
+    Bucket out;
+    out.space = space;
+    for (ReadWay way : all(space)) {
+      const GatherCommand* command = command_of(way);
+      if (way.tier != tier || (way.gather != 0 && command == nullptr)) continue;
+      if (max_block_bytes_ != 0) way.max_bits = std::min(way.max_bits, max_block_bytes_ * 8);
+      for (const Holes::Limit& limit : holes_.limits)
+        if (limit.space == space) way.max_bits = std::min(way.max_bits, limit.bits);
+      way.max_bits = std::max(way.max_bits / way.unit_bits * way.unit_bits, way.unit_bits);
+      out.ways.push_back(way);
+    }
+    out.forbidden = Forbidden(holes_, space, addresses_.borders(space));
+    return out;
+  }
+
+  /// Returns the commands that the ways of `buckets` use. Limits each frame to the bytes of one
+  /// block.
+  std::vector<GatherCommand> commands_for(const std::vector<Bucket>& buckets) const {
+    std::vector<GatherCommand> out;
+    for (GatherCommand command : commands_) {
+      std::uint32_t largest = 0;
+      for (const Bucket& bucket : buckets)
+        for (const ReadWay& way : bucket.ways)
+          if (way.gather == command.gather) largest = std::max(largest, way.max_bits);
+      if (max_block_bytes_ != 0)
+        command.max_bits = std::min(command.max_bits, std::max(max_block_bytes_ * 8, largest));
+      // Drops a bit limit that no number of parts can reach.
+      if (command.max_bits / command.max_parts >= largest) command.max_bits = kAnySize;
+      if (largest > 0) out.push_back(command);
+    }
+    return out;
+  }
+
+ private:
+  const GatherCommand* command_of(const ReadWay& way) const {
+    const auto found = std::find_if(commands_.begin(), commands_.end(), [&](const auto& command) {
+      return command.gather == way.gather;
+    });
+    return found == commands_.end() ? nullptr : &*found;
+  }
+
+  const AddressSpace& addresses_;
+  const std::uint32_t max_block_bytes_;
+  const Holes& holes_;
+  std::vector<GatherCommand> commands_;
+  std::map<std::uint16_t, std::vector<ReadWay>> ways_;
+};
+
+/// Sorts the points into buckets. Points that no way reaches are added to plan.unreachable.
+std::vector<Bucket> buckets_of(DeviceWays& device, std::span<const Point> points, Plan& plan) {
+  std::map<std::pair<std::uint16_t, std::uint8_t>, Bucket> buckets;
+  for (std::uint32_t index = 0; index < points.size(); ++index) {
+    const auto span = span_of(points[index]);
+    const ReadWay* taken = nullptr;
+    if (span)
+      for (const ReadWay& way : device.all(span->space))
+        if (reaches(way, *span) && (taken == nullptr || way.tier < taken->tier)) taken = &way;
+    if (taken == nullptr) {
+      plan.unreachable.push_back(index);
+      continue;
+    }
+    const auto [place, fresh] = buckets.try_emplace({span->space, taken->tier});
+    Bucket& bucket = place->second;
+    if (fresh) bucket = device.bucket(span->space, taken->tier);
+    const auto pieces =
+        bucket.ways.empty() ? std::vector<Extent>{} : pieces_of(bucket, points[index], *span);
+    if (pieces.empty()) {
+      plan.refused.push_back(index);
+      continue;
+    }
+    bucket.points.push_back(index);
+    bucket.spans.push_back(*span);
+    bucket.pieces.insert(bucket.pieces.end(), pieces.begin(), pieces.end());
+  }
+  std::vector<Bucket> filled;
+  for (auto& [key, bucket] : buckets) {
+    if (bucket.pieces.empty()) continue;
+    reduce(bucket);
+    filled.push_back(std::move(bucket));
+  }
+  return filled;
+}
+
+/// Returns the best reads of each bucket, without combining any.
+Gathering each_by_itself(const Codec& codec, const LineCost& cost,
+                         const std::vector<Bucket>& buckets) {
+  Gathering out;
+  for (const Bucket& bucket : buckets) {
+    ReadSearch search(codec, cost, bucket);
+    search.run({}, {0});
+    std::uint32_t counted = 0;
+    out.reads.push_back(search.reads(counted));
+    out.weighed += search.weighed();
+  }
+  return out;
+}
+
+/// Orders the exchanges: each Gather stands at the place of its first read.
+std::vector<PlannedExchange> in_order(std::uint32_t reads,
+                                      std::vector<std::vector<std::uint32_t>> together) {
+  std::vector<PlannedExchange> out;
+  if (together.empty()) return out;
+  std::vector<bool> gathered(reads);
+  for (auto& parts : together) {
+    for (const std::uint32_t read : parts) gathered[read] = true;
+    out.push_back({std::move(parts)});
+  }
+  for (std::uint32_t read = 0; read < reads; ++read)
+    if (!gathered[read]) out.push_back({{read}});
+  std::sort(out.begin(), out.end(), [](const PlannedExchange& a, const PlannedExchange& b) {
+    return a.reads.front() < b.reads.front();
+  });
+  return out;
+}
+
+}  // namespace
+
+std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& request,
+                                       const LineTiming& timing) {
+  const auto one = [&](const Request& asked) {
+    const LineLength length = codec.line_length(asked);
+    return timing.char_time * (length.request_chars + length.reply_chars + length.more_reply_chars +
+                               length.closing_chars) +
+           timing.turnaround + std::max(timing.gap, codec.quiet_before(timing.char_time)) +
+           codec.pause_after(asked);
+  };
+  const auto enquiry = codec.resync();
+  return enquiry && timing.enquires_always ? one(*enquiry) + one(request) : one(request);
+}
+
+bool Holes::forbid(const Span& span) const {
+  return Forbidden(*this, span.space).holds({span.first_bit, span.end_bit()});
+}
+
+Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
+               std::uint32_t max_block_bytes, const Holes& holes) {
+  Plan plan;
+  plan.sources.resize(points.size());
+  DeviceWays device(codec, max_block_bytes, holes);
+  const auto buckets = buckets_of(device, points, plan);
+  const auto commands = device.commands_for(buckets);
+  Gathering best = commands.empty() ? each_by_itself(codec, cost, buckets)
+                                    : cheapest_exchanges(codec, cost, buckets, commands, holes);
+  plan.weighed = best.weighed;
+  for (std::size_t b = 0; b < buckets.size(); ++b) {
+    const Bucket& bucket = buckets[b];
+    const auto offset = static_cast<std::uint32_t>(plan.reads.size());
+    for (const Read& read : best.reads[b]) plan.reads.push_back({read, {}});
+    for (std::size_t i = 0; i < bucket.points.size(); ++i) {
+      PointSource source = source_of(best.reads[b], bucket.spans[i]);
+      source.first_read += offset;
+      plan.sources[bucket.points[i]] = source;
+      for (std::uint32_t r = 0; r < source.count; ++r)
+        plan.reads[source.first_read + r].points.push_back(bucket.points[i]);
+    }
+  }
+  for (PlannedRead& read : plan.reads) read.points.shrink_to_fit();
+  plan.exchanges =
+      in_order(static_cast<std::uint32_t>(plan.reads.size()), std::move(best.together));
+  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e)
+    plan.line_time += cost.of(codec.line_length(plan.request(plan.reads_in(e))));
+  return plan;
+}
+
+Request Plan::request(const ReadIndices& which) const {
+  if (const Read& only = reads[which[0]].read; which.size() == 1 && only.gather == 0) return only;
+  Gather gather;
+  gather.parts.reserve(which.size());
+  for (std::size_t i = 0; i < which.size(); ++i) gather.parts.push_back(reads[which[i]].read);
+  return gather;
+}
+
+void Plan::share_out(const ReadIndices& which, Bytes image, std::span<Bytes> images) const {
+  if (which.size() == 1) {
+    images[which[0]] = std::move(image);
+    return;
+  }
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    const std::size_t bytes = (std::size_t{reads[which[i]].read.span.bits} + 7) / 8;
+    const std::size_t end = std::min(at + bytes, image.size());
+    images[which[i]].assign(image.begin() + static_cast<std::ptrdiff_t>(at),
+                            image.begin() + static_cast<std::ptrdiff_t>(end));
+    at = end;
+  }
+}
+
+std::vector<Span> asked_in(const Plan& plan, const ReadIndices& which,
+                           std::span<const Point> points) {
+  std::vector<Span> asked;
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    const PlannedRead& planned = plan.reads[which[i]];
+    for (const std::uint32_t index : planned.points) {
+      const auto span = span_of(points[index]);
+      if (!span) continue;
+      const std::uint32_t first = std::max(span->first_bit, planned.read.span.first_bit);
+      const std::uint32_t end = std::min(span->end_bit(), planned.read.span.end_bit());
+      if (first < end) asked.push_back({span->space, first, end - first});
+    }
+  }
+  return merged(std::move(asked));
+}
+
+std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> points,
+                                const PlannedRead& planned) {
+  const Span& span = planned.read.span;
+  const Extent whole{span.first_bit, span.end_bit()};
+  const auto ways = codec.addresses().read_ways(span.space);
+  const auto way = std::find_if(ways.begin(), ways.end(), [&](const ReadWay& w) {
+    return w.way == planned.read.way && w.first_bit <= whole.first && whole.end <= w.end_bit;
+  });
+  if (way == ways.end()) return std::nullopt;
+  std::vector<Extent> elements;
+  for (const std::uint32_t index : planned.points) {
+    const auto place = span_of(points[index]);
+    if (!place) continue;
+    const std::uint32_t step = place->bits / points[index].count;
+    for (std::uint32_t at = place->first_bit; at < place->end_bit(); at += step) {
+      const Extent part{std::max(at, whole.first), std::min(at + step, whole.end)};
+      if (part.first < part.end) elements.push_back(part);
+    }
+  }
+  std::sort(elements.begin(), elements.end(),
+            [](const Extent& a, const Extent& b) { return a.first < b.first; });
+  std::optional<Halves> best;
+  const std::uint32_t middle = whole.first + span.bits / 2;
+  const auto distance = [&](std::uint32_t at) { return at < middle ? middle - at : at - middle; };
+  std::uint32_t done = whole.first;  // end of the elements before this one
+  for (const Extent& element : elements) {
+    const std::uint32_t at = element.first - element.first % way->align_bits;
+    const auto left = fit(*way, {whole.first, done});
+    const bool apart = done > whole.first && done <= at && left && left->end <= at;
+    if (apart && (!best || distance(at) < distance(best->right_first)))
+      best = Halves{left->end, at};
+    done = std::max(done, element.end);
+  }
+  return best;
+}
+
+Result<Bytes> image_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
+                       std::size_t index) {
+  const PointSource source = index < plan.sources.size() ? plan.sources[index] : PointSource{};
+  const auto wanted = span_of(point);
+  if (!wanted || source.count == 0 || images.size() < source.first_read + source.count)
+    return fail(ErrorCode::unsupported, point.address.text + " is not in the plan");
+  const std::uint32_t base = plan.reads[source.first_read].read.span.first_bit;
+  Bytes whole;
+  for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r) {
+    const Span& span = plan.reads[r].read.span;
+    if (images[r].size() * 8 < span.bits)
+      return fail(ErrorCode::unsupported, point.address.text + " was read in part only");
+    const std::uint32_t at = span.first_bit - base;
+    whole.resize(std::max(whole.size(), (std::size_t{at} + span.bits + 7) / 8));
+    insert_bits(whole, at, images[r], span.bits);
+  }
+  return extract_bits(whole, wanted->first_bit - base, wanted->bits);
+}
+
+Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
+                       std::size_t index) {
+  const PointSource source = index < plan.sources.size() ? plan.sources[index] : PointSource{};
+  if (source.count == 1 && source.first_read < images.size())
+    return unpack(point, images[source.first_read],
+                  plan.reads[source.first_read].read.span.first_bit);
+  const auto image = image_of(plan, images, point, index);
+  if (!image) return tl::make_unexpected(image.error());
+  return unpack(point, *image, span_of(point)->first_bit);
+}
+
+Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, ByteView image) {
+  const auto span = span_of(point);
+  if (!span) return tl::make_unexpected(span.error());
+  if (!point.address.writable)
+    return fail(ErrorCode::bad_request, point.address.text + " cannot be written");
+  if (const auto allowed = codec.addresses().check_write(*span); !allowed)
+    return tl::make_unexpected(allowed.error());
+  if (image.size() != (span->bits + 7) / 8)
+    return fail(ErrorCode::bad_request, point.address.text + " takes " +
+                                            std::to_string((span->bits + 7) / 8) + " bytes, not " +
+                                            std::to_string(image.size()));
+  std::vector<Request> requests;
+  if (span->bits == 1) {
+    requests.emplace_back(Force{span->space, span->first_bit, (image[0] & 1) != 0});
+    return requests;
+  }
+  std::uint32_t step = codec.addresses().max_write_bits(span->space);
+  if (step == 0)
+    return fail(ErrorCode::bad_request, point.address.text + " is not written by this protocol");
+  // Keep elements whole if a frame can hold one and an element consists of whole bytes.
+  const std::uint32_t element = span->bits / point.count;
+  if (element % 8 == 0 && element <= step) step -= step % element;
+  const auto borders = codec.addresses().borders(span->space);
+  std::uint32_t bits = 0;
+  for (std::uint32_t done = 0; done < span->bits; done += bits) {
+    const std::uint32_t first = span->first_bit + done;
+    bits = std::min(step, span->bits - done);
+    for (const std::uint32_t at : borders)
+      if (first < at) bits = std::min(bits, at - first);
+    requests.emplace_back(Write{{span->space, first, bits}, extract_bits(image, done, bits)});
+  }
+  return requests;
+}
+
+}  // namespace fxagent

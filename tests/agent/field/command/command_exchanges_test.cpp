@@ -1,0 +1,206 @@
+#include "agent/field/command/command_exchanges.h"
+
+#include <gtest/gtest.h>
+
+#include <asio/io_context.hpp>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "agent/commands/result.h"
+#include "protocol/plan/plan.h"
+#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/on_io.h"
+#include "tests/agent/field/port_frames.h"
+#include "tests/support/scripted_transport.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+const Bytes kWrite50 = write_frame(kD200, word(50));
+const Bytes kReadBack = read_frame(kD200, 2);
+
+/// Other users of the line, whose turns end at once.
+class Others final : public BusSharing {
+ public:
+  asio::awaitable<void> give_way(nanoseconds used) override {
+    ++turns;
+    used_before = used;
+    co_return;
+  }
+  void concluded(std::size_t, const TargetResult&) override {}
+  std::string_view why_stopping() const override { return stopping ? kStopping : ""; }
+  bool is_over() const override { return over; }
+
+  int turns = 0;
+  nanoseconds used_before{0};
+  bool stopping = false;
+  bool over = false;
+};
+
+/// One line with a PLC that needs no enquiry, and one word, D200.
+class CommandExchangesTest : public ::testing::Test {
+ protected:
+  CommandExchangesTest() {
+    device.retries = 1;
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+    station.codec = device.codec;
+    station.enquire = EnquirePolicy::never;
+    target.point = tag(*device.codec, "setpoint", "D200").point;
+    admitted.deadline = Clock::now() + std::chrono::hours(1);
+    write = plan_write(*device.codec, target.point, word(50)).value().at(0);
+    exchanges = std::make_unique<CommandExchanges>(io.get_executor(), *bus, station, device,
+                                                   admitted, &others);
+  }
+  ~CommandExchangesTest() override {
+    EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";
+  }
+  Exchange send(bool may_repeat = true) {
+    return run_on(io, exchanges->send_once_or_twice(write, may_repeat));
+  }
+
+  DeviceConfig device = port_device();
+  asio::io_context io;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<Bus> bus;
+  Station station;
+  AdmittedCommand admitted;
+  AdmittedTarget target;
+  Request write;
+  Others others;
+  std::unique_ptr<CommandExchanges> exchanges;
+};
+
+TEST_F(CommandExchangesTest, BytesThatAreNoAnswerAreToldWithWhatTheyLookLike) {
+  // The line returns the request as an echo; there is no answer.
+  wire->expect(kWrite50).give(kWrite50).silence();
+  const Exchange exchange = send(false);
+  EXPECT_EQ(exchange.outcome, Exchange::Outcome::unanswered);
+  EXPECT_NE(exchange.error.find("; it looks like the question itself, which the line returns"),
+            std::string::npos)
+      << exchange.error;
+}
+
+TEST_F(CommandExchangesTest, OfBytesThatLookLikeNothingNothingIsClaimed) {
+  wire->expect(kWrite50).give({0x07}).silence();
+  const Exchange exchange = send(false);
+  EXPECT_FALSE(exchange.has_answer());
+  EXPECT_EQ(exchange.error.find("looks like"), std::string::npos) << exchange.error;
+}
+
+TEST_F(CommandExchangesTest, ClosedLineIsOpenedAndTheWriteLeavesOnce) {
+  wire->expect(kWrite50).give(kAck);
+  EXPECT_TRUE(send().is_ack());
+  EXPECT_EQ(wire->opened(), 1U);
+  EXPECT_EQ(exchanges->writes(), 1);
+  EXPECT_TRUE(exchanges->was_answered());
+  EXPECT_FALSE(exchanges->was_unanswered());
+  EXPECT_EQ(exchanges->used(), exchanges->last_byte() - *exchanges->first_byte());
+}
+
+TEST_F(CommandExchangesTest, RefusedWriteIsSentOnceMoreWhereThatIsAllowed) {
+  wire->expect(kWrite50).give(kNak).expect(kWrite50).give(kAck);
+  EXPECT_TRUE(send().is_ack());
+  EXPECT_EQ(exchanges->writes(), 2);
+  wire->expect(kWrite50).give(kNak);
+  EXPECT_TRUE(send(/*may_repeat=*/false).is_nak());
+  EXPECT_EQ(exchanges->writes(), 3);
+}
+
+TEST_F(CommandExchangesTest, UnansweredWriteIsNotSentAgain) {
+  wire->expect(kWrite50).silence();
+  EXPECT_EQ(send().outcome, Exchange::Outcome::unanswered);
+  EXPECT_EQ(exchanges->writes(), 1);
+  EXPECT_TRUE(exchanges->was_unanswered());
+}
+
+TEST_F(CommandExchangesTest, NothingBeginsAfterTheExpiryButWhatIsUnderWayIsFinished) {
+  admitted.deadline = Clock::now() - milliseconds(1);
+  EXPECT_EQ(send().outcome, Exchange::Outcome::expired);
+  EXPECT_EQ(wire->opened(), 0U);
+  EXPECT_FALSE(exchanges->first_byte());
+  admitted.deadline = Clock::now() + std::chrono::hours(1);
+  wire->expect(kWrite50).give(kAck);
+  send();
+  admitted.deadline = Clock::now() - milliseconds(1);
+  wire->expect(kWrite50).give(kAck);
+  EXPECT_TRUE(send().is_ack()) << "the next part of a command whose first write has left";
+}
+
+TEST_F(CommandExchangesTest, WriteThatWouldNotBeThroughInTimeDoesNotBegin) {
+  admitted.deadline = Clock::now() + std::chrono::minutes(1);
+  admitted.line_time = std::chrono::minutes(2);
+  EXPECT_EQ(send().outcome, Exchange::Outcome::expired);
+}
+
+TEST_F(CommandExchangesTest, ReadIsRepeatedAsOftenAsTheConfigAllows) {
+  wire->expect(kReadBack).give(kNak).expect(kReadBack).give(word_frame(50));
+  const auto got = run_on(io, exchanges->read_point(target, SteadyTime::max()));
+  EXPECT_EQ(got.image, word(50));
+  wire->expect(kReadBack).give(kNak).expect(kReadBack).give(kNak);
+  const auto refused = run_on(io, exchanges->read_point(target, SteadyTime::max()));
+  EXPECT_FALSE(refused.image);
+  EXPECT_TRUE(refused.last.is_nak());
+  EXPECT_EQ(exchanges->writes(), 0);
+}
+
+TEST_F(CommandExchangesTest, OthersHaveTheirTurnAndTheLineTimeBeginsAnew) {
+  wire->expect(kWrite50).give(kAck);
+  send();
+  const nanoseconds used = exchanges->used();
+  EXPECT_TRUE(run_on(io, exchanges->go_on(/*share=*/false)));
+  EXPECT_EQ(others.turns, 0);
+  EXPECT_TRUE(run_on(io, exchanges->go_on(/*share=*/true)));
+  EXPECT_EQ(others.turns, 1);
+  EXPECT_EQ(others.used_before, used);
+  EXPECT_EQ(exchanges->used(), nanoseconds(0));
+}
+
+TEST_F(CommandExchangesTest, StopLetsNobodyHaveATurnAndItsEndCutsOff) {
+  others.stopping = true;
+  EXPECT_FALSE(run_on(io, exchanges->go_on(/*share=*/true)));
+  EXPECT_EQ(others.turns, 0);
+  others.over = true;
+  EXPECT_EQ(send().outcome, Exchange::Outcome::link_down);
+  EXPECT_TRUE(exchanges->was_cut_off());
+  EXPECT_TRUE(wire->written().empty());
+}
+
+/// The same with a protocol that hints where to look for the cause.
+class HintingExchangesTest : public CommandExchangesTest {
+ protected:
+  HintingExchangesTest() {
+    hinting.hints.silent = "is it switched on";
+    hinting.hints.closed = "is another program using this connection?";
+    device.protocol = &hinting;
+  }
+  ProtocolInfo hinting = *find_protocol("fx-programming-port");
+};
+
+TEST_F(HintingExchangesTest, DeviceThatHasNeverAnsweredIsToldWithWhatToLookAt) {
+  wire->hang_up();  // during the drain
+  const std::string closed = send().error;
+  EXPECT_NE(closed.find("; is another program"), std::string::npos) << closed;
+  wire->silence().expect(kWrite50).silence();
+  const std::string silent = send().error;
+  EXPECT_EQ(silent.find("no answer on "), 0U) << silent;
+  EXPECT_NE(silent.find("; is it switched on; "), std::string::npos) << silent;
+}
+
+TEST_F(HintingExchangesTest, DeviceThatHasAnsweredHasTheRightSettings) {
+  wire->silence().expect(kWrite50).give(kAck);
+  wire->expect(kWrite50).silence();
+  EXPECT_TRUE(send().is_ack());
+  const std::string silent = send().error;
+  EXPECT_FALSE(silent.empty());
+  EXPECT_EQ(silent.find("; is it"), std::string::npos) << silent;
+}
+
+}  // namespace
+}  // namespace fxagent::test

@@ -1,0 +1,384 @@
+#include "agent/field/command/link_commands.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <asio/io_context.hpp>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "agent/commands/admission.h"
+#include "agent/commands/result.h"
+#include "agent/field/command/command_line_time.h"
+#include "tests/agent/field/fake_port.h"
+#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/on_io.h"
+#include "tests/agent/field/port_frames.h"
+#include "tests/support/scripted_transport.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+asio::awaitable<bool> ended(asio::awaitable<void> task) {
+  co_await std::move(task);
+  co_return true;
+}
+
+/// One link without its loop, at 1 ms per character: the test decides when the next command runs.
+class LinkCommandsTest : public ::testing::Test {
+ protected:
+  using Change = std::function<void(DeviceConfig&)>;
+  explicit LinkCommandsTest(nanoseconds char_time = milliseconds(1), const Change& change = {}) {
+    config.links.push_back({"line1", SerialSettings{}, char_time});
+    DeviceConfig press = port_device();
+    press.groups[0].interval = std::chrono::hours(1);
+    for (int i = 0; i < 4; ++i)
+      press.tags.push_back(
+          writable(tag(*press.codec, "x" + std::to_string(i), "D" + std::to_string(200 + i))));
+    press.tags.push_back(writable(tag(*press.codec, "wide", "D201", DataType::int32)));
+    press.commands.allow_run_stop = true;
+    if (change) change(press);
+    config.devices.push_back(std::move(press));
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    wire->then([this](ByteView request) { return plc.answer(request); });
+    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time);
+    state = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
+    poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
+    commands = std::make_unique<LinkCommands>(io.get_executor(), config.links[0], *bus, scheduler,
+                                              devices, *state, *poller, outbox);
+    devices.push_back(std::make_unique<LinkDevice>(config.devices[0], 0));
+    devices[0]->id = scheduler.add_device(3, {});
+    poller->add_groups(*devices[0], nanoseconds(0));
+  }
+
+  /// Adds a command that writes 50, 51 … to x0, x1 …
+  void add(std::string id, std::vector<int> tags) {
+    Command command;
+    command.id = std::move(id);
+    command.op = Op::write;
+    command.op_text = "write";
+    command.verify = false;
+    command.is_list = tags.size() > 1;
+    for (const int i : tags)
+      command.targets.push_back({"x" + std::to_string(i), "", std::nullopt, number(50 + i)});
+    submit(std::move(command));
+  }
+  void add_wide(std::string id) {
+    Command command;
+    command.id = std::move(id);
+    command.op = Op::write;
+    command.op_text = "write";
+    command.verify = false;
+    command.targets.push_back({"wide", "", std::nullopt, number(9)});
+    submit(std::move(command));
+  }
+  void add(std::string id, Op op) {
+    Command command;
+    command.id = std::move(id);
+    command.op = op;
+    command.op_text = to_string(op);
+    submit(std::move(command));
+  }
+  void submit(Command command) {
+    command.received = Clock::now();
+    LinkDevice& device = *devices[0];
+    CommandAdmission admission(device.config);
+    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
+    if (const auto* refused = std::get_if<CommandResult>(&decision)) {
+      ADD_FAILURE() << refused->detail;
+      return;
+    }
+    commands->add(std::get<AdmittedCommand>(std::move(decision)), device);
+  }
+  void run_next() { run_on(io, ended(commands->run_next())); }
+  /// Runs the next due poll. Returns false if none is due.
+  bool poll() {
+    const PollScheduler::Job job = scheduler.next(Clock::now());
+    if (job.kind != PollScheduler::Job::Kind::poll) return false;
+    run_on(io, ended(poller->run(job.poll)));
+    return true;
+  }
+  void open() {
+    EXPECT_TRUE(run_on(io, bus->open()).has_value());
+    state->opened();
+  }
+  /// Lets the PLC execute RUN and STOP too.
+  void answer_run_and_stop() {
+    wire->then([this](ByteView request) {
+      for (const bool stop : {true, false})
+        if (std::ranges::equal(request, force_frame(kForceM8037, stop))) {
+          plc.set(kM8000, {static_cast<std::uint8_t>(stop ? 0 : 1)});
+          return kAck;
+        }
+      return plc.answer(request);
+    });
+  }
+  void collect() {
+    Outbox::Batch batch = outbox.take();
+    for (auto& result : batch.results) results.push_back(std::move(result));
+    for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
+  }
+
+  Config config;
+  asio::io_context io;
+  Outbox outbox{1000};
+  PollScheduler scheduler;
+  LinkDevices devices;
+  FakePort plc;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<Bus> bus;
+  std::unique_ptr<LinkState> state;
+  std::unique_ptr<Poller> poller;
+  std::unique_ptr<LinkCommands> commands;
+  std::vector<CommandResult> results;
+  std::vector<Telemetry> telemetry;
+};
+
+TEST_F(LinkCommandsTest, CommandsGoInTheirOrderAndTellWhatTheyWrote) {
+  add("a", {0});
+  add("b", {1});
+  EXPECT_EQ(scheduler.commands_waiting(), 2U);
+  EXPECT_FALSE(commands->is_running());
+  run_next();
+  run_next();
+  EXPECT_FALSE(commands->is_running());
+  EXPECT_EQ(scheduler.commands_waiting(), 0U);
+  collect();
+  ASSERT_EQ(results.size(), 2U);
+  EXPECT_EQ(results[0].id, "a");
+  EXPECT_EQ(results[0].status, CommandStatus::succeeded);
+  EXPECT_FALSE(results[0].frames.frames().empty());
+  EXPECT_EQ(results[1].id, "b");
+  ASSERT_EQ(telemetry.size(), 2U);
+  EXPECT_TRUE(telemetry[0].written);
+  EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
+  EXPECT_EQ(plc.word_at(kD200), 50U);
+}
+
+TEST_F(LinkCommandsTest, BoundCountsWhatIsAhead) {
+  for (const char* id : {"a", "b", "c"}) add(id, {0});
+  const std::list<WaitingCommand> waiting = commands->take_waiting();
+  ASSERT_EQ(waiting.size(), 3U);
+  std::vector<nanoseconds> bounds;
+  for (const WaitingCommand& command : waiting) {
+    ASSERT_TRUE(command.admitted.bound);
+    bounds.push_back(*command.admitted.bound);
+  }
+  const nanoseconds own = waiting.front().line_time;
+  EXPECT_GE(bounds[0], own + poller->longest_poll());
+  EXPECT_GE(bounds[1], bounds[0] + own);
+  EXPECT_GE(bounds[2], bounds[1] + own);
+}
+
+TEST_F(LinkCommandsTest, ShortOneGoesBetweenTheTargetsOfAList) {
+  add("list", {0, 1, 2});
+  add("short", {3});
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 2U);
+  EXPECT_EQ(results[0].id, "short");
+  EXPECT_EQ(results[1].id, "list");
+  EXPECT_EQ(scheduler.commands_waiting(), 0U);
+}
+
+TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListWaitsForItsEnd) {
+  add("list", {0, 1, 2});
+  add("same", {2});
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "list");
+  EXPECT_EQ(scheduler.commands_waiting(), 1U);
+}
+
+TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListInPartWaitsForItsEndToo) {
+  add("list", {0, 1, 2, 3});
+  add_wide("D201 and D202");
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "list");
+  EXPECT_EQ(scheduler.commands_waiting(), 1U);
+}
+
+TEST_F(LinkCommandsTest, NobodyGoesPastOneThatWaitsForTheEndOfTheList) {
+  add("list", {2, 3, 0, 1});
+  add("waits", {0, 1});
+  add("short", {3});
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "list");
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 3U);
+  EXPECT_EQ(results[1].id, "short") << "between the targets of the other list";
+}
+
+TEST_F(LinkCommandsTest, StopGoesBetweenTheTargetsOfALongList) {
+  answer_run_and_stop();
+  plc.set(kM8000, {1});
+  add("list", std::vector<int>(60, 0));
+  add("stop", Op::stop);
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 2U);
+  EXPECT_EQ(results[0].id, "stop");
+  EXPECT_EQ(results[0].status, CommandStatus::succeeded);
+}
+
+TEST_F(LinkCommandsTest, RunWaitsForTheEndOfTheListBeforeIt) {
+  answer_run_and_stop();
+  add("list", std::vector<int>(60, 0));
+  add("run", Op::run);
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "list");
+}
+
+TEST_F(LinkCommandsTest, RunStateIsWhatTheCommandHasMadeOfIt) {
+  answer_run_and_stop();
+  for (const bool run : {true, false}) {
+    add("switch", run ? Op::run : Op::stop);
+    run_next();
+    EXPECT_EQ(devices[0]->state.reported().run, run);
+  }
+}
+
+TEST_F(LinkCommandsTest, DeviceThatHasAcknowledgedIsNotSilentThoughItsReadBackIs) {
+  for (const bool acknowledged : {true, false}) {
+    devices[0]->id = scheduler.add_device(1, {});
+    wire->expect(kEnq).give(kAck).expect(write_frame(kD200, word(50)));
+    if (acknowledged) wire->give(kAck).expect(read_frame(kD200, 2));
+    wire->silence();
+    plc.silent = true;
+    Command command;
+    command.id = "write";
+    command.op = Op::write;
+    command.op_text = "write";
+    command.verify = true;
+    command.targets.push_back({"x0", "", std::nullopt, number(50)});
+    submit(std::move(command));
+    run_next();
+    EXPECT_EQ(scheduler.is_silent(devices[0]->id), !acknowledged);
+    bus->close();
+  }
+}
+
+class TwoGroups : public LinkCommandsTest {
+ protected:
+  TwoGroups()
+      : LinkCommandsTest(milliseconds(1), [](DeviceConfig& device) {
+          device.groups = {group("a", milliseconds(0)), group("b", milliseconds(0))};
+          for (TagConfig& tag : device.tags) tag.group = tag.name == "x3" ? 1 : 0;
+        }) {}
+};
+
+TEST_F(TwoGroups, NoCycleIsPublishedTwiceWhereAListOpensTheLineAgain) {
+  constexpr unsigned kD203 = kD200 + 6;
+  scheduler.set_poll_share(0.9);
+  plc.set(kD203, word(7));
+  open();
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(poll());
+  collect();
+  // The connection breaks in the poll between the two targets; the second target opens it again.
+  wire->expect(write_frame(kD200, word(50))).give(kAck).expect(read_frame(kD200, 6)).hang_up();
+  add("list", {0, 1});
+  run_next();
+  EXPECT_EQ(wire->steps_left(), 0U) << "a poll went between";
+  EXPECT_EQ(plc.word_at(kD201), 51U) << "and the list to its end";
+  plc.set(kD203, word(8));
+  collect();
+  telemetry.clear();
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(poll());
+  collect();
+  for (const Telemetry& message : telemetry)
+    for (const TagReading& reading : message.readings)
+      if (reading.tag == 3 && !reading.bad) {
+        EXPECT_EQ(reading.value, number(8));
+      }
+}
+
+class CycleOfTwoReads : public LinkCommandsTest {
+ protected:
+  CycleOfTwoReads()
+      : LinkCommandsTest(milliseconds(1), [](DeviceConfig& device) {
+          device.groups[0].interval = milliseconds(0);
+          device.tags.push_back(tag(*device.codec, "far", "D300"));
+        }) {}
+};
+
+TEST_F(CycleOfTwoReads, LinkLostInACommandTakesTheOldValueWithIt) {
+  plc.set(kD200, word(7));
+  open();
+  EXPECT_TRUE(poll());
+  wire->expect(write_frame(kD200, word(50))).hang_up();
+  add("write", {0});
+  run_next();
+  plc.set(kD200, word(50));  // it has arrived
+  open();
+  for (int i = 0; i < 3 && telemetry.empty(); ++i) {
+    EXPECT_TRUE(poll());
+    collect();
+  }
+  ASSERT_FALSE(telemetry.empty());
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
+}
+
+TEST_F(LinkCommandsTest, FaultAnswersTheOneUnderWayAndTheOthersGoOnWaiting) {
+  wire->call([] { throw std::logic_error("a bug"); });
+  add("a", {0});
+  add("b", {1});
+  EXPECT_THROW(run_next(), std::logic_error);
+  EXPECT_TRUE(commands->is_running());
+  commands->answer_running("a bug");
+  EXPECT_FALSE(commands->is_running());
+  EXPECT_EQ(scheduler.commands_waiting(), 1U);
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].id, "a");
+  EXPECT_EQ(results[0].status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(results[0].detail, "a bug");
+  bus->close();
+  run_next();
+  collect();
+  EXPECT_EQ(results.back().id, "b");
+  EXPECT_EQ(results.back().status, CommandStatus::succeeded);
+}
+
+TEST_F(LinkCommandsTest, StopEndsAListAndNothingGoesBetween) {
+  add("list", {0, 1, 2});
+  add("short", {3});
+  state->stop(kStopping);
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].reason, Reason::shutting_down);
+  EXPECT_TRUE(plc.asked().empty());
+}
+
+class LineOfUnknownSpeed : public LinkCommandsTest {
+ protected:
+  LineOfUnknownSpeed() : LinkCommandsTest(nanoseconds(0)) {}
+};
+
+TEST_F(LineOfUnknownSpeed, HasNoBound) {
+  add("a", {0});
+  EXPECT_FALSE(commands->take_waiting().front().admitted.bound);
+}
+
+}  // namespace
+}  // namespace fxagent::test

@@ -1,0 +1,234 @@
+// Commands on protocols with features that the programming port lacks: refusals with reasons,
+// broadcasts, several writes in one frame. The frames come from the specifications.
+#include <gtest/gtest.h>
+
+#include <asio/io_context.hpp>
+#include <memory>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "agent/commands/admission.h"
+#include "agent/field/command/command_execution.h"
+#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/on_io.h"
+#include "tests/support/scripted_transport.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+Bytes hex(std::string_view text) { return *from_hex(text); }
+
+/// One open line with one device; commands pass through real admission.
+class CommandOnTheBusTest : public ::testing::Test {
+ protected:
+  void use(std::string_view protocol, std::shared_ptr<const Codec> codec) {
+    device = device_on(protocol, std::move(codec));
+    station.codec = device.codec;
+    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
+    wire = transport.get();
+    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+  }
+  void use_modbus(bool read_modify_write = false) {
+    use("modbus-tcp", codec_of("modbus-tcp", {{"allow_read_modify_write", read_modify_write}}));
+    device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:10")));
+    device.tags.push_back(writable(tag(*device.codec, "enable", "hr:10.3")));
+    device.tags.push_back(writable(tag(*device.codec, "lamp", "co:5")));
+  }
+  ~CommandOnTheBusTest() override {
+    if (wire != nullptr) {
+      EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";
+    }
+  }
+
+  CommandResult write(std::string tag, Value value, bool verify = false) {
+    Command command;
+    command.targets.push_back({std::move(tag), "", std::nullopt, std::move(value)});
+    return run(std::move(command), verify);
+  }
+  CommandResult run(Command command, bool verify) {
+    command.id = "b7e1";
+    command.op = Op::write;
+    command.op_text = "write";
+    command.verify = verify;
+    command.received = Clock::now();
+    command.received_ms = 1790000000000;
+    CommandAdmission admission(device);
+    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
+    if (const auto* refused = std::get_if<CommandResult>(&decision)) {
+      ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
+      return *refused;
+    }
+    CommandExecution execution(io.get_executor(), *line, station, device,
+                               std::get<AdmittedCommand>(decision));
+    CommandResult result = run_on(io, execution.run());
+    was_answered = execution.was_answered();
+    return result;
+  }
+
+  DeviceConfig device;
+  asio::io_context io;
+  ScriptedTransport* wire = nullptr;
+  std::unique_ptr<Bus> line;
+  Station station;
+  bool was_answered = false;
+};
+
+TEST_F(CommandOnTheBusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 01"));
+  wire->expect(hex("0002 0000 0009 01 10 000A 0001 02 0032"))
+      .give(hex("0002 0000 0006 01 10 000A 0001"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.attempts, 2);
+}
+
+TEST_F(CommandOnTheBusTest, CoilGoesByFifteenWhereFiveIsMissing) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 05 0005 FF00")).give(hex("0001 0000 0003 01 85 01"));
+  wire->expect(hex("0002 0000 0008 01 0F 0005 0001 01 01"))
+      .give(hex("0002 0000 0006 01 0F 0005 0001"));
+  EXPECT_EQ(write("lamp", flag(true)).status, CommandStatus::succeeded);
+}
+
+TEST_F(CommandOnTheBusTest, BitOfARegisterIsReadChangedAndWrittenWhereThatIsAllowed) {
+  use_modbus(true);
+  wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0008")).give(hex("0001 0000 0003 01 96 01"));
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 8001"));
+  wire->expect(hex("0003 0000 0006 01 06 000A 8009")).give(hex("0003 0000 0006 01 06 000A 8009"));
+  const CommandResult result = write("enable", flag(true));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.attempts, 2);
+}
+
+TEST_F(CommandOnTheBusTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllowed) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0000")).give(hex("0001 0000 0003 01 96 01"));
+  const CommandResult result = write("enable", flag(false));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::nak);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
+  EXPECT_EQ(result.detail, "exception 01: illegal function");
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(CommandOnTheBusTest, ReadThatMustComeFirstAndFailsLeavesTheRegisterAlone) {
+  use_modbus(true);
+  wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0008")).give(hex("0001 0000 0003 01 96 01"));
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0003 01 83 02"));
+  const CommandResult result = write("enable", flag(true));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.attempts, 1);
+}
+
+TEST_F(CommandOnTheBusTest, BusyDeviceIsAskedOnceMore) {
+  use_modbus();
+  const Bytes again = hex("0002 0000 0006 01 06 000A 0032");
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 06"));
+  wire->expect(again).give(again);
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(result.attempts, 2);
+  EXPECT_GE(result.wire, std::chrono::milliseconds(100)) << "it says itself that it has no time";
+}
+
+TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack) {
+  for (const char* code : {"04", "05", "0B", "7F"}) {
+    use_modbus();
+    wire->expect(hex("0001 0000 0006 01 06 000A 0032"))
+        .give(hex(std::string("0001 0000 0003 01 86 ") + code));
+    wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
+    const CommandResult result = write("setpoint", number(50));
+    EXPECT_EQ(result.status, CommandStatus::succeeded) << code;
+    EXPECT_EQ(result.plc, PlcAnswer::none);
+    EXPECT_TRUE(result.targets[0].verify && result.targets[0].verify->match);
+    EXPECT_EQ(result.attempts, 1) << "never a second time";
+  }
+}
+
+TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValueIsAnother) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 05"));
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0000"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_NE(result.detail.find("exception 05"), std::string::npos) << result.detail;
+}
+
+TEST_F(CommandOnTheBusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 0A"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.plc, PlcAnswer::nak);
+}
+
+TEST_F(CommandOnTheBusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0384 01"));
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_EQ(wire->opened(), 2U);
+}
+
+TEST_F(CommandOnTheBusTest, LateAnswerOnTcpIsToldByItsNumber) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 06 000A 0032")).silence();
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001"))
+      .give(hex("0001 0000 0006 01 06 000A 0032 0002 0000 0005 01 03 02 0000"));
+  const CommandResult result = write("setpoint", number(50));
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome) << "the PLC holds another value";
+}
+
+TEST_F(CommandOnTheBusTest, NobodyAnswersABroadcast) {
+  use("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
+  device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:1")));
+  // Serial Line V1.02: unit 0, function 06.
+  wire->expect(hex("00 06 00 01 00 AA 59 A4"));
+  const CommandResult result = write("setpoint", number(0xAA));
+  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
+  EXPECT_EQ(result.reason, Reason::broadcast);
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  Command read;
+  read.id = "r";
+  read.op = Op::read;
+  read.targets.push_back({"setpoint", "", std::nullopt, std::nullopt});
+  read.received = Clock::now();
+  CommandAdmission admission(device);
+  const auto decision = admission.admit(std::move(read), device.codec, 0, Clock::now());
+  ASSERT_TRUE(std::holds_alternative<CommandResult>(decision));
+  EXPECT_EQ(std::get<CommandResult>(decision).reason, Reason::unknown_tag);
+}
+
+// JY992D69901 8.6: three words in one frame; the sum as printed.
+TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
+  use("fx-computer-link",
+      codec_of("fx-computer-link", {{"station", std::int64_t{5}}, {"model", std::string("FX2N")}}));
+  device.tags.push_back(writable(tag(*device.codec, "a", "D500")));
+  device.tags.push_back(writable(tag(*device.codec, "b", "K4Y100")));
+  device.tags.push_back(writable(tag(*device.codec, "c", "CN100")));
+  const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
+  station.enquire = EnquirePolicy::never;
+  wire->expect(text("\x05"
+                    "05FFWT003D05001234Y0100BCA9CN100006407"))
+      .give(text("\x06"
+                 "05FF"));
+  Command command;
+  command.is_list = true;
+  command.targets.push_back({"a", "", std::nullopt, number(0x1234)});
+  command.targets.push_back({"b", "", std::nullopt, number(0xBCA9 - 0x10000)});
+  command.targets.push_back({"c", "", std::nullopt, number(100)});
+  const CommandResult result = run(std::move(command), false);
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_TRUE(result.one_frame);
+  EXPECT_EQ(result.attempts, 1);
+  EXPECT_EQ(result.targets.size(), 3U);
+}
+
+}  // namespace
+}  // namespace fxagent::test

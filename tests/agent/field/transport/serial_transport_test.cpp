@@ -1,0 +1,272 @@
+#include "agent/field/transport/serial_transport.h"
+
+#include <asm/termbits.h>  // termios2, for any speed; conflicts with <termios.h>
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <stdlib.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <array>
+#include <asio/io_context.hpp>
+#include <asio/post.hpp>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "tests/agent/field/on_io.h"
+
+namespace fxagent::test {
+namespace {
+
+using std::chrono::milliseconds;
+using Clock = std::chrono::steady_clock;
+
+/// A pty: the test holds the PLC's end, the agent opens the path.
+class Pty final {
+ public:
+  Pty() {
+    plc_ = posix_openpt(O_RDWR | O_NOCTTY);
+    std::array<char, 128> name{};
+    EXPECT_EQ(grantpt(plc_), 0);
+    EXPECT_EQ(unlockpt(plc_), 0);
+    EXPECT_EQ(ptsname_r(plc_, name.data(), name.size()), 0);
+    path_ = name.data();
+    kept_ = ::open(path_.c_str(), O_RDWR | O_NOCTTY);
+    EXPECT_GE(kept_, 0);
+  }
+  Pty(const Pty&) = delete;
+  Pty& operator=(const Pty&) = delete;
+  ~Pty() { unplug(); }
+
+  const std::string& path() const { return path_; }
+  int plc() const { return plc_; }
+  void say(const std::string& bytes) const {
+    EXPECT_EQ(::write(plc_, bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));
+  }
+  std::string hear(std::size_t size) const {
+    std::string bytes(size, '\0');
+    const auto count = ::read(plc_, bytes.data(), size);
+    bytes.resize(count > 0 ? static_cast<std::size_t>(count) : 0);
+    return bytes;
+  }
+  /// Closes both ends that the test holds, so that the agent's end hangs up.
+  void unplug() {
+    for (int* fd : {&plc_, &kept_})
+      if (*fd >= 0) ::close(std::exchange(*fd, -1));
+  }
+
+ private:
+  int plc_ = -1;
+  int kept_ = -1;
+  std::string path_;
+};
+
+class SerialTransportTest : public ::testing::Test {
+ protected:
+  std::unique_ptr<Transport> port(const std::string& path) {
+    SerialSettings settings;
+    settings.path = path;
+    return make_serial_transport(io.get_executor(), settings);
+  }
+  Result<void> open(Transport& transport) {
+    return run_on(io, transport.open(Clock::now() + milliseconds(1000)));
+  }
+  Transport::Written write(Transport& transport, const std::string& bytes) {
+    const Bytes copy(bytes.begin(), bytes.end());
+    return run_on(io, transport.write(copy, Clock::now() + std::chrono::seconds(10)));
+  }
+  /// Returns the bytes that arrived, or the error.
+  std::string read(Transport& transport, milliseconds within = std::chrono::seconds(10)) {
+    std::array<std::uint8_t, 64> into{};
+    const auto got = run_on(io, transport.read_some(into, Clock::now() + within));
+    if (!got) return got.error().code == ErrorCode::timeout ? "timeout" : "link_down";
+    return {into.begin(), into.begin() + static_cast<std::ptrdiff_t>(*got)};
+  }
+
+  asio::io_context io;
+};
+
+TEST_F(SerialTransportTest, BytesGoBothWaysUnchanged) {
+  const Pty pty;
+  const auto transport = port(pty.path());
+  ASSERT_TRUE(open(*transport));
+  EXPECT_TRUE(transport->is_open());
+  // Bytes that a terminal would swallow or change: ETX, CR, LF, XON, XOFF, EOT, and all 7 bits set.
+  const std::string all = "\x02\x03\x04\x05\x06\x11\x13\x15\r\n\x1a\x7f";
+  const auto written = write(*transport, all);
+  EXPECT_EQ(written.sent, all.size());
+  EXPECT_FALSE(written.error);
+  EXPECT_EQ(pty.hear(64), all);
+  pty.say(all);
+  EXPECT_EQ(read(*transport), all);
+}
+
+TEST_F(SerialTransportTest, MissingPathIsLinkDownAndNamesTheCure) {
+  const auto transport = port("/dev/ttyNone0");
+  const auto opened = open(*transport);
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().code, ErrorCode::link_down);
+  EXPECT_NE(opened.error().text.find("/dev/ttyNone0"), std::string::npos);
+  EXPECT_NE(opened.error().text.find("plugged in"), std::string::npos) << opened.error().text;
+  EXPECT_FALSE(transport->is_open());
+}
+
+TEST_F(SerialTransportTest, PathThatIsNoPortIsLinkDown) {
+  const auto opened = open(*port("/dev/null"));
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().text.find("not a serial port"), std::string::npos)
+      << opened.error().text;
+}
+
+TEST_F(SerialTransportTest, PortThatCannotSwitchTheDirectionIsLinkDownAndNamed) {
+  const Pty pty;
+  SerialSettings settings;
+  settings.path = pty.path();
+  settings.rs485 = Rs485{};
+  const auto transport = make_serial_transport(io.get_executor(), settings);
+  const auto opened = open(*transport);
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().code, ErrorCode::link_down);
+  EXPECT_TRUE(opened.error().text.starts_with(pty.path() + " cannot switch"))
+      << opened.error().text;
+  EXPECT_FALSE(transport->is_open());
+  EXPECT_TRUE(open(*port(pty.path()))) << "free again";
+}
+
+TEST_F(SerialTransportTest, PortOfAnotherProgramIsLeftAlone) {
+  const Pty pty;
+  const int other = ::open(pty.path().c_str(), O_RDWR | O_NOCTTY);
+  ASSERT_GE(other, 0);
+  ASSERT_EQ(flock(other, LOCK_EX | LOCK_NB), 0);
+  const auto transport = port(pty.path());
+  const auto refused = open(*transport);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::link_down);
+  EXPECT_NE(refused.error().text.find("another program"), std::string::npos)
+      << refused.error().text;
+  ::close(other);
+  EXPECT_TRUE(open(*transport)) << "free again";
+}
+
+TEST_F(SerialTransportTest, TwoOfOurOwnExcludeEachOther) {
+  const Pty pty;
+  const auto first = port(pty.path());
+  const auto second = port(pty.path());
+  ASSERT_TRUE(open(*first));
+  EXPECT_FALSE(open(*second));
+  first->close();
+  EXPECT_TRUE(open(*second));
+}
+
+TEST_F(SerialTransportTest, ReadEndsAtItsDeadline) {
+  const Pty pty;
+  const auto transport = port(pty.path());
+  ASSERT_TRUE(open(*transport));
+  EXPECT_EQ(read(*transport, milliseconds(10)), "timeout");
+  EXPECT_EQ(read(*transport, milliseconds(0)), "timeout");
+  EXPECT_TRUE(transport->is_open());
+  pty.say("late");
+  EXPECT_EQ(read(*transport), "late") << "a timeout leaves the port usable";
+  EXPECT_EQ(read(*transport, milliseconds(10)), "timeout") << "and the next deadline holds too";
+}
+
+TEST_F(SerialTransportTest, VanishedPortIsLinkDownAndOpensAgainByItsPath) {
+  const auto link =
+      std::filesystem::temp_directory_path() / ("fxagent-port-" + std::to_string(::getpid()));
+  const auto transport = port(link.string());
+  {
+    Pty first;
+    std::filesystem::remove(link);
+    std::filesystem::create_symlink(first.path(), link);
+    ASSERT_TRUE(open(*transport));
+    first.unplug();
+    EXPECT_EQ(read(*transport), "link_down");
+    EXPECT_FALSE(transport->discard_input());
+    EXPECT_FALSE(transport->is_open());
+  }
+  const Pty second;
+  std::filesystem::remove(link);
+  EXPECT_FALSE(open(*transport)) << "not plugged in yet";
+  std::filesystem::create_symlink(second.path(), link);
+  ASSERT_TRUE(open(*transport));
+  second.say("here");
+  EXPECT_EQ(read(*transport), "here");
+  std::filesystem::remove(link);
+}
+
+TEST_F(SerialTransportTest, VanishedPortTakesNoBytes) {
+  Pty pty;
+  const auto transport = port(pty.path());
+  ASSERT_TRUE(open(*transport));
+  pty.unplug();
+  const auto written = write(*transport, "hello");
+  EXPECT_EQ(written.sent, 0U);
+  ASSERT_TRUE(written.error);
+  EXPECT_EQ(written.error->code, ErrorCode::link_down);
+}
+
+TEST_F(SerialTransportTest, LineThatTakesNoMoreBytesEndsTheWrite) {
+  const Pty pty;  // its other end is never read
+  const auto transport = port(pty.path());
+  ASSERT_TRUE(open(*transport));
+  const Bytes flood(1 << 20, 0x55);
+  const auto written = run_on(io, transport->write(flood, Clock::now() + milliseconds(20)));
+  ASSERT_TRUE(written.error);
+  EXPECT_GT(written.sent, 0U);
+  EXPECT_LT(written.sent, flood.size());
+}
+
+TEST_F(SerialTransportTest, DiscardThrowsAwayWhatHasArrived) {
+  const Pty pty;
+  const auto transport = port(pty.path());
+  ASSERT_TRUE(open(*transport));
+  EXPECT_EQ(transport->discard_input().value_or(Bytes(99)).size(), 0U);
+  pty.say("stale reply");
+  std::size_t thrown_away = 0;
+  run_until(io, [&] {  // the kernel delivers it at some later time
+    thrown_away += transport->discard_input().value_or(Bytes{}).size();
+    return thrown_away == 11;
+  });
+  pty.say("new");
+  EXPECT_EQ(read(*transport), "new");
+}
+
+TEST_F(SerialTransportTest, ClosingEndsAWaitingRead) {
+  const Pty pty;
+  const auto transport = port(pty.path());
+  ASSERT_TRUE(open(*transport));
+  asio::post(io, [&] { asio::post(io, [&] { transport->close(); }); });
+  EXPECT_EQ(read(*transport, std::chrono::hours(1)), "link_down");
+  EXPECT_FALSE(transport->is_open());
+}
+
+TEST_F(SerialTransportTest, NothingKeepsTheThreadAfterClosing) {
+  const Pty pty;
+  const auto transport = port(pty.path());
+  ASSERT_TRUE(open(*transport));
+  pty.say("x");
+  EXPECT_EQ(read(*transport, std::chrono::hours(1)), "x");
+  transport->close();
+  io.restart();
+  io.run_for(std::chrono::seconds(10));
+  EXPECT_TRUE(io.stopped()) << "the deadline of a read that is over still waits";
+}
+
+TEST_F(SerialTransportTest, PortIsRawAtTheSpeedAskedFor) {
+  const Pty pty;
+  const auto transport = port(pty.path());
+  ASSERT_TRUE(open(*transport));
+  termios2 settings{};
+  ASSERT_EQ(ioctl(pty.plc(), TCGETS2, &settings), 0);
+  EXPECT_EQ(settings.c_ospeed, 9600U);
+  EXPECT_EQ(settings.c_ispeed, 9600U);
+  EXPECT_EQ(settings.c_lflag & static_cast<tcflag_t>(ICANON | ECHO | ISIG), 0U);
+  EXPECT_EQ(settings.c_iflag & static_cast<tcflag_t>(IXON | ICRNL | ISTRIP), 0U);
+  EXPECT_EQ(settings.c_oflag & static_cast<tcflag_t>(OPOST), 0U);
+}
+
+}  // namespace
+}  // namespace fxagent::test

@@ -1,0 +1,222 @@
+#include "agent/field/transport/tcp_transport.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <array>
+#include <asio/io_context.hpp>
+#include <asio/ip/tcp.hpp>
+#include <asio/post.hpp>
+#include <asio/read.hpp>
+#include <asio/write.hpp>
+#include <memory>
+#include <string>
+
+#include "agent/field/transport/host_lookup.h"
+#include "tests/agent/field/on_io.h"
+
+namespace fxagent::test {
+namespace {
+
+using asio::ip::tcp;
+using std::chrono::milliseconds;
+using Clock = std::chrono::steady_clock;
+
+/// A serial server on the loopback with blocking calls: it runs between calls of the transport.
+class TcpTransportTest : public ::testing::Test {
+ protected:
+  std::unique_ptr<Transport> stream(std::string host = "127.0.0.1") {
+    const auto port = server.local_endpoint().port();
+    return make_tcp_transport(io.get_executor(), {std::move(host), port});
+  }
+  Result<void> open(Transport& transport) {
+    return run_on(io, transport.open(Clock::now() + std::chrono::seconds(10)));
+  }
+  /// Opens the stream and returns the peer's end.
+  tcp::socket connect(Transport& transport) {
+    const auto opened = open(transport);
+    EXPECT_TRUE(opened) << opened.error().text;
+    return server.accept();
+  }
+  std::string read(Transport& transport, milliseconds within = std::chrono::seconds(10)) {
+    std::array<std::uint8_t, 64> into{};
+    const auto got = run_on(io, transport.read_some(into, Clock::now() + within));
+    if (!got) return got.error().code == ErrorCode::timeout ? "timeout" : "link_down";
+    return {into.begin(), into.begin() + static_cast<std::ptrdiff_t>(*got)};
+  }
+  static void say(tcp::socket& peer, const std::string& bytes) {
+    asio::write(peer, asio::buffer(bytes));
+  }
+
+  asio::io_context io;
+  asio::io_context server_io;
+  tcp::acceptor server{server_io, tcp::endpoint(asio::ip::address_v4::loopback(), 0)};
+};
+
+TEST_F(TcpTransportTest, BytesGoBothWays) {
+  const auto transport = stream();
+  tcp::socket peer = connect(*transport);
+  const Bytes request{0x05, 0x02, 0x03};
+  const auto written = run_on(io, transport->write(request, Clock::now() + milliseconds(1000)));
+  EXPECT_EQ(written.sent, 3U);
+  EXPECT_FALSE(written.error);
+  Bytes heard(3);
+  asio::read(peer, asio::buffer(heard));
+  EXPECT_EQ(heard, request);
+  say(peer, "\x06");
+  EXPECT_EQ(read(*transport), "\x06");
+}
+
+TEST_F(TcpTransportTest, HostMayBeAName) {
+  const auto transport = stream("localhost");
+  tcp::socket peer = connect(*transport);
+  say(peer, "hello");
+  EXPECT_EQ(read(*transport), "hello");
+}
+
+TEST_F(TcpTransportTest, PortWhereNobodyListensIsLinkDown) {
+  const auto transport = stream();
+  const auto port = server.local_endpoint().port();
+  server.close();
+  const auto opened = open(*transport);
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().code, ErrorCode::link_down);
+  EXPECT_NE(opened.error().text.find(": nothing listens on this port (connection refused): is "),
+            std::string::npos)
+      << opened.error().text;
+  EXPECT_NE(opened.error().text.find("127.0.0.1:" + std::to_string(port)), std::string::npos)
+      << opened.error().text;
+  EXPECT_FALSE(transport->is_open());
+}
+
+TEST_F(TcpTransportTest, ReadEndsAtItsDeadline) {
+  const auto transport = stream();
+  tcp::socket peer = connect(*transport);
+  EXPECT_EQ(read(*transport, milliseconds(10)), "timeout");
+  say(peer, "late");
+  EXPECT_EQ(read(*transport), "late");
+  EXPECT_EQ(read(*transport, milliseconds(10)), "timeout");
+}
+
+TEST_F(TcpTransportTest, EarlierDeadlineAfterALaterOneHolds) {
+  // One timer serves all reads. It was armed for the first read, which ended long before.
+  const auto transport = stream();
+  tcp::socket peer = connect(*transport);
+  say(peer, "x");
+  EXPECT_EQ(read(*transport, std::chrono::hours(1)), "x");
+  EXPECT_EQ(read(*transport, milliseconds(10)), "timeout");
+}
+
+TEST_F(TcpTransportTest, LaterDeadlineAfterAnEarlierOneHolds) {
+  const auto transport = stream();
+  tcp::socket peer = connect(*transport);
+  say(peer, "x");
+  EXPECT_EQ(read(*transport, milliseconds(30)), "x");
+  const auto began = Clock::now();
+  EXPECT_EQ(read(*transport, milliseconds(60)), "timeout");
+  EXPECT_GE(Clock::now() - began, milliseconds(60)) << "cut short by the deadline before it";
+}
+
+TEST_F(TcpTransportTest, PeerThatClosesIsLinkDown) {
+  const auto transport = stream();
+  connect(*transport).close();
+  EXPECT_EQ(read(*transport), "link_down");
+}
+
+TEST_F(TcpTransportTest, DiscardNoticesAPeerThatHasGoneBeforeAnythingIsSent) {
+  const auto transport = stream();
+  tcp::socket peer = connect(*transport);
+  say(peer, "stale reply");
+  peer.close();
+  run_until(io, [&] { return !transport->discard_input().has_value(); });
+  EXPECT_FALSE(transport->is_open());
+  const auto again = transport->discard_input();
+  ASSERT_FALSE(again);
+  EXPECT_EQ(again.error().code, ErrorCode::link_down);
+}
+
+TEST_F(TcpTransportTest, DiscardThrowsAwayWhatHasArrived) {
+  const auto transport = stream();
+  tcp::socket peer = connect(*transport);
+  EXPECT_EQ(transport->discard_input().value_or(Bytes(99)).size(), 0U);
+  say(peer, "stale reply");
+  std::size_t thrown_away = 0;
+  run_until(io, [&] {
+    thrown_away += transport->discard_input().value_or(Bytes{}).size();
+    return thrown_away == 11;
+  });
+  say(peer, "new");
+  EXPECT_EQ(read(*transport), "new");
+}
+
+TEST_F(TcpTransportTest, OpensAgainAfterALoss) {
+  const auto transport = stream();
+  connect(*transport).close();
+  EXPECT_EQ(read(*transport), "link_down");
+  tcp::socket peer = connect(*transport);
+  say(peer, "here");
+  EXPECT_EQ(read(*transport), "here");
+}
+
+TEST_F(TcpTransportTest, PeerThatTakesNoMoreBytesEndsTheWrite) {
+  const auto transport = stream();
+  tcp::socket peer = connect(*transport);
+  const Bytes flood(64 << 20, 0x55);
+  const auto written = run_on(io, transport->write(flood, Clock::now() + milliseconds(50)));
+  ASSERT_TRUE(written.error);
+  EXPECT_EQ(written.error->code, ErrorCode::link_down);
+  EXPECT_GT(written.sent, 0U);
+  EXPECT_LT(written.sent, flood.size());
+}
+
+TEST_F(TcpTransportTest, ClosingEndsAWaitingRead) {
+  const auto transport = stream();
+  tcp::socket peer = connect(*transport);
+  asio::post(io, [&] { asio::post(io, [&] { transport->close(); }); });
+  EXPECT_EQ(read(*transport, std::chrono::hours(1)), "link_down");
+}
+
+TEST_F(TcpTransportTest, NothingKeepsTheThreadAfterClosing) {
+  const auto transport = stream();
+  tcp::socket peer = connect(*transport);
+  say(peer, "x");
+  EXPECT_EQ(read(*transport, std::chrono::hours(1)), "x");
+  transport->close();
+  io.restart();
+  io.run_for(std::chrono::seconds(10));
+  EXPECT_TRUE(io.stopped());
+}
+
+/// Changes the limit of open files until the test is over.
+class OpenFiles final {
+ public:
+  explicit OpenFiles(rlim_t allowed) {
+    EXPECT_EQ(getrlimit(RLIMIT_NOFILE, &before_), 0);
+    rlimit low = before_;
+    low.rlim_cur = allowed;
+    EXPECT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
+  }
+  OpenFiles(const OpenFiles&) = delete;
+  OpenFiles& operator=(const OpenFiles&) = delete;
+  ~OpenFiles() { setrlimit(RLIMIT_NOFILE, &before_); }
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(TcpTransportTest, LastOpenFilesAreLeftToTheOthers) {
+  const auto transport = stream();
+  const auto next = static_cast<rlim_t>(server.native_handle()) + 20;
+  {
+    const OpenFiles allowed(next + kFilesNotForLinks / 2);
+    const auto opened = open(*transport);
+    ASSERT_FALSE(opened);
+    EXPECT_EQ(opened.error().code, ErrorCode::link_down);
+    EXPECT_NE(opened.error().text.find("open files"), std::string::npos) << opened.error().text;
+    EXPECT_FALSE(transport->is_open());
+  }
+  EXPECT_TRUE(open(*transport));
+}
+
+}  // namespace
+}  // namespace fxagent::test

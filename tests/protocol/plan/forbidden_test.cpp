@@ -1,0 +1,72 @@
+#include "protocol/plan/forbidden.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+namespace fxagent {
+namespace {
+
+ReadWay gathered() {
+  ReadWay way;
+  way.gather = 1;
+  return way;
+}
+
+TEST(Forbidden, WhatIsKnownOfAnotherSpaceForbidsNothing) {
+  Holes holes;
+  holes.cuts.push_back({7, 32});
+  holes.missing.push_back({7, 32, 16});
+  holes.apart.push_back({7, 32, 16});
+  EXPECT_FALSE(Forbidden(holes, 6).forbids(gathered(), {0, 640}));
+  EXPECT_TRUE(Forbidden(holes, 7).forbids(gathered(), {0, 640}));
+}
+
+TEST(Forbidden, NoReadCrossesABorderOfItsSpace) {
+  const Forbidden forbidden({}, 0, {48, 16});
+  EXPECT_FALSE(forbidden.holds({0, 16}));
+  EXPECT_FALSE(forbidden.holds({16, 48}));
+  EXPECT_TRUE(forbidden.holds({15, 17}));
+  EXPECT_TRUE(forbidden.holds({32, 64}));
+}
+
+TEST(Forbidden, SaysOfAnyReadWhatOneLookAtAllHolesWouldSay) {
+  std::mt19937 random(500);
+  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
+    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
+  };
+  std::size_t allowed = 0;
+  std::size_t held = 0;
+  std::size_t apart = 0;
+  for (int round = 0; round < 2000; ++round) {
+    Holes holes;
+    for (std::uint32_t n = pick(0, 5); n > 0; --n) holes.cuts.push_back({0, pick(0, 60)});
+    for (std::uint32_t n = pick(0, 5); n > 0; --n)
+      holes.missing.push_back({0, pick(0, 60), pick(1, 20)});
+    for (std::uint32_t n = pick(0, 5); n > 0; --n)
+      holes.apart.push_back({0, pick(0, 60), pick(1, 20)});
+    const Forbidden forbidden(holes, 0);
+    for (int i = 0; i < 20; ++i) {
+      const Span read{0, pick(0, 60), pick(1, 30)};
+      const bool is_held = std::any_of(holes.cuts.begin(), holes.cuts.end(),
+                                       [&](const Holes::Cut& cut) {
+                                         return read.first_bit < cut.at && cut.at < read.end_bit();
+                                       }) ||
+                           std::any_of(holes.missing.begin(), holes.missing.end(),
+                                       [&](const Span& hole) { return read.contains(hole); });
+      const bool is_apart = std::any_of(holes.apart.begin(), holes.apart.end(),
+                                        [&](const Span& place) { return overlap(place, read); });
+      const Extent extent{read.first_bit, read.end_bit()};
+      ASSERT_EQ(forbidden.holds(extent), is_held) << round;
+      ASSERT_EQ(holes.forbid(read), is_held) << round;
+      ASSERT_EQ(forbidden.forbids(ReadWay{}, extent), is_held) << round;
+      ASSERT_EQ(forbidden.forbids(gathered(), extent), is_held || is_apart) << round;
+      (is_held ? held : is_apart ? apart : allowed) += 1;
+    }
+  }
+  EXPECT_GT(std::min({allowed, held, apart}), 1000U);
+}
+
+}  // namespace
+}  // namespace fxagent
