@@ -1,6 +1,7 @@
 #!/bin/bash
-# Runs clang-tidy with the checks of .clang-tidy over the files without coroutines and libraries: protocol/, the root
-# files of agent/, its commands/, config/ and remote/, and the pure units of field/.
+# Runs clang-tidy with the checks of .clang-tidy over the files without coroutines: protocol/, the root files of agent/,
+# its commands/, config/, import/, metrics/ and remote/, and the pure units of field/. Not yet those of store/,
+# uplink/ and cli/.
 #   tests/tidy.sh [FILE...]      these files only
 # It does not come to an end on coroutines. BUILD_DIR: where its commands are configured, build-tidy unless set; nothing
 # is built. The last line counts files; exit status 0 only if nothing was found.
@@ -18,8 +19,8 @@ fi
 
 files=("$@")
 if [ ${#files[@]} -eq 0 ]; then
-  mapfile -t files < <(git ls-files 'protocol/*.cpp' 'agent/commands/*.cpp' 'agent/config/*.cpp' 'agent/remote/*.cpp' ':(glob)agent/*.cpp' \
-    ':!agent/agent.cpp' \
+  mapfile -t files < <(git ls-files 'protocol/*.cpp' 'agent/commands/*.cpp' 'agent/config/*.cpp' 'agent/import/*.cpp' \
+    'agent/metrics/*.cpp' 'agent/remote/*.cpp' ':(glob)agent/*.cpp' ':!agent/agent.cpp' \
     agent/field/{bus_doubt,hole_map,poll_scheduler,reconnect_policy,report_by_exception}.cpp)
 fi
 
