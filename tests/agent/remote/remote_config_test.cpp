@@ -536,6 +536,14 @@ TEST(RemoteConfig, WhatTheDiskRefusedToTryIsPutRightLater) {
   EXPECT_EQ(plant.kept_text(), good);
 }
 
+TEST(RemoteConfig, ADocumentBeyondItsLimitIsNotHeldInMemory) {
+  Plant plant;
+  EXPECT_FALSE(plant.hear_text(std::string(kMaxDesiredBytes, ' ') + "{"));
+  EXPECT_EQ(plant.remote().rejected(), "");
+  EXPECT_FALSE(plant.hear_text("{"));
+  EXPECT_EQ(plant.remote().rejected(), "{") << "it may fit the next local file";
+}
+
 /// A new file that does not fit the one on trial may fit the one before.
 TEST(RemoteConfig, WhereTheTrialNoLongerFitsTheGoodOneStays) {
   Plant plant;
