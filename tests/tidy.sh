@@ -1,6 +1,6 @@
 #!/bin/bash
 # Runs clang-tidy with the checks of .clang-tidy on the files without coroutines and libraries: protocol/, the files
-# in agent/ itself, its commands/, config/ and remote/, and the pure units of field/.
+# in agent/ itself, its commands/, config/, import/, metrics/ and remote/, and the pure units of field/.
 #   tests/tidy.sh [FILE...]      only these files
 # On coroutines clang-tidy does not terminate. BUILD_DIR: the configured directory with the compile commands,
 # build-tidy by default; nothing is built. The last line counts files; exit status 0 only if there are no findings.
@@ -18,9 +18,9 @@ fi
 
 files=("$@")
 if [ ${#files[@]} -eq 0 ]; then
-  mapfile -t files < <(git ls-files 'protocol/*.cpp' 'agent/commands/*.cpp' 'agent/config/*.cpp' 'agent/remote/*.cpp' ':(glob)agent/*.cpp' \
-    ':!agent/agent.cpp' \
-    agent/field/{bus_doubt,hole_map,poll_scheduler,reconnect_policy,report_by_exception}.cpp)
+  mapfile -t files < <(git ls-files 'protocol/*.cpp' 'agent/commands/*.cpp' 'agent/config/*.cpp' 'agent/import/*.cpp' \
+    'agent/metrics/*.cpp' 'agent/remote/*.cpp' ':(glob)agent/*.cpp' ':!agent/agent.cpp' \
+    'agent/field/poll/*.cpp' agent/field/bus/bus_doubt.cpp agent/field/reconnect_policy.cpp)
 fi
 
 cmake -S "$root" -B "$build" -G Ninja -DCMAKE_CXX_COMPILER=clang++-19 -DFXAGENT_TESTS=OFF \

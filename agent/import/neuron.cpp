@@ -103,9 +103,8 @@ bool take_length(std::string_view& text, Place& place) {
   const std::size_t dot = text.find('.');
   if (dot == text.npos) return true;
   const std::string_view length = text.substr(dot + 1);
-  const char* const end = length.data() + length.size();
-  const auto number = std::from_chars(length.data(), end, place.length);
-  const std::string_view rest(number.ptr, static_cast<std::size_t>(end - number.ptr));
+  const auto number = std::from_chars(length.data(), length.data() + length.size(), place.length);
+  const std::string_view rest = length.substr(static_cast<std::size_t>(number.ptr - length.data()));
   if (number.ec != std::errc() || (!rest.empty() && rest != "H" && rest != "L")) return false;
   place.order = rest == "L" ? "low_first" : "high_first";
   text = text.substr(0, dot);
@@ -475,9 +474,9 @@ std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& 
     const auto add_number = [&](JsonObject& object, std::string_view name) {
       const std::string_view text = cell(name);
       double value = 0;
-      const char* const end = text.data() + text.size();
-      const auto [stop, fault] = std::from_chars(text.data(), end, value);
-      if (!text.empty() && fault == std::errc() && stop == end) object.number(name, value);
+      const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
+      if (!text.empty() && fault == std::errc() && end == text.data() + text.size())
+        object.number(name, value);
     };
     JsonObject tag;
     for (const auto name : {"name", "address", "description", "unit"}) tag.text(name, cell(name));

@@ -157,6 +157,15 @@ class Reload(ReloadTest):
         self.assertEqual(self.reload(config)["last_reload"]["state"], "unchanged")
         self.assertEqual(self.recorder("a").connections, 1)
 
+    def test_the_hash_is_that_of_the_text_though_nothing_else_has_changed(self):
+        config = self.begin([self.link("a")], [modbus("m1", "a", 1)])
+        config["devices"][0]["retries"] = 7
+        for text, state in ((json.dumps(config, indent=1), "applied"),
+                            (json.dumps(config, indent=3), "unchanged")):
+            said = self.reload(text)
+            self.assertEqual(said["last_reload"]["state"], state)
+            self.assertEqual(said["hash"], hashlib.sha256(text.encode()).hexdigest()[:16])
+
     def test_systemd_is_told_of_each_reload_and_of_its_outcome(self):
         path = os.path.join(self.directory, "notify")
         ear = self.stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))

@@ -245,6 +245,15 @@ class RemoteConfig(ReloadTest):
         self.hang_up()
         wait_for("the report to be cleared", lambda: None in self.watcher.payloads(REPORTED, since))
 
+    def test_one_that_changes_nothing_has_a_hash_of_its_own(self):
+        config = self.begin_remote()
+        local = self.report("applied", None)["hash"]
+        report = self.applied("v1", {"devices": config["devices"]})
+        self.assertNotEqual(report["hash"], local)
+        since = self.watcher.mark()
+        self.desire("", "")
+        self.assertEqual(self.report("applied", None, since)["hash"], local)
+
     def test_health_agrees_with_the_report_when_a_hang_up_brings_it_back(self):
         # The end of a trial would publish health, as every minute does.
         config = self.begin_remote(trial_ms=600_000)

@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "agent/commands/command_room.h"
 #include "agent/commands/parse.h"
 #include "agent/commands/result.h"
 #include "tests/agent/field/field_plant.h"
@@ -542,6 +543,18 @@ TEST_F(CommandAdmissionTest, WaitingCommandsAreBoundedInBytesToo) {
   admit(large);
 }
 
+TEST(PendingBudget, EachDeviceHasAShareWhateverTheOthersHold) {
+  const auto room = std::make_shared<PendingBudget>();
+  constexpr std::size_t kShare = PendingBudget::kBytesOfADevice;
+  const auto all = room->take(0, PendingBudget::kMostBytes);
+  ASSERT_TRUE(all);
+  EXPECT_FALSE(room->take(0, 1));
+  const auto share = room->take(1, kShare);
+  EXPECT_TRUE(share);
+  EXPECT_FALSE(room->take(1, 1));
+  EXPECT_TRUE(room->take(2, kShare));
+}
+
 // ---- expiry ------------------------------------------------------------------------------------
 
 TEST_F(CommandAdmissionTest, ExpiryBecomesTimeFromReceipt) {
@@ -721,6 +734,18 @@ TEST_F(CommandAdmissionTest, LimitsOfATagAreItsOwnAndTold) {
   const CommandResult result = answered(write("above", 100.1));
   EXPECT_EQ(result.reason, Reason::out_of_range);
   EXPECT_NE(result.detail.find("max of 100"), std::string::npos) << result.detail;
+}
+
+TEST_F(CommandAdmissionTest, LimitsOfATagBindEachElement) {
+  device.tags.back().units =
+      std::make_shared<const TagUnits>(TagUnits{.limits = {.min = 0.0, .max = 100.0}});
+  const auto recipe = [&](std::string id, std::int64_t last) {
+    Command command = write(std::move(id));
+    command.targets[0] = {"recipe", "", std::nullopt, numbers({1, 2, last})};
+    return command;
+  };
+  admit(recipe("most", 100));
+  EXPECT_EQ(answered(recipe("above", 101)).reason, Reason::out_of_range);
 }
 
 // The raw step is 40: the step nearest to 100 is 120.

@@ -386,6 +386,34 @@ TEST_F(CommandsTest, NothingIsAdmittedAfterTheEndWasAskedFor) {
   EXPECT_EQ(taken[2]["id"], nullptr);
 }
 
+TEST_F(CommandsTest, RefusedAndExpiredIdsAreMarkedInTheJournal) {
+  write("done");
+  receive(R"({"id":"bad","op":"write","tag":"nowhere","value":1})");
+  receive(R"({"id":"late","op":"write","tag":"setpoint","value":5,"expires":1789999990000})");
+  commands().hand_over(kNow);
+  finish("done");
+  EXPECT_EQ(results().back()["status"], "SUCCEEDED");
+  EXPECT_FALSE(journal.entries.at("press1/done").refused);
+  EXPECT_TRUE(journal.entries.at("press1/bad").refused);
+  EXPECT_TRUE(journal.entries.at("press1/late").refused);
+}
+
+TEST_F(CommandsTest, TotalOfAnEarlierResultIsKnownToItsDuplicate) {
+  for (const char* id : {"a", "b"}) write(id);
+  commands().hand_over(kNow);
+  for (const char* id : {"a", "b"}) finish(id);
+  auto taken = commands().take_results();
+  ASSERT_EQ(taken.size(), 2U);
+  for (ResultMessage& each : taken) {
+    each.total = milliseconds(120);
+    commands().note_total(each);
+  }
+  for (const char* id : {"a", "b"}) {
+    write(id);
+    EXPECT_EQ(results().at(0)["first"]["t"]["total_ms"], 120) << id;
+  }
+}
+
 TEST_F(CommandsTest, EachResultIsCounted) {
   write("a");
   write("a");
@@ -565,6 +593,20 @@ TEST_F(CommandsChangeTest, ResultOfADeviceThatIsGoneIsStillAcknowledged) {
   commands().note_total(left[0]);
   commands().note_delivery(left[0], true, kNow);
   EXPECT_NE(journal.happened.find("acknowledge press1 a"), std::string::npos);
+}
+
+TEST_F(CommandsChangeTest, DeviceThatBeginsDuringTheEndAdmitsNothing) {
+  commands();
+  Config wanted = config;
+  wanted.devices[0].retries = 7;
+  wanted.devices.push_back(test::press("oven"));
+  begin_change(std::move(wanted));
+  commands().close();
+  end_change();
+  for (const std::uint32_t device : {0U, 2U}) {
+    receive(R"({"id":"a","op":"write","tag":"setpoint","value":50})", device);
+    EXPECT_EQ(results().at(0)["reason"], "shutting_down");
+  }
 }
 
 TEST_F(CommandsChangeTest, DeviceThatBeginsWhileAnotherAgentHasOurIdRefusesToo) {

@@ -344,6 +344,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "a"},
         Refused{"NegativeExpires", write_with(R"("expires":-1)"), Reason::bad_value, "expires",
                 "a"},
+        Refused{"FractionAsExpires", write_with(R"("expires":1790000000000.5)"), Reason::bad_value,
+                "whole number", "a"},
         Refused{"HugeExpires", write_with(R"("expires":1e300)"), Reason::bad_value, "expires", "a"},
         Refused{"NullAsExpect", write_with(R"("expect":null)"), Reason::bad_value, "expect", "a"},
         Refused{"TextAsVerify", write_with(R"("verify":"no")"), Reason::bad_value, "verify", "a"},
@@ -356,6 +358,18 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"TargetBeforeValue", R"({"id":"a","op":"write","verify":1,"value":1})",
                 Reason::unknown_tag, "", "a"}),
     [](const auto& refused) { return refused.param.name; });
+
+TEST(ParseCommand, ExpiresMayBeWrittenAsAFloatThatIsWhole) {
+  const Command command = fxagent::parse_command(write_with(R"("expires":1.79e12)"));
+  EXPECT_FALSE(command.refusal);
+  EXPECT_EQ(command.expires_ms, 1790000000000);
+}
+
+TEST(ParseCommand, BracketsInATextAreNoDepth) {
+  const std::string brackets(2000, '[');
+  for (const std::string& by : {brackets, R"(\")" + brackets})
+    EXPECT_FALSE(fxagent::parse_command(write_with(R"("by":")" + by + "\"")).refusal);
+}
 
 TEST(ParseCommand, MoreThanSixtyFourTargetsAreTooLargeAndNoneOfThemIsKept) {
   const auto with = [](int count) {

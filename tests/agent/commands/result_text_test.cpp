@@ -152,6 +152,18 @@ TEST(ResultText, NoneIsLargerThanSixtyFourKibibytes) {
   EXPECT_LE(text_of(again).size(), 65536U);
 }
 
+TEST(ResultText, LongestOneHasRoomForItsTotal) {
+  CommandResult result;
+  result.id = "b7e1";
+  result.targets.resize(1);
+  result.targets[0].value = Value(std::string());
+  const std::size_t room = 65536 - text_of(result).size();
+  for (std::size_t less = 0; less <= 30; ++less) {
+    result.targets[0].value = Value(std::string(room - less, 'v'));
+    EXPECT_LE(with_total(text_of(result), std::chrono::hours(23)).size(), 65536U) << less;
+  }
+}
+
 TEST(ResultText, DuplicateOfTwoLongListsLeavesOutThatOfTheCommand) {
   CommandResult list;
   list.id = "b7e1";

@@ -88,6 +88,14 @@ TEST(ConfigDifference, ChangedLinkBeginsAnewWithAllItsDevices) {
   EXPECT_EQ(change.config.devices[0].link, 0U);
 }
 
+TEST(ConfigDifference, AnotherSpeedBehindASerialServerBeginsItsLinkAnew) {
+  const ConfigChange change = after_change("/links/1/line_baud", "19200");
+  EXPECT_EQ(change.links_end, Indices{1});
+  EXPECT_EQ(change.links_begin, Indices{1});
+  EXPECT_EQ(change.devices_end, Indices{1});
+  EXPECT_EQ(change.devices_begin, Indices{1});
+}
+
 TEST(ConfigDifference, PlaceOfWhatIsTakenOutIsVacantAndTheOthersKeepTheirs) {
   const Config before = running();
   json plant = small_plant();

@@ -106,6 +106,21 @@ TEST(ConfigLimits, WhatEntriesWouldBeWrittenOutIsAddedUp) {
             std::string::npos);
 }
 
+TEST(ConfigLimits, RemoteConfigMayBeAsLargeAsTheLocalFile) {
+  const ConfigLimits small = remote_limits(good(small_plant().dump()));
+  EXPECT_EQ(small.most.links, kRemoteLimits.most.links);
+  EXPECT_EQ(small.memory, kRemoteLimits.memory);
+  EXPECT_EQ(small.written, kRemoteLimits.written);
+  Config large;
+  large.links.resize(40'000);
+  const ConfigLimits own = remote_limits(large);
+  EXPECT_EQ(own.most.links, 40'000U);
+  EXPECT_EQ(own.most.devices, kRemoteLimits.most.devices);
+  EXPECT_EQ(own.memory, size_of(large).memory());
+  EXPECT_GT(own.memory, kRemoteLimits.memory);
+  EXPECT_EQ(own.written, kFileLimits.written);
+}
+
 TEST(ConfigLimits, MuchMemoryIsAWarning) {
   const auto warns = [](int values) {
     for (const std::string& warning : good(plant_of({16}, tags(1, values)).dump()).warnings)

@@ -4,10 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "agent/config/config_difference.h"
+#include "agent/config/keys.h"
 #include "protocol/point.h"
 #include "tests/agent/config/small_plant.h"
 
@@ -103,6 +108,35 @@ TEST(Templates, KeysOfTheDeviceWin) {
   EXPECT_EQ(config.devices[0].timeout.count(), 700);
   EXPECT_EQ(config.devices[0].commands.queue, 5U);
   EXPECT_TRUE(config.devices[0].commands.allow.empty());
+}
+
+TEST(Templates, EveryKeyOfATemplateIsOneOfItsDevices) {
+  const std::map<std::string_view, json> values{
+      {"link", "gw1"},         {"protocol", "fx-computer-link"},
+      {"model", "FX2N"},       {"timeout_ms", 700},
+      {"retries", 7},          {"gap_ms", 9},
+      {"turnaround_ms", 77},   {"echo", true},
+      {"max_block_bytes", 32}, {"enquire", "never"}};
+  const std::set<std::string_view> others{"name", "template", "n", "groups", "tags", "commands"};
+  json plain = small_plant();
+  plain["devices"].erase(1);
+  std::set<std::string_view> keys{"enquire"};  // an option of the protocol
+  for (const ConfigKey& key : config_section("devices[]"))
+    if (!others.contains(key.name)) keys.insert(key.name);
+  for (const std::string_view key : keys) {
+    SCOPED_TRACE(key);
+    const json& value = values.at(key);
+    json written = plain;
+    written["devices"][0][key] = value;
+    if (key == "protocol") written["devices"][0]["station"] = 3;
+    json made = written;
+    made["templates"] = {{"t", {{key, value}}}};
+    made["devices"][0].erase(key);
+    made["devices"][0]["template"] = "t";
+    const Config by_template = good(made.dump());
+    EXPECT_TRUE(change_between(good(written.dump()), by_template).empty());
+    EXPECT_FALSE(change_between(good(plain.dump()), by_template).empty());
+  }
 }
 
 TEST(Templates, GroupsAndTagsAreAddedAndReplacedByName) {

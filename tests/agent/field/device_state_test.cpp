@@ -59,6 +59,17 @@ TEST(DeviceState, ValueThatComesAndGoesDoesNotFlap) {
   EXPECT_EQ(good->status.since_ms, 70'000);
 }
 
+TEST(DeviceState, BadValueEndsThoughTheClockWasSetBack) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.answered();
+  auto bad = bus_is_open();
+  bad.first_bad = BadReason::bad_value;
+  ASSERT_TRUE(state.update(bad, 3'600'000));
+  const auto good = state.update(bus_is_open(), 5000);
+  ASSERT_TRUE(good);
+  EXPECT_EQ(good->status.state, State::online);
+}
+
 TEST(DeviceState, OtherReasonsEndWithTheirTag) {
   DeviceState state(0, *port_codec(), 1000);
   state.answered();

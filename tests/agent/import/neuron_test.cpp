@@ -1,6 +1,7 @@
 // Neuron's JSON in its three forms.
 #include <gtest/gtest.h>
 
+#include <iterator>
 #include <string>
 
 #include "tests/agent/import/outcome.h"
@@ -160,7 +161,10 @@ TEST(Neuron, TheSerialLineIsWhatItsCodesMean) {
   EXPECT_EQ(serial_of(R"(, "baud": 0, "parity": 2, "stop": 1, "data": 3)"),
             json::parse(R"({"path": "/dev/ttyS1", "baud": 115200, "data_bits": 8,
       "parity": "even", "stop_bits": 2})"));
-  EXPECT_EQ(serial_of(R"(, "baud": 3, "parity": 1)")["baud"], 19200);
+  const int bauds[] = {115200, 57600, 38400, 19200, 9600, 4800, 2400,
+                       1800,   1200,  600,   300,   200,  150};
+  for (std::size_t code = 0; code < std::size(bauds); ++code)
+    EXPECT_EQ(serial_of(", \"baud\": " + std::to_string(code))["baud"], bauds[code]);
   EXPECT_EQ(serial_of(R"(, "baud": 3, "parity": 1)")["parity"], "odd");
   const Made made =
       made_of(rtu_with(R"("device": "/dev/ttyS1", "baud": 99, "parity": 3)"), import_neuron);

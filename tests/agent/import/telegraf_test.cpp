@@ -303,6 +303,16 @@ TEST(Telegraf, TheUnitWhereTheFileNamesNone) {
   EXPECT_EQ(unit_of("slave_id = 9\ncoils = [{name=\"a\", address=[0]}]\n"), 9);
 }
 
+TEST(Telegraf, RequestThatNamesNoUnitIsOfUnitZero) {
+  const Made made = plugin_of(R"(configuration_type = "request"
+  [[inputs.modbus.request]]
+    register = "holding"
+    fields = [ { address=0, name="a", type="INT16" } ]
+)");
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["unit"], 0);
+}
+
 TEST(Telegraf, IntervalsInAllUnits) {
   const auto interval_of = [](const std::string& text) {
     const Made made =

@@ -120,6 +120,12 @@ Made series(const std::string& list) {
                  import_thingsboard);
 }
 
+TEST(Thingsboard, ASlaveWithoutAUnitIsUnitOne) {
+  const Made made = series(R"({"tag": "t", "type": "16int", "functionCode": 3, "address": 0})");
+  ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
+  EXPECT_EQ(made.config["devices"][0]["unit"], 1);
+}
+
 TEST(Thingsboard, TheOrderOfATagWins) {
   const Made made = series(R"(
     {"tag": "a", "type": "32INT", "functionCode": 3, "objectsCount": 2, "address": 0},

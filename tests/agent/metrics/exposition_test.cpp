@@ -131,6 +131,28 @@ TEST(Exposition, WhatIsNotKnownYetIsLeftOut) {
   EXPECT_EQ(value_of(text, "fxagent_broker_connected"), "0");
 }
 
+TEST(Exposition, WhatIsNotAsItShouldBeIsTold) {
+  AgentStatus status = made_up_status();
+  FieldHealth field = *status.field;
+  field.links[0].doubted = true;
+  status.field = std::make_shared<const FieldHealth>(field);
+  status.clock_synchronised = false;
+  status.conflict = "0ther";
+  status.broker.subscribed = false;
+  status.store_state = "hangs";
+  ++status.samples.collected;
+  const std::string text = exposition(status);
+  for (const auto& [series, value] :
+       std::map<std::string, std::string>{{R"(fxagent_line_doubted{link="line1"})", "1"},
+                                          {"fxagent_clock_synchronised", "0"},
+                                          {"fxagent_identity_conflict", "1"},
+                                          {"fxagent_broker_connected", "1"},
+                                          {"fxagent_broker_subscribed", "0"},
+                                          {"fxagent_store_on_disk", "0"},
+                                          {"fxagent_samples_balanced", "0"}})
+    EXPECT_EQ(value_of(text, series), value) << series;
+}
+
 TEST(Exposition, DiskThatRefusesIsToldOnlyWhereThereIsToBeAStore) {
   AgentStatus status = made_up_status();
   status.store_state = "memory";

@@ -157,6 +157,7 @@ TEST(MergedConfig, WhatMayNotComeIsAnErrorThatNamesTheSection) {
            {{{"store", {{"path", "/tmp"}}}}, "/store", "cannot be set remotely"},
            {{{"metrics", {{"listen", "0.0.0.0:1"}}}}, "/metrics", "cannot be set remotely"},
            {{{"links_", json::array()}}, "/links_", "is no section of a config"},
+           {{{"a/b~c", json::array()}}, "/a~1b~0c", "is no section of a config"},
            {{{"mqtt", 5}}, "/mqtt", "must be an object"},
            {{{"mqtt", {{"qos", 0}}}}, "/mqtt/qos", "of mqtt only servers"},
            {{{"mqtt", {{"client_id", "x"}}}}, "/mqtt/client_id", "of mqtt only servers"},

@@ -536,6 +536,14 @@ TEST(RemoteConfig, WhatTheDiskRefusedToTryIsPutRightLater) {
   EXPECT_EQ(plant.kept_text(), good);
 }
 
+TEST(RemoteConfig, ADocumentBeyondItsLimitIsNotHeldInMemory) {
+  Plant plant;
+  EXPECT_FALSE(plant.hear_text(std::string(kMaxDesiredBytes, ' ') + "{"));
+  EXPECT_EQ(plant.remote().rejected(), "");
+  EXPECT_FALSE(plant.hear_text("{"));
+  EXPECT_EQ(plant.remote().rejected(), "{") << "it may fit the next local file";
+}
+
 /// A new local file that conflicts with the config on trial may fit the previous one.
 TEST(RemoteConfig, WhereTheTrialNoLongerFitsTheGoodOneStays) {
   Plant plant;

@@ -104,6 +104,18 @@ TEST(AuditTrail, AuditIsPrunedToItsSizeAndItsAge) {
   EXPECT_EQ(audit_of(shelf).size(), 2U);
 }
 
+TEST(AuditTrail, RecordsOfALongRunGoAfterTheirAge) {
+  Shelf shelf;
+  shelf.config.audit_max_age = 1h;
+  shelf.open();
+  for (int i = 0; i < 10; ++i) shelf.store->audit().note(told("x"));
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 50min, kNow + 3000000);
+  EXPECT_EQ(audit_of(shelf).size(), 10U);
+  shelf.store->upkeep(kStart + 111min, kNow + 6660000);
+  EXPECT_EQ(audit_of(shelf).size(), 2U);
+}
+
 /// A trail in its own file, without a store.
 struct TrailBench {
   Scratch scratch;

@@ -127,6 +127,31 @@ TEST_F(GuardedStoreTest, AcknowledgedRowsLeaveWhenTheDiskAnswers) {
   EXPECT_EQ(stored(), 4U - removed);
 }
 
+TEST_F(GuardedStoreTest, StreamsOfRowsOnDiskAreAheadOfMemoryWhileItHangs) {
+  Outcome before;
+  Outcome meanwhile;
+  store.append(rows(1, 2, "b"), before.take());
+  freeze();
+  store.append(rows(1, 2), meanwhile.take());
+  EXPECT_TRUE(store.is_ahead_of_memory({"b", "fast"})) << "which has rows cannot be asked";
+  thaw();
+}
+
+TEST_F(GuardedStoreTest, HistoryThatWasReadTooLateGoesOutTheNextTime) {
+  Outcome outcome;
+  store.append(rows(1, 4), outcome.take());
+  const auto acknowledged = store.next(std::make_shared<test::JsonHistory>(32), test::any);
+  ASSERT_TRUE(acknowledged);
+  std::uint64_t removed = 0;
+  store.remove(*acknowledged, [&](std::uint64_t count) { removed += count; });
+  freeze();
+  EXPECT_FALSE(store.next(std::make_shared<test::JsonHistory>(32), test::any));
+  ASSERT_TRUE(store.hangs());
+  thaw();
+  EXPECT_TRUE(store.next(std::make_shared<test::JsonHistory>(32), test::any));
+  EXPECT_EQ(stored(), 4U - removed);
+}
+
 TEST_F(GuardedStoreTest, CommandThatWasRefusedHasItsResultInTheJournal) {
   freeze();
   const JournalEntry first = shelf.arrived("first");

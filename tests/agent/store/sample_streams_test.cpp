@@ -52,6 +52,17 @@ TEST(SampleStreams, RowThatIsOutWaitsForNobodyUntilItIsReleased) {
   EXPECT_FALSE(streams.has_waiting("b"));
 }
 
+TEST(SampleStreams, StreamWhoseOldRowsAreGoneLetsAnOlderOneGoFirst) {
+  SampleStreams streams;
+  streams.added(row(1, kFast));
+  streams.added(row(2, kSlow));
+  streams.added(row(3, kFast));
+  streams.added(row(4, kFast));
+  for (const std::uint64_t id : {1U, 3U}) streams.take(row(id, kFast));
+  for (const std::uint64_t id : {1U, 3U}) ASSERT_TRUE(streams.remove(id));
+  EXPECT_EQ(streams.oldest_waiting(any), kSlow);
+}
+
 TEST(SampleStreams, RowIsRemovedOnceAndOnlyWhileItIsOut) {
   SampleStreams streams;
   streams.added(row(1, kFast));

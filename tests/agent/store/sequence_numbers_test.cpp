@@ -122,5 +122,22 @@ TEST(SequenceNumbers, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
   EXPECT_EQ(shelf.begin(), next);
 }
 
+TEST(SequenceNumbers, NumbersThatTheDiskRefusedAreNoneBeforeTheClock) {
+  constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  std::uint64_t last = shelf.begin();
+  {
+    const DiskLimit full(200000);
+    do {
+      ++last;
+      shelf.store->numbers().used("a", last);
+    } while (shelf.add(rows(last, last)));
+  }
+  shelf.open(kNow + kYear);
+  EXPECT_GE(shelf.begin(kNow + kYear), static_cast<std::uint64_t>(kNow + kYear));
+}
+
 }  // namespace
 }  // namespace fxagent

@@ -57,6 +57,18 @@ struct StartedCommandsTest : ::testing::Test {
   void overwrite(const std::string& bytes) const {
     std::fstream(path(), std::ios::binary | std::ios::in | std::ios::out) << bytes;
   }
+  /// Sets the times in the marks, but not that of the file.
+  void move_marks(std::int64_t by_ns) const {
+    std::string bytes = content();
+    for (const std::size_t at : {kHeadWrittenAt, kRecords + kRecordWrittenAt}) {
+      std::int64_t written = 0;
+      std::memcpy(&written, bytes.data() + at, sizeof written);
+      ASSERT_GT(written, 0);
+      written += by_ns;
+      std::memcpy(bytes.data() + at, &written, sizeof written);
+    }
+    overwrite(bytes);
+  }
 
   Shelf shelf;
   using Left = std::map<std::string, bool>;
@@ -151,15 +163,14 @@ TEST_F(StartedCommandsTest, NothingIsProvenWhereTheDatabaseIsAnother) {
 TEST_F(StartedCommandsTest, NothingIsProvenByAnOldCopyInThePlaceOfTheFile) {
   journal_two_and_start_one();
   kill();
-  std::string bytes = content();
-  for (const std::size_t at : {kHeadWrittenAt, kRecords + kRecordWrittenAt}) {
-    std::int64_t written = 0;
-    std::memcpy(&written, bytes.data() + at, sizeof written);
-    ASSERT_GT(written, 0);
-    written -= 10'000'000'000;
-    std::memcpy(bytes.data() + at, &written, sizeof written);
-  }
-  overwrite(bytes);
+  move_marks(-10'000'000'000);
+  EXPECT_EQ(left(), kNothing);
+}
+
+TEST_F(StartedCommandsTest, NothingIsProvenByMarksThatAreYoungerThanTheFile) {
+  journal_two_and_start_one();
+  kill();
+  move_marks(10'000'000'000);
   EXPECT_EQ(left(), kNothing);
 }
 

@@ -141,6 +141,35 @@ TEST(StoredSamples, RowsThatAreAcknowledgedDoNotCountAsTooOld) {
   EXPECT_EQ(shelf.store->samples().take_dropped().at("a"), 1U) << "the one that waited";
 }
 
+TEST(StoredSamples, AcknowledgedRowsMakeRoomBeforeAnyIsDropped) {
+  Shelf shelf;
+  shelf.config.max_bytes = 5 * (SampleRow::kOverhead + 1);
+  shelf.open();
+  shelf.add(rows(1, 5));
+  const auto batch = test::next(shelf.store->samples(), 30, any);
+  ASSERT_TRUE(batch);
+  ASSERT_EQ(shelf.store->samples().remove(*batch), 2U);
+  shelf.add(rows(6, 9));
+  EXPECT_EQ(shelf.store->samples().take_dropped().at("a"), 2U);
+  EXPECT_EQ(shelf.drain(), "a/fast[5,6,7,8,9]}");
+}
+
+TEST(StoredSamples, SamplesKeepToTheRoomThatCommandsLeave) {
+  Shelf shelf;
+  shelf.config.max_bytes = 1 << 20;
+  shelf.open();
+  for (int i = 0; i < 6; ++i) {
+    JournalEntry order = shelf.arrived(std::to_string(i));
+    order.payload = std::string(65536, 'p');
+    ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
+  }
+  std::vector<SampleRow> samples = rows(1, 4);
+  for (SampleRow& row : samples) row.content = std::string(200000, 'x');
+  ASSERT_TRUE(shelf.add(samples));
+  EXPECT_LE(shelf.store->bytes(), shelf.store->max_bytes());
+  EXPECT_EQ(shelf.store->samples().rows(), 3U);
+}
+
 TEST(StoredSamples, CommandsCountIntoTheLimitAndTheOldestSamplesMakeRoom) {
   Shelf shelf;
   shelf.config.max_bytes = 1 << 20;

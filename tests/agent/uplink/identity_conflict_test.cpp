@@ -48,6 +48,30 @@ TEST(IdentityConflict, OwnStateMayWaitBehindWhatIsNotLetIn) {
   EXPECT_TRUE(a.unheard_at(34s));
 }
 
+TEST(IdentityConflict, SixteenOtherAgentsAreEnough) {
+  Connected a;
+  const auto say = [&](int number, const std::string& state) {
+    a.conflict.heard(R"({"state":")" + state + R"(","boot":"b)" + std::to_string(number) + R"("})",
+                     kStart);
+  };
+  for (int other = 100; other < 140; ++other) say(other, "online");
+  for (int other = 124; other < 140; ++other) {
+    EXPECT_TRUE(a.conflict.other());
+    say(other, "offline");
+  }
+  EXPECT_FALSE(a.conflict.other()) << "the ones before are forgotten";
+}
+
+TEST(IdentityConflict, LongStateIsNotRead) {
+  for (const std::size_t length : {3000U, 5000U}) {
+    Connected a;
+    a.conflict.heard(
+        R"({"state":"online","boot":"0ther","more":")" + std::string(length, 'x') + R"("})",
+        kStart);
+    EXPECT_EQ(a.conflict.other().has_value(), length == 3000U);
+  }
+}
+
 TEST(IdentityConflict, WithoutAConnectionNothingIsMissed) {
   Connected a;
   a.conflict.connection_ended();

@@ -283,6 +283,28 @@ TEST(PublisherAudit, ResultThatTheBrokerRefusesForGoodIsNotAcknowledged) {
   EXPECT_EQ(lines[0]["refused_by_broker"], true);
 }
 
+// The response topic is a courtesy to the sender: the device's own topic is what the audit is
+// about.
+TEST(PublisherAudit, DeliveryIsJudgedByTheDevicesOwnTopic) {
+  for (const bool own_is_taken : {true, false}) {
+    const test::Scratch scratch;
+    Bench bench(scratch.path("store"));
+    bench.response_topic = kBase + "/press1/result/hmi";
+    bench.online();
+    bench.broker.acknowledges = false;
+    bench.command("{}");
+    bench.settle();
+    ASSERT_EQ(bench.broker.open(), 2U);
+    for (const bool taken : {own_is_taken, !own_is_taken})
+      taken ? bench.broker.acknowledge_next() : bench.broker.refuse_next(0x90);
+    bench.settle();
+    bench.advance(200ms);
+    const auto lines = audit_lines(scratch.path("store"));
+    EXPECT_EQ(lines.at(0)["acknowledged"].is_null(), !own_is_taken);
+    EXPECT_EQ(lines[0].value("refused_by_broker", false), !own_is_taken);
+  }
+}
+
 TEST(PublisherAudit, CommandThatACrashInterruptedGetsItsOutcomeAndItsAcknowledgement) {
   const test::Scratch scratch;
   {
@@ -573,6 +595,14 @@ Message message(std::size_t number, std::string payload, int qos = 1) {
   return made;
 }
 
+/// Of 185,000 bytes.
+Message large_message() {
+  Message large = message(1, R"({"id":"x","op":"run","by":")" + std::string(60000, 'x') + R"("})");
+  large.response_topic = std::string(60000, 't');
+  large.correlation = Bytes(65000, 1);
+  return large;
+}
+
 void push_refused(Bench& bench, int results) {
   for (int i = 0; i < results; ++i) bench.outbox.push(refused(std::to_string(i)));
 }
@@ -677,10 +707,7 @@ TEST(PublisherFlood, MessagesStayInTheNetworkWhileOthersWaitToBeLookedAt) {
 TEST(PublisherFlood, FewLargeCommandsAreEnoughToHoldTheOthersBack) {
   Bench bench;
   bench.online();
-  Message large = message(1, R"({"id":"x","op":"run","by":")" + std::string(60000, 'x') + R"("})");
-  large.response_topic = std::string(60000, 't');
-  large.correlation = Bytes(65000, 1);
-  for (int i = 0; i < 60; ++i) bench.broker.send(large);
+  for (int i = 0; i < 60; ++i) bench.broker.send(large_message());
   bench.step();
   EXPECT_TRUE(bench.broker.held);
 }
@@ -707,7 +734,8 @@ TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehin
 
 /// Results are pending while messages are held back. Delivers this many messages before the next
 /// result is acknowledged.
-void acknowledge_behind(Bench& bench, std::size_t messages) {
+void acknowledge_behind(Bench& bench, std::size_t messages,
+                        const Message& each = message(0, R"({"id":"x","op":"run"})")) {
   bench.settle();
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
@@ -715,7 +743,7 @@ void acknowledge_behind(Bench& bench, std::size_t messages) {
   bench.broker.acknowledge_all();
   bench.step();
   ASSERT_TRUE(bench.broker.held);
-  send_runs(bench, messages);
+  for (std::size_t i = 0; i < messages; ++i) bench.broker.send(each);
   bench.step();
 }
 
@@ -772,6 +800,20 @@ TEST(PublisherFlood, BrokerThatIsSlowWithItsPubackKeepsItsConnection) {
   Bench bench;
   acknowledge_behind(bench, 20 * kReceiveMaximum);
   EXPECT_TRUE(bench.broker.up());
+}
+
+TEST(PublisherFlood, FewLargeMessagesAreFarAheadToo) {
+  for (const std::size_t messages : {20U, 50U}) {
+    Bench bench;
+    acknowledge_behind(bench, messages, large_message());
+    EXPECT_EQ(bench.broker.disconnects, messages == 50 ? 1 : 0) << "9 MiB are, 4 MiB are not";
+  }
+}
+
+TEST(PublisherFlood, MessagesWithQosZeroAreNotFarAhead) {
+  Bench bench;
+  acknowledge_behind(bench, 2000, message(0, R"({"id":"x","op":"run"})", 0));
+  EXPECT_TRUE(bench.broker.up()) << "the broker waits for none of them";
 }
 
 TEST(PublisherFlood, WhatCameBeforeMessagesWereHeldBackDoesNotCount) {
@@ -876,6 +918,20 @@ TEST(PublisherFlood, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
   bench.settle();
   EXPECT_LT(bench.results().size(), 300U);
   EXPECT_EQ(bench.results().back()["id"], "asked") << "what the broker waits for is never lost";
+}
+
+TEST(PublisherFlood, OfQosZeroNothingIsTakenWhileResultsAreFull) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  push_refused(bench, 300);
+  bench.step();
+  for (std::size_t i = 0; i < 10; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})", 0));
+  bench.step();
+  bench.broker.acknowledges = true;
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_EQ(bench.results().size(), 300U);
 }
 
 TEST(PublisherFlood, NothingIsHeldBackAtTheEnd) {

@@ -414,5 +414,14 @@ TEST(McDeviceWrite, AnyBitsOfABitDeviceAndWholeDevicesOfOthers) {
   EXPECT_FALSE(check_write(Model::fx5u, {id(Space::m), 32760, 16}));
 }
 
+TEST(McDeviceWrite, RelaysThatStartAndStopAnFxAreNeverWritten) {
+  constexpr std::uint32_t kRunMode = 34;  // M8034 to M8037; on FX5 SM8034 to SM8037
+  for (std::uint32_t i = kRunMode - 1; i <= kRunMode + 4; ++i) {
+    const bool may = i < kRunMode || i == kRunMode + 4;
+    EXPECT_EQ(check_write(Model::fx3u, {id(Space::special_m), i, 1}).has_value(), may) << i;
+    EXPECT_EQ(check_write(Model::fx5u, {id(Space::sm), 8000 + i, 1}).has_value(), may) << i;
+  }
+}
+
 }  // namespace
 }  // namespace fxagent::mc

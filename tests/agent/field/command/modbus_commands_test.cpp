@@ -49,10 +49,15 @@ class CommandOnTheBusTest : public ::testing::Test {
     command.targets.push_back({std::move(tag), "", std::nullopt, std::move(value)});
     return run(std::move(command), verify);
   }
-  CommandResult run(Command command, bool verify) {
+  CommandResult read(std::string tag) {
+    Command command;
+    command.targets.push_back({std::move(tag), "", std::nullopt, std::nullopt});
+    return run(std::move(command), false, Op::read);
+  }
+  CommandResult run(Command command, bool verify, Op op = Op::write) {
     command.id = "b7e1";
-    command.op = Op::write;
-    command.op_text = "write";
+    command.op = op;
+    command.op_text = op == Op::read ? "read" : "write";
     command.verify = verify;
     command.received = Clock::now();
     command.received_ms = 1790000000000;
@@ -136,6 +141,15 @@ TEST_F(CommandOnTheBusTest, BusyDeviceIsAskedOnceMore) {
   EXPECT_GE(result.wire, std::chrono::milliseconds(100)) << "it says itself that it has no time";
 }
 
+TEST_F(CommandOnTheBusTest, BusyDeviceIsReadOnceMore) {
+  use_modbus();
+  wire->expect(hex("0001 0000 0006 01 03 000A 0001")).give(hex("0001 0000 0003 01 83 06"));
+  wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
+  const CommandResult result = read("setpoint");
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_GE(result.wire, std::chrono::milliseconds(100)) << "it says itself that it has no time";
+}
+
 TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack) {
   for (const char* code : {"04", "05", "0B", "7F"}) {
     use_modbus();
@@ -165,6 +179,7 @@ TEST_F(CommandOnTheBusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
   const CommandResult result = write("setpoint", number(50));
   EXPECT_EQ(result.status, CommandStatus::failed);
   EXPECT_EQ(result.plc, PlcAnswer::nak);
+  EXPECT_FALSE(was_answered) << "by the gateway, and not by the device";
 }
 
 TEST_F(CommandOnTheBusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {

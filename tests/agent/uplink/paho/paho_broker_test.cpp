@@ -20,6 +20,7 @@
 #include <stop_token>
 #include <thread>
 
+#include "agent/uplink/paho/incoming_packets.h"
 #include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/publisher.h"
 #include "tests/agent/uplink/mosquitto.h"
@@ -415,6 +416,17 @@ TEST(PahoBroker, LongerPayloadsArriveWhereTheyAreAskedFor) {
   EXPECT_EQ(client.next<Message>().payload.size(), 150001U);
 }
 
+TEST(PahoBroker, RemoteConfigOfTheGreatestSizeArrives) {
+  const Scratch directory;
+  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  Client client(settings(mosquitto.url()));
+  client.connect();
+  const std::string topic = "a" + std::string(kDesiredTopic);
+  client.subscribe(topic);
+  client->publish(publication(1, topic, std::string(kMaxDesiredBytes, 'x')));
+  EXPECT_EQ(client.next<Message>().payload.size(), kMaxDesiredBytes);
+}
+
 TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
   const Scratch directory;
   const std::string acl = directory.write("acl", "topic read #\ntopic write allowed\n");
@@ -464,6 +476,20 @@ std::thread answer_first_packet(const Listener& listener, std::string_view answe
     char bytes[1000];
     recv(client, bytes, sizeof bytes, 0);
     if (!answer.empty()) send(client, answer.data(), answer.size(), MSG_NOSIGNAL);
+    close(client);
+  });
+}
+
+/// A thread that takes one client and resets the connection (RST) after its first packet, which is
+/// returned.
+std::thread reset_first_packet(const Listener& listener, std::string& packet) {
+  return std::thread([&] {
+    const int client = accept(listener.fd(), nullptr, nullptr);
+    packet.resize(1000);
+    packet.resize(static_cast<std::size_t>(
+        std::max<ssize_t>(recv(client, packet.data(), packet.size(), 0), 0)));
+    const linger at_once{.l_onoff = 1, .l_linger = 0};
+    setsockopt(client, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
     close(client);
   });
 }
@@ -563,6 +589,20 @@ TEST_P(PahoBrokerVersion, ServerThatClosesBeforeItsConnackHasAnsweredAllTheSame)
   server.join();
   EXPECT_TRUE(text.starts_with("somebody answers at this address and closes")) << text;
   EXPECT_EQ(text.find("try \"version\": \"3.1.1\"") != text.npos, GetParam() == 5) << text;
+}
+
+TEST_P(PahoBrokerVersion, ServerThatResetsTheConnectionIsNamed) {
+  const Listener listener;
+  std::string connect;
+  std::thread server = reset_first_packet(listener, connect);
+  MqttConfig config = settings(listener.url(), GetParam());
+  config.keep_alive = 77s;
+  const std::string text = Client(config).refusal();
+  server.join();
+  EXPECT_TRUE(text.starts_with("the server cuts the connection off before a word of MQTT")) << text;
+  const std::size_t at = connect.find("MQTT") + 6;  // behind it version, flags, keep alive
+  ASSERT_LT(at + 1, connect.size());
+  EXPECT_EQ(connect.substr(at, 2), std::string("\0\x4d", 2)) << "keep_alive of the config";
 }
 
 TEST(PahoBroker, ServerThatAnswersWithATlsAlertIsSaidToSpeakTls) {
@@ -678,6 +718,30 @@ TEST_P(PahoBrokerVersion, PacketThatIsFarTooLongEndsTheConnectionBeforeItIsRead)
   client.connect();
 }
 
+/// A PUBLISH on topic "a" whose remaining length is `bytes`.
+std::string publish_packet(int version, std::size_t bytes) {
+  std::string packet(1, '\x30');
+  for (std::size_t rest = bytes; rest != 0; rest /= 128)
+    packet += static_cast<char>(rest % 128 + (rest >= 128 ? 128 : 0));
+  const std::string topic = std::string("\0\1a", 3) + std::string(version == 5 ? 1 : 0, '\0');
+  return packet + topic + std::string(bytes - topic.size(), 'x');
+}
+
+TEST_P(PahoBrokerVersion, LongestPacketArrivesAndOneByteMoreEndsTheConnection) {
+  {
+    const SpitefulServer server(GetParam(), publish_packet(GetParam(), kMaxPacketIn),
+                                Afterwards::stays);
+    Client client(settings(server.url(), GetParam()));
+    client.connect();
+    EXPECT_EQ(client.next<Message>().payload.size(), kMaxMessageBytes + 1);
+  }
+  const SpitefulServer server(GetParam(), publish_packet(GetParam(), kMaxPacketIn + 1),
+                              Afterwards::stays);
+  Client client(settings(server.url(), GetParam()));
+  client.connect();
+  EXPECT_NE(client.next<Lost>().text.find("a packet of 16777217 bytes"), std::string::npos);
+}
+
 // ---- TLS ----------------------------------------------------------------------------------------
 
 class PahoBrokerTls : public testing::Test {
@@ -690,9 +754,9 @@ class PahoBrokerTls : public testing::Test {
   static void TearDownTestSuite() { directory_.reset(); }
 
   static std::string file(const std::string& name) { return directory_->path(name); }
-  static std::string listener(const std::string& more = "") {
-    return "allow_anonymous true\ncafile " + file("ca.pem") + "\ncertfile " + file("server.pem") +
-           "\nkeyfile " + file("server.key") + "\n" + more;
+  static std::string listener(const std::string& more = "", const std::string& prefix = "") {
+    return "allow_anonymous true\ncafile " + file(prefix + "ca.pem") + "\ncertfile " +
+           file(prefix + "server.pem") + "\nkeyfile " + file(prefix + "server.key") + "\n" + more;
   }
   static MqttConfig tls(const std::string& url, const std::string& ca) {
     MqttConfig config = settings(url);
@@ -752,6 +816,26 @@ TEST_F(PahoBrokerTls, CertificateOfAnotherHostIsRefused) {
   EXPECT_NE(text.find("is not for this host name: connect by a name that is in it"),
             std::string::npos)
       << text;
+}
+
+TEST_F(PahoBrokerTls, CertificateOfAnAddressIsNotSaidToBeOfAnotherHost) {
+  test::make_certificates(*directory_, "address-", "IP:127.0.0.1");
+  const Mosquitto mosquitto(*directory_, listener("require_certificate true", "address-"));
+  const std::string text =
+      Client(tls(mosquitto.url("mqtts", "127.0.0.1"), "address-ca.pem")).refusal();
+  EXPECT_NE(text.find("set mqtt.tls.cert_file and key_file"), std::string::npos) << text;
+  EXPECT_EQ(text.find("host name"), std::string::npos) << text;
+}
+
+TEST_F(PahoBrokerTls, ServerThatResetsTheHandshakeIsNamed) {
+  const Listener listener;
+  std::string hello;
+  std::thread server = reset_first_packet(listener, hello);
+  std::string url = listener.url();
+  url.insert(4, "s");
+  const std::string text = Client(tls(url, "ca.pem")).refusal();
+  server.join();
+  EXPECT_TRUE(text.starts_with("the server ends the TLS handshake")) << text;
 }
 
 TEST_F(PahoBrokerTls, MissingFileIsNamed) {

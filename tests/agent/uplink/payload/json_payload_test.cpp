@@ -76,6 +76,17 @@ TEST(TelemetryJson, FloatOfThePlcHasNoDigitsThatItNeverHad) {
   EXPECT_EQ(value_text(test::level, Value(static_cast<double>(5.1F))), "5.1");
 }
 
+TEST(TelemetryJson, ScaledFloatHasAllItsDigits) {
+  DeviceConfig press = test::press("press1");
+  press.tags[test::level].point.scale = 0.1;
+  const double scaled = static_cast<double>(5.1F) * 0.1;
+  Telemetry message = test::sample(1);
+  message.readings = {good(test::level, Value(scaled))};
+  SampleRecord record;
+  ASSERT_TRUE(decode_sample(encode_sample(message, press, "9f3c21aa", "a41c"), record));
+  EXPECT_EQ(json::parse(fxagent::json::sample(record))["values"]["level"], scaled);
+}
+
 TEST(TelemetryJson, IntegersStayIntegersAndLargeOnesBecomeStrings) {
   EXPECT_EQ(value_text(test::setpoint, Value(std::int64_t{-7})), "-7");
   EXPECT_EQ(value_text(test::setpoint, Value(std::int64_t{9007199254740992})), "9007199254740992");
