@@ -124,6 +124,8 @@ std::string_view to_string(Reason reason) {
       return "broadcast";
     case Reason::shutting_down:
       return "shutting_down";
+    case Reason::reloading:
+      return "reloading";
     case Reason::store_unavailable:
       return "store_unavailable";
     case Reason::interrupted:

@@ -132,6 +132,7 @@ enum class Reason : std::uint8_t {
   verify_mismatch,
   broadcast,
   shutting_down,
+  reloading,
   store_unavailable,
   interrupted,
 };

@@ -155,6 +155,8 @@ void StreamCheck::take_sample(Device& device, std::string_view topic, const Samp
   if (sample.is_live && !device.boots[boot].whole_from)
     device.boots[boot].whole_from = stream.decided ? 0 : sample.seq;
   stream.decided = stream.decided || sample.is_live;
+  if (sample.is_live && std::exchange(device.awaits_live, false))
+    device.proven_from = std::max(device.proven_from, sample.seq);
 
   const auto found = device.topics.find(topic);
   if (found == device.topics.end()) {
@@ -177,6 +179,11 @@ void StreamCheck::judge(const Device& device, DeviceStream& stream) const {
     const Boot& below = device.boots[run->second.boot];
     const Boot& above = device.boots[next->second.boot];
     if (!below.whole_from || end < *below.whole_from) continue;
+    // The sample at proven_from has arrived: each gap is wholly below it or above.
+    if (device.awaits_live || gap.last < device.proven_from) {
+      stream.unprovable.add(gap);
+      continue;
+    }
     const bool between_boots =
         &below != &above && below.highest == end && above.lowest == next->first;
     if (between_boots && skip_ == BootSkip::allowed)
@@ -184,6 +191,10 @@ void StreamCheck::judge(const Device& device, DeviceStream& stream) const {
     else
       stream.missing.add(gap);
   }
+}
+
+void StreamCheck::interrupted() {
+  for (auto& [name, device] : devices_) device.awaits_live = true;
 }
 
 std::vector<DeviceStream> StreamCheck::report() const {

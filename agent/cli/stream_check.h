@@ -4,7 +4,8 @@
 //
 // `seq` rises by 1 for each sample of a device, across all its groups, live and history together.
 // Every number above the first live one seen must arrive; lower numbers may have arrived before the
-// check listened. A boot that began while it listened must arrive completely.
+// check listened. A boot that began while it listened must arrive completely. After an interruption
+// in which messages may have passed, an earlier gap proves nothing.
 #pragma once
 
 #include <cstdint>
@@ -47,6 +48,8 @@ struct DeviceStream {
   std::optional<NumberRange> seen;
   bool decided = false;  ///< a live sample was seen, so that a gap is meaningful
   NumberRanges missing;  ///< within the range that could be judged
+  /// Not received, and may have been sent during an interruption; see StreamCheck::interrupted().
+  NumberRanges unprovable;
   NumberRanges skipped;  ///< skipped by a new boot, as `sync: offline` allows after a crash
   std::uint64_t repeated = 0;
   std::uint64_t differing = 0;     ///< repeats that differ from the first sample of their number
@@ -56,11 +59,13 @@ struct DeviceStream {
   std::string malformed_why;       ///< fault of the first malformed one
   std::vector<std::string> boots;  ///< in the order first seen
 
-  /// True if nothing is missing, every number stands for one sample, and a device that must send
-  /// has sent.
-  bool is_whole() const {
+  /// True if nothing is known to be missing, every number stands for one sample, and a device that
+  /// must send has sent.
+  bool is_sound() const {
     return (decided || !expected) && missing.numbers == 0 && differing == 0 && malformed == 0;
   }
+  /// True if in addition nothing could have been missed.
+  bool is_whole() const { return is_sound() && unprovable.numbers == 0; }
 };
 
 class StreamCheck final {
@@ -71,6 +76,11 @@ class StreamCheck final {
   /// Processes a received message. Ignores topics other than the agent's data topics, and retained
   /// messages, which say nothing about the present.
   void take(std::string_view topic, std::string_view payload, bool retained);
+
+  /// Records that messages may have been sent unheard since the last one. Numbers that have not
+  /// arrived by now, and all those before the next live sample of their device, may be among them.
+  /// They are unprovable unless a later message brings them.
+  void interrupted();
 
   /// Returns the state of each device, sorted by name. A later sample may still fill a gap.
   std::vector<DeviceStream> report() const;
@@ -96,6 +106,8 @@ class StreamCheck final {
     std::unordered_map<std::string, std::uint32_t> boot_index;
     std::vector<Boot> boots;
     std::map<std::string, Newest, std::less<>> topics;
+    std::uint64_t proven_from = 0;  ///< gaps below it are unprovable
+    bool awaits_live = false;       ///< no live sample since interrupted(): all gaps are
   };
   struct Sample;
 

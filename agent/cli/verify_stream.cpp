@@ -31,9 +31,13 @@ using Seconds = std::chrono::duration<double>;
 constexpr int kWhole = 0;
 constexpr int kNotWhole = 1;
 constexpr int kNoBroker = 2;
+constexpr int kNotProvable = 3;
 
-constexpr std::chrono::seconds kPatience{30};  // longer than the connect time-out of the MQTT
-                                               // library
+constexpr std::chrono::seconds kPatience{30};     // longer than the connect time-out of the MQTT
+                                                  // library
+constexpr std::chrono::milliseconds kPause{500};  // before the servers are tried again
+// Longest time that the broker keeps messages for a listener that is away, or was killed.
+constexpr std::chrono::seconds kMostKept{3600};
 // A single row may exceed the target size of a history message. The broker gets the same limit.
 constexpr std::size_t kMaxPayload = std::size_t{16} << 20;
 
@@ -45,7 +49,7 @@ class Connection final {
  public:
   enum class Woken : std::uint8_t { news, time_is_up, stop_asked };
 
-  explicit Connection(const MqttConfig& config)
+  Connection(const MqttConfig& config, std::chrono::seconds keep_session)
       : news_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
         signals_(block_signals()),
         broker_(
@@ -55,7 +59,7 @@ class Connection final {
               // Fails only if the counter is full, and then an event is pending anyway.
               [[maybe_unused]] const auto written = write(news_, &one, sizeof one);
             },
-            kMaxPayload) {
+            kMaxPayload, keep_session) {
     if (news_ < 0 || signals_ < 0) throw std::runtime_error("no file handle left to wait with");
   }
   Connection(const Connection&) = delete;
@@ -105,7 +109,15 @@ class Connection final {
   PahoBroker broker_;  // last: its callbacks use the others
 };
 
-/// Connects, subscribes, listens and passes every message to the check.
+/// Times without a connection after the first one.
+struct Interruptions {
+  std::uint64_t count = 0;
+  std::uint64_t unkept = 0;  ///< the broker kept nothing for us in the meantime
+  Seconds total{0};
+};
+
+/// Connects, subscribes, listens and passes every message to the check. Connects again when the
+/// connection is lost.
 class Listener final {
  public:
   Listener(const MqttConfig& config, std::string base, StreamCheck check,
@@ -113,51 +125,72 @@ class Listener final {
       : servers_(config.servers),
         filters_{base + "/+/data/+/history", base + "/+/data/+"},
         listen_(listen),
+        // A broker keeps no QoS 0 messages for a client that is away.
+        keeps_messages_(config.qos > 0),
         check_(std::move(check)),
-        connection_(config) {}
+        connection_(config, std::min(listen + kPatience, kMostKept)) {}
 
-  /// Runs until the time is up, a signal arrives or the connection is lost. Returns an empty text
-  /// if it listened to the end, else the reason.
+  /// Runs until the time is up, a signal arrives, or no server can be listened to at the start.
+  /// Returns an empty text if it listened to the end, else the reason.
   std::string run() {
     using Woken = Connection::Woken;
-    connection_.broker().connect(server_, kReceiveMaximum);
-    deadline_ = now() + kPatience;
-    auto woken = Woken::news;
-    while (woken == Woken::news && !over_) {
-      woken = connection_.wait_until(deadline_);
+    connect_to(0);
+    while (!over_) {
+      const Woken woken = connection_.wait_until(std::min(deadline_, timer_));
       for (const BrokerEvent& event : connection_.broker().take_events())
         std::visit([this](const auto& e) { on(e); }, event);
+      if (over_) break;
+      if (woken == Woken::stop_asked || now() >= deadline_) {
+        if (!begun_) end("stopped before it could listen");
+        if (lost_at_) end("no connection at the end: " + fault_);
+        break;
+      }
+      if (now() >= timer_) timer_fired();
     }
     ended_ = now();
-    if (!over_ && !begun_)
-      fault_ = woken == Woken::stop_asked ? "stopped before it could listen"
-                                          : servers_.at(server_) + ": no answer";
+    // The session outlives this program. Without subscriptions the broker queues nothing in it.
+    for (const std::string& filter : filters_) connection_.broker().unsubscribe(filter);
+    if (lost_at_) interruptions_.total += ended_ - *lost_at_;
     return fault_;
   }
 
   const std::string& server() const { return servers_.at(server_); }
   bool has_listened() const { return begun_.has_value(); }
   Seconds listened() const { return begun_ ? Seconds(ended_ - *begun_) : Seconds(0); }
+  const Interruptions& interruptions() const { return interruptions_; }
   std::vector<DeviceStream> report() const { return check_.report(); }
 
  private:
-  void on(const Connected&) { subscribe(); }
-  void on(const ConnectFailed& event) {
-    fault_ += (fault_.empty() ? "" : "; ") + servers_.at(server_) + ": " + event.text;
-    if (server_ + 1 == servers_.size()) return end(fault_);
-    deadline_ = now() + kPatience;
-    connection_.broker().connect(++server_, kReceiveMaximum);
+  void on(const Connected& event) {
+    subscribed_ = 0;
+    timer_ = now() + kPatience;
+    if (lost_at_ && !(event.session_present && session_at_ == server_)) lose_session();
+    subscribe();
   }
+  void on(const ConnectFailed& event) { attempt_failed(event.text); }
   void on(const Subscribed& event) {
     if (!event.granted)
       return end(server() + ": the broker refuses " + event.filter + ": " + event.text);
     if (++subscribed_ < filters_.size()) return subscribe();
     fault_.clear();
+    timer_ = SteadyTime::max();
+    if (keeps_messages_) session_at_ = server_;
+    if (lost_at_) interruptions_.total += now() - *std::exchange(lost_at_, std::nullopt);
+    if (begun_) return;
     begun_ = now();
     deadline_ = *begun_ + listen_;
   }
   void on(const Message& event) { check_.take(event.topic, event.payload, event.retained); }
-  void on(const Lost& event) { end(server() + ": lost: " + event.text); }
+  void on(const Lost& event) {
+    if (!begun_) return attempt_failed("lost: " + event.text);
+    if (!lost_at_) {
+      lost_at_ = now();
+      session_lost_ = false;
+      ++interruptions_.count;
+    }
+    fault_ = server() + ": lost: " + event.text;
+    pause();
+  }
   void on(const MessagesDropped& event) {
     end("this program was too slow: " + std::to_string(event.count) +
         " messages were not looked at");
@@ -166,9 +199,40 @@ class Listener final {
   void on(const Delivered&) {}
   void on(const DeliveryFailed&) {}
 
+  void connect_to(std::size_t server) {
+    server_ = server;
+    pauses_ = false;
+    timer_ = now() + kPatience;
+    connection_.broker().connect(server_, kReceiveMaximum);
+  }
   /// Subscribes to history first: history that a live sample makes due must not be missed.
   void subscribe() {
     connection_.broker().subscribe({filters_.at(subscribed_), /*no_local=*/false});
+  }
+  void attempt_failed(const std::string& text) {
+    if (begun_)
+      fault_ = server() + ": " + text;
+    else
+      fault_ += (fault_.empty() ? "" : "; ") + server() + ": " + text;
+    if (server_ + 1 < servers_.size()) return connect_to(server_ + 1);
+    if (!begun_) return end(fault_);
+    pause();
+  }
+  void pause() {
+    pauses_ = true;
+    timer_ = now() + kPause;
+  }
+  void timer_fired() {
+    if (pauses_) return connect_to(0);
+    // A connection given up here may have received messages that were not looked at.
+    if (begun_) lose_session();
+    attempt_failed("no answer");
+  }
+  /// Records that messages of this interruption may have gone unheard.
+  void lose_session() {
+    session_at_.reset();
+    check_.interrupted();
+    if (!std::exchange(session_lost_, true)) ++interruptions_.unkept;
   }
   void end(std::string fault) {
     over_ = true;
@@ -178,10 +242,18 @@ class Listener final {
   const std::vector<std::string> servers_;
   const std::array<std::string, 2> filters_;
   const std::chrono::seconds listen_;
+  const bool keeps_messages_;
   StreamCheck check_;
   std::size_t server_ = 0;
   std::size_t subscribed_ = 0;
-  SteadyTime deadline_{};
+  SteadyTime deadline_ = SteadyTime::max();
+  SteadyTime timer_{};   ///< of the attempt under way, or of the pause before the next one
+  bool pauses_ = false;  ///< no attempt is under way
+  /// Server that keeps our subscriptions while we are away, as far as we know.
+  std::optional<std::size_t> session_at_;
+  std::optional<SteadyTime> lost_at_;  ///< of the interruption under way
+  bool session_lost_ = false;          ///< in this interruption
+  Interruptions interruptions_;
   std::optional<SteadyTime> begun_;
   SteadyTime ended_{};
   bool over_ = false;
@@ -236,6 +308,7 @@ OrderedJson json_of(const DeviceStream& stream) {
   out["first"] = stream.seen ? OrderedJson(stream.seen->first) : OrderedJson();
   out["last"] = stream.seen ? OrderedJson(stream.seen->last) : OrderedJson();
   out["missing"] = json_of(stream.missing);
+  out["unprovable"] = json_of(stream.unprovable);
   out["skipped"] = json_of(stream.skipped);
   out["repeated"] = stream.repeated;
   out["differing"] = stream.differing;
@@ -263,7 +336,8 @@ void print(const DeviceStream& stream) {
   if (!stream.decided)
     std::cout << (stream.history == 0 ? "nothing came" : "no live sample came");
   else if (stream.missing.numbers == 0)
-    std::cout << "nothing is missing";
+    std::cout << (stream.unprovable.numbers > 0 ? "nothing is known to be missing"
+                                                : "nothing is missing");
   else
     std::cout << stream.missing.numbers << " missing: " << text_of(stream.missing);
   std::cout << '\n';
@@ -271,6 +345,9 @@ void print(const DeviceStream& stream) {
     line(std::to_string(stream.live) + " live and " + std::to_string(stream.history) +
          " history samples, numbers " + std::to_string(stream.seen->first) + " to " +
          std::to_string(stream.seen->last));
+  if (stream.unprovable.numbers > 0)
+    line("not provable, sent during an interruption or lost: " +
+         std::to_string(stream.unprovable.numbers) + ": " + text_of(stream.unprovable));
   if (stream.skipped.numbers > 0)
     line("left out by a new boot: " + std::to_string(stream.skipped.numbers) + ": " +
          text_of(stream.skipped));
@@ -293,6 +370,50 @@ void print(const DeviceStream& stream) {
   }
 }
 
+/// Status of what the streams prove.
+int status_of(const std::vector<DeviceStream>& streams) {
+  const bool any = std::ranges::any_of(
+      streams, [](const DeviceStream& stream) { return stream.seen.has_value(); });
+  if (!any || !std::ranges::all_of(streams, &DeviceStream::is_sound)) return kNotWhole;
+  return std::ranges::all_of(streams, &DeviceStream::is_whole) ? kWhole : kNotProvable;
+}
+
+double tenths(Seconds seconds) { return std::round(seconds.count() * 10) / 10; }
+
+void print_json(const Listener& listener, const std::string& base, const std::string& fault,
+                const std::vector<DeviceStream>& streams) {
+  OrderedJson out;
+  out["ok"] = fault.empty() && status_of(streams) == kWhole;
+  out["error"] = fault.empty() ? OrderedJson() : OrderedJson(fault);
+  out["base"] = base;
+  out["server"] = listener.server();
+  out["seconds"] = tenths(listener.listened());
+  const Interruptions& away = listener.interruptions();
+  out["interruptions"] = {
+      {"count", away.count}, {"seconds", tenths(away.total)}, {"unkept", away.unkept}};
+  auto& devices = out["devices"] = OrderedJson::array();
+  for (const DeviceStream& stream : streams) devices.push_back(json_of(stream));
+  std::cout << out.dump() << '\n';
+}
+
+void print_text(const Listener& listener, const std::string& base,
+                const std::vector<DeviceStream>& streams) {
+  std::cout << base << " on " << listener.server() << ", " << tenths(listener.listened()) << " s\n";
+  const Interruptions& away = listener.interruptions();
+  if (away.count > 0) {
+    std::cout << "interruptions: " << away.count << ", " << tenths(away.total) << " s; ";
+    if (away.unkept == 0)
+      std::cout << "the broker kept what it would have sent\n";
+    else
+      std::cout << "in " << away.unkept
+                << " of them the broker kept nothing: is its persistence on?\n";
+  }
+  for (const DeviceStream& stream : streams) print(stream);
+  if (std::ranges::none_of(streams, [](const auto& stream) { return stream.seen.has_value(); }))
+    std::cout << "nothing came at all: is the agent running, and may this user read " << base
+              << "/+/data/#?\n";
+}
+
 }  // namespace
 
 int run_verify_stream(const Config& config, const VerifyStream& what) {
@@ -307,29 +428,11 @@ int run_verify_stream(const Config& config, const VerifyStream& what) {
   if (!listener.has_listened()) return kNoBroker;
 
   const auto streams = listener.report();
-  const bool any = std::ranges::any_of(
-      streams, [](const DeviceStream& stream) { return stream.seen.has_value(); });
-  const bool whole = any && std::ranges::all_of(streams, &DeviceStream::is_whole);
-  const double seconds = std::round(listener.listened().count() * 10) / 10;
-  if (what.as_json) {
-    OrderedJson out;
-    out["ok"] = fault.empty() && whole;
-    out["error"] = fault.empty() ? OrderedJson() : OrderedJson(fault);
-    out["base"] = config.base_topic();
-    out["server"] = listener.server();
-    out["seconds"] = seconds;
-    auto& devices = out["devices"] = OrderedJson::array();
-    for (const DeviceStream& stream : streams) devices.push_back(json_of(stream));
-    std::cout << out.dump() << '\n';
-  } else {
-    std::cout << config.base_topic() << " on " << listener.server() << ", " << seconds << " s\n";
-    for (const DeviceStream& stream : streams) print(stream);
-    if (!any)
-      std::cout << "nothing came at all: is the agent running, and may this user read "
-                << config.base_topic() << "/+/data/#?\n";
-  }
-  if (!fault.empty()) return kNoBroker;
-  return whole ? kWhole : kNotWhole;
+  if (what.as_json)
+    print_json(listener, config.base_topic(), fault, streams);
+  else
+    print_text(listener, config.base_topic(), streams);
+  return fault.empty() ? status_of(streams) : kNoBroker;
 }
 
 }  // namespace fxagent

@@ -19,10 +19,12 @@ struct VerifyStream {
   bool as_json = false;
 };
 
-/// Connects to the first server of the config that answers, under its own client id. Prints its
-/// report to stdout after `listen`, or sooner on SIGINT or SIGTERM. Exit status: 0 nothing is
-/// missing; 1 samples are missing or none arrived; 2 the broker was unreachable or the connection
-/// was lost (reason on stderr).
+/// Connects to the first server of the config that answers, under its own client id, and again
+/// whenever the connection is lost. Prints its report to stdout after `listen`, or sooner on SIGINT
+/// or SIGTERM. Exit status: 0 nothing is missing; 1 samples are missing or none arrived; 2 no
+/// broker could be listened to, at the start or at the end (reason on stderr); 3 nothing is known
+/// to be missing, but the broker kept no session during an interruption, and samples of that time
+/// did not arrive.
 int run_verify_stream(const Config& config, const VerifyStream& what);
 
 }  // namespace fxagent

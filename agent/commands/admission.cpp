@@ -213,8 +213,8 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     set_outcome(result, CommandStatus::succeeded, Reason::none, {});
     return result;
   }
-  if (closed_) {
-    set_outcome(result, CommandStatus::rejected, Reason::shutting_down, why_closed_);
+  if (why_closed_ != Reason::none) {
+    set_outcome(result, CommandStatus::rejected, why_closed_, why_not_sent(why_closed_));
     remember_refused(cmd, result, now);
     return result;
   }

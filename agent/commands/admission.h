@@ -52,16 +52,13 @@ class CommandAdmission final {
     ids_.note_total(id, total);
   }
 
-  /// Rejects every later command that would be admitted, with `shutting_down`. `why` is the
-  /// human-readable detail.
-  void close(std::string why = {}) {
-    closed_ = true;
-    why_closed_ = std::move(why);
-  }
-  /// Continues with another device of the same name: admits again, and keeps the known ids.
+  /// Rejects every later command that would be admitted, with `why`: shutting_down or reloading.
+  void close(Reason why) { why_closed_ = why; }
+  /// Continues with another device, or config, of the same name: admits again, and keeps the known
+  /// ids.
   void use(const DeviceConfig& device) {
     device_ = &device;
-    closed_ = false;
+    why_closed_ = Reason::none;
   }
 
   /// Rejects every later command that would be admitted, with `conflict`: another agent, of boot
@@ -101,9 +98,8 @@ class CommandAdmission final {
   const Journaling journaling_;
   const std::shared_ptr<PendingBudget> room_;
   IdMemory ids_;
-  bool closed_ = false;
-  std::string why_closed_;
-  std::string conflict_;  ///< boot id of another agent with our id
+  Reason why_closed_ = Reason::none;  ///< none: open
+  std::string conflict_;              ///< boot id of another agent with our id
 };
 
 }  // namespace fxagent

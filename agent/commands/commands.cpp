@@ -53,7 +53,7 @@ void Commands::open(std::uint32_t index) {
   auto& device = devices_[index];
   device = std::make_unique<Device>(config_.devices[index], journaling, room_);
   device->admission.set_conflict(conflict_);
-  if (closed_) device->admission.close();
+  if (closed_) device->admission.close(Reason::shutting_down);
 }
 
 void Commands::list_names() {
@@ -77,7 +77,7 @@ Commands::Device* Commands::known_device(const std::string& name) {
 
 void Commands::begin_change(const ConfigChange& change) {
   for (const std::uint32_t index : change.devices_end)
-    device_at(index).admission.close("the config of the device is being changed");
+    device_at(index).admission.close(Reason::reloading);
 }
 
 std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime now) {
@@ -101,7 +101,12 @@ std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime
     device.admission.use(config);
     device.codec = config.codec;
     device.admission.set_conflict(conflict_);
-    if (closed_) device.admission.close();
+    if (closed_) device.admission.close(Reason::shutting_down);
+  }
+  // Nothing that admission knows has changed, but the device has another address.
+  for (const std::uint32_t index : change.devices_adjusted) {
+    device_at(index).admission.use(config_.devices[index]);
+    if (closed_) device_at(index).admission.close(Reason::shutting_down);
   }
   list_names();
   return not_known;
@@ -232,7 +237,7 @@ void Commands::set_codec(std::uint32_t device, std::shared_ptr<const Codec> code
 void Commands::close() {
   closed_ = true;
   for (const auto& device : devices_)
-    if (device) device->admission.close();
+    if (device) device->admission.close(Reason::shutting_down);
 }
 
 void Commands::set_conflict(const std::string& other_boot) {

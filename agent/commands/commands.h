@@ -64,7 +64,7 @@ class Commands final {
   /// Returns the index of a device by its name; nullopt if there is none.
   std::optional<std::uint32_t> device_named(std::string_view name) const;
 
-  /// Rejects later commands for devices that end in the change, with `shutting_down`.
+  /// Rejects later commands for devices that end in the change, with `reloading`.
   void begin_change(const ConfigChange& change);
   /// Call when the config is that of the change, and each admitted command of a device that ends
   /// has its result. Devices that begin start to admit. Returns the names that are new to this run:

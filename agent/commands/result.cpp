@@ -45,13 +45,17 @@ TargetResult result_of(const AdmittedTarget& target) {
   return out;
 }
 
-CommandResult not_sent(const AdmittedCommand& admitted, std::string_view why) {
+std::string why_not_sent(Reason reason) {
+  return reason == Reason::reloading ? "the config of the device is being changed"
+                                     : "the agent is stopping";
+}
+
+CommandResult not_sent(const AdmittedCommand& admitted, Reason why) {
   CommandResult result = result_of(admitted.command);
   if (admitted.interrupted)
     set_interrupted(result);
   else
-    set_outcome(result, CommandStatus::failed, Reason::shutting_down,
-                std::string(why) + "; nothing was sent");
+    set_outcome(result, CommandStatus::failed, why, why_not_sent(why) + "; nothing was sent");
   return result;
 }
 

@@ -25,11 +25,11 @@ void set_interrupted(CommandResult& result);
 /// FAILED.
 void set_interrupted_unsent(CommandResult& result);
 
-/// Reasons why an admitted command is not sent any more.
-inline constexpr std::string_view kStopping = "the agent is stopping";
-inline constexpr std::string_view kReconfigured = "the config of the device was changed";
+/// Returns the text for shutting_down or reloading, the reasons why an admitted command is not sent
+/// any more.
+std::string why_not_sent(Reason reason);
 /// Returns the result of such a command. An interrupted one gets UNKNOWN_OUTCOME, since an earlier
 /// run may have sent it.
-CommandResult not_sent(const AdmittedCommand& admitted, std::string_view why = kStopping);
+CommandResult not_sent(const AdmittedCommand& admitted, Reason why = Reason::shutting_down);
 
 }  // namespace fxagent

@@ -82,6 +82,16 @@ void compare_links(const Config& running, ConfigChange& change) {
   }
 }
 
+/// True if a running device can apply the differences: its groups are the same but for interval,
+/// publish and max_silent.
+bool is_same_but_for_polls(const DeviceConfig& a, const DeviceConfig& b) {
+  if (!std::ranges::equal(a.groups, b.groups, {}, &GroupConfig::name, &GroupConfig::name))
+    return false;
+  DeviceConfig like_b = a;
+  like_b.groups = b.groups;
+  return like_b == b;
+}
+
 void compare_devices(const Config& running, ConfigChange& change) {
   const auto& before = running.devices;
   const SharedList<DeviceConfig>& after = change.config.devices;
@@ -90,11 +100,20 @@ void compare_devices(const Config& running, ConfigChange& change) {
   };
   for (std::uint32_t i = 0; i < std::max(before.size(), after.size()); ++i) {
     const bool both = i < before.size() && i < after.size();
-    const bool same = both && before[i] == after[i] && !link_ends(before[i].link);
-    const Fate fate = fate_at(before, after, i, same);
+    const bool goes_on = both && !link_ends(before[i].link);
+    const bool same = goes_on && before[i] == after[i];
+    const bool adjusted = goes_on && !same && is_same_but_for_polls(before[i], after[i]);
+    const Fate fate = fate_at(before, after, i, same || adjusted);
     if (fate.ends) change.devices_end.push_back(i);
     if (fate.begins) change.devices_begin.push_back(i);
-    if (fate.goes_on) change.config.devices.share(i, before, i);
+    if (!fate.goes_on) continue;
+    if (same) {
+      change.config.devices.share(i, before, i);
+    } else {
+      change.devices_adjusted.push_back(i);
+      // The field keeps the device of before. This one shares its tags.
+      change.config.devices[i].tags = before[i].tags;
+    }
   }
 }
 
@@ -174,6 +193,8 @@ std::string to_string(const ConfigChange& change, const Config& running) {
   if (!anew.empty()) add("changed: " + names(anew, change.config.devices));
   if (!fresh.empty()) add("new: " + names(fresh, change.config.devices));
   if (!gone.empty()) add("gone: " + names(gone, running.devices));
+  if (!change.devices_adjusted.empty())
+    add("other poll settings: " + names(change.devices_adjusted, change.config.devices));
   if (!change.links_end.empty()) add("links ended: " + std::to_string(change.links_end.size()));
   if (!change.links_begin.empty()) add("links begun: " + std::to_string(change.links_begin.size()));
   if (!change.links_adjusted.empty())

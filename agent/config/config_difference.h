@@ -14,8 +14,8 @@ namespace fxagent {
 /// the first new one: both may have the same name, index and serial port.
 struct ConfigChange {
   /// The next config. A link or device keeps the index of its name; a new one takes the first
-  /// vacant place or a place after the last. Devices that go on are shared with the running config,
-  /// so references to them stay valid.
+  /// vacant place or a place after the last. Devices that go on unchanged are shared with the
+  /// running config, so references to them stay valid.
   Config config;
   // Indices in the running config, ascending.
   std::vector<std::uint32_t> links_end;
@@ -24,6 +24,8 @@ struct ConfigChange {
   // Indices in `config`, ascending. A changed link or device is in both lists.
   std::vector<std::uint32_t> links_begin;
   std::vector<std::uint32_t> devices_begin;
+  /// Devices that go on and whose groups differ only in interval, publish or max_silent.
+  std::vector<std::uint32_t> devices_adjusted;
   /// Links that go on with a different poll_share or listening.
   std::vector<std::uint32_t> links_adjusted;
   bool mqtt = false;    ///< reconnect to the broker with new settings
@@ -32,7 +34,8 @@ struct ConfigChange {
   /// True if at most the text of the config differs.
   bool empty() const {
     return links_end.empty() && links_begin.empty() && devices_end.empty() &&
-           devices_begin.empty() && links_adjusted.empty() && !mqtt && !remote;
+           devices_begin.empty() && devices_adjusted.empty() && links_adjusted.empty() && !mqtt &&
+           !remote;
   }
 };
 

@@ -205,7 +205,7 @@ class FieldThread final {
     begin_for(device);
     LinkWorker* worker =
         device < config_->devices.size() ? worker_of(config_->devices[device]) : nullptr;
-    if (worker == nullptr) return outbox_.push(not_sent(admitted, kReconfigured));
+    if (worker == nullptr) return outbox_.push(not_sent(admitted, Reason::reloading));
     worker->submit(std::move(admitted));
   }
 
@@ -222,7 +222,7 @@ class FieldThread final {
       if (!places_[link].worker) continue;
       ++still_to_leave_;
       places_[link].ends = true;
-      places_[link].worker->stop(kReconfigured);
+      places_[link].worker->stop(Reason::reloading);
       if (!places_[link].runs) link_left(link);
     }
     for (std::uint32_t link = 0; link < leaving.size(); ++link) {
@@ -264,6 +264,9 @@ class FieldThread final {
     }
     for (const std::uint32_t link : change.links_adjusted)
       if (places_[link].worker) places_[link].worker->adjust(config_->links[link]);
+    for (const std::uint32_t device : change.devices_adjusted)
+      if (LinkWorker* worker = worker_of(config_->devices[device]))
+        worker->adjust(device, config_->devices[device]);
     last_seq_ = std::move(last_seq);
     last_seq_.resize(config_->devices.size());
     std::vector<std::vector<std::uint32_t>> joining(places_.size());

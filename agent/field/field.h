@@ -49,7 +49,7 @@ class Field final {
   // A changed config takes two calls, end() and begin(). Any thread. Unchanged links and devices
   // run on undisturbed.
   /// Ends the links and devices that the change ends. What is on the wire has 2.5 s; on a link that
-  /// stays, it has as long as the exchange takes. Waiting commands get FAILED shutting_down, as
+  /// stays, it has as long as the exchange takes. Waiting commands get FAILED reloading, as
   /// does every command for these devices until begin(). `done` is called on the field thread when
   /// all their results and counters are in the outbox, but never if stop() comes first.
   void end(std::shared_ptr<const ConfigChange> change, Done done);

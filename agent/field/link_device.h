@@ -65,6 +65,7 @@ struct LinkDevice {
 
   /// Owned by this device and by every config that has it.
   const std::shared_ptr<const DeviceConfig> owned;
+  /// As of its beginning. A reload may have given its groups other settings: PollCycle::settings().
   const DeviceConfig& config;
   const std::uint32_t index;  ///< in Config::devices
   /// Set when the device leaves the link. It begins nothing more, ends what is in progress, and

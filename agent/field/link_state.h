@@ -60,9 +60,9 @@ class LinkState final {
   void update(LinkDevice& device);
 
   /// Marks the link as stopping: nothing new begins. `why` is for people and must be a constant.
-  void stop(std::string_view why) { why_stopping_ = why; }
-  bool is_stopping() const { return !why_stopping_.empty(); }
-  std::string_view why_stopping() const { return why_stopping_; }
+  void stop(Reason why) { why_stopping_ = why; }
+  bool is_stopping() const { return why_stopping_ != Reason::none; }
+  Reason why_stopping() const { return why_stopping_; }
 
  private:
   /// True if the peer closed or refused the channel before any answer. That counts as a failed
@@ -105,7 +105,7 @@ class LinkState final {
   bool doubt_logged_ = false;
   std::optional<SteadyTime> doubt_logged_at_;
   int unanswered_in_a_row_ = 0;
-  std::string_view why_stopping_;  ///< empty: not stopping
+  Reason why_stopping_ = Reason::none;  ///< none: not stopping
 };
 
 }  // namespace fxagent

@@ -75,9 +75,9 @@ void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
 
 void LinkWorker::submit(AdmittedCommand admitted) {
   Device* device = device_of(admitted.command.device);
-  if (device == nullptr) return outbox_.push(not_sent(admitted, kReconfigured));
+  if (device == nullptr) return outbox_.push(not_sent(admitted, Reason::reloading));
   if (state_.is_stopping()) return outbox_.push(not_sent(admitted, state_.why_stopping()));
-  if (device->leaves_by) return outbox_.push(not_sent(admitted, kReconfigured));
+  if (device->leaves_by) return outbox_.push(not_sent(admitted, Reason::reloading));
   commands_.add(std::move(admitted), *device);
   idle_.cancel();
 }
@@ -125,7 +125,7 @@ void LinkWorker::remove(std::span<const std::uint32_t> devices,
     if (device == nullptr) continue;
     device->leaves_by = Clock::now() + kFinishWithin;
     for (const WaitingCommand& waiting : commands_.take_waiting(*device))
-      outbox_.push(not_sent(waiting.admitted, kReconfigured));
+      outbox_.push(not_sent(waiting.admitted, Reason::reloading));
   }
   leaves_.push_back({{devices.begin(), devices.end()}, std::move(left)});
   if (!on_the_wire_) let_leave();
@@ -152,6 +152,13 @@ void LinkWorker::adjust(const LinkConfig& link) {
   config_.listening = link.listening;
   scheduler_.set_poll_share(link.poll_share);
   bus_.set_listening(link.listening);
+}
+
+void LinkWorker::adjust(std::uint32_t index, const DeviceConfig& next) {
+  Device* device = device_of(index);
+  if (device == nullptr) return;
+  poller_.adjust_groups(*device, next.groups);
+  idle_.cancel();
 }
 
 std::vector<DepartedDevice> LinkWorker::departed() const {
@@ -222,7 +229,7 @@ asio::awaitable<void> LinkWorker::serve() {
   }
 }
 
-void LinkWorker::stop(std::string_view why) {
+void LinkWorker::stop(Reason why) {
   if (state_.is_stopping()) return;
   state_.stop(why);
   idle_.cancel();

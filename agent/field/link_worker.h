@@ -65,20 +65,22 @@ class LinkWorker final {
   void add(const Config& config, std::span<const std::uint32_t> devices,
            std::span<const std::uint64_t> last_seq);
   /// Removes devices from the link without disturbing the others. Their waiting commands get FAILED
-  /// shutting_down. A running command writes nothing more: its exchange on the wire ends, and its
+  /// reloading. A running command writes nothing more: its exchange on the wire ends, and its
   /// read-back has 2.5 s. `left` is called when all their results are in the outbox: at once, or
   /// after the exchange on the wire.
   void remove(std::span<const std::uint32_t> devices,
               std::function<void(const std::vector<DepartedDevice>&)> left);
   /// Applies poll_share and listening of `link`.
   void adjust(const LinkConfig& link);
+  /// Applies interval, publish and max_silent of the groups of `device`, which has this index.
+  void adjust(std::uint32_t index, const DeviceConfig& device);
   /// Returns the final numbers of its devices. Call after run() has ended.
   std::vector<DepartedDevice> departed() const;
 
-  /// Ends run() within 3 s: cuts a poll short and answers waiting commands with FAILED
-  /// shutting_down. A running command writes nothing more; its exchange on the wire and its
-  /// read-back have 2.5 s. `why` is in the results of the waiting commands.
-  void stop(std::string_view why = kStopping);
+  /// Ends run() within 3 s: cuts a poll short and answers waiting commands with FAILED `why`, which
+  /// is shutting_down or reloading. A running command writes nothing more; its exchange on the wire
+  /// and its read-back have 2.5 s.
+  void stop(Reason why = Reason::shutting_down);
   /// True once run() has ended. Any thread.
   bool has_ended() const { return ended_; }
 

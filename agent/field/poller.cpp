@@ -89,6 +89,15 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
   return total;
 }
 
+void Poller::adjust_groups(LinkDevice& device, const std::vector<GroupConfig>& groups) {
+  for (const auto& group : device.groups) {
+    const GroupConfig& next = groups.at(group->cycle.group());
+    if (next.interval != group->cycle.settings().interval)
+      scheduler_.set_interval(group->id, next.interval, Clock::now());
+    group->cycle.adjust(next);
+  }
+}
+
 void Poller::add_question(LinkDevice& device) {
   if (!background_question(*device.codec, !device.config.tags.empty())) return;
   device.question_group = scheduler_.add_group(
@@ -155,7 +164,7 @@ asio::awaitable<void> Poller::run(PollScheduler::PollStep step) {
 
 bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
                          const PollScheduler::PollStep& step) {
-  const bool free_running = device.config.groups[group.cycle.group()].interval.count() == 0;
+  const bool free_running = group.cycle.settings().interval.count() == 0;
   if (free_running && outbox_.is_backed_up()) {
     scheduler_.abandon_cycle(group.id, Clock::now() + kUplinkRest);
     return false;

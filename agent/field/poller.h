@@ -33,6 +33,8 @@ class Poller final {
   /// may be opened, or after now; each other one when those before it should be finished. Returns
   /// the line time of one cycle of each.
   std::chrono::nanoseconds add_groups(LinkDevice& device, std::chrono::nanoseconds after);
+  /// Applies interval, publish and max_silent of `groups`, by index in DeviceConfig::groups.
+  void adjust_groups(LinkDevice& device, const std::vector<GroupConfig>& groups);
   /// Adds the background_question() of the device, if it has one.
   void add_question(LinkDevice& device);
 

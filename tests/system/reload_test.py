@@ -18,7 +18,7 @@ import threading
 import time
 import unittest
 
-from plant import BASE, PATIENCE, TEST_SEED, Agent, Broker, PlantTest, Watcher, wait_for
+from plant import BASE, PATIENCE, TEST_SEED, Agent, Broker, PlantTest, Watcher, device, wait_for
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "peers"))
 from modbus_recorder import Recorder
@@ -231,6 +231,48 @@ class Reload(ReloadTest):
         seqs = self.seqs("m1")
         self.data(lambda m: m["seq"] > max(seqs), name="m1")
         self.assertEqual(sorted(self.seqs("m1")), list(range(min(seqs), max(self.seqs("m1")) + 1)))
+
+    def slow_serial(self):
+        """A serial device that takes 0.3 s for an answer, with commands queued behind it."""
+        self.start([device(groups=[{"name": "fast", "interval_ms": 2000}], timeout_ms=1000,
+                           tags=[{"name": "temp", "address": "D100", "group": "fast"},
+                                 {"name": "setpoint", "address": "D200", "group": "fast",
+                                  "access": "read_write"}])],
+                   plcs=[self.plc(turnaround_ms=300)])
+        self.ready()
+        self.data()
+
+    def queue_commands(self):
+        names = [f"c{number}" for number in range(8)]
+        for number, name in enumerate(names):
+            self.send({"id": name, "op": "write", "tag": "setpoint", "value": number})
+        return names
+
+    def test_another_interval_leaves_the_device_online_and_its_commands_waiting(self):
+        self.slow_serial()
+        since = self.watcher.mark()
+        names = self.queue_commands()
+        config = copy.deepcopy(self.agent.config)
+        config["devices"][0]["groups"][0].update(interval_ms=700, publish="on_change", max_silent_s=5)
+        self.assertEqual(self.reload(config)["last_reload"]["state"], "applied")
+        late = self.command(op="write", tag="setpoint", value=9)
+        for result in [self.result(name) for name in names] + [late]:
+            self.assertEqual((result["status"], result["reason"]), ("SUCCEEDED", None), result)
+        self.assertEqual(self.watcher.payloads(f"{BASE}/press1/state", since), [])
+        self.assertIn("other poll settings: 1 (press1)", self.agent.logged())
+
+    def test_a_command_that_a_reload_leaves_undone_says_that(self):
+        self.slow_serial()
+        names = self.queue_commands()
+        self.result(names[0])
+        config = copy.deepcopy(self.agent.config)
+        config["devices"][0]["timeout_ms"] = 1234
+        self.assertEqual(self.reload(config)["last_reload"]["state"], "applied")
+        outcomes = {(r["status"], r["reason"]) for r in map(self.result, names)}
+        self.assertIn(("FAILED", "reloading"), outcomes)
+        self.assertLessEqual(outcomes, {("SUCCEEDED", None), ("FAILED", "reloading"),
+                                        ("REJECTED", "reloading")})
+        self.assertEqual(self.command(op="write", tag="setpoint", value=9)["status"], "SUCCEEDED")
 
     def test_another_broker_gets_everything_from_then_on(self):
         config = self.begin([self.link("a")], [modbus("m1", "a", 1)])

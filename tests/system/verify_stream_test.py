@@ -50,28 +50,40 @@ class VerifyStream(PlantTest):
             json.dump(config, out)
         return path
 
-    def start_broker(self):
-        """Starts a broker that logs every packet, so that the test knows when the listener has subscribed and
-        received."""
-        log = os.path.join(self.directory, "mosquitto.log")
+    KEEPS_SESSIONS = "persistence true\npersistence_location {}/\n"
+
+    def logging_conf(self, more=""):
+        """A log of every packet, so that the test knows when the listener has subscribed and received."""
+        self.broker_log = os.path.join(self.directory, "mosquitto.log")
         os.chmod(self.directory, 0o777)
-        self.broker = Broker(self.directory, f"log_dest file {log}\nlog_type all")
+        return f"log_dest file {self.broker_log}\nlog_type all\n" + more.format(self.directory)
+
+    def start_broker(self, more=""):
+        self.broker = Broker(self.directory, self.logging_conf(more))
         self.broker.start()
         self.watcher = Watcher(self.broker.port)
 
-        def logged():
-            with open(log) as text:
-                return text.read()
-        self.logged = logged
+    def logged(self):
+        with open(self.broker_log) as text:
+            return text.read()
+
+    def subscriptions(self, agent="fake"):
+        return self.logged().count(f"Sending SUBACK to fx-{agent}-verify")
+
+    def restart_broker(self, agent="fake"):
+        """And waits until the listener has subscribed again."""
+        count = self.subscriptions(agent)
+        self.broker.kill(signal.SIGTERM)
+        self.broker.start()
+        wait_for("verify-stream to listen again", lambda: self.subscriptions(agent) == count + 2)
 
     def listening(self, *arguments, path=None):
         self.heard = self.acknowledged()
         self.published = 0
-        count = self.logged().count("Sending SUBACK to fx-fake-verify")
+        count = self.subscriptions()
         run = Verification(path or self.config_of(), "--seconds", "60", *arguments)
         self.addCleanup(run.process.kill)
-        wait_for("verify-stream to listen", lambda: self.logged().count(
-            "Sending SUBACK to fx-fake-verify") == count + 2)
+        wait_for("verify-stream to listen", lambda: self.subscriptions() == count + 2)
         return run
 
     def acknowledged(self):
@@ -146,6 +158,81 @@ class VerifyStream(PlantTest):
         self.assertEqual((status, report["devices"][0]["missing"]["numbers"]), (0, 0), report)
         self.assertEqual(report["devices"][0]["history"], 2)
 
+    def test_a_restart_of_the_broker_is_listened_over(self):
+        self.start([device()], broker_conf=self.logging_conf(self.KEEPS_SESSIONS),
+                   store={"path": os.path.join(self.directory, "store")})
+        self.data()
+        run = Verification(self.agent.path, "--seconds", "10", "--json")
+        wait_for("verify-stream to listen", lambda: self.subscriptions("edge7") == 2)
+        self.data(since=self.watcher.mark())
+        self.broker.kill(signal.SIGTERM)
+        wait_for("the agent to notice", lambda: "broker_lost" in self.agent.logged())
+        self.broker.start()
+        self.data(since=self.watcher.mark())
+        status, report = run.end()
+        self.assertEqual((status, report["ok"], report["error"]), (0, True, None), report)
+        self.assertGreaterEqual(report["seconds"], 10)
+        away = report["interruptions"]
+        self.assertEqual((away["count"], away["unkept"]), (1, 0), report)
+        self.assertGreater(away["seconds"], 0)
+        self.assertLess(away["seconds"], 10)
+        [press] = report["devices"]
+        self.assertEqual(press["missing"]["numbers"] + press["unprovable"]["numbers"], 0)
+        self.assertEqual(press["last"] - press["first"] + 1, press["distinct"])
+
+    def test_a_sample_lost_around_a_restart_of_the_broker_is_missing(self):
+        self.start_broker(self.KEEPS_SESSIONS)
+        run = self.listening("--json")
+        self.live(100)
+        self.live(102)
+        self.restart_broker()
+        self.live(105)
+        self.history(103)
+        self.live(106)
+        status, report = self.end(run)
+        self.assertEqual((status, report["ok"], report["error"]), (1, False, None), report)
+        self.assertEqual((report["interruptions"]["count"], report["interruptions"]["unkept"]), (1, 0))
+        [press] = report["devices"]
+        self.assertEqual(press["missing"]["first_ranges"], [[101, 101], [104, 104]])
+
+    def test_what_a_broker_without_a_memory_may_have_sent_is_not_provable(self):
+        self.start_broker()
+        run = self.listening("--json")
+        self.live(100)
+        self.restart_broker()
+        self.live(105)
+        self.history(103)
+        self.live(106)
+        status, report = self.end(run)
+        self.assertEqual((status, report["ok"], report["error"]), (3, False, None), report)
+        self.assertEqual((report["interruptions"]["count"], report["interruptions"]["unkept"]), (1, 1))
+        [press] = report["devices"]
+        self.assertEqual(press["missing"]["numbers"], 0)
+        self.assertEqual(press["unprovable"]["first_ranges"], [[101, 102], [104, 104]])
+
+    def test_a_gap_after_the_restart_is_missing_whatever_the_broker_kept(self):
+        self.start_broker()
+        run = self.listening()
+        self.live(100)
+        self.restart_broker()
+        self.live(102)
+        self.live(104)
+        status, text = self.end(run)
+        self.assertEqual(status, 1, text)
+        self.assertIn("press1: 1 missing: 103", text)
+        self.assertIn("not provable, sent during an interruption or lost: 1: 101", text)
+        self.assertRegex(text, "interruptions: 1, [0-9.]+ s; in 1 of them the broker kept nothing")
+
+    def test_an_ended_listener_leaves_no_subscription_behind(self):
+        self.start_broker(self.KEEPS_SESSIONS)
+        self.listening().stop()
+        self.live(1)
+        wait_for("the message", lambda: "Received PUBLISH" in self.logged())
+        self.broker.kill(signal.SIGTERM)
+        with open(os.path.join(self.directory, "mosquitto.db"), "rb") as kept:
+            self.assertNotIn(b"fx-fake-verify", kept.read().replace(b"fx-fake-verify", b"", 1),
+                             "more than the client itself")
+
     def test_a_new_boot_may_skip_numbers_unless_every_sample_is_on_disk(self):
         self.start_broker()
         for sync, wanted in (("offline", (0, 0, 8)), ("always", (1, 8, 0))):
@@ -187,7 +274,7 @@ class VerifyStream(PlantTest):
         self.assertIn("press1: 1 missing: 8", text)
         self.assertIn("2 live and 0 history samples, numbers 7 to 9", text)
 
-    def test_no_broker_a_lost_one_and_a_wrong_config_are_2(self):
+    def test_no_broker_one_that_stays_away_and_a_wrong_config_are_2(self):
         self.broker = Broker(self.directory)
         run = Verification(self.config_of(), "--seconds", "1")
         self.assertEqual(run.end()[0], 2)
@@ -197,12 +284,13 @@ class VerifyStream(PlantTest):
         self.assertEqual(Verification(out.name).end()[0], 2)
         self.assertEqual(Verification(self.config_of(), "--seconds", "0").end()[0], 2)
         self.start_broker()
-        run = self.listening("--json")
-        self.live(1)
+        run = Verification(self.config_of(), "--seconds", "3", "--json")
+        wait_for("verify-stream to listen", lambda: self.subscriptions() == 2)
         self.broker.kill()
         status, report = run.end()
         self.assertEqual((status, report["ok"]), (2, False))
-        self.assertIn("lost", report["error"])
+        self.assertIn("no connection at the end", report["error"])
+        self.assertEqual(report["interruptions"]["count"], 1)
 
     def test_the_next_server_is_tried_and_other_credentials_can_be_given(self):
         passwords = os.path.join(self.directory, "passwd")

@@ -5,7 +5,6 @@
 #include <asio/awaitable.hpp>
 #include <chrono>
 #include <cstddef>
-#include <string_view>
 
 #include "agent/messages.h"
 
@@ -22,10 +21,10 @@ class BusSharing {
   /// Called when a target has its outcome, while others still wait.
   virtual void concluded(std::size_t target, const TargetResult& outcome) = 0;
 
-  /// Returns why nothing more may be written, for example "the agent is stopping"; empty: writes
-  /// are allowed. What was written may still be read back.
-  virtual std::string_view why_stopping() const = 0;
-  bool is_stopping() const { return !why_stopping().empty(); }
+  /// Returns why nothing more may be written: shutting_down or reloading; none: writes are allowed.
+  /// What was written may still be read back.
+  virtual Reason why_stopping() const = 0;
+  bool is_stopping() const { return why_stopping() != Reason::none; }
   /// True if nothing at all may be sent any more.
   virtual bool is_over() const = 0;
 };

@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/commands/result.h"
 #include "agent/failpoint.h"
 #include "agent/field/bus/unexpected_bytes.h"
 #include "agent/field/command/command_line_time.h"
@@ -82,7 +83,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     if (sharing_ != nullptr && sharing_->is_over()) {
       cut_off_ = true;
       exchange.outcome = Exchange::Outcome::link_down;
-      exchange.error = sharing_->why_stopping();
+      exchange.error = why_not_sent(sharing_->why_stopping());
       co_return exchange;
     }
     if (!bus_.is_open()) {
@@ -133,7 +134,7 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
       if (!going_on && target.requests.empty()) {  // after a write, the read-back goes on
         out.last = {};
         out.last.outcome = Exchange::Outcome::link_down;
-        out.last.error = sharing_->why_stopping();
+        out.last.error = why_not_sent(sharing_->why_stopping());
         cut_off_ = true;
         co_return out;
       }

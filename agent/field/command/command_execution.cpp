@@ -138,14 +138,14 @@ void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exc
                std::to_string(std::chrono::floor<milliseconds>(left).count()) + " ms were left";
     set(out, CommandStatus::expired, Reason::expired, std::move(detail));
   } else if (wire_.was_cut_off()) {
-    set(out, CommandStatus::failed, Reason::shutting_down, nothing_sent());
+    set(out, CommandStatus::failed, sharing_->why_stopping(), nothing_sent());
   } else {
     set(out, CommandStatus::failed, reason_of(exchange), exchange.error);
   }
 }
 
 std::string CommandExecution::nothing_sent() const {
-  return std::string(sharing_->why_stopping()) + "; nothing was sent";
+  return why_not_sent(sharing_->why_stopping()) + "; nothing was sent";
 }
 
 asio::awaitable<void> CommandExecution::run_targets() {
@@ -161,7 +161,7 @@ asio::awaitable<void> CommandExecution::run_targets() {
     if (!going) {
       set(out, CommandStatus::failed, Reason::none, "not sent: an earlier target did not succeed");
     } else if (!going_on) {
-      set(out, CommandStatus::failed, Reason::shutting_down, nothing_sent());
+      set(out, CommandStatus::failed, sharing_->why_stopping(), nothing_sent());
     } else if (target.requests.empty()) {
       co_await read_target(target, out);
     } else {
@@ -255,7 +255,7 @@ asio::awaitable<void> CommandExecution::write_target(const AdmittedTarget& targe
     bool going_on = !wire_.is_stopping();
     if (carried_out > 0) going_on = co_await wire_.go_on(gives_way(target));
     if (!going_on) {
-      set(out, CommandStatus::failed, Reason::shutting_down, nothing_sent());
+      set(out, CommandStatus::failed, sharing_->why_stopping(), nothing_sent());
       co_return co_await end_early(target, carried_out, out);
     }
     const int before = wire_.writes();
@@ -277,8 +277,8 @@ asio::awaitable<void> CommandExecution::end_early(const AdmittedTarget& target, 
   if (frames == 0) co_return;
   out.status = CommandStatus::partial;
   out.progress = progress_of(target, frames);
-  if (out.reason == Reason::shutting_down)
-    out.detail = std::string(sharing_->why_stopping()) + "; the rest was not sent";
+  if (sharing_ != nullptr && out.reason == sharing_->why_stopping())
+    out.detail = why_not_sent(out.reason) + "; the rest was not sent";
   const CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
   if (got.image) out.verify = verification(target, *got.image);
 }
@@ -340,8 +340,8 @@ asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, Tar
 asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& target,
                                                        const Exchange& lost, TargetResult& out) {
   if (wire_.was_cut_off())
-    set(out, CommandStatus::unknown_outcome, Reason::shutting_down,
-        "the agent stopped before the answer came");
+    set(out, CommandStatus::unknown_outcome, sharing_->why_stopping(),
+        why_not_sent(sharing_->why_stopping()) + "; no answer came until then");
   else
     set(out, CommandStatus::unknown_outcome, reason_of(lost),
         lost.is_nak() ? nak_text(lost) : lost.error);
@@ -422,8 +422,8 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   } else if (exchange.is_ack()) {
     set(out, CommandStatus::succeeded, Reason::none, "acknowledged; the RUN state cannot be read");
   } else if (wire_.was_cut_off()) {
-    set(out, CommandStatus::unknown_outcome, Reason::shutting_down,
-        "the agent stopped before the answer came");
+    set(out, CommandStatus::unknown_outcome, sharing_->why_stopping(),
+        why_not_sent(sharing_->why_stopping()) + "; no answer came until then");
   } else {
     set(out, CommandStatus::unknown_outcome, reason_of(exchange), exchange.error);
   }

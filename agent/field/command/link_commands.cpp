@@ -169,8 +169,8 @@ class LinkCommands::Sharing final : public BusSharing {
     commands_.after_write(*command_.device, admitted.targets[target], outcome);
   }
 
-  std::string_view why_stopping() const override {
-    return command_.device->leaves_by ? kReconfigured : commands_.state_.why_stopping();
+  Reason why_stopping() const override {
+    return command_.device->leaves_by ? Reason::reloading : commands_.state_.why_stopping();
   }
   bool is_over() const override {
     const auto& leaves_by = command_.device->leaves_by;

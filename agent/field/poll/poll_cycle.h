@@ -25,6 +25,10 @@ class PollCycle final {
   PollCycle(const DeviceConfig& device, std::uint32_t group);
 
   std::uint32_t group() const { return group_; }
+  /// The group's current settings. Those in DeviceConfig are as of the device's beginning.
+  const GroupConfig& settings() const { return report_.group(); }
+  /// Applies interval, publish and max_silent of `group`; the cycle goes on.
+  void adjust(const GroupConfig& group) { report_.adjust(group); }
   /// Indices of the group's tags in DeviceConfig::tags, in order.
   const std::vector<std::uint32_t>& tags() const { return report_.tags(); }
   /// Returns copies of the points of tags(). Not stored: a plant has many tags and rarely a new

@@ -55,6 +55,17 @@ PollScheduler::GroupId PollScheduler::add_group(DeviceId device, std::chrono::mi
   return static_cast<GroupId>(put(groups_, group));
 }
 
+void PollScheduler::set_interval(GroupId id, std::chrono::milliseconds interval, SteadyTime now) {
+  Group& group = groups_[id];
+  if (group.interval.count() > 0 && group.due < now)
+    devices_[group.device].counters.missed +=
+        static_cast<std::uint64_t>((now - group.due) / group.interval);
+  group.due = on_grid(std::clamp(group.due, now, now + interval), interval);
+  group.interval = interval;
+  group.within = period(interval);
+  group.polls_owed = 0;
+}
+
 void PollScheduler::remove_device(DeviceId id) {
   devices_[id].gone = true;
   for (Group& group : groups_)

@@ -50,6 +50,9 @@ class PollScheduler final {
   /// due (0: when the next one is due).
   GroupId add_group(DeviceId device, std::chrono::milliseconds interval, std::uint32_t exchanges,
                     SteadyTime first_due, std::chrono::milliseconds within = {});
+  /// Polls the group every `interval` from now on (0 as above). A running cycle goes on; the next
+  /// one is due when it was, or within `interval` if that is sooner.
+  void set_interval(GroupId group, std::chrono::milliseconds interval, SteadyTime now);
   /// Removes the device and its groups. Their ids may be reused. None of its steps may be in
   /// progress.
   void remove_device(DeviceId device);

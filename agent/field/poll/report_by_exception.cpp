@@ -70,6 +70,16 @@ ReportByException::ReportByException(const DeviceConfig& device, std::uint32_t g
   if (group_.on_change) sent_.resize(tags_.size());
 }
 
+void ReportByException::adjust(const GroupConfig& group) {
+  if (!group.on_change) {
+    sent_.clear();
+  } else if (!group_.on_change) {
+    sent_.resize(tags_.size());
+    for (State& state : states_) state.was_sent = false;
+  }
+  group_ = group;
+}
+
 /// `fresh`: the value of this cycle, if the tag is good.
 bool ReportByException::differs(std::size_t index, const Value& fresh) const {
   const State& state = states_[index];

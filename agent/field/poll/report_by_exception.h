@@ -20,6 +20,11 @@ class ReportByException final {
   /// `device` must outlive the report.
   ReportByException(const DeviceConfig& device, std::uint32_t group);
 
+  /// Applies interval, publish and max_silent of `group`. When on_change is switched on,
+  /// the next cycle reports.
+  void adjust(const GroupConfig& group);
+  const GroupConfig& group() const { return group_; }
+
   /// Indices of the group's tags in DeviceConfig::tags, in order.
   const std::vector<std::uint32_t>& tags() const { return tags_; }
 
@@ -68,7 +73,7 @@ class ReportByException final {
   void add_last_good(TagReading& bad, std::size_t index) const;
 
   const DeviceConfig& device_;
-  const GroupConfig& group_;
+  GroupConfig group_;
   std::vector<std::uint32_t> tags_;
   std::vector<State> states_;  ///< parallel to tags_
   /// Parallel to tags_, for the bad ones; empty while none is bad.

@@ -335,11 +335,12 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
                                      public virtual mqtt::iaction_listener {
  public:
   Connection(std::shared_ptr<Inbox> inbox, std::uint64_t number, const MqttConfig& config,
-             const std::string& server, std::size_t max_payload)
+             const std::string& server, std::size_t max_payload, seconds keep_session)
       : inbox_(std::move(inbox)),
         number_(number),
         config_(config),
         max_payload_(max_payload),
+        keep_session_(keep_session),
         version_(config.version == 5 ? MQTTVERSION_5 : MQTTVERSION_3_1_1),
         tls_(is_tls(server)),
         client_(paho_uri(server), config.client_id,
@@ -367,10 +368,11 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
     mqtt::connect_options options;
     options.set_mqtt_version(version_);
     if (version_ == MQTTVERSION_5) {
-      options.set_clean_start(true);
+      options.set_clean_start(keep_session_.count() == 0);
       using Code = mqtt::property::code;
       mqtt::properties properties;
-      properties.add(number_property(Code::SESSION_EXPIRY_INTERVAL, 0));
+      properties.add(number_property(Code::SESSION_EXPIRY_INTERVAL,
+                                     static_cast<std::uint32_t>(keep_session_.count())));
       properties.add(number_property(Code::MAXIMUM_PACKET_SIZE, kMaxPacketIn));
       properties.add(number_property(Code::RECEIVE_MAXIMUM, receive_maximum));
       options.set_properties(std::move(properties));
@@ -711,6 +713,7 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
   const std::uint64_t number_;
   const MqttConfig config_;  ///< own copy, which Paho's threads may read at any time
   const std::size_t max_payload_;
+  const seconds keep_session_;  ///< 0: each connection has a session of its own
   const int version_;
   const bool tls_;
   std::chrono::steady_clock::time_point connecting_since_{};  ///< set before Paho can call back
@@ -725,10 +728,12 @@ class PahoBroker::Connection final : public virtual mqtt::callback,
 // ---- broker -------------------------------------------------------------------------------------
 
 PahoBroker::PahoBroker(const MqttConfig& config, MakeWill make_will, std::function<void()> notify,
-                       std::size_t max_payload)
+                       std::size_t max_payload, seconds keep_session)
     : config_(config),
       make_will_(std::move(make_will)),
       max_payload_(max_payload),
+      // MQTT 3.1.1 has no expiry: the broker would keep the session of an ended program forever.
+      keep_session_(config.version == 5 ? keep_session : seconds(0)),
       inbox_(std::make_shared<Inbox>(std::move(notify))) {
   static std::once_flag once;
   std::call_once(once, leave_openssl_alone);
@@ -774,7 +779,7 @@ void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
   }
   try {
     connection_ = std::make_unique<Connection>(inbox_, number, config_, config_.servers.at(index),
-                                               max_payload_);
+                                               max_payload_, keep_session_);
     std::optional<Will> will;
     if (make_will_) will = make_will_();
     connection_->connect(config_, will, *password, receive_maximum);

@@ -26,9 +26,11 @@ class PahoBroker final : public Broker {
  public:
   /// `make_will` is called from connect(); empty: no last will. `notify` is called on Paho's
   /// threads when there are events; it must not block or throw, and may be called until the
-  /// destructor returns. A message's payload is cut after `max_payload` + 1 bytes.
+  /// destructor returns. A message's payload is cut after `max_payload` + 1 bytes. The broker keeps
+  /// subscriptions and QoS 1 messages of a lost connection for `keep_session`, on MQTT 5 only; see
+  /// Connected::session_present.
   PahoBroker(const MqttConfig& config, MakeWill make_will, std::function<void()> notify,
-             std::size_t max_payload = kMaxMessageBytes);
+             std::size_t max_payload = kMaxMessageBytes, std::chrono::seconds keep_session = {});
   /// Waits up to 2 s for an open connection to close.
   ~PahoBroker() override;
 
@@ -54,6 +56,7 @@ class PahoBroker final : public Broker {
   MqttConfig config_;
   const MakeWill make_will_;
   const std::size_t max_payload_;
+  const std::chrono::seconds keep_session_;
   /// Owned by this object and every connection: a callback may still run after its connection has
   /// been retired.
   std::shared_ptr<Inbox> inbox_;

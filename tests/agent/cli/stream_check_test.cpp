@@ -74,6 +74,50 @@ TEST(StreamCheck, GapIsNamedUntilHistoryFillsIt) {
   EXPECT_EQ(bench.report().history, 5U);
 }
 
+TEST(StreamCheck, GapThatMayHavePassedUnheardIsNotProvable) {
+  Bench bench;
+  bench.live(5);
+  bench.live(7);
+  EXPECT_EQ(bench.report().missing.listed, (Ranges{{6, 6}}));
+  bench.check.interrupted();
+  EXPECT_EQ(bench.report().unprovable.listed, (Ranges{{6, 6}})) << "it may have come meanwhile";
+  EXPECT_EQ(bench.report().missing.numbers, 0U);
+  bench.history({9});
+  bench.live(11);
+  bench.live(13);
+  EXPECT_EQ(bench.report().unprovable.listed, (Ranges{{6, 6}, {8, 8}, {10, 10}}));
+  EXPECT_EQ(bench.report().missing.listed, (Ranges{{12, 12}}));
+  bench.history({12});
+  EXPECT_TRUE(bench.report().is_sound());
+  EXPECT_FALSE(bench.report().is_whole());
+  bench.history({6, 8, 10});
+  EXPECT_TRUE(bench.report().is_whole());
+}
+
+TEST(StreamCheck, EachInterruptionMovesWhatIsProvable) {
+  Bench bench;
+  bench.live(1);
+  bench.check.interrupted();
+  bench.check.interrupted();  // before anything came
+  bench.live(3);
+  bench.live(5);
+  EXPECT_EQ(bench.report().missing.listed, (Ranges{{4, 4}}));
+  bench.check.interrupted();
+  bench.live(7);
+  bench.live(9);
+  EXPECT_EQ(bench.report().unprovable.listed, (Ranges{{2, 2}, {4, 4}, {6, 6}}));
+  EXPECT_EQ(bench.report().missing.listed, (Ranges{{8, 8}}));
+}
+
+TEST(StreamCheck, BootThatBeganUnheardHasLeftNothingOutForCertain) {
+  Bench bench;
+  bench.live(5);
+  bench.check.interrupted();
+  bench.live(9, "b2");
+  EXPECT_EQ(bench.report().unprovable.listed, (Ranges{{6, 8}}));
+  EXPECT_EQ(bench.report().skipped.numbers, 0U);
+}
+
 TEST(StreamCheck, OnlyTheFirstRangesAreListedAndAllAreCounted) {
   Bench bench;
   for (std::uint64_t seq = 0; seq <= 60; seq += 3) bench.live(seq);

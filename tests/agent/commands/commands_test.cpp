@@ -480,7 +480,7 @@ TEST_F(CommandsChangeTest, DeviceOfTheSameNameKnowsItsIdsAndObeysItsNewRules) {
   wanted.devices[0].tags[test::setpoint].writable = false;
   begin_change(std::move(wanted));
   write("b");
-  EXPECT_EQ(results().at(0)["reason"], "shutting_down");
+  EXPECT_EQ(results().at(0)["reason"], "reloading");
   EXPECT_TRUE(end_change().empty());
   write("a");
   write("b");
@@ -504,6 +504,26 @@ TEST_F(CommandsChangeTest, NeighbourOfADeviceThatChangesIsNotConcerned) {
   end_change();
   finish("a");
   EXPECT_EQ(results().at(0)["status"], "SUCCEEDED");
+}
+
+TEST_F(CommandsChangeTest, DeviceOfAnotherIntervalAdmitsAllTheTime) {
+  write("a");
+  Config wanted = config;
+  wanted.devices[0].groups.at(0).interval += std::chrono::milliseconds(1);
+  begin_change(std::move(wanted));
+  write("b");
+  EXPECT_TRUE(end_change().empty());
+  change = {};  // the config of before is gone
+  write("c");
+  commands().hand_over(kNow);
+  EXPECT_EQ(admitted.size(), 3U);
+  EXPECT_TRUE(results().empty());
+  commands().close();
+  change = change_between(config, config);
+  change.devices_adjusted = {0};
+  end_change();
+  write("d");
+  EXPECT_EQ(results().at(0)["reason"], "shutting_down") << "the agent is stopping all the same";
 }
 
 TEST_F(CommandsChangeTest, DeviceThatComesBackKnowsTheIdsOfBefore) {

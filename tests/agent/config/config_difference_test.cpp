@@ -54,7 +54,7 @@ TEST(ConfigDifference, TextThatMeansTheSameChangesNothingButTheHash) {
 
 TEST(ConfigDifference, ChangedDeviceBeginsAnewAtItsPlaceAndItsLinkGoesOn) {
   for (const auto& [pointer, value] :
-       std::map<std::string, std::string>{{"/devices/0/groups/0/interval_ms", "300"},
+       std::map<std::string, std::string>{{"/devices/0/timeout_ms", "900"},
                                           {"/devices/0/tags/0/address", "\"D101\""},
                                           {"/devices/0/tags/0/unit", "\"bar\""},
                                           {"/devices/0/tags/0/max", "7"},
@@ -66,8 +66,46 @@ TEST(ConfigDifference, ChangedDeviceBeginsAnewAtItsPlaceAndItsLinkGoesOn) {
     EXPECT_EQ(change.devices_end, Indices{0}) << pointer;
     EXPECT_EQ(change.devices_begin, Indices{0}) << pointer;
     EXPECT_TRUE(change.links_end.empty() && change.links_begin.empty()) << pointer;
-    EXPECT_EQ(to_string(change, running()), "changed: 1 (press1)") << pointer;
+    EXPECT_TRUE(change.devices_adjusted.empty()) << pointer;
+    EXPECT_EQ(to_string(change, running()).find("changed: 1 (press1)"), 0U) << pointer;
   }
+}
+
+TEST(ConfigDifference, DeviceOfOtherIntervalsGoesOn) {
+  const Config before = running();
+  for (const auto& [key, value] : std::map<std::string, std::string>{
+           {"interval_ms", "300"}, {"publish", "\"on_change\""}, {"max_silent_s", "7"}}) {
+    const ConfigChange change =
+        change_between(before, good(changed("/devices/0/groups/0/" + key, value)));
+    EXPECT_EQ(change.devices_adjusted, Indices{0}) << key;
+    EXPECT_TRUE(change.devices_end.empty() && change.devices_begin.empty()) << key;
+    EXPECT_FALSE(change.empty()) << key;
+    EXPECT_FALSE(change.config.devices.shares(before.devices, 0)) << key;
+    EXPECT_NE(std::as_const(change.config).devices[0].groups, before.devices[0].groups) << key;
+    EXPECT_EQ(&std::as_const(change.config).devices[0].tags[0], &before.devices[0].tags[0])
+        << key << ": two copies of the tags";
+    EXPECT_EQ(to_string(change, before), "other poll settings: 1 (press1)") << key;
+  }
+}
+
+TEST(ConfigDifference, DeviceWhoseGroupsAreOthersBeginsAnew) {
+  json plant = small_plant();
+  plant["devices"][0]["groups"][0]["name"] = "quick";
+  plant["devices"][0]["tags"][0]["group"] = "quick";
+  EXPECT_EQ(change_between(running(), good(plant.dump())).devices_begin, Indices{0});
+  plant = small_plant();
+  plant["devices"][0]["groups"].push_back({{"name", "slow"}, {"interval_ms", 5000}});
+  EXPECT_EQ(change_between(running(), good(plant.dump())).devices_begin, Indices{0});
+}
+
+TEST(ConfigDifference, DeviceOfOtherIntervalsEndsWithItsLink) {
+  json plant = small_plant();
+  plant["devices"][0]["groups"][0]["interval_ms"] = 300;
+  plant["links"][0]["serial"]["path"] = "/dev/ttyUSB1";
+  const ConfigChange change = change_between(running(), good(plant.dump()));
+  EXPECT_EQ(change.devices_end, Indices{0});
+  EXPECT_EQ(change.devices_begin, Indices{0});
+  EXPECT_TRUE(change.devices_adjusted.empty());
 }
 
 TEST(ConfigDifference, LinkThatListensForAnotherTimeIsAdjustedWhileItIsOpen) {
@@ -221,6 +259,8 @@ json random_plant(std::mt19937& random) {
     json made = device("p" + std::to_string(i),
                        links[static_cast<std::size_t>(chance(static_cast<int>(links.size())))]);
     made["timeout_ms"] = 500 + chance(2);
+    made["groups"] = {{{"name", "fast"}, {"interval_ms", 100 + chance(2)}}};
+    made["tags"][0]["group"] = "fast";
     plant["devices"].push_back(made);
   }
   std::shuffle(plant["devices"].begin(), plant["devices"].end(), random);
@@ -238,7 +278,9 @@ TEST(ConfigDifference, WhateverChangesNothingThatGoesOnMovesAndNothingIsForgotte
     const std::set<std::uint32_t> begins(change.devices_begin.begin(), change.devices_begin.end());
     for (std::uint32_t i = 0; i < now.devices.size(); ++i)
       if (!std::as_const(now).devices[i].is_vacant() && !ends.contains(i)) {
-        ASSERT_TRUE(next.devices.shares(now.devices, i)) << round;
+        ASSERT_NE(next.devices.shares(now.devices, i),
+                  std::ranges::binary_search(change.devices_adjusted, i))
+            << round;
         const std::uint32_t link = next.devices[i].link;
         ASSERT_EQ(now.links[link].channel, next.links[link].channel) << round;
       }
@@ -256,6 +298,7 @@ TEST(ConfigDifference, WhateverChangesNothingThatGoesOnMovesAndNothingIsForgotte
       const auto found = std::ranges::find(next.devices, each.name, &DeviceConfig::name);
       ASSERT_NE(found, next.devices.end()) << round;
       ASSERT_EQ(found->timeout, each.timeout) << round;
+      ASSERT_EQ(found->groups, each.groups) << round;
       ASSERT_EQ(next.links[found->link].name, wanted.links[each.link].name) << round;
       ASSERT_EQ(next.links[found->link], wanted.links[each.link]) << round;
     }

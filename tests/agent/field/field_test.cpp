@@ -183,6 +183,18 @@ TEST_F(FieldChangeTest, LinkBeginsAnewAndItsDeviceGoesOnCounting) {
   stop();
 }
 
+TEST_F(FieldChangeTest, DeviceOfAnotherIntervalIsPolledByIt) {
+  Config wanted = now;
+  for (DeviceConfig& device : wanted.devices) device.groups[0].interval = std::chrono::hours(1);
+  change_to(wanted);
+  wanted.devices[1].groups[0].interval = milliseconds(5);
+  const std::size_t so_far = seqs["line2"].size();
+  change_to(std::move(wanted));
+  EXPECT_EQ(health.ended_collected, 0U) << "no device has ended";
+  wait([&] { return seqs["line2"].size() > so_far + 3; });
+  stop();
+}
+
 TEST_F(FieldChangeTest, DeviceThatWasTakenOutGoesOnCountingWhenItComesBack) {
   wait([&] { return seqs["line2"].size() > 3; });
   const Config both = now;
@@ -206,7 +218,7 @@ TEST_F(FieldChangeTest, ManyChangesInQuickSuccessionLoseNothing) {
   for (int i = 0; i < 60; ++i) {
     Config wanted = both;
     const auto which = random() % 2;
-    switch (random() % 4) {
+    switch (random() % 5) {
       case 0:
         std::get<SerialSettings>(wanted.links[which].channel).path =
             "/dev/ttyNone" + std::to_string(random() % 3);
@@ -216,6 +228,9 @@ TEST_F(FieldChangeTest, ManyChangesInQuickSuccessionLoseNothing) {
         break;
       case 2:
         wanted.devices.pop_back();
+        break;
+      case 3:
+        wanted.devices[which].groups[0].interval = milliseconds(1 + random() % 5);
         break;
       default:
         wanted.devices.push_back(wanted.devices[0]);

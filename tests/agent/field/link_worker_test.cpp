@@ -1296,12 +1296,12 @@ TEST_F(LinkWorkerChangeTest, CommandsThatWaitAreAnsweredAndThoseOfTheNeighbourGo
   for (const char* id : {"a", "b", "c"}) {
     ASSERT_NE(result_of(id), nullptr) << id;
     EXPECT_EQ(result_of(id)->status, CommandStatus::failed) << id;
-    EXPECT_EQ(result_of(id)->reason, Reason::shutting_down) << id;
+    EXPECT_EQ(result_of(id)->reason, Reason::reloading) << id;
     EXPECT_NE(result_of(id)->detail.find("config"), std::string::npos) << result_of(id)->detail;
   }
   submit(write_setpoint("d", 53, 1));  // the device is gone
   wait([&] { return result_of("d") != nullptr; });
-  EXPECT_EQ(result_of("d")->reason, Reason::shutting_down);
+  EXPECT_EQ(result_of("d")->reason, Reason::reloading);
 }
 
 TEST_F(LinkWorkerChangeTest, CommandOnTheWireEndsBeforeItsDeviceHasLeft) {
@@ -1326,10 +1326,33 @@ TEST_F(LinkWorkerChangeTest, ListStopsAfterTheTargetThatIsOnTheWire) {
   wait([&] { return !left.empty(); });
   ASSERT_NE(result_of("list"), nullptr);
   EXPECT_EQ(result_of("list")->status, CommandStatus::partial);
-  EXPECT_EQ(result_of("list")->reason, Reason::shutting_down);
+  EXPECT_EQ(result_of("list")->reason, Reason::reloading);
   EXPECT_EQ(result_of("list")->progress, (Progress{3, 8}));
   const std::size_t so_far = of_device(1).size();
   wait([&] { return of_device(1).size() > so_far + 3; });
+}
+
+TEST_F(LinkWorkerChangeTest, OtherIntervalLeavesDeviceAndCommandsAsTheyAre) {
+  config.devices[1].groups[0].interval = std::chrono::hours(1);
+  start();
+  wait([&] { return !of_device(0).empty() && !of_device(1).empty(); });
+  wait_for_state(State::online, "", 1);
+  states.clear();
+  for (int i = 0; i < 5; ++i) submit(write_setpoint("c" + std::to_string(i), 50 + i, 1));
+  DeviceConfig next = config.devices[1];
+  next.groups[0].interval = milliseconds(2);
+  worker->adjust(1, next);
+  const std::size_t so_far = of_device(1).size();
+  wait([&] { return of_device(1).size() >= so_far + 20; });
+  for (int i = 0; i < 5; ++i) {
+    const std::string id = "c" + std::to_string(i);
+    ASSERT_NE(result_of(id), nullptr) << id;
+    EXPECT_EQ(result_of(id)->status, CommandStatus::succeeded) << id;
+  }
+  EXPECT_TRUE(states.empty());
+  EXPECT_EQ(wire->opened(), 1U);
+  for (std::size_t i = 1; i < of_device(1).size(); ++i)
+    EXPECT_EQ(of_device(1)[i].seq, of_device(1)[i - 1].seq + 1);
 }
 
 TEST_F(LinkWorkerChangeTest, DeviceLeavesAtOnceWhereTheLineIsDown) {

@@ -152,7 +152,8 @@ TEST_F(PortPolls, ClosedBusEndsTheCycleWithoutAnExchange) {
 }
 
 TEST_F(PortPolls, StoppedPollSaysNothing) {
-  script().expect(kEnq).give(kAck).expect(kReadD100).call([this] { state->stop(kStopping); });
+  script().expect(kEnq).give(kAck).expect(kReadD100).call(
+      [this] { state->stop(Reason::shutting_down); });
   wire->give(word_frame(7));
   start();
   step();

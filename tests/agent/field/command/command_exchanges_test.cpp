@@ -33,7 +33,7 @@ class Others final : public BusSharing {
     co_return;
   }
   void concluded(std::size_t, const TargetResult&) override {}
-  std::string_view why_stopping() const override { return stopping ? kStopping : ""; }
+  Reason why_stopping() const override { return stopping ? Reason::shutting_down : Reason::none; }
   bool is_over() const override { return over; }
 
   int turns = 0;

@@ -164,7 +164,9 @@ class SceneSharing final : public BusSharing {
     co_return;
   }
   void concluded(std::size_t, const TargetResult&) override {}
-  std::string_view why_stopping() const override { return scene_.stopping ? kStopping : ""; }
+  Reason why_stopping() const override {
+    return scene_.stopping ? Reason::shutting_down : Reason::none;
+  }
   bool is_over() const override { return scene_.over; }
 
   int turns = 0;

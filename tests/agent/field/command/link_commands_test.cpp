@@ -362,7 +362,7 @@ TEST_F(LinkCommandsTest, FaultAnswersTheOneUnderWayAndTheOthersGoOnWaiting) {
 TEST_F(LinkCommandsTest, StopEndsAListAndNothingGoesBetween) {
   add("list", {0, 1, 2});
   add("short", {3});
-  state->stop(kStopping);
+  state->stop(Reason::shutting_down);
   run_next();
   collect();
   ASSERT_EQ(results.size(), 1U);

@@ -75,6 +75,65 @@ TEST(PollScheduler, EqualDeadlinesGoInTheOrderOfTheConfig) {
   EXPECT_EQ(poll(scheduler, at(0)), second);
 }
 
+TEST(PollScheduler, ShorterIntervalBeginsWithinItself) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(60000), 1, at(0));
+  EXPECT_EQ(poll(scheduler, at(0)), group);
+  scheduler.set_interval(group, milliseconds(100), at(1000));
+  EXPECT_EQ(scheduler.next(at(1000)).until, at(1100));
+  EXPECT_EQ(poll(scheduler, at(1100)), group);
+  EXPECT_EQ(scheduler.next(at(1101)).until, at(1200));
+  EXPECT_EQ(scheduler.counters(device).missed, 0U);
+}
+
+TEST(PollScheduler, LongerIntervalBeginsWhenTheShorterOneIsOver) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
+  EXPECT_EQ(poll(scheduler, at(0)), group);
+  scheduler.set_interval(group, milliseconds(60000), at(30));
+  EXPECT_EQ(poll(scheduler, at(100)), group);
+  EXPECT_EQ(scheduler.next(at(101)).until, at(60100));
+}
+
+TEST(PollScheduler, RunningCycleGoesOnUnderAnotherInterval) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(100), 2, at(0));
+  const auto first = scheduler.next(at(0));
+  scheduler.set_interval(group, milliseconds(200), at(5));
+  EXPECT_FALSE(scheduler.step_done(first.poll));
+  const auto second = scheduler.next(at(6));
+  EXPECT_EQ(second.poll.exchange, 1U);
+  EXPECT_FALSE(second.poll.starts_cycle);
+  EXPECT_TRUE(scheduler.step_done(second.poll));
+  EXPECT_EQ(scheduler.next(at(7)).until, at(100));
+}
+
+TEST(PollScheduler, PollsMissedBeforeAnotherIntervalCountByTheOldOne) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(1000), 1, at(0));
+  scheduler.set_interval(group, milliseconds(10), at(5500));
+  EXPECT_EQ(poll(scheduler, at(5500)), group);
+  EXPECT_EQ(scheduler.counters(device).missed, 5U);
+}
+
+TEST(PollScheduler, GroupMayLoseItsIntervalAndGetItBack) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, kBackOff);
+  const auto group = scheduler.add_group(device, milliseconds(1000), 1, at(0));
+  EXPECT_EQ(poll(scheduler, at(0)), group);
+  scheduler.set_interval(group, milliseconds(0), at(1));
+  EXPECT_EQ(poll(scheduler, at(1)), group);
+  EXPECT_EQ(poll(scheduler, at(2)), group);
+  scheduler.set_interval(group, milliseconds(1000), at(3));
+  EXPECT_EQ(scheduler.next(at(3)).until, at(10)) << "on the grid of its interval";
+  EXPECT_EQ(poll(scheduler, at(10)), group);
+  EXPECT_EQ(scheduler.next(at(11)).until, at(1010));
+}
+
 TEST(PollScheduler, LatePollDoesNotMoveTheNextOnes) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);

@@ -82,6 +82,27 @@ TEST(ReportByException, PublishAlwaysSaysEveryCycle) {
   }
 }
 
+TEST(ReportByException, PublishAndMaxSilentMayChangeBetweenTwoCycles) {
+  const DeviceConfig device = press();
+  ReportByException report(device, 0);
+  EXPECT_TRUE(report.cycle(good(23.4), 1, kStart));
+  GroupConfig group = report.group();
+  group.on_change = true;
+  group.max_silent = seconds(60);
+  report.adjust(group);
+  EXPECT_TRUE(report.cycle(good(23.4), 2, kStart)) << "the value to compare with";
+  EXPECT_FALSE(report.cycle(good(23.4), 3, kStart));
+  EXPECT_FALSE(report.cycle(good(23.4), 4, after(seconds(20))));
+  group.max_silent = seconds(10);
+  report.adjust(group);
+  EXPECT_TRUE(report.cycle(good(23.4), 5, after(seconds(20))));
+  EXPECT_FALSE(report.cycle(good(23.4), 6, after(seconds(21)))) << "the value is still known";
+  group.on_change = false;
+  report.adjust(group);
+  EXPECT_TRUE(report.cycle(good(23.4), 7, after(seconds(21))));
+  EXPECT_TRUE(report.cycle(good(23.4), 8, after(seconds(21))));
+}
+
 TEST(ReportByException, OnChangeSaysTheFirstCycleAndThenOnlyChanges) {
   const DeviceConfig device = press_on_change();
   ReportByException report(device, 0);
