@@ -58,9 +58,19 @@ void CommandExchanges::mark_started() {
   failpoint("command_started");
 }
 
-/// Adds what to check if nothing was ever answered on this channel.
-void CommandExchanges::add_hint(Exchange& exchange) const {
-  if (device_.protocol == nullptr || bus_.was_ever_answered()) return;
+bool CommandExchanges::is_of_gateway(const Request& request, const Exchange& exchange) const {
+  return exchange.is_nak() && station_.codec->meaning_of(request, exchange.reply.device_code) ==
+                                  RefusalMeaning::unreachable;
+}
+
+/// Adds what to check if nothing was ever answered on this channel, or only by a gateway.
+void CommandExchanges::add_hint(const Request& request, Exchange& exchange) const {
+  if (device_.protocol == nullptr) return;
+  if (is_of_gateway(request, exchange) && !answered_)
+    exchange.reply.text =
+        "\"" + exchange.reply.text +
+        "\": " + checklist_of(device_, *station_.codec, station_.wiring, Answers::of_gateway);
+  if (bus_.was_ever_answered()) return;
   const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
   const bool is_closed = bus_.closed_unanswered() && !bus_.has_datagrams();
   if (is_silent && exchange.heard.empty())
@@ -90,7 +100,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
       if (!opened) {
         exchange.outcome = Exchange::Outcome::link_down;
         exchange.error = opened.error().text;
-        add_hint(exchange);
+        add_hint(request, exchange);
         co_return exchange;
       }
     }
@@ -101,7 +111,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
       sharing_->is_over())
     cut_off_ = true;
-  add_hint(exchange);
+  add_hint(request, exchange);
   if (!exchange.heard.empty()) {
     const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.heard);
     if (guess.cause != ForeignBytes::Cause::unknown)
@@ -112,10 +122,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     if (!part_began_) part_began_ = exchange.began - exchange.rest;
     last_byte_ = exchange.ended;
   }
-  const bool by_gateway =
-      exchange.is_nak() && station_.codec->meaning_of(request, exchange.reply.device_code) ==
-                               RefusalMeaning::unreachable;
-  if (exchange.has_answer() && !by_gateway) answered_ = true;
+  if (exchange.has_answer() && !is_of_gateway(request, exchange)) answered_ = true;
   if (exchange.outcome == Exchange::Outcome::unanswered) unanswered_ = true;
   co_return exchange;
 }

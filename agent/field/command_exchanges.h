@@ -71,8 +71,10 @@ class CommandExchanges final {
   /// with it.
   asio::awaitable<Exchange> send(Request request, Try which);
   void mark_started();
-  /// Adds the settings to check to the error, if nothing was ever answered.
-  void add_hint(Exchange& exchange) const;
+  /// True if a gateway refused `request`, because the device behind it does not answer.
+  bool is_of_gateway(const Request& request, const Exchange& exchange) const;
+  /// Adds the settings to check to the error, if the device never answered.
+  void add_hint(const Request& request, Exchange& exchange) const;
 
   asio::steady_timer timer_;
   Bus& bus_;
