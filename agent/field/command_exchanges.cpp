@@ -1,5 +1,8 @@
 #include "agent/field/command_exchanges.h"
 
+#include <asio/post.hpp>
+#include <memory>
+#include <mutex>
 #include <utility>
 #include <vector>
 
@@ -19,6 +22,43 @@ using Clock = std::chrono::steady_clock;
 
 // Pause before a busy device is asked again.
 constexpr milliseconds kBusyPause{100};
+
+/// The mark of one command, made on another thread. That thread answers here and wakes the command,
+/// unless it has stopped waiting.
+class Marking final : public std::enable_shared_from_this<Marking> {
+ public:
+  /// The command waits for `timer`, which must live until stop_waiting().
+  explicit Marking(asio::steady_timer& timer) : timer_(&timer) {}
+
+  /// Any thread.
+  void answer(bool may_be_sent) {
+    const std::lock_guard lock(mutex_);
+    if (timer_ == nullptr) return;
+    may_be_sent_ = may_be_sent;
+    asio::post(timer_->get_executor(), [self = shared_from_this()] { self->wake(); });
+  }
+  /// Returns the answer; false if there is none. Later answers are ignored.
+  bool stop_waiting() {
+    const std::lock_guard lock(mutex_);
+    timer_ = nullptr;
+    return may_be_sent_;
+  }
+
+ private:
+  void wake() {
+    const std::lock_guard lock(mutex_);
+    if (timer_ != nullptr) timer_->cancel();
+  }
+
+  std::mutex mutex_;
+  asio::steady_timer* timer_;  ///< null: the command has stopped waiting
+  bool may_be_sent_ = false;
+};
+
+/// Stops waiting also if the command is destroyed.
+struct StopWaiting {
+  void operator()(Marking* marking) const { marking->stop_waiting(); }
+};
 
 }  // namespace
 
@@ -51,11 +91,22 @@ asio::awaitable<bool> CommandExchanges::go_on(bool share) {
   co_return !is_stopping();
 }
 
-/// From here on, a crash leaves the outcome of the command unknown.
-void CommandExchanges::mark_started() {
-  if (std::exchange(is_started_, true)) return;
-  if (admitted_.starts != nullptr) admitted_.starts->mark(admitted_.command.number);
+asio::awaitable<bool> CommandExchanges::mark_started() {
+  if (is_started_) co_return true;
+  if (admitted_.starts != nullptr) {
+    const auto marking = std::make_shared<Marking>(timer_);
+    const std::unique_ptr<Marking, StopWaiting> end(marking.get());
+    timer_.expires_after(admitted_.starts->patience());
+    admitted_.starts->mark(admitted_.command.number,
+                           [marking](bool may_be_sent) { marking->answer(may_be_sent); });
+    co_await timer_.async_wait(use_result);
+    is_unmarked_ = !marking->stop_waiting();
+    if (is_unmarked_) co_return false;
+  }
+  is_started_ = true;
+  // From here on, a crash leaves the outcome of the command unknown.
   failpoint("command_started");
+  co_return true;
 }
 
 bool CommandExchanges::is_of_gateway(const Request& request, const Exchange& exchange) const {
@@ -104,7 +155,13 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
         co_return exchange;
       }
     }
-    if (effect == Effect::change) mark_started();
+    bool may_be_sent = true;
+    if (effect == Effect::change) may_be_sent = co_await mark_started();
+    if (!may_be_sent) {
+      exchange.outcome = Exchange::Outcome::link_down;
+      exchange.error = "the disk of the store does not answer; nothing was sent";
+      co_return exchange;
+    }
     exchange = co_await bus_.exchange(station_, request, not_after);
     if (exchange.outcome != Exchange::Outcome::link_down || exchange.sent) break;
   }
