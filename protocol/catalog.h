@@ -85,7 +85,7 @@ struct ProtocolInfo {
   /// True if the last of `models` has every device of the others. If false, addresses are checked
   /// against the codec without a model until the PLC has reported its own.
   bool last_is_widest = true;
-  std::string_view model_meaning;     ///< human-readable; the schema and the README quote it
+  std::string_view model_meaning;  ///< human-readable; the schema and the README quote it
   AddressForms address_forms{};
   std::vector<std::string_view> kin;  ///< further model names that `model` accepts
   std::vector<OptionSpec> options;

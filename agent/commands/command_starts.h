@@ -3,7 +3,9 @@
 // store keeps it.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <functional>
 
 namespace fxagent {
 
@@ -11,9 +13,16 @@ class CommandStarts {
  public:
   virtual ~CommandStarts() = default;
 
-  /// Call once for each command, before the first byte that changes anything leaves. If this fails,
-  /// the command counts as possibly sent. Field thread.
-  virtual void mark(std::uint64_t number) = 0;
+  /// Receives true if the command may be sent: it is marked, or counts as possibly sent because its
+  /// mark could not be written. False: the disk does not answer, so nothing may be sent.
+  using Done = std::function<void(bool may_be_sent)>;
+
+  /// Call once for each command, before the first byte that changes anything leaves. Never waits
+  /// for the disk: calls `done` at most once, on any thread, perhaps before it returns. If that
+  /// takes longer than patience(), the command must not be sent. Field thread.
+  virtual void mark(std::uint64_t number, Done done) = 0;
+  /// Returns how long to wait for `done`.
+  virtual std::chrono::milliseconds patience() const { return std::chrono::seconds(2); }
 };
 
 }  // namespace fxagent

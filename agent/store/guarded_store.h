@@ -24,6 +24,7 @@
 
 #include "agent/commands/journal.h"
 #include "agent/messages.h"
+#include "agent/store/command_marker.h"
 #include "agent/store/disk_thread.h"
 #include "agent/store/history.h"
 #include "agent/store/store.h"
@@ -37,7 +38,10 @@ class GuardedStore final : public CommandJournal {
   /// upkeep() then.
   GuardedStore(Store& store, std::function<void()> wake)
       : store_(store), thread_(std::move(wake)) {}
-  void set_patience(std::chrono::milliseconds patience) { thread_.set_patience(patience); }
+  void set_patience(std::chrono::milliseconds patience) {
+    thread_.set_patience(patience);
+    marker_.set_patience(patience);
+  }
 
   /// "disk"; "memory" if nothing can be written; "hangs" while the disk does not answer.
   std::string_view state() const { return hangs_ ? "hangs" : store_.state(); }
@@ -97,7 +101,7 @@ class GuardedStore final : public CommandJournal {
   void record(std::vector<JournalEntry> entries) override;
   void acknowledge(std::string device, std::string id, std::uint64_t number,
                    std::string total_ms = {}) override;
-  CommandStarts* starts() override { return store_.journal().starts(); }
+  CommandStarts* starts() override { return &marker_; }
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids() override { return known_ids_of({}); }
   std::vector<JournalEntry> unacknowledged() override { return unacknowledged_of({}); }
@@ -130,6 +134,7 @@ class GuardedStore final : public CommandJournal {
   std::uint64_t samples_at_disk_ = 0;
   std::set<StreamKey> streams_at_disk_;
   Waiting waiting_;
+  CommandMarker marker_{[this](std::uint64_t number) { store_.started().mark(number); }};
   DiskThread thread_;  ///< last: its work refers to the others
 };
 

@@ -14,11 +14,9 @@
 #include <string>
 #include <vector>
 
-#include "agent/commands/command_starts.h"
-
 namespace fxagent {
 
-class StartedCommands final : public CommandStarts {
+class StartedCommands final {
  public:
   /// Number of marks kept. Nothing is known of a command whose mark was overwritten, and of all
   /// earlier commands.
@@ -26,7 +24,7 @@ class StartedCommands final : public CommandStarts {
 
   /// `directory`: the store's. Opens nothing yet.
   explicit StartedCommands(const std::string& directory);
-  ~StartedCommands() override;
+  ~StartedCommands();
   StartedCommands(const StartedCommands&) = delete;
   StartedCommands& operator=(const StartedCommands&) = delete;
 
@@ -46,8 +44,8 @@ class StartedCommands final : public CommandStarts {
   /// of this run.
   bool surely_not_sent(std::uint64_t number) const;
 
-  /// Field thread.
-  void mark(std::uint64_t number) override;
+  /// Marks the command, or empties the file if that fails. Thread of the marks.
+  void mark(std::uint64_t number);
 
  private:
   struct Head;
@@ -72,7 +70,7 @@ class StartedCommands final : public CommandStarts {
   std::optional<Earlier> earlier_;
   std::uint64_t first_of_run_ = 0;
 
-  std::mutex mutex_;  ///< guards all below: mark() runs on the field's thread
+  std::mutex mutex_;  ///< guards all below: mark() runs on another thread
   int handle_ = -1;   ///< -1: no file, so nothing will be proven
   std::uint64_t floor_ = 0;
   std::uint64_t marks_ = 0;             ///< made in this file, by all runs

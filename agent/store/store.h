@@ -46,6 +46,7 @@ class Store final {
   const StoredSamples& samples() const { return samples_; }
   StoredJournal& journal() { return journal_; }
   SequenceNumbers& numbers() { return numbers_; }
+  StartedCommands& started() { return started_; }
   AuditTrail& audit() { return audit_; }
   const AuditTrail& audit() const { return audit_; }
 

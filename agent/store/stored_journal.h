@@ -33,7 +33,6 @@ class StoredJournal final : public CommandJournal, public StorePart {
   void record(std::vector<JournalEntry> entries) override;
   void acknowledge(std::string device, std::string id, std::uint64_t number,
                    std::string total_ms = {}) override;
-  CommandStarts* starts() override { return &started_; }
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids() override;
   std::vector<JournalEntry> unacknowledged() override;

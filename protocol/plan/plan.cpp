@@ -1,6 +1,7 @@
 #include "protocol/plan/plan.h"
 
 #include <algorithm>
+#include <deque>
 #include <map>
 #include <optional>
 #include <utility>
@@ -169,6 +170,54 @@ std::vector<PlannedExchange> in_order(std::uint32_t reads,
   return out;
 }
 
+std::size_t equal_neighbours(const std::vector<std::uint32_t>& lengths) {
+  std::size_t count = 0;
+  for (std::size_t i = 1; i < lengths.size(); ++i) count += lengths[i] == lengths[i - 1] ? 1U : 0U;
+  return count;
+}
+
+/// Returns the indices of `lengths` in an order with the fewest equal neighbours. Otherwise it
+/// keeps the given order as far as possible.
+std::vector<std::uint32_t> alternating(const std::vector<std::uint32_t>& lengths) {
+  std::map<std::uint32_t, std::deque<std::uint32_t>> left;  // by length
+  for (std::uint32_t i = 0; i < lengths.size(); ++i) left[lengths[i]].push_back(i);
+  std::vector<std::uint32_t> order;
+  while (!left.empty()) {
+    auto next = left.end();
+    for (auto same = left.begin(); same != left.end(); ++same) {
+      if (!order.empty() && same->first == lengths[order.back()]) continue;
+      // More than half of the rest: these must begin, or some of them become neighbours.
+      const bool must_begin = 2 * same->second.size() > lengths.size() - order.size();
+      if (next == left.end() || must_begin || same->second.front() < next->second.front())
+        next = same;
+      if (must_begin) break;
+    }
+    if (next == left.end()) next = left.begin();
+    order.push_back(next->second.front());
+    next->second.pop_front();
+    if (next->second.empty()) left.erase(next);
+  }
+  return order;
+}
+
+/// Reorders the exchanges so that neighbours have answers of different length, as far as possible.
+/// If answers carry no numbers, a late one is then recognised by its length. The parts of a split
+/// point stay close in time: a plan that has one keeps its order. `lengths` are those of the
+/// answers.
+void tell_neighbours_apart(Plan& plan, const std::vector<std::uint32_t>& lengths) {
+  const bool has_split_point = std::any_of(plan.sources.begin(), plan.sources.end(),
+                                           [](const PointSource& s) { return s.count > 1; });
+  const std::size_t equal = equal_neighbours(lengths);
+  if (equal == 0 || has_split_point) return;
+  std::vector<std::uint32_t> ordered;
+  std::vector<PlannedExchange> exchanges;
+  for (const std::uint32_t e : alternating(lengths)) {
+    ordered.push_back(lengths[e]);
+    exchanges.push_back(plan.exchanges.empty() ? PlannedExchange{{e}} : plan.exchanges[e]);
+  }
+  if (equal_neighbours(ordered) < equal) plan.exchanges = std::move(exchanges);
+}
+
 }  // namespace
 
 std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& request,
@@ -213,8 +262,13 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
   for (PlannedRead& read : plan.reads) read.points.shrink_to_fit();
   plan.exchanges =
       in_order(static_cast<std::uint32_t>(plan.reads.size()), std::move(best.together));
-  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e)
-    plan.line_time += cost.of(codec.line_length(plan.request(plan.reads_in(e))));
+  std::vector<std::uint32_t> lengths;
+  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
+    const LineLength length = codec.line_length(plan.request(plan.reads_in(e)));
+    plan.line_time += cost.of(length);
+    lengths.push_back(length.reply_chars);
+  }
+  if (codec.after_silence() != Recovery::none) tell_neighbours_apart(plan, lengths);
   return plan;
 }
 

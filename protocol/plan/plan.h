@@ -107,8 +107,7 @@ struct PlannedExchange {
 
 struct Plan {
   std::vector<PlannedRead> reads;
-  /// Exchanges in the order of sending. Empty if no reads are combined: then each read is an
-  /// exchange.
+  /// Exchanges in the order of sending. Empty if each read is an exchange, in the order of `reads`.
   std::vector<PlannedExchange> exchanges;
   std::vector<PointSource> sources;        ///< one for each given point, in the same order
   std::vector<std::uint32_t> unreachable;  ///< points that no way of this model can read
@@ -138,8 +137,9 @@ struct Plan {
 ///
 /// A point lies whole in one read if one read can hold it. A longer one (an array) is split at unit
 /// borders into consecutive reads, and so is a point across a border of its space
-/// (AddressSpace::borders()). `max_block_bytes` lowers max_bits of every way (0: no change). The
-/// plan contains no read that `holes` forbid.
+/// (AddressSpace::borders()). If answers carry no numbers, neighbouring exchanges have answers of
+/// different length where the lengths allow it. `max_block_bytes` lowers max_bits of every way (0:
+/// no change). The plan contains no read that `holes` forbid.
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
                std::uint32_t max_block_bytes, const Holes& holes = {});
 

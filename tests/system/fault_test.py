@@ -6,7 +6,7 @@ import socket
 import threading
 import unittest
 
-from plant import BASE, SCHEDULING_MS, PlantTest, device, free_port, wait_for
+from plant import BASE, SCHEDULING_MS, Broker, PlantTest, Watcher, device, free_port, wait_for
 
 
 class Faults(PlantTest):
@@ -152,6 +152,27 @@ class Faults(PlantTest):
         self.assert_result(self.command(op="write", tag="setpoint", value=9), "SUCCEEDED", None, "ACK")
         self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
         self.state("press1", "online")
+
+    def test_an_echo_that_no_config_names_is_found_on_every_serial_protocol(self):
+        fx, mc = {"model": "FX3U"}, {"model": "FX5U", "format": 4}
+        rows = {"fx-programming-port": fx, "fx-computer-link": fx, "modbus-rtu": {}, "modbus-ascii": {},
+                "mc-3c": mc, "mc-4c": mc}
+        word = {row: "hr:100" if row.startswith("modbus") else "D100" for row in rows}
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_sim([{"name": row, "protocol": row, "tcp": 0, "baud": 0, "memory": {word[row]: 5},
+                         "faults": [{"kind": "echo", "count": -1}], **more} for row, more in rows.items()])
+        self.watcher = Watcher(self.broker.port)
+        devices = [device(row, row, protocol=row, tags=[{"name": "a", "address": word[row], "group": "fast"}],
+                          commands={}, **more) for row, more in rows.items()]
+        for each in devices:
+            if each["name"].startswith("modbus"):
+                del each["model"]
+        self.start_agent(devices, [{"name": row, "tcp": {"host": "127.0.0.1", "port": self.sim.ports[row]}} for row in rows])
+        for row in rows:
+            with self.subTest(row):
+                self.data(lambda m: m["values"] == {"a": 5}, row)
+                wait_for("the log", lambda: f"link={row} echo=found" in self.agent.logged())
 
     def test_a_reply_in_pieces_is_one_reply(self):
         self.start(plcs=[self.plc(memory={"D100": 5}, faults=[

@@ -106,6 +106,7 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
     co_return failed;
   }
   Exchange exchange = co_await ask(station, request, not_after);
+  if (is_out_of_step(codec, exchange)) bus_doubt_.was_out_of_step(now());
   const bool again = exchange.is_data() && !exchange.doubted && is_read(request) &&
                      !tells_answers_apart(codec) && bus_doubt_.is_wary(now());
   if (!again) co_return exchange;
@@ -166,10 +167,20 @@ void Bus::note_unexpected(const Codec& codec, ByteView bytes) {
   counters_.unexpected_bytes += bytes.size();
   const ByteView shown = bytes.first(std::min(bytes.size(), kMostJudged));
   keep_unexpected(shown);
-  // prepare() handles an answer that is still owed. Foreign bytes do no harm if answers carry
-  // numbers or arrive on ports of their own.
-  if (late_.owed() != LateAnswers::Owed::none || tells_answers_apart(codec)) return;
-  if (codec.may_pass_for_answer(shown)) bus_doubt_.found_foreign(last_heard_);
+  // Foreign bytes do no harm if answers carry numbers or arrive on ports of their own.
+  if (tells_answers_apart(codec)) return;
+  const bool may_pass = codec.may_pass_for_answer(shown);
+  if (late_.owed() == LateAnswers::Owed::none) {
+    if (may_pass) bus_doubt_.found_foreign(last_heard_);
+    return;
+  }
+  // prepare() handles the answer that is owed. More than that one is a second answer, or another's.
+  if (late_.came(bytes.size()) && may_pass) bus_doubt_.was_out_of_step(last_heard_);
+}
+
+bool Bus::is_out_of_step(const Codec& codec, const Exchange& exchange) const {
+  return !exchange.has_answer() && !exchange.heard.empty() && !tells_answers_apart(codec) &&
+         !may_be_returned(exchange.heard) && codec.explain(exchange.heard, Direction::reply).ok;
 }
 
 bool Bus::may_be_returned(ByteView bytes) const {
@@ -507,9 +518,10 @@ void Bus::note_doubt(const Station& station, const Request& request, const Excha
   }
   if (datagrams && is_numbered(codec)) return;
   // A lost ACK stays owed until a read has been answered, whatever is asked in between.
+  const LineLength length = codec.line_length(request);
   late_.given_up(
       answers_by_ack(request) ? LateAnswers::Owed::acknowledgement : LateAnswers::Owed::data,
-      exchange.ended, station.timeout);
+      exchange.ended, station.timeout, length.reply_chars + length.more_reply_chars);
 }
 
 SteadyTime Bus::late_answers_until(const Station& station) const {

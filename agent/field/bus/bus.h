@@ -90,7 +90,7 @@ class Bus final {
   /// Data are then marked `doubted`; any other answer is returned as garbled, because it proves
   /// nothing.
   ///
-  /// While the bus is wary, sends a read twice and returns the second answer: if a foreign answer
+  /// While the bus is wary, sends a read twice and returns the second answer. If a foreign answer
   /// took the place of the first, the second is the device's own.
   asio::awaitable<Exchange> exchange(Station& station, Request request,
                                      SteadyTime not_after = SteadyTime::max());
@@ -170,6 +170,9 @@ class Bus final {
   bool may_be_returned(ByteView bytes) const;
   /// Counts bytes that are not part of an answer. They may put the bus in doubt.
   void note_unexpected(const Codec& codec, ByteView bytes);
+  /// True if a whole frame came that does not answer the request of `exchange`: the answers may lag
+  /// behind the requests.
+  bool is_out_of_step(const Codec& codec, const Exchange& exchange) const;
   /// Stores the bytes for last_unexpected().
   void keep_unexpected(ByteView bytes);
   /// Traces the bytes of an exchange. Stores in `exchange` what came in place of an answer.

@@ -6,7 +6,7 @@ namespace fxagent {
 
 void BusDoubt::found_foreign(SteadyTime now) {
   ++findings_;
-  found_ = now;
+  was_out_of_step(now);
   if (!is_doubted()) {
     const bool relapse = doubts_ > 0 && now - ended_ < kRelapse;
     wanted_ = relapse ? std::min(wanted_ * 2, kMostExchanges) : kCleanExchanges;

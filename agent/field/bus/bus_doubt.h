@@ -20,6 +20,9 @@ class BusDoubt final {
 
   /// Records unexpected bytes that may pass for an answer.
   void found_foreign(SteadyTime now);
+  /// Records a frame in place of an answer, or more bytes than the late answer that was owed. The
+  /// bus puts itself in order after either, so this makes it wary and not doubted.
+  void was_out_of_step(SteadyTime now) { wary_until_ = now + kRelapse; }
   /// Records an answered request with silence before it and after its answer, each as long as the
   /// slowest answer may take.
   void exchange_was_clean(SteadyTime now);
@@ -27,9 +30,10 @@ class BusDoubt final {
   void exchange_was_unclear();
 
   bool is_doubted() const { return exchanges_to_go_ > 0; }
-  /// True if foreign bytes were found within the last kRelapse. More may come at any moment, and
-  /// the first may come in place of an answer: every read should be sent twice.
-  bool is_wary(SteadyTime now) const { return findings_ > 0 && now - found_ < kRelapse; }
+  /// True if foreign bytes were found, or the bus was out of step, within the last kRelapse. More
+  /// may come at any moment, and the first may come in place of an answer: every read should be
+  /// sent twice.
+  bool is_wary(SteadyTime now) const { return now < wary_until_; }
   /// Returns how many more clean exchanges end the doubt.
   std::uint32_t exchanges_to_go() const { return exchanges_to_go_; }
   /// Returns how often foreign bytes were found. After a change of this number, an answer may
@@ -43,7 +47,7 @@ class BusDoubt final {
   std::uint64_t doubts_ = 0;
   std::uint32_t exchanges_to_go_ = 0;
   std::uint32_t wanted_ = kCleanExchanges;
-  SteadyTime found_{};  ///< time of the last foreign bytes
+  SteadyTime wary_until_{};
   SteadyTime ended_{};  ///< end of the last doubt
 };
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 
 #include "agent/messages.h"
@@ -21,11 +22,17 @@ class LateAnswers final {
   static constexpr std::chrono::milliseconds kMost{5000};
 
   /// Records a request that was given up at `ended` without a good answer. `timeout` is its
-  /// device's.
-  void given_up(Owed answer, SteadyTime ended, std::chrono::milliseconds timeout);
+  /// device's; `bytes` the length of its answer.
+  void given_up(Owed answer, SteadyTime ended, std::chrono::milliseconds timeout,
+                std::uint32_t bytes);
   /// Records that no older answer can be on its way any more.
-  void settled() { owed_ = Owed::none; }
+  void settled() {
+    owed_ = Owed::none;
+    owed_bytes_ = came_ = 0;
+  }
   Owed owed() const { return owed_; }
+  /// Records bytes that came while an answer is owed. Returns true if more came than is owed.
+  bool came(std::size_t bytes) { return (came_ += bytes) > owed_bytes_; }
   /// Returns the time after which no owed answer can come.
   SteadyTime over_at() const { return over_at_; }
 
@@ -37,6 +44,8 @@ class LateAnswers final {
 
  private:
   Owed owed_ = Owed::none;
+  std::size_t owed_bytes_ = 0;
+  std::size_t came_ = 0;
   SteadyTime over_at_{};
   std::uint32_t probe_ = 0;
 };

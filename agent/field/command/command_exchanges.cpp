@@ -1,5 +1,8 @@
 #include "agent/field/command/command_exchanges.h"
 
+#include <asio/post.hpp>
+#include <memory>
+#include <mutex>
 #include <utility>
 #include <vector>
 
@@ -20,6 +23,43 @@ using Clock = std::chrono::steady_clock;
 
 // Pause before a busy device is asked again.
 constexpr milliseconds kBusyPause{100};
+
+/// The mark of one command, made on another thread. That thread answers here and wakes the command,
+/// unless it has stopped waiting.
+class Marking final : public std::enable_shared_from_this<Marking> {
+ public:
+  /// The command waits for `timer`, which must live until stop_waiting().
+  explicit Marking(asio::steady_timer& timer) : timer_(&timer) {}
+
+  /// Any thread.
+  void answer(bool may_be_sent) {
+    const std::lock_guard lock(mutex_);
+    if (timer_ == nullptr) return;
+    may_be_sent_ = may_be_sent;
+    asio::post(timer_->get_executor(), [self = shared_from_this()] { self->wake(); });
+  }
+  /// Returns the answer; false if there is none. Later answers are ignored.
+  bool stop_waiting() {
+    const std::lock_guard lock(mutex_);
+    timer_ = nullptr;
+    return may_be_sent_;
+  }
+
+ private:
+  void wake() {
+    const std::lock_guard lock(mutex_);
+    if (timer_ != nullptr) timer_->cancel();
+  }
+
+  std::mutex mutex_;
+  asio::steady_timer* timer_;  ///< null: the command has stopped waiting
+  bool may_be_sent_ = false;
+};
+
+/// Stops waiting also if the command is destroyed.
+struct StopWaiting {
+  void operator()(Marking* marking) const { marking->stop_waiting(); }
+};
 
 }  // namespace
 
@@ -52,16 +92,37 @@ asio::awaitable<bool> CommandExchanges::go_on(bool share) {
   co_return !is_stopping();
 }
 
-/// From here on, a crash leaves the outcome of the command unknown.
-void CommandExchanges::mark_started() {
-  if (std::exchange(is_started_, true)) return;
-  if (admitted_.starts != nullptr) admitted_.starts->mark(admitted_.command.number);
+asio::awaitable<bool> CommandExchanges::mark_started() {
+  if (is_started_) co_return true;
+  if (admitted_.starts != nullptr) {
+    const auto marking = std::make_shared<Marking>(timer_);
+    const std::unique_ptr<Marking, StopWaiting> end(marking.get());
+    timer_.expires_after(admitted_.starts->patience());
+    admitted_.starts->mark(admitted_.command.number,
+                           [marking](bool may_be_sent) { marking->answer(may_be_sent); });
+    co_await timer_.async_wait(use_result);
+    is_unmarked_ = !marking->stop_waiting();
+    if (is_unmarked_) co_return false;
+  }
+  is_started_ = true;
+  // From here on, a crash leaves the outcome of the command unknown.
   failpoint("command_started");
+  co_return true;
 }
 
-/// Adds what to check if nothing was ever answered on this channel.
-void CommandExchanges::add_hint(Exchange& exchange) const {
-  if (device_.protocol == nullptr || bus_.was_ever_answered()) return;
+bool CommandExchanges::is_of_gateway(const Request& request, const Exchange& exchange) const {
+  return exchange.is_nak() && station_.codec->meaning_of(request, exchange.reply.device_code) ==
+                                  RefusalMeaning::unreachable;
+}
+
+/// Adds what to check if nothing was ever answered on this channel, or only by a gateway.
+void CommandExchanges::add_hint(const Request& request, Exchange& exchange) const {
+  if (device_.protocol == nullptr) return;
+  if (is_of_gateway(request, exchange) && !answered_)
+    exchange.reply.text =
+        "\"" + exchange.reply.text +
+        "\": " + checklist_of(device_, *station_.codec, station_.wiring, Answers::of_gateway);
+  if (bus_.was_ever_answered()) return;
   const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
   const bool is_closed = bus_.closed_unanswered() && !bus_.has_datagrams();
   if (is_silent && exchange.heard.empty())
@@ -91,18 +152,24 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
       if (!opened) {
         exchange.outcome = Exchange::Outcome::link_down;
         exchange.error = opened.error().text;
-        add_hint(exchange);
+        add_hint(request, exchange);
         co_return exchange;
       }
     }
-    if (effect == Effect::change) mark_started();
+    bool may_be_sent = true;
+    if (effect == Effect::change) may_be_sent = co_await mark_started();
+    if (!may_be_sent) {
+      exchange.outcome = Exchange::Outcome::link_down;
+      exchange.error = "the disk of the store does not answer; nothing was sent";
+      co_return exchange;
+    }
     exchange = co_await bus_.exchange(station_, request, not_after);
     if (exchange.outcome != Exchange::Outcome::link_down || exchange.sent) break;
   }
   if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
       sharing_->is_over())
     cut_off_ = true;
-  add_hint(exchange);
+  add_hint(request, exchange);
   if (!exchange.heard.empty()) {
     const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.heard);
     if (guess.cause != UnexpectedBytes::Cause::unknown)
@@ -113,10 +180,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     if (!part_began_) part_began_ = exchange.began - exchange.rest;
     last_byte_ = exchange.ended;
   }
-  const bool by_gateway =
-      exchange.is_nak() && station_.codec->meaning_of(request, exchange.reply.device_code) ==
-                               RefusalMeaning::unreachable;
-  if (exchange.has_answer() && !by_gateway) answered_ = true;
+  if (exchange.has_answer() && !is_of_gateway(request, exchange)) answered_ = true;
   if (exchange.outcome == Exchange::Outcome::unanswered) unanswered_ = true;
   co_return exchange;
 }

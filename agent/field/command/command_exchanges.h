@@ -49,6 +49,8 @@ class CommandExchanges final {
   /// because such a command is finished.
   SteadyTime latest_start() const;
   bool is_stopping() const { return sharing_ != nullptr && sharing_->is_stopping(); }
+  /// True if the disk did not answer when the command was to be marked. Nothing was written.
+  bool is_unmarked() const { return is_unmarked_; }
   /// True if a stop came before an answer, or before anything was sent.
   bool was_cut_off() const { return cut_off_; }
 
@@ -70,9 +72,12 @@ class CommandExchanges final {
   /// Sends `request`, after the read that it needs, if any. If that read fails, the command fails
   /// with it.
   asio::awaitable<Exchange> send(Request request, Try which);
-  void mark_started();
-  /// Adds the settings to check to the error, if nothing was ever answered.
-  void add_hint(Exchange& exchange) const;
+  /// Marks the command as started, once. False: it could not be marked and must not be sent.
+  asio::awaitable<bool> mark_started();
+  /// True if a gateway refused `request`, because the device behind it does not answer.
+  bool is_of_gateway(const Request& request, const Exchange& exchange) const;
+  /// Adds the settings to check to the error, if the device never answered.
+  void add_hint(const Request& request, Exchange& exchange) const;
 
   asio::steady_timer timer_;
   Bus& bus_;
@@ -86,6 +91,7 @@ class CommandExchanges final {
   SteadyTime last_byte_{};
   int writes_ = 0;
   bool is_started_ = false;
+  bool is_unmarked_ = false;
   bool cut_off_ = false;
   bool answered_ = false;
   bool unanswered_ = false;

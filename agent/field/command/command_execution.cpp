@@ -139,6 +139,8 @@ void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exc
     set(out, CommandStatus::expired, Reason::expired, std::move(detail));
   } else if (wire_.was_cut_off()) {
     set(out, CommandStatus::failed, sharing_->why_stopping(), nothing_sent());
+  } else if (wire_.is_unmarked()) {
+    set(out, CommandStatus::failed, Reason::store_unavailable, exchange.error);
   } else {
     set(out, CommandStatus::failed, reason_of(exchange), exchange.error);
   }

@@ -10,8 +10,8 @@
 #include <variant>
 #include <vector>
 
-#include "agent/commands/command_room.h"
 #include "agent/commands/parse.h"
+#include "agent/commands/pending_budget.h"
 #include "agent/commands/result.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"

@@ -693,6 +693,44 @@ TEST_F(LinkWorkerTest, CommandGoesAfterTheExchangeOnTheWireAndBeforeTheNextPoll)
   EXPECT_FALSE(result.bound) << "a line of unknown speed has no bound";
 }
 
+/// Marks on a disk that never answers.
+class HangingMarks final : public CommandStarts {
+ public:
+  void mark(std::uint64_t, Done) override { is_asked = true; }
+  milliseconds patience() const override { return milliseconds(200); }
+  bool is_asked = false;
+};
+
+TEST_F(LinkWorkerTest, DiskThatHangsUnderAMarkHoldsUpNoOtherLink) {
+  add_setpoint();
+  config.links.push_back({"line2", SerialSettings{}, nanoseconds(0)});
+  config.devices.push_back(press("press2"));
+  config.devices[1].link = 1;
+  start();
+  FakePort neighbours_plc;
+  auto neighbours_wire = std::make_unique<ScriptedTransport>(io.get_executor());
+  neighbours_wire->then([&](ByteView request) { return neighbours_plc.answer(request); });
+  LinkWorker neighbour(io.get_executor(), config, 1, devices_by_link(config)[1], outbox,
+                       std::move(neighbours_wire), std::vector<std::uint64_t>(8, 100), Polling::on);
+  bool neighbour_ended = false;
+  asio::co_spawn(io, neighbour.run(), [&](const std::exception_ptr&) { neighbour_ended = true; });
+  HangingMarks marks;
+  auto decision = admission(0).admit(write_setpoint("unmarked"), codec(0), 0, Clock::now());
+  std::get<AdmittedCommand>(decision).starts = &marks;
+  worker->submit(std::move(std::get<AdmittedCommand>(decision)));
+  wait([&] { return marks.is_asked; });
+  const std::size_t polls = of_device(1).size();
+  const CommandResult& result = wait_for_result("unmarked");
+  EXPECT_GT(of_device(1).size(), polls + 5);
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::store_unavailable);
+  for (const std::string& asked : plc.asked()) EXPECT_EQ(asked.find("write"), std::string::npos);
+  const std::size_t own_polls = of_device(0).size();
+  wait([&] { return of_device(0).size() > own_polls; });
+  neighbour.stop();
+  run_until(io, [&] { return neighbour_ended; });
+}
+
 TEST_F(LinkWorkerTest, WrittenValueIsPublishedAtOnce) {
   add_setpoint();
   config.devices[0].groups[0].interval = std::chrono::hours(1);

@@ -67,8 +67,9 @@ class LastingJournal final : public CommandJournal, private CommandStarts {
   }
 
  private:
-  void mark(std::uint64_t number) override {
+  void mark(std::uint64_t number, Done done) override {
     if (!fate_.has_ended()) started_.insert(number);
+    done(true);
   }
   void keep_result(JournalEntry entry) {
     JournalEntry& kept = entries_[{entry.device, entry.id}];

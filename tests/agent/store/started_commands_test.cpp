@@ -35,7 +35,7 @@ struct StartedCommandsTest : ::testing::Test {
     EXPECT_TRUE(shelf.store->journal().journal(std::vector{made}));
     return made.number;
   }
-  void start(std::uint64_t number) { shelf.store->journal().starts()->mark(number); }
+  void start(std::uint64_t number) { shelf.store->started().mark(number); }
   /// Journals two commands and starts the first.
   void journal_two_and_start_one() {
     start(journal("started"));

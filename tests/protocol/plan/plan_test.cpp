@@ -18,7 +18,8 @@ using fx::ProgrammingPort;
 /// A made-up protocol whose ways the test chooses: 10 characters and two per byte.
 class PaperCodec final : public Codec, public AddressSpace {
  public:
-  explicit PaperCodec(std::vector<ReadWay> ways) : ways_(std::move(ways)) {}
+  explicit PaperCodec(std::vector<ReadWay> ways, Recovery after_silence = Recovery::drain)
+      : ways_(std::move(ways)), after_silence_(after_silence) {}
 
   Result<Address> parse_address(std::string_view, std::optional<DataType>) const override {
     return fail(ErrorCode::bad_request, "no names");
@@ -41,6 +42,7 @@ class PaperCodec final : public Codec, public AddressSpace {
     return std::optional<Reply>{};
   }
   bool expects_reply(const Request&) const override { return true; }
+  Recovery after_silence() const override { return after_silence_; }
   LineLength line_length(const Request& request) const override {
     const auto& read = std::get<Read>(request);
     // The second way takes one character per bit, like bit reads of the computer link.
@@ -51,6 +53,7 @@ class PaperCodec final : public Codec, public AddressSpace {
 
  private:
   std::vector<ReadWay> ways_;
+  Recovery after_silence_;
 };
 
 const LineCost kCost{1ms, 30ms};
@@ -119,6 +122,40 @@ void check(const Plan& plan, const Codec& codec, const std::vector<Point>& point
       EXPECT_GE(covered, span.end_bit()) << i;
     }
   }
+}
+
+// ---- order ------------------------------------------------------------------------------------
+
+/// The words of each read in the order of sending. `lengths`: those of points far from each other.
+std::vector<std::uint32_t> sent(const Codec& codec, const std::vector<std::uint16_t>& lengths) {
+  std::vector<Point> points;
+  for (const std::uint16_t length : lengths)
+    points.push_back(words(static_cast<std::uint32_t>(1000 * points.size()), length));
+  const Plan plan = make_plan(codec, points, kCost, 0);
+  check(plan, codec, points, kCost);
+  std::vector<bool> once(plan.reads.size());
+  std::vector<std::uint32_t> out;
+  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
+    const ReadIndices reads = plan.reads_in(e);
+    EXPECT_FALSE(once[reads[0]]) << "read " << reads[0] << " is sent twice";
+    once[reads[0]] = true;
+    out.push_back(plan.reads[reads[0]].read.span.bits / 16);
+  }
+  return out;
+}
+
+TEST(Plan, NeighboursWithoutNumbersDifferInLength) {
+  using Lengths = std::vector<std::uint32_t>;
+  const std::vector<ReadWay> ways = {way(1U << 20U, 16, 16, 64 * 16, 0)};
+  const PaperCodec bare(ways);
+  EXPECT_EQ(sent(bare, {2, 2, 4, 4}), (Lengths{2, 4, 2, 4}));
+  EXPECT_EQ(sent(bare, {2, 4, 4}), (Lengths{4, 2, 4})) << "the larger half begins";
+  EXPECT_EQ(sent(bare, {2, 2, 4, 4, 6, 6}), (Lengths{2, 4, 2, 6, 4, 6}));
+  EXPECT_EQ(sent(bare, {2, 4, 2, 4}), (Lengths{2, 4, 2, 4}));
+  EXPECT_EQ(sent(bare, {2, 2, 2}), (Lengths{2, 2, 2}));
+  EXPECT_EQ(sent(bare, {1, 1, 100}), (Lengths{1, 1, 36, 64})) << "an array is not torn";
+  const PaperCodec numbered(ways, Recovery::none);
+  EXPECT_EQ(sent(numbered, {2, 2, 4, 4}), (Lengths{2, 2, 4, 4}));
 }
 
 // ---- merging ----------------------------------------------------------------------------------

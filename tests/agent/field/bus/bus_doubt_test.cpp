@@ -77,5 +77,14 @@ TEST(BusDoubt, WaryForAMinuteAfterTheLastForeignBytes) {
   EXPECT_FALSE(bus.is_wary(kStart + seconds(90)));
 }
 
+TEST(BusDoubt, BusThatWasOutOfStepIsWaryAndBelieved) {
+  BusDoubt bus;
+  bus.was_out_of_step(kStart);
+  EXPECT_FALSE(bus.is_doubted());
+  EXPECT_EQ(bus.findings(), 0U);
+  EXPECT_TRUE(bus.is_wary(kStart + seconds(59)));
+  EXPECT_FALSE(bus.is_wary(kStart + seconds(60)));
+}
+
 }  // namespace
 }  // namespace fxagent::test

@@ -301,7 +301,7 @@ TEST_F(BusTest, LateReplyIsNotTakenForTheNextAnswer) {
   wire->expect(kReadD100).silence();
   wire->give(word_frame(1)).silence();                   // it arrives during the drain
   wire->expect(kEnq).give(joined(word_frame(1), kAck));  // or after the enquiry
-  wire->expect(kReadD200).give(word_frame(2));
+  for (int i = 0; i < 2; ++i) wire->expect(kReadD200).give(word_frame(2));
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
   EXPECT_EQ(read("D200").reply.image, word(2));
@@ -311,7 +311,8 @@ TEST_F(BusTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
   wire->expect(kEnq).give(kAck);
   wire->expect(kReadD100).silence();
   wire->silence().give(joined(word_frame(1), kNak));
-  wire->expect(kEnq).give(kAck).expect(kReadD200).give(word_frame(2));
+  wire->expect(kEnq).give(kAck);
+  for (int i = 0; i < 2; ++i) wire->expect(kReadD200).give(word_frame(2));
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
   EXPECT_EQ(read("D200").reply.image, word(2));
@@ -548,6 +549,37 @@ TEST_F(BusTest, AfterADoubtALateSecondAnswerIsTakenForNoAnswer) {
   wire->give(word_frame(8));
   script_doubted(kReadD200, word_frame(9));
   EXPECT_TRUE(read("D200").doubted) << "one answer more than questions has come";
+}
+
+TEST_F(BusTest, AGoodFrameOfAnotherLengthMakesReadsTwice) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).give(data_frame({1, 0, 2, 0})).silence();
+  wire->expect(kReadD100).give(word_frame(2)).expect(kReadD100).give(word_frame(3));
+  open();
+  EXPECT_EQ(read("D100").outcome, Outcome::garbled);
+  EXPECT_EQ(read("D100").reply.image, word(3)) << "the first answer may be another's too";
+  EXPECT_FALSE(line->doubt().is_doubted());
+}
+
+TEST_F(BusTest, TwoAnswersWhileOneIsOwedMakeReadsTwice) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).silence();
+  wire->give(word_frame(1)).later(word_frame(1)).silence();
+  wire->expect(kReadD100).give(word_frame(2)).expect(kReadD100).give(word_frame(3));
+  open();
+  EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
+  EXPECT_EQ(read("D100").reply.image, word(3));
+  EXPECT_FALSE(line->doubt().is_doubted());
+}
+
+TEST_F(BusTest, TheOneAnswerThatIsOwedCostsNoSecondRead) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).silence();
+  wire->give(word_frame(1)).silence();
+  wire->expect(kReadD100).give(word_frame(2));
+  open();
+  EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
+  EXPECT_EQ(read("D100").reply.image, word(2));
 }
 
 TEST_F(BusTest, WriteIsSentOnceHoweverWaryTheBusIs) {

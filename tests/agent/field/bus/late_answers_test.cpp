@@ -31,7 +31,7 @@ TEST(LateAnswers, AreAwaitedAsLongAgainAsTheTimeoutWithinLimits) {
   const SteadyTime ended{std::chrono::hours(1)};
   for (const auto& [timeout, awaited] : {std::pair{1, 100}, {300, 300}, {600'000, 5000}}) {
     LateAnswers late;
-    late.given_up(LateAnswers::Owed::data, ended, milliseconds(timeout));
+    late.given_up(LateAnswers::Owed::data, ended, milliseconds(timeout), 8);
     EXPECT_EQ(late.over_at(), ended + milliseconds(awaited)) << timeout;
   }
 }
@@ -39,12 +39,24 @@ TEST(LateAnswers, AreAwaitedAsLongAgainAsTheTimeoutWithinLimits) {
 TEST(LateAnswers, TheLatestOfThemAndAnAckAreNotForgottenForANewerOne) {
   const SteadyTime ended{std::chrono::hours(1)};
   LateAnswers late;
-  late.given_up(LateAnswers::Owed::acknowledgement, ended, milliseconds(900));
-  late.given_up(LateAnswers::Owed::data, ended + milliseconds(10), milliseconds(200));
+  late.given_up(LateAnswers::Owed::acknowledgement, ended, milliseconds(900), 1);
+  late.given_up(LateAnswers::Owed::data, ended + milliseconds(10), milliseconds(200), 8);
   EXPECT_EQ(late.owed(), LateAnswers::Owed::acknowledgement);
   EXPECT_EQ(late.over_at(), ended + milliseconds(900));
   late.settled();
   EXPECT_EQ(late.owed(), LateAnswers::Owed::none);
+}
+
+TEST(LateAnswers, MoreBytesThanAreOwedAreAnothers) {
+  LateAnswers late;
+  for (const std::uint32_t bytes : {1U, 8U})
+    late.given_up(LateAnswers::Owed::data, SteadyTime{}, milliseconds(200), bytes);
+  EXPECT_FALSE(late.came(4));
+  EXPECT_FALSE(late.came(5));
+  EXPECT_TRUE(late.came(1));
+  late.settled();
+  late.given_up(LateAnswers::Owed::data, SteadyTime{}, milliseconds(200), 8);
+  EXPECT_FALSE(late.came(8)) << "the earlier ones are settled";
 }
 
 struct Line {

@@ -172,6 +172,25 @@ TEST_F(CommandExchangesTest, StopLetsNobodyHaveATurnAndItsEndCutsOff) {
   EXPECT_TRUE(wire->written().empty());
 }
 
+TEST_F(CommandExchangesTest, UnitBehindAGatewayThatDoesNotAnswerIsToldWithWhatToLookAt) {
+  device = device_on("modbus-tcp", codec_of("modbus-tcp"));
+  station.codec = device.codec;
+  station.wiring = {Wiring::Channel::tcp, "192.0.2.10:502"};
+  target.point = tag(*device.codec, "r", "hr:0").point;
+  const auto read = [&](std::string_view transaction, std::string_view answer) {
+    wire->expect(*from_hex(std::string(transaction) + " 00 00 00 06 01 03 00 00 00 01"));
+    wire->give(*from_hex(std::string(transaction) + std::string(answer)));
+    return run_on(io, exchanges->read_point(target, SteadyTime::max())).last.reply.text;
+  };
+  const std::string silent = read("00 01", " 00 00 00 03 01 83 0B");
+  EXPECT_NE(silent.find("\": the gateway 192.0.2.10:502 answers, the device behind it does not. "
+                        "Check: "),
+            std::string::npos)
+      << silent;
+  EXPECT_EQ(read("00 02", " 00 00 00 03 01 83 02").find("Check: "), std::string::npos)
+      << "the device's own refusal";
+}
+
 /// The same with a protocol that hints where to look for the cause.
 class HintingExchangesTest : public CommandExchangesTest {
  protected:

@@ -281,11 +281,13 @@ TEST_F(CommandExecutionTest, AckWithAnotherAnswerBehindItAndAnotherValueIsNoVeri
 class Marks final : public CommandStarts {
  public:
   explicit Marks(const ScriptedTransport& wire) : wire_(wire) {}
-  void mark(std::uint64_t number) override {
+  void mark(std::uint64_t number, Done done) override {
     numbers.push_back(number);
     frames_before.push_back(wire_.written().size());
+    done(disk_answers);
   }
 
+  bool disk_answers = true;
   std::vector<std::uint64_t> numbers;
   std::vector<std::size_t> frames_before;
 
@@ -344,6 +346,18 @@ TEST_F(CommandExecutionMarks, CommandOfALinkThatDoesNotOpenIsNotMarked) {
   wire->refuse_open("no such device");
   EXPECT_EQ(run(write_50()).reason, Reason::link_down);
   EXPECT_TRUE(marks.numbers.empty());
+}
+
+TEST_F(CommandExecutionMarks, CommandThatCannotBeMarkedIsNotSent) {
+  wire->skip();  // the enquiry
+  wire->skip();  // and its answer
+  marks.disk_answers = false;
+  const CommandResult result = run(write_50());
+  EXPECT_EQ(result.status, CommandStatus::failed);
+  EXPECT_EQ(result.reason, Reason::store_unavailable);
+  EXPECT_NE(result.detail.find("nothing was sent"), std::string::npos) << result.detail;
+  EXPECT_EQ(result.attempts, 0);
+  EXPECT_TRUE(wire->written().empty());
 }
 
 TEST_F(CommandExecutionMarks, StopIsMarkedBeforeItLeaves) {
