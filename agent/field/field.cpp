@@ -52,6 +52,8 @@ void report_end(const std::exception_ptr& bug, const std::string& link) {
 
 class FieldThread final {
  public:
+  using Done = Field::Done;
+
   FieldThread(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
               Polling polling)
       : config_(std::make_shared<const Config>(config)),
