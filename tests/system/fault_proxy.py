@@ -78,8 +78,10 @@ class Proxy:
         self.done = collections.Counter()
         self.sends = None  # destination of serial answers, whenever they come
         self.last_answers = collections.deque(maxlen=8)
+        self.end_of_tcp = [] if row in SERIAL or row == "udp" else [(0, None)]
 
-    # --- The fate of a frame: (delay in seconds, bytes) for each time that it is forwarded.
+    # --- The fate of a frame: (delay in seconds, bytes) for each time that it is forwarded. None instead of bytes: the
+    # connection ends. TCP loses no bytes in the middle, so a frame that is cut short is the last one of its connection.
 
     def question(self, frame):
         kind = self.faults == "random" and self.rng.random() < 0.02 and self.rng.choice(["lost", "changed"])
@@ -102,7 +104,7 @@ class Proxy:
         if kind == "behind another" and self.last_answers:
             return [(0, self.rng.choice(self.last_answers)), (0, frame)]
         return {"late": [(late, frame)], "lost": [], "twice": [(0, frame), (0, frame)],
-                "twice late": [(0, frame), (late, frame)], "cut short": [(0, frame[:self.rng.randrange(len(frame))])],
+                "twice late": [(0, frame), (late, frame)], "cut short": [(0, frame[:self.rng.randrange(len(frame))])] + self.end_of_tcp,
                 "changed": [(0, self.changed(frame))]}.get(kind, [(0, frame)])
 
     def changed(self, frame):
@@ -142,7 +144,10 @@ class Proxy:
             if self.faults == "random" and self.rng.random() < 0.001:
                 self.done["connection cut"] += 1
                 return
-            self.send(fault(data), send)
+            frames = fault(data)
+            self.send(frames, send)
+            if any(frame is None for _, frame in frames):
+                return
 
     # --- Datagrams: each port of the agent has its own port towards the device.
 
