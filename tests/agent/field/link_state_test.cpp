@@ -149,7 +149,7 @@ TEST_F(LinkStateTest, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
   EXPECT_EQ(told_of(parity), "") << "the same cause";
   EXPECT_NE(told_of({0xFF, 0x00, 0x13, 0x99}), "");
   EXPECT_EQ(told_of({}), "") << "silence is no garbage";
-  devices[0]->foreign_told_since = Clock::now() - std::chrono::hours(24);
+  devices[0]->causes_logged_since = Clock::now() - std::chrono::hours(24);
   EXPECT_NE(told_of(parity), "") << "a day later it is news again";
 }
 
