@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <future>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -47,8 +48,12 @@ struct PublisherBench {
           config,
           [this](AdmittedCommand a) {
             if (on_admitted) on_admitted(a);
-            // The command is sent at once.
-            if (a.starts != nullptr && !a.interrupted) a.starts->mark(a.command.number);
+            // The command is sent at once, unless its mark hangs.
+            if (a.starts != nullptr && !a.interrupted) {
+              const auto marked = std::make_shared<std::promise<void>>();
+              a.starts->mark(a.command.number, [marked](bool) { marked->set_value(); });
+              marked->get_future().wait_for(a.starts->patience());
+            }
             admitted.push_back(std::move(a));
           },
           guarded.get());
