@@ -89,10 +89,15 @@ class VerifyStream(PlantTest):
     def acknowledged(self):
         return self.logged().count("Received PUBACK from fx-fake-verify")
 
-    def end(self, run):
-        """Ends the run once it has received everything published. Returns status and report."""
+    def wait_heard(self):
+        """Waits until the listener has received everything published. A broker without persistence forgets the
+        rest at its end."""
         wait_for("verify-stream to hear",
                  lambda: self.acknowledged() == self.heard + self.published)
+
+    def end(self, run):
+        """Ends the run once it has received everything published. Returns status and report."""
+        self.wait_heard()
         return run.stop()
 
     def publish(self, topic, payload):
@@ -199,6 +204,7 @@ class VerifyStream(PlantTest):
         self.start_broker()
         run = self.listening("--json")
         self.live(100)
+        self.wait_heard()
         self.restart_broker()
         self.live(105)
         self.history(103)
@@ -214,6 +220,7 @@ class VerifyStream(PlantTest):
         self.start_broker()
         run = self.listening()
         self.live(100)
+        self.wait_heard()
         self.restart_broker()
         self.live(102)
         self.live(104)

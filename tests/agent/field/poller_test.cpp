@@ -117,18 +117,6 @@ TEST_F(PortPolls, ReadThatIsAlwaysRefusedIsBadAndItsDeviceDegraded) {
   EXPECT_EQ(newest[0].reason, "nak");
 }
 
-TEST_F(PortPolls, RefusalIsLoggedOnceWhileItsDeviceIsDegraded) {
-  script().then([](ByteView request) { return request.size() == 1 ? kAck : kNak; });
-  config.devices[0].groups[0].interval = milliseconds(10);
-  testing::internal::CaptureStderr();
-  start();
-  steps_until([&] { return telemetry.size() >= 3; });
-  const std::string log = testing::internal::GetCapturedStderr();
-  const std::size_t first = log.find("refused=\"what it is asked\"");
-  ASSERT_NE(first, std::string::npos) << log;
-  EXPECT_EQ(log.find("refused=", first + 1), std::string::npos) << log;
-}
-
 TEST_F(PortPolls, SilenceGivesUpTheRestOfTheCycle) {
   add_tag("running", "M0");
   plc.silent = true;

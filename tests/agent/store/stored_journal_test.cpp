@@ -302,25 +302,6 @@ TEST(StoredJournal, CommandsThatWereRefusedDoNotFillTheFile) {
   EXPECT_TRUE(shelf.store->journal().known_ids().front().refused);
 }
 
-TEST(StoredJournal, OfResultsAboveTheirShareThoseOfRefusedCommandsGoFirst) {
-  Shelf shelf;
-  shelf.config.max_bytes = 1 << 20;
-  shelf.open();
-  for (int i = 0; i < 250; ++i) {
-    JournalEntry made = shelf.arrived("told" + std::to_string(i), std::string(1000, 'r'));
-    shelf.store->journal().record(made);
-    shelf.store->journal().acknowledge("a", made.id, made.number);
-  }
-  for (int i = 0; i < 300; ++i) {
-    JournalEntry made = shelf.arrived("refused" + std::to_string(i), std::string(3000, 'r'));
-    made.refused = true;
-    shelf.store->journal().record(made);
-  }
-  for (int i = 0; i < 5; ++i) shelf.store->upkeep(kStart + i * 1s, kNow + i * 1000);
-  EXPECT_LE(shelf.store->bytes(), shelf.store->max_bytes() / 2);
-  EXPECT_NE(shelf.store->journal().find("a", "told0").value().result, "");
-}
-
 TEST(StoredJournal, ResultsThatNobodyTakesDoNotFillTheDisk) {
   Shelf shelf;
   shelf.open();
