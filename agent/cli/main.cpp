@@ -44,9 +44,9 @@ namespace {
 using namespace fxagent;
 
 constexpr int kWrong = 2;
-// Threads: watchdog, log, field and its name lookups, uplink, reload, two of the store and two of
+// Threads: watchdog, log, field and its name lookups, uplink, reload, three of the store and two of
 // the MQTT library.
-constexpr int kThreads = 10;
+constexpr int kThreads = 11;
 constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
 /// Prints the config with all devices expanded.
