@@ -14,6 +14,8 @@ GuardedStore::Figures GuardedStore::look() const {
 
 /// Returns false if the work is overdue. upkeep() then calls `late` after it has ended.
 bool GuardedStore::run(DiskThread::Work work, std::function<void()> late) {
+  // Overdue work hides what the store has dropped so far, and `seen_` no longer has it.
+  collect_dropped();
   seen_ = look();
   if (thread_.run(std::move(work))) return true;
   hangs_ = true;
@@ -168,8 +170,12 @@ bool GuardedStore::is_ahead_of_memory(const StreamKey& stream) const {
 }
 
 std::map<std::string, std::uint64_t> GuardedStore::take_dropped() {
-  if (hangs_) return {};
-  return store_.samples().take_dropped();
+  if (!hangs_) collect_dropped();
+  return std::exchange(dropped_, {});
+}
+
+void GuardedStore::collect_dropped() {
+  for (const auto& [device, count] : store_.samples().take_dropped()) dropped_[device] += count;
 }
 
 // ---- numbers ------------------------------------------------------------------------------------

@@ -126,11 +126,13 @@ class GuardedStore final : public CommandJournal {
   template <class Result>
   Result ask(std::function<Result()> question);
   void take_up(std::int64_t utc_ms);
+  void collect_dropped();
 
   Store& store_;
   bool hangs_ = false;
-  std::function<void()> late_;  ///< called when the overdue work has ended
-  Figures seen_;                ///< figures from before it began
+  std::function<void()> late_;                    ///< called when the overdue work has ended
+  Figures seen_;                                  ///< figures from before it began
+  std::map<std::string, std::uint64_t> dropped_;  ///< until take_dropped(); not in seen_.rows
   std::uint64_t samples_at_disk_ = 0;
   std::set<StreamKey> streams_at_disk_;
   Waiting waiting_;

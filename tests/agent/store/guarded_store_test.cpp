@@ -127,6 +127,22 @@ TEST_F(GuardedStoreTest, AcknowledgedRowsLeaveWhenTheDiskAnswers) {
   EXPECT_EQ(stored(), 4U - removed);
 }
 
+TEST_F(GuardedStoreTest, RowsDroppedBeforeTheDiskHangsAreCountedMeanwhile) {
+  test::Shelf small;
+  small.config.max_bytes = 1000;
+  GuardedStore guarded{small.open(), [] {}};
+  guarded.set_patience(1h);
+  Outcome outcome;
+  guarded.append(rows(1, 100), outcome.take());
+  const test::Frost still(disk);
+  guarded.set_patience(1ms);
+  EXPECT_FALSE(guarded.journal(std::vector{entry("a")}));
+  ASSERT_TRUE(guarded.hangs());
+  ASSERT_LT(guarded.figures().rows, 100U);
+  EXPECT_EQ(guarded.take_dropped().at("a"), 100 - guarded.figures().rows);
+  EXPECT_TRUE(guarded.take_dropped().empty());
+}
+
 TEST_F(GuardedStoreTest, StreamsOfRowsOnDiskAreAheadOfMemoryWhileItHangs) {
   Outcome before;
   Outcome meanwhile;
