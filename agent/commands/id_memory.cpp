@@ -1,6 +1,9 @@
 #include "agent/commands/id_memory.h"
 
 #include <algorithm>
+#include <boost/multi_index/member.hpp>
+#include <boost/multi_index/ordered_index.hpp>
+#include <boost/multi_index_container.hpp>
 #include <iterator>
 #include <utility>
 
@@ -15,7 +18,37 @@ bool is_old(const IdMemory::Entry& entry, SteadyTime now) {
   return may_go(entry, now) && now - entry.seen >= kRememberedFor;
 }
 
+// Both indexes are ordered: a hash table costs each device 432 bytes, even if it never sees a
+// command.
+using Entries = boost::multi_index_container<
+    IdMemory::Entry,
+    boost::multi_index::indexed_by<
+        boost::multi_index::ordered_non_unique<
+            boost::multi_index::member<IdMemory::Entry, std::uint64_t, &IdMemory::Entry::number>>,
+        boost::multi_index::ordered_unique<
+            boost::multi_index::member<IdMemory::Entry, std::string, &IdMemory::Entry::id>>>>;
+
 }  // namespace
+
+struct IdMemory::Ids {
+  Entries admitted;  ///< oldest first; equal numbers as they were added
+  Entries refused;   ///< same
+};
+
+IdMemory::IdMemory(std::shared_ptr<PendingBudget> room, std::string device)
+    : room_(std::move(room)), device_(std::move(device)) {}
+IdMemory::IdMemory(IdMemory&&) noexcept = default;
+IdMemory& IdMemory::operator=(IdMemory&&) noexcept = default;
+IdMemory::~IdMemory() = default;
+
+bool IdMemory::is_empty(SteadyTime now) {
+  forget_old(now);
+  return size() == 0;
+}
+
+std::size_t IdMemory::size() const {
+  return ids_ ? ids_->admitted.size() + ids_->refused.size() : 0;
+}
 
 IdMemory::Ids& IdMemory::ids() {
   if (ids_ == nullptr) ids_ = std::make_unique<Ids>();

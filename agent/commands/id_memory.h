@@ -6,9 +6,6 @@
 // use what admitted ids leave free. Pure: time is an argument.
 #pragma once
 
-#include <boost/multi_index/member.hpp>
-#include <boost/multi_index/ordered_index.hpp>
-#include <boost/multi_index_container.hpp>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -42,8 +39,10 @@ class IdMemory final {
   };
 
   /// `room` is shared with the other devices; `device` is the name of this one.
-  IdMemory(std::shared_ptr<PendingBudget> room, std::string device)
-      : room_(std::move(room)), device_(std::move(device)) {}
+  IdMemory(std::shared_ptr<PendingBudget> room, std::string device);
+  IdMemory(IdMemory&&) noexcept;
+  IdMemory& operator=(IdMemory&&) noexcept;
+  ~IdMemory();
 
   /// Returns nullopt if the id was never seen, or need not be known any more.
   std::optional<Seen> find(const std::string& id, SteadyTime now) const;
@@ -62,27 +61,12 @@ class IdMemory final {
 
   /// Removes ids that are over and older than kRememberedFor. Returns true if none is left;
   /// fingerprints belong to the room and do not count.
-  bool is_empty(SteadyTime now) {
-    forget_old(now);
-    return size() == 0;
-  }
+  bool is_empty(SteadyTime now);
   /// Number of ids, without fingerprints.
-  std::size_t size() const { return ids_ ? ids_->admitted.size() + ids_->refused.size() : 0; }
+  std::size_t size() const;
 
  private:
-  // Both indexes are ordered: a hash table costs each device 432 bytes, even if it never sees a
-  // command.
-  using Entries = boost::multi_index_container<
-      Entry, boost::multi_index::indexed_by<
-                 boost::multi_index::ordered_non_unique<
-                     boost::multi_index::member<Entry, std::uint64_t, &Entry::number>>,
-                 boost::multi_index::ordered_unique<
-                     boost::multi_index::member<Entry, std::string, &Entry::id>>>>;
-
-  struct Ids {
-    Entries admitted;  ///< oldest first; equal numbers as they were added
-    Entries refused;   ///< same
-  };
+  struct Ids;
 
   Ids& ids();
   void forget_old(SteadyTime now);

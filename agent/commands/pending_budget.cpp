@@ -7,6 +7,10 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <boost/multi_index/hashed_index.hpp>
+#include <boost/multi_index/member.hpp>
+#include <boost/multi_index/sequenced_index.hpp>
+#include <boost/multi_index_container.hpp>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -36,9 +40,26 @@ std::uint64_t sip_hash(const IdFingerprints::Key& key, std::string_view text) {
   return std::bit_cast<std::uint64_t>(print);
 }
 
+struct Known {
+  std::uint64_t print = 0;
+  SteadyTime seen{};
+  SteadyTime deadline{};
+};
+using KnownOnes = boost::multi_index_container<
+    Known,
+    boost::multi_index::indexed_by<boost::multi_index::sequenced<>,
+                                   boost::multi_index::hashed_unique<boost::multi_index::member<
+                                       Known, std::uint64_t, &Known::print>>>>;
+
 }  // namespace
 
-IdFingerprints::IdFingerprints(std::size_t most) : most_(most), key_{chance(), chance()} {}
+struct IdFingerprints::All : KnownOnes {};
+
+IdFingerprints::IdFingerprints(std::size_t most)
+    : most_(most), key_{chance(), chance()}, all_(std::make_unique<All>()) {}
+IdFingerprints::~IdFingerprints() = default;
+
+std::size_t IdFingerprints::size() const { return all_->size(); }
 
 std::uint64_t IdFingerprints::print_of(std::string_view device, std::string_view id) const {
   std::string text(device);
@@ -48,21 +69,22 @@ std::uint64_t IdFingerprints::print_of(std::string_view device, std::string_view
 }
 
 bool IdFingerprints::has(std::string_view device, std::string_view id, SteadyTime now) const {
-  if (all_.empty()) return false;
-  const auto& by_print = all_.get<1>();
+  if (all_->empty()) return false;
+  const auto& by_print = all_->get<1>();
   const auto found = by_print.find(print_of(device, id));
   return found != by_print.end() && !(now > found->deadline && now - found->seen >= kRememberedFor);
 }
 
 bool IdFingerprints::make_room(SteadyTime now) {
-  while (!all_.empty() && now > all_.front().deadline && now - all_.front().seen >= kRememberedFor)
-    all_.pop_front();
-  if (all_.size() < most_) return true;
+  while (!all_->empty() && now > all_->front().deadline &&
+         now - all_->front().seen >= kRememberedFor)
+    all_->pop_front();
+  if (all_->size() < most_) return true;
   if (now <= earliest_deadline_) return false;
   SteadyTime earliest = SteadyTime::max();
-  for (auto known = all_.begin(); known != all_.end(); ++known) {
+  for (auto known = all_->begin(); known != all_->end(); ++known) {
     if (now > known->deadline) {
-      all_.erase(known);
+      all_->erase(known);
       return true;
     }
     earliest = std::min(earliest, known->deadline);
@@ -74,9 +96,9 @@ bool IdFingerprints::make_room(SteadyTime now) {
 void IdFingerprints::add(std::string_view device, std::string_view id, SteadyTime seen,
                          SteadyTime deadline) {
   const std::uint64_t print = print_of(device, id);
-  auto& by_print = all_.get<1>();
+  auto& by_print = all_->get<1>();
   if (const auto old = by_print.find(print); old != by_print.end()) by_print.erase(old);
-  all_.push_back({print, seen, deadline});
+  all_->push_back({print, seen, deadline});
   earliest_deadline_ = std::min(earliest_deadline_, deadline);
 }
 

@@ -3,10 +3,6 @@
 #pragma once
 
 #include <array>
-#include <boost/multi_index/hashed_index.hpp>
-#include <boost/multi_index/member.hpp>
-#include <boost/multi_index/sequenced_index.hpp>
-#include <boost/multi_index_container.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -27,6 +23,9 @@ class IdFingerprints final {
   using Key = std::array<std::uint64_t, 2>;  ///< 128 bits
   /// Creates a random key.
   explicit IdFingerprints(std::size_t most = kFingerprints);
+  ~IdFingerprints();
+  IdFingerprints(const IdFingerprints&) = delete;
+  IdFingerprints& operator=(const IdFingerprints&) = delete;
 
   bool has(std::string_view device, std::string_view id, SteadyTime now) const;
   /// Returns true if one more may be kept. Removes old ones; when full, removes the oldest that is
@@ -34,25 +33,16 @@ class IdFingerprints final {
   bool make_room(SteadyTime now);
   void add(std::string_view device, std::string_view id, SteadyTime seen, SteadyTime deadline);
 
-  std::size_t size() const { return all_.size(); }
+  std::size_t size() const;
 
  private:
-  struct Known {
-    std::uint64_t print = 0;
-    SteadyTime seen{};
-    SteadyTime deadline{};
-  };
-  using All = boost::multi_index_container<
-      Known,
-      boost::multi_index::indexed_by<boost::multi_index::sequenced<>,
-                                     boost::multi_index::hashed_unique<boost::multi_index::member<
-                                         Known, std::uint64_t, &Known::print>>>>;
+  struct All;
 
   std::uint64_t print_of(std::string_view device, std::string_view id) const;
 
   std::size_t most_;
   Key key_;
-  All all_;                                           ///< oldest first
+  std::unique_ptr<All> all_;                          ///< oldest first
   SteadyTime earliest_deadline_ = SteadyTime::max();  ///< no entry is past its own before this
 };
 

@@ -2,14 +2,12 @@
 // device and id, in the order in which they came or last changed. One thread at a time.
 #pragma once
 
-#include <boost/multi_index/composite_key.hpp>
-#include <boost/multi_index/member.hpp>
-#include <boost/multi_index/ordered_index.hpp>
-#include <boost/multi_index/sequenced_index.hpp>
-#include <boost/multi_index_container.hpp>
 #include <cstddef>
 #include <cstdint>
+#include <list>
+#include <map>
 #include <string>
+#include <utility>
 
 #include "agent/commands/journal.h"
 
@@ -17,6 +15,10 @@ namespace fxagent {
 
 class UnrecordedCommands final {
  public:
+  UnrecordedCommands() = default;
+  UnrecordedCommands(UnrecordedCommands&&) = default;
+  UnrecordedCommands& operator=(UnrecordedCommands&&) = default;
+
   /// Above either limit, drops the oldest results, then the oldest commands. Logs the first drop.
   static constexpr std::size_t kMost = 10000;
   static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
@@ -36,17 +38,13 @@ class UnrecordedCommands final {
   void move_times(std::int64_t by_ms);
 
  private:
-  void make_room();
+  using Entries = std::list<JournalEntry>;
 
-  boost::multi_index_container<
-      JournalEntry,
-      boost::multi_index::indexed_by<
-          boost::multi_index::sequenced<>,
-          boost::multi_index::ordered_unique<boost::multi_index::composite_key<
-              JournalEntry,
-              boost::multi_index::member<JournalEntry, std::string, &JournalEntry::device>,
-              boost::multi_index::member<JournalEntry, std::string, &JournalEntry::id>>>>>
-      entries_;
+  void make_room();
+  void erase(Entries::iterator entry);
+
+  Entries entries_;
+  std::map<std::pair<std::string, std::string>, Entries::iterator> by_id_;  ///< device and id
   std::size_t bytes_ = 0;
   bool forgot_some_ = false;  ///< entries were dropped since this was last empty
 };
