@@ -59,4 +59,10 @@ void append_hex(Bytes& out, std::uint32_t value, int digits) {
     out.push_back(static_cast<std::uint8_t>(kDigits[(value >> shift) & 0x0F]));
 }
 
+std::string hex_text(std::uint32_t value, int digits) {
+  Bytes out;
+  append_hex(out, value, digits);
+  return as_text(out);
+}
+
 }  // namespace fxagent

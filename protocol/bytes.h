@@ -32,4 +32,9 @@ constexpr int hex_digit(std::uint8_t c) {
 /// Appends `digits` upper-case hex digits of `value`, most significant first.
 void append_hex(Bytes& out, std::uint32_t value, int digits);
 
+/// Returns `digits` upper-case hex digits of `value`.
+std::string hex_text(std::uint32_t value, int digits);
+
+inline std::string as_text(ByteView characters) { return {characters.begin(), characters.end()}; }
+
 }  // namespace fxagent

@@ -116,4 +116,11 @@ const ProtocolInfo* find_protocol(std::string_view name);
 /// Returns every option with its default value; `model` is "auto".
 Options default_options(const ProtocolInfo& protocol);
 
+/// Returns the value of an option, or null if it is absent or has another type.
+template <class T>
+const T* option(const Options& options, std::string_view key) {
+  const auto found = options.find(key);
+  return found == options.end() ? nullptr : std::get_if<T>(&found->second);
+}
+
 }  // namespace fxagent

@@ -32,4 +32,14 @@ inline tl::unexpected<Error> fail(ErrorCode code, std::string text, int device_c
   return tl::unexpected<Error>(Error{code, std::move(text), device_code});
 }
 
+/// A request that cannot be sent.
+inline tl::unexpected<Error> refuse(std::string text) {
+  return fail(ErrorCode::bad_request, std::move(text));
+}
+
+/// An answer that breaks the rules of its protocol.
+inline tl::unexpected<Error> garbled(std::string text) {
+  return fail(ErrorCode::bad_frame, std::move(text));
+}
+
 }  // namespace fxagent

@@ -51,9 +51,9 @@ CommandResult interrupted(const JournalEntry& entry, const std::optional<Command
 }
 
 /// Knows devices by their names in the config. Entries of other devices stay in the journal.
-class Known final {
+class KnownCommands final {
  public:
-  Known(const Config& config, CommandJournal& journal, std::int64_t utc_ms)
+  KnownCommands(const Config& config, CommandJournal& journal, std::int64_t utc_ms)
       : journal_(journal), utc_ms_(utc_ms) {
     for (std::uint32_t i = 0; i < config.devices.size(); ++i)
       if (!config.devices[i].is_vacant()) index_.emplace(config.devices[i].name, i);
@@ -123,7 +123,7 @@ Recovered recover(const Config& config, CommandJournal& journal, std::vector<Kno
                   std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now) {
   Recovered found;
   found.ids = std::move(ids);
-  const Known known(config, journal, utc_ms);
+  const KnownCommands known(config, journal, utc_ms);
   known.take_unacknowledged(std::move(unacknowledged), now, found);
   return found;
 }

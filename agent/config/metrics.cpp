@@ -14,7 +14,7 @@
 namespace fxagent {
 namespace {
 
-constexpr std::string_view kForms =
+constexpr std::string_view kListenForms =
     "must be an address and a port, as in 127.0.0.1:9464 or [::1]:9464, or a path, as in "
     "unix:/run/fxagent/metrics";
 
@@ -48,7 +48,7 @@ tl::expected<MetricsConfig, std::string> listen_of(std::string_view text) {
   const std::size_t colon = text.rfind(':');
   const bool in_brackets = text.starts_with('[');
   if (colon == text.npos || (in_brackets && (colon < 3 || text[colon - 1] != ']')))
-    return tl::unexpected(std::string(kForms));
+    return tl::unexpected(std::string(kListenForms));
   MetricsConfig config;
   config.address = in_brackets ? text.substr(1, colon - 2) : text.substr(0, colon);
   const auto port = port_of(text.substr(colon + 1));
@@ -60,7 +60,7 @@ tl::expected<MetricsConfig, std::string> listen_of(std::string_view text) {
                     "machine alone, 0.0.0.0 for every network"));
   if (config.address == "localhost") config.address = "127.0.0.1";
   if (!is_address(in_brackets ? AF_INET6 : AF_INET, config.address))
-    return tl::unexpected(std::string(kForms) + "; names are not looked up");
+    return tl::unexpected(std::string(kListenForms) + "; names are not looked up");
   return config;
 }
 

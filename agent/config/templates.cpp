@@ -17,7 +17,7 @@ using Kind = ConfigNode::Kind;
 
 // Sizes for the limit on devices written out in full.
 /// A device without its groups and tags.
-constexpr std::size_t kBytesOfDevice = 256;
+constexpr std::size_t kBytesOfFilledDevice = 256;
 /// Quotes and separator of a key or an item.
 constexpr std::size_t kBytesAround = 4;
 /// One address in `commands.allow`.
@@ -242,7 +242,7 @@ bool Templates::has_room(const ConfigNode& node, const Template* base,
   // Upper bound: as if the text consisted of `{n}` from end to end.
   const std::uint64_t written = (own.size() + (lists == nullptr ? 0 : lists->size())) * longest;
   const std::uint64_t allowed = own.allowed_size() + (lists == nullptr ? 0 : lists->allowed_size());
-  const std::uint64_t each = kBytesOfDevice + written / kBytesOfPlace + allowed;
+  const std::uint64_t each = kBytesOfFilledDevice + written / kBytesOfPlace + allowed;
   const std::uint64_t count = std::max<std::size_t>(1, n.size());
   bytes_ += each * count;
   const ConfigLimits& limits = reader_.room().limits();

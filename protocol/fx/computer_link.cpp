@@ -83,14 +83,6 @@ bool is_bit_words(const Span& span) {
          span.bits % 16 == 0;
 }
 
-tl::unexpected<Error> refuse(std::string text) {
-  return fail(ErrorCode::bad_request, std::move(text));
-}
-
-tl::unexpected<Error> garbled(std::string text) {
-  return fail(ErrorCode::bad_frame, std::move(text));
-}
-
 bool brings_data(const Request& request) {
   const auto* control = std::get_if<Control>(&request);
   return std::holds_alternative<Read>(request) ||
@@ -103,8 +95,6 @@ std::uint32_t data_chars(const Request& request) {
   if (read == nullptr) return 2;
   return read->way == ComputerLink::kBitWay ? read->span.bits : read->span.bits / 4;
 }
-
-std::string text_of(ByteView bytes) { return {bytes.begin(), bytes.end()}; }
 
 Result<Bytes> bits_of(ByteView data) {
   Bytes image((data.size() + 7) / 8);
@@ -185,12 +175,6 @@ constexpr std::array<TypeCode, 6> kTypeCodes = {{{0xF2, Model::fx1s},
 
 constexpr int kSumMismatch = 0x02;
 constexpr int kNoDevice = 0x06;
-
-template <class T>
-const T* option(const Options& options, std::string_view key) {
-  const auto found = options.find(key);
-  return found == options.end() ? nullptr : std::get_if<T>(&found->second);
-}
 
 }  // namespace
 
@@ -490,7 +474,7 @@ Result<std::optional<Reply>> ComputerLink::data_reply(const Request& request, By
     if (high * 16 + low != computed) {
       Bytes expected;
       append_hex(expected, computed, 2);
-      return garbled("sum " + text_of(given) + " given, " + text_of(expected) + " computed");
+      return garbled("sum " + as_text(given) + " given, " + as_text(expected) + " computed");
     }
   }
   if (settings_.ends_with_cr_lf && (frame[length - 2] != kCr || frame[length - 1] != kLf))
@@ -528,7 +512,7 @@ Result<std::optional<Reply>> ComputerLink::short_reply(ByteView rx, std::size_t 
     if (high < 0 || low < 0) return garbled("NAK with the reason " + to_hex(code));
     reply.kind = Reply::Kind::nak;
     reply.device_code = high * 16 + low;
-    reply.text = "nak " + text_of(code) + ": " + std::string(link_refusal(reply.device_code));
+    reply.text = "nak " + as_text(code) + ": " + std::string(link_refusal(reply.device_code));
   }
   return std::optional<Reply>(std::move(reply));
 }

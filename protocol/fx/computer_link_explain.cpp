@@ -40,14 +40,6 @@ constexpr std::array<Command, 14> kCommands = {{
     {"TT", "other", "loop-back test", Area::text, 0, false},
 }};
 
-std::string text_of(ByteView bytes) { return {bytes.begin(), bytes.end()}; }
-
-std::string hex_text(std::uint32_t value, int digits) {
-  Bytes out;
-  append_hex(out, value, digits);
-  return text_of(out);
-}
-
 bool all_hex(std::string_view text) {
   return std::all_of(text.begin(), text.end(),
                      [](char c) { return hex_digit(static_cast<std::uint8_t>(c)) >= 0; });
@@ -338,7 +330,7 @@ Explanation explain_link_frame(Model model, ByteView bytes, std::optional<Direct
   out.direction = direction.value_or(Direction::request);
   out.operation = "other";
   if (bytes.empty()) return wrong(out, "no bytes");
-  std::string frame = text_of(bytes);
+  std::string frame = as_text(bytes);
   const bool ends_with_cr_lf = frame.size() > 2 && frame.ends_with("\r\n");
   if (ends_with_cr_lf) frame.resize(frame.size() - 2);
   const std::uint8_t first = bytes[0];

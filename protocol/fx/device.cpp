@@ -57,10 +57,6 @@ constexpr std::array<Numbers, 2> kNeverWritten = {{{8034, 8037}, {8118, 8118}}};
 
 constexpr std::string_view kForms = "X0 Y0 (octal) M0 S0 D0 R0 TN0 TS0 CN0 CS0, T0 C0, D0.F, K4M0";
 
-tl::unexpected<Error> refuse(std::string text) {
-  return fail(ErrorCode::bad_request, std::move(text));
-}
-
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 std::string in_octal(std::uint32_t number) {

@@ -42,14 +42,6 @@ constexpr std::uint32_t kMonitorResult = 0x1790;
 // In the classic set, program parameters and steps of an FX1S start here.
 constexpr std::uint32_t kClassicProgram = 0x8000;
 
-std::string text_of(ByteView bytes) { return {bytes.begin(), bytes.end()}; }
-
-std::string hex_text(std::uint32_t value, int digits) {
-  Bytes out;
-  append_hex(out, value, digits);
-  return text_of(out);
-}
-
 bool all_hex(std::string_view text) {
   return std::all_of(text.begin(), text.end(),
                      [](char c) { return hex_digit(static_cast<std::uint8_t>(c)) >= 0; });
@@ -271,7 +263,7 @@ Explanation explain_port_frame(Model model, ByteView frame, std::optional<Direct
     return wrong(out,
                  "two digits of sum follow ETX, here are " + std::to_string(behind) + " bytes");
 
-  const std::string payload = text_of(frame.subspan(1, length - 1));
+  const std::string payload = as_text(frame.subspan(1, length - 1));
   const Explainer explainer(model, payload);
   out = !direction                         ? likelier(explainer, payload.size())
         : *direction == Direction::request ? explainer.request()
@@ -279,7 +271,7 @@ Explanation explain_port_frame(Model model, ByteView frame, std::optional<Direct
   const std::string computed = hex_text(port_sum(frame.subspan(1, length)), 2);
   const ByteView given = frame.last(2);
   const bool printable = hex_digit(given[0]) >= 0 && hex_digit(given[1]) >= 0;
-  out.checksum_given = printable ? text_of(given) : to_hex(given);
+  out.checksum_given = printable ? as_text(given) : to_hex(given);
   out.checksum_computed = computed;
   if (out.ok && (!printable || number_of(*out.checksum_given) != number_of(computed)))
     return wrong(out, "sum " + *out.checksum_given + " given, " + computed + " computed");

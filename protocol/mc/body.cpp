@@ -7,10 +7,6 @@
 namespace fxagent::mc {
 namespace {
 
-tl::unexpected<Error> garbled(std::string text) {
-  return fail(ErrorCode::bad_frame, std::move(text));
-}
-
 constexpr std::uint32_t kLongCodes = 2;  // bit of the subcommand
 
 }  // namespace

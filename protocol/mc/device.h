@@ -105,6 +105,10 @@ struct DeviceKind {
   std::uint32_t first_number = 0;  ///< number of the device at bit 0 of the space
 };
 const DeviceKind& kind_of(Space space);
+/// Bits of one device of a Span's space.
+inline std::uint32_t width_of(std::uint16_t space) {
+  return kind_of(static_cast<Space>(space)).bits;
+}
 /// Returns the kind for a code of 3E and C frames, or of 1E. In 1E, CN32 and M8000 up have the
 /// codes of CN and M. nullopt: no such code.
 std::optional<Space> space_coded(std::uint8_t binary);

@@ -12,17 +12,10 @@ constexpr std::size_t kHeader3E = 9;
 constexpr std::size_t kHeader4E = 13;
 constexpr std::size_t kSerial = 2;
 constexpr std::size_t kTimer = 2;
-constexpr std::size_t kEndCode = 2;
 // No frame is longer. A header with a greater length is invalid.
 constexpr std::size_t kLongest = 8192;
 
 constexpr std::size_t header_size(bool numbered) { return numbered ? kHeader4E : kHeader3E; }
-
-std::string hex_of(std::uint32_t value, int digits) {
-  Bytes out;
-  append_hex(out, value, digits);
-  return {out.begin(), out.end()};
-}
 
 struct Subheader {
   std::array<std::uint8_t, 2> bytes;
@@ -83,9 +76,9 @@ std::string why_foreign(bool numbered, Code code, ByteView bytes) {
 }  // namespace
 
 std::string to_string(const Route& route) {
-  return "network " + std::to_string(route.network) + ", PC " + hex_of(route.pc, 2) +
-         ", module I/O " + hex_of(route.module_io, 4) + ", station " +
-         hex_of(route.module_station, 2);
+  return "network " + std::to_string(route.network) + ", PC " + hex_text(route.pc, 2) +
+         ", module I/O " + hex_text(route.module_io, 4) + ", station " +
+         hex_text(route.module_station, 2);
 }
 
 Bytes ethernet_request(const EthernetSettings& settings, std::uint16_t serial, ByteView message) {

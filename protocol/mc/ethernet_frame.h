@@ -2,6 +2,7 @@
 // Source: SH-080008, 4.4 and 4.5; JY997D56001. Offsets are in protocol/README.md.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
@@ -9,6 +10,8 @@
 #include "protocol/mc/dialect.h"
 
 namespace fxagent::mc {
+
+inline constexpr std::size_t kEndCode = 2;  ///< bytes of an end code in binary code
 
 /// Access route to the addressed station. The defaults address the connected station.
 struct Route {

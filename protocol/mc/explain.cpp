@@ -11,9 +11,6 @@
 namespace fxagent::mc {
 namespace {
 
-constexpr std::size_t kTimer = 2;
-constexpr std::size_t kEndCode = 2;
-
 void field(Explanation& out, std::string name, std::string text) {
   out.fields.emplace_back(std::move(name), std::move(text));
 }
@@ -81,7 +78,6 @@ Explanation explain_ethernet(bool numbered, Model model, ByteView bytes,
   const auto first = number_at(code, frame.content, 0, 2);
   if (!first) return note_fault(out, "what follows the length is not hex digits"), out;
   const ByteView rest = frame.content.subspan(wire_size(code, 2));
-  static_assert(kTimer == kEndCode);
   if (frame.is_request) {
     field(out, "monitoring timer", *first == 0 ? "for ever" : std::to_string(*first * 250) + " ms");
     explain_request(model, code, rest, out);

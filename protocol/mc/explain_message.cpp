@@ -253,12 +253,6 @@ class RequestExplainer final {
 
 }  // namespace
 
-std::string hex_text(std::uint32_t value, int digits) {
-  Bytes out;
-  append_hex(out, value, digits);
-  return {out.begin(), out.end()};
-}
-
 void note_fault(Explanation& out, std::string error) {
   out.ok = false;
   if (!out.error) out.error = std::move(error);

@@ -16,8 +16,6 @@ void explain_data(Code code, ByteView data, Explanation& out);
 /// Explains an end code other than 0.
 void explain_refusal(Model model, std::uint16_t end_code, Explanation& out);
 
-/// Returns `value` as hex with this many digits: "1F".
-std::string hex_text(std::uint32_t value, int digits);
 /// Records the first error only.
 void note_fault(Explanation& out, std::string error);
 

@@ -10,7 +10,6 @@ namespace fxagent::mc {
 namespace {
 
 // Sizes in bytes of binary code.
-constexpr std::size_t kEndCode = 2;
 constexpr std::size_t kErrorRoute = 5;  // before the command in the error information
 constexpr std::size_t kCommand = 2;
 constexpr std::size_t kErrorInformation = kErrorRoute + 2 * kCommand;
@@ -23,20 +22,6 @@ constexpr std::chrono::milliseconds kResponseMonitoring{5000};
 constexpr std::uint32_t kRunState = 203;  // SD203: low half byte is the state of the CPU
 constexpr std::uint8_t kStepRun = 1;      // 0 RUN, 1 STEP-RUN, 2 STOP, 3 PAUSE
 constexpr std::uint32_t kAlwaysOn = 400;  // SM400 exists in all of these series
-
-tl::unexpected<Error> refuse(std::string text) {
-  return fail(ErrorCode::bad_request, std::move(text));
-}
-
-tl::unexpected<Error> garbled(std::string text) {
-  return fail(ErrorCode::bad_frame, std::move(text));
-}
-
-template <class T>
-const T* option(const Options& options, std::string_view key) {
-  const auto found = options.find(key);
-  return found == options.end() ? nullptr : std::get_if<T>(&found->second);
-}
 
 Reply refusal(std::uint16_t code, Series series) {
   Reply reply;

@@ -39,12 +39,6 @@ constexpr std::uint32_t kWords = 0;  // subcommands
 constexpr std::uint32_t kBits = 1;
 constexpr std::size_t kModelCode = 2;
 
-tl::unexpected<Error> refuse(std::string text) {
-  return fail(ErrorCode::bad_request, std::move(text));
-}
-
-std::uint32_t width_of(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits; }
-
 /// Returns the random read for a read of 32-bit devices, one part for each device; or, for a part
 /// of a Gather, a Gather with only this part.
 Gather parts_of(const Read& read, const ReadWay& by) {

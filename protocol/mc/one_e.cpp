@@ -11,7 +11,6 @@ namespace fxagent::mc {
 
 using one_e::chars;
 using one_e::code;
-using one_e::Command;
 
 namespace {
 
@@ -26,23 +25,7 @@ constexpr std::uint32_t kRandomWords = 10;
 
 constexpr std::uint32_t kMonitoringUnitMs = 250;
 
-tl::unexpected<Error> refuse(std::string text) {
-  return fail(ErrorCode::bad_request, std::move(text));
-}
-
-tl::unexpected<Error> garbled(std::string text) {
-  return fail(ErrorCode::bad_frame, std::move(text));
-}
-
-std::string hex_text(std::uint32_t value) {
-  Bytes digits;
-  append_hex(digits, value, 2);
-  return {digits.begin(), digits.end()};
-}
-
 bool is_fx3(Model model) { return series_of(model) == Series::fx3; }
-
-std::uint32_t width_of(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits; }
 
 /// False for contacts and coils of timers and counters, which are reached only bit by bit.
 bool has_word_way(Space space) {
@@ -73,7 +56,7 @@ void append_device(one_e::Writer& out, const Span& span) {
 }
 
 /// Returns the command that sends a Scatter.
-std::optional<Command> carrier_of(const std::vector<Write>& parts) {
+std::optional<one_e::Command> carrier_of(const std::vector<Write>& parts) {
   std::uint64_t bits = 0;
   bool all_bits = !parts.empty();
   bool all_words = !parts.empty();
@@ -84,8 +67,8 @@ std::optional<Command> carrier_of(const std::vector<Write>& parts) {
     all_bits = all_bits && width == 1;
     all_words = all_words && (width == 16 || (width == 1 && is_bit_words(part.span)));
   }
-  if (all_bits && bits <= kRandomBits) return Command::random_bits;
-  if (all_words && bits <= kRandomWords * 16) return Command::random_words;
+  if (all_bits && bits <= kRandomBits) return one_e::Command::random_bits;
+  if (all_words && bits <= kRandomWords * 16) return one_e::Command::random_words;
   return std::nullopt;
 }
 
@@ -106,12 +89,6 @@ std::string_view likely_mistake(Code data_code, std::uint8_t first) {
   if (data_code == Code::ascii && first >= one_e::kAnswer)
     return ": it is in binary; `code` must be the communication data code that is set in the PLC";
   return "";
-}
-
-template <class T>
-const T* option(const Options& options, std::string_view key) {
-  const auto found = options.find(key);
-  return found == options.end() ? nullptr : std::get_if<T>(&found->second);
 }
 
 }  // namespace
@@ -220,14 +197,15 @@ std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
 
 std::uint32_t OneE::max_write_bits(std::uint16_t space) const {
   if (!check_reach({space, 0, 1})) return 0;
-  return width_of(space) == 1 ? kWriteBits : kWriteWords * 16;
+  return kind_of(static_cast<Space>(space)).bits == 1 ? kWriteBits : kWriteWords * 16;
 }
 
 // ---- requests ----------------------------------------------------------------------------------
 
 namespace {
 
-one_e::Writer begun(const OneE::Settings& settings, Command command, std::size_t more_bytes) {
+one_e::Writer begun(const OneE::Settings& settings, one_e::Command command,
+                    std::size_t more_bytes) {
   one_e::Writer out(settings.code, one_e::kRequestHead + more_bytes);
   out.number(code(command), 1);
   out.number(settings.pc, 1);
@@ -257,8 +235,9 @@ Result<Bytes> OneE::encode_read(const Read& read) const {
     return refuse("a read of " + std::to_string(span.bits) + " bits from " + name_of(span) +
                   ": at most " + std::to_string(way->max_bits) + ", in steps of " +
                   std::to_string(way->unit_bits) + ", up to the last device");
-  auto out = begun(settings_, read.way == kBitWay ? Command::read_bits : Command::read_words,
-                   one_e::kDevice + 2);
+  auto out =
+      begun(settings_, read.way == kBitWay ? one_e::Command::read_bits : one_e::Command::read_words,
+            one_e::kDevice + 2);
   append_device(out, span);
   append_points(out, read.way == kBitWay ? span.bits : span.bits / 16);
   return out.take();
@@ -267,13 +246,13 @@ Result<Bytes> OneE::encode_read(const Read& read) const {
 Result<Bytes> OneE::encode_write(const Write& write) const {
   const Span& span = write.span;
   if (const auto allowed = check_write(span); !allowed) return tl::make_unexpected(allowed.error());
-  const bool bits = width_of(span.space) == 1 && !is_bit_words(span);
+  const bool bits = kind_of(static_cast<Space>(span.space)).bits == 1 && !is_bit_words(span);
   const std::uint32_t most = max_write_bits(span.space);
   if (span.bits > most || write.image.size() != (span.bits + 7) / 8)
     return refuse("write of " + std::to_string(span.bits) + " bits with " +
                   std::to_string(write.image.size()) + " bytes to " + name_of(span) + ": at most " +
                   std::to_string(most) + " bits");
-  auto out = begun(settings_, bits ? Command::write_bits : Command::write_words,
+  auto out = begun(settings_, bits ? one_e::Command::write_bits : one_e::Command::write_words,
                    one_e::kDevice + 2 + 2 * write.image.size());
   append_device(out, span);
   append_points(out, bits ? span.bits : span.bits / 16);
@@ -287,7 +266,7 @@ Result<Bytes> OneE::encode_write(const Write& write) const {
 Result<Bytes> OneE::encode_scatter(const Scatter& scatter) const {
   const auto carrier = carrier_of(scatter.parts);
   if (!carrier) return fail(ErrorCode::unsupported, "no frame carries these writes together");
-  const std::uint32_t step = *carrier == Command::random_bits ? 1 : 16;
+  const std::uint32_t step = *carrier == one_e::Command::random_bits ? 1 : 16;
   std::uint32_t points = 0;
   for (const Write& part : scatter.parts) {
     if (const auto allowed = check_write(part.span); !allowed)
@@ -318,9 +297,9 @@ Result<Bytes> OneE::encode_control(const Control& control) const {
   if (!is_fx3(settings_.model))
     return fail(ErrorCode::unsupported,
                 "1E frames have no RUN, STOP and model for " + model() + ": use mc-3e");
-  const Command command = control.kind == Control::Kind::run    ? Command::run
-                          : control.kind == Control::Kind::stop ? Command::stop
-                                                                : Command::model;
+  const one_e::Command command = control.kind == Control::Kind::run    ? one_e::Command::run
+                                 : control.kind == Control::Kind::stop ? one_e::Command::stop
+                                                                       : one_e::Command::model;
   return begun(settings_, command, 0).take();
 }
 
@@ -348,8 +327,8 @@ Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t
   const Bytes& bytes = *binary;
   if (bytes.empty()) return std::optional<Reply>{};
   if (bytes[0] != (command | one_e::kAnswer))
-    return garbled("an answer that begins with " + hex_text(bytes[0]) + " where " +
-                   hex_text(command | one_e::kAnswer) + " is due" + std::string(mistake));
+    return garbled("an answer that begins with " + hex_text(bytes[0], 2) + " where " +
+                   hex_text(command | one_e::kAnswer, 2) + " is due" + std::string(mistake));
   if (bytes.size() < one_e::kAnswerHead) return std::optional<Reply>{};
 
   Reply reply;
@@ -420,8 +399,8 @@ bool OneE::may_pass_for_answer(ByteView bytes) const {
   const auto is_answer = [](int first) {
     const int command = first & ~one_e::kAnswer;
     return (first & one_e::kAnswer) != 0 &&
-           (command <= code(Command::random_words) ||
-            (command >= code(Command::run) && command <= code(Command::loop_back)));
+           (command <= code(one_e::Command::random_words) ||
+            (command >= code(one_e::Command::run) && command <= code(one_e::Command::loop_back)));
   };
   for (std::size_t at = 0; at < bytes.size(); ++at) {
     if (settings_.code == Code::binary) {

@@ -12,41 +12,34 @@ namespace fxagent::mc {
 namespace {
 
 using one_e::code;
-using one_e::Command;
 
 /// Layout of the rest of a frame.
 enum class Shape : std::uint8_t { bits, words, bit_items, word_items, nothing, model, text };
 
 struct Known {
-  Command command;
+  one_e::Command command;
   std::string_view operation;
   std::string_view meaning;
   Shape shape = Shape::nothing;
   bool writes = false;
 };
 constexpr std::array<Known, 10> kCommands = {{
-    {Command::read_bits, "read", "read of bits", Shape::bits, false},
-    {Command::read_words, "read", "read of words", Shape::words, false},
-    {Command::write_bits, "write", "write of bits", Shape::bits, true},
-    {Command::write_words, "write", "write of words", Shape::words, true},
-    {Command::random_bits, "write", "write of scattered bits", Shape::bit_items, true},
-    {Command::random_words, "write", "write of scattered words", Shape::word_items, true},
-    {Command::run, "other", "remote RUN", Shape::nothing, false},
-    {Command::stop, "other", "remote STOP", Shape::nothing, false},
-    {Command::model, "other", "which PLC is this", Shape::model, false},
-    {Command::loop_back, "other", "loop-back test", Shape::text, false},
+    {one_e::Command::read_bits, "read", "read of bits", Shape::bits, false},
+    {one_e::Command::read_words, "read", "read of words", Shape::words, false},
+    {one_e::Command::write_bits, "write", "write of bits", Shape::bits, true},
+    {one_e::Command::write_words, "write", "write of words", Shape::words, true},
+    {one_e::Command::random_bits, "write", "write of scattered bits", Shape::bit_items, true},
+    {one_e::Command::random_words, "write", "write of scattered words", Shape::word_items, true},
+    {one_e::Command::run, "other", "remote RUN", Shape::nothing, false},
+    {one_e::Command::stop, "other", "remote STOP", Shape::nothing, false},
+    {one_e::Command::model, "other", "which PLC is this", Shape::model, false},
+    {one_e::Command::loop_back, "other", "loop-back test", Shape::text, false},
 }};
 
 const Known* known(std::uint8_t command) {
   const auto* found = std::find_if(kCommands.begin(), kCommands.end(),
                                    [&](const Known& one) { return code(one.command) == command; });
   return found == kCommands.end() ? nullptr : found;
-}
-
-std::string hex_text(std::uint32_t value, int digits) {
-  Bytes out;
-  append_hex(out, value, digits);
-  return {out.begin(), out.end()};
 }
 
 Explanation& wrong(Explanation& out, std::string why) {
@@ -159,7 +152,8 @@ class RequestBody final {
   std::uint32_t points() {
     const std::uint32_t given = in_.number(1);
     if (in_.number(1) != 0) wrong(out_, "the byte behind the number of points is not 00");
-    const std::uint32_t meant = given == 0 && what_.command == Command::read_bits ? 256 : given;
+    const std::uint32_t meant =
+        given == 0 && what_.command == one_e::Command::read_bits ? 256 : given;
     if (meant == 0) wrong(out_, "the number of points is 0");
     out_.fields.emplace_back("points", std::to_string(meant));
     return meant;

@@ -19,15 +19,8 @@ constexpr std::string_view kRefused = "QNAK";
 // Format 5: length, the mark FFFF of an answer, end code.
 constexpr std::size_t kLength = 2;
 constexpr std::size_t kMark = 2;
-constexpr std::size_t kEndCode = 2;
 
-std::string hex_of(std::uint32_t value, int digits) {
-  Bytes out;
-  append_hex(out, value, digits);
-  return {out.begin(), out.end()};
-}
-
-SerialAnswer garbled(std::string error) {
+SerialAnswer garbled_answer(std::string error) {
   SerialAnswer answer;
   answer.state = SerialAnswer::State::wrong;
   answer.error = std::move(error);
@@ -93,7 +86,7 @@ std::string why_wrong_sum(ByteView given, ByteView bytes) {
   if (!sum) return "sum " + to_hex(given) + " is not two hex digits";
   const std::uint8_t computed = serial_sum(bytes);
   if (*sum == computed) return {};
-  return "sum " + hex_of(*sum, 2) + " given, " + hex_of(computed, 2) + " computed";
+  return "sum " + hex_text(*sum, 2) + " given, " + hex_text(computed, 2) + " computed";
 }
 
 /// Searches the received bytes for an answer in formats 1 to 4.
@@ -183,7 +176,8 @@ class AsciiSearch final {
                                      std::uint16_t code = 0) {
     const std::size_t whole = size + etx + tail_size(settings_);
     if (left() < whole) return SerialAnswer{};
-    if (etx != 0 && rx_[at_ + size] != kEtx) return garbled("ETX is missing behind the answer");
+    if (etx != 0 && rx_[at_ + size] != kEtx)
+      return garbled_answer("ETX is missing behind the answer");
     if (!has_tail(whole)) return no_tail();
     SerialAnswer answer;
     answer.state = state;
@@ -197,8 +191,8 @@ class AsciiSearch final {
     if (left() < size + kCode) return SerialAnswer{};
     const auto code = number_at(Code::ascii, rx_, at_ + size, 2);
     if (!code)
-      return garbled("refused with the code " + to_hex(rx_.subspan(at_ + size, kCode)) +
-                     ", which is not four hex digits");
+      return garbled_answer("refused with the code " + to_hex(rx_.subspan(at_ + size, kCode)) +
+                            ", which is not four hex digits");
     return finish(State::refused, size + kCode, etx, static_cast<std::uint16_t>(*code));
   }
 
@@ -213,15 +207,15 @@ class AsciiSearch final {
                   frame.end(), kEtx) -
         frame.begin());
     if (found < etx && found < frame.size())
-      return garbled(std::to_string(found - begin) + " data characters given, " +
-                     std::to_string(data_) + " expected");
+      return garbled_answer(std::to_string(found - begin) + " data characters given, " +
+                            std::to_string(data_) + " expected");
     if (found != etx && frame.size() > etx)
-      return garbled("more data characters given, " + std::to_string(data_) + " expected");
+      return garbled_answer("more data characters given, " + std::to_string(data_) + " expected");
     if (frame.size() < whole) return SerialAnswer{};
     if (settings_.sum_check)
       if (auto why = why_wrong_sum(frame.subspan(etx + 1, kSum), frame.subspan(1, etx));
           !why.empty())
-        return garbled(std::move(why));
+        return garbled_answer(std::move(why));
     if (!has_tail(whole)) return no_tail();
     SerialAnswer answer;
     answer.state = State::data;
@@ -256,7 +250,7 @@ class AsciiSearch final {
            (rx_[at_ + whole - 2] == kCr && rx_[at_ + whole - 1] == kLf);
   }
   static SerialAnswer no_tail() {
-    return garbled("CR LF is missing behind the answer: format 4 ends with it");
+    return garbled_answer("CR LF is missing behind the answer: format 4 ends with it");
   }
 
   const SerialSettings& settings_;
@@ -276,12 +270,12 @@ std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::s
     return std::nullopt;
   const std::size_t length = *number_at(Code::binary, content, 0, kLength);
   if (length != content.size() - kLength)
-    return garbled("length " + std::to_string(length) + " given, " +
-                   std::to_string(content.size() - kLength) + " bytes came");
+    return garbled_answer("length " + std::to_string(length) + " given, " +
+                          std::to_string(content.size() - kLength) + " bytes came");
   const std::size_t mark = kLength + header.size();
   if (content.size() < mark + kMark || content[mark] != 0xFF || content[mark + 1] != 0xFF)
     return std::nullopt;  // echo of a request
-  if (content.size() < least) return garbled("an answer without end code");
+  if (content.size() < least) return garbled_answer("an answer without end code");
   const auto code =
       static_cast<std::uint16_t>(*number_at(Code::binary, content, mark + kMark, kEndCode));
   const ByteView rest = content.subspan(least);
@@ -294,8 +288,8 @@ std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::s
   if ((rest.empty()) != (data == 0))
     return std::nullopt;  // a late answer to a request of the other kind
   if (rest.size() != data)
-    return garbled(std::to_string(rest.size()) + " bytes of data given, " + std::to_string(data) +
-                   " expected");
+    return garbled_answer(std::to_string(rest.size()) + " bytes of data given, " +
+                          std::to_string(data) + " expected");
   answer.state = data == 0 ? SerialAnswer::State::done : SerialAnswer::State::data;
   answer.data.assign(rest.begin(), rest.end());
   return answer;
@@ -318,7 +312,7 @@ SerialAnswer binary_search(const SerialSettings& settings, std::size_t data, Byt
     if (rx.size() < end) return {};
     if (settings.sum_check)
       if (auto why = why_wrong_sum(rx.subspan(frame.end, kSum), frame.content); !why.empty())
-        return garbled(std::move(why));
+        return garbled_answer(std::move(why));
     if (auto answer = binary_answer(settings, data, frame.content)) {
       answer->began = at;
       answer->end = end;

@@ -7,12 +7,6 @@
 namespace fxagent::modbus {
 namespace {
 
-std::string hex_of(std::uint32_t value, int digits) {
-  Bytes out;
-  append_hex(out, value, digits);
-  return {out.begin(), out.end()};
-}
-
 std::uint32_t number_at(ByteView pdu, std::size_t at) {
   return static_cast<std::uint32_t>(pdu[at] << 8 | pdu[at + 1]);
 }
@@ -81,10 +75,10 @@ class Explainer final {
   void run() {
     if (pdu_.empty()) return fault("no function code");
     const std::uint8_t function = pdu_[0] & static_cast<std::uint8_t>(~kException);
-    out_.command = hex_of(function, 2);
+    out_.command = hex_text(function, 2);
     const Known* what = known(function);
     const Other* unspoken = other(function);
-    field("function", hex_of(function, 2) + ", " +
+    field("function", hex_text(function, 2) + ", " +
                           std::string(what       ? what->name
                                       : unspoken ? unspoken->name
                                                  : "not known to this program"));
@@ -114,9 +108,9 @@ class Explainer final {
     if (direction_ == Direction::request) return fault("an exception is an answer, no request");
     if (!has(2)) return;
     const auto text = exception_text(pdu_[1]);
-    field("exception", hex_of(pdu_[1], 2) + ": " +
+    field("exception", hex_text(pdu_[1], 2) + ": " +
                            std::string(text.empty() ? "not in the specification" : text));
-    out_.values.push_back(hex_of(pdu_[1], 2));
+    out_.values.push_back(hex_text(pdu_[1], 2));
   }
 
   /// Shows data unchanged. `asks_alone`: a request has no data and an answer has some.
@@ -132,7 +126,7 @@ class Explainer final {
       out_.device = name_of(what.space, number, 0);
       out_.count = count;
     }
-    field("address", hex_of(number, 4) + " = " + name_of(what.space, number, 0));
+    field("address", hex_text(number, 4) + " = " + name_of(what.space, number, 0));
     if (number + count > kNumbers) fault("the numbers end at 65535");
   }
 
@@ -149,7 +143,7 @@ class Explainer final {
         out_.values.emplace_back((data[i / 8] >> (i % 8) & 1) != 0 ? "1" : "0");
     } else {
       for (std::size_t i = 0; i + 1 < data.size(); i += 2)
-        out_.values.push_back(hex_of(number_at(data, i), 4));
+        out_.values.push_back(hex_text(number_at(data, i), 4));
     }
     field("data", to_hex(data));
   }
@@ -168,7 +162,7 @@ class Explainer final {
       case Function::read_write:
         out_.operation = "write";
         if (pdu_.size() < 10) return fault("the frame ends before its data");
-        field("read address", hex_of(number_at(pdu_, 1), 4));
+        field("read address", hex_text(number_at(pdu_, 1), 4));
         field("read quantity", std::to_string(number_at(pdu_, 3)));
         return several(what, number_at(pdu_, 5), number_at(pdu_, 7), pdu_.subspan(9));
       default:
@@ -187,13 +181,13 @@ class Explainer final {
     const std::uint32_t value = number_at(pdu_, 3);
     place(what, number_at(pdu_, 1), 1);
     if (what.function == Function::mask_write) {
-      field("AND mask", hex_of(value, 4));
-      field("OR mask", hex_of(number_at(pdu_, 5), 4));
+      field("AND mask", hex_text(value, 4));
+      field("OR mask", hex_text(number_at(pdu_, 5), 4));
       return;
     }
     if (what.function == Function::write_register) {
-      out_.values.push_back(hex_of(value, 4));
-      return field("value", hex_of(value, 4));
+      out_.values.push_back(hex_text(value, 4));
+      return field("value", hex_text(value, 4));
     }
     if (value != 0xFF00 && value != 0) return fault("a coil is written by FF00 or 0000");
     out_.operation = value != 0 ? "force_on" : "force_off";
@@ -266,7 +260,7 @@ bool unwrap(Framing framing, ByteView bytes, Explanation& out, std::uint8_t& uni
   unit = frame.unit;
   pdu = frame.pdu;
   if (framing == Framing::tcp) {
-    out.fields.emplace_back("transaction", hex_of(frame.transaction, 4));
+    out.fields.emplace_back("transaction", hex_text(frame.transaction, 4));
   } else {
     out.checksum_given = frame.sum_given;
     out.checksum_computed = frame.sum_computed;

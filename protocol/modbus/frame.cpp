@@ -9,13 +9,6 @@ namespace {
 constexpr std::size_t kMbap = 6;
 // The length counts the unit and a PDU of up to 253 bytes.
 constexpr std::size_t kLongest = 254;
-constexpr std::size_t kLongestAscii = 513;
-
-std::string hex_of(std::uint32_t value, int digits) {
-  Bytes out;
-  append_hex(out, value, digits);
-  return {out.begin(), out.end()};
-}
 
 Frame wrong(std::size_t end, std::string error) {
   Frame frame;
@@ -115,7 +108,7 @@ Frame rtu_frame(ByteView rx, std::size_t at, std::size_t pdu_bytes) {
   frame.pdu.assign(bytes.begin() + 1, bytes.end() - 2);
   frame.end = at + length;
   frame.sum_given = to_hex(bytes.last(2));
-  frame.sum_computed = hex_of(computed & 0xFFU, 2) + " " + hex_of(computed >> 8U, 2);
+  frame.sum_computed = hex_text(computed & 0xFFU, 2) + " " + hex_text(computed >> 8U, 2);
   judge_sum(frame, "CRC");
   return frame;
 }
@@ -146,8 +139,8 @@ Frame ascii_frame(ByteView rx, std::size_t at) {
   frame.unit = bytes.front();
   frame.pdu.assign(bytes.begin() + 1, bytes.end() - 1);
   frame.end = end;
-  frame.sum_given = hex_of(bytes.back(), 2);
-  frame.sum_computed = hex_of(lrc(ByteView(bytes).first(bytes.size() - 1)), 2);
+  frame.sum_given = hex_text(bytes.back(), 2);
+  frame.sum_computed = hex_text(lrc(ByteView(bytes).first(bytes.size() - 1)), 2);
   judge_sum(frame, "LRC");
   return frame;
 }
@@ -159,7 +152,7 @@ Frame tcp_frame(ByteView rx, std::size_t at, std::size_t least) {
   const std::uint16_t protocol = big_endian(head.subspan(2));
   const std::uint16_t length = big_endian(head.subspan(4));
   if (protocol != 0)
-    return wrong(rx.size(), "protocol " + hex_of(protocol, 4) + " in the header, Modbus is 0000");
+    return wrong(rx.size(), "protocol " + hex_text(protocol, 4) + " in the header, Modbus is 0000");
   if (length < least || length > kLongest)
     return wrong(rx.size(), "length " + std::to_string(length) + " in the header: " +
                                 std::to_string(least) + " to 254 bytes follow it in Modbus");

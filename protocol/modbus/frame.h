@@ -12,6 +12,9 @@ namespace fxagent::modbus {
 
 enum class Framing : std::uint8_t { rtu, ascii, tcp };
 
+/// Characters of the longest ASCII frame, with colon and CR LF.
+constexpr std::size_t kLongestAscii = 513;
+
 /// Returns the CRC-16 of an RTU frame. It follows the PDU, low byte first.
 std::uint16_t crc(ByteView bytes);
 /// Returns the LRC of an ASCII frame: of unit and PDU, before they are written as hex digits.

@@ -20,15 +20,6 @@ constexpr nanoseconds kShortestGap = std::chrono::microseconds(1750);
 constexpr milliseconds kBroadcastPause{200};
 // Longest frames. Twice as many bytes without an answer are an error.
 constexpr std::size_t kLongestRtu = 256;
-constexpr std::size_t kLongestAscii = 513;
-
-tl::unexpected<Error> refuse(std::string text) {
-  return fail(ErrorCode::bad_request, std::move(text));
-}
-
-tl::unexpected<Error> garbled(std::string text) {
-  return fail(ErrorCode::bad_frame, std::move(text));
-}
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
@@ -52,17 +43,17 @@ std::optional<Space> table_named(std::string_view letters) {
 }
 
 /// One coil or register, or a bit of a register.
-struct Place {
+struct TablePlace {
   Space space = Space::coil;
   std::uint32_t number = 0;
   std::optional<std::uint32_t> bit;
 };
 
 /// Parses "40101": the first digit is the table, the others count from 1.
-Result<Place> parse_numbered(const std::string& quoted, std::string_view digits) {
+Result<TablePlace> parse_numbered(const std::string& quoted, std::string_view digits) {
   if (digits.size() != 5 && digits.size() != 6)
     return refuse(quoted + ": a number without a table has 5 or 6 digits, as 40101 or 400101");
-  Place place;
+  TablePlace place;
   switch (digits[0]) {
     case '0':
       place.space = Space::coil;
@@ -89,7 +80,7 @@ Result<Place> parse_numbered(const std::string& quoted, std::string_view digits)
   return place;
 }
 
-Result<Place> parse_place(std::string_view text, std::uint32_t base) {
+Result<TablePlace> parse_place(std::string_view text, std::uint32_t base) {
   const std::string name = lower(text);
   const std::string quoted = "'" + std::string(text) + "'";  // as written
   std::string_view rest = name;
@@ -99,7 +90,7 @@ Result<Place> parse_place(std::string_view text, std::uint32_t base) {
     if (!bit || *bit > 15) return refuse(quoted + ": the bits of a register are .0 to .15");
     rest = rest.substr(0, dot);
   }
-  Result<Place> place;
+  Result<TablePlace> place;
   if (!rest.empty() && std::all_of(rest.begin(), rest.end(), is_digit)) {
     place = parse_numbered(quoted, rest);
     if (!place) return place;
@@ -121,7 +112,7 @@ Result<Place> parse_place(std::string_view text, std::uint32_t base) {
   return place;
 }
 
-Span span_of_place(const Place& place) {
+Span span_of_place(const TablePlace& place) {
   const std::uint32_t width = width_of(place.space);
   const Span whole{id(place.space), place.number * width, width};
   return place.bit ? Span{whole.space, whole.first_bit + *place.bit, 1} : whole;
@@ -133,12 +124,6 @@ Span span_of_place(const Place& place) {
 bool answers_by_echo(const Request& request, ByteView pdu) {
   const auto reply = decode_pdu(request, pdu);
   return reply && *reply;
-}
-
-template <class T>
-const T* option(const Options& options, std::string_view key) {
-  const auto found = options.find(key);
-  return found == options.end() ? nullptr : std::get_if<T>(&found->second);
 }
 
 }  // namespace

@@ -11,10 +11,6 @@ void append_16(Bytes& out, std::uint32_t value) {
   out.push_back(static_cast<std::uint8_t>(value));
 }
 
-tl::unexpected<Error> refuse(std::string text) {
-  return fail(ErrorCode::bad_request, std::move(text));
-}
-
 tl::unexpected<Error> cannot(std::string text) {
   return fail(ErrorCode::unsupported, std::move(text));
 }
@@ -123,18 +119,12 @@ Result<Bytes> encode_force(const Force& force) {
   return pdu;
 }
 
-std::string hex_of(std::uint32_t value, int digits) {
-  Bytes out;
-  append_hex(out, value, digits);
-  return {out.begin(), out.end()};
-}
-
 Reply refusal(int device_code) {
   Reply reply;
   reply.kind = Reply::Kind::nak;
   reply.device_code = device_code;
   const auto text = exception_text(device_code);
-  reply.text = "exception " + hex_of(static_cast<std::uint32_t>(device_code), 2) + ": " +
+  reply.text = "exception " + hex_text(static_cast<std::uint32_t>(device_code), 2) + ": " +
                (text.empty() ? "not in the specification" : std::string(text));
   return reply;
 }

@@ -44,8 +44,8 @@ bool is_numbered(const Codec& codec) { return codec.after_silence() == Recovery:
 
 /// Returns the first bytes for an error text: enough to recognise the sender.
 std::string beginning_of(const Bytes& bytes) {
-  constexpr std::size_t kShown = 24;
-  const ByteView shown = ByteView(bytes).first(std::min(bytes.size(), kShown));
+  constexpr std::size_t kBeginning = 24;
+  const ByteView shown = ByteView(bytes).first(std::min(bytes.size(), kBeginning));
   return to_hex(shown) + (shown.size() < bytes.size() ? " …" : "");
 }
 

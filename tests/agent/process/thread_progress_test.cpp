@@ -16,7 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr ThreadProgress::Time kStart{1000s};
+constexpr ThreadProgress::Time kBeginning{1000s};
 constexpr const char* kName = "turns_test";
 
 /// A thread that waits; each turn() wakes it once.
@@ -80,7 +80,7 @@ class ThreadProgressTest : public testing::Test {
   }
 
   ThreadProgress turns{kName};
-  ThreadProgress::Time now = kStart;
+  ThreadProgress::Time now = kBeginning;
 };
 
 TEST_F(ThreadProgressTest, AThreadThatIsNeverSwitchedStandsStillAndIsNamed) {

@@ -1,6 +1,6 @@
 #include "tests/agent/store/power_cut.h"
 
-#include <cstring>
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
@@ -26,8 +26,11 @@ int read(sqlite3_file* file, void* into, int size, sqlite3_int64 at) {
   return real(file)->pMethods->xRead(real(file), into, size, at);
 }
 int write(sqlite3_file* file, const void* from, int size, sqlite3_int64 at) {
+  const char* path = reinterpret_cast<Layered*>(file)->path;
   if (disk != nullptr) disk->await_thaw();
-  return real(file)->pMethods->xWrite(real(file), from, size, at);
+  const int code = real(file)->pMethods->xWrite(real(file), from, size, at);
+  if (disk != nullptr && path != nullptr && code == SQLITE_OK) disk->written(path, at, size);
+  return code;
 }
 int truncate(sqlite3_file* file, sqlite3_int64 size) {
   return real(file)->pMethods->xTruncate(real(file), size);
@@ -62,12 +65,12 @@ int shm_unmap(sqlite3_file* file, int remove) {
 int synchronise(sqlite3_file* file, int) {
   sqlite3_int64 size = 0;
   if (file_size(file, &size) != SQLITE_OK) return SQLITE_IOERR_FSYNC;
-  std::string content(static_cast<std::size_t>(size), '\0');
-  if (size > 0 && read(file, content.data(), static_cast<int>(size), 0) != SQLITE_OK)
-    return SQLITE_IOERR_FSYNC;
+  const auto copy = [file](char* into, sqlite3_int64 at, sqlite3_int64 count) {
+    return read(file, into, static_cast<int>(count), at) == SQLITE_OK;
+  };
   const char* path = reinterpret_cast<Layered*>(file)->path;
-  if (path != nullptr && disk != nullptr) disk->synchronised(path, std::move(content));
-  return SQLITE_OK;
+  if (path == nullptr || disk == nullptr) return SQLITE_OK;
+  return disk->synchronised(path, size, copy) ? SQLITE_OK : SQLITE_IOERR_FSYNC;
 }
 
 const sqlite3_io_methods kMethods{2,           close,     read,      write,   truncate,
@@ -129,7 +132,7 @@ void PowerCut::leave(const std::string& from, const std::string& directory) cons
   fs::permissions(directory, fs::perms::owner_all);
   const fs::path origin = fs::canonical(from);
   for (const auto& [path, file] : files_) {
-    if (fs::weakly_canonical(path).parent_path() != origin) continue;
+    if (file.syncs == 0 || fs::weakly_canonical(path).parent_path() != origin) continue;
     std::ofstream(fs::path(directory) / fs::path(path).filename(), std::ios::binary)
         << file.content;
   }
@@ -158,11 +161,21 @@ bool PowerCut::is_awaited() const {
   return is_frozen_ && waiting_ > 0;
 }
 
-void PowerCut::synchronised(const std::string& path, std::string content) {
+void PowerCut::written(const std::string& path, std::int64_t at, std::int64_t size) {
+  const std::lock_guard lock(mutex_);
+  files_[path].written.emplace_back(at, at + size);
+}
+
+bool PowerCut::synchronised(const std::string& path, std::int64_t size, const Copy& copy) {
   const std::lock_guard lock(mutex_);
   File& file = files_[path];
-  file.content = std::move(content);
-  ++file.syncs;
+  if (std::exchange(file.syncs, file.syncs + 1) == 0) file.written = {{0, size}};
+  file.content.resize(static_cast<std::size_t>(size));
+  for (const auto& [begin, end] : std::exchange(file.written, {})) {
+    const std::int64_t kept = std::min(end, size);
+    if (begin < kept && !copy(file.content.data() + begin, begin, kept - begin)) return false;
+  }
+  return true;
 }
 
 void PowerCut::deleted(const std::string& path) {

@@ -7,9 +7,12 @@
 
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace fxagent::test {
 
@@ -35,15 +38,21 @@ class PowerCut final {
 
   /// Called by the layer: returns when the disk is not frozen.
   void await_thaw() const;
-  /// Called by the layer: `content` of the file is now on the disk.
-  void synchronised(const std::string& path, std::string content);
+  /// Called by the layer: these bytes of the file were written.
+  void written(const std::string& path, std::int64_t at, std::int64_t size);
+  /// Copies part of a file. Returns false if it cannot be read.
+  using Copy = std::function<bool(char* into, std::int64_t at, std::int64_t count)>;
+  /// Called by the layer: the file, now `size` bytes long, is on the disk. Returns false if its
+  /// written parts cannot be read.
+  bool synchronised(const std::string& path, std::int64_t size, const Copy& copy);
   /// Called by the layer: the file was deleted.
   void deleted(const std::string& path);
 
  private:
   struct File {
-    std::string content;
+    std::string content;  ///< as of the last sync
     std::uint64_t syncs = 0;
+    std::vector<std::pair<std::int64_t, std::int64_t>> written;  ///< since then: begin and end
   };
   mutable std::mutex mutex_;
   mutable std::condition_variable thawed_;

@@ -16,7 +16,7 @@ using namespace std::chrono_literals;
 using Status = std::shared_ptr<const AgentStatus>;
 using Values = std::map<std::string, LastValue, std::less<>>;
 
-struct Bench : test::PublisherBench {
+struct StatusBench : test::PublisherBench {
   using PublisherBench::PublisherBench;
 
   /// Returns the status that a reader gets now.
@@ -52,7 +52,7 @@ Telemetry written(std::uint64_t seq, std::int64_t ts_ms, double temp) {
 }
 
 TEST(AgentStatus, IsMadeAtEachTickOfHealthAndWhenAReaderAsks) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   StatusBoard& board = bench.made().board();
   bench.advance(60s);
@@ -70,7 +70,7 @@ TEST(AgentStatus, IsMadeAtEachTickOfHealthAndWhenAReaderAsks) {
 }
 
 TEST(AgentStatus, TellsWhetherTheBrokerIsThereWhyNotAndSinceWhen) {
-  Bench bench;
+  StatusBench bench;
   bench.broker.reachable = false;
   bench.broker.answers = false;
   const std::int64_t start = bench.utc();
@@ -88,7 +88,7 @@ TEST(AgentStatus, TellsWhetherTheBrokerIsThereWhyNotAndSinceWhen) {
 }
 
 TEST(AgentStatus, TellsSinceWhenTheBrokerIsConnectedOrLost) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   const std::int64_t connected = bench.utc();
   bench.advance(20s);
@@ -108,7 +108,7 @@ TEST(AgentStatus, TellsSinceWhenTheBrokerIsConnectedOrLost) {
 }
 
 TEST(AgentStatus, HealthSaysWhatThePublishedStatusSays) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   bench.outbox.push(test::sample(1));
   bench.outbox.push(test::counted(3, 2));
@@ -120,7 +120,7 @@ TEST(AgentStatus, HealthSaysWhatThePublishedStatusSays) {
 }
 
 TEST(AgentStatus, TellsHowLongTheStoreLastsFromTheFirstMinuteWithSamplesOn) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   const auto hours_left = [&] { return bench.asked()->hours_left; };
   bench.outbox.push(test::sample(1));
@@ -141,14 +141,14 @@ TEST(AgentStatus, TellsHowLongTheStoreLastsFromTheFirstMinuteWithSamplesOn) {
 }
 
 TEST(AgentStatus, DoesNotKnowHowLongTheStoreLastsBeforeTheFirstSample) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   bench.advance(60s);
   EXPECT_EQ(bench.asked()->hours_left, std::nullopt);
 }
 
 TEST(AgentStatus, IsMadeWithoutABrokerToo) {
-  Bench bench;
+  StatusBench bench;
   bench.broker.reachable = false;
   bench.made().board().want_values();
   bench.outbox.push(fast(1, 1000, 23.5, off()));
@@ -160,7 +160,7 @@ TEST(AgentStatus, IsMadeWithoutABrokerToo) {
 }
 
 TEST(AgentStatus, ReaderKeepsItsOwnWhileTheUplinkGoesOn) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   bench.made().board().want_values();
   bench.outbox.push(fast(1, 1000, 23.5, off()));
@@ -189,7 +189,7 @@ TEST(AgentStatus, ReaderKeepsItsOwnWhileTheUplinkGoesOn) {
 }
 
 TEST(AgentStatus, ValuesAreKeptOnceAReaderWantsThem) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   bench.outbox.push(fast(1, 1000, 23.5, off()));
   bench.settle();
@@ -205,7 +205,7 @@ TEST(AgentStatus, ValuesAreKeptOnceAReaderWantsThem) {
 }
 
 TEST(AgentStatus, GoodValueIsAsOldAsItsSample) {
-  Bench bench;
+  StatusBench bench;
   bench.made().board().want_values();
   bench.outbox.push(fast(1, bench.utc() - 500, 23.5, off()));
   bench.settle();
@@ -220,7 +220,7 @@ TEST(AgentStatus, GoodValueIsAsOldAsItsSample) {
 }
 
 TEST(AgentStatus, BadValueIsTheLastGoodOneAndSaysSinceWhenAndWhy) {
-  Bench bench;
+  StatusBench bench;
   bench.made().board().want_values();
   TagReading stale = off();
   stale.bad = BadReason::nak;
@@ -246,7 +246,7 @@ TEST(AgentStatus, BadValueIsTheLastGoodOneAndSaysSinceWhenAndWhy) {
 }
 
 TEST(AgentStatus, PartialSampleChangesItsTagUntilTheNextWholeOne) {
-  Bench bench;
+  StatusBench bench;
   bench.made().board().want_values();
   bench.outbox.push(fast(1, 1000, 23.5, off()));
   bench.outbox.push(written(2, 2000, 50));
@@ -267,7 +267,7 @@ TEST(AgentStatus, PartialSampleChangesItsTagUntilTheNextWholeOne) {
 }
 
 TEST(AgentStatus, PartialSampleBeforeAnyWholeOneIsAllThatIsKnown) {
-  Bench bench;
+  StatusBench bench;
   bench.made().board().want_values();
   bench.outbox.push(written(1, 2000, 50));
   bench.settle();
@@ -279,14 +279,14 @@ TEST(AgentStatus, PartialSampleBeforeAnyWholeOneIsAllThatIsKnown) {
 TEST(AgentStatus, WhatAnEarlierRunReadIsNoLastValue) {
   const test::Scratch scratch;
   {
-    Bench bench(scratch.path("store"));
+    StatusBench bench(scratch.path("store"));
     bench.broker.reachable = false;
     bench.outbox.push(fast(1, 1000, 23.5, off()));
     bench.settle();
     bench.made().stop(bench.now);
     bench.advance(10s);
   }
-  Bench again(scratch.path("store"));
+  StatusBench again(scratch.path("store"));
   again.made().board().want_values();
   again.online();
   const Status status = again.asked();
@@ -298,7 +298,7 @@ TEST(AgentStatus, WhatAnEarlierRunReadIsNoLastValue) {
 }
 
 TEST(AgentStatus, DeviceIsAsItsRetainedStateAndHasNoCodec) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   DeviceStatus state = test::offline(1, "timeout", 77);
   state.codec = test::codec();
@@ -314,7 +314,7 @@ TEST(AgentStatus, DeviceIsAsItsRetainedStateAndHasNoCodec) {
 }
 
 TEST(AgentStatus, SaysHowItStandsWithTheBroker) {
-  Bench bench;
+  StatusBench bench;
   bench.broker.confirms = false;
   bench.broker.reachable = false;
   bench.settle();
@@ -336,7 +336,7 @@ TEST(AgentStatus, SaysHowItStandsWithTheBroker) {
 }
 
 TEST(AgentStatus, SaysWhenTheFieldHasToldItsCounters) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   EXPECT_FALSE(bench.asked()->field_heard);
   bench.outbox.push(test::counted(0, 0));
@@ -349,7 +349,7 @@ TEST(AgentStatus, SaysWhenTheFieldHasToldItsCounters) {
 }
 
 TEST(AgentStatus, CountsHowLongCommandsTookThatWereSent) {
-  Bench bench;
+  StatusBench bench;
   bench.online();
   bench.write("a");
   bench.now += 40ms;
@@ -365,7 +365,7 @@ TEST(AgentStatus, CountsHowLongCommandsTookThatWereSent) {
 
 // With -DFXAGENT_SANITIZE=thread this shows that readers and uplink do not race.
 TEST(AgentStatus, ReadersOnOtherThreadsSeeWholeOnesThatGoForward) {
-  Bench bench;
+  StatusBench bench;
   Publisher& publisher = bench.made();
   StatusBoard& board = publisher.board();
   board.want_values();
