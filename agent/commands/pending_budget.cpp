@@ -58,6 +58,7 @@ struct IdFingerprints::All : KnownOnes {};
 IdFingerprints::IdFingerprints(std::size_t most)
     : most_(most), key_{chance(), chance()}, all_(std::make_unique<All>()) {}
 IdFingerprints::~IdFingerprints() = default;
+IdFingerprints& IdFingerprints::operator=(IdFingerprints&&) noexcept = default;
 
 std::size_t IdFingerprints::size() const { return all_->size(); }
 

@@ -24,8 +24,7 @@ class IdFingerprints final {
   /// Creates a random key.
   explicit IdFingerprints(std::size_t most = kFingerprints);
   ~IdFingerprints();
-  IdFingerprints(const IdFingerprints&) = delete;
-  IdFingerprints& operator=(const IdFingerprints&) = delete;
+  IdFingerprints& operator=(IdFingerprints&&) noexcept;
 
   bool has(std::string_view device, std::string_view id, SteadyTime now) const;
   /// Returns true if one more may be kept. Removes old ones; when full, removes the oldest that is
