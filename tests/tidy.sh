@@ -23,7 +23,7 @@ if [ ${#files[@]} -eq 0 ]; then
     agent/field/poll/{hole_map,poll_scheduler,report_by_exception}.cpp agent/field/{bus/bus_doubt,reconnect_policy}.cpp)
 fi
 
-cmake -S "$root" -B "$build" -G Ninja -DCMAKE_CXX_COMPILER=clang++-19 -DFXAGENT_TESTS=OFF \
+cmake -S "$root" -B "$build" -G Ninja -DCMAKE_CXX_COMPILER=clang++-19 -DFXAGENT_TESTS=OFF -DCMAKE_UNITY_BUILD=OFF \
   -DCMAKE_EXPORT_COMPILE_COMMANDS=ON >/dev/null
 # Prints only the findings of each file: the count of warnings in system headers goes to standard error.
 check() {

@@ -33,12 +33,12 @@ class Publisher(threading.Thread):
         body = text(topic) + ident + length(len(properties)) + properties + payload
         return packet(PUBLISH, body, qos << 1)
 
-    def flood(self, make, seconds, per_second):
-        """Sends packets in bursts of 10 ms. `make(n)` returns a packet."""
+    def flood(self, make, seconds, per_second, reached=lambda: True):
+        """Sends packets in bursts of 10 ms, for `seconds` and until `reached`. `make(n)` returns a packet."""
         reader = threading.Thread(target=self._discard, daemon=True)
         reader.start()
         begun = time.monotonic()
-        while time.monotonic() < begun + seconds:
+        while time.monotonic() < begun + seconds or not reached() and time.monotonic() < begun + PATIENCE:
             due = int((time.monotonic() - begun) * per_second)
             if due <= self.sent:
                 time.sleep(0.002)
@@ -125,8 +125,10 @@ class HostileCommander(PlantTest):
         meanwhile = sum(at < over for at, _ in answers)
         print(f"asked {len(asked)}, answered {len(waits)}, {meanwhile} of them meanwhile, worst {max(waits, default=0):.2f} s, "
               f"sent {sent}, gap {self.gap(since):.2f} s, {self.most / MIB:.0f} MiB")
-        # mosquitto's queue of 1,000 messages is full: it admits commands at random.
-        self.assertGreater(meanwhile, len(asked) // 20, "another client was not heard")
+        # mosquitto's queue of 1,000 messages is full: it admits commands at random, so both clients have their share.
+        flooded = sum(at < over for at, topic, payload, _ in self.watcher.messages[since:]
+                      if topic == f"{BASE}/press1/result" and payload["id"] not in asked)
+        self.assertGreater(meanwhile, len(asked) * flooded / sent / 3, f"another client was not heard beside {flooded}")
         # The agent reports each pause, and each resumption when half of 16 MiB has been sent.
         self.assertLessEqual(len(self.watcher.payloads(f"{BASE}/state", since)), seconds)
         self.assert_lively(since, most_mib)
@@ -173,14 +175,14 @@ class HostileCommander(PlantTest):
                       b"\x09" + struct.pack(">H", 60000) + b"c" * 60000)
         since = self.watcher.mark()
         hostile = Publisher(self.broker.port)
-        flood = threading.Thread(target=hostile.flood, args=(lambda n: hostile.publish(
-            f"{BASE}/press1/command", b'{"id":"r%d","op":"read","tag":"temp"}' % n, 1,
-            n % 65535 + 1, properties), 5, 300))
-        flood.start()
         asked = {}
 
         def answers():
             return [r for r in self.watcher.payloads(f"{BASE}/press1/result", since) if r["id"] in asked]
+        flood = threading.Thread(target=hostile.flood, args=(lambda n: hostile.publish(
+            f"{BASE}/press1/command", b'{"id":"r%d","op":"read","tag":"temp"}' % n, 1,
+            n % 65535 + 1, properties), 5, 300, answers))
+        flood.start()
         while flood.is_alive():
             self.ask(asked)
             time.sleep(0.05)
