@@ -85,8 +85,8 @@ class HostileCommander(PlantTest):
                  if topic == f"{BASE}/press1/data/fast"]
         return max(b - a for a, b in zip(times, times[1:]))
 
-    def assert_lively(self, since, most_mib):
-        self.assertLessEqual(self.gap(since), 2.0)
+    def assert_lively(self, since, most_mib, most_gap=2.0):
+        self.assertLessEqual(self.gap(since), most_gap)
         self.assertLessEqual(self.most, most_mib * MIB)
 
     def ask(self, asked):
@@ -190,7 +190,8 @@ class HostileCommander(PlantTest):
         hostile.close()
         copies = [topic for _, topic, _, _ in self.watcher.messages[since:] if topic.startswith(f"{BASE}/press1/result/")]
         self.assertTrue(copies, "no copy went to the response topic")
-        self.assert_lively(since, 100)
+        # The agent may connect anew once, with Receive Maximum 1, and the broker then works off what it has.
+        self.assert_lively(since, 100, 10.0)
 
     def test_ten_thousand_reads_that_live_for_an_hour_lock_nobody_out(self):
         self.begin()
