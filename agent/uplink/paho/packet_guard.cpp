@@ -19,7 +19,7 @@
 namespace fxagent {
 namespace {
 
-thread_local RefusedPacket refused;
+thread_local RefusedPacket refused_packet;
 thread_local std::map<int, IncomingPackets> followed;  // by socket
 thread_local int last_socket = -1;
 thread_local std::chrono::steady_clock::time_point closed_at{};
@@ -32,7 +32,7 @@ IncomingPackets* packets_of(int fd) noexcept {
 bool is_refused(const IncomingPackets* packets, std::size_t bytes) noexcept {
   const std::size_t most = packets != nullptr ? packets->most() : kMaxPacketIn;
   if (bytes <= most) return false;
-  refused = {bytes, most};
+  refused_packet = {bytes, most};
   errno = EMSGSIZE;
   return true;
 }
@@ -52,7 +52,7 @@ void follow_packets(int fd) noexcept {
   }
 }
 
-RefusedPacket take_refused_packet() noexcept { return std::exchange(refused, {}); }
+RefusedPacket take_refused_packet() noexcept { return std::exchange(refused_packet, {}); }
 
 int last_socket_read() noexcept { return last_socket; }
 
