@@ -172,7 +172,7 @@ Json shown_element(const Place& place, unsigned number, const LedgerDevice& devi
 // ---- the plant ----------------------------------------------------------------------------------
 
 std::string plant_of_the_path() {
-  constexpr std::array<const char*, kPathDevices> kProtocols{
+  constexpr std::array<const char*, kPathDevices> kProtocolNames{
       "fx-programming-port", "fx-computer-link", "modbus-tcp", "modbus-rtu"};
   Json links = Json::array();
   Json devices = Json::array();
@@ -180,7 +180,7 @@ std::string plant_of_the_path() {
     Json link{{"name", kNames[i]}, {"tcp", {{"host", "192.0.2.1"}, {"port", 4000 + i}}}};
     if (i != 2) link["line_baud"] = 19200;
     links.push_back(std::move(link));
-    devices.push_back(device(kNames[i], kProtocols[i], i < 2));
+    devices.push_back(device(kNames[i], kProtocolNames[i], i < 2));
   }
   return Json{{"agent", {{"id", "edge7"}, {"root", "fx/path"}}},
               {"mqtt", {{"servers", {"mqtt://127.0.0.1:1883"}}}},
