@@ -16,7 +16,7 @@ inline std::string sample_text(const Telemetry& message, std::string_view boot =
   const std::string row = encode_sample(message, press("press1"), boot, meta);
   SampleRecord record;
   EXPECT_TRUE(decode_sample(row, record));
-  return json::sample(record);
+  return fxagent::json::sample(record);
 }
 
 }  // namespace fxagent::test
