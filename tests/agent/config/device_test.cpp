@@ -220,7 +220,7 @@ TEST(ConfigDevice, NormalSetupsHaveNoWarning) {
     auto plant = small_plant();
     plant["links"] =
         nlohmann::json::parse(R"([{"name": "net", "tcp": {"host": "192.0.2.7", "port": 502}}])");
-    plant["devices"] = {nlohmann::json::parse(device)};
+    plant["devices"] = nlohmann::json::array({nlohmann::json::parse(device)});
     plant["devices"][0]["name"] = "d";
     plant["devices"][0]["link"] = "net";
     const auto config = good(plant.dump());

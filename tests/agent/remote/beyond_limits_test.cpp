@@ -281,7 +281,7 @@ TEST(BeyondLimits, AnotherModelAtALocalPlaceGetsNothing) {
   expect_may_not(local, allowing(device("press", "mc-1e", kQ), {"Y0"}));
   q["link"] = "press";
   json all = local;
-  all["devices"] = {allowing(q, {"Y0"})};
+  all["devices"] = json::array({allowing(q, {"Y0"})});
   EXPECT_NE(listed(beyond_limits(good(local.dump()), good(all.dump()))), "");
   // The same model with a longer route.
   json routed = kQ;
