@@ -197,7 +197,7 @@ std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
 
 std::uint32_t OneE::max_write_bits(std::uint16_t space) const {
   if (!check_reach({space, 0, 1})) return 0;
-  return kind_of(static_cast<Space>(space)).bits == 1 ? kWriteBits : kWriteWords * 16;
+  return width_of(space) == 1 ? kWriteBits : kWriteWords * 16;
 }
 
 // ---- requests ----------------------------------------------------------------------------------
@@ -246,7 +246,7 @@ Result<Bytes> OneE::encode_read(const Read& read) const {
 Result<Bytes> OneE::encode_write(const Write& write) const {
   const Span& span = write.span;
   if (const auto allowed = check_write(span); !allowed) return tl::make_unexpected(allowed.error());
-  const bool bits = kind_of(static_cast<Space>(span.space)).bits == 1 && !is_bit_words(span);
+  const bool bits = width_of(span.space) == 1 && !is_bit_words(span);
   const std::uint32_t most = max_write_bits(span.space);
   if (span.bits > most || write.image.size() != (span.bits + 7) / 8)
     return refuse("write of " + std::to_string(span.bits) + " bits with " +
