@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
 namespace fxagent::test {
 namespace {
+
+constexpr std::int64_t kToEnd = std::numeric_limits<std::int64_t>::max();
 
 PowerCut* disk = nullptr;
 
@@ -29,11 +32,14 @@ int write(sqlite3_file* file, const void* from, int size, sqlite3_int64 at) {
   const char* path = reinterpret_cast<Layered*>(file)->path;
   if (disk != nullptr) disk->await_thaw();
   const int code = real(file)->pMethods->xWrite(real(file), from, size, at);
-  if (disk != nullptr && path != nullptr && code == SQLITE_OK) disk->written(path, at, size);
+  if (disk != nullptr && path != nullptr && code == SQLITE_OK) disk->changed(path, at, at + size);
   return code;
 }
 int truncate(sqlite3_file* file, sqlite3_int64 size) {
-  return real(file)->pMethods->xTruncate(real(file), size);
+  const char* path = reinterpret_cast<Layered*>(file)->path;
+  const int code = real(file)->pMethods->xTruncate(real(file), size);
+  if (disk != nullptr && path != nullptr && code == SQLITE_OK) disk->changed(path, size, kToEnd);
+  return code;
 }
 int file_size(sqlite3_file* file, sqlite3_int64* size) {
   return real(file)->pMethods->xFileSize(real(file), size);
@@ -161,20 +167,22 @@ bool PowerCut::is_awaited() const {
   return is_frozen_ && waiting_ > 0;
 }
 
-void PowerCut::written(const std::string& path, std::int64_t at, std::int64_t size) {
+void PowerCut::changed(const std::string& path, std::int64_t begin, std::int64_t end) {
   const std::lock_guard lock(mutex_);
-  files_[path].written.emplace_back(at, at + size);
+  files_[path].changed.emplace_back(begin, end);
 }
 
 bool PowerCut::synchronised(const std::string& path, std::int64_t size, const Copy& copy) {
   const std::lock_guard lock(mutex_);
   File& file = files_[path];
-  if (std::exchange(file.syncs, file.syncs + 1) == 0) file.written = {{0, size}};
+  if (file.syncs == 0) file.changed = {{0, size}};
   file.content.resize(static_cast<std::size_t>(size));
-  for (const auto& [begin, end] : std::exchange(file.written, {})) {
+  for (const auto& [begin, end] : file.changed) {
     const std::int64_t kept = std::min(end, size);
     if (begin < kept && !copy(file.content.data() + begin, begin, kept - begin)) return false;
   }
+  file.changed.clear();
+  ++file.syncs;
   return true;
 }
 

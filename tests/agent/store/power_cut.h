@@ -38,12 +38,12 @@ class PowerCut final {
 
   /// Called by the layer: returns when the disk is not frozen.
   void await_thaw() const;
-  /// Called by the layer: these bytes of the file were written.
-  void written(const std::string& path, std::int64_t at, std::int64_t size);
+  /// Called by the layer: these bytes of the file were written or cut off.
+  void changed(const std::string& path, std::int64_t begin, std::int64_t end);
   /// Copies part of a file. Returns false if it cannot be read.
   using Copy = std::function<bool(char* into, std::int64_t at, std::int64_t count)>;
   /// Called by the layer: the file, now `size` bytes long, is on the disk. Returns false if its
-  /// written parts cannot be read.
+  /// changed parts cannot be read.
   bool synchronised(const std::string& path, std::int64_t size, const Copy& copy);
   /// Called by the layer: the file was deleted.
   void deleted(const std::string& path);
@@ -52,7 +52,7 @@ class PowerCut final {
   struct File {
     std::string content;  ///< as of the last sync
     std::uint64_t syncs = 0;
-    std::vector<std::pair<std::int64_t, std::int64_t>> written;  ///< since then: begin and end
+    std::vector<std::pair<std::int64_t, std::int64_t>> changed;  ///< since then: begin and end
   };
   mutable std::mutex mutex_;
   mutable std::condition_variable thawed_;
