@@ -142,7 +142,7 @@ Result<ReadWay> way_of(const Dialect& dialect, const Read& read) {
 
 std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space_id) {
   if (space_id >= kSpaces) return 0;
-  const std::uint32_t bits = kind_of(static_cast<Space>(space_id)).bits;
+  const std::uint32_t bits = width_of(space_id);
   const Limits limits = limits_of(dialect, has_long_codes(dialect, 0));
   // For bits, as many whole bytes as fit: a remainder shorter than a word must fit, too.
   const std::uint32_t unit = std::max<std::uint32_t>(bits, 8);

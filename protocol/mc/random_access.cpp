@@ -21,7 +21,7 @@ bool is_block_read(const Gather& gather) {
   return !gather.parts.empty() && gather.parts.front().gather == kBlockRead;
 }
 
-bool is_of_bits(const Read& part) { return kind_of(static_cast<Space>(part.span.space)).bits == 1; }
+bool is_of_bits(const Read& part) { return width_of(part.span.space) == 1; }
 
 /// Calls `visit` with the index of every part in the order of the frame: words before double words,
 /// and blocks of words before blocks of bits.
@@ -175,7 +175,7 @@ Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter) {
                                               std::to_string(part.span.bits) + " bits");
     flags |= part.way;
     bits += part.span.bits;
-    all_bits &= kind_of(static_cast<Space>(part.span.space)).bits == 1;
+    all_bits &= width_of(part.span.space) == 1;
     all_words &= is_whole_words(part.span);
   }
   const bool long_codes = has_long_codes(dialect, flags);

@@ -5,7 +5,6 @@
 #include <fstream>
 #include <limits>
 #include <stdexcept>
-#include <utility>
 
 namespace fxagent::test {
 namespace {
