@@ -82,8 +82,9 @@ TEST(TelemetryJson, ScaledFloatHasAllItsDigits) {
   const double scaled = static_cast<double>(5.1F) * 0.1;
   Telemetry message = test::sample(1);
   message.readings = {good(test::level, Value(scaled))};
-  SampleRecord record;
-  ASSERT_TRUE(decode_sample(encode_sample(message, press, "9f3c21aa", "a41c"), record));
+  const std::string row = encode_sample(message, press, "9f3c21aa", "a41c");
+  SampleRecord record;  // points into the row
+  ASSERT_TRUE(decode_sample(row, record));
   EXPECT_EQ(json::parse(fxagent::json::sample(record))["values"]["level"], scaled);
 }
 
