@@ -7,11 +7,10 @@
 #include <sstream>
 #include <string_view>
 
+#include "agent/cli/exit_status.h"
+
 namespace fxagent {
 namespace {
-
-constexpr int kDone = 0;
-constexpr int kWrongQuestion = 2;
 
 // Topics below {root}/{id}/. Device names are wildcards because the agent also clears retained
 // topics of devices that the config no longer has. `state` is also the last will; topics below
@@ -113,10 +112,7 @@ int run_acl(const Config& config, const AclQuestion& what) {
     std::cout << *text;
     return kDone;
   }
-  // Print one fault a line.
-  std::istringstream faults(text.error());
-  for (std::string fault; std::getline(faults, fault);) std::cerr << "acl: " << fault << '\n';
-  return kWrongQuestion;
+  return refused("acl", text.error());
 }
 
 }  // namespace fxagent

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "agent/cli/audit_report.h"
+#include "agent/cli/exit_status.h"
 #include "agent/counted.h"
 #include "agent/messages.h"
 #include "agent/store/audit_trail.h"
@@ -15,14 +16,7 @@
 namespace fxagent {
 namespace {
 
-constexpr int kDone = 0;
 constexpr int kBroken = 1;
-constexpr int kWrongQuestion = 2;
-
-int wrong(const std::string& why) {
-  std::cerr << "fxagent audit: " << why << '\n';
-  return kWrongQuestion;
-}
 
 /// Parses "17:0f3a…", the records and head of a health message; nullopt for any other text.
 std::optional<audit::Head> head_from(const std::string& text) {
@@ -75,26 +69,29 @@ void name_set_aside(const std::string& directory) {
 
 int run_audit(const Config& config, const AuditQuestion& question) {
   if (config.store.path.empty())
-    return wrong(
+    return refused(
+        "fxagent audit",
         "there is no audit: it is kept in the store. Set store.path in the config, and every "
         "command is recorded from then on");
   std::optional<std::int64_t> since;
   if (!question.since.empty()) {
     since = audit::since_from(question.since, utc_ms(std::chrono::system_clock::now()));
     if (!since)
-      return wrong("--since takes ms UTC, 2026-11-21, 2026-11-21T08:30, or 90s, 30m, 2h, 7d");
+      return refused("fxagent audit",
+                     "--since takes ms UTC, 2026-11-21, 2026-11-21T08:30, or 90s, 30m, 2h, 7d");
   }
   std::optional<audit::Head> published;
   if (!question.head.empty()) {
     published = head_from(question.head);
     if (!published)
-      return wrong("--head takes RECORDS:HASH, as audit.records and audit.head in health");
+      return refused("fxagent audit",
+                     "--head takes RECORDS:HASH, as audit.records and audit.head in health");
   }
   const std::string path = store_file_path(config.store.path);
   std::error_code fault;
   if (!std::filesystem::exists(path, fault))
-    return wrong(path + " is not there" + (fault ? ": " + fault.message() : "") +
-                 "; the agent makes it when it runs");
+    return refused("fxagent audit", path + " is not there" + (fault ? ": " + fault.message() : "") +
+                                        "; the agent makes it when it runs");
   audit::Verifier verifier(published);
   audit::Report report;
   audit::Head head;
@@ -106,10 +103,11 @@ int run_audit(const Config& config, const AuditQuestion& question) {
       return print_findings(verifier, head,
                             {{verifier.records() + 1, "the file is damaged: " + unread->why}},
                             question.as_json);
-    return wrong(path + ": " + unread->why +
-                 (unread->why.starts_with("no such table")
-                      ? "; it is of an older agent, and the audit begins when this one runs"
-                      : ""));
+    return refused("fxagent audit",
+                   path + ": " + unread->why +
+                       (unread->why.starts_with("no such table")
+                            ? "; it is of an older agent, and the audit begins when this one runs"
+                            : ""));
   }
   name_set_aside(config.store.path);
   if (question.verify)

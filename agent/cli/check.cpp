@@ -4,6 +4,7 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/cli/exit_status.h"
 #include "agent/cli/online_check.h"
 #include "agent/cli/plan_report.h"
 #include "agent/config/config_limits.h"
@@ -17,8 +18,6 @@
 
 namespace fxagent {
 namespace {
-
-constexpr int kWrong = 2;
 
 std::string counts(const Config& config) {
   std::size_t tags = 0;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "agent/cli/config_page.h"
+#include "agent/cli/exit_status.h"
 #include "agent/import/formats.h"
 #include "protocol/catalog.h"
 #include "protocol/letter_case.h"
@@ -33,9 +34,7 @@ std::string roff(std::string_view text) {
 
 namespace {
 
-constexpr int kDone = 0;
 constexpr int kFailed = 1;
-constexpr int kWrongQuestion = 2;
 
 constexpr std::string_view kExitStatus = R"(.SH EXIT STATUS
 0: done. 1: the device refused or did not answer, the frame is bad, something is missing, or the agent could not
@@ -253,7 +252,7 @@ std::optional<int> write_command_pages(const CLI::App& app, int argc, const char
   if (argc < 2 || std::string_view(argv[1]) != "--help-pages") return std::nullopt;
   if (argc != 3) {
     std::cerr << "--help-pages takes the directory to write to\n";
-    return kWrongQuestion;
+    return kWrong;
   }
   const std::filesystem::path directory(argv[2]);
   const auto write = [&](const std::string& name, const std::string& page) {

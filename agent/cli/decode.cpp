@@ -4,6 +4,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "agent/cli/exit_status.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {
@@ -11,7 +12,6 @@ namespace {
 
 constexpr int kGoodFrame = 0;
 constexpr int kBadFrame = 1;
-constexpr int kWrongQuestion = 2;
 
 nlohmann::ordered_json to_json(const Explanation& frame) {
   nlohmann::ordered_json out;
@@ -60,22 +60,16 @@ int run_decode(const DecodeQuestion& question) {
     std::cerr << "no protocol " << question.protocol << "; there are:";
     for (const ProtocolInfo& known : catalog()) std::cerr << ' ' << known.name;
     std::cerr << '\n';
-    return kWrongQuestion;
+    return kWrong;
   }
   std::string text;
   for (const std::string& part : question.hex) text += part + ' ';
   const auto frame = from_hex(text);
-  if (!frame) {
-    std::cerr << frame.error().text << '\n';
-    return kWrongQuestion;
-  }
+  if (!frame) return refused("", frame.error().text);
   Options options = default_options(*protocol);
   if (!question.model.empty()) options["model"] = question.model;
   const auto codec = protocol->make(options);
-  if (!codec) {
-    std::cerr << codec.error().text << '\n';
-    return kWrongQuestion;
-  }
+  if (!codec) return refused("", codec.error().text);
   const Explanation explanation = (*codec)->explain(*frame, question.direction);
   if (question.as_json)
     std::cout << to_json(explanation).dump() << '\n';

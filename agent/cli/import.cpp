@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "agent/cli/exit_status.h"
 #include "agent/config/config.h"
 #include "agent/config/reader.h"
 #include "agent/counted.h"
@@ -17,14 +18,7 @@
 namespace fxagent {
 namespace {
 
-constexpr int kDone = 0;
 constexpr int kNothing = 1;
-constexpr int kWrong = 2;
-
-int wrong(const std::string& text) {
-  std::cerr << "import: " << text << '\n';
-  return kWrong;
-}
 
 std::string place(const std::string& path, int line) {
   return line > 0 ? path + ":" + std::to_string(line) : path;
@@ -70,23 +64,28 @@ int run_import(const ImportQuestion& what) {
   std::vector<std::string_view> names{"auto"};
   for (const ImportFormat& format : import_formats()) names.push_back(format.name);
   if (std::ranges::find(names, what.format) == names.end())
-    return wrong("there is no format " + shown(what.format) + did_you_mean(what.format, names));
-  if (const std::string fault = fault_of(what.options); !fault.empty()) return wrong(fault);
+    return refused("import",
+                   "there is no format " + shown(what.format) + did_you_mean(what.format, names));
+  if (const std::string fault = fault_of(what.options); !fault.empty())
+    return refused("import", fault);
   const auto bytes = read_config_file(what.path);
-  if (!bytes) return wrong(to_string(bytes.error().front(), what.path));
+  if (!bytes) return refused("import", to_string(bytes.error().front(), what.path));
   if (bytes->starts_with("PK\x03\x04"))
-    return wrong(
+    return refused(
+        "import",
         what.path +
-        ": is a zip file, as workbooks (.xlsx) are: save its sheet as CSV, in a spreadsheet "
-        "program or with `xlsx2csv`, and import that");
+            ": is a zip file, as workbooks (.xlsx) are: save its sheet as CSV, in a spreadsheet "
+            "program or with `xlsx2csv`, and import that");
   const ImportFormat* format = format_of(what.format, *bytes);
   if (format == nullptr)
-    return wrong(what.path + ": is surely of no known format; name it: " + one_of(names));
+    return refused("import",
+                   what.path + ": is surely of no known format; name it: " + one_of(names));
   const auto text = to_utf8(*bytes, format->legacy);
-  if (!text) return wrong(what.path + ": " + text.error());
+  if (!text) return refused("import", what.path + ": " + text.error());
   auto imported = format->read(*text, what.options);
   if (!imported)
-    return wrong(place(what.path, imported.error().line) + ": " + imported.error().text);
+    return refused("import",
+                   place(what.path, imported.error().line) + ": " + imported.error().text);
 
   const ImportOutcome outcome = finish(*std::move(imported));
   for (const ImportNote& note : outcome.notes)
@@ -104,10 +103,7 @@ int run_import(const ImportQuestion& what) {
 
 int run_export(const std::string& path) {
   const auto text = read_config_file(path);
-  if (!text) {
-    std::cerr << to_string(text.error().front(), path) << '\n';
-    return kWrong;
-  }
+  if (!text) return refused("", to_string(text.error().front(), path));
   std::cout << export_csv(*text);
   return kDone;
 }

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "agent/cli/check.h"
+#include "agent/cli/exit_status.h"
 #include "agent/cli/found_ports.h"
 #include "agent/cli/password_file.h"
 #include "agent/cli/plan.h"
@@ -26,15 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kDone = 0;
 constexpr int kNotWritten = 1;
-constexpr int kWrong = 2;
-
-int wrong(const std::string& text, int status = kWrong) {
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) std::cerr << "init: " << line << '\n';
-  return status;
-}
 
 /// Returns the flags of the required answers that are missing.
 std::string missing(const InitAnswers& answers) {
@@ -265,23 +258,25 @@ int run_init(InitQuestion what) {
   fs::path directory = fs::absolute(what.directory, fault).lexically_normal();
   if (!directory.has_filename()) directory = directory.parent_path();  // "." ends with a slash
   if (const std::string why = in_the_way(directory, what.force); !why.empty())
-    return wrong(why, kNotWritten);
+    return refused("init", why, kNotWritten);
   const bool is_asked = !missing(what.answers).empty();
   if (is_asked) {
     if (::isatty(STDIN_FILENO) == 0)
-      return wrong("not on a terminal, so nobody can be asked; missing: " + missing(what.answers));
-    if (const std::string faults = faults_in(what.answers); !faults.empty()) return wrong(faults);
+      return refused(
+          "init", "not on a terminal, so nobody can be asked; missing: " + missing(what.answers));
+    if (const std::string faults = faults_in(what.answers); !faults.empty())
+      return refused("init", faults);
     ask_for(what.answers);
     if (const std::string flags = missing(what.answers); !flags.empty())
-      return wrong("missing: " + flags);
+      return refused("init", "missing: " + flags);
   }
   const auto files = init_files(what.answers, directory.string());
-  if (!files) return wrong(files.error());
+  if (!files) return refused("init", files.error());
   if (fs::create_directories(directory, fault))
     fs::permissions(directory, static_cast<fs::perms>(0755), fault);
   for (const InitFile& file : *files) {
     if (!write_file(directory / file.name, file.text))
-      return wrong((directory / file.name).string() + " cannot be written", kNotWritten);
+      return refused("init", (directory / file.name).string() + " cannot be written", kNotWritten);
     std::cout << "wrote " << (directory / file.name).string() << '\n';
   }
   const std::string path = (directory / files->front().name).string();
@@ -289,7 +284,7 @@ int run_init(InitQuestion what) {
   if (!config) return kWrong;
   if (!config->mqtt.password_file.empty()) {
     const auto said = keep_password(config->mqtt, is_asked);
-    if (!said) return wrong(said.error(), kNotWritten);
+    if (!said) return refused("init", said.error(), kNotWritten);
     std::cout << *said << '\n';
   }
   std::cout << "\nfxagent check " << path << '\n' << std::flush;

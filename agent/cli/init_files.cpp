@@ -80,7 +80,7 @@ std::string config_text(const InitAnswers& answers) {
   JsonObject agent;
   agent.text("id", answers.id);
   JsonObject mqtt;
-  mqtt.raw("servers", "[" + quoted(answers.broker) + "]");
+  mqtt.raw("servers", "[" + fxagent::quoted(answers.broker) + "]");
   if (!answers.user.empty()) mqtt.text("username", answers.user);
   if (!answers.password_file.empty()) mqtt.text("password_file", answers.password_file);
   JsonObject out;

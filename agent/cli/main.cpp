@@ -22,6 +22,7 @@
 #include "agent/cli/command_help.h"
 #include "agent/cli/command_pages.h"
 #include "agent/cli/decode.h"
+#include "agent/cli/exit_status.h"
 #include "agent/cli/import.h"
 #include "agent/cli/init.h"
 #include "agent/cli/one_shot.h"
@@ -43,7 +44,6 @@ namespace {
 
 using namespace fxagent;
 
-constexpr int kWrong = 2;
 // Threads: watchdog, log, field and its name lookups, uplink, reload, three of the store and two of
 // the MQTT library.
 constexpr int kThreads = 11;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "agent/cli/command_line_audit.h"
+#include "agent/cli/exit_status.h"
 #include "agent/cli/read_report.h"
 #include "agent/commands/admission.h"
 #include "agent/commands/result.h"
@@ -25,9 +26,7 @@
 namespace fxagent {
 namespace {
 
-constexpr int kDone = 0;
 constexpr int kDeviceFailed = 1;
-constexpr int kWrongQuestion = 2;
 constexpr std::uint32_t kWordBits = 16;
 
 Scalar scalar_of(const nlohmann::json& json, const std::string& text) {
@@ -199,7 +198,7 @@ std::string text_of(const OneShot& what) {
 
 int exit_status(const CommandResult& result) {
   if (result.status == CommandStatus::succeeded) return kDone;
-  return result.status == CommandStatus::rejected ? kWrongQuestion : kDeviceFailed;
+  return result.status == CommandStatus::rejected ? kWrong : kDeviceFailed;
 }
 
 /// Returns the address of the only target; `name`, as the caller gave it, if it is not known.
@@ -488,29 +487,21 @@ int run_one_shot(Config config, const OneShot& what) {
     for (const DeviceConfig& device : config.devices) names.push_back(device.name);
     std::cerr << "no device " << what.device << " in the config" << did_you_mean(what.device, names)
               << '\n';
-    return kWrongQuestion;
+    return kWrong;
   }
-  if (const std::string fault = call_fault(what, config.devices.front()); !fault.empty()) {
-    std::cerr << fault << '\n';
-    return kWrongQuestion;
-  }
+  if (const std::string fault = call_fault(what, config.devices.front()); !fault.empty())
+    return refused("", fault);
   CommandTarget target;
   target.count = what.count;
   if (what.value) target.value = value_of_text(*what.value);
   if (what.type) {
     const auto type = data_type_from(*what.type);
-    if (!type) {
-      std::cerr << "--type: " << type.error().text << '\n';
-      return kWrongQuestion;
-    }
+    if (!type) return refused("--type", type.error().text);
     target.type = *type;
   }
   if (what.word_order) {
     const auto order = byte_order_from(*what.word_order);
-    if (!order) {
-      std::cerr << "--word-order: " << order.error().text << '\n';
-      return kWrongQuestion;
-    }
+    if (!order) return refused("--word-order", order.error().text);
     target.order = *order;
   }
   if (what.op == Op::read) {

@@ -8,6 +8,7 @@
 #include <set>
 #include <utility>
 
+#include "agent/cli/exit_status.h"
 #include "agent/cli/plan_report.h"
 #include "agent/cli/table.h"
 
@@ -18,8 +19,6 @@ using std::chrono::nanoseconds;
 using Json = nlohmann::ordered_json;
 using Reports = std::vector<LinkReport>;
 
-constexpr int kDone = 0;
-constexpr int kWrongQuestion = 2;
 // Placeholder for a missing number.
 const std::string kNone = "-";
 
@@ -278,10 +277,8 @@ std::set<std::uint32_t> links_with_more(const Config& before, const Config& afte
 int run_plan(const Config& config, const std::vector<std::string>& what_ifs, bool as_json) {
   Config changed = config;
   for (const std::string& what : what_ifs) {
-    if (const auto added = add_what_if(changed, what); !added) {
-      std::cerr << "--what-if: " << added.error().text << '\n';
-      return kWrongQuestion;
-    }
+    if (const auto added = add_what_if(changed, what); !added)
+      return refused("--what-if", added.error().text);
   }
   const Reports before = plan_links(config);
   if (what_ifs.empty()) {

@@ -90,7 +90,7 @@ std::string_view protocol_of(std::string_view plugin) {
   return {};
 }
 
-struct Place {
+struct TagPlace {
   std::int64_t unit = -1;  ///< -1: the protocol has none
   std::string address;
   std::string_view order{};
@@ -99,7 +99,7 @@ struct Place {
 
 /// Removes ".10", ".10H" or ".10L" from the address of a string. Returns false for any other
 /// suffix.
-bool take_length(std::string_view& text, Place& place) {
+bool take_length(std::string_view& text, TagPlace& place) {
   const std::size_t dot = text.find('.');
   if (dot == text.npos) return true;
   const std::string_view length = text.substr(dot + 1);
@@ -112,8 +112,8 @@ bool take_length(std::string_view& text, Place& place) {
 }
 
 /// Converts "D20.12" and "SN5" to our spelling: D20.C and STN5. nullopt: a string without a length.
-std::optional<Place> melsec_place(std::string_view text, bool is_string) {
-  Place place;
+std::optional<TagPlace> melsec_place(std::string_view text, bool is_string) {
+  TagPlace place;
   if (is_string && !take_length(text, place)) return std::nullopt;
   const bool is_retentive = text.size() > 2 && text[0] == 'S' &&
                             (text[1] == 'S' || text[1] == 'C' || text[1] == 'N') &&
@@ -126,10 +126,10 @@ std::optional<Place> melsec_place(std::string_view text, bool is_string) {
 }
 
 /// Returns nullopt if the text is not SLAVE!ADDRESS.
-std::optional<Place> modbus_place(std::string_view text, bool is_string) {
+std::optional<TagPlace> modbus_place(std::string_view text, bool is_string) {
   const std::size_t mark = text.find('!');
   const std::string_view unit = text.substr(0, mark);
-  Place place;
+  TagPlace place;
   const auto [end, fault] = std::from_chars(unit.data(), unit.data() + unit.size(), place.unit);
   if (mark == text.npos || fault != std::errc() || end != unit.data() + unit.size())
     return std::nullopt;
@@ -452,10 +452,10 @@ bool is_sheet(const std::vector<CsvRow>& rows) {
 
 /// Returns the number of a type by its name in the sheet; past the last type if unknown.
 std::int64_t type_named(std::string_view name) {
-  constexpr std::array<std::string_view, 19> kTypes{
+  constexpr std::array<std::string_view, 19> kNeuronTypes{
       "",       "INT8", "UINT8", "INT16",  "UINT16", "INT32", "UINT32", "INT64", "UINT64", "FLOAT",
       "DOUBLE", "BIT",  "BOOL",  "STRING", "BYTES",  "ERROR", "WORD",   "DWORD", "LWORD"};
-  return std::ranges::find(kTypes, name) - kTypes.begin();
+  return std::ranges::find(kNeuronTypes, name) - kNeuronTypes.begin();
 }
 
 /// Converts the sheet to a node in JSON, with each tag on the line of its row.

@@ -62,7 +62,7 @@ std::optional<std::int64_t> milliseconds(std::string_view text) {
 /// Returns the config's type; empty if there is none. FIXED and similar types are as wide as their
 /// addresses.
 std::string_view type_of(std::string_view name, std::size_t registers, bool is_register_style) {
-  constexpr std::array<std::pair<std::string_view, std::string_view>, 11> kTypes{{
+  constexpr std::array<std::pair<std::string_view, std::string_view>, 11> kTelegrafTypes{{
       {"INT16", "int16"},
       {"UINT16", "uint16"},
       {"INT32", "int32"},
@@ -75,8 +75,9 @@ std::string_view type_of(std::string_view name, std::size_t registers, bool is_r
       {"STRING", "string"},
       {"BIT", "bool"},
   }};
-  const auto known = std::ranges::find(kTypes, name, [](const auto& pair) { return pair.first; });
-  if (known != kTypes.end()) return known->second;
+  const auto known =
+      std::ranges::find(kTelegrafTypes, name, [](const auto& pair) { return pair.first; });
+  if (known != kTelegrafTypes.end()) return known->second;
   if (name == "FLOAT32" && !is_register_style) return "float32";
   if (registers != 1 && registers != 2 && registers != 4) return {};
   if (name == "FIXED") return registers == 1 ? "int16" : registers == 2 ? "int32" : "int64";
@@ -93,7 +94,7 @@ char table_of(std::string_view name) {
 }
 
 /// Converts a byte order. "AB" and "BA" apply to one register, eight letters to four.
-std::string_view order_of(std::string_view name) {
+std::string_view word_order_of(std::string_view name) {
   if (name == "AB") return {};
   if (name == "BA" || name == "BADCFEHG") return "BADC";
   if (name == "ABCDEFGH") return "ABCD";
@@ -242,7 +243,7 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
   tag.keys.literal("address", address);
   if (!is_bit) tag.keys.text("type", type);
   const std::string_view order =
-      order_of(field.is_register_style ? text_at(node, "byte_order") : field.order);
+      word_order_of(field.is_register_style ? text_at(node, "byte_order") : field.order);
   if (type == "string") {
     tag.keys.integer("length", 2 * string_registers);
     tag.keys.text("word_order", is_high_first(order) ? "high_first" : "low_first");

@@ -30,7 +30,7 @@ constexpr auto kHistogram = MetricType::Histogram;
 
 double number(std::uint64_t count) { return static_cast<double>(count); }
 double yes(bool is_so) { return is_so ? 1 : 0; }
-double seconds(std::chrono::nanoseconds duration) {
+double in_seconds(std::chrono::nanoseconds duration) {
   return std::chrono::duration<double>(duration).count();
 }
 
@@ -148,11 +148,11 @@ class Page final {
       auto& bucket = made.histogram.bucket.emplace_back();
       bucket.cumulative_count = count;
       bucket.upper_bound = i < DurationHistogram::kBounds.size()
-                               ? seconds(DurationHistogram::kBounds[i])
+                               ? in_seconds(DurationHistogram::kBounds[i])
                                : std::numeric_limits<double>::infinity();
     }
     made.histogram.sample_count = count;
-    made.histogram.sample_sum = seconds(durations.sum());
+    made.histogram.sample_sum = in_seconds(durations.sum());
   }
   /// Adds a family of one series.
   void one(std::string_view name, MetricType type, std::string_view help, double value) {
@@ -169,7 +169,7 @@ class Page final {
   void of_agent() {
     begin("fxagent_build_info", kGauge, "The agent's id and version; the value is 1.");
     add({{"agent", config_.id}, {"version", status_.version}}, 1);
-    one("fxagent_uptime_seconds", kGauge, "Time since the start.", seconds(status_.uptime));
+    one("fxagent_uptime_seconds", kGauge, "Time since the start.", in_seconds(status_.uptime));
     one("process_resident_memory_bytes", kGauge, "Resident memory of the process.",
         number(status_.rss_bytes));
     one("fxagent_clock_synchronised", kGauge, "Whether the clock of this machine is synchronised.",

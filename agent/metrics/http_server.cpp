@@ -13,7 +13,6 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr const char* kJson = "application/json";
 constexpr MHD_UNSIGNED_LONG_LONG kMostWaitMs = 60'000;
 
 /// Reference to the body, owned by the response that sends it.

@@ -21,6 +21,8 @@ struct MHD_Daemon;
 
 namespace fxagent {
 
+inline constexpr const char* kJson = "application/json";
+
 struct HttpAnswer {
   unsigned status = 200;
   const char* type = "";  ///< Content-Type; a literal

@@ -6,19 +6,19 @@
 namespace fxagent {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 /// Version of the file format.
 constexpr int kFormat = 1;
 
-Json json_of(const std::optional<KeptConfig>& kept) {
+OrderedJson json_of(const std::optional<KeptConfig>& kept) {
   if (!kept) return nullptr;
   return {
       {"document", kept->document.text}, {"hash", kept->document.hash}, {"since", kept->since_ms}};
 }
 
 /// Returns the kept config; nullopt for null. Throws if the JSON does not hold one.
-std::optional<KeptConfig> kept_from(const Json& json) {
+std::optional<KeptConfig> kept_from(const OrderedJson& json) {
   if (json.is_null()) return std::nullopt;
   KeptConfig kept;
   ReadDesired read = read_desired(json.at("document").get_ref<const std::string&>());
@@ -37,12 +37,12 @@ void KeptConfigs::set_good_aside() {
 }
 
 std::string to_text(const KeptConfigs& kept) {
-  Json json{{"format", kFormat},          {"agent", kept.agent},
-            {"good", json_of(kept.good)}, {"before", json_of(kept.before)},
-            {"watched", kept.watched},    {"ends", kept.ends},
-            {"boot", kept.boot},          {"trying", json_of(kept.trying)},
-            {"stopped", kept.stopped},    {"judged", nullptr},
-            {"rolled_back", nullptr}};
+  OrderedJson json{{"format", kFormat},          {"agent", kept.agent},
+                   {"good", json_of(kept.good)}, {"before", json_of(kept.before)},
+                   {"watched", kept.watched},    {"ends", kept.ends},
+                   {"boot", kept.boot},          {"trying", json_of(kept.trying)},
+                   {"stopped", kept.stopped},    {"judged", nullptr},
+                   {"rolled_back", nullptr}};
   if (const auto& judged = kept.judged)
     json["judged"] = {{"document", judged->text},
                       {"hash", judged->hash},
@@ -54,36 +54,38 @@ std::string to_text(const KeptConfigs& kept) {
                            {"by", back->by},
                            {"why", back->why},
                            {"since", back->since_ms}};
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return json.dump(1, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
 }
 
 tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text) {
   try {
-    const Json json = Json::parse(text);
+    const OrderedJson json = OrderedJson::parse(text);
     if (json.at("format") != kFormat)
       return tl::unexpected(std::string("it is of another version of the agent"));
     KeptConfigs kept;
     kept.agent = json.at("agent").get<std::string>();
     kept.good = kept_from(json.at("good"));
     // Files of earlier versions of the agent lack these.
-    kept.before = kept_from(json.value("before", Json()));
+    kept.before = kept_from(json.value("before", OrderedJson()));
     kept.watched = json.value("watched", false);
     kept.ends = json.value("ends", 0);
     kept.boot = json.value("boot", "");
     kept.trying = kept_from(json.at("trying"));
     kept.stopped = json.at("stopped").get<bool>();
-    const auto word = [](const Json& of, const char* key) { return of.at(key).get<std::string>(); };
-    if (const Json& judged = json.at("judged"); !judged.is_null())
+    const auto word = [](const OrderedJson& of, const char* key) {
+      return of.at(key).get<std::string>();
+    };
+    if (const OrderedJson& judged = json.at("judged"); !judged.is_null())
       kept.judged = {judged.value("document", ""), word(judged, "hash"), word(judged, "version"),
                      word(judged, "by")};
-    if (const Json& back = json.at("rolled_back"); !back.is_null())
+    if (const OrderedJson& back = json.at("rolled_back"); !back.is_null())
       kept.rolled_back = {word(back, "hash"), word(back, "version"), word(back, "by"),
                           word(back, "why"), back.at("since").get<std::int64_t>()};
     return kept;
-  } catch (const Json::parse_error& fault) {
+  } catch (const OrderedJson::parse_error& fault) {
     return tl::unexpected("it is cut off or was changed: no JSON from byte " +
                           std::to_string(fault.byte) + " on");
-  } catch (const Json::exception&) {
+  } catch (const OrderedJson::exception&) {
     return tl::unexpected(std::string("it was changed: a part is missing, or of another kind"));
   } catch (const std::exception& fault) {
     return tl::unexpected(std::string(fault.what()));

@@ -7,11 +7,11 @@
 namespace fxagent {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 using State = RemoteReport::State;
 
-std::string written(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+std::string written(const OrderedJson& json) {
+  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
 }
 
 /// Cuts `text` after at most kMostErrorBytes, at the end of a UTF-8 character, and appends "…".
@@ -26,7 +26,9 @@ std::string cut(std::string text) {
   return text + "…";
 }
 
-Json word(const std::string& text) { return text.empty() ? Json(nullptr) : Json(text); }
+OrderedJson word(const std::string& text) {
+  return text.empty() ? OrderedJson(nullptr) : OrderedJson(text);
+}
 
 }  // namespace
 
@@ -70,11 +72,11 @@ RemoteReport make_report(State state, DesiredConfig desired, const ConfigErrors&
 
 std::string reported_text(const RemoteReport& report, const std::string& hash,
                           const std::string& in_force, bool is_confirmed) {
-  Json out;
+  OrderedJson out;
   out["version"] = word(report.desired.version);
   out["hash"] = hash;
   out["state"] = to_string(report.state);
-  auto& errors = out["errors"] = Json::array();
+  auto& errors = out["errors"] = OrderedJson::array();
   for (const ConfigError& error : report.errors) errors.push_back(text_of(error));
   out["errors_in_all"] = report.errors_in_all;
   out["since"] = report.since_ms;

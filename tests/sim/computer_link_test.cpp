@@ -6,6 +6,7 @@
 #include <array>
 
 #include "tests/sim/computer_link_frames.h"
+#include "tests/sim/sample_plc.h"
 
 namespace fxsim {
 namespace {
@@ -32,10 +33,6 @@ std::string shown(ByteView bytes) {
                                  : kMarks[static_cast<std::size_t>(code - kCodes.begin())];
   }
   return text;
-}
-
-Plc make_plc(std::string_view model) {
-  return {*find_model(model), make_plant("none"), TimePoint{}};
 }
 
 /// Builds a request to station 0, starting with the command, with the matching sum.

@@ -6,6 +6,7 @@
 
 #include "tests/sim/modbus.h"
 #include "tests/sim/programming_port.h"
+#include "tests/sim/sample_plc.h"
 
 namespace fxsim {
 namespace {
@@ -16,12 +17,8 @@ class Control : public testing::Test {
  protected:
   json ask(const char* request) { return obey(json::parse(request), stations_, TimePoint{}); }
 
-  Station station_{"p1",
-                   std::make_unique<ProgrammingPort>(),
-                   Plc(*find_model("FX3U"), make_plant("none"), TimePoint{}),
-                   TimePoint{},
-                   std::chrono::system_clock::time_point{},
-                   {}};
+  Station station_{"p1",        std::make_unique<ProgrammingPort>(),     make_plc(),
+                   TimePoint{}, std::chrono::system_clock::time_point{}, {}};
   Stations stations_{{"p1", &station_}};
 };
 

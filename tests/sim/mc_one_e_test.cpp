@@ -3,13 +3,10 @@
 #include <gtest/gtest.h>
 
 #include "tests/sim/mc_frames.h"
+#include "tests/sim/sample_plc.h"
 
 namespace fxsim {
 namespace {
-
-Plc make_plc(std::string_view model = "FX3U") {
-  return {*find_model(model), make_plant("none"), TimePoint{}};
-}
 
 class McOneEPlc : public testing::Test {
  protected:

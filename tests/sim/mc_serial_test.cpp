@@ -3,16 +3,13 @@
 #include <gtest/gtest.h>
 
 #include "tests/sim/mc_frames.h"
+#include "tests/sim/sample_plc.h"
 
 namespace fxsim {
 namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-
-Plc make_plc(std::string_view model) {
-  return {*find_mc_model(model), make_plant("none"), TimePoint{}};
-}
 
 McSettings settings_of(std::string_view model, unsigned format) {
   McSettings settings;

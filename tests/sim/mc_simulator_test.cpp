@@ -1,11 +1,10 @@
 // MC stations over real sockets: connections, datagrams and faults of the wire.
 
+#include "tests/sim/sample_plc.h"
 #include "tests/sim/simulator_client.h"
 
 namespace fxsim {
 namespace {
-
-Bytes hex(std::string_view text) { return from_hex(text).value(); }
 
 // Reads of D0, D1 and D2, and their values.
 const Bytes kRead3E = hex("50 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 00 00 00 A8 01 00");

@@ -5,6 +5,7 @@
 #include "tests/sim/mc_frames.h"
 #include "tests/sim/mc_one_e.h"
 #include "tests/sim/mc_serial.h"
+#include "tests/sim/sample_plc.h"
 
 namespace fxsim {
 namespace {
@@ -12,10 +13,6 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr std::string_view kRouteOf3E = "00 FF FF 03 00";
-
-Plc make_plc(std::string_view model, std::string_view plant = "none") {
-  return {*find_mc_model(model), make_plant(plant), TimePoint{}};
-}
 
 McSettings settings_of(std::string_view model, McCode code = McCode::binary) {
   McSettings settings;

@@ -4,6 +4,7 @@
 
 #include "tests/sim/modbus_frames.h"
 #include "tests/sim/modbus_framing.h"
+#include "tests/sim/sample_plc.h"
 
 namespace fxsim {
 namespace {
@@ -15,8 +16,6 @@ constexpr unsigned kLast = 0xFFFF;
 Plc make_device(std::string_view plant = "none") {
   return {modbus_model(), make_plant(plant), TimePoint{}};
 }
-
-Bytes hex(std::string_view text) { return from_hex(text).value(); }
 
 /// Builds an RTU frame from `content` (unit and PDU).
 Bytes rtu(std::string_view content) {

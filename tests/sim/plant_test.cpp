@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/plc.h"
+#include "tests/sim/sample_plc.h"
 
 namespace fxsim {
 namespace {
@@ -11,10 +11,6 @@ using std::chrono::seconds;
 
 constexpr Device kRunning{Kind::m, 0};
 constexpr Device kParts{Kind::c_value32, 0};
-
-Plc make_plc(std::string_view model, std::string_view plant) {
-  return {*find_model(model), make_plant(plant), TimePoint{}};
-}
 
 TEST(DemoPlant, StartAndStopAreMomentary) {
   auto plc = make_plc("FX3U", "demo");
@@ -89,7 +85,7 @@ TEST(DemoPlant, IsTheSameHoweverOftenItIsAsked) {
 }
 
 TEST(DemoPlant, RunsOnAnFx5WithItsPartsInALongCounter) {
-  Plc plc(*find_mc_model("FX5U"), make_plant("demo"), TimePoint{});
+  auto plc = make_plc("FX5U", "demo");
   plc.advance(TimePoint(seconds(30)));
   EXPECT_GT(plc.memory().get({Kind::lc_value, 0}), 0U);
   EXPECT_EQ(plc.memory().get({Kind::y, 0}), 1U);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "tests/sim/programming_port_frames.h"
+#include "tests/sim/sample_plc.h"
 
 namespace fxsim {
 namespace {
@@ -14,7 +15,7 @@ namespace {
 using std::chrono::milliseconds;
 
 /// Converts "E7000C|52" to the bytes on the wire; "ACK" and "NAK" are one byte.
-Bytes wire(std::string_view text) {
+Bytes message(std::string_view text) {
   if (text == "ACK") return {0x06};
   if (text == "NAK") return {0x15};
   Bytes bytes{0x02};
@@ -24,7 +25,7 @@ Bytes wire(std::string_view text) {
 
 /// Puts `text` between STX and ETX and appends the matching sum.
 Bytes framed(std::string_view text) {
-  auto bytes = wire(text);
+  auto bytes = message(text);
   bytes.push_back(0x03);
   unsigned sum = 0;
   for (const auto byte : bytes) sum += byte;
@@ -39,10 +40,6 @@ std::vector<std::string> words(std::string_view text) {
   std::vector<std::string> found;
   for (std::string word; stream >> word;) found.push_back(word);
   return found;
-}
-
-Plc make_plc(std::string_view model) {
-  return {*find_model(model), make_plant("none"), TimePoint{}};
 }
 
 Bytes replies_of(Plc& plc, ByteView bytes, Framer& framer, TimePoint when = TimePoint{}) {
@@ -69,7 +66,7 @@ TEST(ProgrammingPort, ForcesAndWritesOfTheTableReachTheirDevice) {
       for (std::size_t i = 0; i < values.size(); ++i)
         plc.preset({device.kind, device.number + static_cast<unsigned>(i)},
                    ~static_cast<std::uint32_t>(std::stoul(values[i], nullptr, 16)));
-      EXPECT_EQ(to_hex(replies_of(plc, wire(row.request))), to_hex(wire(row.reply)));
+      EXPECT_EQ(to_hex(replies_of(plc, message(row.request))), to_hex(message(row.reply)));
       for (const auto& value : values) {
         EXPECT_EQ(plc.memory().get(device), std::stoul(value, nullptr, 16)) << device_name(device);
         ++device.number;
@@ -89,7 +86,7 @@ TEST(ProgrammingPort, ReadsOfTheTableAreAnswered) {
         plc.preset(device, static_cast<std::uint32_t>(std::stoul(value, nullptr, 16)));
         ++device.number;
       }
-      EXPECT_EQ(to_hex(replies_of(plc, wire(row.request))), to_hex(wire(row.reply)));
+      EXPECT_EQ(to_hex(replies_of(plc, message(row.request))), to_hex(message(row.reply)));
     }
   }
 }
@@ -97,7 +94,7 @@ TEST(ProgrammingPort, ReadsOfTheTableAreAnswered) {
 TEST(ProgrammingPort, WhatIsNoDeviceAccessIsRefused) {
   for (const auto& row : kRefused) {
     SCOPED_TRACE(row.what);
-    EXPECT_EQ(to_hex(ask(row.model, wire(row.request))), "15");
+    EXPECT_EQ(to_hex(ask(row.model, message(row.request))), "15");
   }
 }
 
@@ -107,9 +104,9 @@ TEST(ProgrammingPort, EnquiryIsAcknowledged) {
 }
 
 TEST(ProgrammingPort, WrongSumIsRefusedAndNotCarriedOut) {
-  EXPECT_EQ(ask("FX2N", wire("0E0202|00")), wire("NAK"));
+  EXPECT_EQ(ask("FX2N", message("0E0202|00")), message("NAK"));
   auto plc = make_plc("FX3U");
-  EXPECT_EQ(replies_of(plc, wire("76408|0D")), wire("NAK"));  // the sum of M100 ON is 0C
+  EXPECT_EQ(replies_of(plc, message("76408|0D")), message("NAK"));  // the sum of M100 ON is 0C
   EXPECT_EQ(plc.memory().get({Kind::m, 100}), 0U);
 }
 
@@ -128,23 +125,23 @@ TEST(ProgrammingPort, FramesOfWrongShapeAreRefused) {
            "",             // nothing
        }) {
     SCOPED_TRACE(request);
-    EXPECT_EQ(ask("FX3U", framed(request)), wire("NAK"));
+    EXPECT_EQ(ask("FX3U", framed(request)), message("NAK"));
   }
 }
 
 TEST(ProgrammingPort, ClassicCommandsEndAtD1023) {
-  EXPECT_EQ(ask("FX3U", framed("017FE02")), wire("0000|C3"));  // D1023
-  EXPECT_EQ(ask("FX3U", framed("0180002")), wire("NAK"));      // D1024
-  EXPECT_EQ(ask("FX3U", framed("017FE04")), wire("NAK"));      // D1023 and D1024
+  EXPECT_EQ(ask("FX3U", framed("017FE02")), message("0000|C3"));  // D1023
+  EXPECT_EQ(ask("FX3U", framed("0180002")), message("NAK"));      // D1024
+  EXPECT_EQ(ask("FX3U", framed("017FE04")), message("NAK"));      // D1023 and D1024
 }
 
 TEST(ProgrammingPort, SixtyFourBytesAreTheMostButOnFx3) {
   EXPECT_EQ(ask("FX2N", framed("E00400040")).size(), 132U);
-  EXPECT_EQ(ask("FX2N", framed("E00400041")), wire("NAK"));
-  EXPECT_EQ(ask("FX2N", framed("E004000FE")), wire("NAK"));
+  EXPECT_EQ(ask("FX2N", framed("E00400041")), message("NAK"));
+  EXPECT_EQ(ask("FX2N", framed("E004000FE")), message("NAK"));
   EXPECT_EQ(ask("FX3U", framed("E004000FE")).size(), 512U);
-  EXPECT_EQ(ask("FX3U", framed("E004000FF")), wire("NAK"));
-  EXPECT_EQ(ask("FX3U", framed("0100041")), wire("NAK"));  // classic has a limit of 64
+  EXPECT_EQ(ask("FX3U", framed("E004000FF")), message("NAK"));
+  EXPECT_EQ(ask("FX3U", framed("0100041")), message("NAK"));  // classic has a limit of 64
 }
 
 TEST(ProgrammingPort, DevicesThatTheModelLacksAreRefused) {
@@ -180,7 +177,7 @@ TEST(ProgrammingPort, DevicesThatTheModelLacksAreRefused) {
            Row{"FX2N", "E00800002", "no D8000 at 8000 on FX2N", false},
        }) {
     SCOPED_TRACE(std::string(row.model) + " " + std::string(row.what));
-    EXPECT_EQ(ask(row.model, framed(row.request)) != wire("NAK"), row.there);
+    EXPECT_EQ(ask(row.model, framed(row.request)) != message("NAK"), row.there);
   }
 }
 
@@ -215,14 +212,14 @@ TEST(ProgrammingPort, TypeWordsTellTheModel) {
            Row{"FX3U", "A85E|F6", "683F|EA"},
        }) {
     SCOPED_TRACE(row.model);
-    EXPECT_EQ(ask(row.model, framed("00E0202")), wire(row.d8001));
-    EXPECT_EQ(ask(row.model, framed("00ECA02")), wire(row.d8101));
+    EXPECT_EQ(ask(row.model, framed("00E0202")), message(row.d8001));
+    EXPECT_EQ(ask(row.model, framed("00ECA02")), message(row.d8101));
   }
 }
 
 TEST(ProgrammingPort, TypeWordCannotBeWritten) {
   auto plc = make_plc("FX2N");
-  EXPECT_EQ(replies_of(plc, framed("10E02020000")), wire("ACK"));
+  EXPECT_EQ(replies_of(plc, framed("10E02020000")), message("ACK"));
   EXPECT_EQ(plc.memory().get({Kind::special_d, 1}), 24310U);
 }
 
@@ -237,19 +234,19 @@ TEST(ProgrammingPort, M8037StopsAndStarts) {
        }) {
     SCOPED_TRACE(row.model);
     auto plc = make_plc(row.model);
-    EXPECT_EQ(replies_of(plc, framed(row.stop)), wire("ACK"));
-    EXPECT_EQ(replies_of(plc, wire("001E001|6A")), wire("0A|74"));
+    EXPECT_EQ(replies_of(plc, framed(row.stop)), message("ACK"));
+    EXPECT_EQ(replies_of(plc, message("001E001|6A")), message("0A|74"));
     EXPECT_FALSE(plc.running());
-    EXPECT_EQ(replies_of(plc, framed(row.run)), wire("ACK"));
-    EXPECT_EQ(replies_of(plc, wire("001E001|6A")), wire("09|6C"));
+    EXPECT_EQ(replies_of(plc, framed(row.run)), message("ACK"));
+    EXPECT_EQ(replies_of(plc, message("001E001|6A")), message("09|6C"));
     EXPECT_TRUE(plc.running());
   }
 }
 
 TEST(ProgrammingPort, M8036StartsWhileM8035IsOn) {
   auto plc = make_plc("FX3U");
-  replies_of(plc, wire("E72560|4C"));  // M8037 ON
-  replies_of(plc, framed("E72460"));   // M8036 ON alone
+  replies_of(plc, message("E72560|4C"));  // M8037 ON
+  replies_of(plc, framed("E72460"));      // M8036 ON alone
   EXPECT_FALSE(plc.running());
   replies_of(plc, framed("E72360"));  // M8035 ON
   replies_of(plc, framed("E72460"));
@@ -259,7 +256,7 @@ TEST(ProgrammingPort, M8036StartsWhileM8035IsOn) {
 TEST(ProgrammingPort, SwitchInStopKeepsThePlcStopped) {
   auto plc = make_plc("FX3U");
   plc.set_run_switch(false);
-  EXPECT_EQ(replies_of(plc, wire("E82560|4D")), wire("ACK"));
+  EXPECT_EQ(replies_of(plc, message("E82560|4D")), message("ACK"));
   EXPECT_FALSE(plc.running());
 }
 
@@ -273,19 +270,19 @@ TEST(ProgrammingPort, ByteWriteOverM8037IsAnOrderOnlyWhereItChanges) {
 
 TEST(ProgrammingPortFramer, EnquiryInTheMiddleOfAFrameStartsAfresh) {
   auto plc = make_plc("FX3U");
-  auto bytes = wire("010C8");
+  auto bytes = message("010C8");
   bytes.push_back(0x05);
-  const auto whole = wire("00E0202|6C");
+  const auto whole = message("00E0202|6C");
   bytes.insert(bytes.end(), whole.begin(), whole.end());
   auto expected = Bytes{0x06};
-  const auto reply = wire("A85E|F6");
+  const auto reply = message("A85E|F6");
   expected.insert(expected.end(), reply.begin(), reply.end());
   EXPECT_EQ(replies_of(plc, bytes), expected);
 }
 
 TEST(ProgrammingPortFramer, HalfAFrameIsForgottenAfter200MsOfSilence) {
   auto plc = make_plc("FX3U");
-  const auto request = wire("00E0202|6C");
+  const auto request = message("00E0202|6C");
   const auto framer = ProgrammingPort().make_framer();
   const auto half = ByteView(request).first(5);
   const auto rest = ByteView(request).subspan(5);
@@ -308,7 +305,7 @@ TEST(ProgrammingPortFramer, NonsenseIsMetWithSilence) {
     const auto framer = ProgrammingPort().make_framer();
     EXPECT_TRUE(replies_of(plc, from_hex(hex).value(), *framer).empty());
     // The next request is answered normally.
-    EXPECT_EQ(replies_of(plc, wire("00E0202|6C"), *framer), wire("A85E|F6"));
+    EXPECT_EQ(replies_of(plc, message("00E0202|6C"), *framer), message("A85E|F6"));
   }
 }
 

@@ -16,13 +16,13 @@ using std::chrono::microseconds;
 
 constexpr microseconds kCharacterAt9600{1041};
 
-const Bytes kEnquiry{0x05};
+const Bytes kEnq{0x05};
 const Bytes kRead64 = *from_hex("02 30 31 30 30 30 34 30 03 35 38");  // D0 to D31
 const Bytes kForceM100 = *from_hex("02 37 36 34 30 38 03 30 43");
 
 TEST(Simulator, AnswersOnATerminalAndOnTcp) {
   Running sim(serial(), network({{"name", "p2"}, {"memory", {{"D0", 0x1234}}}}));
-  EXPECT_EQ(sim.terminal().ask(kEnquiry, 1), Bytes{0x06});
+  EXPECT_EQ(sim.terminal().ask(kEnq, 1), Bytes{0x06});
   const auto reply = Client::tcp(sim.port("p2")).ask(kRead64, 132);
   ASSERT_EQ(reply.size(), 132U);
   EXPECT_EQ(to_hex(ByteView(reply).first(5)), "02 33 34 31 32");
@@ -78,7 +78,7 @@ TEST(Simulator, TerminalOutlivesItsClients) {
   for (int i = 0; i < 5; ++i) {
     auto client = sim.terminal();
     ::ioctl(client.fd(), TIOCEXCL);
-    EXPECT_EQ(client.ask(kEnquiry, 1), Bytes{0x06});
+    EXPECT_EQ(client.ask(kEnq, 1), Bytes{0x06});
     client.close();
   }
   auto client = sim.terminal();
@@ -87,14 +87,14 @@ TEST(Simulator, TerminalOutlivesItsClients) {
   client.close();
   // The simulator handles the close as an event; once it has answered here it has handled it.
   sim.control({{"cmd", "stats"}, {"plc", "p1"}});
-  EXPECT_EQ(sim.terminal().ask(kEnquiry, 1), Bytes{0x06});
+  EXPECT_EQ(sim.terminal().ask(kEnq, 1), Bytes{0x06});
 }
 
 TEST(Simulator, LateAnswerComesLate) {
   Running sim(serial({{"faults", json::array({{{"kind", "late"}, {"ms", 150}}})}}));
   const auto client = sim.terminal();
   const auto sent = Clock::now();
-  EXPECT_EQ(client.ask(kEnquiry, 1), Bytes{0x06});
+  EXPECT_EQ(client.ask(kEnq, 1), Bytes{0x06});
   EXPECT_GE(Clock::now() - sent, milliseconds(150));
 }
 
@@ -116,14 +116,14 @@ TEST(Simulator, EchoIsOnTheWireBeforeTheReply) {
 TEST(Simulator, DroppedTerminalComesBackUnderItsName) {
   Running sim(serial({{"faults", json::array({{{"kind", "drop"}, {"ms", 0}}})}}));
   const auto client = sim.terminal();
-  client.send(kEnquiry);
+  client.send(kEnq);
   EXPECT_TRUE(client.ended());
   const auto end = Clock::now() + kPatience;
   Bytes reply;
   while (reply.empty() && Clock::now() < end) {
     if (!std::filesystem::exists(sim.path("p1"))) continue;
     const auto again = sim.terminal();
-    if (::write(again.fd(), kEnquiry.data(), 1) == 1) reply = again.receive(1, milliseconds(200));
+    if (::write(again.fd(), kEnq.data(), 1) == 1) reply = again.receive(1, milliseconds(200));
   }
   EXPECT_EQ(reply, Bytes{0x06});
 }
@@ -131,15 +131,15 @@ TEST(Simulator, DroppedTerminalComesBackUnderItsName) {
 TEST(Simulator, DroppedConnectionCanBeMadeAgain) {
   Running sim(network({{"faults", json::array({{{"kind", "drop"}, {"ms", 0}}})}}));
   const auto client = sim.tcp();
-  client.send(kEnquiry);
+  client.send(kEnq);
   EXPECT_TRUE(client.ended());
-  EXPECT_EQ(sim.tcp().ask(kEnquiry, 1), Bytes{0x06});
+  EXPECT_EQ(sim.tcp().ask(kEnq, 1), Bytes{0x06});
 }
 
 TEST(Simulator, NobodyIsLetInDuringAnOutage) {
   Running sim(network({{"faults", json::array({{{"kind", "drop"}, {"ms", 3'600'000}}})}}));
   const auto client = sim.tcp();
-  client.send(kEnquiry);
+  client.send(kEnq);
   EXPECT_TRUE(client.ended());
   // The listener closes in the same step as the connection, before control is served again.
   EXPECT_EQ(sim.control({{"cmd", "stats"}, {"plc", "p1"}})["faults"]["drop"], 1);
@@ -153,7 +153,7 @@ TEST(Simulator, DeadLineIsSilentUntilCleared) {
   client.send(kForceM100);
   EXPECT_TRUE(client.receive(1, milliseconds(100)).empty());
   sim.control({{"cmd", "clear_faults"}, {"plc", "p1"}});
-  EXPECT_EQ(client.ask(kEnquiry, 1), Bytes{0x06});
+  EXPECT_EQ(client.ask(kEnq, 1), Bytes{0x06});
   EXPECT_EQ(sim.control({{"cmd", "get"}, {"plc", "p1"}, {"device", "M100"}})["values"],
             json::array({0}));
 }

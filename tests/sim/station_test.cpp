@@ -5,6 +5,7 @@
 #include "tests/sim/computer_link.h"
 #include "tests/sim/modbus.h"
 #include "tests/sim/programming_port.h"
+#include "tests/sim/sample_plc.h"
 
 namespace fxsim {
 namespace {
@@ -34,7 +35,7 @@ class StationTest : public testing::Test {
   TimePoint now_{};
   Station station_{"p1",
                    std::make_unique<ProgrammingPort>(),
-                   Plc(*find_model("FX3U"), make_plant("none"), TimePoint{}),
+                   make_plc(),
                    TimePoint{},
                    std::chrono::system_clock::time_point(milliseconds(1'790'000'000'000)),
                    {}};
@@ -268,8 +269,7 @@ TEST(FaultedModbus, FlawsAreCarriedOutAndAddUp) {
 
 TEST(FaultedComputerLink, NakCarriesItsCodeAndTheMastersAckUsesUpNothing) {
   Station station("l1", std::make_unique<ComputerLink>(ComputerLinkSettings{.station = 5}),
-                  Plc(*find_model("FX2N"), make_plant("none"), TimePoint{}), TimePoint{},
-                  std::chrono::system_clock::time_point{}, {});
+                  make_plc("FX2N"), TimePoint{}, std::chrono::system_clock::time_point{}, {});
   const Frame read{*from_hex("05 30 35 46 46 42 52 41 58 30 30 34 30 30 35 34 37"), true, {}};
   const Frame ack{*from_hex("06 30 35 46 46"), true, {}};
   station.faults().add({.kind = FaultKind::nak, .code = 2});
@@ -281,8 +281,7 @@ TEST(FaultedComputerLink, NakCarriesItsCodeAndTheMastersAckUsesUpNothing) {
 }
 
 TEST(StationMemory, QuestionsKeptAreAsManyAsAsked) {
-  Station station("p1", std::make_unique<ProgrammingPort>(),
-                  Plc(*find_model("FX3U"), make_plant("none"), TimePoint{}), TimePoint{},
+  Station station("p1", std::make_unique<ProgrammingPort>(), make_plc(), TimePoint{},
                   std::chrono::system_clock::time_point{}, {}, 5);
   for (int i = 0; i < 8; ++i) sent_by(station, kRead);
   EXPECT_EQ(station.deeds(0).size(), 5U);
