@@ -110,15 +110,16 @@ asio::awaitable<bool> CommandExchanges::mark_started() {
   co_return true;
 }
 
-bool CommandExchanges::is_of_gateway(const Request& request, const Exchange& exchange) const {
-  return exchange.is_nak() && station_.codec->meaning_of(request, exchange.reply.device_code) ==
+bool CommandExchanges::is_of_gateway(const Exchange& exchange) const {
+  // For a write, the code means what became of it; for a read, it also tells who sent it.
+  return exchange.is_nak() && station_.codec->meaning_of(Read{}, exchange.reply.device_code) ==
                                   RefusalMeaning::unreachable;
 }
 
 /// Adds what to check if nothing was ever answered on this channel, or only by a gateway.
-void CommandExchanges::add_hint(const Request& request, Exchange& exchange) const {
+void CommandExchanges::add_hint(Exchange& exchange) const {
   if (device_.protocol == nullptr) return;
-  if (is_of_gateway(request, exchange) && !answered_)
+  if (is_of_gateway(exchange) && !answered_)
     exchange.reply.text =
         "\"" + exchange.reply.text +
         "\": " + checklist_of(device_, *station_.codec, station_.wiring, Answers::of_gateway);
@@ -152,7 +153,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
       if (!opened) {
         exchange.outcome = Exchange::Outcome::link_down;
         exchange.error = opened.error().text;
-        add_hint(request, exchange);
+        add_hint(exchange);
         co_return exchange;
       }
     }
@@ -169,7 +170,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
       sharing_->is_over())
     cut_off_ = true;
-  add_hint(request, exchange);
+  add_hint(exchange);
   if (!exchange.heard.empty()) {
     const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.heard);
     if (guess.cause != UnexpectedBytes::Cause::unknown)
@@ -180,7 +181,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     if (!part_began_) part_began_ = exchange.began - exchange.rest;
     last_byte_ = exchange.ended;
   }
-  if (exchange.has_answer() && !is_of_gateway(request, exchange)) answered_ = true;
+  if (exchange.has_answer() && !is_of_gateway(exchange)) answered_ = true;
   if (exchange.outcome == Exchange::Outcome::unanswered) unanswered_ = true;
   co_return exchange;
 }

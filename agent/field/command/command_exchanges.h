@@ -74,10 +74,10 @@ class CommandExchanges final {
   asio::awaitable<Exchange> send(Request request, Try which);
   /// Marks the command as started, once. False: it could not be marked and must not be sent.
   asio::awaitable<bool> mark_started();
-  /// True if a gateway refused `request`, because the device behind it does not answer.
-  bool is_of_gateway(const Request& request, const Exchange& exchange) const;
+  /// True if a gateway refused, because the device behind it does not answer.
+  bool is_of_gateway(const Exchange& exchange) const;
   /// Adds the settings to check to the error, if the device never answered.
-  void add_hint(const Request& request, Exchange& exchange) const;
+  void add_hint(Exchange& exchange) const;
 
   asio::steady_timer timer_;
   Bus& bus_;

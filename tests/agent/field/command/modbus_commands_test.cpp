@@ -69,7 +69,9 @@ class CommandOnTheBusTest : public ::testing::Test {
     }
     CommandExecution execution(io.get_executor(), *line, station, device,
                                std::get<AdmittedCommand>(decision));
-    return run_on(io, execution.run());
+    CommandResult result = run_on(io, execution.run());
+    was_answered = execution.was_answered();
+    return result;
   }
 
   DeviceConfig device;
@@ -77,6 +79,7 @@ class CommandOnTheBusTest : public ::testing::Test {
   ScriptedTransport* wire = nullptr;
   std::unique_ptr<Bus> line;
   Station station;
+  bool was_answered = false;
 };
 
 TEST_F(CommandOnTheBusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
@@ -176,6 +179,7 @@ TEST_F(CommandOnTheBusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
   const CommandResult result = write("setpoint", number(50));
   EXPECT_EQ(result.status, CommandStatus::failed);
   EXPECT_EQ(result.plc, PlcAnswer::nak);
+  EXPECT_FALSE(was_answered) << "the gateway answered, not the device";
 }
 
 TEST_F(CommandOnTheBusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
