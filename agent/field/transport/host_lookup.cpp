@@ -20,6 +20,15 @@ bool takes_from_others(int fd) {
          static_cast<rlim_t>(fd) + kFilesNotForLinks >= limit.rlim_cur;
 }
 
+std::string why_failed(const asio::error_code& error) {
+  if (error == asio::error::host_unreachable || error == asio::error::network_unreachable)
+    return "no way to this address (" + error.message() +
+           "): is the device on, is the network up, and the address as it should be?";
+  if (error == asio::error::no_descriptors)
+    return error.message() + ": raise the limit of open files, LimitNOFILE of the unit";
+  return error.message();
+}
+
 void start_looking_up(const asio::any_io_executor& executor) {
   tcp::resolver resolver(executor);
   resolver.async_resolve("127.0.0.1", "0",

@@ -1,9 +1,10 @@
-// Resolves a host name or address, and keeps file descriptors free for the rest of the agent. Field
-// thread only.
+// What TCP and UDP share: resolves a host name or address, keeps file descriptors free for the rest
+// of the agent, and names the cause of a fault. Field thread only.
 #pragma once
 
 #include <asio/any_io_executor.hpp>
 #include <asio/awaitable.hpp>
+#include <asio/error.hpp>
 #include <asio/ip/address.hpp>
 #include <cstdint>
 #include <memory>
@@ -22,6 +23,9 @@ inline constexpr int kFilesNotForLinks = 40;
 
 /// True if `fd`, the socket that a link has just opened, is one of those.
 bool takes_from_others(int fd);
+
+/// Returns the cause of a failed connection or datagram, with what to check.
+std::string why_failed(const asio::error_code& error);
 
 /// Starts the thread that asio uses for name lookups. Without this call the first lookup would
 /// start it, and a system without threads would fail only then. Throws std::system_error.

@@ -27,10 +27,7 @@ std::string why_not_connected(const asio::error_code& error, bool is_late) {
   if (error == asio::error::connection_refused)
     return "nothing listens on this port (connection refused): is this the device's port, is it "
            "opened in the device's settings, and for TCP?";
-  if (error == asio::error::host_unreachable || error == asio::error::network_unreachable)
-    return "no way to this address (" + error.message() +
-           "): is the device on, is the network up, and the address as it should be?";
-  return error.message();
+  return why_failed(error);
 }
 
 class TcpTransport final : public Transport {

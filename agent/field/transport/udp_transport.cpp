@@ -191,7 +191,7 @@ class UdpTransport final : public Transport {
     if (error == asio::error::connection_refused)
       return "nobody listens on this UDP port (ICMP port unreachable): "
              "is it the device's port, and is that one set to UDP?";
-    return error.message();
+    return why_failed(error);
   }
 
   const UdpSettings settings_;

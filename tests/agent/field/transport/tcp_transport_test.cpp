@@ -204,6 +204,15 @@ class OpenFiles final {
   rlimit before_{};
 };
 
+TEST(SocketFault, NamesWhatToCheck) {
+  for (const auto& [error, cure] : {std::pair{asio::error::host_unreachable, "network up"},
+                                    std::pair{asio::error::network_unreachable, "network up"},
+                                    std::pair{asio::error::no_descriptors, "LimitNOFILE"}}) {
+    const std::string why = why_failed(error);
+    EXPECT_NE(why.find(cure), std::string::npos) << why;
+  }
+}
+
 TEST_F(TcpTransportTest, LastOpenFilesAreLeftToTheOthers) {
   const auto transport = stream();
   const auto next = static_cast<rlim_t>(server.native_handle()) + 20;
