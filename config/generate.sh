@@ -1,16 +1,41 @@
 #!/bin/bash
-# Writes what is made from the key table and the catalogue: agent.schema.json, and the tables of README.md.
-#   config/generate.sh [FXAGENT]      the program; build/agent/fxagent unless given
+# Writes what is made from the program: config/agent.schema.json, the tables of keys in config/README.md, and the table
+# of commands in agent/OPERATIONS.md.
+#   config/generate.sh [FXAGENT [ROOT]]
+# FXAGENT: the program, build/agent/fxagent unless given. ROOT: where config/ and agent/ are, unless here.
 set -euo pipefail
-cd "$(dirname "$0")"
-fxagent=${1:-../build/agent/fxagent}
-"$fxagent" schema >agent.schema.json
-# Each table of the page begins with the same head; the program prints them in the page's order.
-"$fxagent" schema --tables | awk '
-  FNR == NR { if (/^\| key \|/) tables++; table[tables] = table[tables] $0 "\n"; next }
-  /^\| key \|/ { printf "%s", table[++seen]; skip = 1; next }
-  skip && /^\|/ { next }
-  { skip = 0; print }
-  END { if (seen != tables) { print "README.md has " seen " tables, not " tables >"/dev/stderr"; exit 1 } }
-' - README.md >README.md.new
-mv README.md.new README.md
+root=$(cd "$(dirname "$0")/.." && pwd)
+fxagent=${1:-$root/build/agent/fxagent}
+root=${2:-$root}
+
+# Puts the tables on standard input, which all begin with the line $2, in the place of the tables of the page $1.
+replace_tables() {
+  awk -v head="$2" -v page="$1" '
+    FNR == NR { if ($0 == head) tables++; table[tables] = table[tables] $0 "\n"; next }
+    $0 == head { printf "%s", table[++seen]; skip = 1; next }
+    skip && /^\|/ { next }
+    { skip = 0; print }
+    END { if (seen != tables || tables == 0) { print page " has " seen + 0 " of " tables + 0 " tables" >"/dev/stderr"; exit 1 } }
+  ' - "$1" >"$1.new"
+  mv "$1.new" "$1"
+}
+
+commands_head='| command | does | options |'
+table_of_commands() {
+  local name
+  echo "$commands_head"
+  echo '|---|---|---|'
+  for name in $("$fxagent" --help | sed -n '/^Subcommands:/,/^$/s/^  \([a-z-]*\)  .*/\1/p'); do
+    "$fxagent" "$name" --help | awk '
+      NR == 1 { does = $0 }
+      sub(/^Usage: fxagent /, "") { sub(/ \[OPTIONS\]/, ""); call = $0 }
+      /^$/ { inside = 0 }
+      inside && $1 ~ /^--/ && $1 != "--version" { options = options (options ? " " : "") "`" $1 "`" }
+      /^Options:/ { inside = 1 }
+      END { print "| `" call "` | " does " | " options " |" }'
+  done
+}
+
+"$fxagent" schema >"$root/config/agent.schema.json"
+"$fxagent" schema --tables | replace_tables "$root/config/README.md" '| key | type, range | default | meaning |'
+table_of_commands | replace_tables "$root/agent/OPERATIONS.md" "$commands_head"

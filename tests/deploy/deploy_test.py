@@ -346,6 +346,17 @@ class Package(unittest.TestCase):
 
 
 class Scripts(unittest.TestCase):
+    def test_generated_files_and_tables_are_as_the_program_makes_them(self):
+        generated = [("config", "agent.schema.json"), ("config", "README.md"), ("agent", "OPERATIONS.md")]
+        with tempfile.TemporaryDirectory() as root:
+            for folder, name in generated:
+                os.makedirs(os.path.join(root, folder), exist_ok=True)
+                shutil.copy(in_root(folder, name), os.path.join(root, folder, name))
+            output_of(in_root("config", "generate.sh"), FXAGENT, root)
+            for folder, name in generated:
+                with open(os.path.join(root, folder, name), encoding="utf-8") as file:
+                    self.assertEqual(file.read(), text_of(folder, name), "run config/generate.sh")
+
     def test_no_shell_script_is_doubtful(self):
         scripts = []
         for directory, names, files in os.walk(ROOT):
