@@ -149,6 +149,12 @@ class Reload(ReloadTest):
         self.assertIn("timeut_ms", text)
         self.assertIn("/devices/0/tags/0/address", text)
         wait_for("the log", lambda: "timeut_ms" in self.agent.logged())
+        self.assertEqual(said["last_reload"]["errors_in_all"], len(said["last_reload"]["errors"]))
+        for n in range(20):
+            wrong["devices"][0][f"key{n}"] = 7
+        many = self.reload(wrong)["last_reload"]
+        self.assertEqual((len(many["errors"]), many["errors_in_all"]),
+                         (10, said["last_reload"]["errors_in_all"] + 20))
         said = self.reload("{")
         self.assertEqual(said["last_reload"]["state"], "rejected")
         os.remove(self.agent.path)

@@ -496,6 +496,32 @@ TEST_F(LinkWorkerTest, ValuesOfADoubtedBusAreBadFramesUntilItIsBelievedAgain) {
   EXPECT_FALSE(telemetry.back().readings[0].bad);
 }
 
+TEST_F(LinkWorkerTest, DoubtThatComesBackWithinAMinuteIsLoggedOnce) {
+  bool twice = false;
+  script().then([&](ByteView request) {
+    const Bytes answer = plc.answer(request);
+    return twice && request.size() > 1 ? joined(answer, answer) : answer;
+  });
+  start();
+  wait([&] { return !telemetry.empty(); });
+  testing::internal::CaptureStderr();
+  for (int doubts = 0; doubts < 2; ++doubts) {
+    twice = true;
+    wait_for_state(State::degraded, "bad_frame");
+    twice = false;
+    wait_for_state(State::online, "");
+  }
+  const std::string log = testing::internal::GetCapturedStderr();
+  FieldHealth health;
+  health.links.resize(1);
+  health.devices.resize(1);
+  worker->report(health);
+  EXPECT_EQ(health.links[0].doubts, 2U);
+  const std::size_t first = log.find("state=doubted");
+  ASSERT_NE(first, std::string::npos) << log;
+  EXPECT_EQ(log.find("state=doubted", first + 1), std::string::npos) << log;
+}
+
 TEST_F(LinkWorkerTest, WholeCycleIsBadInWhichForeignBytesWereFound) {
   // Two reads: the bytes after the second show that the first may have been another's answer.
   config.devices[0].tags.push_back(tag(*config.devices[0].codec, "far", "D200"));

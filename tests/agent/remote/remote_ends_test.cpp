@@ -48,6 +48,28 @@ TEST(RemoteEnds, TheOneBeforeIsSetAsideInTheSameWay) {
   EXPECT_EQ(plant.retries(), 2);
 }
 
+/// A new local file ends a trial; the one before is then still behind the one in force.
+TEST(RemoteEnds, ATrialThatNoLongerFitsLeavesTheWayBack) {
+  Plant plant;
+  make_two_good(plant);
+  const json commands = plant.local()["devices"][0]["commands"];
+  plant.local()["devices"][0]["commands"] = json::object();
+  json trial = plant.with_retries("v3", 9);
+  trial["config"]["links"] = plant.local()["links"];
+  trial["config"]["links"][0]["serial"]["path"] = "/dev/ttyUSB7";
+  trial["config"]["devices"][0]["tags"].erase(2);
+  EXPECT_TRUE(plant.hear(trial)) << plant.said();
+  plant.local()["agent"]["remote_allow"] = {"devices"};
+  plant.local()["devices"][0]["commands"] = commands;
+  plant.write();
+  EXPECT_TRUE(plant.hang_up());
+  EXPECT_EQ(plant.reported()["state"], "rejected");
+  EXPECT_EQ(plant.reported()["in_force"], "v2");
+  plant.start();
+  plant.start();
+  EXPECT_EQ(plant.reported()["in_force"], "v1");
+}
+
 TEST(RemoteEnds, AnHourForgivesTheEndBefore) {
   Plant plant;
   make_two_good(plant);

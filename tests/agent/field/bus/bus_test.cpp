@@ -318,6 +318,24 @@ TEST_F(BusTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
   EXPECT_EQ(read("D200").reply.image, word(2));
 }
 
+TEST_F(BusTest, LineIsInUseUntilTheAckOfAnAnswerHasLeft) {
+  constexpr auto kCharTime = milliseconds(20);
+  make_line(kCharTime);
+  codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
+  station.codec = codec;
+  const Read d100{codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
+  const Bytes question = *codec->encode(d100, 0);
+  const LinkDialect plc(/*ends_with_cr_lf=*/false);
+  const Bytes ack{0x06, '0', '0', 'F', 'F'};
+  wire->expect(*codec->encode(*codec->resync(), 0));
+  wire->expect(question).give(plc.data(plc.understand(question), 234)).expect(ack);
+  open();
+  const auto before = line->counters().busy;
+  const Exchange exchange = ask(d100);
+  EXPECT_TRUE(exchange.is_data());
+  EXPECT_GE(line->counters().busy - before, exchange.ended - exchange.began + 5 * kCharTime);
+}
+
 TEST_F(BusTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
   // The EOT of a computer link has no answer that could separate earlier bytes from later ones.
   codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});

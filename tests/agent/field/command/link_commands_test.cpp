@@ -338,6 +338,52 @@ TEST_F(CycleOfTwoReads, LinkLostInACommandTakesTheOldValueWithIt) {
   EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
 }
 
+TEST_F(CycleOfTwoReads, FaultInACommandTakesTheOldValueWithIt) {
+  plc.set(kD200, word(7));
+  open();
+  EXPECT_TRUE(poll());
+  wire->expect(write_frame(kD200, word(50))).call([] { throw std::logic_error("a bug"); });
+  add("write", {0});
+  EXPECT_THROW(run_next(), std::logic_error);
+  commands->answer_running("a bug");
+  plc.set(kD200, word(50));  // it has arrived
+  bus->close();
+  open();
+  for (int i = 0; i < 3 && telemetry.empty(); ++i) {
+    EXPECT_TRUE(poll());
+    collect();
+  }
+  ASSERT_FALSE(telemetry.empty());
+  EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
+}
+
+class CycleWithTheRunSwitch : public LinkCommandsTest {
+ protected:
+  CycleWithTheRunSwitch()
+      : LinkCommandsTest(milliseconds(1), [](DeviceConfig& device) {
+          device.groups[0].interval = milliseconds(0);
+          device.tags = {tag(*device.codec, "switch", "M8037", DataType::boolean),
+                         tag(*device.codec, "far", "D300")};
+        }) {}
+};
+
+TEST_F(CycleWithTheRunSwitch, RunOrStopTakesTheOldStateOfTheSwitchWithIt) {
+  constexpr unsigned kM8032 = kM8000 + 4;
+  answer_run_and_stop();
+  open();
+  EXPECT_TRUE(poll());
+  ASSERT_EQ(plc.asked().back(), "read 01E4 1") << "the switch, which is off";
+  add("stop", Op::stop);
+  run_next();
+  plc.set(kM8032, {0x20});  // M8037 is on
+  for (int i = 0; i < 3 && telemetry.empty(); ++i) {
+    EXPECT_TRUE(poll());
+    collect();
+  }
+  ASSERT_FALSE(telemetry.empty());
+  EXPECT_TRUE(std::get<bool>(telemetry[0].readings.at(0).value.items.at(0)));
+}
+
 TEST_F(LinkCommandsTest, FaultAnswersTheOneUnderWayAndTheOthersGoOnWaiting) {
   wire->call([] { throw std::logic_error("a bug"); });
   add("a", {0});
