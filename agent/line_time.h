@@ -11,7 +11,7 @@
 
 namespace fxagent {
 
-/// Interval of the background_question() (CONTRACT: 10 s).
+/// Interval of the background_question() (contract: 10 s).
 inline constexpr std::chrono::milliseconds kQuestionInterval{10000};
 
 /// Returns the question asked in addition to the reads of the groups: whether the PLC runs, if the

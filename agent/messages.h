@@ -104,7 +104,7 @@ enum class Op : std::uint8_t { write, force_on, force_off, read, run, stop };
 std::string_view to_string(Op op);
 std::optional<Op> op_from(std::string_view word);
 
-/// Reason why a command did not simply succeed. The words are those of CONTRACT, section 5.
+/// Reason why a command did not simply succeed. The words are those of the contract, section 5.
 enum class Reason : std::uint8_t {
   none,
   too_large,

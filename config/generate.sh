@@ -1,8 +1,8 @@
 #!/bin/bash
-# Writes what is made from the program: config/agent.schema.json, the tables of keys in config/README.md, and the table
-# of commands in agent/OPERATIONS.md.
+# Writes what is made from the program: config/agent.schema.json, the tables of keys in docs/config/keys.md, and the
+# table of commands in docs/operate/command-line.md.
 #   config/generate.sh [FXAGENT [ROOT]]
-# FXAGENT: the program, build/agent/fxagent unless given. ROOT: where config/ and agent/ are, unless here.
+# FXAGENT: the program, build/agent/fxagent unless given. ROOT: where config/ and docs/ are, unless here.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 fxagent=${1:-$root/build/agent/fxagent}
@@ -37,5 +37,5 @@ table_of_commands() {
 }
 
 "$fxagent" schema >"$root/config/agent.schema.json"
-"$fxagent" schema --tables | replace_tables "$root/config/README.md" '| key | type, range | default | meaning |'
-table_of_commands | replace_tables "$root/agent/OPERATIONS.md" "$commands_head"
+"$fxagent" schema --tables | replace_tables "$root/docs/config/keys.md" '| key | type, range | default | meaning |'
+table_of_commands | replace_tables "$root/docs/operate/command-line.md" "$commands_head"

@@ -1,5 +1,5 @@
 // The error type of the whole project: a code for decisions and a text for logs. The table in
-// agent/README.md lists what each code means for a poll and for a command.
+// docs/design.md lists what each code means for a poll and for a command.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 #!/bin/bash
-# Draws the includes between folders, as a mermaid diagram between two comments of agent/README.md:
+# Draws the includes between folders, as a mermaid diagram between two comments of docs/design.md:
 #   tests/include_graph.sh            writes it there
 #   tests/include_graph.sh --check    fails if the diagram does not match the sources
 #   tests/include_graph.sh --lines    prints every pair and its number of lines, including the tests
@@ -10,7 +10,7 @@ set -euo pipefail
 
 export LC_ALL=C  # order of names
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-page=agent/README.md
+page=docs/design.md
 first='<!-- includes: tests/include_graph.sh -->' last='<!-- end of includes -->'
 
 # Prints one line for each of our #includes: the two files. Arguments: what grep reads.

@@ -49,7 +49,7 @@ The config of the service.
 The store of the service: what waits for the broker, and the audit.
 .TP
 .I /usr/share/doc/fxagent
-How to write a config (config/README.md), to run the agent (agent/OPERATIONS.md), its topics (agent/CONTRACT.md), and examples.
+How to write a config (docs/config), to run the agent (docs/operate), its topics (docs/interface.md), and examples.
 )";
 
 /// Returns the subcommands in the order of their definition.

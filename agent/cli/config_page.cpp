@@ -86,7 +86,7 @@ std::string config_page(const std::string& version) {
   }
   return out +
          ".SH FILES\n.TP\n.I /etc/fxagent/agent.json\nThe config of the service.\n.TP\n"
-         ".I /usr/share/doc/fxagent/config/README.md\nWiring, addresses, types and examples.\n"
+         ".I /usr/share/doc/fxagent/docs/config\nWiring, addresses, types and examples.\n"
          ".SH SEE ALSO\n.BR fxagent (1)\n";
 }
 

@@ -11,8 +11,8 @@ namespace fxagent {
 /// are found by `check` only.
 std::string config_schema();
 
-/// Returns the tables of config/README.md in their order, each with its head: one for each section
-/// and, after that of devices, one for each group of protocols with the same keys.
+/// Returns the tables of docs/config/keys.md in their order, each with its head: one for each
+/// section and, after that of devices, one for each group of protocols with the same keys.
 std::string config_tables();
 
 }  // namespace fxagent

@@ -12,7 +12,7 @@ namespace fxagent {
 /// Largest result. Above this the details of targets are left out, then the values, then the
 /// targets.
 inline constexpr std::size_t kMaxResultBytes = 65536;
-/// Returns the result of a command, agent/CONTRACT.md section 5; total_ms is null if not known.
+/// Returns the result of a command, docs/interface.md section 5; total_ms is null if not known.
 std::string result_text(const CommandResult& result);
 /// Returns a duration as it stands in a result.
 std::string total_text(std::chrono::nanoseconds total);

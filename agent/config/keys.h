@@ -1,6 +1,6 @@
 // Table of every key of the config file, with type, range, default and meaning. The loader takes
 // checks and defaults from it; cli/schema makes config/agent.schema.json and the tables of
-// config/README.md from it. The keys that belong to one protocol come from the catalogue.
+// docs/config/keys.md from it. The keys that belong to one protocol come from the catalogue.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // The agent's status in the Prometheus text format 0.0.4: the content of health, with names and
-// units by Prometheus conventions. agent/CONTRACT.md, section 10, has names, labels and meanings.
+// units by Prometheus conventions. docs/interface.md, section 10, has names, labels and meanings.
 #pragma once
 
 #include <string>

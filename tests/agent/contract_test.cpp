@@ -1,4 +1,4 @@
-// Compares agent/CONTRACT.md, which users build on, with the program: examples, words, numbers.
+// Compares docs/interface.md, which users build on, with the program: examples, words, numbers.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #!/bin/bash
-# For a machine set up according to agent/OPERATIONS.md, "Who may do what": starts its mosquitto and checks that each
-# user can do exactly what is intended:
+# For a machine set up according to docs/operate/brokers-and-access.md, "Who may do what": starts its mosquitto and
+# checks that each user can do exactly what is intended:
 #   acl_recipe.sh PASSWORD
 set -euo pipefail
 

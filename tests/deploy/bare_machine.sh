@@ -5,8 +5,8 @@
 # demo     config/demo/run.sh, and the time until the first live value
 # tests    tests/run.sh, with the ctest arguments; without any also the benches, once and short
 # package  README.md, Install, word for word, which builds and installs the package; then --version, check of the
-#          example, the recipe of agent/OPERATIONS.md, Who may do what, against the mosquitto it configures,
-#          lintian, systemd-analyze, tests/deploy/package_trial.py (upgrade, remove, purge, a signed repository), and
+#          example, the recipe of docs/operate/brokers-and-access.md against the mosquitto it configures, lintian,
+#          systemd-analyze, tests/deploy/package_trial.py (upgrade, remove, purge, a signed repository), and
 #          docs/first-plc.md word for word
 # docker   every stage of docker/Dockerfile: with buildah if it is installed, otherwise its COPY and RUN lines
 # all      all of them (the default)
@@ -165,8 +165,8 @@ show_first_plc() {
   in_root sh -c 'tests/deploy/first_plc.sh </root/first_plc'
 }
 
-# The recipe of agent/OPERATIONS.md, "Who may do what", word for word. Certificates and passwords are created here,
-# because the document leaves them to the user.
+# The recipe of docs/operate/brokers-and-access.md, "Who may do what", word for word. Certificates and passwords are
+# created here, because the document leaves them to the user.
 show_acl() {
   in_root docker/install.sh demo
   in_root sh -exc "jq '.mqtt += {username: \"edge7\"}' config/agent.example.json >agent.json
@@ -180,9 +180,9 @@ show_acl() {
     chown mosquitto /etc/mosquitto/server.key
     install -d -o mosquitto /run/mosquitto" >"$work/acl.log" 2>&1 || { tail -n 20 "$work/acl.log"; return 1; }
   # mosquitto_passwd asks on a terminal, twice for each of the four users.
-  code_block agent/OPERATIONS.md "Who may do what" 1 >"$r/root/recipe.sh"
+  code_block docs/operate/brokers-and-access.md "Who may do what" 1 >"$r/root/recipe.sh"
   in_root tests/deploy/type_passwords.sh /root/recipe.sh secret-of-the-test
-  code_block agent/OPERATIONS.md "Who may do what" 2 >"$r/etc/mosquitto/conf.d/fxagent.conf"
+  code_block docs/operate/brokers-and-access.md "Who may do what" 2 >"$r/etc/mosquitto/conf.d/fxagent.conf"
   in_root tests/deploy/acl_recipe.sh secret-of-the-test
 }
 

@@ -236,7 +236,7 @@ class Packages(unittest.TestCase):
 
     def test_the_demo_has_its_simulator_after_an_install_in_the_same_clone(self):
         # Configured in the same way by docker/package.sh.
-        install = re.search(r"^cmake -S \. -B build (.*)$", text_of("agent", "OPERATIONS.md"), re.M)[1].split()
+        install = re.search(r"^cmake -S \. -B build (.*)$", text_of("docs", "operate", "service.md"), re.M)[1].split()
         self.assertIn(" ".join(install), text_of("debian", "rules"))
         with tempfile.TemporaryDirectory() as directory:
             build = os.path.join(directory, "b")
@@ -347,7 +347,7 @@ class Package(unittest.TestCase):
 
 class Scripts(unittest.TestCase):
     def test_generated_files_and_tables_are_as_the_program_makes_them(self):
-        generated = [("config", "agent.schema.json"), ("config", "README.md"), ("agent", "OPERATIONS.md")]
+        generated = [("config", "agent.schema.json"), ("docs/config", "keys.md"), ("docs/operate", "command-line.md")]
         with tempfile.TemporaryDirectory() as root:
             for folder, name in generated:
                 os.makedirs(os.path.join(root, folder), exist_ok=True)

@@ -1,4 +1,4 @@
-"""Brokers that refuse, die and come back; TLS; the last will; retained topics. CONTRACT sections 2 to 6."""
+"""Brokers that refuse, die and come back; TLS; the last will; retained topics. Contract, sections 2 to 6."""
 
 import json
 import os

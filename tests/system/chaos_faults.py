@@ -10,7 +10,7 @@ WIRE = {
     "echo": {}, "split": {"bytes": [1, 4], "ms": [5, 20]}, "drop": {"ms": [50, 500, 1500]},
 }
 # If replies have no number and no request proves that the line is clear, a reply that comes later than twice the
-# time-out (500 ms here) can pass for the reply to another request; see agent/OPERATIONS.md.
+# time-out (500 ms here) can pass for the reply to another request; see docs/operate/line-faults.md.
 SOON = {"ms": [50, 200, 600, 900]}
 # A stopped PLC has no ramp, so only the device without one is stopped.
 WIRE_MORE = {

@@ -1,4 +1,4 @@
-"""Commands: every word of CONTRACT section 5."""
+"""Commands: every word of the contract, section 5."""
 
 import json
 import random

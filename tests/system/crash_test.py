@@ -1,5 +1,5 @@
 """The agent dies at each point in the life of a command and of a sample, and is started again. Checks the promises of
-CONTRACT sections 5 and 7. The dying program is the product except for one function."""
+the contract, sections 5 and 7. The dying program is the product except for one function."""
 
 import os
 import signal

@@ -1,5 +1,5 @@
 """The machine provides less than the agent needs: threads, memory, files, a disk, a reader of its log. The agent
-reports it and ends or continues; SIGTERM always ends it. CONTRACT sections 1 and 7."""
+reports it and ends or continues; SIGTERM always ends it. Contract, sections 1 and 7."""
 
 import fcntl
 import os

@@ -1,4 +1,4 @@
-"""Two agents with one id, other clients' messages on the agent's topics, commands for unknown devices. CONTRACT
+"""Two agents with one id, other clients' messages on the agent's topics, commands for unknown devices. Contract,
 sections 3 and 5."""
 
 import json

@@ -1,4 +1,4 @@
-"""Commands on failing lines: one true result each, and no command carried out twice. CONTRACT section 5."""
+"""Commands on failing lines: one true result each, and no command carried out twice. Contract, section 5."""
 
 import random
 import time

@@ -1,4 +1,4 @@
-"""The programs: exit statuses and output. CONTRACT sections 1 and 2."""
+"""The programs: exit statuses and output. Contract, sections 1 and 2."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The promises of the store: samples, numbers and commands survive outages, restarts and kill -9. CONTRACT sections 3
+"""The promises of the store: samples, numbers and commands survive outages, restarts and kill -9. Contract, sections 3
 to 7."""
 
 import os

@@ -1,4 +1,4 @@
-"""Telemetry: shapes, types, poll intervals, on_change, bad values. CONTRACT sections 2 to 4."""
+"""Telemetry: shapes, types, poll intervals, on_change, bad values. Contract, sections 2 to 4."""
 
 import math
 import random

@@ -233,7 +233,7 @@ asio::awaitable<void> CommandExchanges::pause(milliseconds duration) {
 }
 
 asio::awaitable<Exchange> CommandExchanges::send(Request request, Try which) {
-  // CONTRACT: a second try must begin before the expiry, even if the command is in progress.
+  // Contract: a second try must begin before the expiry, even if the command is in progress.
   const auto not_after = [&] { return which == Try::first ? latest_start() : admitted_.deadline; };
   if (const auto first = station_.codec->read_before(request)) {
     Exchange reading = co_await ask(*first, not_after());

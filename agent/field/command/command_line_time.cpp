@@ -13,7 +13,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 
-// CONTRACT: an array that takes longer lets others run between its frames.
+// Contract: an array that takes longer lets others run between its frames.
 constexpr milliseconds kLongArray{2000};
 
 nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const LineTiming& timing,

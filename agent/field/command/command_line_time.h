@@ -10,7 +10,7 @@
 
 namespace fxagent {
 
-/// CONTRACT: RUN and STOP are verified by the RUN state for up to 2 s.
+/// Contract: RUN and STOP are verified by the RUN state for up to 2 s.
 inline constexpr std::chrono::milliseconds kRunStateVerifiedWithin{2000};
 
 /// Returns the line time of all exchanges of `admitted` if each ends well.

@@ -1,5 +1,5 @@
 // JSON texts of all that is published except results: samples, states, meta and health. Also the
-// payload format made of them, described in agent/CONTRACT.md. The functions are pure; any thread.
+// payload format made of them, described in docs/interface.md. The functions are pure; any thread.
 #pragma once
 
 #include <chrono>
@@ -45,7 +45,7 @@ std::string health(const AgentStatus& status, const Config& config);
 
 namespace fxagent {
 
-/// The format of agent/CONTRACT.md: topics below Config::base_topic(), everything as JSON, states
+/// The format of docs/interface.md: topics below Config::base_topic(), everything as JSON, states
 /// and meta retained.
 class JsonPayload final : public Payload {
  public:

@@ -1,5 +1,5 @@
 // Interface to a payload format: topic and bytes of what is published about the plant. agent.cpp
-// chooses the format. JsonPayload is the format of agent/CONTRACT.md.
+// chooses the format. JsonPayload is the format of docs/interface.md.
 //
 // Results of commands and health are JSON in every format and are not made here. The command topics
 // are the same in every format too. The publisher clears retained topics of removed devices only

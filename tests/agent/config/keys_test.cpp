@@ -1,4 +1,4 @@
-// Tests the table of keys against the loader and the examples of config/README.md.
+// Tests the table of keys against the loader and the examples of docs/config/examples.md.
 #include "agent/config/keys.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ struct Overload : F... {
   using F::operator()...;
 };
 
-/// The sections in the order of the README.
+/// The sections in the order of docs/config/keys.md.
 std::vector<std::string> sections() {
   std::vector<std::string> list;
   for (const ConfigKey& key : config_keys::kAll)
@@ -65,10 +65,10 @@ TEST(ConfigKeys, MeaningsAreSentencesAndDefaultsAreAllowed) {
     for (const ConfigKey& key : protocol_keys(protocol)) check(key);
 }
 
-// ---- the README -------------------------------------------------------------------------------
+// ---- the page -------------------------------------------------------------------------------
 
-TEST(ConfigKeys, ReadmeHasTheSmallestFileOfEachProtocol) {
-  std::ifstream file(FXAGENT_CONFIG_DIR "/README.md");
+TEST(ConfigKeys, ExamplesHaveTheSmallestFileOfEachProtocol) {
+  std::ifstream file(FXAGENT_CONFIG_DIR "/../docs/config/examples.md");
   std::string line;
   while (std::getline(file, line) && line != "## The smallest file for each protocol") continue;
   std::vector<std::string_view> protocols;

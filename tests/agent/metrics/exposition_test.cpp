@@ -1,4 +1,4 @@
-// The Prometheus page, compared with the text format and the table of agent/CONTRACT.md.
+// The Prometheus page, compared with the text format and the table of docs/interface.md.
 #include "agent/metrics/exposition.h"
 
 #include <gtest/gtest.h>

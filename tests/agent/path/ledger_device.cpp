@@ -256,8 +256,8 @@ void FaultyLine::answer(const fxsim::Frame& frame, Fault fault) {
   // The device answers requests in order: a late answer delays the following ones.
   busy_until_ = std::max(busy_until_, Clock::now()) + milliseconds(fate_.between(2, 15));
   if (fault == Fault::late) busy_until_ += milliseconds(fate_.between(50, 350));
-  // Within the limit of config/README.md: twice timeout_ms, which is 200 here. A later answer
-  // cannot be distinguished from the answer to the pending request.
+  // Within the limit of docs/operate/line-faults.md: twice timeout_ms, which is 200 here. A later
+  // answer cannot be distinguished from the answer to the pending request.
   busy_until_ = std::min(busy_until_, Clock::now() + milliseconds(390));
   if (reply.empty()) return;
   if (fault == Fault::split) {

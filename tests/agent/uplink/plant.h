@@ -1,4 +1,4 @@
-// A small plant for the uplink's tests: press1 as in the examples of agent/CONTRACT.md, and press2.
+// A small plant for the uplink's tests: press1 as in the examples of docs/interface.md, and press2.
 #pragma once
 
 #include <memory>
