@@ -74,10 +74,9 @@ constexpr AddressForms kMcAddresses{
 constexpr std::uint8_t kStx = 0x02;
 
 constexpr std::string_view kFxModel =
-    "Model of the PLC. `auto`: the PLC is asked, and `check` holds addresses against the FX3U, the "
-    "widest. Addresses that the real model lacks are bad then. An `FX1NC`, `FX2NC`, `FX3GC`, "
-    "`FX3GE` "
-    "or `FX3UC` counts as the model without the last letter.";
+    "Model of the PLC. `auto`: the agent asks the PLC, and `check` uses the ranges of the FX3U, "
+    "the widest. Addresses that the real model lacks are then bad. An `FX1NC`, `FX2NC`, `FX3GC`, "
+    "`FX3GE` or `FX3UC` counts as the model without the last letter.";
 
 ProtocolInfo programming_port() {
   const fx::ProgrammingPort::Settings settings;
@@ -94,14 +93,14 @@ ProtocolInfo programming_port() {
   info.address_forms = kFxAddresses;
   info.options = {
       choice("command_set", {"auto", "classic", "extended"},
-             "`auto`: classic commands where they reach, extended ones beyond. FX0N and FX1S have "
-             "the classic set only."),
+             "`auto`: classic commands within their range, extended commands beyond. FX0N and "
+             "FX1S have only the classic set."),
       choice("enquire", {"open", "always", "never"},
-             "When ENQ is sent: once the link is open and after an error, before every request, or "
-             "not at all."),
+             "Time of ENQ: after the link opens and after an error, before every request, or "
+             "never."),
       integer("max_block_bytes", 2, 254, settings.max_block_bytes,
-              "Data bytes of one frame. More than 64 is used only by extended reads of an FX3S, "
-              "FX3G or FX3U."),
+              "Data bytes of one frame. Only extended reads of an FX3S, FX3G or FX3U use more "
+              "than 64."),
   };
   info.hints.silent =
       "is the programming cable (RS-422) in its round socket, and neither GX Works nor a panel on "
@@ -129,13 +128,14 @@ ProtocolInfo computer_link() {
               "Control procedure format 1 or 4, as in D8120. Format 4 ends each message with CR "
               "LF."),
       boolean("sum_check", settings.sum_check,
-              "Whether frames carry a sum, as in D8120. Without it noise can pass for a value."),
+              "True if frames carry a sum, as in D8120. Without it noise can pass for a value."),
       integer("message_wait_ms", 0, 150, settings.wait_tens * 10,
-              "How long the PLC waits before it answers, a multiple of 10; 70 or more with an "
+              "Time that the PLC waits before it answers, a multiple of 10; 70 or more with an "
               "FX-485PC-IF."),
       boolean("acknowledge_data", settings.acknowledge_data,
-              "Whether the agent answers data with ACK, as the manual asks. `false` saves the line "
-              "time of the ACK, and is right on two-wire adapters that return what is sent."),
+              "True if the agent answers data with ACK, as the manual requires. `false` saves "
+              "the line time of the ACK. It is right for two-wire adapters that return "
+              "everything that is sent."),
       integer("max_block_bytes", 2, 128, settings.max_block_bytes,
               "Bytes of device memory in one frame."),
   };
@@ -158,24 +158,24 @@ ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
   info.address_forms = kModbusAddresses;
   info.options = {
       integer("unit", 0, 255, settings.unit,
-              "Unit id. On a serial line 1 to 247, or 0 for a broadcast: every unit obeys, none "
-              "answers, and such a device has no tags. On TCP 0 is a unit like any other; behind a "
-              "gateway it is the unit on its line."),
+              "Unit id. On a serial line 1 to 247, or 0 for a broadcast: every unit obeys and "
+              "none answers. A broadcast device has no tags. On TCP 0 is a unit like any other. "
+              "Behind a gateway it is the unit on the gateway's line."),
       integer("max_read", 1, modbus::kMaxReadRegisters, settings.max_read,
-              "Registers of the longest read; of coils and discrete inputs 16 for each. Many "
-              "devices take fewer than 125."),
+              "Registers of the longest read; 16 coils or discrete inputs for each register. "
+              "Many devices accept fewer than 125."),
       integer("max_gap", 0, modbus::kMaxReadRegisters, settings.max_gap,
-              "Registers in a row that may be read although no tag asks for them; of coils and "
-              "discrete inputs 16 for each. 0: never read what nobody asked for."),
+              "Registers in a row that the agent may read although no tag needs them; 16 coils "
+              "or discrete inputs for each register. 0: it reads only the places of tags."),
       choice("byte_order", {"ABCD", "CDAB", "BADC", "DCBA"},
-             "Of 32-bit values, A being the most significant byte. `BADC` and `DCBA` swap the "
-             "bytes of 16-bit values, too. Default of `word_order`."),
+             "Byte order of 32-bit values; A is the most significant byte. `BADC` and `DCBA` "
+             "swap the bytes of 16-bit values, too. Default of `word_order`."),
       integer("address_base", 0, 1, settings.address_base,
-              "Number of the first one in `hr:` `ir:` `co:` `di:`."),
+              "Number of the first place in `hr:` `ir:` `co:` `di:`."),
       boolean("allow_read_modify_write", settings.allow_read_modify_write,
-              "Whether a bit of a register may be written by reading and writing the whole "
-              "register, where the device lacks function 22. What the device changes in between "
-              "is lost."),
+              "True if the agent may write a bit of a register by reading and writing the whole "
+              "register, if the device lacks function 22. Changes by the device in between are "
+              "lost."),
   };
   return info;
 }
@@ -225,22 +225,19 @@ ProtocolInfo mc_1e() {
   info.kin = names(mc::one_e_kin_names());
   info.address_forms = kMcAddresses;
   info.model_meaning =
-      "Model of the PLC. `auto`: an FX3 is asked, and `check` holds addresses against the FX3U, "
-      "the "
-      "widest. Until it has answered X, Y, M8000 up, D8000 up and CN200 up are not read. `Q` and "
-      "`L` "
-      "stand for an E71 module, which cannot be asked: X and Y are hexadecimal there. An `FX3GC`, "
-      "`FX3GE` or `FX3UC` counts as the model without the last letter.";
+      "Model of the PLC. `auto`: the agent asks an FX3, and `check` uses the ranges of the FX3U, "
+      "the widest. Before the answer it does not read X and Y, nor M8000, D8000 and CN200 "
+      "upwards. `Q` and `L` mean an E71 module, which cannot report its model: X and Y are "
+      "hexadecimal there. An `FX3GC`, `FX3GE` or `FX3UC` counts as the model without the last "
+      "letter.";
   info.options = {
       choice("code", {"binary", "ascii"},
-             "Communication data code, as it is set in the PLC's Ethernet settings."),
+             "Communication data code, as in the PLC's Ethernet settings."),
       integer("pc", 0, 255, settings.pc,
-              "PC number. 255 is the PLC that was connected to; others are stations of a network "
-              "behind it."),
-      integer(
-          "monitoring_timer_ms", 250, 60000, settings.monitoring_timer * 250,
-          "How long the Ethernet module waits for its PLC before it answers with an error, in "
-          "steps of 250. `timeout_ms` should be longer; where it is not given it is 1000 more."),
+              "PC number. 255 is the connected PLC; others are stations of a network behind it."),
+      integer("monitoring_timer_ms", 250, 60000, settings.monitoring_timer * 250,
+              "Time that the Ethernet module waits for its PLC before it answers with an error, in "
+              "steps of 250. `timeout_ms` should be longer; its default is 1000 more."),
   };
   info.hints.silent =
       "is Communication Data Code of the PLC's Ethernet settings `code`; is the open setting of "
@@ -271,16 +268,15 @@ ProtocolInfo mc_protocol(std::string_view name, std::string_view summary) {
   info.address_forms = kMcAddresses;
   info.last_is_widest = false;
   info.model_meaning =
-      "Model of the PLC. `auto`: the PLC is asked; built-in ports of Q and L do not tell. Until it "
-      "is "
-      "known, and in `check`, addresses are held against what any model has, and X and Y above 7 "
-      "have no name: they are octal on an FX5 and hexadecimal elsewhere. An `FX5UC` counts as "
-      "`FX5U`, an iQ-L as `iQ-R`.";
+      "Model of the PLC. `auto`: the agent asks the PLC; built-in ports of Q and L do not report "
+      "it. While the model is unknown, and in `check`, the ranges of all models together apply. "
+      "X and Y above 7 then have no name: they are octal on an FX5 and hexadecimal elsewhere. An "
+      "`FX5UC` counts as `FX5U`, an iQ-L as `iQ-R`.";
   info.options = {
       integer("network", 0, 255, settings.route.network,
-              "Network number of the PLC; 0 is the PLC that is connected."),
+              "Network number of the PLC; 0 is the connected PLC."),
       integer("pc", 0, 255, settings.route.pc,
-              "PC number (station) of the PLC in that network; 255 is the PLC that is connected."),
+              "PC number (station) of the PLC in that network; 255 is the connected PLC."),
   };
   return info;
 }
@@ -289,7 +285,7 @@ void add_module(ProtocolInfo& info) {
   const mc::Route route;
   info.options.push_back(
       integer("module_io", 0, 65535, route.module_io,
-              "Module I/O number of the CPU or module meant; 1023 (03FFh) is the CPU of the "
+              "Module I/O number of the target CPU or module. 1023 (03FFh) is the CPU of the "
               "station, 992 to 995 are CPUs 1 to 4."));
   info.options.push_back(integer("module_station", 0, 255, route.module_station,
                                  "Station number behind that module (multidrop); 0: none."));
@@ -332,14 +328,13 @@ ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
   add_module(info);
   info.options.insert(
       info.options.begin(),
-      choice(
-          "code", {"binary", "ascii"},
-          "Communication Data Code of the port, as in its parameters. In ASCII X and Y of an FX5 "
-          "above 7 cannot be read: their digits are not known for sure."));
+      choice("code", {"binary", "ascii"},
+             "Communication Data Code of the port, as in its parameters. In ASCII the agent cannot "
+             "read X and Y of an FX5 above 7: their digits are not known for certain."));
   info.options.push_back(integer(
       "monitoring_timer_ms", 250, 60000, settings.timer * 250,
-      "How long the PLC may try to reach the station meant before it answers with an error, in "
-      "steps of 250. `timeout_ms` should be longer; where it is not given it is 1000 more."));
+      "Time that the PLC may try to reach the target station before it answers with an error, in "
+      "steps of 250. `timeout_ms` should be longer; its default is 1000 more."));
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes,
                                  settings.max_block_bytes, "Bytes of device memory in one frame."));
   add_hints(info);
@@ -376,11 +371,11 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
                            : "Message pattern, as in the parameters; all are ASCII."));
   info.options.back().binary_from = 5;
   info.options.push_back(boolean("sum_check", settings.sum_check,
-                                 "Whether frames carry a sum, as in the parameters. Without it "
+                                 "True if frames carry a sum, as in the parameters. Without it "
                                  "noise can pass for a value."));
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes, kBlock,
                                  "Bytes of device memory in one frame. More is a little faster, "
-                                 "and commands wait longer."));
+                                 "but commands wait longer."));
   info.format_place =
       "the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: its "
       "switch setting)";

@@ -103,61 +103,61 @@ inline constexpr Rule kOfProtocol{"the protocol's"};
 /// The keys of one section must be adjacent: config_section() returns them as one span.
 inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"", "$schema", text, {}, None{}, "Schema for the editor; the agent does not follow it."},
-    {"", "agent", object, {}, Required{}, "Who this agent is."},
-    {"", "mqtt", object, {}, Required{}, "The brokers and the way to them."},
+    {"", "agent", object, {}, Required{}, "Identity of the agent, and remote config."},
+    {"", "mqtt", object, {}, Required{}, "The brokers, with user and TLS."},
     {"", "store", object, {}, None{},
-     "Where samples wait while the broker is away, and where ids of commands are remembered. "
-     "Without it samples wait in memory, and both are lost at a restart."},
+     "Disk for samples while the broker is unreachable, and for ids of commands. Without it "
+     "samples and ids are in memory, and a restart loses both."},
     {"", "metrics", object, {}, None{},
-     "Where Prometheus and probes ask how the agent is. Without it nobody can."},
+     "HTTP address for Prometheus and probes. Without it the agent does not listen."},
     {"", "links", array, {}, Required{},
-     "The lines to the devices: serial ports, TCP connections and UDP ports."},
+     "Connections to the devices: serial ports, TCP connections and UDP ports."},
     {"", "templates", object, {}, None{},
-     "Devices that are written once: a name for each, and keys of a device."},
-    {"", "devices", array, {}, Required{}, "The PLCs and what is read from them."},
+     "Common parts of many devices: a name for each, with keys of a device."},
+    {"", "devices", array, {}, Required{}, "The devices and their tags."},
 
     {"agent", "id", name, {}, Required{},
-     "Last level of `{root}/{id}`, under which everything is published."},
+     "Last level of `{root}/{id}`. All topics of the agent are below it."},
     {"agent", "root", text, {}, "fx",
-     "The levels before the id, at most 256 bytes. No wildcards, no `/` at either end, no empty "
-     "level, no `$` at the beginning."},
+     "Levels before the id, at most 256 bytes. Wildcards and empty levels are not allowed. Nor "
+     "is `/` at either end or `$` at the beginning."},
     {"agent", "remote_config", boolean, {}, false,
-     "Whether a config may come over MQTT, on `{root}/{id}/config/desired`, within the limits of "
-     "`remote_allow`."},
+     "True if a config may arrive over MQTT, on `{root}/{id}/config/desired`, within the limits "
+     "of `remote_allow`."},
     {"agent", "remote_allow", array, {}, Rule{"`links` and `devices`"},
-     "What can be set remotely: `links`, `devices` (with `templates`), `mqtt.servers`, "
-     "`commands.allow_run_stop`, and `commands.allow: D300-D399` for addresses that commands may "
-     "touch in addition to those of this file. For devices that this file does not have: "
-     "`commands.allow: mc-3e FX5U D300-D399`."},
+     "Parts that a remote config may set: `links`, `devices` (with `templates`), `mqtt.servers`, "
+     "`commands.allow_run_stop`. `commands.allow: D300-D399` adds addresses that commands may "
+     "use, for the devices of this file. `commands.allow: mc-3e FX5U D300-D399` adds them for "
+     "every device of that protocol and model."},
     {"agent", "remote_without_disk", boolean, {}, false,
-     "Whether a remote config is taken over although the disk refuses to keep it for a way "
-     "back."},
+     "True if the agent applies a remote config even if the disk refuses to keep it. There is "
+     "then no way back."},
 
     {"mqtt", "servers", array, {}, Required{},
-     "One or more of `mqtt://host[:1883]` and `mqtts://host[:8883]`, IPv6 in brackets. They are "
-     "tried from the top. After the last one the agent waits 1 s, then longer, up to 30 s (4 s in "
-     "the first five minutes of an outage)."},
+     "One or more of `mqtt://host[:1883]` and `mqtts://host[:8883]`, IPv6 in brackets. The agent "
+     "tries them from the first. After the last one it waits 1 s, then longer, up to 30 s (4 s "
+     "in the first five minutes of an outage)."},
     {"mqtt", "version", choice, kVersions, "5", "Version of MQTT."},
     {"mqtt", "client_id", text, {}, Rule{"fx-{id}"},
      "Client id. Two clients of one broker must not share it."},
     {"mqtt", "username", text, {}, None{},
-     "User name. MQTT 3.1.1 needs it where there is a password."},
+     "User name. MQTT 3.1.1 needs it for a password."},
     {"mqtt", "password_file", path, {}, None{},
-     "File with the password. It goes before `password_env`."},
+     "File with the password. It takes precedence over `password_env`."},
     {"mqtt", "password_env", text, {}, None{},
      "Name of the environment variable with the password."},
     {"mqtt", "password", text, {}, None{},
-     "The password itself, or `${NAME}`; not together with `password_file` or `password_env`, "
+     "The password itself, or `${NAME}`. Not together with `password_file` or `password_env`, "
      "which are better places."},
     {"mqtt", "allow_plain_secret", boolean, {}, false,
      "Allows a `password` in a config file that others can read."},
     {"mqtt", "tls", object, {}, None{},
-     "Files for `mqtts://` servers; without effect on others. The certificate of the server is "
-     "always checked."},
+     "Files for `mqtts://` servers; without effect on others. The agent always checks the "
+     "certificate of the server."},
     {"mqtt", "keep_alive_s", integer, {1, 65535}, 30, "Keep alive of MQTT, in seconds."},
     {"mqtt", "qos", integer, {0, 1}, 1,
-     "QoS of the data topics. With 0 a sample that was handed to the socket counts as delivered. 2 "
-     "is refused: repeats under 1 can be told by their sequence number."},
+     "QoS of the data topics. With 0 a sample counts as delivered when the socket has accepted "
+     "it. 2 is refused: under 1 the sequence number shows repeats."},
 
     {"mqtt.tls", "ca_file", path, {}, Rule{"the system's"}, "Certificate authorities, PEM."},
     {"mqtt.tls", "cert_file", path, {}, None{},
@@ -166,161 +166,166 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "Private key of this agent, PEM; together with `cert_file`."},
 
     {"store", "path", path, {}, Required{},
-     "A directory; the agent makes it where it is not there."},
+     "A directory. The agent makes it if it does not exist."},
     {"store", "max_bytes", integer, kBytes, 256 << 20,
-     "Samples and what is kept of commands. When it is full the oldest samples go first."},
-    {"store", "max_age_h", integer, {1, 87600}, 168, "Hours; older samples go."},
+     "Bytes for samples and records of commands. When they are full, the agent drops the oldest "
+     "samples."},
+    {"store", "max_age_h", integer, {1, 87600}, 168, "Hours; the agent drops older samples."},
     {"store", "sync", choice, kSyncs, "offline",
      "`offline`: samples go to disk while the broker does not acknowledge them. `always`: every "
      "sample is on disk before it is sent."},
     {"store", "audit_max_bytes", integer, kBytes, 64 << 20,
-     "When it is full the oldest records of commands go first. It does not count for `max_bytes`."},
+     "Bytes for the audit. When they are full, the agent removes the oldest records. They do not "
+     "count for `max_bytes`."},
     {"store", "audit_max_age_h", integer, {1, 876000}, 8760,
-     "Hours; older records of commands go."},
+     "Hours; the agent removes older records of the audit."},
 
     {"metrics", "listen", text, {}, Required{},
-     "`127.0.0.1:9464`, `[::1]:9464` or `unix:/run/fxagent/metrics`. There are `/metrics`, "
-     "`/healthz` and `/readyz`, without password and without TLS. Port 0: one that is free, which "
-     "the log names."},
+     "`127.0.0.1:9464`, `[::1]:9464` or `unix:/run/fxagent/metrics`. Serves `/metrics`, "
+     "`/healthz` and `/readyz`, without password and TLS. Port 0: any free port; the log names "
+     "it."},
 
-    {"links[]", "name", name, {}, Required{}, "Name of the link; each has its own."},
+    {"links[]", "name", name, {}, Required{}, "Name of the link, unique in the file."},
     {"links[]", "serial", object, {}, None{},
      "A serial port of this machine. A link has one of `serial`, `tcp` and `udp`."},
     {"links[]", "tcp", object, {}, None{},
-     "A device, or a serial server that passes bytes through."},
+     "A device, or a transparent serial server."},
     {"links[]", "udp", object, {}, None{},
-     "A device that takes and gives one frame in each datagram."},
+     "A device with one frame in each datagram."},
     {"links[]", "line_baud", integer, kBaud, Rule{ "not known"},
     
-     "Speed of the line behind a serial server, with `tcp` only, for deadlines, `plan` and the "
-     "bound of commands. Nothing is set on the server."},
+     "Speed of the line behind a serial server, only with `tcp`. Deadlines, `plan` and the bound "
+     "of commands depend on it. The agent does not set the server."},
     {"links[]", "data_bits", integer, kBits, kOfProtocol,
-     "Of the line behind a serial server, beside `line_baud` only."},
+     "For the line behind a serial server, only with `line_baud`."},
     {"links[]", "parity", choice, kParities, kOfProtocol,
-     "Of the line behind a serial server, beside `line_baud` only."},
+     "For the line behind a serial server, only with `line_baud`."},
     {"links[]", "stop_bits", integer, kStopBits, kOfProtocol,
-     "Of the line behind a serial server, beside `line_baud` only."},
+     "For the line behind a serial server, only with `line_baud`."},
     {"links[]", "poll_share_percent", integer, {0, 90}, 20,
-     "What polls keep of the line while commands flood it, in percent of the line time. Less makes "
-     "commands faster; with 0 commands can stop the polls."},
+     "Share of the line time that polls keep while commands flood the line, in percent. A "
+     "smaller share makes commands faster. With 0 commands can stop the polls."},
 
     {"links[].serial", "path", path, {}, Required{},
-     "The port, best by a name in `/dev/serial/by-id/`. A port can be on one link only."},
-    {"links[].serial", "baud", integer, kBaud, kOfProtocol, "Any speed that the adapter takes."},
+     "The port, preferably by its name in `/dev/serial/by-id/`. Only one link can have a port."},
+    {"links[].serial", "baud", integer, kBaud, kOfProtocol, "Any speed that the adapter supports."},
     {"links[].serial", "data_bits", integer, kBits, kOfProtocol,
      "Data bits of a character; `modbus-rtu` needs 8."},
     {"links[].serial", "parity", choice, kParities, kOfProtocol, "Parity of a character."},
     {"links[].serial", "stop_bits", integer, kStopBits, kOfProtocol, "Stop bits of a character."},
     {"links[].serial", "rs485", object, {}, None{},
-     "The kernel switches the direction of a two-wire port by its RTS line. Leave it out where the "
-     "adapter does so itself, as most do."},
+     "The kernel switches the direction of a two-wire port by its RTS line. Leave it out if the "
+     "adapter switches on its own, as most do."},
 
     {"links[].serial.rs485", "rts_on_send", boolean, {}, true,
-     "RTS is raised while the port sends. `false`: it is lowered then, and raised else."},
+     "RTS is high while the port sends. `false`: it is low then, and high otherwise."},
     {"links[].serial.rs485", "delay_before_ms", integer, {0, 100}, 0,
-     "From the switch of RTS to the first character."},
+     "Time from the switch of RTS to the first character."},
     {"links[].serial.rs485", "delay_after_ms", integer, {0, 100}, 0,
-     "From the last character to the switch back."},
+     "Time from the last character to the switch back."},
 
     {"links[].tcp", "host", text, {}, Required{}, "Host name or address."},
     {"links[].tcp", "port", integer, {1, 65535}, Required{},
-     "Modbus TCP is on 502 by custom. Two links to one host and port are allowed, with a warning: "
-     "many take one connection only."},
+     "TCP port; for Modbus TCP 502 by custom. Two links to one host and port cause a warning: "
+     "many devices accept only one connection."},
 
     {"links[].udp", "host", text, {}, Required{}, "Host name or address."},
     {"links[].udp", "port", integer, {1, 65535}, Required{},
-     "UDP port of the device, as it is set there."},
+     "UDP port of the device, as set in the device."},
     {"links[].udp", "local_port", integer, {1, 65535}, Rule{"any that is free"},
-     "Port that the agent asks from. Some devices answer one port alone, which is set in them (open "
-     "settings: port of the other side): it must be this one."},
+     "Port from which the agent sends. Some devices answer only one port, which is set in the "
+     "device (open settings: port of the other side). It must be this one."},
 
     {"devices[]", "name", name, {}, Required{}, "Name of the device, a level of its topics."},
     {"devices[]", "template", name, {}, None{},
-     "Name of one of the `templates`. Its keys count where the device does not have them; groups "
-     "and tags of the device are added to its own, or replace those of the same name."},
+     "Name of one of the `templates`. The device takes the keys that it lacks from the template. "
+     "Its groups and tags are added to those of the template, or replace those of the same name."},
     {"devices[]", "n", numbers, {}, Rule{"one device"},
-     "Many devices of one entry: `\"1-40\"`, `\"01-12,15\"`, or a list of numbers or names. Each of "
-     "them in turn replaces `{n}` in every string of the device and its template."},
-    {"devices[]", "link", name, {}, Required{}, "Name of the link that the device is on."},
-    {"devices[]", "protocol", text, {}, Required{}, "The protocol that the device speaks."},
+     "Many devices of one entry: `\"1-40\"`, `\"01-12,15\"`, or a list of numbers or names. Each "
+     "value makes a device and replaces `{n}` in every string of the device and its template."},
+    {"devices[]", "link", name, {}, Required{}, "Name of the device's link."},
+    {"devices[]", "protocol", text, {}, Required{}, "Protocol of the device."},
     {"devices[]", "model", text, {}, kAutoModel, "Model of the PLC."},
     {"devices[]", "timeout_ms", integer, {1, 600'000}, 1000,
-     "What a reply may take beyond the expected line time. Where the protocol has a monitoring timer "
-     "and this key is not given, that timer is added."},
+     "Time that a reply may take beyond the expected line time. If this key is missing and the "
+     "protocol has a monitoring timer, the agent adds that timer."},
     {"devices[]", "retries", integer, {0, 10}, 2,
-     "How often a read is repeated in the same poll after a bad frame or a refusal that may pass. "
-     "Silence is not repeated; after `retries` + 1 unanswered exchanges in a row the device counts "
-     "as silent."},
+     "Number of repeats of a read in the same poll, after a bad frame or a temporary refusal. "
+     "The agent does not repeat after silence. After `retries` + 1 unanswered exchanges in a row "
+     "the device counts as silent."},
     {"devices[]", "gap_ms", integer, kMilliseconds, 0, "Silence before a request."},
     {"devices[]", "turnaround_ms", integer, kMilliseconds, 30,
-     "Time that the device takes before it answers, for `plan` and the bound of commands. The "
-     "agent measures it, and plans its reads anew where it is quite different."},
-    {"devices[]", "echo", boolean, {}, false, "The line returns what is sent (two-wire adapters)."},
+     "Time that the device needs before it answers, for `plan` and the bound of commands. The "
+     "agent measures it, and makes a new plan if the difference is large."},
+    {"devices[]", "echo", boolean, {}, false,
+     "True if the line returns everything that is sent (two-wire adapters)."},
     {"devices[]", "max_block_bytes", integer, {2, 65535}, Rule{ "the protocol's limit"},
      "Longest block of one read, in bytes."},
     {"devices[]", "groups", array, {}, None{}, "Tags that are read and published together."},
-    {"devices[]", "tags", array, {}, None{}, "What is read from the device."},
+    {"devices[]", "tags", array, {}, None{}, "The values of the device."},
     {"devices[]", "commands", object, {}, None{},
-     "What commands may do besides reading and writing tags."},
+     "Rights and limits of commands. Each tag has its own `access`."},
 
     {"devices[].groups[]", "name", name, {}, Required{},
      "Name of the group, last level of the data topic."},
     {"devices[].groups[]", "interval_ms", integer, {0, 86'400'000}, 1000,
      "Poll interval; 0: as fast as the line allows."},
     {"devices[].groups[]", "publish", choice, kPublish, "always",
-     "`always`: every cycle. `on_change`: when a value differs by at least its `deadband` from the "
-     "one last published."},
+     "`always`: every cycle. `on_change`: when a value differs by at least its `deadband` from "
+     "the last published one."},
     {"devices[].groups[]", "max_silent_s", integer, {1, 86'400}, 60,
-     "Longest time without a sample although nothing has changed."},
+     "Longest time without a sample while nothing changes."},
 
     {"devices[].tags[]", "name", name, {}, Required{},
      "Name of the tag, its key in `values` and `bad`."},
-    {"devices[].tags[]", "address", text, {}, Required{}, "Where the value is in the device."},
-    {"devices[].tags[]", "type", choice, kTypes, Rule{"by the address"}, "How the value is coded."},
+    {"devices[].tags[]", "address", text, {}, Required{}, "Place of the value in the device."},
+    {"devices[].tags[]", "type", choice, kTypes, Rule{"by the address"}, "Coding of the value."},
     {"devices[].tags[]", "count", integer, kElements, Rule{ "one value"},
-     "Number of elements. With it the value is an array, even of one."},
+     "Number of elements. With this key the value is an array, even with one element."},
     {"devices[].tags[]", "length", integer, kElements, None{},
      "Number of characters; required for a `string`, and for strings only."},
     {"devices[].tags[]", "word_order", choice, kWordOrders, Rule{
      "FX: `low_first`; Modbus: `byte_order`"},
     
-     "Which word of a 32- or 64-bit value comes first; `low_first` is `CDAB`, `high_first` is `ABCD`. The "
-     "four letters are for Modbus only. Not for `bool`."},
+     "Order of the words of a 32- or 64-bit value; `low_first` is `CDAB`, `high_first` is "
+     "`ABCD`. The four letters are for Modbus only. Not for `bool`."},
     {"devices[].tags[]", "scale", number, {}, 1, "The value is raw × `scale` + `offset`. Not 0."},
     {"devices[].tags[]", "offset", number, {}, 0, "Added to the scaled value."},
     {"devices[].tags[]", "unit", text, {}, None{},
      "Text for people: °C, bar, 1/min. It may be empty."},
     {"devices[].tags[]", "description", text, {}, None{},
-     "Text for people: what the tag is. It may be empty."},
+     "Text for people: the meaning of the tag. It may be empty."},
     {"devices[].tags[]", "states", object, {}, None{},
      "Labels of values: `{\"0\": \"idle\", \"1\": \"run\"}`. Each key is a whole number in the unit of "
      "the value; of a `bool` 0 or 1. Not for `string`."},
     {"devices[].tags[]", "min", number, {}, None{},
-     "A command that would write less, after rounding to the raw value, is refused "
-     "(`out_of_range`)."},
+     "Least value that a command may write, after rounding to the raw value. A smaller one is "
+     "refused (`out_of_range`)."},
     {"devices[].tags[]", "max", number, {}, None{},
-     "A command that would write more, after rounding to the raw value, is refused "
-     "(`out_of_range`)."},
+     "Greatest value that a command may write, after rounding to the raw value. A larger one is "
+     "refused (`out_of_range`)."},
     {"devices[].tags[]", "deadband", number, {}, None{},
-     "With `publish: on_change` a smaller difference is no change; where there is none every "
-     "change counts. Not negative."},
+     "With `publish: on_change` a smaller difference does not count as a change. Without this "
+     "key every difference counts. Not negative."},
     {"devices[].tags[]", "group", name, {}, "default",
-     "Name of a group. The group `default` need not be listed: it is then one with the defaults of "
-     "groups."},
-    {"devices[].tags[]", "access", choice, kAccess, "read", "Whether commands may write the tag."},
+     "Name of a group. If `groups` has no group `default`, that group has the default of every "
+     "key."},
+    {"devices[].tags[]", "access", choice, kAccess, "read",
+     "`read_write`: commands may write the tag."},
 
     {"devices[].commands", "allow", array, {}, None{},
-     "Addresses and ranges that commands may touch by raw address. Tags need no entry: each may be "
-     "read, and written with `access: read_write`."},
+     "Addresses and ranges that commands may use by raw address. Tags need no entry: commands "
+     "may read every tag, and write it with `access: read_write`."},
     {"devices[].commands", "allow_run_stop", boolean, {}, false,
-     "Whether commands may start and stop the PLC. Without effect on Modbus."},
+     "True if commands may start and stop the PLC. Without effect on Modbus."},
     {"devices[].commands", "default_expiry_s", integer, kExpiry, 10,
-     "How long a command without `expires` stays valid, unless `max_expiry_s` is shorter."},
+     "Seconds for which a command without `expires` is valid, unless `max_expiry_s` is shorter."},
     {"devices[].commands", "max_expiry_s", integer, kExpiry, 3600,
-     "How far `expires` may be ahead of the clock."},
-    {"devices[].commands", "verify", boolean, {}, true, "Whether a written word is read back."},
+     "Seconds that `expires` may be ahead of the clock."},
+    {"devices[].commands", "verify", boolean, {}, true,
+     "True if the agent reads a written word back."},
     {"devices[].commands", "queue", integer, {1, 10000}, 64,
-     "Commands that may be pending on this device."},
+     "Number of commands that may be pending on this device."},
 });
 // clang-format on
 
