@@ -40,25 +40,26 @@ forbid("^agent/commands/" "^agent/(field|store|uplink|cli|agent)[/.]" "agent/com
 forbid("^agent/commands/" "${threads_and_io}" "agent/commands/ has no threads, no I/O and no clock")
 forbid("^agent/store/" "^agent/(field|uplink|cli|agent)[/.]" "agent/store/ sees values, config and the commands' port")
 forbid("^agent/store/" "^agent/commands/" "of agent/commands/ agent/store/ sees the ports journal.h and command_starts.h only")
+forbid("^agent/store/disk/" "^agent/store/(samples/|journal/|[^/]+$)" "agent/store/disk/ does not know what the file contains")
 forbid("^agent/uplink/" "^agent/(field|cli|agent)[/.]" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
 forbid("^agent/config/" "^agent/(commands|field|store|uplink|cli|agent)[/.]" "agent/config/ sees protocol and small things")
-forbid("^agent/import/" "^agent/(commands|field|metrics|store|uplink|log|process|cli|agent)[/.]" "agent/import/ sees protocol and config")
+forbid("^agent/import/" "^agent/(commands|field|http|store|uplink|log|process|cli|agent)[/.]" "agent/import/ sees protocol and config")
 forbid("^agent/import/" "${threads_and_io}" "agent/import/ has no threads, no I/O and no clock")
 forbid("^agent/(config|remote)/" "^(${threads}|coroutine|${network}|${processes})$"
        "agent/config/ and agent/remote/ have no threads, no sockets, no timers and no processes")
-forbid("^agent/(config|commands|field|metrics|store|uplink)/" "^agent/import/" "only agent/cli/ sees agent/import/")
-forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|import|metrics|store|uplink|cli)/"
+forbid("^agent/(config|commands|field|http|store|uplink)/" "^agent/import/" "only agent/cli/ sees agent/import/")
+forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|import|http|store|uplink|cli)/"
        "what every room uses must not know any of them")
 forbid("^agent/remote/" "^agent/(commands|field|uplink|cli|agent)[/.]"
        "agent/remote/ sees config and the durable file of the store")
 forbid("^agent/remote/" "^agent/store/" "of agent/store/ agent/remote/ sees durable_file.h only")
-forbid("^agent/(config|commands|field|import|metrics|store|uplink|log|process)/" "^agent/remote/"
+forbid("^agent/(config|commands|field|import|http|store|uplink|log|process)/" "^agent/remote/"
        "only agent/cli/, agent/agent.cpp and agent/reload.cpp see agent/remote/")
-forbid("^agent/metrics/" "^agent/(commands|field|store|uplink|cli|agent)[/.]"
-       "agent/metrics/ sees the status, config and the log")
-forbid("^agent/[a-z_]+/" "^agent/metrics/" "nothing but agent/agent.cpp sees agent/metrics/")
-forbid("." "^microhttpd\\.h" "only agent/metrics/http_library.h knows the HTTP library")
-forbid("." "^prometheus/" "only agent/metrics/exposition.cpp knows Prometheus' library")
+forbid("^agent/http/" "^agent/(commands|field|store|uplink|cli|agent)[/.]"
+       "agent/http/ sees the status, config and the log")
+forbid("^agent/[a-z_]+/" "^agent/http/" "nothing but agent/agent.cpp sees agent/http/")
+forbid("." "^microhttpd\\.h" "only agent/http/http_library.h knows the HTTP library")
+forbid("." "^prometheus/" "only agent/http/exposition.cpp knows Prometheus' library")
 forbid("." "^asio" "asio is agent/field/'s")
 forbid("." "${mqtt}" "only agent/uplink/paho/ knows the MQTT library")
 forbid("." "^(sqlite3|SQLiteCpp/)" "only agent/store/ knows SQLite")
@@ -78,12 +79,12 @@ set(allowed
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
   "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"
   "^agent/uplink/paho/[^ ]+ (mqtt/|MQTT)"
-  "^agent/remote/remote_config\\.h agent/store/durable_file\\.h$"
-  "^agent/config/metrics\\.cpp (arpa/inet|sys/un)\\.h$"
+  "^agent/remote/remote_config\\.h agent/store/disk/durable_file\\.h$"
+  "^agent/config/read/metrics\\.cpp (arpa/inet|sys/un)\\.h$"
   "^agent/config/config_file\\.cpp poll\\.h$"
-  "^agent/metrics/[^ ]+ agent/metrics/"
-  "^agent/metrics/http_library\\.h microhttpd\\.h$"
-  "^agent/metrics/exposition\\.cpp prometheus/")
+  "^agent/http/[^ ]+ agent/http/"
+  "^agent/http/http_library\\.h microhttpd\\.h$"
+  "^agent/http/exposition\\.cpp prometheus/")
 
 # One line per include: path:line:#include "header". %: is another way to write #.
 set(hash "^[[:space:]]*(#|%:)[[:space:]]*")

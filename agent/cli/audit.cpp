@@ -6,12 +6,12 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "agent/cli/audit_report.h"
 #include "agent/cli/exit_status.h"
+#include "agent/cli/report/audit_report.h"
 #include "agent/counted.h"
 #include "agent/messages.h"
 #include "agent/store/audit_trail.h"
-#include "agent/store/store_file.h"
+#include "agent/store/disk/store_file.h"
 
 namespace fxagent {
 namespace {

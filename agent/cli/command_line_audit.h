@@ -9,7 +9,7 @@
 #include "agent/config/config.h"
 #include "agent/messages.h"
 #include "agent/store/audit_trail.h"
-#include "agent/store/store_disk.h"
+#include "agent/store/disk/store_disk.h"
 
 namespace fxagent {
 

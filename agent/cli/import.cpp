@@ -7,7 +7,7 @@
 
 #include "agent/cli/exit_status.h"
 #include "agent/config/config.h"
-#include "agent/config/reader.h"
+#include "agent/config/read/reader.h"
 #include "agent/counted.h"
 #include "agent/import/formats.h"
 #include "agent/import/tag_csv.h"

@@ -12,11 +12,11 @@
 
 #include "agent/cli/command_line_audit.h"
 #include "agent/cli/exit_status.h"
-#include "agent/cli/read_report.h"
+#include "agent/cli/report/read_report.h"
 #include "agent/commands/admission.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
-#include "agent/config/reader.h"
+#include "agent/config/read/reader.h"
 #include "agent/field/field.h"
 #include "agent/json_writer.h"
 #include "agent/outbox.h"

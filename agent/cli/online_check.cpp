@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/cli/online_report.h"
+#include "agent/cli/report/online_report.h"
 #include "agent/field/field.h"
 #include "agent/log/log.h"
 #include "agent/outbox.h"

@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "agent/cli/exit_status.h"
-#include "agent/cli/plan_report.h"
-#include "agent/cli/table.h"
+#include "agent/cli/report/plan_report.h"
+#include "agent/cli/report/table.h"
 
 namespace fxagent {
 namespace {

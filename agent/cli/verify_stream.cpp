@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/cli/stream_check.h"
+#include "agent/cli/report/stream_check.h"
 #include "agent/log/log.h"
 #include "agent/text.h"
 #include "agent/uplink/paho/paho_broker.h"

@@ -4,7 +4,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "agent/config/reader.h"
+#include "agent/config/read/reader.h"
 
 namespace fxagent {
 namespace {

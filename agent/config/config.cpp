@@ -11,15 +11,15 @@
 #include <span>
 #include <tuple>
 
-#include "agent/config/channel.h"
-#include "agent/config/config_limits.h"
-#include "agent/config/device.h"
 #include "agent/config/file_privacy.h"
 #include "agent/config/keys.h"
-#include "agent/config/metrics.h"
-#include "agent/config/reader.h"
-#include "agent/config/remote_limits.h"
-#include "agent/config/tree.h"
+#include "agent/config/read/channel.h"
+#include "agent/config/read/config_limits.h"
+#include "agent/config/read/device.h"
+#include "agent/config/read/metrics.h"
+#include "agent/config/read/reader.h"
+#include "agent/config/read/remote_limits.h"
+#include "agent/config/read/tree.h"
 #include "agent/config/warnings.h"
 #include "agent/sha256.h"
 

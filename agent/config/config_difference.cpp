@@ -6,7 +6,7 @@
 #include <string_view>
 #include <utility>
 
-#include "agent/config/tree.h"
+#include "agent/config/read/tree.h"
 
 namespace fxagent {
 namespace {

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "agent/config/config.h"
-#include "agent/config/tree.h"
+#include "agent/config/read/tree.h"
 
 namespace fxagent {
 namespace {

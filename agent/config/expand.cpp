@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "agent/config/keys.h"
-#include "agent/config/pretty.h"
-#include "agent/config/templates.h"
+#include "agent/config/read/pretty.h"
+#include "agent/config/read/templates.h"
 
 namespace fxagent {
 namespace {

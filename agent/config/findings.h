@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config/tree.h"
+#include "agent/config/read/tree.h"
 
 namespace fxagent {
 

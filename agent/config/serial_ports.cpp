@@ -5,7 +5,7 @@
 #include <cerrno>
 #include <system_error>
 
-#include "agent/config/tree.h"
+#include "agent/config/read/tree.h"
 #include "agent/process/port_access.h"
 
 namespace fxagent {

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "agent/config/config.h"
-#include "agent/config/reader.h"
-#include "agent/config/templates.h"
+#include "agent/config/read/reader.h"
+#include "agent/config/read/templates.h"
 
 namespace fxagent {
 

@@ -7,7 +7,7 @@
 #include <ranges>
 
 #include "agent/config/config.h"
-#include "agent/config/pretty.h"
+#include "agent/config/read/pretty.h"
 #include "agent/import/json_source.h"
 #include "agent/text.h"
 #include "protocol/catalog.h"

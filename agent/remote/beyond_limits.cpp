@@ -9,7 +9,7 @@
 #include <variant>
 #include <vector>
 
-#include "agent/config/tree.h"
+#include "agent/config/read/tree.h"
 #include "agent/remote/error_list.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"

@@ -6,8 +6,8 @@
 #include <set>
 #include <utility>
 
-#include "agent/config/reader.h"
-#include "agent/config/tree.h"
+#include "agent/config/read/reader.h"
+#include "agent/config/read/tree.h"
 #include "agent/remote/beyond_limits.h"
 #include "agent/remote/error_list.h"
 #include "agent/sha256.h"

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/config/config_limits.h"
 #include "agent/config/file_privacy.h"
+#include "agent/config/read/config_limits.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
 

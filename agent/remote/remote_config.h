@@ -21,7 +21,7 @@
 #include "agent/remote/remote_report.h"
 #include "agent/remote/trial.h"
 #include "agent/status.h"
-#include "agent/store/durable_file.h"
+#include "agent/store/disk/durable_file.h"
 
 namespace fxagent {
 

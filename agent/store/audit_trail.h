@@ -14,7 +14,7 @@
 
 #include "agent/messages.h"
 #include "agent/store/audit_chain.h"
-#include "agent/store/store_disk.h"
+#include "agent/store/disk/store_disk.h"
 
 namespace fxagent {
 

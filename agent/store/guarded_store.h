@@ -24,11 +24,11 @@
 
 #include "agent/commands/journal.h"
 #include "agent/messages.h"
-#include "agent/store/command_marker.h"
-#include "agent/store/disk_thread.h"
-#include "agent/store/history.h"
+#include "agent/store/disk/disk_thread.h"
+#include "agent/store/journal/command_marker.h"
+#include "agent/store/journal/unrecorded_commands.h"
+#include "agent/store/samples/history.h"
 #include "agent/store/store.h"
-#include "agent/store/unrecorded_commands.h"
 
 namespace fxagent {
 

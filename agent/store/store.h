@@ -21,12 +21,12 @@
 #include "agent/config/config.h"
 #include "agent/messages.h"
 #include "agent/store/audit_trail.h"
-#include "agent/store/sequence_numbers.h"
-#include "agent/store/started_commands.h"
+#include "agent/store/disk/store_disk.h"
+#include "agent/store/journal/started_commands.h"
+#include "agent/store/journal/stored_journal.h"
+#include "agent/store/samples/sequence_numbers.h"
+#include "agent/store/samples/stored_samples.h"
 #include "agent/store/store_clock.h"
-#include "agent/store/store_disk.h"
-#include "agent/store/stored_journal.h"
-#include "agent/store/stored_samples.h"
 
 namespace fxagent {
 

@@ -8,9 +8,9 @@
 #include <optional>
 
 #include "agent/messages.h"
-#include "agent/store/store_disk.h"
-#include "agent/store/stored_journal.h"
-#include "agent/store/stored_samples.h"
+#include "agent/store/disk/store_disk.h"
+#include "agent/store/journal/stored_journal.h"
+#include "agent/store/samples/stored_samples.h"
 
 namespace fxagent {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "agent/store/sample_record.h"
+#include "agent/store/samples/sample_record.h"
 
 namespace fxagent {
 namespace {

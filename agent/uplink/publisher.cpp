@@ -6,7 +6,7 @@
 
 #include "agent/commands/recovery.h"
 #include "agent/log/log.h"
-#include "agent/store/first_numbers.h"
+#include "agent/store/samples/first_numbers.h"
 #include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/puback.h"
 #include "agent/uplink/topics.h"

@@ -5,7 +5,7 @@
 
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
-#include "agent/store/sample_record.h"
+#include "agent/store/samples/sample_record.h"
 #include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/puback.h"
 

@@ -17,7 +17,7 @@
 #include "agent/config/config.h"
 #include "agent/config/config_difference.h"
 #include "agent/messages.h"
-#include "agent/store/sample_record.h"
+#include "agent/store/samples/sample_record.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"

@@ -15,9 +15,9 @@
 #include <vector>
 
 #include "agent/messages.h"
-#include "agent/store/backlog.h"
 #include "agent/store/guarded_store.h"
-#include "agent/store/history.h"
+#include "agent/store/samples/backlog.h"
+#include "agent/store/samples/history.h"
 #include "agent/uplink/payload/payload.h"
 
 namespace fxagent {

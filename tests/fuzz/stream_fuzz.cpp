@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/cli/stream_check.h"
+#include "agent/cli/report/stream_check.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fxagent;

@@ -9,7 +9,7 @@
 #include <memory>
 #include <system_error>
 
-#include "agent/config/tree.h"
+#include "agent/config/read/tree.h"
 
 namespace fxagent {
 namespace {

@@ -19,8 +19,8 @@
 #include <string>
 
 #include "agent/messages.h"
-#include "agent/store/history.h"
-#include "agent/store/sample_record.h"
+#include "agent/store/samples/history.h"
+#include "agent/store/samples/sample_record.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "agent/cli/audit_report.h"
+#include "agent/cli/report/audit_report.h"
 #include "agent/commands/audit_records.h"
 
 namespace fxagent::audit {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "agent/cli/plan_report.h"
+#include "agent/cli/report/plan_report.h"
 #include "tests/protocol/gathering_codec.h"
 
 namespace fxagent::test {

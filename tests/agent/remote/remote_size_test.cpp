@@ -3,7 +3,7 @@
 
 #include <atomic>
 
-#include "agent/config/config_limits.h"
+#include "agent/config/read/config_limits.h"
 #include "tests/agent/remote/remote_run.h"
 
 namespace fxagent {

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/store/history.h"
+#include "agent/store/samples/history.h"
 
 namespace fxagent::test {
 

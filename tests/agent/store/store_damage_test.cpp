@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "agent/store/sqlite.h"
+#include "agent/store/disk/sqlite.h"
 #include "agent/store/store.h"
 #include "tests/agent/store/json_history.h"
 #include "tests/support/scratch.h"

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "agent/store/first_numbers.h"
-#include "agent/store/sqlite.h"
+#include "agent/store/disk/sqlite.h"
+#include "agent/store/samples/first_numbers.h"
 #include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {

@@ -1,0 +1,85 @@
+#include "agent/cli/report/command_help.h"
+
+#include <CLI/App.hpp>
+#include <array>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+// Of the program; the subcommands follow.
+constexpr std::string_view kProgram = R"(Examples:
+  fxagent init /etc/fxagent
+  fxagent check --online /etc/fxagent/agent.json
+  fxagent read /etc/fxagent/agent.json press1
+  fxagent run /etc/fxagent/agent.json
+Signals:
+  SIGTERM, SIGINT  end; `run` stops as fxagent-run(1) says
+  SIGHUP           of `run`: read the config again
+  SIGUSR1          of `run`: switch the traces of all links on or off)";
+
+constexpr auto kFooters = std::to_array<std::pair<std::string_view, std::string_view>>({
+    {"run", R"(Examples:
+  fxagent run /etc/fxagent/agent.json
+  fxagent run agent.json --trace line1
+Signals:
+  SIGTERM, SIGINT  stop: pending commands get their results, samples go to disk
+  SIGHUP           read the config again; a wrong file changes nothing
+  SIGUSR1          switch the traces of all links on or off)"},
+    {"check", R"(Examples:
+  fxagent check agent.json
+  fxagent check --online agent.json
+Exit status:
+  0  the config is right; with --online, everything answers as it says
+  1  --online: a link, a device or a broker does not answer
+  2  the call or the config is wrong
+  3  --online: another process has a link, which was left alone; the rest answers
+  4  --online: everything answers, and something not as the config says)"},
+    {"config", R"(Examples:
+  fxagent config agent.json)"},
+    {"plan", R"(Examples:
+  fxagent plan agent.json
+  fxagent plan agent.json --what-if "press1 D0..D99@500")"},
+    {"read", R"(Examples:
+  fxagent read agent.json press1 D100 --count 3
+  fxagent read agent.json press1 temp)"},
+    {"write", R"(Examples:
+  fxagent write agent.json press1 setpoint 55
+  fxagent write agent.json press1 D200 '[1,2,3]' --type uint16)"},
+    {"force-on", R"(Examples:
+  fxagent force-on agent.json press1 M100)"},
+    {"force-off", R"(Examples:
+  fxagent force-off agent.json press1 M100)"},
+    {"verify-stream", R"(Examples:
+  fxagent verify-stream agent.json --seconds 600)"},
+    {"acl", R"(Examples:
+  fxagent acl agent.json --operator anna --viewer display)"},
+    {"audit", R"(Examples:
+  fxagent audit agent.json --since 2h
+  fxagent audit agent.json --verify)"},
+    {"import", R"(Examples:
+  fxagent import auto comment.csv --device press1 --model FX3U --port /dev/ttyUSB0 >agent.json)"},
+    {"export", R"(Examples:
+  fxagent export agent.json >tags.csv
+  fxagent import csv tags.csv >agent.json)"},
+    {"init", R"(Examples:
+  fxagent init /etc/fxagent
+  fxagent init . --id edge7 --broker mqtt://broker --protocol modbus-tcp --port meter:502 --read power=ir:12)"},
+    {"schema", R"(Examples:
+  fxagent schema >agent.schema.json)"},
+    {"decode", R"(Examples:
+  fxagent decode modbus-rtu 11 03 00 6B 00 03 76 87
+  fxagent decode fx-programming-port 02 30 31 30 46 36 30 34 03 37 34)"},
+});
+
+}  // namespace
+
+void add_footers(CLI::App& app) {
+  app.footer(std::string(kProgram));
+  for (const auto& [name, text] : kFooters)
+    app.get_subcommand(std::string(name))->footer(std::string(text));
+}
+
+}  // namespace fxagent

@@ -1,0 +1,572 @@
+#include "agent/cli/report/plan_report.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "agent/line_time.h"
+#include "protocol/plan/plan.h"
+#include "protocol/plc.h"
+#include "protocol/range_ends.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+
+// Block sizes tried in addition to the configured one and the protocol's maximum.
+constexpr std::uint32_t kBlockSizes[] = {16, 32, 64};
+constexpr std::int64_t kLongestInterval = 86'400'000;  // as in the config, ms
+
+double ratio(nanoseconds part, nanoseconds whole) {
+  return static_cast<double>(part.count()) / static_cast<double>(whole.count());
+}
+
+nanoseconds part_of(nanoseconds whole, double part) {
+  return nanoseconds(static_cast<std::int64_t>(static_cast<double>(whole.count()) * part));
+}
+
+// ---- one device ---------------------------------------------------------------------------------
+
+/// Returns the device's codec, or that of the widest model if the model is unknown.
+std::shared_ptr<const Codec> widest(const DeviceConfig& device) {
+  return widest_of(*device.protocol, device.codec);
+}
+
+/// Points of one group and the reads that fetch them.
+struct GroupPlan {
+  std::uint32_t group = 0;
+  std::vector<Point> points;
+  Plan plan;
+};
+
+/// Polls of a device as the field will send them.
+struct DevicePlan {
+  std::shared_ptr<const Codec> codec;
+  LineTiming timing;
+  std::vector<GroupPlan> groups;  ///< groups with tags
+
+  nanoseconds longest_exchange() const {
+    std::vector<const Plan*> plans;
+    plans.reserve(groups.size());
+    for (const GroupPlan& group : groups) plans.push_back(&group.plan);
+    return longest_poll(*codec, plans, timing);
+  }
+  nanoseconds time_of(const GroupPlan& group) const {
+    return poll_time(*codec, group.plan, timing);
+  }
+};
+
+DevicePlan plan_device(const DeviceConfig& device, nanoseconds char_time) {
+  DevicePlan out;
+  out.codec = widest(device);
+  out.timing = timing_of(device, char_time);
+  for (std::uint32_t g = 0; g < device.groups.size(); ++g) {
+    GroupPlan group;
+    group.group = g;
+    for (const TagConfig& tag : device.tags)
+      if (tag.group == g) group.points.push_back(tag.point);
+    if (group.points.empty()) continue;
+    group.plan = make_plan(*out.codec, group.points, cost_of(device, char_time, device.turnaround),
+                           device.max_block_bytes);
+    out.groups.push_back(std::move(group));
+  }
+  return out;
+}
+
+/// Rank of a place as an example for the bound, lowest first: words, double words, bits; within
+/// each, places that the config allows to write come first. nullopt: such a place is never written
+/// alone.
+std::optional<int> rank_of(const Point& point, bool allowed) {
+  const int second = allowed ? 0 : 1;
+  switch (point.address.unit) {
+    case Unit::word:
+      return 0 + second;
+    case Unit::dword:
+    case Unit::long_index:
+    case Unit::long_count:
+      return 2 + second;
+    case Unit::bit:
+      return 4 + second;
+    default:
+      return std::nullopt;
+  }
+}
+
+/// Returns the bus time of the longest command for one place; for words including the read-back.
+/// nullopt: the config names no writable place of the device.
+std::optional<nanoseconds> command_time(const DeviceConfig& device, const DevicePlan& plan) {
+  std::optional<nanoseconds> longest;
+  int best = 0;
+  const auto consider = [&](const Address& address, bool allowed) {
+    Point point;
+    point.address = address;
+    point.type = default_type(address);
+    const auto rank = rank_of(point, allowed);
+    const auto span = span_of(point);
+    if (!rank || !span || (longest && *rank > best)) return;
+    const auto writes = plan_write(*plan.codec, point, Bytes((span->bits + 7) / 8));
+    if (!writes) return;
+    nanoseconds time = write_time(*plan.codec, *writes, plan.timing);
+    if (point.type != DataType::boolean) time += read_time(*plan.codec, device, point, plan.timing);
+    longest = longest && *rank == best ? std::max(*longest, time) : time;
+    best = *rank;
+  };
+  for (const TagConfig& tag : device.tags) consider(tag.point.address, tag.writable);
+  const AddressSpace& addresses = plan.codec->addresses();
+  const auto address_at = [&](const Span& span) {
+    return addresses.parse_address(addresses.name_of(span), std::nullopt);
+  };
+  for (const Span& span : device.commands.allow) {
+    const auto first = address_at(span);
+    if (!first) continue;
+    consider(*first, true);
+    // Higher addresses may take longer frames than lower ones, never shorter ones.
+    const std::uint32_t bits = first->span.bits;
+    if (const auto last = address_at({span.space, span.end_bit() - bits, bits}))
+      consider(*last, true);
+  }
+  return longest;
+}
+
+// ---- breakdown of the time of a cycle -----------------------------------------------------------
+
+/// Bits of one read by purpose.
+struct BitUse {
+  std::uint32_t asked = 0;
+  std::uint32_t word_access = 0;  ///< next to a requested bit of a bit device, in the same unit
+};
+
+BitUse bit_use(const PlannedRead& planned, std::span<const Point> points, std::uint32_t unit) {
+  enum class Mark : std::uint8_t { none, word, bit };
+  const Span& read = planned.read.span;
+  std::vector<Mark> marks(read.bits, Mark::none);
+  for (const std::uint32_t index : planned.points) {
+    const Point& point = points[index];
+    const bool is_bits = point.address.unit == Unit::bit || point.address.unit == Unit::bit_group;
+    const Span span = *span_of(point);
+    const std::uint32_t end = std::min(span.end_bit(), read.end_bit());
+    for (std::uint32_t bit = std::max(span.first_bit, read.first_bit); bit < end; ++bit)
+      marks[bit - read.first_bit] = is_bits ? Mark::bit : Mark::word;
+  }
+  BitUse use;
+  for (std::uint32_t at = 0; at < read.bits; at += unit) {
+    const auto part = std::span(marks).subspan(at, std::min(unit, read.bits - at));
+    const auto none = static_cast<std::uint32_t>(std::ranges::count(part, Mark::none));
+    use.asked += static_cast<std::uint32_t>(part.size()) - none;
+    if (std::ranges::count(part, Mark::bit) > 0) use.word_access += none;
+  }
+  return use;
+}
+
+std::uint32_t unit_of(const Codec& codec, const Read& read) {
+  for (const ReadWay& way : codec.addresses().read_ways(read.span.space))
+    if (way.way == read.way) return way.unit_bits;
+  return 8;
+}
+
+/// Returns the reply characters that grow with the data; for a part of a Gather, all that it adds.
+std::uint32_t data_chars(const Codec& codec, const Read& read, std::uint32_t unit) {
+  const auto reply_of = [&](const Request& request) {
+    return codec.line_length(request).reply_chars;
+  };
+  if (read.gather != 0) {
+    // Measured with the shortest parts: a frame may not hold two parts like this one.
+    Read shortest = read;
+    shortest.span.bits = unit;
+    const std::uint32_t envelope =
+        2 * reply_of(Gather{{shortest}}) - reply_of(Gather{{shortest, shortest}});
+    return reply_of(Gather{{read}}) - envelope;
+  }
+  const auto reply_of_units = [&](std::uint32_t units) {
+    Read other = read;
+    other.span.bits = units * unit;
+    return reply_of(other);
+  };
+  // Compares 16 units with 32, because bits may be packed eight to a byte.
+  const std::uint32_t envelope = 2 * reply_of_units(16) - reply_of_units(32);
+  return reply_of(read) - envelope;
+}
+
+std::uint32_t chars_of(const LineLength& length) {
+  return length.request_chars + length.reply_chars + length.closing_chars;
+}
+
+/// Distributes the data characters of one read over `use`. Returns their number.
+std::uint32_t add_use(const DevicePlan& device, const PlannedRead& planned,
+                      std::span<const Point> points, LineTimeUse& use) {
+  const std::uint32_t unit = unit_of(*device.codec, planned.read);
+  const std::uint32_t data = data_chars(*device.codec, planned.read, unit);
+  const std::uint32_t of_read = planned.read.span.bits;
+  const BitUse bits = bit_use(planned, points, unit);
+  const nanoseconds data_time = device.timing.char_time * data;
+  const nanoseconds asked = part_of(data_time, static_cast<double>(bits.asked) / of_read);
+  const nanoseconds beside = part_of(data_time, static_cast<double>(bits.word_access) / of_read);
+  use.asked += asked;
+  use.word_access += beside;
+  use.unasked +=
+      bits.asked + bits.word_access < of_read ? data_time - asked - beside : nanoseconds(0);
+  return data;
+}
+
+ExchangeReport report_exchange(const DevicePlan& device, const Plan& plan, const ReadIndices& which,
+                               std::span<const Point> points, LineTimeUse& use) {
+  const Codec& codec = *device.codec;
+  const LineTiming& timing = device.timing;
+  const Request request = plan.request(which);
+  ExchangeReport out;
+  out.gathered = std::holds_alternative<Gather>(request);
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    const Span& span = plan.reads[which[i]].read.span;
+    out.addresses.push_back(codec.addresses().name_of(span));
+    out.bits += span.bits;
+  }
+  const LineLength length = codec.line_length(request);
+  out.chars = chars_of(length);
+  if (const auto enquiry = codec.resync(); enquiry && timing.enquires_always)
+    out.chars += chars_of(codec.line_length(*enquiry));
+  if (timing.char_time.count() == 0) return out;
+  out.line_time =
+      exchange_time(codec, request, timing) - timing.char_time * length.more_reply_chars;
+  std::uint32_t data = 0;
+  for (std::size_t i = 0; i < which.size(); ++i)
+    data += add_use(device, plan.reads[which[i]], points, use);
+  use.framing += timing.char_time * (out.chars - data);
+  use.turnaround += *out.line_time - timing.char_time * out.chars;
+  return out;
+}
+
+GroupLoad report_group(const DeviceConfig& device, const DevicePlan& plan, const GroupPlan& group) {
+  GroupLoad out;
+  out.device = device.name;
+  out.group = device.groups[group.group].name;
+  out.interval = device.groups[group.group].interval;
+  for (std::uint32_t e = 0; e < group.plan.exchange_count(); ++e)
+    out.exchanges.push_back(
+        report_exchange(plan, group.plan, group.plan.reads_in(e), group.points, out.use));
+  if (plan.timing.char_time.count() > 0) out.line_time = plan.time_of(group);
+  return out;
+}
+
+// ---- one link -----------------------------------------------------------------------------------
+
+std::optional<int> baud_of(const LinkConfig& link) {
+  if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) return serial->baud;
+  const auto* tcp = std::get_if<TcpSettings>(&link.channel);
+  const int baud = tcp != nullptr ? tcp->line_baud : 0;
+  return baud > 0 ? std::optional(baud) : std::nullopt;
+}
+
+/// Contribution of one device to the bound of its link.
+struct BoundShare {
+  nanoseconds longest{0};              ///< longest exchange that a command may have to wait for
+  std::optional<nanoseconds> command;  ///< of this device
+};
+
+BoundShare share_of(const DeviceConfig& device, const DevicePlan& plan) {
+  return {plan.longest_exchange(), command_time(device, plan)};
+}
+
+/// Returns the bound of a command that finds no other queued, computed as the link's worker does.
+std::optional<nanoseconds> bound_of(const std::vector<BoundShare>& shares) {
+  nanoseconds longest{0};
+  std::optional<nanoseconds> command;
+  for (const BoundShare& share : shares) {
+    longest = std::max(longest, share.longest);
+    if (share.command) command = std::max(command.value_or(nanoseconds(0)), *share.command);
+  }
+  if (!command) return std::nullopt;
+  return longest + *command;
+}
+
+/// Returns the device with another max_block_bytes.
+DeviceConfig with_blocks(const DeviceConfig& device, std::uint32_t bytes) {
+  DeviceConfig out = device;
+  out.max_block_bytes = bytes;
+  Options options = *device.options;
+  const auto option = options.find("max_block_bytes");
+  if (option == options.end()) return out;  // only the planner uses it
+  option->second = std::int64_t{bytes};
+  if (const auto codec = device.protocol->make(options)) out.codec = *codec;
+  return out;
+}
+
+/// Returns the maximum bytes of one read of the device's tags, ignoring the configured
+/// max_block_bytes.
+std::uint32_t most_bytes(const DeviceConfig& device) {
+  std::uint32_t most_configurable = 0;
+  for (const OptionSpec& option : device.protocol->options)
+    if (option.key == "max_block_bytes") most_configurable = static_cast<std::uint32_t>(option.max);
+  const auto codec = widest(with_blocks(device, most_configurable));
+  std::set<std::uint16_t> spaces;
+  for (const TagConfig& tag : device.tags) spaces.insert(tag.point.address.span.space);
+  std::uint32_t most = 0;
+  for (const std::uint16_t space : spaces)
+    for (const ReadWay& way : codec->addresses().read_ways(space))
+      most = std::max(most, way.max_bits / 8);
+  return most;
+}
+
+/// `shares` belong to all devices of the link; `own` is the index of this device in it.
+void add_block_trade(const DeviceConfig& device, nanoseconds char_time,
+                     const std::vector<BoundShare>& shares, std::size_t own, LinkReport& report) {
+  const std::uint32_t most = most_bytes(device);
+  const std::uint32_t now =
+      device.max_block_bytes == 0 ? most : std::min(device.max_block_bytes, most);
+  std::set<std::uint32_t> sizes{now, most};
+  for (const std::uint32_t size : kBlockSizes)
+    if (size < most) sizes.insert(size);
+  for (const std::uint32_t size : sizes) {
+    const DeviceConfig resized = with_blocks(device, size);
+    const DevicePlan plan = plan_device(resized, char_time);
+    BlockTrade trade;
+    trade.device = device.name;
+    trade.block_bytes = size;
+    trade.configured = size == now;
+    for (const GroupPlan& group : plan.groups) trade.cycle += plan.time_of(group);
+    auto others = shares;
+    others[own] = share_of(resized, plan);
+    trade.command_bound = bound_of(others);
+    report.block_trade.push_back(std::move(trade));
+  }
+}
+
+/// Rounds up to an interval that an engineer would write into a config.
+std::int64_t round_interval(milliseconds interval) {
+  const std::int64_t step = interval.count() >= 100 ? 10 : 1;
+  return (interval.count() + step - 1) / step * step;
+}
+
+/// `asked`: share of the bus that the poll intervals ask for. `fixed`: share of the background
+/// questions.
+void judge_intervals(double asked, double fixed, LinkReport& report) {
+  for (GroupLoad& group : report.groups) {
+    if (group.interval.count() == 0 || fixed >= 1) continue;
+    const double shortest = static_cast<double>(group.interval.count()) * asked / (1 - fixed);
+    group.shortest_interval = milliseconds(static_cast<std::int64_t>(std::ceil(shortest)));
+    if (asked + fixed <= 1) continue;
+    report.warnings.push_back(group.device + "/" + group.group + " asks for " +
+                              std::to_string(group.interval.count()) + " ms; the link carries " +
+                              std::to_string(group.shortest_interval->count()) +
+                              " ms or more: set interval_ms to " +
+                              std::to_string(round_interval(*group.shortest_interval)));
+  }
+}
+
+LinkReport report_link(const Config& config, std::uint32_t index) {
+  const LinkConfig& link = config.links[index];
+  const bool known = link.char_time.count() > 0;
+  LinkReport report;
+  report.name = link.name;
+  report.baud = baud_of(link);
+  report.listening = link.listening;
+  std::vector<const DeviceConfig*> devices;
+  std::vector<BoundShare> shares;
+  double asked = 0;
+  double fixed = 0;
+  for (const DeviceConfig& device : config.devices) {
+    if (device.link != index) continue;
+    const DevicePlan plan = plan_device(device, link.char_time);
+    if (must_ask_model(*device.codec))
+      report.warnings.push_back(device.name + ": model auto, planned as " +
+                                widest_name(*device.protocol));
+    for (const GroupPlan& group : plan.groups) {
+      const GroupLoad& load = report.groups.emplace_back(report_group(device, plan, group));
+      if (load.line_time && load.interval.count() > 0)
+        asked += ratio(*load.line_time, load.interval);
+    }
+    if (const auto question = background_question(*plan.codec, !device.tags.empty()))
+      fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kQuestionInterval);
+    devices.push_back(&device);
+    shares.push_back(share_of(device, plan));
+  }
+  if (!known) {
+    report.warnings.emplace_back(
+        std::holds_alternative<UdpSettings>(link.channel)
+            ? "no times: over UDP there is no line whose speed could be given"
+            : "no times: the speed of this line is not known; give line_baud where a serial line "
+              "is behind it");
+    return report;
+  }
+  report.busy_percent = 100 * (asked + fixed);
+  report.command_bound = bound_of(shares);
+  judge_intervals(asked, fixed, report);
+  for (std::size_t i = 0; i < devices.size(); ++i)
+    if (!devices[i]->tags.empty()) add_block_trade(*devices[i], link.char_time, shares, i, report);
+  return report;
+}
+
+/// Load of one link, and nothing else about it.
+struct LinkLoad {
+  LinkReport report;  ///< only names, intervals and bus times of the groups; no exchanges
+  double asked = 0;
+  double fixed = 0;
+};
+
+void add_load(const DeviceConfig& device, nanoseconds char_time, LinkLoad& load) {
+  const DevicePlan plan = plan_device(device, char_time);
+  for (const GroupPlan& group : plan.groups) {
+    GroupLoad& of_group = load.report.groups.emplace_back();
+    of_group.device = device.name;
+    of_group.group = device.groups[group.group].name;
+    of_group.interval = device.groups[group.group].interval;
+    of_group.line_time = plan.time_of(group);
+    if (of_group.interval.count() > 0) load.asked += ratio(*of_group.line_time, of_group.interval);
+  }
+  if (const auto question = background_question(*plan.codec, !device.tags.empty()))
+    load.fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kQuestionInterval);
+}
+
+// ---- what if ------------------------------------------------------------------------------------
+
+tl::unexpected<Error> refuse(const std::string& what, const std::string& why) {
+  return fail(ErrorCode::bad_request, "\"" + what + "\": " + why);
+}
+
+std::string trimmed(std::string_view text) {
+  const auto first = text.find_first_not_of(' ');
+  if (first == std::string_view::npos) return {};
+  return std::string(text.substr(first, text.find_last_not_of(' ') + 1 - first));
+}
+
+struct WhatIf {
+  std::string device;
+  std::string first;
+  std::string last;
+  milliseconds interval{0};
+};
+
+Result<WhatIf> parse_what_if(const std::string& what) {
+  const std::string text = trimmed(what);
+  const auto blank = text.find(' ');
+  const auto at = text.rfind('@');
+  if (blank == std::string::npos || at == std::string::npos || at < blank)
+    return refuse(what, "write DEVICE FIRST..LAST@MS, as in \"press1 D500..D563@200\"");
+  WhatIf out;
+  out.device = text.substr(0, blank);
+  const std::string number = trimmed(std::string_view(text).substr(at + 1));
+  std::int64_t interval = 0;
+  const char* end = number.data() + number.size();
+  const auto [stop, error] = std::from_chars(number.data(), end, interval);
+  if (error != std::errc{} || stop != end || interval < 0 || interval > kLongestInterval)
+    return refuse(what, "the interval behind @ is 0 to " + std::to_string(kLongestInterval) +
+                            " ms, not \"" + number + "\"");
+  out.interval = milliseconds(interval);
+  const std::string places = text.substr(blank + 1, at - blank - 1);
+  const RangeEnds ends = range_ends(places);
+  out.first = ends.first;
+  out.last = last_end(ends);
+  return out;
+}
+
+DeviceConfig* device_named(Config& config, const std::string& name) {
+  const auto found = std::find_if(config.devices.begin(), config.devices.end(),
+                                  [&](const DeviceConfig& d) { return d.name == name; });
+  return found == config.devices.end() ? nullptr : &*found;
+}
+
+std::string names_of(const SharedList<DeviceConfig>& devices) {
+  std::string names;
+  for (const DeviceConfig& device : devices) names += (names.empty() ? "" : ", ") + device.name;
+  return names;
+}
+
+/// Returns one point for each device from the first to the last address.
+Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& asked,
+                                          const std::string& what) {
+  const auto first = codec.addresses().parse_address(asked.first, std::nullopt);
+  if (!first) return refuse(what, first.error().text);
+  const auto last = codec.addresses().parse_address(asked.last, std::nullopt);
+  if (!last) return refuse(what, last.error().text);
+  const Span from = first->span;
+  const Span to = last->span;
+  const bool alike = from.space == to.space && from.bits == to.bits && first->unit == last->unit;
+  if (!alike || to.first_bit < from.first_bit || (to.first_bit - from.first_bit) % from.bits != 0)
+    return refuse(what, asked.first + " and " + asked.last +
+                            " are no range: both ends lie in one area, the lower one first");
+  const Span whole{from.space, from.first_bit, to.end_bit() - from.first_bit};
+  if (const auto inside = codec.addresses().check_range(whole); !inside)
+    return refuse(what, inside.error().text);
+  std::vector<Point> points;
+  for (std::uint32_t bit = from.first_bit; bit < to.end_bit(); bit += from.bits) {
+    Point point;
+    point.address = *first;
+    point.address.span.first_bit = bit;
+    point.address.text = codec.addresses().name_of(point.address.span);
+    point.type = default_type(*first);
+    point.order = codec.addresses().default_order();
+    points.push_back(std::move(point));
+  }
+  const Plan plan = make_plan(codec, points, LineCost{}, 0);
+  if (!plan.unreachable.empty())
+    return refuse(what, points[plan.unreachable.front()].address.text +
+                            " is out of reach of this device's commands");
+  return points;
+}
+
+/// Returns the device's first group with this interval; creates one if there is none.
+std::uint32_t group_of(DeviceConfig& device, milliseconds interval) {
+  const auto named = [&](const std::string& name) {
+    return std::any_of(device.groups.begin(), device.groups.end(),
+                       [&](const GroupConfig& g) { return g.name == name; });
+  };
+  const auto same = std::find_if(device.groups.begin(), device.groups.end(),
+                                 [&](const GroupConfig& g) { return g.interval == interval; });
+  if (same != device.groups.end()) return static_cast<std::uint32_t>(same - device.groups.begin());
+  GroupConfig group;
+  group.name = named("what-if") ? "what-if-" + std::to_string(interval.count()) : "what-if";
+  group.interval = interval;
+  device.groups.push_back(std::move(group));
+  return static_cast<std::uint32_t>(device.groups.size() - 1);
+}
+
+}  // namespace
+
+std::vector<std::string> overloads(const Config& config) {
+  std::vector<LinkLoad> loads(config.links.size());
+  for (const DeviceConfig& device : config.devices)
+    if (const nanoseconds char_time = config.links[device.link].char_time; char_time.count() > 0)
+      add_load(device, char_time, loads[device.link]);
+  std::vector<std::string> found;
+  for (std::size_t i = 0; i < loads.size(); ++i) {
+    judge_intervals(loads[i].asked, loads[i].fixed, loads[i].report);
+    for (const std::string& warning : loads[i].report.warnings)
+      found.push_back(config.links[i].name + ": " + warning);
+  }
+  return found;
+}
+
+std::vector<LinkReport> plan_links(const Config& config) {
+  std::vector<LinkReport> links;
+  links.reserve(config.links.size());
+  for (std::uint32_t i = 0; i < config.links.size(); ++i) links.push_back(report_link(config, i));
+  return links;
+}
+
+Result<void> add_what_if(Config& config, const std::string& what) {
+  const auto asked = parse_what_if(what);
+  if (!asked) return tl::make_unexpected(asked.error());
+  DeviceConfig* device = device_named(config, asked->device);
+  if (device == nullptr)
+    return refuse(
+        what, "there is no device " + asked->device + "; there are " + names_of(config.devices));
+  const auto codec = widest(*device);
+  if (codec->is_broadcast())
+    return refuse(what, device->name + " is a broadcast, and nobody answers one");
+  const auto points = points_between(*codec, *asked, what);
+  if (!points) return tl::make_unexpected(points.error());
+  const std::uint32_t group = group_of(*device, asked->interval);
+  for (const Point& point : *points) {
+    TagConfig tag;
+    tag.name = "what-if";
+    tag.point = point;
+    tag.group = group;
+    device->tags.push_back(std::move(tag));
+  }
+  return {};
+}
+
+}  // namespace fxagent

@@ -1,0 +1,118 @@
+#include "agent/cli/setup/acl.h"
+
+#include <algorithm>
+#include <array>
+#include <iostream>
+#include <set>
+#include <sstream>
+#include <string_view>
+
+#include "agent/cli/exit_status.h"
+
+namespace fxagent {
+namespace {
+
+// Topics below {root}/{id}/. Device names are wildcards because the agent also clears retained
+// topics of devices that the config no longer has. `state` is also the last will; topics below
+// `result` are MQTT 5 response topics.
+constexpr std::array<std::string_view, 7> kAgentWrites{
+    "state", "health", "+/state", "+/meta", "+/data/#", "+/result", "+/result/#"};
+constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
+constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
+// Only if the config allows remote configs.
+constexpr std::array<std::string_view, 1> kConfigsOut{"config/reported"};
+constexpr std::array<std::string_view, 1> kConfigsIn{"config/desired"};
+
+/// Returns why `name` cannot be a user in an acl_file and a password_file; empty if it can.
+std::string_view user_fault(std::string_view name) {
+  if (name.empty()) return "is empty";
+  if (name.front() == ' ' || name.back() == ' ') return "begins or ends with a blank";
+  if (name.find(':') != name.npos) return "has a colon, which ends the name in a password_file";
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; };
+  if (std::ranges::any_of(name, is_control)) return "has control characters";
+  return {};
+}
+
+/// Returns the faults of the names: each that is unusable or appears twice; empty if none.
+std::string faults_of(const AclQuestion& what) {
+  std::set<std::string_view> taken;
+  std::string faults;
+  const auto look_at = [&](std::string_view name) {
+    std::string_view fault = user_fault(name);
+    if (fault.empty() && !taken.insert(name).second) fault = "is named twice";
+    if (fault.empty()) return;
+    if (!faults.empty()) faults += '\n';
+    faults += "the user \"" + std::string(name) + "\" " + std::string(fault);
+  };
+  look_at(what.agent);
+  for (const std::string& name : what.operators) look_at(name);
+  for (const std::string& name : what.engineers) look_at(name);
+  for (const std::string& name : what.viewers) look_at(name);
+  return faults;
+}
+
+template <class Topics>
+void add(std::string& out, std::string_view access, const std::string& base, const Topics& topics) {
+  for (const std::string_view topic : topics)
+    out += "topic " + std::string(access) + " " + base + "/" + std::string(topic) + "\n";
+}
+
+}  // namespace
+
+tl::expected<std::string, std::string> acl_text(const Config& config, const AclQuestion& what) {
+  AclQuestion users = what;
+  if (users.agent.empty()) users.agent = config.mqtt.username;
+  if (users.agent.empty())
+    return tl::unexpected(
+        std::string("mqtt.username is not set: give the agent's user with --agent (with "
+                    "use_identity_as_username it is the common name of its certificate)"));
+  if (const std::string faults = faults_of(users); !faults.empty()) return tl::unexpected(faults);
+  if (!users.engineers.empty() && !config.remote.enabled)
+    return tl::unexpected(std::string(
+        "--engineer names who sends configs over MQTT, and agent.remote_config is not set"));
+
+  const std::string base = config.base_topic();
+  std::string out =
+      "# Access to " + base + ", an acl_file of mosquitto made by `fxagent acl`. A user\n" +
+      "# who is not named here has no access. The files of several agents can be joined.\n\n"
+      "# The agent writes what it publishes. It reads the commands for its devices, and its own\n"
+      "# states and meta: to put them right where somebody else has written there, to notice "
+      "another\n"
+      "# agent with its id, and to clear those of devices that are no longer configured.\n"
+      "user " +
+      users.agent + "\n";
+  add(out, "write", base, kAgentWrites);
+  add(out, "read", base, kAgentReads);
+  const bool configs = config.remote.enabled;
+  if (configs) {
+    out += "# It takes remote configs and answers them.\n";
+    add(out, "write", base, kConfigsOut);
+    add(out, "read", base, kConfigsIn);
+  }
+  const auto add_reader = [&](std::string_view role, const std::string& name) {
+    out += "\n# " + std::string(role) + "\nuser " + name + "\n";
+    add(out, "read", base, kAgentWrites);
+    if (configs) add(out, "read", base, kConfigsOut);
+  };
+  for (const std::string& name : users.operators) {
+    add_reader("Reads everything and sends commands.", name);
+    add(out, "write", base, kOperatorWrites);
+  }
+  for (const std::string& name : users.engineers) {
+    add_reader("Reads everything and sends configs.", name);
+    add(out, "readwrite", base, kConfigsIn);
+  }
+  for (const std::string& name : users.viewers) add_reader("Reads everything.", name);
+  return out;
+}
+
+int run_acl(const Config& config, const AclQuestion& what) {
+  const auto text = acl_text(config, what);
+  if (text) {
+    std::cout << *text;
+    return kDone;
+  }
+  return refused("acl", text.error());
+}
+
+}  // namespace fxagent

@@ -1,0 +1,37 @@
+#include "agent/config/read/name_table.h"
+
+#include <algorithm>
+#include <vector>
+
+namespace fxagent {
+
+bool NameTable::add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
+                    std::uint32_t index) {
+  const auto [entry, fresh] = entries_.emplace(name, Entry{index, &node});
+  if (!fresh)
+    reader.error(node,
+                 "\"" + name + "\" is already the name at " + reader.place_of(*entry->second.node));
+  return fresh;
+}
+
+std::optional<std::uint32_t> NameTable::find(std::string_view name) const {
+  const auto entry = entries_.find(name);
+  return entry == entries_.end() ? std::nullopt : std::optional(entry->second.index);
+}
+
+std::string NameTable::in_place_of(std::string_view name) const {
+  constexpr std::size_t kMostShown = 8;
+  std::vector<std::string_view> names;
+  names.reserve(entries_.size());
+  for (const auto& [known, entry] : entries_) names.push_back(known);
+  std::string text = did_you_mean(name, names);
+  if (!text.empty() || names.empty()) return text;
+  text = names.size() == 1 ? "; there is " : "; there are ";
+  for (std::size_t i = 0; i < std::min(kMostShown, names.size()); ++i)
+    text.append(i > 0 ? ", " : "").append(names[i]);
+  return names.size() > kMostShown
+             ? text + " and " + std::to_string(names.size() - kMostShown) + " more"
+             : text;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,90 @@
+#include "agent/config/read/pretty.h"
+
+#include "agent/text.h"
+
+namespace fxagent {
+namespace {
+
+using Kind = ConfigNode::Kind;
+
+// A value that fits within this width is written on one line.
+constexpr std::size_t kLine = 100;
+constexpr std::size_t kIndent = 2;
+
+bool is_bracket(const ConfigNode& node) {
+  return node.kind == Kind::array || node.kind == Kind::object;
+}
+
+/// Appends the node on one line. Stops early if `out` grows beyond `most` bytes.
+void append_flat(std::string& out, const ConfigNode& node, std::size_t most) {
+  switch (node.kind) {
+    case Kind::null:
+      out += "null";
+      return;
+    case Kind::boolean:
+      out += node.boolean ? "true" : "false";
+      return;
+    case Kind::integer:
+      out += std::to_string(node.integer);
+      return;
+    case Kind::number:
+      out += node.text;
+      return;
+    case Kind::string:
+      append_json_string(out, node.text);
+      return;
+    case Kind::array:
+    case Kind::object:
+      break;
+  }
+  const bool is_object = node.kind == Kind::object;
+  out += is_object ? '{' : '[';
+  for (const ConfigNode& child : node.children) {
+    if (&child != &node.children.front()) out += ", ";
+    if (is_object) {
+      append_json_string(out, child.key);
+      out += ": ";
+    }
+    if (out.size() > most) return;
+    append_flat(out, child, most);
+  }
+  out += is_object ? '}' : ']';
+}
+
+}  // namespace
+
+void append_json_string(std::string& out, std::string_view text) {
+  out += '"';
+  append_escaped(out, text, Escape::json);
+  out += '"';
+}
+
+void append_pretty(std::string& out, const ConfigNode& node, std::size_t depth) {
+  const std::size_t start = out.size();
+  const std::size_t most = start + kLine - kIndent * depth;
+  append_flat(out, node, most);
+  if (!is_bracket(node) || node.children.empty() || out.size() <= most) return;
+  out.resize(start);
+  const bool is_object = node.kind == Kind::object;
+  out += is_object ? '{' : '[';
+  for (const ConfigNode& child : node.children) {
+    if (&child != &node.children.front()) out += ',';
+    out += '\n' + std::string(kIndent * (depth + 1), ' ');
+    if (is_object) {
+      append_json_string(out, child.key);
+      out += ": ";
+    }
+    append_pretty(out, child, depth + 1);
+  }
+  out += '\n' + std::string(kIndent * depth, ' ') + (is_object ? '}' : ']');
+}
+
+std::string pretty_text(std::string_view json) {
+  const auto tree = ConfigTree::parse(json, ConfigTree::Folding::none);
+  if (!tree) return {};
+  std::string out;
+  append_pretty(out, tree->root(), 0);
+  return out + "\n";
+}
+
+}  // namespace fxagent

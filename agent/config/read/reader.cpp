@@ -1,0 +1,587 @@
+#include "agent/config/read/reader.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <system_error>
+#include <unordered_map>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+using Kind = ConfigNode::Kind;
+
+/// Longer words are not misspelled keys. Comparing them would waste time.
+constexpr std::size_t kLongestWord = 64;
+/// No search for the nearest of more words than this, also to save time.
+constexpr std::size_t kMostWords = 1000;
+/// Most suggestions per text. Users do not read more.
+constexpr int kMostSuggestions = 20;
+
+bool is_name_start(char c) { return c == '_' || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); }
+bool is_name_part(char c) { return is_name_start(c) || (c >= '0' && c <= '9'); }
+
+std::string found_text(const ConfigNode& node) {
+  switch (node.kind) {
+    case Kind::null:
+      return "null";
+    case Kind::boolean:
+      return node.boolean ? "true" : "false";
+    case Kind::integer:
+      return "the number " + std::to_string(node.integer);
+    case Kind::number:
+      return "the number " + shown(node.text);
+    case Kind::string:
+      return "the string \"" + shown(node.text) + "\"";
+    case Kind::array:
+      return "an array";
+    case Kind::object:
+      return "an object";
+  }
+  return {};
+}
+
+/// Placeholder that the key `n` of a device replaces.
+constexpr std::string_view kPlaceOfN = "{n}";
+
+/// Returns the position of the first placeholder at or after `from`; npos if there is none.
+std::size_t place_of_n(std::string_view text, std::size_t from = 0) {
+  while ((from = text.find(kPlaceOfN, from)) != std::string_view::npos) {
+    if (from == 0 || text[from - 1] != '$') return from;
+    from += kPlaceOfN.size();
+  }
+  return from;
+}
+
+bool has_control(std::string_view text) {
+  return std::ranges::any_of(text, [](char c) { return (c >= 0 && c < 0x20) || c == 0x7F; });
+}
+
+/// Returns the Levenshtein distance.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j + 1] + 1, row[j] + 1});
+    }
+  }
+  return row[b.size()];
+}
+
+char lower(char c) { return static_cast<char>(std::tolower(static_cast<unsigned char>(c))); }
+
+bool equal_but_for_case(std::string_view a, std::string_view b) {
+  return std::ranges::equal(a, b, {}, lower, lower);
+}
+
+/// Words that users write, and the word of ours that they mean. Edit distance alone would suggest
+/// a different word, or none.
+constexpr auto kMeanings = std::to_array<std::pair<std::string_view, std::string_view>>({
+    {"rw", "read_write"},
+    {"r/w", "read_write"},
+    {"readwrite", "read_write"},
+    {"read-write", "read_write"},
+    {"write", "read_write"},
+    {"w", "read_write"},
+    {"ro", "read"},
+    {"r", "read"},
+    {"readonly", "read"},
+    {"read_only", "read"},
+    {"bit", "bool"},
+    {"word", "uint16"},
+    {"dword", "uint32"},
+    {"int", "int16"},
+    {"short", "int16"},
+    {"ushort", "uint16"},
+    {"long", "int32"},
+    {"lint", "int64"},
+    {"ulint", "uint64"},
+    {"qword", "uint64"},
+    {"lword", "uint64"},
+    {"double", "float64"},
+    {"lreal", "float64"},
+    {"ulong", "uint32"},
+    {"text", "string"},
+    {"char", "string"},
+    {"dint", "int32"},
+    {"real", "float32"},
+    {"single", "float32"},
+    {"4", "3.1.1"},
+    {"rtu", "modbus-rtu"},
+    {"ascii", "modbus-ascii"},
+    {"tcp", "modbus-tcp"},
+    {"fx", "fx-programming-port"},
+    {"fx", "fx-computer-link"},
+    {"slmp", "mc-3e"},
+    {"slmp", "mc-4e"},
+    {"melsec", "mc-1e"},
+    {"melsec", "mc-3e"},
+    {"mc", "mc-1e"},
+    {"mc", "mc-3e"},
+    {"host", "servers"},
+    {"port", "servers"},
+    {"broker", "servers"},
+    {"url", "servers"},
+    {"interval", "interval_ms"},
+    {"poll", "interval_ms"},
+    {"poll_ms", "interval_ms"},
+    {"poll_interval_ms", "interval_ms"},
+    {"period_ms", "interval_ms"},
+    {"scan_ms", "interval_ms"},
+    {"baudrate", "baud"},
+    {"baud_rate", "baud"},
+    {"speed", "baud"},
+    {"port", "path"},
+    {"ip", "host"},
+    {"slave", "unit"},
+    {"slave", "station"},
+    {"slave_id", "unit"},
+    {"unit_id", "unit"},
+    {"tag", "tags"},
+    {"register", "address"},
+});
+
+/// True if `word` is `candidate` in another case, its first letter, or a synonym in kMeanings.
+bool means(std::string_view word, std::string_view candidate) {
+  if (word.empty() || candidate.empty()) return false;
+  const bool in_table = std::ranges::any_of(
+      kMeanings, [&](const auto& each) { return equal_but_for_case(word, each.first); });
+  if (in_table)
+    return std::ranges::any_of(kMeanings, [&](const auto& each) {
+      return equal_but_for_case(word, each.first) && candidate == each.second;
+    });
+  if (word.size() == 1) return lower(word[0]) == lower(candidate[0]);
+  return equal_but_for_case(word, candidate);
+}
+
+/// Returns "devices[]" for "devices[].tags[]".
+std::string_view first_level(std::string_view section) {
+  return section.substr(0, section.find('.'));
+}
+
+enum class Range : std::uint8_t { near, all };
+
+/// Returns where a key belongs that `section` does not have, as an error text. Empty if no section
+/// in that range has it, or more than 2 do.
+std::string home_of(std::string_view key, std::string_view section, Range range) {
+  std::vector<std::string_view> homes;
+  for (const ConfigKey& known : config_keys::kAll) {
+    const bool is_near = section.empty() || known.section.empty() ||
+                         first_level(known.section) == first_level(section);
+    if (known.name == key && (is_near || range == Range::all)) homes.push_back(known.section);
+  }
+  constexpr std::size_t kMost = 2;
+  if (homes.empty() || homes.size() > kMost) return {};
+  if (homes.front().empty()) return "belongs at the top level";
+  std::string text = "belongs inside " + one_of(homes);
+  if (section == "devices[].tags[]" && homes.front() == "devices[].groups[]")
+    text += ", to the group that the tag names";
+  return text;
+}
+
+/// Returns advice about a key that `section` does not have, to append to the error text; empty if
+/// there is none. `known` are the valid keys of the section.
+std::string cure_of(std::string_view key, std::string_view section,
+                    std::span<const std::string_view> known) {
+  if (std::ranges::any_of(known, [&](std::string_view each) { return means(key, each); }))
+    return did_you_mean(key, known);
+  if (const std::string home = home_of(key, section, Range::near); !home.empty())
+    return "; it " + home;
+  if (const std::string home = home_of(key, section, Range::all); !home.empty())
+    return "; it " + home;
+  // The key `unit` of a tag is its engineering unit, not an address on a bus.
+  constexpr std::string_view kOfTag = "unit";
+  for (const Range range : {Range::near, Range::all})
+    for (const auto& [said, meant] : kMeanings)
+      if (equal_but_for_case(key, said) && meant != kOfTag)
+        if (const std::string home = home_of(meant, section, range); !home.empty())
+          return "; it is called " + std::string(meant) + " and " + home;
+  return did_you_mean(key, known);
+}
+
+}  // namespace
+
+std::vector<std::string_view> nearest_words(std::string_view word,
+                                            std::span<const std::string_view> words) {
+  std::vector<std::string_view> nearest;
+  for (const auto candidate : words)
+    if (means(word, candidate)) nearest.push_back(candidate);
+  if (!nearest.empty()) return nearest;
+  if (word.size() >= 3)
+    for (const auto candidate : words)
+      if (candidate.starts_with(word)) nearest.push_back(candidate);
+  if (!nearest.empty()) return nearest;
+  if (word.size() > kLongestWord || words.size() > kMostWords) return {};
+  std::size_t least = 0;
+  for (const auto candidate : words) {
+    if (candidate.size() > 2 * kLongestWord) continue;
+    const std::size_t distance = edit_distance(word, candidate);
+    if (distance > std::max(word.size(), candidate.size()) / 2) continue;  // a different word
+    if (nearest.empty() || distance < least) {
+      least = distance;
+      nearest.clear();
+    }
+    if (distance == least && nearest.size() < 2) nearest.push_back(candidate);
+  }
+  return nearest;
+}
+
+std::string one_of(std::span<const std::string_view> words) {
+  std::string text;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (i > 0) text += i + 1 == words.size() ? " or " : ", ";
+    text += words[i];
+  }
+  return text;
+}
+
+std::string did_you_mean(std::string_view word, std::span<const std::string_view> words) {
+  const auto nearest = nearest_words(word, words);
+  return nearest.empty() ? std::string() : "; did you mean " + one_of(nearest) + "?";
+}
+
+bool is_name(std::string_view text) {
+  return !text.empty() && text.size() <= 64 && std::ranges::all_of(text, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
+
+bool has_place_of_n(std::string_view text) { return place_of_n(text) != std::string_view::npos; }
+
+std::string with_n(std::string_view text, std::string_view n) {
+  std::string out;
+  std::size_t from = 0;
+  for (std::size_t at = 0; (at = place_of_n(text, from)) != std::string_view::npos;
+       from = at + kPlaceOfN.size())
+    out.append(text.substr(from, at - from)).append(n);
+  return out.append(text.substr(from));
+}
+
+std::optional<std::int64_t> number_of_n(std::string_view n) {
+  std::int64_t number = 0;
+  const auto [end, fault] = std::from_chars(n.data(), n.data() + n.size(), number);
+  const bool is_number = !n.empty() && fault == std::errc() && end == n.data() + n.size();
+  return is_number ? std::optional(number) : std::nullopt;
+}
+
+ConfigReader::ConfigReader(const ConfigTree& tree, Environment environment,
+                           const ReadBounds& bounds)
+    : tree_(tree), environment_(std::move(environment)), bounds_(bounds), room_(bounds.limits) {}
+
+void ConfigReader::set_origin(const DeviceOrigin* origin) {
+  origin_ = origin;
+  ++device_;
+}
+
+void ConfigReader::error(const ConfigNode& at, std::string text) {
+  errors_.add(at.offset, at, without_secrets(at, std::move(text)), origin_, device_);
+}
+
+void ConfigReader::error_at_key(const ConfigNode& at, std::string text) {
+  errors_.add(at.key_offset, at, without_secrets(at, std::move(text)), origin_, device_);
+}
+
+void ConfigReader::warn(const ConfigNode& at, std::string text) {
+  warnings_.add(at.offset, at, without_secrets(at, std::move(text)), origin_, device_);
+}
+
+bool ConfigReader::may_suggest(std::uint32_t offset) {
+  return !errors_.knows(offset, origin_) && ++suggestions_ <= kMostSuggestions;
+}
+
+bool ConfigReader::has_room(const ConfigNode& at, const ConfigSize& more) {
+  if (room_.is_full()) return false;
+  std::string fault = room_.add(more);
+  if (fault.empty()) return true;
+  error(at, std::move(fault));
+  return false;
+}
+
+std::vector<ConfigError> ConfigReader::errors() const {
+  std::vector<ConfigError> list;
+  for (const Findings::Finding& finding : errors_.in_order())
+    list.push_back(
+        {finding.pointer, tree_.line_of(finding.offset), Findings::text_of(finding, tree_)});
+  // First in the list, so that a caller that shows only some of the errors does not cut it off.
+  if (std::string more = errors_.unlisted(); !more.empty())
+    list.insert(list.begin(), {"", 0, std::move(more)});
+  return list;
+}
+
+std::vector<std::string> ConfigReader::warnings() const {
+  std::vector<std::string> list;
+  for (const Findings::Finding& finding : warnings_.in_order())
+    list.push_back(place_of(finding.pointer, finding.offset) + ": " +
+                   Findings::text_of(finding, tree_));
+  if (std::string more = warnings_.unlisted(); !more.empty())
+    list.insert(list.begin(), std::move(more));
+  return list;
+}
+
+std::string ConfigReader::place_of(const ConfigNode& node) const {
+  return place_of(pointer_to(node), node.offset);
+}
+
+std::string ConfigReader::place_of(const std::string& pointer, std::uint32_t offset) const {
+  return pointer + " (line " + std::to_string(tree_.line_of(offset)) + ")";
+}
+
+bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKey> keys,
+                                std::span<const std::string_view> more,
+                                std::span<const std::string_view> left_to_caller) {
+  if (node.kind != Kind::object) {
+    wrong_kind(node, "an object");
+    return false;
+  }
+  std::unordered_map<std::string_view, const ConfigNode*> seen;
+  for (const ConfigNode& child : node.children) {
+    const auto [first, fresh] = seen.emplace(child.key, &child);
+    if (!fresh) {
+      error_at_key(child, "the key stands here a second time; first in line " +
+                              std::to_string(tree_.line_of(first->second->key_offset)));
+      continue;
+    }
+    if (std::ranges::find(keys, child.key, &ConfigKey::name) != keys.end() ||
+        std::ranges::find(more, child.key) != more.end() ||
+        std::ranges::find(left_to_caller, child.key) != left_to_caller.end())
+      continue;
+    std::string text = "unknown key \"" + shown(child.key) + "\"";
+    if (may_suggest(child.key_offset)) {
+      std::vector<std::string_view> known;
+      for (const ConfigKey& key : keys) known.push_back(key.name);
+      known.insert(known.end(), more.begin(), more.end());
+      text += cure_of(child.key, keys.front().section, known);
+    }
+    error_at_key(child, std::move(text));
+  }
+  return true;
+}
+
+const ConfigNode* ConfigReader::member(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = parent.find(key.name);
+  if (node == nullptr && key.is_required())
+    error(parent, "\"" + std::string(key.name) + "\" is missing");
+  return node;
+}
+
+void ConfigReader::wrong_kind(const ConfigNode& node, std::string_view wanted) {
+  error(node, "must be " + std::string(wanted) + ", found " + found_text(node));
+}
+
+const ConfigNode* ConfigReader::object(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  if (node == nullptr || node->kind == Kind::object) return node;
+  wrong_kind(*node, "an object");
+  return nullptr;
+}
+
+const ConfigNode* ConfigReader::array(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  if (node == nullptr || node->kind == Kind::array) return node;
+  wrong_kind(*node, "an array");
+  return nullptr;
+}
+
+std::vector<ConfigNode> ConfigReader::items(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = array(parent, key);
+  return node == nullptr ? std::vector<ConfigNode>() : tree_.items_of(*node);
+}
+
+std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  if (node == nullptr) return std::nullopt;
+  const std::string wanted =
+      "an integer from " + std::to_string(key.limits.min) + " to " + std::to_string(key.limits.max);
+  // JSON Schema treats 5.0 as the integer 5, so we do too. Every range is within the integers that
+  // a double represents exactly.
+  constexpr double kExact = 9007199254740992.0;
+  const auto number = number_in(*node);
+  const bool whole = node->kind == Kind::integer ||
+                     (number && std::abs(*number) <= kExact && *number == std::trunc(*number));
+  if (!whole) {
+    wrong_kind(*node, wanted);
+    return std::nullopt;
+  }
+  const std::int64_t value =
+      node->kind == Kind::integer ? node->integer : static_cast<std::int64_t>(*number);
+  if (value < key.limits.min || value > key.limits.max) {
+    wrong_kind(*node, wanted);
+    return std::nullopt;
+  }
+  return value;
+}
+
+std::optional<double> ConfigReader::number(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  if (node == nullptr) return std::nullopt;
+  if (const auto value = number_in(*node)) return value;
+  wrong_kind(*node, "a number");
+  return std::nullopt;
+}
+
+bool ConfigReader::boolean(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  if (node == nullptr) return key.flag();
+  if (node->kind == Kind::boolean) return node->boolean;
+  wrong_kind(*node, "true or false");
+  return key.flag();
+}
+
+std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
+  if (node.kind != Kind::string) {
+    wrong_kind(node, "a string");
+    return std::nullopt;
+  }
+  if (origin_ != nullptr && origin_->n.empty() && has_place_of_n(node.text)) {
+    error(node, "{n} stands here, and the device has no \"n\" to say what it is");
+    return std::nullopt;
+  }
+  std::string fault;
+  auto expanded = expand(spelled(node), &fault);
+  if (!expanded) {
+    error(node, fault);
+    return std::nullopt;
+  }
+  if (expanded->empty()) {
+    error(node, "must not be empty" +
+                    std::string(node.text.empty() ? "" : ", \"" + shown(node.text) + "\" is"));
+    return std::nullopt;
+  }
+  if (has_control(*expanded)) {
+    error(node, "must not have control characters");
+    return std::nullopt;
+  }
+  return expanded;
+}
+
+std::optional<std::string> ConfigReader::text(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  return node == nullptr ? std::nullopt : text(*node);
+}
+
+std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& parent,
+                                                         const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  if (node == nullptr) return std::nullopt;
+  if (node->kind != Kind::string) {
+    error(*node, "must be a string");
+    return std::nullopt;
+  }
+  const std::string_view text = node->text;
+  const bool is_variable = text.starts_with("${") && text.find('}') == text.size() - 1;
+  std::string fault;
+  auto value = expand(text, &fault);
+  if (!value)
+    error(*node, is_variable ? fault
+                             : "\"${\" must begin the name of an environment variable that is set; "
+                               "a plain one is written \"$${\"");
+  else if (value->empty())
+    error(*node, "must not be empty");
+  else if (has_control(*value))
+    error(*node, "must not have control characters");
+  else
+    return Secret{*std::move(value), !is_variable};
+  return std::nullopt;
+}
+
+std::optional<std::string> ConfigReader::name(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  if (node == nullptr) return std::nullopt;
+  auto value = text(*node);
+  if (!value) return std::nullopt;
+  if (is_name(*value)) return value;
+  error(*node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node->text) + "\"");
+  return std::nullopt;
+}
+
+std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, const ConfigKey& key) {
+  const ConfigNode* node = member(parent, key);
+  if (node == nullptr) return std::nullopt;
+  const auto value = text(*node);
+  if (!value) return std::nullopt;
+  const auto words = key.limits.words;
+  const auto found = std::ranges::find(words, *value);
+  if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
+  error(*node, "must be " + one_of(words) + ", found \"" + shown(node->text) + "\"" +
+                   (may_suggest(node->offset) ? did_you_mean(node->text, words) : std::string()));
+  return std::nullopt;
+}
+
+std::string ConfigReader::spelled(const ConfigNode& node) const {
+  return origin_ != nullptr && !origin_->n.empty() ? with_n(node.text, origin_->n) : node.text;
+}
+
+std::string ConfigReader::replaced(const ConfigNode& node) const {
+  if (node.kind != Kind::string) return {};
+  return expand(spelled(node), nullptr).value_or("");
+}
+
+std::optional<double> ConfigReader::number_in(const ConfigNode& node) const {
+  if (node.kind == Kind::integer || node.kind == Kind::number) return node.number;
+  if (node.kind != Kind::string || node.text != kPlaceOfN || origin_ == nullptr)
+    return std::nullopt;
+  const auto number = number_of_n(origin_->n);
+  return number ? std::optional(static_cast<double>(*number)) : std::nullopt;
+}
+
+std::optional<std::string> ConfigReader::expand(std::string_view text, std::string* fault) const {
+  std::string out;
+  while (true) {
+    const std::size_t start = text.find("${");
+    out += text.substr(0, start);
+    if (start == std::string_view::npos) return out;
+    if (start > 0 && text[start - 1] == '$') {  // $${NAME} stands for a plain ${NAME}
+      out += "{";
+      text.remove_prefix(start + 2);
+      continue;
+    }
+    text.remove_prefix(start + 2);
+    const std::size_t end = text.find('}');
+    const std::string_view variable = text.substr(0, end);
+    if (end == std::string_view::npos || variable.empty() || !is_name_start(variable[0]) ||
+        !std::ranges::all_of(variable, is_name_part)) {
+      if (fault != nullptr)
+        *fault =
+            "\"${\" must begin the name of an environment variable, as in ${NAME}; a plain one "
+            "is written \"$${\"";
+      return std::nullopt;
+    }
+    const auto value = environment_(variable);
+    if (!value) {
+      if (fault != nullptr) *fault = "the environment variable " + shown(variable) + " is not set";
+      return std::nullopt;
+    }
+    out += *value;
+    text.remove_prefix(end + 1);
+  }
+}
+
+std::string ConfigReader::without_secrets(const ConfigNode& at, std::string text) const {
+  if (at.kind != Kind::string || at.text.find("${") == std::string::npos) return text;
+  const std::string in_file = spelled(at);
+  const auto expanded = expand(in_file, nullptr);
+  if (!expanded || expanded->empty() || *expanded == in_file) return text;
+  // A protocol may quote an address in capitals.
+  const auto same = [](char a, char b) {
+    return std::tolower(static_cast<unsigned char>(a)) ==
+           std::tolower(static_cast<unsigned char>(b));
+  };
+  std::string out;
+  auto from = text.cbegin();
+  while (true) {
+    const auto found = std::search(from, text.cend(), expanded->begin(), expanded->end(), same);
+    out.append(from, found);
+    if (found == text.cend()) return out;
+    out += in_file;
+    from = found + static_cast<std::ptrdiff_t>(expanded->size());
+  }
+}
+
+}  // namespace fxagent

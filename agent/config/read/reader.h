@@ -1,0 +1,147 @@
+// Reads typed values from a config tree and collects errors and warnings.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/config/config.h"
+#include "agent/config/findings.h"
+#include "agent/config/keys.h"
+#include "agent/config/read/config_limits.h"
+#include "agent/config/read/tree.h"
+
+namespace fxagent {
+
+/// Returns the words that `word` stands for ("rw": "read_write", "E": "even"). Otherwise returns
+/// the words that begin with it ("password": "password_file", "password_env"). Otherwise returns
+/// the nearest words by edit distance: at most 2, none if more than half of the letters differ.
+std::vector<std::string_view> nearest_words(std::string_view word,
+                                            std::span<const std::string_view> words);
+
+/// Returns "; did you mean a or b?" to append to an error text; empty if no word is near.
+std::string did_you_mean(std::string_view word, std::span<const std::string_view> words);
+
+/// Returns "a, b or c".
+std::string one_of(std::span<const std::string_view> words);
+
+/// True if `text` has the form that topics and commands use: [a-z0-9_-]{1,64}.
+bool is_name(std::string_view text);
+
+/// True if the text contains `{n}`, which a device's key `n` replaces. After a `$` it is the
+/// environment variable `n` instead.
+bool has_place_of_n(std::string_view text);
+/// Returns `text` with every such `{n}` replaced.
+std::string with_n(std::string_view text, std::string_view n);
+/// Returns `n` as a number, 7 for "07"; nullopt if it is not a number.
+std::optional<std::int64_t> number_of_n(std::string_view n);
+
+/// Getters return nullopt or nullptr if the key is absent or its value is wrong. They report a
+/// wrong value, and an absent key that is required, so that the caller reads on and finds the other
+/// errors of the file too. Ranges, words and defaults are those of the ConfigKey. Error texts quote
+/// strings as they stand in the file, never with the values of environment variables.
+class ConfigReader {
+ public:
+  /// `tree` must outlive the reader.
+  ConfigReader(const ConfigTree& tree, Environment environment, const ReadBounds& bounds = {});
+
+  /// Sets the device that later reads belong to, if it has a template or an `n`; nullptr ends that.
+  /// Reads replace `{n}` before `${NAME}`, and errors name both places. `origin` must stay valid
+  /// until the next call.
+  void set_origin(const DeviceOrigin* origin);
+
+  void error(const ConfigNode& at, std::string text);
+  /// Same, with the line of the member's key.
+  void error_at_key(const ConfigNode& at, std::string text);
+  void warn(const ConfigNode& at, std::string text);
+
+  bool failed() const { return !errors_.empty(); }
+  /// True if the error text at this byte may use did_you_mean(), which compares a word with all
+  /// valid ones. Limits a text to 20 calls.
+  bool may_suggest(std::uint32_t offset);
+
+  /// Counts the objects that the caller is about to build. If the config becomes too large, reports
+  /// an error at `at` and returns false.
+  bool has_room(const ConfigNode& at, const ConfigSize& more);
+  const ConfigRoom& room() const { return room_; }
+  /// True if the caller must stop building: the config is too large, or reading was stopped.
+  bool is_over() const { return room_.is_full() || bounds_.is_stopped(); }
+  /// Both are in the order of the file.
+  std::vector<ConfigError> errors() const;
+  std::vector<std::string> warnings() const;
+
+  /// Returns the string with `{n}` and `${NAME}` replaced. Returns an empty string, without a
+  /// report, if the node is not a string or a replacement fails.
+  std::string replaced(const ConfigNode& node) const;
+
+  /// Returns "/links/0 (line 12)".
+  std::string place_of(const ConfigNode& node) const;
+
+  /// Reports members that are not among `keys` or `more`, and duplicate members. Leaves members
+  /// named in `left_to_caller` to the caller, which has a better error text. If the node is not an
+  /// object, reports that and returns false.
+  bool check_object(const ConfigNode& node, std::span<const ConfigKey> keys,
+                    std::span<const std::string_view> more = {},
+                    std::span<const std::string_view> left_to_caller = {});
+
+  const ConfigNode* object(const ConfigNode& parent, const ConfigKey& key);
+  const ConfigNode* array(const ConfigNode& parent, const ConfigKey& key);
+  /// Returns the items of an array that the tree has folded; empty if the key is absent or wrong.
+  /// The caller owns the nodes and must keep them as long as it uses pointers to them.
+  std::vector<ConfigNode> items(const ConfigNode& parent, const ConfigKey& key);
+
+  std::optional<std::int64_t> integer(const ConfigNode& parent, const ConfigKey& key);
+  /// Returns the default if the key is absent or wrong.
+  template <class T>
+  T integer_as(const ConfigNode& parent, const ConfigKey& key) {
+    return static_cast<T>(integer(parent, key).value_or(key.number()));
+  }
+  std::optional<double> number(const ConfigNode& parent, const ConfigKey& key);
+  /// Returns the default if the key is absent or wrong.
+  bool boolean(const ConfigNode& parent, const ConfigKey& key);
+  /// Returns a string with `${NAME}` replaced. An empty string is an error.
+  std::optional<std::string> text(const ConfigNode& parent, const ConfigKey& key);
+  /// Same for an item of an array.
+  std::optional<std::string> text(const ConfigNode& node);
+  /// String that error texts must not quote.
+  struct Secret {
+    std::string value;
+    bool in_clear = false;  ///< the file has the secret itself, not just the name of a variable
+  };
+  std::optional<Secret> secret(const ConfigNode& parent, const ConfigKey& key);
+  /// Returns a string of the form that topics and commands use: [a-z0-9_-]{1,64}.
+  std::optional<std::string> name(const ConfigNode& parent, const ConfigKey& key);
+  /// Returns the index of the string among the key's words.
+  std::optional<std::size_t> choice(const ConfigNode& parent, const ConfigKey& key);
+  std::size_t choice_or_default(const ConfigNode& parent, const ConfigKey& key) {
+    return choice(parent, key).value_or(key.index());
+  }
+
+ private:
+  std::string place_of(const std::string& pointer, std::uint32_t offset) const;
+  const ConfigNode* member(const ConfigNode& parent, const ConfigKey& key);
+  void wrong_kind(const ConfigNode& node, std::string_view wanted);
+  /// Returns `text` with every `${NAME}` replaced and `$${` turned into `${`. On failure returns
+  /// nullopt and writes the error text to `fault`, unless that is nullptr.
+  std::optional<std::string> expand(std::string_view text, std::string* fault) const;
+  std::string without_secrets(const ConfigNode& at, std::string text) const;
+  /// Returns a string as it stands in the file, except that `{n}` is replaced.
+  std::string spelled(const ConfigNode& node) const;
+  /// Returns the node's number; the string "{n}" counts as a number if `n` is one.
+  std::optional<double> number_in(const ConfigNode& node) const;
+
+  const ConfigTree& tree_;
+  Environment environment_;
+  const ReadBounds bounds_;
+  ConfigRoom room_;
+  int suggestions_ = 0;  ///< calls of may_suggest() for a new error
+  Findings errors_;
+  Findings warnings_;
+  const DeviceOrigin* origin_ = nullptr;
+  std::uint32_t device_ = 0;  ///< number of set_origin() calls
+};
+
+}  // namespace fxagent

@@ -1,0 +1,115 @@
+// Makes many devices from one description: `templates`, and the keys `template` and `n` of a
+// device.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <tl/expected.hpp>
+#include <vector>
+
+#include "agent/config/read/reader.h"
+#include "agent/config/read/tree.h"
+
+namespace fxagent {
+
+/// Returns the values of `{n}` for a range such as "1-40" or "01-12,15". If the first number of a
+/// range begins with 0, all of the range are padded to its length. The error is an error text for
+/// the user.
+tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string_view text);
+
+/// Groups and tags of a template or of an entry, as nodes of the file. Parsed at the first call,
+/// once for all devices.
+class DeviceLists {
+ public:
+  explicit DeviceLists(const ConfigNode& node);
+
+  const ConfigNode& node() const { return *node_; }
+  const std::vector<ConfigNode>& groups(ConfigReader& reader);
+  const std::vector<ConfigNode>& tags(ConfigReader& reader);
+  /// Returns the bytes that the node takes in the file, except `n`.
+  std::size_t size() const { return size_; }
+  /// Returns the bytes that the addresses of `commands.allow` take in a device.
+  std::size_t allowed_size() const;
+
+ private:
+  const ConfigNode* node_;
+  std::size_t size_ = 0;
+  std::optional<std::vector<ConfigNode>> groups_;
+  std::optional<std::vector<ConfigNode>> tags_;
+};
+
+/// One entry of `devices`, with the members that its template adds. Does not copy: other nodes
+/// point at its members as their parents.
+class DeviceEntry final {
+ public:
+  DeviceEntry(const ConfigNode& node, DeviceLists* base, std::vector<std::string> n);
+  DeviceEntry(const DeviceEntry&) = delete;
+  DeviceEntry& operator=(const DeviceEntry&) = delete;
+
+  /// Returns the number of devices that it makes.
+  std::size_t count() const { return n_.empty() ? 1 : n_.size(); }
+  /// True if it has a template or an `n`; otherwise it is a device written out in full.
+  bool is_made() const { return base_ != nullptr || !n_.empty(); }
+  /// Returns the origin of device `i`.
+  DeviceOrigin origin(std::size_t i) const;
+
+  /// Returns the entry as it stands in the file.
+  const ConfigNode& node() const { return own_.node(); }
+  /// Returns an object with the entry's own members, and those of the template that it does not
+  /// override. The members keep their positions in the file.
+  const ConfigNode& members() const { return members_; }
+  /// Returns the member of the entry, or else of the template, as it stands in the file; nullptr if
+  /// neither has it.
+  const ConfigNode* in_file(std::string_view key) const;
+
+  /// Returns the items of the template, then those of the entry. An item of the entry replaces the
+  /// template's item with the same name. Names are compared with the reader's current origin. The
+  /// nodes stay valid as long as the entry and the templates do.
+  std::vector<const ConfigNode*> groups(ConfigReader& reader);
+  std::vector<const ConfigNode*> tags(ConfigReader& reader);
+
+ private:
+  DeviceLists own_;
+  DeviceLists* base_;
+  std::vector<std::string> n_;
+  ConfigNode members_;
+};
+
+class Templates final {
+ public:
+  /// Most devices of one entry.
+  static constexpr std::size_t max_devices = 10'000;
+
+  /// Reads the templates of the file. `top` is its root. Reports faults to `reader`. Both must
+  /// outlive the object.
+  Templates(ConfigReader& reader, const ConfigNode& top);
+
+  /// Returns the entry at `node`; nullptr if its `template` or `n` is wrong, which is reported. An
+  /// entry that is not an object is returned unchanged.
+  std::unique_ptr<DeviceEntry> entry(const ConfigNode& node);
+
+  /// Warns of templates that no device uses. Call after the last entry.
+  void warn_of_unused();
+
+ private:
+  struct Template {
+    DeviceLists lists;
+    bool is_used = false;
+  };
+
+  Template* template_of(const ConfigNode& node, const ConfigNode& given);
+  std::optional<std::vector<std::string>> read_n(const ConfigNode& given, const ConfigNode& node);
+  bool has_room(const ConfigNode& node, const Template* base, const std::vector<std::string>& n);
+  bool can_have_names(const DeviceEntry& entry);
+
+  ConfigReader& reader_;
+  std::map<std::string, Template, std::less<>> templates_;
+  std::uint64_t bytes_ = 0;  ///< size of the entries so far, if written out in full
+};
+
+}  // namespace fxagent

@@ -1,0 +1,308 @@
+#include "agent/config/read/tree.h"
+
+#include <algorithm>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "agent/config/read/syntax_fault.h"
+#include "agent/text.h"
+
+namespace fxagent {
+namespace {
+
+using Json = nlohmann::json;
+
+// Most bytes shown of an error text of the JSON library.
+constexpr std::size_t kMaxFault = 240;
+// No array is nested this deep, so none is folded.
+constexpr std::size_t kUnfolded = ConfigTree::max_depth;
+
+/// Iterates over the text and counts the bytes that the lexer has taken. SAX events get their
+/// position from this count; the library does not report one.
+class TracedIterator {
+ public:
+  using iterator_category = std::input_iterator_tag;
+  using value_type = char;
+  using difference_type = std::ptrdiff_t;
+  using pointer = const char*;
+  using reference = const char&;
+
+  TracedIterator(const char* at, std::size_t* taken) : at_(at), taken_(taken) {}
+  reference operator*() const { return *at_; }
+  TracedIterator& operator++() {
+    ++at_;
+    ++*taken_;
+    return *this;
+  }
+  TracedIterator operator++(int) {
+    TracedIterator before = *this;
+    ++*this;
+    return before;
+  }
+  friend bool operator==(const TracedIterator& a, const TracedIterator& b) {
+    return a.at_ == b.at_;
+  }
+  friend bool operator!=(const TracedIterator& a, const TracedIterator& b) { return !(a == b); }
+
+ private:
+  const char* at_;
+  std::size_t* taken_;  // outlives the parse
+};
+
+/// Builds the tree from the library's SAX events. Folds arrays inside of `folded_depth` brackets.
+class TreeBuilder {
+ public:
+  using number_integer_t = Json::number_integer_t;
+  using number_unsigned_t = Json::number_unsigned_t;
+  using number_float_t = Json::number_float_t;
+  using string_t = Json::string_t;
+  using binary_t = Json::binary_t;
+
+  TreeBuilder(ConfigNode& root, const std::size_t& taken, std::size_t folded_depth,
+              const TreeBounds& bounds)
+      : root_(root), taken_(taken), folded_depth_(folded_depth), bounds_(bounds) {}
+
+  bool null() {
+    if (is_over()) return false;
+    if (is_folding()) return true;
+    add(ConfigNode::Kind::null);
+    return true;
+  }
+  bool boolean(bool value) {
+    if (is_over()) return false;
+    if (is_folding()) return true;
+    add(ConfigNode::Kind::boolean)->boolean = value;
+    return true;
+  }
+  bool number_integer(number_integer_t value) {
+    if (is_over()) return false;
+    if (is_folding()) return true;
+    ConfigNode* node = add(ConfigNode::Kind::integer);
+    node->integer = value;
+    node->number = static_cast<double>(value);
+    return true;
+  }
+  bool number_unsigned(number_unsigned_t value) {
+    if (std::in_range<std::int64_t>(value)) return number_integer(static_cast<std::int64_t>(value));
+    return number_float(static_cast<double>(value), std::to_string(value));
+  }
+  bool number_float(number_float_t value, const string_t& spelled) {
+    if (is_over()) return false;
+    if (is_folding()) return true;
+    ConfigNode* node = add(ConfigNode::Kind::number);
+    node->number = value;
+    node->text = spelled;
+    return true;
+  }
+  bool string(string_t& value) {
+    if (is_over()) return false;
+    if (is_folding()) return true;
+    add(ConfigNode::Kind::string)->text = std::move(value);
+    return true;
+  }
+  bool binary(binary_t&) { return false; }  // not in a JSON text
+  bool key(string_t& value) {
+    if (is_folding()) return true;
+    key_ = std::move(value);
+    key_offset_ = place();
+    return true;
+  }
+  bool start_object(std::size_t) { return open(ConfigNode::Kind::object); }
+  bool start_array(std::size_t) { return open(ConfigNode::Kind::array); }
+  bool end_object() { return close(); }
+  bool end_array() { return close(); }
+  bool parse_error(std::size_t, const std::string&, const Json::exception& fault) {
+    // "[json.exception.parse_error.101] parse error at line 1, column 2: syntax error while …": the
+    // caller works out the position, so keep only the words after it.
+    const std::string_view what = fault.what();
+    const std::size_t place_end = what.find(": ");
+    const std::size_t tag_end = what.find("] ");
+    if (place_end != std::string_view::npos)
+      fault_ = what.substr(place_end + 2);
+    else
+      fault_ = tag_end != std::string_view::npos ? what.substr(tag_end + 2) : what;
+    // The last token may be a password.
+    fault_.resize(std::min(fault_.size(), fault_.find("; last read: ")));
+    return false;
+  }
+
+  const std::string& fault() const { return fault_; }
+  /// Returns the reason if a limit or `stop` ended parsing; empty otherwise.
+  const std::string& end() const { return end_; }
+
+ private:
+  /// Returns the last byte of the token, or for a number the byte after it, which the lexer had to
+  /// read. Both are on the line of the token, since no token spans two lines; the byte after a
+  /// number may be the newline that ends the line.
+  std::uint32_t place() const { return static_cast<std::uint32_t>(taken_ - 1); }
+
+  bool is_folding() const { return in_folded_ > 0; }
+
+  /// Counts a node. True if parsing must end: too many nodes, or `stop` is set.
+  bool is_over() {
+    std::size_t& nodes = is_folding() ? nodes_in_folded_ : nodes_;
+    if (++nodes > bounds_.nodes)
+      end_ = "holds more than " + std::to_string(bounds_.nodes) + " JSON values";
+    else if (bounds_.stop != nullptr && *bounds_.stop)
+      end_ = "was not read to its end";
+    return !end_.empty();
+  }
+
+  ConfigNode* add(ConfigNode::Kind kind) {
+    ConfigNode* node = &root_;
+    if (!open_.empty()) {
+      // An open node is always the last of its siblings, so growing this vector moves no open node.
+      node = &open_.back()->children.emplace_back();
+      if (open_.back()->kind == ConfigNode::Kind::object) {
+        node->key = std::move(key_);
+        node->key_offset = key_offset_;
+      } else {
+        node->index = static_cast<std::uint32_t>(open_.back()->children.size() - 1);
+      }
+    }
+    node->kind = kind;
+    node->offset = place();
+    return node;
+  }
+  bool open(ConfigNode::Kind kind) {
+    if (is_over()) return false;
+    if (open_.size() + in_folded_ == ConfigTree::max_depth) {
+      fault_ = "more than " + std::to_string(ConfigTree::max_depth) + " levels of brackets";
+      return false;
+    }
+    if (is_folding()) {
+      ++in_folded_;
+      return true;
+    }
+    ConfigNode* const node = add(kind);
+    if (kind == ConfigNode::Kind::array && open_.size() == folded_depth_) {
+      folded_ = node;
+      in_folded_ = 1;
+      nodes_in_folded_ = 0;
+      return true;
+    }
+    open_.push_back(node);
+    return true;
+  }
+  bool close() {
+    if (!is_folding()) {
+      open_.pop_back();
+    } else if (--in_folded_ == 0) {
+      folded_->end = static_cast<std::uint32_t>(taken_);
+    }
+    return true;
+  }
+
+  ConfigNode& root_;
+  const std::size_t& taken_;
+  const std::size_t folded_depth_;
+  const TreeBounds bounds_;
+  std::size_t nodes_ = 0;
+  std::size_t nodes_in_folded_ = 0;
+  std::vector<ConfigNode*> open_;
+  ConfigNode* folded_ = nullptr;  ///< the last folded array
+  std::size_t in_folded_ = 0;     ///< open brackets in it, its own included
+  std::string key_;
+  std::uint32_t key_offset_ = 0;
+  std::string fault_;
+  std::string end_;
+};
+
+void name_parents(ConfigNode& node) {
+  for (ConfigNode& child : node.children) {
+    child.parent = &node;
+    name_parents(child);
+  }
+}
+
+}  // namespace
+
+const ConfigNode* ConfigNode::find(std::string_view name) const {
+  if (kind != Kind::object) return nullptr;
+  const auto found = std::find_if(children.begin(), children.end(),
+                                  [&](const ConfigNode& child) { return child.key == name; });
+  return found == children.end() ? nullptr : &*found;
+}
+
+std::string pointer_to(const ConfigNode& node) {
+  if (node.parent == nullptr) return {};
+  std::string pointer = pointer_to(*node.parent) + "/";
+  if (node.parent->kind == ConfigNode::Kind::array) return pointer + std::to_string(node.index);
+  for (const char c : node.key) {
+    if (c == '~')
+      pointer += "~0";
+    else if (c == '/')
+      pointer += "~1";
+    else
+      pointer += c;
+  }
+  return pointer;
+}
+
+tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_view text,
+                                                                    Folding folding,
+                                                                    const TreeBounds& bounds) {
+  if (text.size() > max_bytes)
+    return tl::unexpected(
+        SyntaxError{0, "larger than " + std::to_string(max_bytes >> 20) + " MiB"});
+  ConfigTree tree(text);
+  tree.root_ = std::make_unique<ConfigNode>();
+  for (std::size_t i = 0; i < text.size(); ++i)
+    if (text[i] == '\n') tree.newlines_.push_back(static_cast<std::uint32_t>(i));
+
+  const auto syntax_error = [&](std::size_t at, const std::string& fault) {
+    const int line = tree.line_of(at);
+    const std::size_t line_start =
+        line == 1 ? 0 : tree.newlines_[static_cast<std::size_t>(line) - 2] + std::size_t{1};
+    return tl::unexpected(SyntaxError{line, "not JSON at line " + std::to_string(line) +
+                                                ", column " + std::to_string(at - line_start + 1) +
+                                                ": " + fault});
+  };
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
+    return syntax_error(0, "this file is UTF-16; save it as UTF-8");
+  // The library treats a zero byte as the end of the text and would ignore what follows.
+  if (const std::size_t zero = text.find('\0'); zero != std::string_view::npos)
+    return syntax_error(zero, "a zero byte");
+
+  std::size_t taken = 0;
+  TreeBuilder builder(*tree.root_, taken, folding == Folding::tags ? folded_depth : kUnfolded,
+                      bounds);
+  const char* const begin = text.data();
+  if (!Json::sax_parse(TracedIterator(begin, &taken), TracedIterator(begin + text.size(), &taken),
+                       &builder)) {
+    const std::size_t read = taken == 0 ? 0 : taken - 1;
+    if (!builder.end().empty())
+      return tl::unexpected(SyntaxError{tree.line_of(read), builder.end()});
+    if (const auto known = syntax_fault(text, read)) return syntax_error(known->at, known->text);
+    return syntax_error(read, shown(builder.fault(), kMaxFault));
+  }
+  name_parents(*tree.root_);
+  return tree;
+}
+
+std::vector<ConfigNode> ConfigTree::items_of(const ConfigNode& folded) const {
+  ConfigNode array;
+  std::size_t taken = folded.offset;
+  TreeBuilder builder(array, taken, kUnfolded, {});
+  const char* const begin = text_.data();
+  Json::sax_parse(TracedIterator(begin + folded.offset, &taken),
+                  TracedIterator(begin + folded.end, &taken), &builder);
+  for (ConfigNode& item : array.children) {
+    item.parent = &folded;
+    name_parents(item);
+  }
+  return std::move(array.children);
+}
+
+int ConfigTree::line_of(std::size_t offset) const {
+  // A newline belongs to the line that it ends.
+  return 1 + static_cast<int>(std::lower_bound(newlines_.begin(), newlines_.end(), offset) -
+                              newlines_.begin());
+}
+
+std::string shown(std::string_view text, std::size_t most) {
+  return escaped(text, Escape::message, most);
+}
+
+}  // namespace fxagent

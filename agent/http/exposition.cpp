@@ -1,0 +1,311 @@
+#include "agent/http/exposition.h"
+
+#include <prometheus/metric_family.h>
+#include <prometheus/text_serializer.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <sstream>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "agent/config/config.h"
+
+namespace fxagent {
+namespace {
+
+using prometheus::ClientMetric;
+using prometheus::MetricFamily;
+using prometheus::MetricType;
+using Labels = std::vector<ClientMetric::Label>;
+
+constexpr auto kCounter = MetricType::Counter;
+constexpr auto kGauge = MetricType::Gauge;
+constexpr auto kHistogram = MetricType::Histogram;
+
+double number(std::uint64_t count) { return static_cast<double>(count); }
+double yes(bool is_so) { return is_so ? 1 : 0; }
+double in_seconds(std::chrono::nanoseconds duration) {
+  return std::chrono::duration<double>(duration).count();
+}
+
+// ---- metrics of each link, device and sample ----------------------------------------------------
+
+struct OfLink {
+  std::string_view name;
+  std::string_view help;
+  MetricType type;
+  double (*value)(const LinkHealth&);
+};
+constexpr std::array kOfLinks{
+    OfLink{"fxagent_link_open", "Whether the port or the connection is open.", kGauge,
+           [](const LinkHealth& link) { return yes(link.open); }},
+    OfLink{"fxagent_exchanges_total", "Requests that were sent on the link.", kCounter,
+           [](const LinkHealth& link) { return number(link.exchanges); }},
+    OfLink{"fxagent_timeouts_total", "Exchanges without a whole answer in time.", kCounter,
+           [](const LinkHealth& link) { return number(link.timeouts); }},
+    OfLink{"fxagent_naks_total", "Exchanges that the device refused.", kCounter,
+           [](const LinkHealth& link) { return number(link.naks); }},
+    OfLink{"fxagent_bad_frames_total", "Exchanges with a damaged answer.", kCounter,
+           [](const LinkHealth& link) { return number(link.bad_frames); }},
+    OfLink{"fxagent_unexpected_bytes_total", "Bytes that nobody asked for.", kCounter,
+           [](const LinkHealth& link) { return number(link.unexpected_bytes); }},
+    OfLink{"fxagent_line_doubts_total", "How often the line was in doubt for such bytes.", kCounter,
+           [](const LinkHealth& link) { return number(link.doubts); }},
+    OfLink{"fxagent_line_doubted", "Whether the line is in doubt now.", kGauge,
+           [](const LinkHealth& link) { return yes(link.doubted); }},
+    OfLink{"fxagent_line_busy_ratio",
+           "Share of the last 5 s in exchanges and the silence that they waited for.", kGauge,
+           [](const LinkHealth& link) { return link.busy_percent / 100; }},
+    OfLink{"fxagent_line_load_ratio",
+           "What the poll intervals ask for; above 1 every group is polled less often.", kGauge,
+           [](const LinkHealth& link) { return link.load_percent / 100; }}};
+
+struct OfDevice {
+  std::string_view name;
+  std::string_view help;
+  double (*value)(const DeviceHealth&);
+};
+constexpr std::array kOfDevices{
+    OfDevice{"fxagent_polls_total", "Poll cycles that were begun.",
+             [](const DeviceHealth& device) { return number(device.polls); }},
+    OfDevice{"fxagent_missed_polls_total", "Poll intervals that were left out.",
+             [](const DeviceHealth& device) { return number(device.missed); }}};
+
+struct OfSamples {
+  std::string_view name;
+  std::string_view help;
+  std::uint64_t SampleCounts::*count;
+};
+constexpr std::array kOfSamples{
+    OfSamples{"fxagent_samples_collected_total", "Samples made since the start.",
+              &SampleCounts::collected},
+    OfSamples{"fxagent_samples_recovered_total", "Samples found on disk at the start.",
+              &SampleCounts::recovered},
+    OfSamples{"fxagent_samples_suppressed_total", "Samples that had nothing new to say.",
+              &SampleCounts::suppressed},
+    OfSamples{"fxagent_samples_acknowledged_total", "Samples that the broker has.",
+              &SampleCounts::acknowledged},
+    OfSamples{"fxagent_samples_dropped_total", "Samples that are lost.", &SampleCounts::dropped},
+    OfSamples{"fxagent_samples_published_total", "Samples sent, repeats included.",
+              &SampleCounts::published}};
+
+// ---- the families -------------------------------------------------------------------------------
+
+/// One page. Writes each family as soon as it is complete: with many links they are large.
+class Page final {
+ public:
+  Page(const AgentStatus& status, const HttpServer::Closed& closed)
+      : status_(status), config_(*status.config), closed_(closed) {}
+
+  std::string text() {
+    of_agent();
+    of_broker();
+    of_samples();
+    of_store();
+    of_commands();
+    of_links();
+    of_devices();
+    of_connections();
+    write();
+    return std::move(out_).str();
+  }
+
+ private:
+  void begin(std::string_view name, MetricType type, std::string_view help) {
+    write();
+    MetricFamily& family = family_.emplace_back();
+    family.name = name;
+    family.type = type;
+    family.help = help;
+  }
+  /// Writes the current family, unless it has no series.
+  void write() {
+    if (!family_.empty() && !family_.front().metric.empty())
+      prometheus::TextSerializer().Serialize(out_, family_);
+    family_.clear();
+  }
+
+  ClientMetric& series(Labels labels) {
+    ClientMetric& made = family_.front().metric.emplace_back();
+    made.label = std::move(labels);
+    return made;
+  }
+  void add(Labels labels, double value) {
+    ClientMetric& made = series(std::move(labels));
+    (family_.front().type == kCounter ? made.counter.value : made.gauge.value) = value;
+  }
+  void add(Labels labels, const DurationHistogram& durations) {
+    ClientMetric& made = series(std::move(labels));
+    std::uint64_t count = 0;
+    for (std::size_t i = 0; i < durations.counts().size(); ++i) {
+      count += durations.counts()[i];
+      auto& bucket = made.histogram.bucket.emplace_back();
+      bucket.cumulative_count = count;
+      bucket.upper_bound = i < DurationHistogram::kBounds.size()
+                               ? in_seconds(DurationHistogram::kBounds[i])
+                               : std::numeric_limits<double>::infinity();
+    }
+    made.histogram.sample_count = count;
+    made.histogram.sample_sum = in_seconds(durations.sum());
+  }
+  /// Adds a family of one series.
+  void one(std::string_view name, MetricType type, std::string_view help, double value) {
+    begin(name, type, help);
+    add({}, value);
+  }
+
+  Labels link(std::size_t index) const { return {{"link", config_.links[index].name}}; }
+  Labels device(std::size_t index) const {
+    const DeviceConfig& device = config_.devices[index];
+    return {{"device", device.name}, {"link", config_.links[device.link].name}};
+  }
+
+  void of_agent() {
+    begin("fxagent_build_info", kGauge, "The agent's id and version; the value is 1.");
+    add({{"agent", config_.id}, {"version", status_.version}}, 1);
+    one("fxagent_uptime_seconds", kGauge, "Time since the start.", in_seconds(status_.uptime));
+    one("process_resident_memory_bytes", kGauge, "Resident memory of the process.",
+        number(status_.rss_bytes));
+    one("fxagent_clock_synchronised", kGauge, "Whether the clock of this machine is synchronised.",
+        yes(status_.clock_synchronised));
+    one("fxagent_identity_conflict", kGauge, "Whether another agent has the same id.",
+        yes(!status_.conflict.empty()));
+  }
+
+  void of_broker() {
+    one("fxagent_broker_connected", kGauge, "Whether there is a connection to a broker.",
+        yes(status_.broker.connected));
+    one("fxagent_broker_subscribed", kGauge, "Whether commands are heard.",
+        yes(status_.broker.subscribed));
+  }
+
+  void of_samples() {
+    for (const OfSamples& each : kOfSamples)
+      one(each.name, kCounter, each.help, number(status_.samples.*each.count));
+    begin("fxagent_samples_waiting", kGauge,
+          "Samples that the broker does not have yet, by place.");
+    add({{"place", "queued"}}, number(status_.samples.queued));
+    add({{"place", "in_flight"}}, number(status_.samples.in_flight));
+    add({{"place", "stored"}}, number(status_.samples.stored));
+    one("fxagent_samples_balanced", kGauge, "0 only by a bug: samples are not accounted for.",
+        yes(status_.samples.balanced()));
+  }
+
+  void of_store() {
+    if (!config_.store.path.empty())
+      one("fxagent_store_on_disk", kGauge, "0: the disk refuses, and memory is all there is.",
+          yes(status_.store_state == "disk"));
+    one("fxagent_store_bytes", kGauge, "Size of backlog and journal.", number(status_.store_bytes));
+    if (status_.hours_left)
+      one("fxagent_store_left_seconds", kGauge,
+          "Time until the store is full, if no sample could leave.", *status_.hours_left * 3600);
+    if (!status_.audit_head.empty())
+      one("fxagent_audit_records", kGauge, "Records of the audit.", number(status_.audit_records));
+  }
+
+  void of_commands() {
+    begin("fxagent_commands_total", kCounter, "Results of commands, by their status.");
+    for (const CommandStatus status : kCommandStatuses) {
+      const auto found = status_.commands.find(status);
+      add({{"status", std::string(to_string(status))}},
+          found == status_.commands.end() ? 0 : number(found->second));
+    }
+    begin("fxagent_command_duration_seconds", kHistogram,
+          "Commands that were sent to a device: from arrival to the hand-over of the result.");
+    add({}, status_.command_durations);
+  }
+
+  /// Visits the first `count` links, except vacant places that a reload leaves.
+  template <class Do>
+  void for_each_link(std::size_t count, Do what) {
+    for (std::size_t i = 0; i < count; ++i)
+      if (!config_.links[i].is_vacant()) what(i);
+  }
+
+  void of_links() {
+    const auto& links = status_.field->links;
+    const std::size_t count = std::min(links.size(), config_.links.size());
+    for (const OfLink& each : kOfLinks) {
+      begin(each.name, each.type, each.help);
+      for_each_link(count, [&](std::size_t i) { add(link(i), each.value(links[i])); });
+    }
+    const auto& durations = status_.field->durations;
+    if (durations.size() < count) return;
+    begin("fxagent_exchange_turnaround_seconds", kHistogram,
+          "The devices' own time in exchanges that were answered.");
+    for_each_link(count, [&](std::size_t i) { add(link(i), durations[i].turnaround); });
+    begin("fxagent_poll_lateness_seconds", kHistogram, "How late poll cycles began.");
+    for_each_link(count, [&](std::size_t i) { add(link(i), durations[i].lateness); });
+  }
+
+  /// Adds a family with a series for each device that `value` returns a number for.
+  template <class Value>
+  void of_each_device(std::string_view name, MetricType type, std::string_view help, Value value) {
+    begin(name, type, help);
+    for (std::size_t i = 0; i < config_.devices.size(); ++i) {
+      if (config_.devices[i].is_vacant()) continue;
+      if (const std::optional<double> known = value(i)) add(device(i), *known);
+    }
+  }
+
+  void of_devices() {
+    using State = DeviceStatus::State;
+    const auto whether = [this](auto is_so) {
+      return [this, is_so](std::size_t i) -> std::optional<double> {
+        if (i >= status_.devices.size() || status_.devices[i] == nullptr) return std::nullopt;
+        return yes(is_so(status_.devices[i]->state));
+      };
+    };
+    of_each_device("fxagent_device_up", kGauge, "Whether the device answers.",
+                   whether([](State state) { return state != State::offline; }));
+    of_each_device("fxagent_device_degraded", kGauge,
+                   "Whether the device answers and a tag is bad, or its model is not known.",
+                   whether([](State state) { return state == State::degraded; }));
+    for (const OfDevice& each : kOfDevices)
+      of_each_device(each.name, kCounter, each.help, [&](std::size_t i) -> std::optional<double> {
+        const auto& devices = status_.field->devices;
+        if (i >= devices.size()) return std::nullopt;
+        return each.value(devices[i]);
+      });
+    of_each_device("fxagent_device_samples_dropped_total", kCounter,
+                   "Samples of the device that are lost.",
+                   [this](std::size_t i) -> std::optional<double> {
+                     if (i >= status_.dropped.size()) return std::nullopt;
+                     return number(status_.dropped[i]);
+                   });
+    of_each_device("fxagent_device_samples_refused", kGauge,
+                   "Whether the broker refuses the device's samples now.",
+                   [this](std::size_t i) -> std::optional<double> {
+                     if (i >= status_.refused.size()) return std::nullopt;
+                     return yes(!status_.refused[i].empty());
+                   });
+  }
+
+  void of_connections() {
+    begin("fxagent_http_connections_closed_total", kCounter,
+          "Connections to this page that were closed before they had their answer.");
+    add({{"why", "slow"}}, number(closed_.slow));
+    add({{"why", "crowded"}}, number(closed_.crowded));
+    add({{"why", "unanswered"}}, number(closed_.unanswered));
+  }
+
+  const AgentStatus& status_;
+  const Config& config_;
+  const HttpServer::Closed& closed_;
+  std::vector<MetricFamily> family_;  ///< the current one, or none
+  std::ostringstream out_;
+};
+
+}  // namespace
+
+std::string exposition(const AgentStatus& status, const HttpServer::Closed& closed) {
+  return Page(status, closed).text();
+}
+
+}  // namespace fxagent

@@ -1,0 +1,145 @@
+#include "agent/store/disk/durable_file.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <system_error>
+#include <utility>
+
+#include "agent/store/disk/store_file.h"
+
+namespace fxagent {
+namespace {
+
+std::string why(const std::string& path) {
+  return path + ": " + std::generic_category().message(errno);
+}
+
+/// Closes a file descriptor at the end of its scope.
+class Handle final {
+ public:
+  explicit Handle(int number) : number_(number) {}
+  ~Handle() {
+    if (number_ >= 0) ::close(number_);
+  }
+  Handle(const Handle&) = delete;
+  Handle& operator=(const Handle&) = delete;
+
+  bool is_open() const { return number_ >= 0; }
+  int get() const { return number_; }
+
+ private:
+  const int number_;
+};
+
+/// Returns false, with errno set, if part of the text was not written.
+bool write_all(int handle, std::string_view text) {
+  while (!text.empty()) {
+    const auto written = ::write(handle, text.data(), text.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written == 0) errno = ENOSPC;
+    if (written <= 0) return false;
+    text.remove_prefix(static_cast<std::size_t>(written));
+  }
+  return true;
+}
+
+}  // namespace
+
+/// Locks the directory itself, so no lock file stays behind.
+class DurableFile::Lock final {
+ public:
+  explicit Lock(const std::string& directory)
+      : handle_(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)),
+        identity_(identity_of(directory)) {
+    if (!handle_.is_open())
+      fault_ = why(directory);
+    else if (::flock(handle_.get(), LOCK_EX | LOCK_NB) != 0)
+      fault_ = errno == EWOULDBLOCK ? directory + " is another agent's" : why(directory);
+  }
+
+  const std::string& fault() const { return fault_; }
+  /// True if `directory` is still the one that was locked, and not deleted or replaced since.
+  bool is_of(const std::string& directory) const {
+    return identity_ && identity_of(directory) == identity_;
+  }
+
+ private:
+  const Handle handle_;
+  const std::optional<FileIdentity> identity_;
+  std::string fault_;
+};
+
+DurableFile::DurableFile(std::string directory, const std::string& name)
+    : directory_(std::move(directory)), path_(directory_ + "/" + name) {}
+DurableFile::~DurableFile() = default;
+
+std::string DurableFile::lock() {
+  if (lock_ && lock_->is_of(directory_)) return {};
+  lock_.reset();
+  if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
+  auto lock = std::make_unique<Lock>(directory_);
+  if (!lock->fault().empty()) return lock->fault();
+  lock_ = std::move(lock);
+  return {};
+}
+
+tl::expected<std::optional<std::string>, std::string> DurableFile::read(std::size_t most) const {
+  const Handle file(::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+  if (!file.is_open()) {
+    if (errno == ENOENT) return std::nullopt;
+    return tl::unexpected(why(path_));
+  }
+  if (std::string fault = why_not_ours(file.get(), path_); !fault.empty())
+    return tl::unexpected(std::move(fault));
+  std::string text;
+  std::array<char, 65536> block{};
+  while (text.size() <= most) {
+    const auto got = ::read(file.get(), block.data(), block.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return tl::unexpected(why(path_));
+    if (got == 0) return text;
+    text.append(block.data(), static_cast<std::size_t>(got));
+  }
+  return tl::unexpected(path_ + " is larger than " + std::to_string(most) + " bytes");
+}
+
+std::string DurableFile::write(std::string_view text) const {
+  if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
+  const std::string fresh = path_ + ".new";
+  // A crash may have left this file, or another user may have put it there.
+  ::unlink(fresh.c_str());
+  {
+    const Handle file(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW,
+                             S_IRUSR | S_IWUSR));
+    if (!file.is_open()) return why(fresh);
+    if (!write_all(file.get(), text) || ::fsync(file.get()) != 0) {
+      std::string fault = why(fresh);
+      ::unlink(fresh.c_str());
+      return fault;
+    }
+  }
+  if (::rename(fresh.c_str(), path_.c_str()) != 0) {
+    std::string fault = why(path_);
+    ::unlink(fresh.c_str());
+    return fault;
+  }
+  return synchronise_directory();
+}
+
+std::string DurableFile::remove() const {
+  if (::unlink(path_.c_str()) != 0) return errno == ENOENT ? std::string() : why(path_);
+  return synchronise_directory();
+}
+
+std::string DurableFile::synchronise_directory() const {
+  const Handle directory(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!directory.is_open() || ::fsync(directory.get()) != 0) return why(directory_);
+  return {};
+}
+
+}  // namespace fxagent

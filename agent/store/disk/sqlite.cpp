@@ -1,0 +1,63 @@
+#include "agent/store/disk/sqlite.h"
+
+namespace fxagent::sqlite {
+
+SQLite::Database open(const std::string& path, Access access) {
+  const int way = access == Access::read_only ? SQLite::OPEN_READONLY
+                                              : SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE;
+  return {path, way | SQLite::OPEN_NOMUTEX};
+}
+
+ByteView bytes(const SQLite::Statement& row, int column) {
+  const SQLite::Column found = row.getColumn(column);
+  const auto* data = static_cast<const std::uint8_t*>(found.getBlob());
+  const int size = found.getBytes();
+  return data == nullptr ? ByteView{} : ByteView{data, static_cast<std::size_t>(size)};
+}
+
+std::string_view text(const SQLite::Statement& row, int column) {
+  const ByteView all = bytes(row, column);
+  return {reinterpret_cast<const char*>(all.data()), all.size()};
+}
+
+void bind(SQLite::Statement& statement, int position, const std::string& value) {
+  statement.bind(position, value);
+}
+
+void bind(SQLite::Statement& statement, int position, ByteView value) {
+  // A null pointer would bind NULL instead of an empty blob.
+  const void* data = value.empty() ? static_cast<const void*>("") : value.data();
+  statement.bind(position, data, static_cast<int>(value.size()));
+}
+
+void migrate(SQLite::Database& database, std::span<const char* const> steps) {
+  const std::int64_t newest = static_cast<std::int64_t>(steps.size());
+  std::int64_t version = database.execAndGet("PRAGMA user_version").getInt64();
+  if (version > newest)
+    throw SQLite::Exception("it is of a newer program: version " + std::to_string(version) +
+                                ", known up to " + std::to_string(newest),
+                            SQLITE_SCHEMA);
+  for (; version < newest; ++version) {
+    SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
+    database.exec(steps[static_cast<std::size_t>(version)]);
+    database.exec("PRAGMA user_version = " + std::to_string(version + 1));
+    transaction.commit();
+  }
+}
+
+void check_schema(SQLite::Database& database, std::span<const char* const> steps) {
+  SQLite::Database model = open(":memory:");
+  migrate(model, steps);
+  SQLite::Statement wanted(model, "SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL");
+  SQLite::Statement found(database, "SELECT sql FROM sqlite_master WHERE name = ?");
+  each(wanted, [&](const SQLite::Statement& part) {
+    const std::string name(text(part, 0));
+    bool is_there = false;
+    each(
+        found, [&](const SQLite::Statement& row) { is_there = text(row, 0) == text(part, 1); },
+        name);
+    if (!is_there) throw SQLite::Exception(name + " is not as it was made", SQLITE_SCHEMA);
+  });
+}
+
+}  // namespace fxagent::sqlite

@@ -1,0 +1,98 @@
+// The store's file, shared by its parts. Opens it, sets a damaged one aside, runs the commits, and
+// tracks whether the disk accepts writes. Every fault of SQLite ends here: the state becomes
+// `memory` and the call returns false. More than twenty functions: a commit that finds damage opens
+// a fresh file, so opening, failing and committing belong together. The store's thread.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/config/config.h"
+#include "agent/store/disk/sqlite.h"
+#include "agent/store/disk/store_file.h"
+#include "agent/store/disk/store_part.h"
+
+namespace fxagent {
+
+class StoreDisk final {
+ public:
+  /// `full` synchronises a commit with the disk even if `sync: offline` would not. A power cut must
+  /// not lose a sample that counts as stored.
+  enum class Sync : std::uint8_t { as_configured, full };
+  using Work = std::function<void()>;
+
+  StoreDisk(const StoreConfig& config, std::int64_t utc_ms) : config_(config), utc_ms_(utc_ms) {}
+  StoreDisk(const StoreDisk&) = delete;
+  StoreDisk& operator=(const StoreDisk&) = delete;
+
+  /// Sets the parts, in the order in which they load and write. Call once, before open(). Each part
+  /// outlives every call here except the destructor's.
+  void share_with(std::vector<StorePart*> parts) { parts_ = std::move(parts); }
+
+  /// Opens or creates the file and the directory. Sets a damaged file aside as
+  /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false, and the reason is logged.
+  void open();
+  /// Tests if an open file that refused writes accepts them again.
+  void try_to_write();
+  /// True if the open files were deleted or replaced.
+  bool is_misplaced() const;
+  /// Closes such files. Their contents are lost.
+  void abandon();
+  /// Clean end: copies the WAL into the file and closes it.
+  void close();
+
+  bool is_open() const { return file_ != nullptr; }
+  bool is_writable() const { return writable_; }
+  /// Reason why the disk is not writable; empty while it is.
+  const std::string& last_failure() const { return last_failure_; }
+  /// True if a file has opened in this run and was not abandoned since.
+  bool was_open() const { return was_open_; }
+  /// Call only while is_open().
+  SQLite::Database& database() { return file_->db; }
+  /// Name of the damaged file that was set aside in this run; empty if there is none.
+  const std::string& set_aside() const { return set_aside_; }
+  /// Time in ms UTC, as it was last set.
+  std::int64_t utc_ms() const { return utc_ms_; }
+  void set_utc_ms(std::int64_t utc_ms) { utc_ms_ = utc_ms; }
+
+  /// Runs `work` in one transaction. Returns false if nothing of it was kept. `doing` names the
+  /// work in the log.
+  bool commit(std::string_view doing, Sync sync, const Work& work);
+  /// Runs `work` on the open file without a transaction. Returns false if it failed.
+  bool attempt(std::string_view doing, const Work& work);
+  /// Same for reading a single row: after a failure the file stays writable unless it is damaged.
+  bool read(const Work& work);
+
+  /// True if a part has something to write.
+  bool has_pending() const;
+  /// Within a commit: writes at most `at_most` waiting entries of each part. Returns true if some
+  /// are left.
+  bool write_pending(std::size_t at_most = std::numeric_limits<std::size_t>::max());
+  /// Commits everything that waits in memory, at most 500 entries of each part in one commit.
+  /// Returns false if the disk did not accept all of it.
+  bool flush();
+
+ private:
+  void let_go(StorePart::Rows rows);
+  void start_anew(const std::string& why);
+  void failed(std::string_view doing, const sqlite::Fault& fault);
+  bool flush_all();
+
+  const StoreConfig config_;
+  std::vector<StorePart*> parts_;
+  std::unique_ptr<DirectoryLock> lock_;
+  std::unique_ptr<StoreFile> file_;  ///< null: not open
+  bool writable_ = false;
+  bool was_open_ = false;
+  bool mending_ = false;  ///< a fresh file is replacing a damaged one
+  std::string last_failure_;
+  std::string set_aside_;
+  std::int64_t utc_ms_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,182 @@
+#include "agent/store/disk/store_file.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+#include <thread>
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kPatience{500};
+constexpr milliseconds kAskAgain{10};
+
+// Step i leads from user_version i to i + 1. `grp` is a group. Rows of a stream are ordered by seq.
+constexpr const char* kSchema[] = {
+    "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
+    " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
+    "CREATE INDEX samples_by_lane ON samples(device, grp, seq, id);"
+    "CREATE TABLE devices(name TEXT PRIMARY KEY, last_seq INTEGER NOT NULL,"
+    " clean INTEGER NOT NULL) WITHOUT ROWID;"
+    "CREATE TABLE orders(device TEXT NOT NULL, id TEXT NOT NULL, received_ms INTEGER NOT NULL,"
+    " deadline_ms INTEGER NOT NULL, op TEXT NOT NULL, response_topic TEXT NOT NULL,"
+    " correlation BLOB NOT NULL, result TEXT NOT NULL, told INTEGER NOT NULL,"
+    " PRIMARY KEY(device, id)) WITHOUT ROWID;"
+    "CREATE INDEX orders_by_age ON orders(device, received_ms);",
+    // `payload` holds the command as received until there is a result.
+    "ALTER TABLE orders ADD COLUMN arrival INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE orders ADD COLUMN payload TEXT NOT NULL DEFAULT '';"
+    "CREATE TABLE audit(n INTEGER PRIMARY KEY, text TEXT NOT NULL, hash BLOB NOT NULL);"
+    "CREATE TABLE audit_head(one INTEGER PRIMARY KEY CHECK(one = 1), records INTEGER NOT NULL,"
+    " hash BLOB NOT NULL, arrivals INTEGER NOT NULL, bytes INTEGER NOT NULL);"
+    "INSERT INTO audit_head VALUES(1, 0, zeroblob(32), 0, 0);",
+    // Command numbers decide which ids are the newest: a clock can be set back.
+    "DROP INDEX orders_by_age;"
+    "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC,"
+    " told);",
+    // Refused commands are kept while there is room.
+    ("ALTER TABLE orders ADD COLUMN refused INTEGER NOT NULL DEFAULT 0;"
+     "CREATE INDEX orders_refused ON orders(arrival) WHERE refused = 1;"),
+    // Encoding of `row`: RowFormat. Rows that exist already are JSON.
+    "ALTER TABLE samples ADD COLUMN format INTEGER NOT NULL DEFAULT 0;"};
+
+std::string why_not_opened(const std::string& path) {
+  return path + ": " +
+         (errno == ELOOP ? "it is a symbolic link, which is not followed" : std::strerror(errno));
+}
+
+/// Returns why another user could put a file or a link in the place of the store's; empty if none
+/// could. A sticky directory prevents it. why_not_ours() rejects files that were there before.
+std::string who_else_may_write(const std::string& directory) {
+  struct stat found {};
+  if (::stat(directory.c_str(), &found) != 0) return directory + ": " + std::strerror(errno);
+  if (!S_ISDIR(found.st_mode)) return {};  // opening a file in it reports this
+  if (found.st_uid != ::geteuid() && found.st_uid != 0)
+    return directory + " belongs to user " + std::to_string(found.st_uid) +
+           " and the agent runs as user " + std::to_string(::geteuid()) +
+           ": that user could replace the store's files; chown it to the agent's user";
+  if ((found.st_mode & (S_IWGRP | S_IWOTH)) != 0 && (found.st_mode & S_ISVTX) == 0)
+    return directory + " can be written by " +
+           ((found.st_mode & S_IWOTH) != 0 ? "everybody" : "its group") +
+           ", who could replace the store's files; chmod 700 it";
+  return {};
+}
+
+}  // namespace
+
+std::string why_not_ours(int handle, const std::string& path) {
+  struct stat found {};
+  if (::fstat(handle, &found) != 0) return path + ": " + std::strerror(errno);
+  if (!S_ISREG(found.st_mode)) return path + " is not a plain file";
+  if (found.st_uid != ::geteuid())
+    return path + " belongs to user " + std::to_string(found.st_uid) + ", not to the agent's";
+  if (found.st_nlink > 1) return path + " has another name too (a hard link)";
+  return {};
+}
+
+std::optional<FileIdentity> identity_of(const std::string& path) {
+  struct stat found {};
+  if (::lstat(path.c_str(), &found) != 0) return std::nullopt;
+  return FileIdentity{found.st_dev, found.st_ino};
+}
+
+DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "/fxagent.lock") {
+  const std::string& path = path_;
+  handle_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+  if (handle_ < 0) {
+    fault_ = why_not_opened(path);
+    return;
+  }
+  fault_ = why_not_ours(handle_, path);
+  if (!fault_.empty()) return;
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
+      fault_ = errno == EWOULDBLOCK ? directory + " is another agent's"
+                                    : path + ": " + std::strerror(errno);
+      return;
+    }
+    std::this_thread::sleep_for(kAskAgain);
+  }
+  identity_ = identity_of(path);
+}
+
+DirectoryLock::~DirectoryLock() {
+  if (handle_ >= 0) ::close(handle_);
+}
+
+std::string store_file_path(const std::string& directory) {
+  return (std::filesystem::path(directory) / "fxagent.db").string();
+}
+
+std::string make_store_directory(const std::string& directory) {
+  std::error_code fault;
+  if (!std::filesystem::exists(directory, fault)) {
+    std::filesystem::create_directories(directory, fault);
+    if (fault) return directory + ": " + fault.message();
+    ::chmod(directory.c_str(), S_IRWXU);
+  }
+  return who_else_may_write(directory);
+}
+
+std::string make_store_file(const std::string& directory) {
+  std::string why = make_store_directory(directory);
+  if (!why.empty()) return why;
+  const std::string file = store_file_path(directory);
+  const int handle =
+      ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+  if (handle < 0) return why_not_opened(file);
+  why = why_not_ours(handle, file);
+  if (why.empty()) ::fchmod(handle, S_IRUSR | S_IWUSR);
+  ::close(handle);
+  return why;
+}
+
+StoreFile::StoreFile(const std::string& path, bool always)
+    : db(sqlite::open(path)), path_(path), always_(always) {
+  db.setBusyTimeout(static_cast<int>(kPatience.count()));
+  db.exec("PRAGMA journal_mode = WAL");
+  db.exec(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
+  sqlite::migrate(db, kSchema);
+  sqlite::check_schema(db, kSchema);
+  file_ = identity_of(path);
+  log_ = identity_of(path + "-wal");
+  try {
+    checkpointer_.emplace(db, path);
+  } catch (const std::system_error&) {
+    // Without a thread, checkpoints stay where SQLite runs them: at the commits.
+  } catch (const SQLite::Exception&) {
+    // Same without a second connection.
+  }
+}
+
+void StoreFile::synchronise(bool full) {
+  if (!always_) db.tryExec(full ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
+}
+
+bool StoreFile::is_in_place() const {
+  return file_ && log_ && identity_of(path_) == file_ && identity_of(path_ + "-wal") == log_;
+}
+
+std::optional<sqlite::Fault> StoreFile::why_not_writable() {
+  // The WAL may have filled the disk while a reader held its checkpoint back.
+  db.tryExec("PRAGMA wal_checkpoint(PASSIVE)");
+  return sqlite::attempt([this] {
+    SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
+    db.exec(
+        "INSERT INTO samples VALUES(0, '', '', 0, 0, zeroblob(65536), 0);"
+        "DELETE FROM samples WHERE id = 0");
+    transaction.commit();
+  });
+}
+
+}  // namespace fxagent

@@ -1,0 +1,88 @@
+// The store's directory, its lock, and the open file with its schema. store.h describes the
+// contents. The store's thread.
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string>
+
+#include "agent/store/disk/checkpointer.h"
+#include "agent/store/disk/sqlite.h"
+
+namespace fxagent {
+
+/// Device and inode of a file. identity_of() does not follow a link; it returns nullopt if there is
+/// no file at `path`.
+struct FileIdentity {
+  dev_t device = 0;
+  ino_t number = 0;
+  auto operator<=>(const FileIdentity&) const = default;
+};
+std::optional<FileIdentity> identity_of(const std::string& path);
+
+/// Keeps a second agent away from a directory. The lock ends with this object, or with the process,
+/// however that ends. A lock on the database itself would keep readers away too.
+class DirectoryLock final {
+ public:
+  /// Waits at most 500 ms for a process that is just ending.
+  explicit DirectoryLock(const std::string& directory);
+  ~DirectoryLock();
+  DirectoryLock(const DirectoryLock&) = delete;
+  DirectoryLock& operator=(const DirectoryLock&) = delete;
+
+  /// Empty if the lock is ours, else the reason.
+  const std::string& fault() const { return fault_; }
+  /// True if the lock file is still the one that was locked.
+  bool is_in_place() const { return identity_ && identity_of(path_) == identity_; }
+
+ private:
+  std::string path_;
+  std::optional<FileIdentity> identity_;
+  int handle_ = -1;
+  std::string fault_;
+};
+
+/// Returns the path of "fxagent.db" in `directory`.
+std::string store_file_path(const std::string& directory);
+
+/// Creates the directory (0700) if it does not exist. Refuses a directory in which other users
+/// could place files of their own. Returns empty on success, else the reason.
+std::string make_store_directory(const std::string& directory);
+
+/// Same, and creates the file (0600). Refuses a link and a file of another user.
+std::string make_store_file(const std::string& directory);
+
+/// Returns empty if the open file is a plain one of our own user with a single name, else the
+/// reason.
+std::string why_not_ours(int handle, const std::string& path);
+
+class StoreFile final {
+ public:
+  /// Opens or creates the file and brings its schema to the newest version. `always`: every commit
+  /// is synchronised with the disk. Throws SQLite::Exception.
+  StoreFile(const std::string& path, bool always);
+
+  /// Turns synchronisation with the disk on or off for the commits that follow. Samples need it
+  /// even if commands do not: a power cut must not lose a sample that counts as stored. With
+  /// `always` it stays on.
+  void synchronise(bool full);
+
+  /// Writes and deletes a row of 64 KiB. Returns the fault, or nullopt if the file accepts writes.
+  std::optional<sqlite::Fault> why_not_writable();
+
+  /// True if the file and its WAL are still those that were opened. A deleted file still accepts
+  /// writes, but no later run finds them.
+  bool is_in_place() const;
+
+  SQLite::Database db;
+
+ private:
+  const std::string path_;
+  const bool always_;
+  std::optional<FileIdentity> file_;
+  std::optional<FileIdentity> log_;
+  std::optional<Checkpointer> checkpointer_;
+};
+
+}  // namespace fxagent

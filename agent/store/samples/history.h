@@ -1,0 +1,87 @@
+// Samples as rows on their way to a history topic, shared by the backlog in memory and the store on
+// disk. Plain data, and the port to the payload format of a history message.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "agent/store/samples/sample_record.h"
+
+namespace fxagent {
+
+/// Encoding of a row's content. The file stores these numbers.
+enum class RowFormat : std::uint8_t {
+  json_text = 0,  ///< as published; from schema versions up to 4
+  cbor = 1        ///< encode_sample()
+};
+/// Returns nullopt for a number that no program has written.
+std::optional<RowFormat> row_format(std::int64_t number);
+
+/// One waiting sample.
+struct SampleRow {
+  std::uint64_t row_id = 0;  ///< unique in its backlog or file; rises with time
+  std::string device;
+  std::string group;
+  std::uint64_t seq = 0;
+  std::string content;
+  RowFormat format = RowFormat::cbor;
+
+  /// Bytes that a row costs besides its content.
+  static constexpr std::size_t kOverhead = 160;
+  std::size_t cost() const { return content.size() + kOverhead; }
+};
+
+/// Rows of one stream that leave in one message.
+struct HistoryBatch {
+  std::string device;
+  std::string group;
+  std::vector<std::uint64_t> row_ids;
+  std::string payload;
+};
+
+/// A history message under construction. Hides the payload format.
+class HistoryMessage {
+ public:
+  virtual ~HistoryMessage() = default;
+
+  /// Adds a sample. Returns false, and adds nothing, if it does not fit. The first row always fits.
+  virtual bool add(const SampleRecord& sample) = 0;
+  /// Same for a row of RowFormat::json_text, which is_intact(). A format other than JSON must parse
+  /// it: files of earlier versions may have such rows.
+  virtual bool add(std::string_view json_row) = 0;
+  /// Returns the bytes and ends the message.
+  virtual std::string take() = 0;
+};
+
+/// True if a row is still JSON. A worn-out disk may return something else.
+bool is_intact(std::string_view json_row);
+
+/// Device and group. The rows of one stream leave oldest first, one message at a time.
+using StreamKey = std::pair<std::string, std::string>;
+/// True if a message of this stream may leave now.
+using MaySend = std::function<bool(const StreamKey& stream)>;
+
+/// Gathers rows of one stream until the next one would make the message too large.
+class BatchBuilder final {
+ public:
+  /// `message` outlives it.
+  explicit BatchBuilder(HistoryMessage& message) : message_(message) {}
+
+  enum class Added : std::uint8_t { yes, no_room, damaged };
+  Added add(std::uint64_t row_id, std::optional<RowFormat> format, std::string_view content);
+  bool empty() const { return row_ids_.empty(); }
+  HistoryBatch take(const StreamKey& stream);
+
+ private:
+  HistoryMessage& message_;
+  std::vector<std::uint64_t> row_ids_;
+  SampleRecord record_;  ///< the row being added
+};
+
+}  // namespace fxagent

@@ -1,0 +1,169 @@
+// The files of a new plant, for every protocol in the catalogue.
+#include "agent/cli/setup/init_files.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+
+#include "agent/config/config.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+
+InitAnswers answers_for(const ProtocolInfo& protocol) {
+  InitAnswers answers;
+  answers.id = "edge7";
+  answers.broker = "mqtt://broker.example";
+  answers.protocol = protocol.name;
+  answers.port = protocol.on_serial ? "/dev/ttyUSB0" : "192.0.2.7:502";
+  const std::string address(example_address(protocol));
+  answers.read = {address, "second=" + address};
+  answers.write = {"level=" + address};
+  return answers;
+}
+
+std::map<std::string, std::string> made(const InitAnswers& answers) {
+  const auto files = init_files(answers, "/etc/fxagent");
+  EXPECT_TRUE(files) << (files ? "" : files.error());
+  std::map<std::string, std::string> texts;
+  if (files)
+    for (const InitFile& file : *files) texts[file.name] = file.text;
+  return texts;
+}
+
+TEST(InitFiles, FitEachOtherForEveryProtocol) {
+  for (const ProtocolInfo& protocol : catalog()) {
+    const auto files = made(answers_for(protocol));
+    ASSERT_EQ(files.size(), init_file_names().size()) << protocol.name;
+    const auto config = parse_config(files.at("agent.json"));
+    ASSERT_TRUE(config) << protocol.name << to_string(config.error().front(), "agent.json");
+    ASSERT_EQ(config->devices.size(), 1U);
+    const DeviceConfig& device = config->devices[0];
+    EXPECT_EQ(device.protocol, &protocol);
+    EXPECT_EQ(device.tags.size(), 3U);
+    EXPECT_FALSE(device.tags[0].writable);
+    EXPECT_TRUE(device.tags[2].writable);
+    const std::string base = config->base_topic();
+    EXPECT_NE(files.at("fxagent.acl").find("user edge7\ntopic write " + base + "/state\n"),
+              std::string::npos);
+    EXPECT_NE(files.at("fxagent.acl").find("user nodered\n"), std::string::npos);
+    EXPECT_NE(files.at("fxagent.service.d.conf").find("run /etc/fxagent/agent.json\n"),
+              std::string::npos);
+
+    const json flow = json::parse(files.at("node-red-flow.json"));
+    std::set<std::string> ids;
+    std::set<std::string> topics;
+    for (const json& node : flow) {
+      EXPECT_TRUE(ids.insert(node.at("id")).second);
+      if (node.contains("topic")) topics.insert(node.at("topic"));
+    }
+    EXPECT_EQ(topics, (std::set<std::string>{base + "/+/data/+", base + "/+/state",
+                                             base + "/+/result", base + "/plc1/command"}));
+    for (const json& node : flow)
+      for (const json& wire : node.value("wires", json::array()))
+        for (const json& to : wire) EXPECT_TRUE(ids.contains(to)) << to;
+    EXPECT_EQ(flow[1].at("broker"), "broker.example");
+    EXPECT_EQ(flow[1].at("port"), "1883");
+  }
+}
+
+TEST(InitFiles, OnlyWhoGivesAUserOrAPasswordGetsThemIntoTheConfig) {
+  const auto mqtt_for = [](const std::string& user, const std::string& password_file) {
+    InitAnswers answers = answers_for(*find_protocol("modbus-rtu"));
+    answers.user = user;
+    answers.password_file = password_file;
+    return json::parse(made(answers).at("agent.json"))["mqtt"];
+  };
+  json expected = {{"servers", {"mqtt://broker.example"}}};
+  EXPECT_EQ(mqtt_for("", ""), expected);
+  expected["username"] = "anna";
+  expected["password_file"] = "mqtt_password";
+  EXPECT_EQ(mqtt_for("anna", ""), expected);
+  expected["username"] = "edge7";
+  expected["password_file"] = "/run/secrets/broker";
+  EXPECT_EQ(mqtt_for("", "/run/secrets/broker"), expected);
+}
+
+TEST(InitFiles, UnitAndStationGoWhereTheProtocolHasThem) {
+  for (const ProtocolInfo& protocol : catalog()) {
+    InitAnswers answers = answers_for(protocol);
+    answers.unit = "5";
+    const json device = json::parse(made(answers).at("agent.json"))["devices"][0];
+    for (const char* key : {"unit", "station"}) {
+      const bool has =
+          std::ranges::find(protocol.options, key, &OptionSpec::key) != protocol.options.end();
+      EXPECT_EQ(device.contains(key), has) << protocol.name;
+      if (has) {
+        EXPECT_EQ(device[key], 5);
+      }
+    }
+  }
+}
+
+TEST(InitFiles, TheDropInKnowsThePort) {
+  InitAnswers answers = answers_for(*find_protocol("modbus-rtu"));
+  EXPECT_EQ(made(answers).at("fxagent.service.d.conf").find("DeviceAllow"), std::string::npos);
+  answers.port = "/dev/moxa0";
+  EXPECT_NE(made(answers).at("fxagent.service.d.conf").find("DeviceAllow=/dev/moxa0 rw\n"),
+            std::string::npos);
+  answers.port = "192.0.2.1:4001";
+  EXPECT_NE(made(answers).at("fxagent.service.d.conf").find("PrivateDevices=yes\n"),
+            std::string::npos);
+}
+
+TEST(InitFiles, TheUnitReadsItsConfigWhereItsUserCan) {
+  const InitAnswers answers = answers_for(*find_protocol("modbus-rtu"));
+  const auto files = init_files(answers, "/home/anna/plant");
+  ASSERT_TRUE(files);
+  const std::string& text = files->at(2).text;
+  EXPECT_NE(text.find("ExecStart=/usr/bin/fxagent run /etc/fxagent/agent.json\n"), text.npos)
+      << text;
+  EXPECT_NE(
+      text.find("#   install -D -m 644 /home/anna/plant/agent.json /etc/fxagent/agent.json\n"),
+      text.npos)
+      << text;
+  EXPECT_EQ(made(answers).at("fxagent.service.d.conf").find("agent.json /etc"), text.npos);
+}
+
+TEST(InitFiles, WithoutASetPointTheFlowSendsNothing) {
+  InitAnswers answers = answers_for(*find_protocol("fx-programming-port"));
+  answers.write.clear();
+  EXPECT_EQ(made(answers).at("node-red-flow.json").find("mqtt out"), std::string::npos);
+}
+
+TEST(InitFiles, WrongAnswersAreErrors) {
+  const auto error_of = [](auto spoil) {
+    InitAnswers answers = answers_for(*find_protocol("fx-programming-port"));
+    spoil(answers);
+    const auto files = init_files(answers, "/tmp");
+    return files ? std::string() : files.error();
+  };
+  EXPECT_NE(error_of([](InitAnswers& a) { a.port = "COM1"; }).find("--port"), std::string::npos);
+  EXPECT_NE(error_of([](InitAnswers& a) { a.unit = "x"; }).find("--unit"), std::string::npos);
+  EXPECT_NE(error_of([](InitAnswers& a) { a.broker = "tcp://a"; }).find("--broker: must begin"),
+            std::string::npos);
+  EXPECT_NE(error_of([](InitAnswers& a) { a.protocol = "s7"; }).find("--protocol: must be"),
+            std::string::npos);
+  EXPECT_NE(error_of([](InitAnswers& a) { a.read = {"X8"}; }).find("--read X8: "),
+            std::string::npos);
+  EXPECT_NE(error_of([](InitAnswers& a) { a.write = {"b=X8"}; }).find("--write b=X8: "),
+            std::string::npos);
+  const std::string all = error_of([](InitAnswers& a) {
+    a.broker = "tcp://a";
+    a.port = "COM1";
+    a.unit = "x";
+    a.model = "S7";
+  });
+  for (const char* flag : {"--broker: ", "--port ", "--unit ", "--model: "})
+    EXPECT_NE(all.find(flag), std::string::npos) << flag << all;
+  EXPECT_NE(error_of([](InitAnswers& a) { a.operator_name = "edge7"; }).find("named twice"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,70 @@
+// A password file for the service's user.
+#include "agent/cli/setup/password_file.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <iterator>
+
+#include "tests/support/scratch.h"
+
+namespace fxagent {
+namespace {
+
+class PasswordFiles : public testing::Test {
+ protected:
+  std::string text() const {
+    std::ifstream in(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+
+ private:
+  const test::Scratch scratch_;
+
+ protected:
+  const std::string path = scratch_.path("mqtt_password");
+};
+
+TEST_F(PasswordFiles, BelongsToTheServiceAndToNobodyElse) {
+  const auto made = create_password_file(path, "se cret", "daemon");
+  ASSERT_TRUE(made) << made.error();
+  EXPECT_TRUE(made->is_new);
+  EXPECT_EQ(text(), "se cret\n");
+  struct stat file {};
+  ASSERT_EQ(::stat(path.c_str(), &file), 0);
+  EXPECT_EQ(file.st_mode & 0777U, 0600U);
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a file away";
+  EXPECT_EQ(made->owner, "daemon");
+  EXPECT_EQ(file.st_uid, 1U) << "Debian's daemon";
+}
+
+TEST_F(PasswordFiles, WithoutThatUserItIsOnesOwn) {
+  const auto made = create_password_file(path, "", "no-such-user");
+  ASSERT_TRUE(made) << made.error();
+  EXPECT_EQ(text(), "");
+  struct stat file {};
+  ASSERT_EQ(::stat(path.c_str(), &file), 0);
+  EXPECT_EQ(file.st_uid, ::geteuid());
+  if (::geteuid() == 0) {
+    EXPECT_EQ(made->owner, "root");
+  }
+}
+
+TEST_F(PasswordFiles, OneThatIsThereStaysAsItIs) {
+  std::ofstream(path) << "mine";
+  const auto made = create_password_file(path, "other", "daemon");
+  ASSERT_TRUE(made) << made.error();
+  EXPECT_FALSE(made->is_new);
+  EXPECT_EQ(text(), "mine");
+}
+
+TEST_F(PasswordFiles, WhyItCannotBeCreatedIsSaid) {
+  const auto made = create_password_file(path + "/x", "", "daemon");
+  ASSERT_FALSE(made);
+  EXPECT_EQ(made.error(), path + "/x cannot be created: No such file or directory");
+}
+
+}  // namespace
+}  // namespace fxagent

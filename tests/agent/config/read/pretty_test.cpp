@@ -1,0 +1,34 @@
+#include "agent/config/read/pretty.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace fxagent {
+namespace {
+
+TEST(PrettyText, WhatIsShortStaysOnALine) {
+  EXPECT_EQ(pretty_text(R"({"a":[1,2],"b":{}})"), "{\"a\": [1, 2], \"b\": {}}\n");
+}
+
+TEST(PrettyText, WhatIsLongGetsALineForEachMember) {
+  const std::string x(90, 'x');
+  EXPECT_EQ(pretty_text(R"({"a":")" + x + R"(","b":[1,{"c":")" + x + R"("}]})"),
+            "{\n  \"a\": \"" + x + "\",\n  \"b\": [\n    1,\n    {\n      \"c\": \"" + x +
+                "\"\n    }\n  ]\n}\n");
+}
+
+TEST(PrettyText, NumbersAndTextStayAsTheyAre) {
+  EXPECT_EQ(pretty_text(R"([0.10,1E5,-0,12345678901234567890,"\u00e4\"\n",null,true])"),
+            "[0.10, 1E5, 0, 12345678901234567890, \"ä\\\"\\n\", null, true]\n");
+}
+
+TEST(PrettyText, DeepListsComeOutToo) {
+  EXPECT_EQ(pretty_text(R"({"devices":[{"tags":[{"name":"t"}]}]})"),
+            "{\"devices\": [{\"tags\": [{\"name\": \"t\"}]}]}\n");
+}
+
+TEST(PrettyText, WhatIsNoJsonIsEmpty) { EXPECT_EQ(pretty_text("{"), ""); }
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,204 @@
+// Single-threaded: the test runs the server and its clients in turn and controls the clock.
+#include "agent/http/http_server.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/agent/http/http_client.h"
+#include "tests/support/scratch.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+class HttpServerTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    MetricsConfig config;
+    config.unix_path = scratch_.path("http");
+    path_ = config.unix_path;
+    auto socket = ListeningSocket::open(config);
+    ASSERT_TRUE(socket.has_value()) << socket.error().text;
+    auto server = HttpServer::start(std::move(*socket), [this](std::string_view path) {
+      asked_.emplace_back(path);
+      return HttpAnswer{200, "text/plain", body_};
+    });
+    ASSERT_TRUE(server.has_value()) << server.error().text;
+    server_ = std::move(*server);
+  }
+  void TearDown() override { server_.reset(); }
+
+  /// Lets the server do everything that is due. The library advances a connection one step at a
+  /// time.
+  void run() {
+    for (int i = 0; i < 50; ++i) server_->run(now_);
+  }
+  HttpClient client(std::string_view text = {}) {
+    HttpClient made(path_);
+    EXPECT_TRUE(made.connected());
+    run();
+    made.send(text);
+    run();
+    return made;
+  }
+
+  const Scratch scratch_;
+  std::string path_;
+  SteadyTime now_{1h};
+  std::shared_ptr<const std::string> body_ = std::make_shared<const std::string>("the body\n");
+  std::vector<std::string> asked_;
+  std::unique_ptr<HttpServer> server_;
+};
+
+constexpr std::string_view kGet = "GET /metrics HTTP/1.1\r\nHost: a\r\n\r\n";
+
+TEST_F(HttpServerTest, GetIsAnsweredAndTheConnectionClosed) {
+  HttpClient one = client(kGet);
+  EXPECT_EQ(one.status(), 200);
+  EXPECT_EQ(one.body(), "the body\n");
+  EXPECT_NE(one.heard().find("Connection: close"), std::string::npos) << one.heard();
+  EXPECT_NE(one.heard().find("Content-Type: text/plain"), std::string::npos);
+  EXPECT_TRUE(one.closed());
+  EXPECT_EQ(asked_, std::vector<std::string>{"/metrics"});
+}
+
+TEST_F(HttpServerTest, QueryIsNoPartOfThePath) {
+  EXPECT_EQ(client("GET /healthz?verbose=1 HTTP/1.0\r\n\r\n").status(), 200);
+  EXPECT_EQ(asked_, std::vector<std::string>{"/healthz"});
+}
+
+TEST_F(HttpServerTest, HeadHasTheHeadersAlone) {
+  HttpClient one = client("HEAD /metrics HTTP/1.1\r\nHost: a\r\n\r\n");
+  EXPECT_EQ(one.status(), 200);
+  EXPECT_EQ(one.body(), "");
+}
+
+TEST_F(HttpServerTest, OtherMethodsAreRefused) {
+  for (const std::string method : {"POST", "PUT", "DELETE", "OPTIONS", "TRACE", "get"}) {
+    HttpClient one =
+        client(method + " /metrics HTTP/1.1\r\nHost: a\r\nContent-Length: 3\r\n\r\nabc");
+    EXPECT_EQ(one.status(), 405) << method;
+    EXPECT_NE(one.heard().find("Allow: GET, HEAD"), std::string::npos);
+    EXPECT_TRUE(one.closed()) << method;
+  }
+  EXPECT_TRUE(asked_.empty());
+}
+
+TEST_F(HttpServerTest, LargeHeadersAreRefused) {
+  HttpClient one = client("GET /metrics HTTP/1.1\r\nHost: a\r\nX: " +
+                          std::string(2 * HttpServer::kMostHeaderBytes, 'x'));
+  EXPECT_NE(one.status(), 200);
+  EXPECT_TRUE(one.closed());
+  EXPECT_TRUE(asked_.empty());
+}
+
+TEST_F(HttpServerTest, OfPipelinedRequestsTheFirstIsAnswered) {
+  HttpClient one = client(std::string(kGet) + std::string(kGet) + std::string(kGet));
+  EXPECT_EQ(one.body(), "the body\n");
+  EXPECT_TRUE(one.closed());
+  EXPECT_EQ(asked_.size(), 1U);
+}
+
+TEST_F(HttpServerTest, ClientThatHasEndedItsSideGetsItsAnswer) {
+  HttpClient one = client();
+  one.send(kGet);
+  one.end_sending();
+  run();
+  EXPECT_EQ(one.status(), 200);
+  EXPECT_TRUE(one.closed());
+}
+
+TEST_F(HttpServerTest, ClientThatEndsWithoutAQuestionIsForgotten) {
+  HttpClient one = client("GET /metr");
+  one.end_sending();
+  run();
+  EXPECT_TRUE(one.closed());
+  EXPECT_TRUE(asked_.empty());
+  EXPECT_EQ(server_->closed().unanswered, 1U);
+  EXPECT_EQ(client(kGet).status(), 200);
+  EXPECT_EQ(server_->closed().unanswered, 1U) << "one that was answered does not count";
+}
+
+TEST_F(HttpServerTest, GarbageIsClosedOrRefused) {
+  for (const std::string& text :
+       {std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n", 15),
+        std::string("GET\r\n\r\n"), std::string("\r\n\r\n\r\n\r\n"),
+        std::string("GET /metrics HTTP/9.9\r\n\r\n"), std::string(300, '\0') + "\r\n\r\n"}) {
+    HttpClient one = client(text);
+    one.end_sending();
+    run();
+    EXPECT_TRUE(one.closed());
+    EXPECT_NE(one.status(), 200) << one.heard();
+  }
+}
+
+TEST_F(HttpServerTest, SlowSenderIsClosedAfterItsTimeHoweverItDrips) {
+  HttpClient slow = client("GET /metrics HTTP/1.1\r\n");
+  const SteadyTime begin = now_;
+  while (now_ - begin < HttpServer::kLongestConnection - 1s) {
+    now_ += 1s;
+    slow.send("X: y\r\n");
+    run();
+    ASSERT_FALSE(slow.closed());
+  }
+  EXPECT_LE(server_->run(now_), begin + HttpServer::kLongestConnection);
+  now_ = begin + HttpServer::kLongestConnection;
+  run();
+  EXPECT_TRUE(slow.closed());
+  EXPECT_EQ(slow.status(), 0);
+  EXPECT_EQ(server_->closed().slow, 1U);
+  EXPECT_EQ(server_->closed().unanswered, 0U) << "it counts once";
+}
+
+TEST_F(HttpServerTest, CrowdOfSlowClientsKeepsNobodyOut) {
+  std::vector<HttpClient> slow;
+  for (int i = 0; i < 500; ++i) slow.push_back(client("GET /met"));
+  EXPECT_EQ(client(kGet).status(), 200);
+  std::size_t open = 0;
+  for (HttpClient& each : slow) open += each.closed() ? 0U : 1U;
+  EXPECT_LE(open, HttpServer::kCrowded);
+  EXPECT_EQ(server_->closed().crowded, 501 - HttpServer::kCrowded);
+  EXPECT_TRUE(slow.front().closed());
+  EXPECT_FALSE(slow.back().closed()) << "the slowest go first";
+}
+
+TEST_F(HttpServerTest, CrowdThatComesAtOnceKeepsNobodyOutForLong) {
+  std::vector<HttpClient> slow;
+  for (int i = 0; i < 60; ++i) {
+    slow.emplace_back(path_);
+    slow.back().send("GET /met");
+  }
+  run();
+  EXPECT_EQ(client(kGet).status(), 200);
+}
+
+TEST_F(HttpServerTest, ReaderThatTakesNothingIsClosedAfterItsTime) {
+  body_ = std::make_shared<const std::string>(std::string(std::size_t{8} << 20, 'x'));
+  HttpClient lazy(path_);
+  run();
+  lazy.send(kGet);
+  run();
+  ASSERT_EQ(body_.use_count(), 2) << "it is being sent";
+  now_ += HttpServer::kLongestConnection;
+  run();
+  EXPECT_EQ(body_.use_count(), 1);
+}
+
+TEST_F(HttpServerTest, OneBodyIsSharedByAllWhoAreSentIt) {
+  body_ = std::make_shared<const std::string>(std::string(std::size_t{8} << 20, 'x'));
+  std::vector<HttpClient> clients;
+  for (int i = 0; i < 10; ++i) {
+    clients.emplace_back(path_);
+    run();
+    clients.back().send(kGet);
+  }
+  run();
+  EXPECT_EQ(body_.use_count(), 11);
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,97 @@
+#include "agent/http/listening_socket.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "tests/support/scratch.h"
+
+namespace fxagent {
+namespace {
+
+MetricsConfig tcp(const std::string& address, std::uint16_t port) {
+  MetricsConfig config;
+  config.address = address;
+  config.port = port;
+  return config;
+}
+
+class UnixSocket : public testing::Test {
+ protected:
+  void SetUp() override { config_.unix_path = scratch_.path("metrics"); }
+
+  const test::Scratch scratch_;
+  MetricsConfig config_;
+};
+
+TEST(ListeningSocket, FreePortIsNamed) {
+  const auto made = ListeningSocket::open(tcp("127.0.0.1", 0));
+  ASSERT_TRUE(made.has_value()) << made.error().text;
+  EXPECT_TRUE(made->address().starts_with("127.0.0.1:"));
+  EXPECT_FALSE(made->address().ends_with(":0"));
+}
+
+TEST(ListeningSocket, AddressThatIsTakenIsSaidWithTheCure) {
+  const auto first = ListeningSocket::open(tcp("127.0.0.1", 0));
+  ASSERT_TRUE(first.has_value());
+  const auto port = std::stoi(first->address().substr(first->address().rfind(':') + 1));
+  const auto second = ListeningSocket::open(tcp("127.0.0.1", static_cast<std::uint16_t>(port)));
+  ASSERT_FALSE(second.has_value());
+  EXPECT_NE(second.error().text.find(first->address()), std::string::npos);
+  EXPECT_NE(second.error().text.find("another program"), std::string::npos);
+}
+
+TEST(ListeningSocket, AddressOfAnotherMachineIsSaidWithTheCure) {
+  const auto made = ListeningSocket::open(tcp("192.0.2.7", 0));
+  ASSERT_FALSE(made.has_value());
+  EXPECT_NE(made.error().text.find("no such address"), std::string::npos) << made.error().text;
+}
+
+TEST_F(UnixSocket, IsForTheUserAndTheGroupAndGoesWithItsOwner) {
+  {
+    const auto made = ListeningSocket::open(config_);
+    ASSERT_TRUE(made.has_value()) << made.error().text;
+    EXPECT_EQ(made->address(), "unix:" + config_.unix_path);
+    struct stat file {};
+    ASSERT_EQ(::stat(config_.unix_path.c_str(), &file), 0);
+    EXPECT_EQ(file.st_mode & 0777U, 0660U);
+  }
+  EXPECT_FALSE(std::filesystem::exists(config_.unix_path));
+}
+
+TEST_F(UnixSocket, FileThatADeadAgentLeftIsReplaced) {
+  auto dead = ListeningSocket::open(config_);
+  ASSERT_TRUE(dead.has_value());
+  ::close(dead->take_file());  // leaves its file behind
+  const auto next = ListeningSocket::open(config_);
+  ASSERT_TRUE(next.has_value()) << next.error().text;
+}
+
+TEST_F(UnixSocket, OneThatIsServedIsNotTaken) {
+  const auto first = ListeningSocket::open(config_);
+  ASSERT_TRUE(first.has_value());
+  const auto second = ListeningSocket::open(config_);
+  ASSERT_FALSE(second.has_value());
+  EXPECT_NE(second.error().text.find("another program"), std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(config_.unix_path)) << "the first one's file";
+}
+
+TEST_F(UnixSocket, FileThatIsNoSocketIsLeftAlone) {
+  std::ofstream(config_.unix_path) << "mine";
+  EXPECT_FALSE(ListeningSocket::open(config_).has_value());
+  EXPECT_TRUE(std::filesystem::is_regular_file(config_.unix_path));
+}
+
+TEST_F(UnixSocket, DirectoryThatIsNotThereIsSaidWithTheCure) {
+  config_.unix_path = scratch_.path("none/metrics");
+  const auto made = ListeningSocket::open(config_);
+  ASSERT_FALSE(made.has_value());
+  EXPECT_NE(made.error().text.find("make the directory"), std::string::npos) << made.error().text;
+}
+
+}  // namespace
+}  // namespace fxagent

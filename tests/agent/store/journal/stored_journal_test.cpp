@@ -1,0 +1,432 @@
+#include "agent/store/journal/stored_journal.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "tests/agent/store/shelf.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+using namespace test;
+
+// The result was published and then dropped to make room. A different result must not be published.
+TEST(StoredJournal, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry command = shelf.arrived("x");
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  shelf.store->upkeep(kStart, kNow);
+  {
+    const DiskLimit full(1000);
+    command.result = "{x}";
+    shelf.store->journal().record(command);
+    shelf.store->journal().acknowledge("a", "x", command.number);
+    for (std::size_t i = 0; i < kRememberedIds; ++i) {
+      JournalEntry made = shelf.arrived(std::to_string(i), "{}");
+      shelf.store->journal().record(std::move(made));
+    }
+    EXPECT_EQ(shelf.store->state(), "memory");
+  }
+  shelf.store->upkeep(kStart + 1s, kNow);
+  shelf.store->upkeep(kStart + 11s, kNow);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->journal().find("a", "x")->result, "");
+  for (const JournalEntry& open : shelf.store->journal().unacknowledged()) EXPECT_NE(open.id, "x");
+  const auto ids = shelf.open().journal().known_ids();
+  EXPECT_TRUE(
+      std::any_of(ids.begin(), ids.end(), [](const auto& known) { return known.id == "x"; }));
+}
+
+TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry early = entry("early");
+  early.audit = R"({"early":1})";
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{early}));
+  {
+    SQLite::Database other = sqlite::open(shelf.file());
+    ASSERT_NO_THROW(other.exec("INSERT INTO audit VALUES(2, '', x'')"));  // the next number
+  }
+  JournalEntry command = entry("x");
+  command.audit = R"({"x":1})";
+  EXPECT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  EXPECT_NE(shelf.store->set_aside(), "");
+  command.result = "{1}";
+  shelf.store->journal().record(command);
+  EXPECT_EQ(shelf.store->journal().find("a", "x")->result, "{1}");
+  EXPECT_EQ(shelf.open().journal().unacknowledged().at(0).id, "x");
+}
+
+TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
+  Shelf shelf;
+  shelf.open();
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{entry("one"), entry("two")}));
+  shelf.store->journal().record(entry("one", "{1}"));
+  shelf.store->journal().record(entry("one", "{2}"));
+  shelf.store->journal().record(entry("three", "{3}", kNow + 1));
+  shelf.store->journal().acknowledge("a", "three", 0);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.open();
+  const auto ids = shelf.store->journal().known_ids();
+  ASSERT_EQ(ids.size(), 2U);
+  EXPECT_EQ(ids[0].id, "one");
+  EXPECT_EQ(ids[1].id, "three");
+  EXPECT_EQ(ids[1].device, "a");
+  EXPECT_EQ(ids[1].received_ms, kNow + 1);
+  const auto open = shelf.store->journal().unacknowledged();
+  ASSERT_EQ(open.size(), 2U);
+  EXPECT_EQ(open[0].id, "one");
+  EXPECT_EQ(open[0].result, "{1}");
+  EXPECT_FALSE(open[0].acknowledged);
+  EXPECT_EQ(open[1].result, "");
+  EXPECT_EQ(open[1].response_topic, "hmi/replies");
+  EXPECT_EQ(open[1].correlation, (Bytes{1, 0, 255}));
+  EXPECT_EQ(open[1].deadline_ms, kNow + 10000);
+  const auto three = shelf.store->journal().find("a", "three");
+  ASSERT_TRUE(three);
+  EXPECT_EQ(three->result, "{3}");
+  EXPECT_TRUE(three->acknowledged);
+  EXPECT_EQ(three->response_topic, "");  // no longer needed
+  EXPECT_EQ(three->correlation, Bytes{});
+}
+
+// The field forgets the oldest of 10,000 ids at once, the file once a minute.
+TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry first = entry("one");
+  first.number = 7;
+  JournalEntry again = entry("one", "", kNow + 60000);
+  again.number = 8;
+  again.op = "read";
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{first}));
+  first.result = "{1}";
+  shelf.store->journal().record(first);
+  shelf.store->upkeep(kStart, kNow);
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{first}));  // the same command
+  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "{1}");
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{again}));
+  const auto found = shelf.store->journal().find("a", "one");
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->result, "");
+  EXPECT_FALSE(found->acknowledged);
+  EXPECT_EQ(found->op, "read");
+  EXPECT_EQ(found->received_ms, kNow + 60000);
+  shelf.store->journal().record(first);
+  shelf.store->journal().acknowledge("a", "one", 7);  // a late one, for the first command
+  shelf.store->upkeep(kStart + 1s, kNow);
+  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "");
+  again.result = "{2}";
+  shelf.store->journal().record(again);
+  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "{2}");
+  EXPECT_FALSE(shelf.store->journal().find("a", "one")->acknowledged);
+  JournalEntry refused = entry("one", "{3}", kNow + 120000);  // it was never admitted
+  refused.number = 9;
+  shelf.store->journal().record(refused);
+  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "{3}");
+  shelf.store->journal().acknowledge("a", "one", 9);
+  shelf.store->upkeep(kStart + 2s, kNow);
+  EXPECT_TRUE(shelf.store->journal().find("a", "one")->acknowledged);
+}
+
+TEST(StoredJournal, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
+  Shelf shelf;
+  shelf.open();
+  const std::int64_t day = 24 * 3600 * 1000;
+  // An hour longer than the field remembers ids, so that the field finds every id it asks for.
+  for (const std::int64_t age : {day + 3620000, day + 3580000}) {
+    const std::string id = std::to_string(age);
+    shelf.store->journal().record(entry(id, "{}", kNow - age));
+    shelf.store->journal().acknowledge("a", id, 0);
+  }
+  JournalEntry late = entry("late", "{}", kNow - 2 * day);
+  late.deadline_ms = kNow + 1;
+  shelf.store->journal().record(late);
+  shelf.store->journal().acknowledge("a", "late", 0);
+  shelf.store->upkeep(kStart, kNow);
+  const auto found = shelf.store->journal().known_ids();
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].id, "late");
+  EXPECT_EQ(found[1].id, std::to_string(day + 3580000));
+}
+
+// The maximum age of samples neither shortens nor lengthens that of ids.
+TEST(StoredJournal, IdsAreKeptForTheirDayHoweverLongSamplesAre) {
+  for (const std::chrono::hours max_age : {1h, 1000h}) {
+    Shelf shelf;
+    shelf.config.max_age = max_age;
+    shelf.open();
+    for (const std::chrono::milliseconds age : {25h + 1s, 25h - 1s}) {
+      const std::string id = std::to_string(age.count());
+      shelf.store->journal().record(entry(id, "{}", kNow - age.count()));
+      shelf.store->journal().acknowledge("a", id, 0);
+    }
+    shelf.store->upkeep(kStart, kNow);
+    const auto found = shelf.store->journal().known_ids();
+    ASSERT_EQ(found.size(), 1U) << max_age.count();
+    EXPECT_EQ(found[0].received_ms, kNow - std::chrono::milliseconds(25h - 1s).count());
+  }
+}
+
+TEST(StoredJournal, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
+  Shelf shelf;
+  shelf.open();
+  for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
+    const std::int64_t at = kNow - 100000 + static_cast<std::int64_t>(i);
+    shelf.store->journal().record(entry(std::to_string(i), "{}", at));
+    shelf.store->journal().acknowledge("a", std::to_string(i), 0);
+    if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), kNow - 200000);
+  }
+  shelf.store->upkeep(kStart + 10h, kNow);
+  const auto found = shelf.store->journal().known_ids();
+  EXPECT_EQ(found.size(), kRememberedIds + 5) << "every id is known";
+  EXPECT_EQ(shelf.store->journal().find("a", "4")->result, "");
+  EXPECT_EQ(shelf.store->journal().find("a", "5")->result, "{}");
+}
+
+TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry old = entry("old", "{}", kNow - std::chrono::milliseconds(48h).count());
+  shelf.store->journal().record(old);
+  shelf.store->journal().acknowledge("a", "old", 0);
+  for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
+    shelf.store->journal().record(entry(std::to_string(i), "{}"));
+    shelf.store->journal().acknowledge("a", std::to_string(i), 0);
+    if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), old.received_ms);
+  }
+  // No result is pending, and nothing is forgotten yet.
+  shelf.store->upkeep(kStart + std::chrono::seconds(kRememberedIds + 1), old.received_ms);
+  {
+    // The first statement deletes "old"; the second one, on the results, fails.
+    SQLite::Database other = sqlite::open(shelf.file());
+    ASSERT_NO_THROW(
+        other.exec("CREATE TRIGGER fault BEFORE UPDATE ON orders"
+                   " BEGIN SELECT abs(-9223372036854775807 - 1); END"));
+  }
+  shelf.store->upkeep(kStart + 10h, kNow);
+  ASSERT_EQ(shelf.store->state(), "memory");
+  const std::uint64_t bytes = shelf.store->journal().bytes();
+  {
+    SQLite::Database other = sqlite::open(shelf.file());
+    ASSERT_NO_THROW(other.exec("DROP TRIGGER fault"));
+  }
+  EXPECT_EQ(shelf.open().journal().bytes(), bytes);
+  shelf.store->upkeep(kStart + 20h, kNow);
+  EXPECT_FALSE(shelf.store->journal().find("a", "old"));
+  EXPECT_LT(shelf.store->journal().bytes(), bytes);
+}
+
+// Independently of the calendar, an id that came after 10,000 others is new, and an unacknowledged
+// result is never skipped.
+TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
+  Shelf shelf;
+  shelf.open();
+  constexpr std::int64_t kHour = 3600000;
+  for (std::size_t i = 0; i < kRememberedIds; ++i) {
+    JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + static_cast<std::int64_t>(i));
+    shelf.store->journal().record(made);
+    if (i != 0) shelf.store->journal().acknowledge("a", made.id, made.number);
+    if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::milliseconds(i), kNow);
+  }
+  for (const char* id : {"x", "y"}) {  // the clock was set back
+    JournalEntry made = shelf.arrived(id, "{}", kNow - kHour);
+    shelf.store->journal().record(made);
+    shelf.store->journal().acknowledge("a", made.id, made.number);
+  }
+  shelf.store->upkeep(kStart + 20s, kNow + 20000);
+  shelf.open(kNow + kHour);
+  shelf.store->upkeep(kStart, kNow + kHour);
+  const auto found = shelf.store->journal().known_ids();
+  ASSERT_EQ(found.size(), kRememberedIds + 2);
+  EXPECT_EQ(shelf.store->journal().find("a", "1")->result, "");
+  EXPECT_EQ(shelf.store->journal().find("a", "2")->result, "{}");
+  EXPECT_EQ(found.back().id, "y");
+  ASSERT_EQ(shelf.store->journal().unacknowledged().size(), 1U);
+  EXPECT_EQ(shelf.store->journal().unacknowledged()[0].id,
+            "0");  // beyond the limit, but not acknowledged
+}
+
+TEST(StoredJournal, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry patient = entry("patient", "{}");
+  patient.deadline_ms = kNow + 3600000;
+  patient.number = shelf.store->audit().next_command_number();
+  shelf.store->journal().record(patient);
+  shelf.store->journal().acknowledge("a", "patient", patient.number);
+  shelf.store->upkeep(kStart, kNow);
+  for (std::size_t i = 0; i < kRememberedIds; ++i) {
+    JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + 1000);
+    shelf.store->journal().record(made);
+  }
+  shelf.open(kNow + 1800000);
+  shelf.store->upkeep(kStart, kNow + 1800000);
+  EXPECT_EQ(shelf.store->journal().known_ids().front().id, "patient");
+  EXPECT_EQ(shelf.store->journal().known_ids().size(), kRememberedIds + 1);
+  shelf.open(kNow + 3600001);
+  shelf.store->upkeep(kStart, kNow + 3600001);
+  EXPECT_EQ(shelf.store->journal().known_ids().size(), kRememberedIds + 1);
+  EXPECT_EQ(shelf.store->journal().find("a", "patient")->result, "");
+}
+
+TEST(StoredJournal, ResultsAboveTheShareOfCommandsGoAndTheIdsStay) {
+  Shelf shelf;
+  shelf.config.max_bytes = 1 << 20;
+  shelf.open();
+  for (int i = 0; i < 30; ++i) {
+    JournalEntry made = shelf.arrived(std::to_string(i), std::string(60000, 'r'));
+    shelf.store->journal().record(made);
+    shelf.store->journal().acknowledge("a", made.id, made.number);
+  }
+  for (int i = 0; i < 5; ++i) shelf.store->upkeep(kStart + i * 1s, kNow + i * 1000);
+  EXPECT_LE(shelf.store->bytes(), shelf.store->max_bytes() / 2);
+  EXPECT_EQ(shelf.store->journal().known_ids().size(), 30U);
+}
+
+TEST(StoredJournal, CommandsThatWereRefusedDoNotFillTheFile) {
+  Shelf shelf;
+  shelf.open();
+  for (std::size_t i = 0; i < 10500; ++i) {
+    JournalEntry made = shelf.arrived(std::to_string(i), "{}");
+    made.refused = true;
+    shelf.store->journal().record(made);
+  }
+  EXPECT_LE(shelf.store->journal().known_ids().size(), 10000U);
+  EXPECT_FALSE(shelf.store->journal().find("a", "0"));
+  EXPECT_TRUE(shelf.store->journal().find("a", "10499"));
+  EXPECT_TRUE(shelf.store->journal().known_ids().front().refused);
+}
+
+TEST(StoredJournal, ResultsThatNobodyTakesDoNotFillTheDisk) {
+  Shelf shelf;
+  shelf.open();
+  for (std::size_t i = 0; i < kRememberedIds + 3; ++i) {
+    JournalEntry made = shelf.arrived(std::to_string(i), "{}");
+    shelf.store->journal().record(made);
+  }
+  shelf.store->upkeep(kStart, kNow + 20000);
+  EXPECT_FALSE(shelf.store->journal().find("a", "2"));
+  EXPECT_TRUE(shelf.store->journal().find("a", "3"));
+}
+
+TEST(StoredJournal, ResultThatIsNotAcknowledgedIsKeptAsLongAsASample) {
+  Shelf shelf;
+  shelf.config.max_age = std::chrono::hours(48);
+  shelf.open();
+  const std::int64_t hour = 3600000;
+  shelf.store->journal().record(entry("older", "{}", kNow - 49 * hour));
+  shelf.store->journal().record(entry("old", "{}", kNow - 47 * hour));
+  shelf.store->upkeep(kStart, kNow);
+  const auto waiting = shelf.store->journal().unacknowledged();
+  ASSERT_EQ(waiting.size(), 1U);
+  EXPECT_EQ(waiting[0].id, "old");
+}
+
+// The result of the first one could not be written and the id was forgotten: a restart must know
+// the command that is carried out now.
+TEST(StoredJournal, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry command = shelf.arrived("x");
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  JournalEntry anew = shelf.arrived("x");
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{anew}));
+  command.result = "{1}";
+  shelf.store->journal().record(command);
+  EXPECT_EQ(shelf.store->journal().find("a", "x")->number, anew.number);
+  EXPECT_EQ(shelf.store->journal().find("a", "x")->result, "");
+}
+
+// The clock is set during a command: the result must not change the command's age.
+TEST(StoredJournal, ResultLeavesTheTimeOfItsCommand) {
+  Shelf shelf;
+  shelf.open();
+  JournalEntry command = shelf.arrived("x");
+  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  command.result = "{}";
+  command.received_ms = command.deadline_ms = 5000;
+  shelf.store->journal().record(command);
+  EXPECT_EQ(shelf.store->journal().find("a", "x")->received_ms, kNow);
+  EXPECT_EQ(shelf.store->journal().find("a", "x")->deadline_ms, kNow + 10000);
+}
+
+TEST(StoredJournal, ResultThatFoundNoDiskIsWrittenLater) {
+  Shelf shelf;
+  shelf.block();
+  shelf.open();
+  shelf.store->journal().record(entry("one", "{1}"));
+  shelf.store->journal().acknowledge("a", "one", 0);
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow);
+  ASSERT_EQ(shelf.store->journal().known_ids().size(), 1U);
+  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "{1}");
+  EXPECT_TRUE(shelf.store->journal().find("a", "one")->acknowledged);
+}
+
+TEST(StoredJournal, CommandThatFoundNoDiskIsInTheJournalLater) {
+  Shelf shelf;
+  shelf.block();
+  shelf.open();
+  const std::vector<JournalEntry> commands{entry("waits", ""), entry("done", "")};
+  EXPECT_FALSE(shelf.store->journal().journal(commands));
+  shelf.store->journal().record(entry("done", "{1}"));
+  shelf.store->journal().record(entry("done", "{2}"));  // the first one stays, as in the file
+  EXPECT_EQ(shelf.store->journal().find("a", "waits")->result, "");
+  EXPECT_EQ(shelf.store->journal().find("a", "done")->result, "{1}");
+  EXPECT_EQ(shelf.store->journal().find("a", "done")->deadline_ms, kNow + 10000);
+  EXPECT_FALSE(shelf.store->journal().find("a", "never"));
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow);
+  const auto found = shelf.store->journal().unacknowledged();
+  ASSERT_EQ(found.size(), 2U);
+  const bool done_first = found[0].id == "done";
+  EXPECT_EQ(found[done_first ? 0 : 1].result, "{1}");
+  EXPECT_EQ(found[done_first ? 1 : 0].id, "waits");
+  EXPECT_EQ(found[done_first ? 1 : 0].result, "");
+}
+
+// The disk may be missing for a day: a command and its result use one place together, and a reused
+// id takes its own place again.
+TEST(StoredJournal, TenThousandCommandsFindRoomUntilThereIsADisk) {
+  Shelf shelf;
+  shelf.block();
+  shelf.open();
+  const auto make = [](std::size_t i, std::uint64_t number) {
+    JournalEntry made = entry(std::to_string(i), "");
+    made.number = number;
+    return made;
+  };
+  for (std::size_t i = 0; i < kRememberedIds; ++i) {
+    JournalEntry made = make(i, 1 + i);
+    EXPECT_FALSE(shelf.store->journal().journal(std::vector{made}));
+    made.result = "{" + std::to_string(i) + "}";
+    shelf.store->journal().record(std::move(made));
+  }
+  shelf.store->journal().journal(std::vector{make(7, 20000)});  // reuses the id
+  JournalEntry late = make(7, 8);
+  late.result = "{late}";
+  shelf.store->journal().record(std::move(late));  // of the first command
+  shelf.store->journal().journal(
+      std::vector{make(kRememberedIds, 20001)});  // one too many: drops the oldest
+  EXPECT_EQ(shelf.store->journal().find("a", "7")->result, "");
+  EXPECT_FALSE(shelf.store->journal().find("a", "0"));
+  std::filesystem::remove(shelf.config.path);
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->journal().known_ids().size(), kRememberedIds - 2);
+  EXPECT_EQ(shelf.store->journal().unacknowledged().back().id, std::to_string(kRememberedIds));
+  EXPECT_EQ(shelf.store->journal().find("a", "9999")->result, "{9999}");
+  EXPECT_EQ(shelf.store->journal().find("a", "7")->result, "");
+  EXPECT_EQ(shelf.store->journal().find("a", "7")->number, 20000U);
+}
+
+}  // namespace
+}  // namespace fxagent

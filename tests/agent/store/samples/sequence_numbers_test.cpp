@@ -1,0 +1,143 @@
+#include "agent/store/samples/sequence_numbers.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tests/agent/store/shelf.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+using namespace test;
+
+TEST(SequenceNumbers, NumbersGoOnByOneAfterACleanStop) {
+  Shelf shelf;
+  shelf.open();
+  EXPECT_EQ(shelf.begin(), static_cast<std::uint64_t>(kNow));
+  shelf.store->numbers().used("a", kNow + 5);
+  shelf.store->close();
+  shelf.open();
+  EXPECT_EQ(shelf.begin(kNow + 100000), static_cast<std::uint64_t>(kNow) + 5);
+}
+
+TEST(SequenceNumbers, DeviceThatJoinsLaterGoesOnWhereItsLastRunOrThisOneHasLeftIt) {
+  Shelf shelf;
+  shelf.open();
+  const std::vector<std::string> both{"a", "b"};
+  shelf.store->numbers().begin(both, kNow);
+  shelf.store->numbers().used("b", kNow + 9);
+  shelf.store->close();
+  shelf.open();
+  shelf.begin(kNow + 100000);
+  EXPECT_EQ(shelf.store->numbers().join(std::vector<std::string>{"b", "c"}, kNow + 200000),
+            (std::vector<std::uint64_t>{kNow + 9, kNow + 200000}));
+  shelf.store->numbers().used("b", kNow + 12);
+  EXPECT_EQ(shelf.store->numbers().join(std::vector<std::string>{"b"}, kNow + 300000),
+            std::vector<std::uint64_t>{kNow + 12});
+  shelf.open(kNow + 400000);  // after a crash
+  EXPECT_GT(shelf.store->numbers().begin(both, kNow)[1], std::uint64_t{kNow} + 12);
+}
+
+TEST(SequenceNumbers, NumbersOnlySkipForwardAfterACrash) {
+  Shelf shelf;
+  shelf.open();
+  std::uint64_t used = shelf.begin();
+  for (std::uint64_t i = 0; i < 3 * SequenceNumbers::kBlock; ++i)
+    shelf.store->numbers().used("a", ++used);
+  // The clock was set back; the numbers continue.
+  shelf.open(5);
+  EXPECT_GT(shelf.begin(5), used);
+}
+
+// The file of an earlier run opens while this run, whose clock began in the past, is under way.
+// Writing this run's low numbers must not hide the high numbers of the earlier run.
+TEST(SequenceNumbers, NumbersOfAnEarlierRunAreNotSetBackByAFileThatOpensLate) {
+  constexpr std::int64_t kBoot = 5000;
+  Shelf shelf;
+  shelf.open();
+  const std::uint64_t reached = shelf.begin() + SequenceNumbers::kBlock;
+  shelf.store.reset();
+  const std::string away = shelf.config.path + "-away";
+  std::filesystem::rename(shelf.config.path, away);
+  shelf.block();
+  shelf.open(kBoot);
+  ASSERT_EQ(shelf.begin(kBoot), static_cast<std::uint64_t>(kBoot));
+  shelf.store->upkeep(kStart, kBoot);
+  std::filesystem::remove(shelf.config.path);
+  std::filesystem::rename(away, shelf.config.path);
+  shelf.store->upkeep(kStart + 10s, kBoot + 10000);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  shelf.open(kBoot + 20000);  // after a crash
+  EXPECT_GE(shelf.begin(kBoot + 20000), reached);
+}
+
+TEST(SequenceNumbers, NextBlockOfNumbersIsTakenWhileHalfOfTheLastOneIsLeft) {
+  Shelf shelf;
+  shelf.open();
+  const std::uint64_t first = shelf.begin();
+  shelf.store->numbers().used("a", first + SequenceNumbers::kBlock / 2);
+  EXPECT_FALSE(shelf.store->has_pending());
+  shelf.store->numbers().used("a", first + SequenceNumbers::kBlock / 2 + 1);
+  EXPECT_TRUE(shelf.store->has_pending());
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_FALSE(shelf.store->has_pending());
+  shelf.open();
+  EXPECT_GE(shelf.begin(), first + 3 * SequenceNumbers::kBlock / 2);
+}
+
+TEST(SequenceNumbers, WithAlwaysNumbersGoOnByOneEvenAfterACrash) {
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  const std::uint64_t last = shelf.begin();
+  for (std::uint64_t seq = last + 1; seq < last + 4; ++seq) {
+    shelf.store->numbers().used("a", seq);
+    ASSERT_TRUE(shelf.add(rows(seq, seq)));
+  }
+  shelf.open();
+  EXPECT_EQ(shelf.begin(kNow + 100000), last + 3);
+}
+
+TEST(SequenceNumbers, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  std::uint64_t last = shelf.begin();
+  {
+    const DiskLimit full(200000);
+    do {
+      ++last;
+      shelf.store->numbers().used("a", last);
+    } while (shelf.add(rows(last, last)));
+    for (int i = 0; i < 1000; ++i) shelf.store->numbers().used("a", ++last);
+  }  // power cut
+  shelf.open(5);
+  const std::uint64_t next = shelf.begin(5);
+  EXPECT_GT(next, last);
+  shelf.open();  // the mark is no longer needed
+  EXPECT_EQ(shelf.begin(), next);
+}
+
+TEST(SequenceNumbers, NumbersThatTheDiskRefusedAreNoneBeforeTheClock) {
+  constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  std::uint64_t last = shelf.begin();
+  {
+    const DiskLimit full(200000);
+    do {
+      ++last;
+      shelf.store->numbers().used("a", last);
+    } while (shelf.add(rows(last, last)));
+  }
+  shelf.open(kNow + kYear);
+  EXPECT_GE(shelf.begin(kNow + kYear), static_cast<std::uint64_t>(kNow + kYear));
+}
+
+}  // namespace
+}  // namespace fxagent
