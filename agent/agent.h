@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/process/stop_watchdog.h"
 #include "agent/remote/remote_config.h"
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <span>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "protocol/plan/plan.h"
 
 namespace fxagent {

@@ -12,7 +12,9 @@
 #include <optional>
 #include <vector>
 
-#include "agent/messages.h"
+#include "agent/command_message.h"
+#include "agent/field_health.h"
+#include "agent/telemetry.h"
 
 namespace fxagent {
 

@@ -12,6 +12,7 @@
 #include <optional>
 #include <utility>
 
+#include "agent/config/config_error.h"
 #include "agent/commands/audit_records.h"
 #include "agent/config/log_warnings.h"
 #include "agent/failpoint.h"

@@ -15,7 +15,8 @@
 #include <thread>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/config_error.h"
+#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
 #include "agent/field/field.h"
 #include "agent/outbox.h"

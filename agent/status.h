@@ -16,7 +16,9 @@
 #include <vector>
 
 #include "agent/duration_histogram.h"
-#include "agent/messages.h"
+#include "agent/command_message.h"
+#include "agent/field_health.h"
+#include "agent/telemetry.h"
 
 namespace fxagent {
 

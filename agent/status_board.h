@@ -10,7 +10,7 @@
 #include <mutex>
 #include <utility>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "agent/status.h"
 
 namespace fxagent {

@@ -73,7 +73,7 @@ set(allowed
   "^protocol/point\\.h boost/container/small_vector\\.hpp$"
   "^protocol/exact_number\\.h boost/multiprecision/cpp_int\\.hpp$"
   "^agent/(agent|reload)\\.(h|cpp) agent/"
-  "^agent/line_time\\.(h|cpp) agent/config/config\\.h$"
+  "^agent/line_time\\.(h|cpp) agent/config/model\\.h$"
   "^agent/field/((bus|command|transport)/)?[^/ ]+ asio"
   "^tests/[^ ]+ (asio|sqlite3|SQLiteCpp/)"
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
@@ -81,7 +81,7 @@ set(allowed
   "^agent/uplink/paho/[^ ]+ (mqtt/|MQTT)"
   "^agent/remote/remote_config\\.h agent/store/disk/durable_file\\.h$"
   "^agent/config/read/metrics\\.cpp (arpa/inet|sys/un)\\.h$"
-  "^agent/config/config_file\\.cpp poll\\.h$"
+  "^agent/config/source\\.cpp poll\\.h$"
   "^agent/http/[^ ]+ agent/http/"
   "^agent/http/http_library\\.h microhttpd\\.h$"
   "^agent/http/exposition\\.cpp prometheus/")
@@ -137,7 +137,7 @@ foreach(include IN LISTS includes)
 endforeach()
 
 # Lines that no rule on headers detects: an include whose header is named by a macro, and a clock that is read in code
-# that should take time as an argument. Clocks by <chrono>, POSIX and C. Only config_file.cpp has one: a pipe as config
+# that should take time as an argument. Clocks by <chrono>, POSIX and C. Only source.cpp has one: a pipe as config
 # file has a deadline.
 function(find_lines regex where except reason)
   execute_process(COMMAND grep -rnE --include=*.h --include=*.hpp --include=*.cpp --include=*.cc --include=*.inc
@@ -154,7 +154,7 @@ endfunction()
 find_lines("${hash}(include|import)(_next)?[[:space:]]*[^\"<[:space:]]" "agent;protocol;tests" "^$"
            "an #include names its header itself")
 find_lines("[Cc]lock *>? *:: *now\\b|\\b(clock_gettime|gettimeofday|timespec_get|std::time|::time) *\\(|\\btime *\\( *(nullptr|NULL|0|&[a-z_]+) *\\)"
-           "protocol;agent/commands;agent/config;agent/import;agent/remote" "^agent/config/config_file\\.cpp:"
+           "protocol;agent/commands;agent/config;agent/import;agent/remote" "^agent/config/source\\.cpp:"
            "time is an argument here")
 
 list(LENGTH includes count)

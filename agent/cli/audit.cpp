@@ -9,7 +9,7 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/audit_report.h"
 #include "agent/counted.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/disk/store_file.h"
 

@@ -5,7 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/config_error.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 

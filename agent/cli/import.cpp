@@ -6,8 +6,10 @@
 #include <vector>
 
 #include "agent/cli/exit_status.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
+#include "agent/config/source.h"
 #include "agent/config/read/reader.h"
+#include "agent/config/suggestions.h"
 #include "agent/counted.h"
 #include "agent/import/formats.h"
 #include "agent/import/tag_csv.h"

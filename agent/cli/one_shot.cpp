@@ -16,7 +16,7 @@
 #include "agent/commands/admission.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
-#include "agent/config/read/reader.h"
+#include "agent/config/suggestions.h"
 #include "agent/field/field.h"
 #include "agent/json_writer.h"
 #include "agent/outbox.h"

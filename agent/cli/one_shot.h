@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/command_message.h"
 
 namespace fxagent {
 

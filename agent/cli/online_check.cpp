@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/config/loader.h"
 #include "agent/cli/report/online_report.h"
 #include "agent/field/field.h"
 #include "agent/log/log.h"

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <string>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 

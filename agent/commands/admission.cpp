@@ -5,7 +5,7 @@
 
 #include "agent/commands/faults.h"
 #include "agent/commands/result.h"
-#include "agent/config/read/reader.h"
+#include "agent/config/suggestions.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "protocol/value_range.h"

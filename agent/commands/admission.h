@@ -15,8 +15,8 @@
 #include "agent/commands/id_memory.h"
 #include "agent/commands/journal.h"
 #include "agent/commands/pending_budget.h"
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/command_message.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

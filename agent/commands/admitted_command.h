@@ -10,7 +10,7 @@
 
 #include "agent/commands/command_starts.h"
 #include "agent/commands/pending_budget.h"
-#include "agent/messages.h"
+#include "agent/command_message.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/messages.h"
+#include "agent/command_message.h"
 
 namespace fxagent::audit {
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "agent/config/read/reader.h"
+#include "agent/config/suggestions.h"
 
 namespace fxagent {
 namespace {

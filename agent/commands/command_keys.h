@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "agent/commands/faults.h"
-#include "agent/messages.h"
+#include "agent/command_message.h"
 
 namespace fxagent {
 

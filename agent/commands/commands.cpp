@@ -8,7 +8,7 @@
 #include "agent/commands/parse.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
-#include "agent/config/read/reader.h"
+#include "agent/config/suggestions.h"
 #include "agent/failpoint.h"
 
 namespace fxagent {

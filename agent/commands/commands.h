@@ -23,9 +23,9 @@
 #include "agent/commands/audit_records.h"
 #include "agent/commands/journal.h"
 #include "agent/commands/recovery.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
-#include "agent/messages.h"
+#include "agent/command_message.h"
 #include "agent/status.h"
 
 namespace fxagent {

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "agent/messages.h"
+#include "agent/command_message.h"
 
 namespace fxagent {
 

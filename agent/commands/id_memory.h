@@ -16,7 +16,7 @@
 
 #include "agent/commands/journal.h"
 #include "agent/commands/pending_budget.h"
-#include "agent/messages.h"
+#include "agent/command_message.h"
 
 namespace fxagent {
 

@@ -9,7 +9,7 @@
 
 #include "agent/commands/command_keys.h"
 #include "agent/commands/faults.h"
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 #include "agent/json_writer.h"
 
 namespace fxagent {

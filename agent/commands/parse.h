@@ -3,7 +3,7 @@
 
 #include <string_view>
 
-#include "agent/messages.h"
+#include "agent/command_message.h"
 
 namespace fxagent {
 

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "agent/commands/journal.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "agent/commands/journal.h"
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/command_message.h"
 
 namespace fxagent {
 

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/messages.h"
+#include "agent/command_message.h"
 
 namespace fxagent {
 

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <string>
 
-#include "agent/messages.h"
+#include "agent/command_message.h"
 
 namespace fxagent {
 

@@ -6,7 +6,8 @@
 #include <string_view>
 #include <utility>
 
-#include "agent/config/read/tree.h"
+#include "agent/config/config_error.h"
+#include "agent/config/json/tree.h"
 
 namespace fxagent {
 namespace {

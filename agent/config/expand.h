@@ -6,7 +6,9 @@
 #include <tl/expected.hpp>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/loader.h"
+#include "agent/config/model.h"
+#include "agent/config/source.h"
 
 namespace fxagent {
 

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "agent/config/machine.h"
 #include "agent/log/log.h"
 
 namespace fxagent {

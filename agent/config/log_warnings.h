@@ -1,7 +1,7 @@
 // Logs the warnings of a config before it comes into force.
 #pragma once
 
-#include "agent/config/config.h"
+#include "agent/config/machine.h"
 
 namespace fxagent {
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "agent/messages.h"
+#include "agent/telemetry.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/bus/unexpected_bytes.h"
 #include "agent/field/device_state.h"
@@ -19,7 +19,7 @@
 #include "agent/field/poll/measured_turnaround.h"
 #include "agent/field/poll/poll_cycle.h"
 #include "agent/field/poll/poll_scheduler.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

@@ -15,7 +15,7 @@
 
 #include "agent/commands/admitted_command.h"
 #include "agent/commands/result.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/command/link_commands.h"
 #include "agent/field/field.h"
@@ -23,7 +23,8 @@
 #include "agent/field/link_state.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/poller.h"
-#include "agent/messages.h"
+#include "agent/command_message.h"
+#include "agent/field_health.h"
 #include "agent/outbox.h"
 
 namespace fxagent {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "agent/messages.h"
+#include "agent/field_health.h"
 
 namespace fxagent {
 

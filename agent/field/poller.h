@@ -10,12 +10,13 @@
 #include <string>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/link_device.h"
 #include "agent/field/link_state.h"
 #include "agent/field/poll/poll_scheduler.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
+#include "agent/telemetry.h"
 #include "agent/outbox.h"
 #include "protocol/codec.h"
 

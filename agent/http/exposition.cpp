@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 namespace {

@@ -13,7 +13,7 @@
 #include <string_view>
 
 #include "agent/http/listening_socket.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "protocol/result.h"
 
 struct MHD_Connection;

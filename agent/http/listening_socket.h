@@ -4,7 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "protocol/result.h"
 
 namespace fxagent {

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <thread>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/http/http_server.h"
 #include "agent/status_board.h"
 

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <string>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "agent/status.h"
 
 namespace fxagent {

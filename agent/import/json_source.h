@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 #include "agent/import/imported.h"
 
 namespace fxagent {

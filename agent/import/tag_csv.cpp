@@ -6,8 +6,8 @@
 #include <set>
 
 #include "agent/config/keys.h"
-#include "agent/config/read/pretty.h"
-#include "agent/config/read/tree.h"
+#include "agent/config/json/pretty.h"
+#include "agent/config/json/tree.h"
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
 #include "agent/import/json_source.h"

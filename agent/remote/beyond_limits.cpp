@@ -9,7 +9,8 @@
 #include <variant>
 #include <vector>
 
-#include "agent/config/read/tree.h"
+#include "agent/config/config_error.h"
+#include "agent/config/json/tree.h"
 #include "agent/remote/error_list.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"

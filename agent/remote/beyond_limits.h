@@ -6,7 +6,8 @@
 #include <atomic>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/config_error.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 

@@ -6,8 +6,9 @@
 #include <set>
 #include <utility>
 
-#include "agent/config/read/reader.h"
-#include "agent/config/read/tree.h"
+#include "agent/config/config_error.h"
+#include "agent/config/suggestions.h"
+#include "agent/config/json/tree.h"
 #include "agent/remote/beyond_limits.h"
 #include "agent/remote/error_list.h"
 #include "agent/sha256.h"

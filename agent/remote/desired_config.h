@@ -11,7 +11,9 @@
 #include <tl/expected.hpp>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/config_error.h"
+#include "agent/config/loader.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 

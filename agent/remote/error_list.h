@@ -5,8 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config/config.h"
-#include "agent/config/findings.h"
+#include "agent/config/config_error.h"
+#include "agent/config/model.h"
+#include "agent/config/read/findings.h"
 
 namespace fxagent {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/config/file_privacy.h"
+#include "agent/config/loader.h"
 #include "agent/config/read/config_limits.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"

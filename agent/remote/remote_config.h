@@ -14,8 +14,9 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/config/source.h"
+#include "agent/steady_time.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/kept_configs.h"
 #include "agent/remote/remote_report.h"

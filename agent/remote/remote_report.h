@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "agent/config/config_error.h"
 #include "agent/remote/desired_config.h"
 
 namespace fxagent {

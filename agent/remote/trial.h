@@ -5,7 +5,7 @@
 #include <chrono>
 #include <optional>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

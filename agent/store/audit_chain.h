@@ -23,7 +23,6 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/messages.h"
 #include "agent/sha256.h"
 #include "protocol/bytes.h"
 

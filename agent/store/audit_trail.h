@@ -12,7 +12,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "agent/store/audit_chain.h"
 #include "agent/store/disk/store_disk.h"
 

@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "agent/commands/journal.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "agent/store/disk/disk_thread.h"
 #include "agent/store/journal/command_marker.h"
 #include "agent/store/journal/unrecorded_commands.h"

@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "agent/commands/journal.h"
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/disk/store_disk.h"
 #include "agent/store/journal/started_commands.h"

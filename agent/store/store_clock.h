@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "agent/store/disk/store_disk.h"
 #include "agent/store/journal/stored_journal.h"
 #include "agent/store/samples/stored_samples.h"

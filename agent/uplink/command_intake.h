@@ -8,8 +8,8 @@
 #include <string>
 
 #include "agent/commands/commands.h"
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {

@@ -16,7 +16,7 @@
 #include <string_view>
 #include <utility>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

@@ -3,9 +3,9 @@
 // Uplink thread; the result of groups() may be read on any thread.
 #pragma once
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
-#include "agent/messages.h"
+#include "agent/telemetry.h"
 #include "agent/status.h"
 
 namespace fxagent {

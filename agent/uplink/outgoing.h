@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {

@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "agent/commands/commands.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "agent/outbox.h"
 #include "agent/status.h"
 #include "agent/status_board.h"

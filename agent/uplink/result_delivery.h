@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "agent/commands/commands.h"
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
 #include "agent/uplink/command_intake.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"

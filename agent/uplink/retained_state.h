@@ -15,9 +15,10 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
+#include "agent/telemetry.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"

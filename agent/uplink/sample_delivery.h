@@ -14,9 +14,10 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
+#include "agent/telemetry.h"
 #include "agent/store/samples/sample_record.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"

@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
 #include "agent/store/samples/backlog.h"
 #include "agent/store/samples/history.h"

@@ -11,8 +11,8 @@
 #include <set>
 #include <string>
 
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "agent/calendar.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 namespace {

@@ -11,9 +11,10 @@
 #include <utility>
 
 #include "agent/commands/commands.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
-#include "agent/messages.h"
+#include "agent/field_health.h"
+#include "agent/steady_time.h"
 #include "agent/outbox.h"
 #include "agent/status.h"
 #include "agent/status_board.h"

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/catalog.h"
+#include "protocol/options.h"
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
 #include "protocol/plc.h"

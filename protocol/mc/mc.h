@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/catalog.h"
+#include "protocol/options.h"
 #include "protocol/codec.h"
 #include "protocol/mc/dialect.h"
 #include "protocol/mc/ethernet_frame.h"

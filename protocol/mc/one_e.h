@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/catalog.h"
+#include "protocol/options.h"
 #include "protocol/codec.h"
 #include "protocol/mc/device.h"
 #include "protocol/mc/dialect.h"

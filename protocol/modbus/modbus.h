@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/catalog.h"
+#include "protocol/options.h"
 #include "protocol/codec.h"
 #include "protocol/modbus/frame.h"
 #include "protocol/modbus/pdu.h"

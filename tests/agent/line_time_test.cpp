@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "protocol/catalog.h"
 #include "tests/protocol/gathering_codec.h"
 
 namespace fxagent {

@@ -11,7 +11,7 @@ function(write_tree)
   file(WRITE "${WORK}/agent/log/log.cpp" "#include \"agent/text.h\"\n")
   file(WRITE "${WORK}/agent/field/field.cpp" "#include <asio/post.hpp>\n#include \"protocol/codec.h\"\n")
   file(WRITE "${WORK}/agent/store/store.h" "#include <SQLiteCpp/SQLiteCpp.h>\n#include \"agent/commands/journal.h\"\n")
-  file(WRITE "${WORK}/agent/uplink/json_payload.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/messages.h\"\n")
+  file(WRITE "${WORK}/agent/uplink/json_payload.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/telemetry.h\"\n")
   file(WRITE "${WORK}/agent/uplink/paho/paho_broker.cpp" "#include <mqtt/async_client.h>\n")
   file(WRITE "${WORK}/tests/sim/main.cpp" "#include <asio/post.hpp>\n#include \"tests/sim/plc.h\"\n")
 endfunction()
@@ -67,8 +67,8 @@ foreach(wrong IN ITEMS
     "agent/import/csv.cpp|<netdb.h>"
     "agent/import/csv.cpp|<sys/timerfd.h>"
     "agent/import/csv.cpp|<spawn.h>"
-    "protocol/fx/deep.h|\"agent/config/config.h\""
-    "protocol/plan.cpp|\"../agent/config/config.h\""
+    "protocol/fx/deep.h|\"agent/config/model.h\""
+    "protocol/plan.cpp|\"../agent/config/model.h\""
     "agent/field/bus.cpp|<mqtt/message.h>"
     "agent/field/bus.cpp|<nlohmann/json_fwd.hpp>"
     "agent/field/bus.h|\"agent/uplink/json_payload.h\""
@@ -78,13 +78,13 @@ foreach(wrong IN ITEMS
     "agent/store/store.cpp|\"agent/commands/parse.h\""
     "agent/store/store.h|\"agent/commands/journal_text.h\""
     "agent/uplink/broker.h|<MQTTAsync.h>"
-    "agent/messages.cpp|\"agent/field/field.h\""
-    "agent/log/log.cpp|\"agent/config/config.h\""
+    "agent/telemetry.cpp|\"agent/field/field.h\""
+    "agent/log/log.cpp|\"agent/config/model.h\""
     "agent/commands/admission.h|\"agent/store/store.h\""
     "agent/commands/admission.h|<mutex>"
     "agent/commands/admission.cpp|<asio/post.hpp>"
     "agent/field/bus.h|\"agent/store/store.h\""
-    "agent/config/config.h|\"agent/commands/parse.h\""
+    "agent/config/model.h|\"agent/commands/parse.h\""
     "agent/store/store.cpp|\"agent/uplink/json_payload.h\""
     "agent/uplink/publisher.cpp|<sqlite3.h>"
     "agent/cli/audit.cpp|<SQLiteCpp/SQLiteCpp.h>"
@@ -95,7 +95,7 @@ foreach(wrong IN ITEMS
     "agent/outbox.h|\"tests/support/fake.h\""
     "tests/agent/uplink/a_test.cpp|<mqtt/message.h>"
     "tests/sim/plc.cpp|\"protocol/bytes.h\""
-    "tests/sim/plc.cpp|\"agent/config/config.h\"")
+    "tests/sim/plc.cpp|\"agent/config/model.h\"")
   string(REPLACE "|" ";" parts "${wrong}")
   list(GET parts 0 file)
   list(GET parts 1 header)

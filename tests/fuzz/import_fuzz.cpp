@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/config/config.h"
+#include "agent/config/loader.h"
 #include "agent/import/formats.h"
 #include "agent/import/tag_csv.h"
 #include "agent/import/text_encoding.h"

@@ -8,7 +8,7 @@
 
 #include "agent/commands/parse.h"
 #include "agent/commands/result_text.h"
-#include "agent/config/config.h"
+#include "agent/config/loader.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);

@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "protocol/catalog.h"
 #include "protocol/fx/d8120.h"
 
 namespace fxagent {

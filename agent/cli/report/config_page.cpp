@@ -5,6 +5,7 @@
 
 #include "agent/cli/report/command_pages.h"
 #include "agent/config/keys.h"
+#include "protocol/catalog.h"
 
 namespace fxagent {
 namespace {

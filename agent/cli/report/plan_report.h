@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 

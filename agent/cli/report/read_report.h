@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 

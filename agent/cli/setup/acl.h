@@ -5,7 +5,7 @@
 #include <tl/expected.hpp>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 

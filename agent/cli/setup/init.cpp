@@ -19,7 +19,7 @@
 #include "agent/cli/plan.h"
 #include "agent/cli/setup/found_ports.h"
 #include "agent/cli/setup/password_file.h"
-#include "agent/config/config.h"
+#include "agent/config/loader.h"
 #include "agent/import/imported.h"
 
 namespace fxagent {

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "agent/cli/setup/acl.h"
-#include "agent/config/config.h"
-#include "agent/config/read/pretty.h"
+#include "agent/config/loader.h"
+#include "agent/config/json/pretty.h"
 #include "agent/config/read/reader.h"
 #include "agent/import/imported.h"
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 
@@ -78,17 +78,5 @@ class ConfigRoom final {
   ConfigSize size_;
   bool is_full_ = false;
 };
-
-/// parse_config() of config.h within bounds.
-tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text,
-                                                            const Environment& environment,
-                                                            FilePrivacy privacy,
-                                                            const ReadBounds& bounds);
-/// config_of_file() of config.h within bounds. `privacy` is that of the file when the text was
-/// read. Does not access any file.
-tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string& path,
-                                                              std::string_view text,
-                                                              FilePrivacy privacy,
-                                                              const ReadBounds& bounds = {});
 
 }  // namespace fxagent

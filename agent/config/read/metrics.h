@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/read/reader.h"
 
 namespace fxagent {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "agent/config/read/reader.h"
+#include "agent/config/suggestions.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {

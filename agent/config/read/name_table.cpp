@@ -1,5 +1,7 @@
 #include "agent/config/read/name_table.h"
 
+#include "agent/config/suggestions.h"
+
 #include <algorithm>
 #include <vector>
 

@@ -8,25 +8,14 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/config.h"
-#include "agent/config/findings.h"
+#include "agent/config/model.h"
+#include "agent/config/source.h"
+#include "agent/config/read/findings.h"
 #include "agent/config/keys.h"
 #include "agent/config/read/config_limits.h"
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 
 namespace fxagent {
-
-/// Returns the words that `word` stands for ("rw": "read_write", "E": "even"). Otherwise returns
-/// the words that begin with it ("password": "password_file", "password_env"). Otherwise returns
-/// the nearest words by edit distance: at most 2, none if more than half of the letters differ.
-std::vector<std::string_view> nearest_words(std::string_view word,
-                                            std::span<const std::string_view> words);
-
-/// Returns "; did you mean a or b?" to append to an error text; empty if no word is near.
-std::string did_you_mean(std::string_view word, std::span<const std::string_view> words);
-
-/// Returns "a, b or c".
-std::string one_of(std::span<const std::string_view> words);
 
 /// True if `text` has the form that topics and commands use: [a-z0-9_-]{1,64}.
 bool is_name(std::string_view text);

@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "agent/config/suggestions.h"
 #include "agent/config/keys.h"
 #include "protocol/catalog.h"
 

@@ -2,7 +2,7 @@
 // the section `agent`.
 #pragma once
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/read/reader.h"
 
 namespace fxagent {

@@ -1,7 +1,7 @@
 // Reads the meaning of a tag's values: unit, description, labels of single values, limits.
 #pragma once
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/read/reader.h"
 
 namespace fxagent {

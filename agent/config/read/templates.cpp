@@ -8,6 +8,8 @@
 #include <utility>
 
 #include "agent/config/keys.h"
+#include "agent/config/suggestions.h"
+#include "protocol/catalog.h"
 #include "protocol/point.h"
 
 namespace fxagent {

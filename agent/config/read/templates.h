@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "agent/config/read/reader.h"
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 
 namespace fxagent {
 

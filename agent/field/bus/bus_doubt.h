@@ -6,7 +6,7 @@
 
 #include <cstdint>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

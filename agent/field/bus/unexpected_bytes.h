@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "protocol/bytes.h"
 #include "protocol/codec.h"
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/messages.h"
+#include "agent/command_message.h"
 #include "protocol/bytes.h"
 #include "protocol/codec.h"
 

@@ -6,7 +6,7 @@
 #include <chrono>
 #include <cstddef>
 
-#include "agent/messages.h"
+#include "agent/command_message.h"
 
 namespace fxagent {
 

@@ -10,10 +10,10 @@
 #include <string_view>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/command/bus_sharing.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/command/bus_sharing.h"
 #include "agent/field/command/command_exchanges.h"
-#include "agent/messages.h"
+#include "agent/command_message.h"
 #include "protocol/plc.h"
 
 namespace fxagent {

@@ -5,7 +5,7 @@
 #include <chrono>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

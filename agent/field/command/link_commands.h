@@ -11,13 +11,13 @@
 #include <string_view>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/link_device.h"
 #include "agent/field/link_state.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/poller.h"
-#include "agent/messages.h"
+#include "agent/command_message.h"
 #include "agent/outbox.h"
 
 namespace fxagent {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "protocol/plan/plan.h"
 
 namespace fxagent {

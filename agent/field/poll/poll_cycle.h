@@ -11,10 +11,11 @@
 #include <variant>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/field/bus/exchange.h"
 #include "agent/field/poll/report_by_exception.h"
-#include "agent/messages.h"
+#include "agent/steady_time.h"
+#include "agent/telemetry.h"
 #include "protocol/plan/plan.h"
 
 namespace fxagent {

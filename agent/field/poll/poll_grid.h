@@ -4,7 +4,7 @@
 
 #include <chrono>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

@@ -10,8 +10,9 @@
 #include <variant>
 #include <vector>
 
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
+#include "agent/telemetry.h"
 
 namespace fxagent {
 

@@ -5,7 +5,7 @@
 #include <asio/steady_timer.hpp>
 #include <limits>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "protocol/result.h"
 
 namespace fxagent {

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 struct serial_rs485;
 

@@ -5,7 +5,7 @@
 #include <asio/any_io_executor.hpp>
 #include <memory>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/field/transport/transport.h"
 
 namespace fxagent {

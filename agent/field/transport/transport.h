@@ -7,7 +7,7 @@
 #include <optional>
 #include <span>
 
-#include "agent/messages.h"
+#include "agent/steady_time.h"
 #include "protocol/bytes.h"
 #include "protocol/result.h"
 

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/store/disk/sqlite.h"
 #include "agent/store/disk/store_file.h"
 #include "agent/store/disk/store_part.h"

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <utility>
 
-#include "agent/messages.h"
 
 namespace fxagent {
 namespace {

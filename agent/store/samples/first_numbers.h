@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/store/guarded_store.h"
 #include "agent/store/store.h"
 

@@ -13,8 +13,8 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/telemetry.h"
 #include "protocol/point.h"
 
 namespace fxagent {

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {

@@ -9,7 +9,7 @@
 #include <memory>
 #include <system_error>
 
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 
 namespace fxagent {
 namespace {

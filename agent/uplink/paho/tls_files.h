@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 

@@ -11,8 +11,8 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/config.h"
-#include "agent/messages.h"
+#include "agent/config/model.h"
+#include "agent/telemetry.h"
 #include "agent/status.h"
 #include "agent/uplink/payload/payload.h"
 

@@ -18,7 +18,7 @@
 #include <optional>
 #include <string>
 
-#include "agent/messages.h"
+#include "agent/telemetry.h"
 #include "agent/store/samples/history.h"
 #include "agent/store/samples/sample_record.h"
 #include "agent/uplink/broker.h"

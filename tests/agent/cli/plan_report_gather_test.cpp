@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "agent/config/loader.h"
 #include "agent/cli/report/plan_report.h"
 #include "tests/protocol/gathering_codec.h"
 

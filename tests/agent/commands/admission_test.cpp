@@ -13,6 +13,7 @@
 #include "agent/commands/parse.h"
 #include "agent/commands/pending_budget.h"
 #include "agent/commands/result.h"
+#include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
 

@@ -1,4 +1,4 @@
-#include "agent/config/config.h"
+#include "agent/config/loader.h"
 
 #include <gtest/gtest.h>
 

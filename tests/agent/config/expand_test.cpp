@@ -1,4 +1,5 @@
 // A config with every device written out in full.
+#include "agent/config/source.h"
 #include "agent/config/expand.h"
 
 #include <gtest/gtest.h>

@@ -11,6 +11,8 @@
 #include <future>
 #include <string>
 
+#include "agent/config/loader.h"
+#include "agent/config/machine.h"
 #include "tests/agent/config/small_plant.h"
 #include "tests/support/scratch.h"
 

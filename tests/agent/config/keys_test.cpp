@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "protocol/catalog.h"
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {

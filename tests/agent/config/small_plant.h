@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/loader.h"
 
 namespace fxagent::test {
 

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <utility>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "protocol/fx/programming_port.h"
 
 namespace fxagent::test {

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"

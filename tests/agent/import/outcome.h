@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/config.h"
+#include "agent/config/loader.h"
 #include "agent/import/formats.h"
 
 namespace fxagent::test {

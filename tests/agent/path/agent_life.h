@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "agent/commands/commands.h"
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/field/link_worker.h"
 #include "agent/outbox.h"
 #include "tests/agent/path/fate.h"

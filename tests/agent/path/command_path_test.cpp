@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "agent/config/loader.h"
 #include "agent/log/log.h"
 #include "tests/agent/path/agent_life.h"
 #include "tests/agent/path/path_judge.h"

@@ -1,3 +1,4 @@
+#include "agent/config/loader.h"
 #include "agent/remote/desired_config.h"
 
 #include <gtest/gtest.h>

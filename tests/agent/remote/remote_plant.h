@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "agent/config/loader.h"
 #include "agent/remote/desired_config.h"
 #include "tests/agent/config/small_plant.h"
 

@@ -1,3 +1,4 @@
+#include "agent/config/config_error.h"
 #include "agent/remote/remote_report.h"
 
 #include <gtest/gtest.h>

@@ -3,6 +3,7 @@
 
 #include <atomic>
 
+#include "agent/config/loader.h"
 #include "agent/config/read/config_limits.h"
 #include "tests/agent/remote/remote_run.h"
 

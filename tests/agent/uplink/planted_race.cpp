@@ -7,7 +7,7 @@
 #include <string>
 #include <thread>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/uplink/paho/paho_broker.h"
 #include "tests/agent/uplink/mosquitto.h"
 

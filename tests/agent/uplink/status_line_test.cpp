@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 
 namespace fxagent {
 namespace {

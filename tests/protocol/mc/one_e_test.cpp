@@ -481,7 +481,7 @@ TEST(OneE, WhatARefusalMeans) {
   for (const Row& row :
        {Row{0x50, M::final, M::final}, Row{0x54, M::final, M::final}, Row{0x55, M::final, M::final},
         Row{0x56, M::hole, M::final}, Row{0x57, M::hole, M::final}, Row{0x58, M::hole, M::final},
-        Row{0x105B, M::unreachable, M::final}, Row{0x185B, M::unreachable, M::final},
+        Row{0x105B, M::unreachable, M::final}, Row{0x185B, M::final, M::final},
         Row{0x155B, M::unreachable, M::unclear}, Row{0x60, M::unreachable, M::unclear},
         Row{0x7F, M::final, M::unclear}}) {
     EXPECT_EQ(plc().meaning_of(read, row.code), row.of_read) << row.code;

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "protocol/catalog.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "tests/protocol/frame_file.h"

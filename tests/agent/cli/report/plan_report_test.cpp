@@ -1,3 +1,4 @@
+#include "agent/config/loader.h"
 #include "agent/cli/report/plan_report.h"
 
 #include <gtest/gtest.h>

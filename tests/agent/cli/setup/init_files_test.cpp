@@ -8,7 +8,7 @@
 #include <set>
 #include <string>
 
-#include "agent/config/config.h"
+#include "agent/config/loader.h"
 
 namespace fxagent {
 namespace {

@@ -1,3 +1,4 @@
+#include "agent/config/loader.h"
 #include "agent/config/read/config_limits.h"
 
 #include <gtest/gtest.h>
@@ -6,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/read/reader.h"
-#include "agent/config/read/tree.h"
+#include "agent/config/suggestions.h"
+#include "agent/config/json/tree.h"
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {

@@ -1,3 +1,4 @@
+#include "agent/config/config_error.h"
 #include "agent/config/read/device.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 #include "agent/config/read/reader.h"
+#include "agent/config/suggestions.h"
 
 #include <gtest/gtest.h>
 

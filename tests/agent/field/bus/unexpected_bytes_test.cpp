@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "protocol/bytes.h"
+#include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
 

@@ -1,4 +1,4 @@
-#include "agent/config/read/pretty.h"
+#include "agent/config/json/pretty.h"
 
 #include <gtest/gtest.h>
 

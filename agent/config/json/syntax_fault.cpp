@@ -1,4 +1,4 @@
-#include "agent/config/read/syntax_fault.h"
+#include "agent/config/json/syntax_fault.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 
 #include <gtest/gtest.h>
 

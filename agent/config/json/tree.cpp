@@ -1,11 +1,11 @@
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 
 #include <algorithm>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/config/read/syntax_fault.h"
+#include "agent/config/json/syntax_fault.h"
 #include "agent/text.h"
 
 namespace fxagent {

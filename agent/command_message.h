@@ -1,9 +1,10 @@
-// Values that pass between the field and the uplink. Plain data: no wires, no JSON, no MQTT. Fields
-// named `_ms` hold milliseconds UTC since 1970; durations are std::chrono.
+// Commands on their way to the field, and their results on the way back. Plain data: no wires, no JSON,
+// no MQTT.
 #pragma once
 
 #include <array>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -11,70 +12,11 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/duration_histogram.h"
+#include "agent/steady_time.h"
 #include "protocol/bytes.h"
 #include "protocol/point.h"
 
 namespace fxagent {
-
-class Codec;
-
-using SteadyTime = std::chrono::steady_clock::time_point;
-
-/// Converts a system clock reading to milliseconds UTC since 1970.
-inline std::int64_t utc_ms(std::chrono::system_clock::time_point t) {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(t.time_since_epoch()).count();
-}
-
-// ---- telemetry --------------------------------------------------------------------------------
-
-enum class BadReason : std::uint8_t { timeout, nak, bad_frame, link_down, unsupported, bad_value };
-/// Returns the payload's word: "timeout", "nak" …
-std::string_view to_string(BadReason reason);
-
-/// Reading of one tag within one message. `value` holds the value just read when the tag is good,
-/// or the last good value (if any) when it is bad.
-struct TagReading {
-  std::uint32_t tag = 0;          ///< index in DeviceConfig::tags
-  std::optional<BadReason> bad;   ///< nullopt: good
-  Value value;                    ///< empty if the tag was never read
-  std::int64_t bad_since_ms = 0;  ///< bad only: when the tag turned bad
-  std::int64_t last_ms = 0;       ///< bad only: when `value` was read; 0 if never
-};
-
-/// Sample of one group of one device, read in one cycle. A partial sample holds one tag after a
-/// write.
-struct Telemetry {
-  std::uint32_t device = 0;  ///< index in Config::devices
-  std::uint32_t group = 0;
-  std::uint64_t seq = 0;  ///< per device, assigned when the sample leaves the field
-  std::int64_t ts_ms = 0;
-  std::optional<double> span_ms;  ///< first to last reply; set if more than one exchange was needed
-  bool partial = false;           ///< holds only the tag that a command has just written
-  bool written = false;           ///< partial only: the value was written and not read back
-  std::vector<TagReading> readings;
-};
-
-// ---- device states ----------------------------------------------------------------------------
-
-struct DeviceStatus {
-  enum class State : std::uint8_t { offline, degraded, online };
-  std::uint32_t device = 0;
-  State state = State::offline;
-  std::int64_t since_ms = 0;
-  std::string reason;       ///< empty: none
-  std::string reason_text;  ///< human-readable `reason`: what to check; empty: no text
-  std::string model;        ///< empty: unknown
-  /// The model in the config if the PLC is a different one; else empty.
-  std::string model_configured{};
-  std::optional<bool> run;
-  /// Codec that interprets the device's addresses: the config's, or the one for the detected model.
-  /// Null: unchanged. Both threads read it; neither modifies it.
-  std::shared_ptr<const Codec> codec{};
-};
-std::string_view to_string(DeviceStatus::State state);
-
-// ---- commands ---------------------------------------------------------------------------------
 
 /// Bytes that crossed a wire together.
 struct WireFrame {
@@ -279,51 +221,5 @@ struct CommandResult {
 
 /// Returns the approximate memory of a result in bytes, without `first`.
 std::size_t memory_of(const CommandResult& result);
-
-// ---- counters -----------------------------------------------------------------------------------
-
-/// Percentiles p50 and p99 of a duration, in ms; 0 if nothing was measured.
-struct Percentiles {
-  double p50 = 0;
-  double p99 = 0;
-};
-
-struct LinkHealth {
-  bool open = false;  ///< at present
-  std::uint64_t exchanges = 0;
-  std::uint64_t timeouts = 0;
-  std::uint64_t naks = 0;
-  std::uint64_t bad_frames = 0;
-  std::uint64_t unexpected_bytes = 0;  ///< bytes received when no answer was due
-  std::uint64_t doubts = 0;            ///< number of times these bytes made the bus doubted
-  bool doubted = false;
-  double busy_percent = 0;
-  double load_percent = 0;  ///< load of the bus that the poll intervals ask for; may exceed 100
-  Percentiles turnaround_ms;
-};
-
-struct DeviceHealth {
-  std::uint64_t polls = 0;
-  std::uint64_t missed = 0;
-  Percentiles late_ms;
-  std::uint64_t collected = 0;   ///< samples taken, including suppressed ones
-  std::uint64_t suppressed = 0;  ///< samples not reported because on_change found no change
-};
-
-/// Duration histograms of one link since the start, for metrics.
-struct LinkDurations {
-  DurationHistogram turnaround;  ///< the devices' own time, for each answered exchange
-  DurationHistogram lateness;    ///< delay of the start of each poll cycle
-};
-
-/// Counters of the field, sent to the uplink at every health tick.
-struct FieldHealth {
-  std::vector<LinkHealth> links;         ///< by index in Config::links
-  std::vector<DeviceHealth> devices;     ///< by index in Config::devices
-  std::vector<LinkDurations> durations;  ///< parallel to `links`; empty: metrics are off
-  // Totals of devices that a reload removed; `devices` no longer includes their counts.
-  std::uint64_t ended_collected = 0;
-  std::uint64_t ended_suppressed = 0;
-};
 
 }  // namespace fxagent

@@ -1,4 +1,4 @@
-#include "agent/config/serial_ports.h"
+#include "agent/config/machine.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 
 namespace fxagent {
 

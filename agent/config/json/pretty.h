@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 
 namespace fxagent {
 

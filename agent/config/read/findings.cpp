@@ -1,4 +1,4 @@
-#include "agent/config/findings.h"
+#include "agent/config/read/findings.h"
 
 #include <algorithm>
 #include <utility>

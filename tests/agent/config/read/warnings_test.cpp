@@ -1,4 +1,4 @@
-#include "agent/config/warnings.h"
+#include "agent/config/read/warnings.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
-// Reads the text of a config file. If the path is a pipe without a writer, reading must end all the
-// same: it must not block the reload thread.
+#include "agent/config/source.h"
+
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/stat.h>
@@ -9,13 +9,12 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <string>
 #include <system_error>
 #include <utility>
-#include <vector>
 
-#include "agent/config/config.h"
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 
 namespace fxagent {
 namespace {
@@ -57,9 +56,24 @@ bool await_bytes(int file, Clock::time_point deadline) {
 
 }  // namespace
 
-tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::string& path) {
+std::optional<std::string> process_environment(std::string_view name) {
+  // No code changes the environment while the agent runs.
+  const char* value = std::getenv(std::string(name).c_str());  // NOLINT(concurrency-mt-unsafe)
+  return value == nullptr ? std::nullopt : std::optional<std::string>(value);
+}
+
+FilePrivacy privacy_of(const std::string& path) {
+  struct stat file {};
+  const bool is_own = ::stat(path.c_str(), &file) == 0 && S_ISREG(file.st_mode) &&
+                      (file.st_mode & (S_IRWXG | S_IRWXO)) == 0;
+  return is_own ? FilePrivacy::owner_only : FilePrivacy::shared;
+}
+
+// If the path is a pipe without a writer, reading must end all the same: it must not block the reload
+// thread.
+tl::expected<std::string, ConfigErrors> read_config_file(const std::string& path) {
   const auto unreadable = [](std::string why) {
-    return tl::unexpected(std::vector{ConfigError{"", 0, "cannot be read: " + std::move(why)}});
+    return tl::unexpected(ConfigErrors{ConfigError{"", 0, "cannot be read: " + std::move(why)}});
   };
   const auto system_fault = [] { return std::generic_category().message(errno); };
   const OpenFile file(path);

@@ -1,11 +1,11 @@
-#include "agent/config/read/syntax_fault.h"
+#include "agent/config/json/syntax_fault.h"
 
 #include <gtest/gtest.h>
 
 #include <initializer_list>
 #include <string_view>
 
-#include "agent/config/read/tree.h"
+#include "agent/config/json/tree.h"
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <compare>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -253,53 +252,5 @@ struct Config {
   /// Returns "{root}/{id}".
   std::string base_topic() const { return root + "/" + id; }
 };
-
-struct ConfigError {
-  std::string pointer;  ///< JSON pointer: "/devices/0/tags/3/address"
-  int line = 0;         ///< 1-based; 0 if the error belongs to no line
-  std::string text;     ///< the fault and its cure
-};
-
-/// Returns "agent.json:12: /devices/0/tags/3/address: X8 is not octal …".
-std::string to_string(const ConfigError& error, std::string_view file);
-
-/// Returns the value of a variable for `${NAME}`; nullopt if it is not set.
-using Environment = std::function<std::optional<std::string>(std::string_view name)>;
-
-/// Looks up a variable in the environment of the process.
-std::optional<std::string> process_environment(std::string_view name);
-
-/// Read permissions of the config file. A file that users other than its owner can read must not
-/// contain a password, unless `allow_plain_secret` is set.
-enum class FilePrivacy : std::uint8_t { shared, owner_only };
-
-/// Returns the text of the file, cut a little above the largest size of a config.
-tl::expected<std::string, std::vector<ConfigError>> read_config_file(const std::string& path);
-
-/// Reads and checks a config file. Returns all errors together, in the order of the file. Replaces
-/// `${NAME}` in strings with the environment variable; `$${NAME}` stands for a plain `${NAME}`.
-/// Relative paths of `mqtt` and `store` are relative to the directory of the file. Never throws.
-tl::expected<Config, std::vector<ConfigError>> load_config(const std::string& path);
-/// Same for `text` in place of the content of the file. The file's permissions and directory apply.
-tl::expected<Config, std::vector<ConfigError>> config_of_file(const std::string& path,
-                                                              std::string_view text);
-/// Same for a text in memory. Leaves relative paths unchanged. The result depends only on the
-/// arguments.
-tl::expected<Config, std::vector<ConfigError>> parse_config(
-    std::string_view text, const Environment& environment,
-    FilePrivacy privacy = FilePrivacy::shared);
-/// Same with the environment of the process.
-tl::expected<Config, std::vector<ConfigError>> parse_config(std::string_view text);
-
-/// Returns the resources of the config that this machine lacks: certificates and password files
-/// that cannot be read, a password variable that is not set, a store that cannot be written.
-/// Pointers are those of the file; lines are 0. Changes nothing on disk. For serial ports see
-/// unavailable_ports() in serial_ports.h.
-std::vector<ConfigError> check_files(const Config& config);
-
-/// Returns the password and key files that too many users can read: all users, or the group of a
-/// file that this user owns. Skips credentials that systemd passes on, since their access lists
-/// show as group permissions, and files in /run/secrets. Pointers and lines as above.
-std::vector<ConfigError> exposed_secrets(const Config& config);
 
 }  // namespace fxagent

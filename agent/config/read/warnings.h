@@ -7,7 +7,7 @@
 #include <span>
 #include <utility>
 
-#include "agent/config/config.h"
+#include "agent/config/model.h"
 #include "agent/config/read/reader.h"
 #include "agent/config/read/templates.h"
 

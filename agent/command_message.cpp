@@ -1,4 +1,4 @@
-#include "agent/messages.h"
+#include "agent/command_message.h"
 
 #include <algorithm>
 #include <array>
@@ -25,36 +25,6 @@ void FrameTrace::add(WireFrame::Way way, ByteView bytes) {
   }
   bytes_ += bytes.size();
   frames_.push_back({way, Bytes(bytes.begin(), bytes.end())});
-}
-
-std::string_view to_string(BadReason reason) {
-  switch (reason) {
-    case BadReason::timeout:
-      return "timeout";
-    case BadReason::nak:
-      return "nak";
-    case BadReason::bad_frame:
-      return "bad_frame";
-    case BadReason::link_down:
-      return "link_down";
-    case BadReason::unsupported:
-      return "unsupported";
-    case BadReason::bad_value:
-      return "bad_value";
-  }
-  return "bad_value";
-}
-
-std::string_view to_string(DeviceStatus::State state) {
-  switch (state) {
-    case DeviceStatus::State::offline:
-      return "offline";
-    case DeviceStatus::State::degraded:
-      return "degraded";
-    case DeviceStatus::State::online:
-      return "online";
-  }
-  return "offline";
 }
 
 std::string_view to_string(Op op) {

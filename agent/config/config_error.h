@@ -1,0 +1,21 @@
+// A fault of a config, with its place in the file.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace fxagent {
+
+struct ConfigError {
+  std::string pointer;  ///< JSON pointer: "/devices/0/tags/3/address"
+  int line = 0;         ///< 1-based; 0 if the error belongs to no line
+  std::string text;     ///< the fault and its cure
+};
+
+using ConfigErrors = std::vector<ConfigError>;
+
+/// Returns "agent.json:12: /devices/0/tags/3/address: X8 is not octal …".
+std::string to_string(const ConfigError& error, std::string_view file);
+
+}  // namespace fxagent

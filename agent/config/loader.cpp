@@ -1,0 +1,146 @@
+#include "agent/config/loader.h"
+
+#include <filesystem>
+
+#include "agent/config/config_error.h"
+#include "agent/config/json/tree.h"
+#include "agent/config/keys.h"
+#include "agent/config/read/device.h"
+#include "agent/config/read/links.h"
+#include "agent/config/read/metrics.h"
+#include "agent/config/read/mqtt.h"
+#include "agent/config/read/reader.h"
+#include "agent/config/read/remote_limits.h"
+#include "agent/sha256.h"
+
+namespace fxagent {
+namespace {
+
+constexpr std::size_t kHashBytes = 8;
+
+/// Returns why `root` cannot be a topic prefix; empty if it can.
+std::string_view root_fault(std::string_view root) {
+  if (root.find_first_of("+#") != root.npos) return "must not have the wildcards + and #";
+  if (root.starts_with('/') || root.ends_with('/')) return "must not begin or end with /";
+  if (root.find("//") != root.npos) return "must not have an empty level (//)";
+  if (root.starts_with('$')) return "must not begin with $, which belongs to the broker";
+  if (root.size() > 256) return "must not be longer than 256 bytes";
+  return {};
+}
+
+void read_agent(ConfigReader& reader, const ConfigNode& agent, Config& config) {
+  reader.check_object(agent, config_section("agent"));
+  config.id = reader.name(agent, config_key("agent.id")).value_or("");
+  config.root = reader.text(agent, config_key("agent.root"))
+                    .value_or(std::string(config_key("agent.root").word()));
+  if (const auto fault = root_fault(config.root); !fault.empty())
+    reader.error(*agent.find("root"), std::string(fault));
+  config.remote = read_remote_limits(reader, agent);
+}
+
+void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store) {
+  reader.check_object(node, config_section("store"));
+  store.path = reader.text(node, config_key("store.path")).value_or("");
+  store.max_bytes = reader.integer_as<std::uint64_t>(node, config_key("store.max_bytes"));
+  store.max_age = reader.integer_as<std::chrono::hours>(node, config_key("store.max_age_h"));
+  store.sync_always = reader.choice_or_default(node, config_key("store.sync")) == 1;
+  store.audit_max_bytes =
+      reader.integer_as<std::uint64_t>(node, config_key("store.audit_max_bytes"));
+  store.audit_max_age =
+      reader.integer_as<std::chrono::hours>(node, config_key("store.audit_max_age_h"));
+}
+
+Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
+  Config config;
+  if (!reader.check_object(top, config_section(""))) return config;
+  reader.text(top, config_key("$schema"));
+  if (const ConfigNode* agent = reader.object(top, config_key("agent")))
+    read_agent(reader, *agent, config);
+  if (const ConfigNode* mqtt = reader.object(top, config_key("mqtt")))
+    read_mqtt(reader, *mqtt, config, privacy);
+  if (const ConfigNode* store = reader.object(top, config_key("store")))
+    read_store(reader, *store, config.store);
+  else if (top.find("store") == nullptr)
+    reader.warn(top,
+                "no store: samples are lost while the broker is away, and the ids of commands are "
+                "forgotten at a restart");
+  if (const ConfigNode* metrics = reader.object(top, config_key("metrics")))
+    config.metrics = read_metrics(reader, *metrics);
+  Links links;
+  const ConfigNode* link_array = reader.array(top, config_key("links"));
+  if (link_array != nullptr) links = read_links(reader, *link_array, config);
+  if (const ConfigNode* devices = reader.array(top, config_key("devices"))) {
+    if (devices->children.empty()) reader.warn(*devices, "no devices: nothing will be read");
+    read_devices(reader, top, *devices, links.names, links.facts, config);
+  }
+  if (link_array != nullptr) finish_links(reader, *link_array, links, config);
+  set_silences(config);
+  if (const auto memory = reader.room().size().memory(); memory > kMuchMemory)
+    reader.warn(top, "the agent needs about " + std::to_string(memory >> 20) +
+                         " MiB of memory for this, and its service has 256: give it more "
+                         "(systemctl edit fxagent: MemoryMax), or spread the devices over agents");
+  return config;
+}
+
+}  // namespace
+
+tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
+                                                            const Environment& environment,
+                                                            FilePrivacy privacy,
+                                                            const ReadBounds& bounds) {
+  const auto tree = ConfigTree::parse(text, ConfigTree::Folding::tags, {.stop = bounds.stop});
+  if (!tree)
+    return tl::unexpected(ConfigErrors{ConfigError{"", tree.error().line, tree.error().text}});
+  ConfigReader reader(*tree, environment, bounds);
+  Config config = read_top(reader, tree->root(), privacy);
+  if (bounds.is_stopped())
+    return tl::unexpected(ConfigErrors{ConfigError{"", 0, "was not read to its end"}});
+  if (reader.failed()) return tl::unexpected(reader.errors());
+  config.warnings = reader.warnings();
+  config.hash = to_text(ByteView(sha256(text)).first(kHashBytes));
+  return config;
+}
+
+tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
+                                                            const Environment& environment,
+                                                            FilePrivacy privacy) {
+  return parse_config(text, environment, privacy, {});
+}
+
+tl::expected<Config, ConfigErrors> parse_config(std::string_view text) {
+  return parse_config(text, process_environment);
+}
+
+tl::expected<Config, ConfigErrors> load_config(const std::string& path) {
+  auto text = read_config_file(path);
+  if (!text) return tl::unexpected(std::move(text.error()));
+  return config_of_file(path, *text);
+}
+
+tl::expected<Config, ConfigErrors> config_of_file(const std::string& path,
+                                                              std::string_view text) {
+  return config_of_file(path, text, privacy_of(path));
+}
+
+tl::expected<Config, ConfigErrors> config_of_file(const std::string& path,
+                                                              std::string_view text,
+                                                              FilePrivacy privacy,
+                                                              const ReadBounds& bounds) {
+  auto config = parse_config(text, process_environment, privacy, bounds);
+  if (!config) return config;
+
+  const std::filesystem::path directory = std::filesystem::path(path).parent_path();
+  const auto resolve = [&](std::string& name) {
+    if (!name.empty()) name = (directory / name).string();
+  };
+  resolve(config->store.path);
+  resolve(config->mqtt.password_file);
+  if (config->mqtt.tls) {
+    resolve(config->mqtt.tls->ca_file);
+    resolve(config->mqtt.tls->cert_file);
+    resolve(config->mqtt.tls->key_file);
+  }
+  return config;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,126 @@
+#include "agent/config/machine.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include "agent/config/json/tree.h"
+#include "agent/config/source.h"
+#include "agent/process/port_access.h"
+
+namespace fxagent {
+namespace {
+
+/// True if the nearest existing directory on `path` is writable.
+bool can_be_made(std::filesystem::path path) {
+  std::error_code ignored;
+  while (!std::filesystem::exists(path, ignored)) {
+    const auto above = path.parent_path();
+    if (above == path || above.empty()) return above.empty() && ::access(".", W_OK) == 0;
+    path = above;
+  }
+  return std::filesystem::is_directory(path, ignored) && ::access(path.c_str(), W_OK | X_OK) == 0;
+}
+
+/// True if a directory above `path` lacks this permission (S_IXGRP or S_IXOTH), so that it keeps
+/// users with only that permission away from the file.
+bool lies_behind_closed_doors(const std::filesystem::path& path, mode_t right) {
+  std::error_code fault;
+  auto above = std::filesystem::canonical(path, fault).parent_path();
+  struct stat directory {};
+  for (; above.has_relative_path(); above = above.parent_path())
+    if (::stat(above.c_str(), &directory) == 0 && (directory.st_mode & right) == 0) return true;
+  return false;
+}
+
+/// Secrets of containers. They are readable by all, but the container has no other users.
+constexpr std::string_view kContainerSecrets = "/run/secrets/";
+
+/// Returns the users who can read the file without need: "everybody" or "its group"; empty if none.
+std::string_view readers_beside_owner(const std::string& path) {
+  const auto credentials = process_environment("CREDENTIALS_DIRECTORY");
+  struct stat file {};
+  if ((credentials && path.starts_with(*credentials + "/")) ||
+      path.starts_with(kContainerSecrets) || ::stat(path.c_str(), &file) != 0)
+    return {};
+  if ((file.st_mode & S_IROTH) != 0 && !lies_behind_closed_doors(path, S_IXOTH)) return "everybody";
+  // A process that does not own the file may need the group's permission.
+  const bool by_group = (file.st_mode & S_IRGRP) != 0 && file.st_uid == ::geteuid();
+  return by_group && !lies_behind_closed_doors(path, S_IXGRP) ? "its group" : "";
+}
+
+constexpr std::string_view kOurName = "fxagent";
+
+/// Returns why the agent that runs `file` cannot use this port; empty if it can.
+std::string why_no_port(const std::string& path, const std::string& file) {
+  if (::access(path.c_str(), R_OK | W_OK) != 0) {
+    const int error = errno;
+    return shown(path) + " cannot be opened: " + std::generic_category().message(error) +
+           port_cure(path, error);
+  }
+  const auto holder = port_holder(path);
+  if (!holder) return {};
+  const bool is_agent = holder->program == kOurName;
+  if (is_agent && is_called_with(holder->pid, file)) return {};
+  return shown(path) + " is in use by another program: " + holder->program + ", pid " +
+         std::to_string(holder->pid) + (is_agent ? ", which runs another config" : "");
+}
+
+}  // namespace
+
+ConfigErrors check_files(const Config& config) {
+  ConfigErrors missing;
+  const auto must_be_readable = [&](std::string pointer, const std::string& path) {
+    if (!path.empty() && ::access(path.c_str(), R_OK) != 0)
+      missing.push_back(
+          {std::move(pointer), 0,
+           shown(path) + " cannot be read: " + std::generic_category().message(errno)});
+  };
+  if (config.mqtt.tls) {
+    must_be_readable("/mqtt/tls/ca_file", config.mqtt.tls->ca_file);
+    must_be_readable("/mqtt/tls/cert_file", config.mqtt.tls->cert_file);
+    must_be_readable("/mqtt/tls/key_file", config.mqtt.tls->key_file);
+  }
+  const auto& mqtt = config.mqtt;
+  if (!mqtt.password_file.empty())  // goes before password_env
+    must_be_readable("/mqtt/password_file", mqtt.password_file);
+  else if (!mqtt.password_env.empty() && !process_environment(mqtt.password_env))
+    missing.push_back({"/mqtt/password_env", 0,
+                       "the environment variable " + shown(mqtt.password_env) + " is not set"});
+  if (!config.store.path.empty() && !can_be_made(config.store.path))
+    missing.push_back({"/store/path", 0, shown(config.store.path) + " cannot be written"});
+  return missing;
+}
+
+ConfigErrors exposed_secrets(const Config& config) {
+  ConfigErrors exposed;
+  const auto look = [&](std::string pointer, const std::string& path) {
+    const std::string_view who = path.empty() ? std::string_view() : readers_beside_owner(path);
+    if (!who.empty())
+      exposed.push_back({std::move(pointer), 0,
+                         shown(path) + " can be read by " + std::string(who) + "; chmod 600 it"});
+  };
+  if (config.mqtt.tls) look("/mqtt/tls/key_file", config.mqtt.tls->key_file);
+  look("/mqtt/password_file", config.mqtt.password_file);
+  return exposed;
+}
+
+
+ConfigErrors unavailable_ports(const Config& config, const std::string& file) {
+  ConfigErrors list;
+  for (std::size_t i = 0; i < config.links.size(); ++i) {
+    const auto* serial = std::get_if<SerialSettings>(&config.links[i].channel);
+    if (serial == nullptr) continue;
+    if (auto why = why_no_port(serial->path, file); !why.empty())
+      list.push_back({"/links/" + std::to_string(i) + "/serial/path", 0, std::move(why)});
+  }
+  return list;
+}
+
+
+}  // namespace fxagent

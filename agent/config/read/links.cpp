@@ -1,0 +1,266 @@
+#include "agent/config/read/links.h"
+
+#include <chrono>
+#include <cstdint>
+
+#include "agent/config/keys.h"
+
+namespace fxagent {
+namespace {
+
+using std::string_view_literals::operator""sv;
+
+constexpr int kEightBits = 8;
+
+/// Channels in use, with the node of their first use: two links cannot share a channel.
+using Channels = std::map<std::string, const ConfigNode*, std::less<>>;
+
+LineKeys read_line(ConfigReader& reader, const ConfigNode& node, const ConfigKey& baud) {
+  LineKeys line;
+  line.baud = reader.integer(node, baud);
+  line.data_bits = reader.integer(node, config_key("links[].serial.data_bits"));
+  if (const auto index = reader.choice(node, config_key("links[].serial.parity")))
+    line.parity = static_cast<Parity>(*index);
+  line.stop_bits = reader.integer(node, config_key("links[].serial.stop_bits"));
+  return line;
+}
+
+Rs485 read_rs485(ConfigReader& reader, const ConfigNode& node) {
+  Rs485 direction;
+  reader.check_object(node, config_section("links[].serial.rs485"));
+  direction.rts_on_send = reader.boolean(node, config_key("links[].serial.rs485.rts_on_send"));
+  direction.delay_before = std::chrono::milliseconds(
+      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_before_ms")));
+  direction.delay_after = std::chrono::milliseconds(
+      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_after_ms")));
+  return direction;
+}
+
+/// Warns if another link goes to the same host and port.
+void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+                    const std::string& place, Channels& channels) {
+  const auto [first, fresh] = channels.emplace(place, &link);
+  if (fresh) return;
+  const auto called = [](const ConfigNode& each) {
+    const ConfigNode* name = each.find("name");
+    return name != nullptr ? "\"" + std::string(name->text) + "\"" : std::string("a link");
+  };
+  reader.warn(node, called(link) + " goes to the same host and port as " + called(*first->second) +
+                        " at " + reader.place_of(*first->second) +
+                        "; many devices and serial servers serve one connection only: put the "
+                        "devices of both on one link");
+}
+
+/// Reads `host` and `port` of the `tcp` or `udp` at `node`.
+template <class Settings>
+void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+                const ConfigKey& host, const ConfigKey& port, std::string_view kind,
+                Channels& channels, Settings& settings) {
+  settings.host = reader.text(node, host).value_or("");
+  if (!settings.host.empty()) {
+    // "meter.local:502" has a port; an IPv6 address has more than one colon.
+    const std::size_t colon = settings.host.find(':');
+    const bool has_port = colon != std::string::npos && colon == settings.host.rfind(':');
+    if (has_port || settings.host.find_first_of(" /@") != std::string::npos)
+      reader.error(*node.find("host"),
+                   "must be a host name or an address alone, found \"" + shown(settings.host) +
+                       "\"" +
+                       (has_port ? "; the number behind the colon belongs in \"port\"" : ""));
+  }
+  const auto number = reader.integer(node, port);
+  settings.port = static_cast<std::uint16_t>(number.value_or(0));
+  if (!settings.host.empty() && number)
+    warn_of_second(reader, link, node,
+                   std::string(kind) + " " + settings.host + ":" + std::to_string(settings.port),
+                   channels);
+}
+
+void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+                 Channels& channels, LinkConfig& config, LineKeys& line) {
+  SerialSettings settings;
+  reader.check_object(node, config_section("links[].serial"));
+  settings.path = reader.text(node, config_key("links[].serial.path")).value_or("");
+  line = read_line(reader, node, config_key("links[].serial.baud"));
+  if (const ConfigNode* rs485 = reader.object(node, config_key("links[].serial.rs485")))
+    settings.rs485 = read_rs485(reader, *rs485);
+  if (!settings.path.empty()) {
+    const ConfigNode& path = *node.find("path");
+    const auto [first, fresh] = channels.emplace(settings.path, &path);
+    if (!fresh)
+      reader.error(path, "this port is already used at " + reader.place_of(*first->second));
+  }
+  for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv, "line_baud"sv})
+    if (const ConfigNode* stray = link.find(key))
+      reader.error_at_key(*stray, key == "line_baud" ? "is for tcp links; here it is serial/baud"
+                                                     : "belongs inside \"serial\" here");
+  config.channel = settings;
+}
+
+void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+              Channels& channels, LinkConfig& config, LineKeys& line) {
+  TcpSettings settings;
+  reader.check_object(node, config_section("links[].tcp"));
+  read_place(reader, link, node, config_key("links[].tcp.host"), config_key("links[].tcp.port"),
+             "tcp", channels, settings);
+  line = read_line(reader, link, config_key("links[].line_baud"));
+  settings.line_baud = static_cast<int>(line.baud.value_or(0));
+  if (link.find("line_baud") == nullptr)
+    for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
+      if (const ConfigNode* stray = link.find(key))
+        reader.error_at_key(*stray, "means something beside line_baud only");
+  config.channel = settings;
+}
+
+void read_udp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
+              Channels& channels, LinkConfig& config) {
+  UdpSettings settings;
+  reader.check_object(node, config_section("links[].udp"));
+  read_place(reader, link, node, config_key("links[].udp.host"), config_key("links[].udp.port"),
+             "udp", channels, settings);
+  if (const auto own = reader.integer(node, config_key("links[].udp.local_port"))) {
+    settings.local_port = static_cast<std::uint16_t>(*own);
+    const ConfigNode& at = *node.find("local_port");
+    const auto [first, fresh] = channels.emplace("own " + std::to_string(*own), &at);
+    if (!fresh) reader.error(at, "this port is already used at " + reader.place_of(*first->second));
+  }
+  for (const auto key : {"line_baud"sv, "data_bits"sv, "parity"sv, "stop_bits"sv})
+    if (const ConfigNode* stray = link.find(key))
+      reader.error_at_key(*stray, "is for serial and tcp links; UDP has no line behind it");
+  config.channel = settings;
+}
+
+/// Returns the line's settings: those of the file, or else the protocol's defaults.
+SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults) {
+  SerialSettings line;
+  line.baud = static_cast<int>(keys.baud.value_or(defaults.baud));
+  line.data_bits = static_cast<int>(keys.data_bits.value_or(defaults.data_bits));
+  line.parity = keys.parity.value_or(defaults.parity);
+  line.stop_bits = static_cast<int>(keys.stop_bits.value_or(defaults.stop_bits));
+  return line;
+}
+
+/// Returns the time of one character: start bit, data bits, parity bit, stop bits.
+std::chrono::nanoseconds character_time(const SerialSettings& line) {
+  const int bits = 1 + line.data_bits + (line.parity == Parity::none ? 0 : 1) + line.stop_bits;
+  return std::chrono::nanoseconds((bits * std::int64_t{1'000'000'000} + line.baud / 2) / line.baud);
+}
+
+/// Returns the node of the link's `data_bits`; nullptr if the file does not set it.
+const ConfigNode* data_bits_of(const ConfigNode& link) {
+  const ConfigNode* serial = link.find("serial");
+  return (serial != nullptr ? *serial : link).find("data_bits");
+}
+
+/// Reports an error if the file sets fewer data bits than the protocol or an option of one of the
+/// devices needs. A protocol needs its default unless the catalogue has least_data_bits. More bits
+/// than needed are allowed.
+void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t index, int given,
+                     const ProtocolInfo& protocol, const SharedList<DeviceConfig>& devices) {
+  const ConfigNode* at = data_bits_of(link);
+  if (at == nullptr) return;
+  const int least =
+      protocol.least_data_bits != 0 ? protocol.least_data_bits : protocol.line.data_bits;
+  if (given < least)
+    return reader.error(
+        *at, std::string(protocol.name) + " needs " + std::to_string(least) + " data bits");
+  const bool may_be_binary = std::ranges::any_of(
+      protocol.options, [](const OptionSpec& spec) { return spec.binary_from.has_value(); });
+  if (given >= kEightBits || !may_be_binary) return;
+  for (const DeviceConfig& device : devices) {
+    if (device.link != index || device.options == nullptr) continue;
+    const OptionSpec* binary = binary_option(protocol, *device.options);
+    if (binary == nullptr) continue;
+    const auto value = std::get<std::int64_t>(device.options->find(binary->key)->second);
+    const std::string option = "\"" + std::string(binary->key) + "\" ";
+    std::string text = option + std::to_string(value);
+    text.append(" of ").append(device.name);
+    text.append(" is binary and needs 8 data bits: set 8 here and in the PLC, or ").append(option);
+    return reader.error(*at, text.append("below ").append(std::to_string(*binary->binary_from)));
+  }
+}
+
+}  // namespace
+
+Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) {
+  Links links;
+  Channels ports;
+  Channels hosts;
+  config.links.reserve(array.children.size());
+  for (const ConfigNode& node : array.children) {
+    if (!reader.has_room(node, {.links = 1})) break;
+    LinkConfig& link = config.links.emplace_back();
+    LineKeys& line = links.lines.emplace_back();
+    LinkFacts& facts = links.facts.emplace_back();
+    if (!reader.check_object(node, config_section("links[]"))) continue;
+    if (const auto name = reader.name(node, config_key("links[].name"))) {
+      link.name = *name;
+      links.names.add(reader, *name, *node.find("name"),
+                      static_cast<std::uint32_t>(config.links.size() - 1));
+    }
+    const ConfigNode* serial = reader.object(node, config_key("links[].serial"));
+    const ConfigNode* tcp = reader.object(node, config_key("links[].tcp"));
+    const ConfigNode* udp = reader.object(node, config_key("links[].udp"));
+    const bool has_serial = node.find("serial") != nullptr;
+    const bool has_tcp = node.find("tcp") != nullptr;
+    if (has_serial + has_tcp + (node.find("udp") != nullptr) != 1) {
+      reader.error(node, "needs either \"serial\", \"tcp\" or \"udp\"");
+      continue;
+    }
+    facts.channel = has_serial ? LinkFacts::Channel::serial
+                    : has_tcp  ? LinkFacts::Channel::tcp
+                               : LinkFacts::Channel::udp;
+    if (serial != nullptr) read_serial(reader, node, *serial, ports, link, line);
+    if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, line);
+    if (udp != nullptr) read_udp(reader, node, *udp, hosts, link);
+    link.poll_share =
+        reader.integer_as<double>(node, config_key("links[].poll_share_percent")) / 100.0;
+  }
+  return links;
+}
+
+void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
+                  Config& config) {
+  SerialSettings unknown;
+  unknown.baud = 0;
+  std::vector<SerialSettings> lines(config.links.size(), unknown);
+  for (std::size_t i = 0; i < config.links.size(); ++i) {
+    LinkConfig& link = config.links[i];
+    const LinkFacts& facts = links.facts[i];
+    if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
+    const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
+    const SerialSettings line = line_settings(links.lines[i], defaults);
+    if (facts.protocol != nullptr)
+      check_data_bits(reader, array.children[i], i, line.data_bits, *facts.protocol,
+                      config.devices);
+    if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
+      SerialSettings whole = line;
+      whole.path = serial->path;
+      whole.rs485 = serial->rs485;
+      *serial = std::move(whole);
+    }
+    if (facts.channel != LinkFacts::Channel::serial && !links.lines[i].baud) continue;
+    link.char_time = character_time(line);
+    lines[i] = line;
+  }
+  warn_of_lines(reader, array, lines, config);
+}
+
+void set_silences(Config& config) {
+  for (DeviceConfig& device : config.devices) {
+    if (device.codec == nullptr || device.link >= config.links.size()) continue;
+    LinkConfig& link = config.links[device.link];
+    const Recovery recovery = device.codec->after_silence();
+    // A late reply does no harm if it carries a number, or if it goes to an earlier connection or
+    // port.
+    const auto* udp = std::get_if<UdpSettings>(&link.channel);
+    if (udp != nullptr && recovery != Recovery::none)
+      device.gap = std::max(device.gap, kQuietBetweenDatagrams);
+    const bool is_another_port = udp != nullptr && udp->local_port == 0;
+    if (recovery == Recovery::none || is_another_port) continue;
+    if (udp == nullptr && recovery == Recovery::reconnect) continue;
+    auto& listening = link.listening;
+    listening = std::max(listening, std::min(2 * device.timeout, kLongestListening));
+  }
+}
+
+}  // namespace fxagent

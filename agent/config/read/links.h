@@ -1,0 +1,50 @@
+// Reads `links` of the config file: serial ports, TCP and UDP hosts, and the settings of their lines.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "agent/config/model.h"
+#include "agent/config/read/name_table.h"
+#include "agent/config/read/reader.h"
+
+namespace fxagent {
+
+/// Speed and character format of a line. The protocol on the link supplies missing values.
+struct LineKeys {
+  std::optional<std::int64_t> baud;
+  std::optional<std::int64_t> data_bits;
+  std::optional<Parity> parity;
+  std::optional<std::int64_t> stop_bits;
+};
+
+/// State of one link while the devices are read. There is one for each link of the config.
+struct LinkFacts {
+  /// Kind of the link's channel; none if the link has an error.
+  enum class Channel : std::uint8_t { none, serial, tcp, udp } channel = Channel::none;
+  /// Protocol of the first device on the link, which all others must have too; nullptr until then.
+  const ProtocolInfo* protocol = nullptr;
+  const ConfigNode* first_device = nullptr;
+};
+
+/// The links while the file is read, in its order.
+struct Links {
+  NameTable names;
+  std::vector<LineKeys> lines;
+  std::vector<LinkFacts> facts;
+};
+
+/// Reads the links at `array` into `config.links`. Reports faults to `reader`.
+Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config);
+
+/// Fills in the line settings that the file leaves to the protocol of the link. Call it when the
+/// devices are known. Warns of links without devices and of unusual line settings.
+void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
+                  Config& config);
+
+/// Sets the silences that guard against late replies: the time that each link listens before its
+/// first request, and the gap before requests on UDP.
+void set_silences(Config& config);
+
+}  // namespace fxagent

@@ -1,0 +1,153 @@
+#include "agent/config/read/mqtt.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+
+#include "agent/config/keys.h"
+
+namespace fxagent {
+namespace {
+
+using std::string_view_literals::operator""sv;
+
+/// Returns "mqtt://host:port" with the port filled in, or the fault of the address.
+tl::expected<std::string, std::string_view> normal_server(std::string_view server) {
+  std::string out;
+  std::string_view port;
+  if (server.starts_with("mqtt://")) {
+    out = "mqtt://";
+    port = "1883";
+  } else if (server.starts_with("mqtts://")) {
+    out = "mqtts://";
+    port = "8883";
+  } else {
+    return tl::unexpected("must begin with mqtt:// or mqtts://"sv);
+  }
+  server.remove_prefix(out.size());
+  if (server.find('@') != server.npos)
+    return tl::unexpected(
+        "must not carry a user or a password; they go into username and password_file"sv);
+  std::size_t host_end = 0;
+  if (server.starts_with('[')) {
+    host_end = server.find(']');
+    if (host_end == server.npos || host_end == 1 ||
+        server.substr(1, host_end - 1).find_first_not_of("0123456789abcdefABCDEF:.") != server.npos)
+      return tl::unexpected("needs an IPv6 address in brackets, as in mqtt://[::1]:1883"sv);
+    ++host_end;
+  } else {
+    host_end = std::min(server.find(':'), server.size());
+    const std::string_view host = server.substr(0, host_end);
+    if (host.empty()) return tl::unexpected("has no host"sv);
+    const bool good = std::ranges::all_of(host, [](char c) {
+      return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+             c == '.' || c == '-' || c == '_';
+    });
+    if (!good)
+      return tl::unexpected("must be scheme, host and port alone, as in mqtt://broker:1883"sv);
+  }
+  out += server.substr(0, host_end);
+  server.remove_prefix(host_end);
+  if (!server.empty()) {
+    port = server.substr(1);
+    const bool digits =
+        !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == port.npos;
+    const int value = digits ? std::atoi(std::string(port).c_str()) : 0;
+    if (server[0] != ':' || value < 1 || value > 65535)
+      return tl::unexpected("needs a port from 1 to 65535 after the host, or none"sv);
+  }
+  return out + ":" + std::string(port);
+}
+
+void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
+  reader.check_object(node, config_section("mqtt.tls"));
+  TlsSettings tls;
+  tls.ca_file = reader.text(node, config_key("mqtt.tls.ca_file")).value_or("");
+  tls.cert_file = reader.text(node, config_key("mqtt.tls.cert_file")).value_or("");
+  tls.key_file = reader.text(node, config_key("mqtt.tls.key_file")).value_or("");
+  if ((node.find("cert_file") == nullptr) != (node.find("key_file") == nullptr))
+    reader.error(node, "cert_file and key_file belong together");
+  const bool encrypted = std::ranges::any_of(
+      mqtt.servers, [](const std::string& server) { return server.starts_with("mqtts://"); });
+  if (!encrypted) reader.warn(node, "has no effect, since no server is mqtts://");
+  mqtt.tls = tls;
+}
+
+/// True if the server is on this machine.
+bool is_loopback(std::string_view server) {
+  server.remove_prefix(server.find("://") + 3);
+  return server.starts_with("127.") || server.starts_with("localhost:") ||
+         server.starts_with("[::1]:");
+}
+
+void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt,
+                   FilePrivacy privacy) {
+  mqtt.password_file = reader.text(node, config_key("mqtt.password_file")).value_or("");
+  mqtt.password_env = reader.text(node, config_key("mqtt.password_env")).value_or("");
+  const bool is_allowed = reader.boolean(node, config_key("mqtt.allow_plain_secret"));
+  if (const auto secret = reader.secret(node, config_key("mqtt.password"))) {
+    const ConfigNode& at = *node.find("password");
+    mqtt.password = secret->value;
+    if (node.find("password_file") != nullptr || node.find("password_env") != nullptr)
+      reader.error(at, "password_file or password_env already says where the password is");
+    else if (secret->in_clear && privacy == FilePrivacy::shared && !is_allowed)
+      reader.error(at,
+                   "a password in clear in a file that others can read: put it into password_file "
+                   "or password_env, or make this file private (chmod 600), or set "
+                   "allow_plain_secret");
+    else if (secret->in_clear && privacy == FilePrivacy::shared)
+      reader.warn(at, "others can read this file, and with it the password");
+  }
+  constexpr std::array sources{"password_file"sv, "password_env"sv, "password"sv};
+  for (const auto key : sources) {
+    const ConfigNode* password = node.find(key);
+    if (password == nullptr) continue;
+    if (mqtt.version == 4 && node.find("username") == nullptr)
+      reader.error(*password, "MQTT 3.1.1 knows no password without a username");
+    for (const std::string& server : mqtt.servers)
+      if (server.starts_with("mqtt://") && !is_loopback(server))
+        reader.warn(*password, "it goes to " + server + " in clear; mqtts:// encrypts it");
+  }
+}
+
+/// Returns the rule of the key table, "fx-{id}", with the id filled in.
+std::string default_client_id(const std::string& id) {
+  std::string text(std::get<ConfigKey::Rule>(config_key("mqtt.client_id").fallback).text);
+  constexpr std::string_view place = "{id}";
+  return text.replace(text.find(place), place.size(), id);
+}
+
+}  // namespace
+
+void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, FilePrivacy privacy) {
+  reader.check_object(node, config_section("mqtt"));
+  MqttConfig& mqtt = config.mqtt;
+  if (const ConfigNode* servers = reader.array(node, config_key("mqtt.servers"))) {
+    if (servers->children.empty()) reader.error(*servers, "needs at least one server");
+    for (const ConfigNode& item : servers->children) {
+      const auto text = reader.text(item);
+      if (!text) continue;
+      if (const auto server = normal_server(*text))
+        mqtt.servers.push_back(*server);
+      else
+        reader.error(item, std::string(server.error()));
+    }
+  }
+  mqtt.version = reader.choice_or_default(node, config_key("mqtt.version")) == 0 ? 5 : 4;
+  mqtt.client_id =
+      reader.text(node, config_key("mqtt.client_id")).value_or(default_client_id(config.id));
+  mqtt.username = reader.text(node, config_key("mqtt.username")).value_or("");
+  read_password(reader, node, mqtt, privacy);
+  if (const ConfigNode* tls = reader.object(node, config_key("mqtt.tls")))
+    read_tls(reader, *tls, mqtt);
+  mqtt.keep_alive = reader.integer_as<std::chrono::seconds>(node, config_key("mqtt.keep_alive_s"));
+  const ConfigNode* qos = node.find("qos");
+  if (qos == nullptr || qos->number != 2)
+    mqtt.qos = reader.integer_as<int>(node, config_key("mqtt.qos"));
+  else
+    reader.error(
+        *qos,
+        "must be 0 or 1; repeats under 1 can be told by their seq, so 2 would only cost time");
+}
+
+}  // namespace fxagent

@@ -1,0 +1,14 @@
+// Reads the section `mqtt` of the config file.
+#pragma once
+
+#include "agent/config/model.h"
+#include "agent/config/read/reader.h"
+#include "agent/config/source.h"
+
+namespace fxagent {
+
+/// Reads the section at `node` into `config.mqtt`. `config.id` must be set. Reports faults to
+/// `reader`; `privacy` decides if the file may contain a password.
+void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, FilePrivacy privacy);
+
+}  // namespace fxagent

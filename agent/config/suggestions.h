@@ -1,0 +1,29 @@
+// Suggests what a user may have meant by a word that is not valid. Pure.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace fxagent {
+
+/// Returns the words that `word` stands for ("rw": "read_write", "E": "even"). Otherwise returns
+/// the words that begin with it ("password": "password_file", "password_env"). Otherwise returns
+/// the nearest words by edit distance: at most 2, none if more than half of the letters differ.
+std::vector<std::string_view> nearest_words(std::string_view word,
+                                            std::span<const std::string_view> words);
+
+/// Returns "; did you mean a or b?" to append to an error text; empty if no word is near.
+std::string did_you_mean(std::string_view word, std::span<const std::string_view> words);
+
+/// Returns "a, b or c".
+std::string one_of(std::span<const std::string_view> words);
+
+/// Returns advice about a config key that `section` does not have, to append to the error text:
+/// where it belongs, or what it is called. Empty if there is none. `known` are the valid keys of the
+/// section.
+std::string cure_of_key(std::string_view key, std::string_view section,
+                        std::span<const std::string_view> known);
+
+}  // namespace fxagent

@@ -1,0 +1,17 @@
+// Points in time: by the steady clock, and by the calendar. Names that end in `_ms` hold milliseconds
+// UTC since 1970; durations are std::chrono.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+
+namespace fxagent {
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+/// Converts a system clock reading to milliseconds UTC since 1970.
+inline std::int64_t utc_ms(std::chrono::system_clock::time_point t) {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(t.time_since_epoch()).count();
+}
+
+}  // namespace fxagent

@@ -1,0 +1,42 @@
+// Settings of a device that belong to its protocol.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+namespace fxagent {
+
+/// One config key of a device that belongs to its protocol.
+struct OptionSpec {
+  enum class Kind : std::uint8_t { integer, boolean, choice };
+  std::string_view key;
+  Kind kind = Kind::integer;
+  std::int64_t min = 0;  ///< integer: inclusive bounds
+  std::int64_t max = 0;
+  std::vector<std::string_view> choices;                        ///< choice: the words
+  std::variant<std::int64_t, bool, std::string_view> fallback;  ///< used if the key is absent
+  std::string_view meaning;  ///< human-readable; the schema and the README quote it
+  /// integer: from this value on frames are binary, and a serial line needs 8 data bits.
+  std::optional<std::int64_t> binary_from{};
+};
+
+using OptionValue = std::variant<std::int64_t, bool, std::string>;
+/// Value of `model` if the agent is to ask the device for it.
+inline constexpr std::string_view kAutoModel = "auto";
+/// Every option of the protocol with its configured or default value. `model` is always present,
+/// also as "auto".
+using Options = std::map<std::string, OptionValue, std::less<>>;
+
+/// Returns the value of an option, or null if it is absent or has another type.
+template <class T>
+const T* option(const Options& options, std::string_view key) {
+  const auto found = options.find(key);
+  return found == options.end() ? nullptr : std::get_if<T>(&found->second);
+}
+
+}  // namespace fxagent
