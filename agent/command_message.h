@@ -1,5 +1,5 @@
-// Commands on their way to the field, and their results on the way back. Plain data: no wires, no JSON,
-// no MQTT.
+// Commands on their way to the field, and their results on the way back. Plain data: no wires, no
+// JSON, no MQTT.
 #pragma once
 
 #include <array>

@@ -12,8 +12,8 @@
 #include <optional>
 #include <utility>
 
-#include "agent/config/config_error.h"
 #include "agent/commands/audit_records.h"
+#include "agent/config/config_error.h"
 #include "agent/config/log_warnings.h"
 #include "agent/failpoint.h"
 #include "agent/field/transport/host_lookup.h"

@@ -15,9 +15,9 @@
 #include <thread>
 #include <vector>
 
+#include "agent/config/config_difference.h"
 #include "agent/config/config_error.h"
 #include "agent/config/model.h"
-#include "agent/config/config_difference.h"
 #include "agent/field/field.h"
 #include "agent/outbox.h"
 #include "agent/remote/remote_config.h"

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "agent/duration_histogram.h"
 #include "agent/command_message.h"
+#include "agent/duration_histogram.h"
 #include "agent/field_health.h"
 #include "agent/telemetry.h"
 

@@ -10,8 +10,8 @@
 #include <mutex>
 #include <utility>
 
-#include "agent/steady_time.h"
 #include "agent/status.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

@@ -1,5 +1,5 @@
-// Points in time: by the steady clock, and by the calendar. Names that end in `_ms` hold milliseconds
-// UTC since 1970; durations are std::chrono.
+// Points in time: by the steady clock, and by the calendar. Names that end in `_ms` hold
+// milliseconds UTC since 1970; durations are std::chrono.
 #pragma once
 
 #include <chrono>

@@ -1,12 +1,14 @@
 #!/bin/bash
-# Writes what is made from the program: config/agent.schema.json, the tables of keys in docs/config/keys.md, and the
-# table of commands in docs/operate/command-line.md.
+# Writes the files and tables that the program generates: config/agent.schema.json, the tables of keys in docs/config/keys.md, and the
+# table of subcommands in docs/operate/command-line.md.
 #   config/generate.sh [FXAGENT [ROOT]]
-# FXAGENT: the program, build/agent/fxagent unless given. ROOT: where config/ and docs/ are, unless here.
+# FXAGENT: the program, build/agent/fxagent by default. ROOT: the tree to write to, the project by default.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 fxagent=${1:-$root/build/agent/fxagent}
 root=${2:-$root}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
 
 # Puts the tables on standard input, which all begin with the line $2, in the place of the tables of the page $1.
 replace_tables() {
@@ -16,16 +18,18 @@ replace_tables() {
     skip && /^\|/ { next }
     { skip = 0; print }
     END { if (seen != tables || tables == 0) { print page " has " seen + 0 " of " tables + 0 " tables" >"/dev/stderr"; exit 1 } }
-  ' - "$1" >"$1.new"
-  mv "$1.new" "$1"
+  ' - "$1" >"$work/page"
+  cat "$work/page" >"$1"
 }
 
-commands_head='| command | does | options |'
+commands_head='| subcommand | does | options |'
 table_of_commands() {
-  local name
+  local name names
+  names=$("$fxagent" --help | sed -n '/^Subcommands:/,/^$/s/^  \([a-z-]*\)  .*/\1/p')
+  [ -n "$names" ] || { echo "$fxagent --help names no subcommands" >&2; return 1; }
   echo "$commands_head"
   echo '|---|---|---|'
-  for name in $("$fxagent" --help | sed -n '/^Subcommands:/,/^$/s/^  \([a-z-]*\)  .*/\1/p'); do
+  for name in $names; do
     "$fxagent" "$name" --help | awk '
       NR == 1 { does = $0 }
       sub(/^Usage: fxagent /, "") { sub(/ \[OPTIONS\]/, ""); call = $0 }
@@ -36,6 +40,9 @@ table_of_commands() {
   done
 }
 
-"$fxagent" schema >"$root/config/agent.schema.json"
-"$fxagent" schema --tables | replace_tables "$root/docs/config/keys.md" '| key | type, range | default | meaning |'
-table_of_commands | replace_tables "$root/docs/operate/command-line.md" "$commands_head"
+"$fxagent" schema >"$work/schema"
+cat "$work/schema" >"$root/config/agent.schema.json"
+"$fxagent" schema --tables >"$work/keys"
+table_of_commands >"$work/commands"
+replace_tables "$root/docs/config/keys.md" '| key | type, range | default | meaning |' <"$work/keys"
+replace_tables "$root/docs/operate/command-line.md" "$commands_head" <"$work/commands"

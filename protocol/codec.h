@@ -238,6 +238,11 @@ class Codec {
   /// Gather, `hole` means that one of its parts was refused, or that there are too many; `final`
   /// means that the device lacks the command, and its places are read one by one afterwards.
   virtual RefusalMeaning meaning_of(const Request& request, int device_code) const = 0;
+  /// True if a gateway sent this refusal because the device behind it does not answer. The meaning
+  /// for a write does not show this: it only says if the write may have taken effect.
+  bool is_from_gateway(int device_code) const {
+    return meaning_of(Read{}, device_code) == RefusalMeaning::unreachable;
+  }
   /// Returns another request with the same effect if `request` was refused because this device
   /// lacks its function (Modbus 06 → 16). nullopt if there is none.
   virtual std::optional<Request> instead_of(const Request& /*request*/, int /*device_code*/) const {

@@ -31,8 +31,10 @@ echo "random tests: FXAGENT_TEST_SEED=$FXAGENT_TEST_SEED"
 status=0
 # A test without its own limit is ended after 300 s.
 ctest --timeout 300 --test-dir "$build" -j"${JOBS:-$((3 * $(nproc)))}" --output-on-failure --no-tests=error "$@" || status=$?
-# Prints why a Python test skipped itself, and individual skips inside one ctest entry, which ctest does not see.
+# Prints why a Python test skipped itself, and the skipped tests of a program that is one entry of ctest.
 sed -nE "s/^(test_\S+ \([^)]*\)) \.\.\. (skipped .*)/\1: \2/p" "$build/Testing/Temporary/LastTest.log"
+awk '/^[0-9]+\/[0-9]+ Testing: / { entry = $3 }
+     /^\[  SKIPPED \] .* \([0-9]+ ms\)$/ && $4 != entry { print $4 ": skipped, in " entry }' "$build/Testing/Temporary/LastTest.log"
 
 if [ $status -ne 0 ]; then
   mapfile -t failed < <(sed -E 's/^[0-9]+://' "$build/Testing/Temporary/LastTestsFailed.log")

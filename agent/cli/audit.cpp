@@ -16,8 +16,6 @@
 namespace fxagent {
 namespace {
 
-constexpr int kBroken = 1;
-
 /// Parses "17:0f3a…", the records and head of a health message; nullopt for any other text.
 std::optional<audit::Head> head_from(const std::string& text) {
   const std::size_t colon = text.find(':');
@@ -51,7 +49,7 @@ int print_findings(const audit::Verifier& verifier, const audit::Head& head,
               << counted(verifier.records(), "record") << ", head " << head.records << ":" << hash
               << '\n';
   }
-  return findings.empty() ? kDone : kBroken;
+  return findings.empty() ? kDone : kFailed;
 }
 
 void name_set_aside(const std::string& directory) {

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <string>
 
-#include "agent/config/model.h"
 #include "agent/command_message.h"
+#include "agent/config/model.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/disk/store_disk.h"
 

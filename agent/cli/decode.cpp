@@ -10,9 +10,6 @@
 namespace fxagent {
 namespace {
 
-constexpr int kGoodFrame = 0;
-constexpr int kBadFrame = 1;
-
 nlohmann::ordered_json to_json(const Explanation& frame) {
   nlohmann::ordered_json out;
   const auto put = [&](const char* key, const auto& value) {
@@ -75,7 +72,7 @@ int run_decode(const DecodeQuestion& question) {
     std::cout << to_json(explanation).dump() << '\n';
   else
     print(explanation);
-  return explanation.ok ? kGoodFrame : kBadFrame;
+  return explanation.ok ? kDone : kFailed;
 }
 
 }  // namespace fxagent

@@ -5,10 +5,10 @@
 
 namespace fxagent {
 
-int refused(std::string_view command, const std::string& why, int status) {
-  const std::string prefix = command.empty() ? "" : std::string(command) + ": ";
+int refused(std::string_view prefix, const std::string& why, int status) {
+  const std::string before = prefix.empty() ? "" : std::string(prefix) + ": ";
   std::istringstream lines(why);
-  for (std::string line; std::getline(lines, line);) std::cerr << prefix << line << '\n';
+  for (std::string line; std::getline(lines, line);) std::cerr << before << line << '\n';
   return status;
 }
 

@@ -1,4 +1,4 @@
-// The exit statuses that all commands share, and how a command refuses what was asked.
+// Exit statuses of the subcommands. Prints a refusal.
 #pragma once
 
 #include <string>
@@ -7,11 +7,14 @@
 namespace fxagent {
 
 inline constexpr int kDone = 0;
-/// The question, the config or the command line is wrong, and nothing was done.
+/// The subcommand ran, and its answer is bad: a device is silent, a record is missing, a file could
+/// not be written. Each subcommand's --help describes it.
+inline constexpr int kFailed = 1;
+/// The command line, the config or a file that it names is wrong.
 inline constexpr int kWrong = 2;
 
-/// Prints `why` on stderr, each of its lines as "COMMAND: line", or as it is if `command` is empty.
+/// Prints `why` on stderr, each of its lines as "PREFIX: line", or unchanged if `prefix` is empty.
 /// Returns `status`.
-int refused(std::string_view command, const std::string& why, int status = kWrong);
+int refused(std::string_view prefix, const std::string& why, int status = kWrong);
 
 }  // namespace fxagent

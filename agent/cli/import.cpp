@@ -7,8 +7,8 @@
 
 #include "agent/cli/exit_status.h"
 #include "agent/config/model.h"
-#include "agent/config/source.h"
 #include "agent/config/read/reader.h"
+#include "agent/config/source.h"
 #include "agent/config/suggestions.h"
 #include "agent/counted.h"
 #include "agent/import/formats.h"
@@ -19,8 +19,6 @@
 
 namespace fxagent {
 namespace {
-
-constexpr int kNothing = 1;
 
 std::string place(const std::string& path, int line) {
   return line > 0 ? path + ":" + std::to_string(line) : path;
@@ -95,7 +93,7 @@ int run_import(const ImportQuestion& what) {
   if (outcome.config.empty()) {
     std::cerr << what.path << ": nothing could be carried over, "
               << counted(outcome.left_out, "tag") << " left out\n";
-    return kNothing;
+    return kFailed;
   }
   std::cerr << what.path << ": " << counted(outcome.tags, "tag") << " carried over, "
             << outcome.changed << " of them changed, " << outcome.left_out << " left out\n";

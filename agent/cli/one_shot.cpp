@@ -26,7 +26,6 @@
 namespace fxagent {
 namespace {
 
-constexpr int kDeviceFailed = 1;
 constexpr std::uint32_t kWordBits = 16;
 
 Scalar scalar_of(const nlohmann::json& json, const std::string& text) {
@@ -198,7 +197,7 @@ std::string text_of(const OneShot& what) {
 
 int exit_status(const CommandResult& result) {
   if (result.status == CommandStatus::succeeded) return kDone;
-  return result.status == CommandStatus::rejected ? kWrong : kDeviceFailed;
+  return result.status == CommandStatus::rejected ? kWrong : kFailed;
 }
 
 /// Returns the address of the only target; `name`, as the caller gave it, if it is not known.

@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config/loader.h"
 #include "agent/cli/report/online_report.h"
+#include "agent/config/loader.h"
 #include "agent/field/field.h"
 #include "agent/log/log.h"
 #include "agent/outbox.h"

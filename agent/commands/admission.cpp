@@ -394,8 +394,7 @@ void CommandAdmission::restore(const KnownId& known, SteadyTime now, std::int64_
 
 std::optional<AdmittedCommand> CommandAdmission::interrupted(
     Command command, const std::shared_ptr<const Codec>& codec, SteadyTime now) {
-  ids_.add({command.id, command.number, std::min(command.received, now),
-            deadline_of(command, device_->commands)},
+  ids_.add({command.id, command.number, command.received, deadline_of(command, device_->commands)},
            now);
   std::vector<TargetResult> names = result_of(command).targets;
   AdmittedCommand admitted;

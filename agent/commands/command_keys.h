@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "agent/commands/faults.h"
 #include "agent/command_message.h"
+#include "agent/commands/faults.h"
 
 namespace fxagent {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/config/loader.h"
-#include "agent/config/keys.h"
 #include "agent/config/json/pretty.h"
+#include "agent/config/keys.h"
+#include "agent/config/loader.h"
 #include "agent/config/read/templates.h"
 
 namespace fxagent {

@@ -85,9 +85,8 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
 }  // namespace
 
 tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
-                                                            const Environment& environment,
-                                                            FilePrivacy privacy,
-                                                            const ReadBounds& bounds) {
+                                                const Environment& environment, FilePrivacy privacy,
+                                                const ReadBounds& bounds) {
   const auto tree = ConfigTree::parse(text, ConfigTree::Folding::tags, {.stop = bounds.stop});
   if (!tree)
     return tl::unexpected(ConfigErrors{ConfigError{"", tree.error().line, tree.error().text}});
@@ -102,8 +101,8 @@ tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
 }
 
 tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
-                                                            const Environment& environment,
-                                                            FilePrivacy privacy) {
+                                                const Environment& environment,
+                                                FilePrivacy privacy) {
   return parse_config(text, environment, privacy, {});
 }
 
@@ -117,15 +116,12 @@ tl::expected<Config, ConfigErrors> load_config(const std::string& path) {
   return config_of_file(path, *text);
 }
 
-tl::expected<Config, ConfigErrors> config_of_file(const std::string& path,
-                                                              std::string_view text) {
+tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text) {
   return config_of_file(path, text, privacy_of(path));
 }
 
-tl::expected<Config, ConfigErrors> config_of_file(const std::string& path,
-                                                              std::string_view text,
-                                                              FilePrivacy privacy,
-                                                              const ReadBounds& bounds) {
+tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text,
+                                                  FilePrivacy privacy, const ReadBounds& bounds) {
   auto config = parse_config(text, process_environment, privacy, bounds);
   if (!config) return config;
 

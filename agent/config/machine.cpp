@@ -110,7 +110,6 @@ ConfigErrors exposed_secrets(const Config& config) {
   return exposed;
 }
 
-
 ConfigErrors unavailable_ports(const Config& config, const std::string& file) {
   ConfigErrors list;
   for (std::size_t i = 0; i < config.links.size(); ++i) {
@@ -121,6 +120,5 @@ ConfigErrors unavailable_ports(const Config& config, const std::string& file) {
   }
   return list;
 }
-
 
 }  // namespace fxagent

@@ -69,8 +69,8 @@ FilePrivacy privacy_of(const std::string& path) {
   return is_own ? FilePrivacy::owner_only : FilePrivacy::shared;
 }
 
-// If the path is a pipe without a writer, reading must end all the same: it must not block the reload
-// thread.
+// If the path is a pipe without a writer, reading must end all the same: it must not block the
+// reload thread.
 tl::expected<std::string, ConfigErrors> read_config_file(const std::string& path) {
   const auto unreadable = [](std::string why) {
     return tl::unexpected(ConfigErrors{ConfigError{"", 0, "cannot be read: " + std::move(why)}});

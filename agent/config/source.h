@@ -1,4 +1,5 @@
-// The text of a config file, and what it depends on: the permissions of the file and the environment.
+// The text of a config file, and what it depends on: the permissions of the file and the
+// environment.
 #pragma once
 
 #include <cstdint>

@@ -184,7 +184,7 @@ std::string did_you_mean(std::string_view word, std::span<const std::string_view
 }
 
 std::string cure_of_key(std::string_view key, std::string_view section,
-                    std::span<const std::string_view> known) {
+                        std::span<const std::string_view> known) {
   if (std::ranges::any_of(known, [&](std::string_view each) { return means(key, each); }))
     return did_you_mean(key, known);
   if (const std::string home = home_of(key, section, Range::near); !home.empty())

@@ -21,8 +21,8 @@ std::string did_you_mean(std::string_view word, std::span<const std::string_view
 std::string one_of(std::span<const std::string_view> words);
 
 /// Returns advice about a config key that `section` does not have, to append to the error text:
-/// where it belongs, or what it is called. Empty if there is none. `known` are the valid keys of the
-/// section.
+/// where it belongs, or what it is called. Empty if there is none. `known` are the valid keys of
+/// the section.
 std::string cure_of_key(std::string_view key, std::string_view section,
                         std::span<const std::string_view> known);
 

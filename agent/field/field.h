@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
+#include "agent/config/model.h"
 #include "agent/outbox.h"
 
 namespace fxagent {

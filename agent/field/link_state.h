@@ -9,12 +9,12 @@
 #include <string>
 #include <string_view>
 
+#include "agent/command_message.h"
 #include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/link_device.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/reconnect_policy.h"
-#include "agent/command_message.h"
 #include "agent/outbox.h"
 
 namespace fxagent {

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "agent/command_message.h"
 #include "agent/commands/admitted_command.h"
 #include "agent/commands/result.h"
 #include "agent/config/model.h"
@@ -23,7 +24,6 @@
 #include "agent/field/link_state.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/poller.h"
-#include "agent/command_message.h"
 #include "agent/field_health.h"
 #include "agent/outbox.h"
 

@@ -465,8 +465,7 @@ asio::awaitable<void> Poller::ask_question(LinkDevice& device, PollScheduler::Po
     if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
     if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
     const bool by_gateway =
-        exchange.is_nak() && device.codec->meaning_of(question, exchange.reply.device_code) ==
-                                 RefusalMeaning::unreachable;
+        exchange.is_nak() && device.codec->is_from_gateway(exchange.reply.device_code);
     if (by_gateway) {
       log_refusal_once(device, exchange.reply.text);
       state_.unreachable(device, exchange.reply.text);

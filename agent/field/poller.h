@@ -15,9 +15,9 @@
 #include "agent/field/link_device.h"
 #include "agent/field/link_state.h"
 #include "agent/field/poll/poll_scheduler.h"
+#include "agent/outbox.h"
 #include "agent/steady_time.h"
 #include "agent/telemetry.h"
-#include "agent/outbox.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

@@ -4,8 +4,8 @@
 #include <chrono>
 #include <string>
 
-#include "agent/steady_time.h"
 #include "agent/status.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <ranges>
 
-#include "agent/config/loader.h"
 #include "agent/config/json/pretty.h"
+#include "agent/config/loader.h"
 #include "agent/import/json_source.h"
 #include "agent/text.h"
 #include "protocol/catalog.h"

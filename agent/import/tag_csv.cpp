@@ -5,9 +5,9 @@
 #include <map>
 #include <set>
 
-#include "agent/config/keys.h"
 #include "agent/config/json/pretty.h"
 #include "agent/config/json/tree.h"
+#include "agent/config/keys.h"
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
 #include "agent/import/json_source.h"

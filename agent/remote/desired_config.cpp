@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "agent/config/config_error.h"
-#include "agent/config/suggestions.h"
 #include "agent/config/json/tree.h"
+#include "agent/config/suggestions.h"
 #include "agent/remote/beyond_limits.h"
 #include "agent/remote/error_list.h"
 #include "agent/sha256.h"

@@ -16,12 +16,12 @@
 
 #include "agent/config/model.h"
 #include "agent/config/source.h"
-#include "agent/steady_time.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/kept_configs.h"
 #include "agent/remote/remote_report.h"
 #include "agent/remote/trial.h"
 #include "agent/status.h"
+#include "agent/steady_time.h"
 #include "agent/store/disk/durable_file.h"
 
 namespace fxagent {

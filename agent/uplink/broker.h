@@ -13,8 +13,8 @@
 #include <variant>
 #include <vector>
 
-#include "agent/config/model.h"
 #include "agent/command_message.h"
+#include "agent/config/model.h"
 #include "protocol/bytes.h"
 
 namespace fxagent {

@@ -3,10 +3,10 @@
 // Uplink thread; the result of groups() may be read on any thread.
 #pragma once
 
-#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
-#include "agent/telemetry.h"
+#include "agent/config/model.h"
 #include "agent/status.h"
+#include "agent/telemetry.h"
 
 namespace fxagent {
 

@@ -17,12 +17,12 @@
 #include <vector>
 
 #include "agent/commands/commands.h"
-#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
-#include "agent/steady_time.h"
+#include "agent/config/model.h"
 #include "agent/outbox.h"
 #include "agent/status.h"
 #include "agent/status_board.h"
+#include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/command_intake.h"

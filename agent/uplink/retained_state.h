@@ -15,8 +15,8 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
+#include "agent/config/model.h"
 #include "agent/steady_time.h"
 #include "agent/telemetry.h"
 #include "agent/uplink/jittered_backoff.h"

@@ -14,11 +14,11 @@
 #include <utility>
 #include <vector>
 
-#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
+#include "agent/config/model.h"
 #include "agent/steady_time.h"
-#include "agent/telemetry.h"
 #include "agent/store/samples/sample_record.h"
+#include "agent/telemetry.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"

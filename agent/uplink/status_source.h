@@ -11,13 +11,13 @@
 #include <utility>
 
 #include "agent/commands/commands.h"
-#include "agent/config/model.h"
 #include "agent/config/config_difference.h"
+#include "agent/config/model.h"
 #include "agent/field_health.h"
-#include "agent/steady_time.h"
 #include "agent/outbox.h"
 #include "agent/status.h"
 #include "agent/status_board.h"
+#include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/last_samples.h"
 #include "agent/uplink/result_delivery.h"

@@ -11,9 +11,9 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/options.h"
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
+#include "protocol/options.h"
 #include "protocol/plc.h"
 
 namespace fxagent::fx {

@@ -10,10 +10,10 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/options.h"
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
 #include "protocol/fx/port_map.h"
+#include "protocol/options.h"
 #include "protocol/plc.h"
 
 namespace fxagent::fx {

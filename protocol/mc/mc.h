@@ -9,11 +9,11 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/options.h"
 #include "protocol/codec.h"
 #include "protocol/mc/dialect.h"
 #include "protocol/mc/ethernet_frame.h"
 #include "protocol/mc/serial_frame.h"
+#include "protocol/options.h"
 #include "protocol/plc.h"
 
 namespace fxagent::mc {

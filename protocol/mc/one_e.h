@@ -13,10 +13,10 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/options.h"
 #include "protocol/codec.h"
 #include "protocol/mc/device.h"
 #include "protocol/mc/dialect.h"
+#include "protocol/options.h"
 #include "protocol/plc.h"
 
 namespace fxagent::mc {

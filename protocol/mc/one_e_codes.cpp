@@ -75,7 +75,8 @@ RefusalMeaning meaning_of(int device_code, bool reads) {
     case kNoHead:
       return reads ? RefusalMeaning::hole : RefusalMeaning::final;
     case kWithReason:
-      if (!reads && (abnormal == kPcNumber || abnormal == kNoRemote)) return RefusalMeaning::final;
+      if (abnormal == kNoRemote) return RefusalMeaning::final;  // an answer to RUN or STOP only
+      if (abnormal == kPcNumber && !reads) return RefusalMeaning::final;
       return reads ? RefusalMeaning::unreachable : RefusalMeaning::unclear;
     case kPcSilent:
       return reads ? RefusalMeaning::unreachable : RefusalMeaning::unclear;

@@ -9,10 +9,10 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/options.h"
 #include "protocol/codec.h"
 #include "protocol/modbus/frame.h"
 #include "protocol/modbus/pdu.h"
+#include "protocol/options.h"
 
 namespace fxagent::modbus {
 

@@ -352,7 +352,8 @@ class Scripts(unittest.TestCase):
             for folder, name in generated:
                 os.makedirs(os.path.join(root, folder), exist_ok=True)
                 shutil.copy(in_root(folder, name), os.path.join(root, folder, name))
-            output_of(in_root("config", "generate.sh"), FXAGENT, root)
+            done = subprocess.run([in_root("config", "generate.sh"), FXAGENT, root], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
             for folder, name in generated:
                 with open(os.path.join(root, folder, name), encoding="utf-8") as file:
                     self.assertEqual(file.read(), text_of(folder, name), "run config/generate.sh")
@@ -438,9 +439,11 @@ class Scripts(unittest.TestCase):
         for room in "agent", "protocol":
             shutil.copytree(in_root(room), os.path.join(directory, room))
         os.mkdir(os.path.join(directory, "tests"))
+        os.mkdir(os.path.join(directory, "docs"))
+        shutil.copy(in_root("docs", "design.md"), os.path.join(directory, "docs"))
         script = shutil.copy(in_root("tests", "include_graph.sh"), os.path.join(directory, "tests"))
         output_of(script, "--check")
-        with open(os.path.join(directory, "agent", "config", "tree.cpp"), "a") as source:
+        with open(os.path.join(directory, "agent", "config", "json", "tree.cpp"), "a") as source:
             source.write('#include "agent/commands/parse.h"\n')
         done = subprocess.run([script, "--check"], capture_output=True, text=True)
         self.assertEqual(done.returncode, 1)

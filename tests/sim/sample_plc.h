@@ -1,4 +1,8 @@
+// A simulated PLC for unit tests.
 #pragma once
+
+#include <cassert>
+#include <string_view>
 
 #include "tests/sim/model.h"
 #include "tests/sim/plant.h"
@@ -6,10 +10,13 @@
 
 namespace fxsim {
 
-/// Returns a PLC of a model that exists, at the time 0, with a plant of that name.
+/// Returns a PLC at time 0. `model` must be one of the simulator, and `plant` the name of a plant
+/// (make_plant()).
 inline Plc make_plc(std::string_view model = "FX3U", std::string_view plant = "none") {
   const auto* found = find_model(model);
-  return {found != nullptr ? *found : *find_mc_model(model), make_plant(plant), TimePoint{}};
+  if (found == nullptr) found = find_mc_model(model);
+  assert(found != nullptr);
+  return {*found, make_plant(plant), TimePoint{}};
 }
 
 /// Returns the bytes of well-formed hexadecimal text.

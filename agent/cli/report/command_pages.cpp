@@ -34,8 +34,6 @@ std::string roff(std::string_view text) {
 
 namespace {
 
-constexpr int kFailed = 1;
-
 constexpr std::string_view kExitStatus = R"(.SH EXIT STATUS
 0: done. 1: the device refused or did not answer, the frame is bad, something is missing, or the agent could not
 run. 2: the call or the config was wrong.

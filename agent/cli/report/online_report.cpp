@@ -17,8 +17,6 @@ using Json = nlohmann::ordered_json;
 using DeviceState = OnlineDevice::State;
 using LinkState = OnlineLink::State;
 
-constexpr int kAllAnswer = 0;
-constexpr int kSilent = 1;
 constexpr int kHeld = 3;
 constexpr int kDiffers = 4;
 
@@ -386,12 +384,12 @@ int exit_status(const OnlineFindings& findings) {
   const auto is_refused = [](const OnlineBroker& broker) { return !broker.text.empty(); };
   if (link_is(LinkState::down) || std::ranges::any_of(findings.devices, is_silent) ||
       !std::ranges::all_of(findings.brokers, &OnlineBroker::connected))
-    return kSilent;
+    return kFailed;
   if (link_is(LinkState::held)) return kHeld;
   if (std::ranges::any_of(findings.devices, differs) ||
       std::ranges::any_of(findings.brokers, is_refused))
     return kDiffers;
-  return kAllAnswer;
+  return kDone;
 }
 
 std::string online_text(const Config& config, const OnlineFindings& findings) {
@@ -425,7 +423,7 @@ std::string online_text(const Config& config, const OnlineFindings& findings) {
 std::string online_json(const Config& config, const OnlineFindings& findings) {
   Json out;
   const int status = exit_status(findings);
-  out["ok"] = status == kAllAnswer;
+  out["ok"] = status == kDone;
   out["status"] = status;
   auto& links = out["links"] = Json::array();
   for (const OnlineLink& link : findings.links) links.push_back(json_of(link));

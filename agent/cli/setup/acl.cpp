@@ -4,7 +4,6 @@
 #include <array>
 #include <iostream>
 #include <set>
-#include <sstream>
 #include <string_view>
 
 #include "agent/cli/exit_status.h"

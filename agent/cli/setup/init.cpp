@@ -27,8 +27,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kNotWritten = 1;
-
 /// Returns the flags of the required answers that are missing.
 std::string missing(const InitAnswers& answers) {
   std::string flags;
@@ -258,7 +256,7 @@ int run_init(InitQuestion what) {
   fs::path directory = fs::absolute(what.directory, fault).lexically_normal();
   if (!directory.has_filename()) directory = directory.parent_path();  // "." ends with a slash
   if (const std::string why = in_the_way(directory, what.force); !why.empty())
-    return refused("init", why, kNotWritten);
+    return refused("init", why, kFailed);
   const bool is_asked = !missing(what.answers).empty();
   if (is_asked) {
     if (::isatty(STDIN_FILENO) == 0)
@@ -276,7 +274,7 @@ int run_init(InitQuestion what) {
     fs::permissions(directory, static_cast<fs::perms>(0755), fault);
   for (const InitFile& file : *files) {
     if (!write_file(directory / file.name, file.text))
-      return refused("init", (directory / file.name).string() + " cannot be written", kNotWritten);
+      return refused("init", (directory / file.name).string() + " cannot be written", kFailed);
     std::cout << "wrote " << (directory / file.name).string() << '\n';
   }
   const std::string path = (directory / files->front().name).string();
@@ -284,7 +282,7 @@ int run_init(InitQuestion what) {
   if (!config) return kWrong;
   if (!config->mqtt.password_file.empty()) {
     const auto said = keep_password(config->mqtt, is_asked);
-    if (!said) return refused("init", said.error(), kNotWritten);
+    if (!said) return refused("init", said.error(), kFailed);
     std::cout << *said << '\n';
   }
   std::cout << "\nfxagent check " << path << '\n' << std::flush;

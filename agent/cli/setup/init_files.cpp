@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "agent/cli/setup/acl.h"
-#include "agent/config/loader.h"
 #include "agent/config/json/pretty.h"
+#include "agent/config/loader.h"
 #include "agent/config/read/reader.h"
 #include "agent/import/imported.h"
 
@@ -80,6 +80,7 @@ std::string config_text(const InitAnswers& answers) {
   JsonObject agent;
   agent.text("id", answers.id);
   JsonObject mqtt;
+  // std::quoted would match, too.
   mqtt.raw("servers", "[" + fxagent::quoted(answers.broker) + "]");
   if (!answers.user.empty()) mqtt.text("username", answers.user);
   if (!answers.password_file.empty()) mqtt.text("password_file", answers.password_file);

@@ -9,12 +9,12 @@
 #include <unordered_map>
 #include <utility>
 
-#include "agent/config/suggestions.h"
 #include "agent/config/keys.h"
 #include "agent/config/read/model_name.h"
 #include "agent/config/read/tag_units.h"
 #include "agent/config/read/templates.h"
 #include "agent/config/read/warnings.h"
+#include "agent/config/suggestions.h"
 #include "protocol/plc.h"
 #include "protocol/spans.h"
 

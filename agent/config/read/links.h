@@ -1,4 +1,5 @@
-// Reads `links` of the config file: serial ports, TCP and UDP hosts, and the settings of their lines.
+// Reads `links` of the config file: serial ports, TCP and UDP hosts, and the settings of their
+// lines.
 #pragma once
 
 #include <cstdint>

@@ -8,12 +8,12 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/model.h"
-#include "agent/config/source.h"
-#include "agent/config/read/findings.h"
-#include "agent/config/keys.h"
-#include "agent/config/read/config_limits.h"
 #include "agent/config/json/tree.h"
+#include "agent/config/keys.h"
+#include "agent/config/model.h"
+#include "agent/config/read/config_limits.h"
+#include "agent/config/read/findings.h"
+#include "agent/config/source.h"
 
 namespace fxagent {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <string_view>
 
-#include "agent/config/suggestions.h"
 #include "agent/config/keys.h"
+#include "agent/config/suggestions.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {

@@ -12,8 +12,8 @@
 #include <tl/expected.hpp>
 #include <vector>
 
-#include "agent/config/read/reader.h"
 #include "agent/config/json/tree.h"
+#include "agent/config/read/reader.h"
 
 namespace fxagent {
 

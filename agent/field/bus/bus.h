@@ -14,6 +14,7 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/command_message.h"
 #include "agent/config/model.h"
 #include "agent/config/wiring.h"
 #include "agent/field/bus/bus_doubt.h"
@@ -22,7 +23,6 @@
 #include "agent/field/bus/wire_trace.h"
 #include "agent/field/percentile_window.h"
 #include "agent/field/transport/transport.h"
-#include "agent/command_message.h"
 #include "agent/field_health.h"
 #include "protocol/codec.h"
 

@@ -111,9 +111,7 @@ asio::awaitable<bool> CommandExchanges::mark_started() {
 }
 
 bool CommandExchanges::is_of_gateway(const Exchange& exchange) const {
-  // For a write, the code means what became of it; for a read, it also tells who sent it.
-  return exchange.is_nak() && station_.codec->meaning_of(Read{}, exchange.reply.device_code) ==
-                                  RefusalMeaning::unreachable;
+  return exchange.is_nak() && station_.codec->is_from_gateway(exchange.reply.device_code);
 }
 
 /// Adds what to check if nothing was ever answered on this channel, or only by a gateway.

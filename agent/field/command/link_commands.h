@@ -10,6 +10,7 @@
 #include <optional>
 #include <string_view>
 
+#include "agent/command_message.h"
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
@@ -17,7 +18,6 @@
 #include "agent/field/link_state.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/poller.h"
-#include "agent/command_message.h"
 #include "agent/outbox.h"
 
 namespace fxagent {

@@ -1,4 +1,4 @@
-// What TCP and UDP share: resolves a host name or address, keeps file descriptors free for the rest
+// Shared by TCP and UDP: resolves a host name or address, keeps file descriptors free for the rest
 // of the agent, and names the cause of a fault. Field thread only.
 #pragma once
 

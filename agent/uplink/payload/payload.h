@@ -18,9 +18,9 @@
 #include <optional>
 #include <string>
 
-#include "agent/telemetry.h"
 #include "agent/store/samples/history.h"
 #include "agent/store/samples/sample_record.h"
+#include "agent/telemetry.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {

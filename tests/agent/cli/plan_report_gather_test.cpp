@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "agent/config/loader.h"
 #include "agent/cli/report/plan_report.h"
+#include "agent/config/loader.h"
 #include "tests/protocol/gathering_codec.h"
 
 namespace fxagent::test {

@@ -67,6 +67,15 @@ TEST_F(RecoveryTest, InterruptedCommandIsReadBackByItsOwnPayload) {
   EXPECT_TRUE(found.unacknowledged.empty());
 }
 
+// Otherwise its id would be remembered for longer, and its deadline would move away.
+TEST_F(RecoveryTest, InterruptedCommandIsNotYoungerAfterTheClockWasSetBack) {
+  const std::string payload = R"({"id":"mine","op":"write","tag":"setpoint","value":5})";
+  ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1, payload)}));
+  const Recovered found = recover(config, store->journal(), kNow - 3'600'000, kStart);
+  ASSERT_EQ(found.interrupted.size(), 1U);
+  EXPECT_EQ(found.interrupted[0].received, kStart);
+}
+
 // The payload of another command must not be used: a matching read-back would report SUCCEEDED for
 // a command that was never sent.
 TEST_F(RecoveryTest, PayloadOfAnotherCommandIsNotTakenForTheInterruptedOne) {

@@ -1,6 +1,6 @@
 // A config with every device written out in full.
-#include "agent/config/source.h"
 #include "agent/config/expand.h"
+#include "agent/config/source.h"
 
 #include <gtest/gtest.h>
 

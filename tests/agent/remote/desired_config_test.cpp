@@ -1,5 +1,5 @@
-#include "agent/config/loader.h"
 #include "agent/remote/desired_config.h"
+#include "agent/config/loader.h"
 
 #include <gtest/gtest.h>
 

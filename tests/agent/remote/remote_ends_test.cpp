@@ -48,7 +48,8 @@ TEST(RemoteEnds, TheOneBeforeIsSetAsideInTheSameWay) {
   EXPECT_EQ(plant.retries(), 2);
 }
 
-/// A new local file ends a trial; the one before is then still behind the one in force.
+/// A new local file no longer lets documents set links, which ends the trial of v3. v1 remains the
+/// fallback of v2. Document v3 has no writable tag beyond what both local files allow.
 TEST(RemoteEnds, ATrialThatNoLongerFitsLeavesTheWayBack) {
   Plant plant;
   make_two_good(plant);

@@ -1,5 +1,5 @@
-#include "agent/config/config_error.h"
 #include "agent/remote/remote_report.h"
+#include "agent/config/config_error.h"
 
 #include <gtest/gtest.h>
 

@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
-#include "agent/config/model.h"
 #include "agent/command_message.h"
+#include "agent/config/model.h"
 #include "agent/field_health.h"
 #include "agent/telemetry.h"
 #include "protocol/fx/programming_port.h"

@@ -1,6 +1,6 @@
 // The report of `check --online`: its lines, the advice, the exit status.
-#include "agent/config/loader.h"
 #include "agent/cli/report/online_report.h"
+#include "agent/config/loader.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
-#include "agent/config/loader.h"
 #include "agent/cli/report/plan_report.h"
+#include "agent/config/loader.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
-#include "agent/config/loader.h"
 #include "agent/config/read/config_limits.h"
+#include "agent/config/loader.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/config/suggestions.h"
 #include "agent/config/json/tree.h"
+#include "agent/config/suggestions.h"
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {

@@ -1,5 +1,5 @@
-#include "agent/config/config_error.h"
 #include "agent/config/read/device.h"
+#include "agent/config/config_error.h"
 
 #include <gtest/gtest.h>
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "agent/commands/result.h"
+#include "protocol/catalog.h"
 #include "protocol/plan/plan.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"

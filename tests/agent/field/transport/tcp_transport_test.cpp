@@ -1,7 +1,6 @@
 #include "agent/field/transport/tcp_transport.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
 #include <array>
 #include <asio/io_context.hpp>
@@ -14,6 +13,7 @@
 
 #include "agent/field/transport/host_lookup.h"
 #include "tests/agent/field/on_io.h"
+#include "tests/agent/field/transport/open_files.h"
 
 namespace fxagent::test {
 namespace {
@@ -185,32 +185,6 @@ TEST_F(TcpTransportTest, NothingKeepsTheThreadAfterClosing) {
   io.restart();
   io.run_for(std::chrono::seconds(10));
   EXPECT_TRUE(io.stopped());
-}
-
-/// Changes the limit of open files until the test is over.
-class OpenFiles final {
- public:
-  explicit OpenFiles(rlim_t allowed) {
-    EXPECT_EQ(getrlimit(RLIMIT_NOFILE, &before_), 0);
-    rlimit low = before_;
-    low.rlim_cur = allowed;
-    EXPECT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
-  }
-  OpenFiles(const OpenFiles&) = delete;
-  OpenFiles& operator=(const OpenFiles&) = delete;
-  ~OpenFiles() { setrlimit(RLIMIT_NOFILE, &before_); }
-
- private:
-  rlimit before_{};
-};
-
-TEST(SocketFault, NamesWhatToCheck) {
-  for (const auto& [error, cure] : {std::pair{asio::error::host_unreachable, "network up"},
-                                    std::pair{asio::error::network_unreachable, "network up"},
-                                    std::pair{asio::error::no_descriptors, "LimitNOFILE"}}) {
-    const std::string why = why_failed(error);
-    EXPECT_NE(why.find(cure), std::string::npos) << why;
-  }
 }
 
 TEST_F(TcpTransportTest, LastOpenFilesAreLeftToTheOthers) {

@@ -1,6 +1,7 @@
 #include "agent/field/transport/udp_transport.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <array>
 #include <asio/io_context.hpp>
@@ -10,6 +11,7 @@
 #include <string>
 
 #include "tests/agent/field/on_io.h"
+#include "tests/agent/field/transport/open_files.h"
 
 namespace fxagent::test {
 namespace {
@@ -114,6 +116,16 @@ TEST_F(UdpTransportTest, Ipv6) {
   sixth.receive_from(asio::buffer(into), from);
   sixth.send_to(asio::buffer("v6", 2), from);
   EXPECT_EQ(read(*transport), "v6");
+}
+
+TEST_F(UdpTransportTest, NoMoreOpenFilesNamesTheCure) {
+  const auto transport = channel();
+  const int next = ::dup(STDERR_FILENO);  // the lowest number that is free
+  ::close(next);
+  const OpenFiles allowed(static_cast<rlim_t>(next));
+  const auto opened = open(*transport);
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().text.find("LimitNOFILE"), std::string::npos) << opened.error().text;
 }
 
 TEST_F(UdpTransportTest, AnswersOfOthersAreNotTaken) {

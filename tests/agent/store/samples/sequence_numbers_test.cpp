@@ -46,11 +46,15 @@ TEST(SequenceNumbers, NumbersOnlySkipForwardAfterACrash) {
   Shelf shelf;
   shelf.open();
   std::uint64_t used = shelf.begin();
-  for (std::uint64_t i = 0; i < 3 * SequenceNumbers::kBlock; ++i)
-    shelf.store->numbers().used("a", ++used);
-  // The clock was set back; the numbers continue.
-  shelf.open(5);
-  EXPECT_GT(shelf.begin(5), used);
+  for (const std::uint64_t blocks : {1U, 3U}) {
+    for (std::uint64_t i = 0; i < blocks * SequenceNumbers::kBlock; ++i)
+      shelf.store->numbers().used("a", ++used);
+    // The clock was set back; the numbers continue.
+    shelf.open(5);
+    const std::uint64_t begun = shelf.begin(5);
+    EXPECT_GT(begun, used) << "after " << blocks << " blocks";
+    used = begun;
+  }
 }
 
 // The file of an earlier run opens while this run, whose clock began in the past, is under way.
