@@ -146,6 +146,7 @@ class RequestArea final {
 
   std::optional<std::size_t> run(Explanation& out) {
     const std::size_t chars = command_.device_chars;
+    if (area_.size() < chars + 2) return no(out, "the request is cut short");
     const auto device = device_in(model_, area_.substr(0, chars));
     if (!device)
       return no(out, "'" + std::string(area_.substr(0, chars)) + "' is no device of " +

@@ -223,6 +223,9 @@ TEST(LinkExplanation, WhatIsWrongIsSaid) {
                   "00FFBR0T012301"),
             "'T0123' is no device of 5 characters on this model");
   EXPECT_EQ(error("\x05"
+                  "00FFBR0X00"),
+            "the request is cut short");
+  EXPECT_EQ(error("\x05"
                   "00FFBR0D012301"),
             "D123 is a word, not a bit");
   EXPECT_EQ(error("\x05"
