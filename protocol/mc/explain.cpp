@@ -22,61 +22,62 @@ void show_route(Explanation& out, const Route& route) {
   field(out, "module station", hex_text(route.module_station, 2));
 }
 
-void check_direction(Explanation& out, std::optional<Direction> asked) {
-  if (asked && *asked != out.direction)
-    note_fault(out,
+/// Returns the route in `wire`. That of a 3C frame ends with the PC number.
+Route route_in(Code code, ByteView wire) {
+  const auto number = [&](std::size_t at, std::size_t bytes) {
+    return number_at(code, wire, wire_size(code, at), bytes).value_or(0);
+  };
+  Route route;
+  route.network = static_cast<std::uint8_t>(number(0, 1));
+  route.pc = static_cast<std::uint8_t>(number(1, 1));
+  if (wire.size() == wire_size(code, 2)) return route;
+  route.module_io = static_cast<std::uint16_t>(number(2, 2));
+  route.module_station = static_cast<std::uint8_t>(number(4, 1));
+  return route;
+}
+
+Explanation& check_direction(Explanation& out, std::optional<Direction> asked) {
+  if (!asked || *asked == out.direction) return out;
+  return wrong(out,
                out.direction == Direction::request ? "this is a request" : "this is an answer");
 }
 
 // ---- Ethernet -----------------------------------------------------------------------------------
 
-/// True if `bytes` begin with the four characters of a subheader in ASCII code.
-bool begins_in_ascii(ByteView bytes) {
-  return bytes.size() >= 4 && std::all_of(bytes.begin(), bytes.begin() + 4,
-                                          [](std::uint8_t c) { return hex_digit(c) >= 0; });
-}
-
 /// Shows which station refused which command, if the answer contains that.
 void show_error_information(Explanation& out, Code code, ByteView rest) {
+  const std::size_t route = wire_size(code, 5);
   const std::size_t whole = wire_size(code, 9);
   if (rest.size() < whole) {
     if (!rest.empty()) field(out, "part of the error information", to_hex(rest));
     return;
   }
-  const auto number = [&](std::size_t at, std::size_t bytes) {
-    return number_at(code, rest, wire_size(code, at), bytes).value_or(0);
-  };
-  Route route;
-  route.network = static_cast<std::uint8_t>(number(0, 1));
-  route.pc = static_cast<std::uint8_t>(number(1, 1));
-  route.module_io = static_cast<std::uint16_t>(number(2, 2));
-  route.module_station = static_cast<std::uint8_t>(number(4, 1));
-  field(out, "refused by", to_string(route));
+  const auto number = [&](std::size_t at) { return number_at(code, rest, at, 2).value_or(0); };
+  field(out, "refused by", to_string(route_in(code, rest.first(route))));
   field(out, "refused command",
-        hex_text(number(5, 2), 4) + ", subcommand " + hex_text(number(7, 2), 4));
+        hex_text(number(route), 4) + ", subcommand " +
+            hex_text(number(route + wire_size(code, 2)), 4));
   if (rest.size() > whole) field(out, "more", to_hex(rest.subspan(whole)));
 }
 
 Explanation explain_ethernet(bool numbered, Model model, ByteView bytes,
                              std::optional<Direction> direction) {
-  Explanation out;
-  out.operation = "other";
-  out.direction = direction.value_or(Direction::request);
-  const Code code = begins_in_ascii(bytes) ? Code::ascii : Code::binary;
+  Explanation out = begin_explanation(direction);
+  // A frame in ASCII code begins with four characters of its subheader.
+  const bool in_ascii = bytes.size() >= 4 && is_hex(bytes.first(4));
+  const Code code = in_ascii ? Code::ascii : Code::binary;
   const EthernetFrame frame = ethernet_frame(numbered, code, bytes, 0);
   if (frame.state == EthernetFrame::State::incomplete)
-    return note_fault(out, "the frame is shorter than its header says"), out;
-  if (frame.state == EthernetFrame::State::wrong) return note_fault(out, frame.error), out;
+    return wrong(out, "the frame is shorter than its header says");
+  if (frame.state == EthernetFrame::State::wrong) return wrong(out, frame.error);
   if (frame.end != bytes.size())
-    return note_fault(out, std::to_string(bytes.size() - frame.end) + " bytes follow the frame"),
-           out;
+    return wrong(out, std::to_string(bytes.size() - frame.end) + " bytes follow the frame");
   field(out, "frame",
-        std::string(numbered ? "4E" : "3E") +
-            (code == Code::ascii ? " in ASCII code" : " in binary code"));
+        std::string(numbered ? "4E" : "3E") + (in_ascii ? " in ASCII code" : " in binary code"));
   if (numbered) field(out, "serial number", hex_text(frame.serial, 4));
   show_route(out, frame.route);
   const auto first = number_at(code, frame.content, 0, 2);
-  if (!first) return note_fault(out, "what follows the length is not hex digits"), out;
+  if (!first) return wrong(out, "what follows the length is not hex digits");
   const ByteView rest = frame.content.subspan(wire_size(code, 2));
   if (frame.is_request) {
     field(out, "monitoring timer", *first == 0 ? "for ever" : std::to_string(*first * 250) + " ms");
@@ -88,46 +89,38 @@ Explanation explain_ethernet(bool numbered, Model model, ByteView bytes,
     field(out, "end code", "0000, done");
     explain_data(code, rest, out);
   }
-  check_direction(out, direction);
-  return out;
+  return check_direction(out, direction);
 }
 
 // ---- serial -------------------------------------------------------------------------------------
 
-void judge_sum(Explanation& out, std::string_view given, std::uint8_t computed) {
-  out.checksum_given = std::string(given);
-  out.checksum_computed = hex_text(computed, 2);
-  field(out, "sum", std::string(given));
-  std::string digits(given);
-  for (char& c : digits)
-    if (c >= 'a' && c <= 'f') c = static_cast<char>(c - 'a' + 'A');
-  if (digits != *out.checksum_computed)
-    note_fault(out,
-               "sum " + std::string(given) + " given, " + *out.checksum_computed + " computed");
-}
-
 class SerialExplainer final {
  public:
   SerialExplainer(bool is_4c, Model model, ByteView bytes, std::optional<Direction> direction)
-      : is_4c_(is_4c), model_(model), bytes_(bytes), direction_(direction) {
-    out_.operation = "other";
-    out_.direction = direction.value_or(Direction::request);
-  }
+      : is_4c_(is_4c),
+        model_(model),
+        bytes_(bytes),
+        direction_(direction),
+        out_(begin_explanation(direction)) {}
 
   Explanation run() {
     if (bytes_.size() >= 2 && bytes_[0] == kDle && bytes_[1] == kStx)
       binary();
     else
       ascii();
-    check_direction(out_, direction_);
-    return std::move(out_);
+    return check_direction(out_, direction_);
   }
 
  private:
-  std::string_view text(std::size_t at, std::size_t size) const {
-    return {reinterpret_cast<const char*>(bytes_.data()) + at, size};
+  std::string text(std::size_t at, std::size_t size) const {
+    return as_text(bytes_.subspan(at, size));
   }
-  void fault(std::string error) { note_fault(out_, std::move(error)); }
+  void fault(std::string error) { wrong(out_, std::move(error)); }
+  /// Judges the two characters at `at`, the sum of `summed`.
+  void judge(std::size_t at, ByteView summed) {
+    field(out_, "sum", text(at, 2));
+    judge_sum(out_, text(at, 2), serial_sum(summed));
+  }
 
   /// Shows frame id and route, which begin at the start of `head`. False if they are invalid.
   bool show_header(Code code, ByteView head, std::string_view format) {
@@ -140,26 +133,15 @@ class SerialExplainer final {
              false;
     header_ = wire_size(code, is_4c ? 8 : 5);
     if (head.size() < header_) return fault("the frame ends in its route"), false;
-    std::size_t at = 1;
-    const auto next = [&](std::size_t size) {
-      const auto value = number_at(code, head, wire_size(code, at), size);
-      if (!value) fault("the route is not hex digits");
-      at += size;
-      return value.value_or(0);
-    };
+    const std::size_t route = wire_size(code, 2);
+    const ByteView way = head.subspan(route, wire_size(code, is_4c ? 5 : 2));
+    if (code == Code::ascii && (!is_hex(head.first(route)) || !is_hex(way)))
+      return fault("the route is not hex digits"), false;
     frame_field_ = out_.fields.size();
     out_.format = static_cast<std::uint32_t>(format.front() - '0');
     field(out_, "frame", std::string(is_4c ? "4C" : "3C") + " in format " + std::string(format));
-    field(out_, "station", std::to_string(next(1)));
-    Route route;
-    route.network = static_cast<std::uint8_t>(next(1));
-    route.pc = static_cast<std::uint8_t>(next(1));
-    if (is_4c) {
-      route.module_io = static_cast<std::uint16_t>(next(2));
-      route.module_station = static_cast<std::uint8_t>(next(1));
-    }
-    if (out_.error) return false;
-    show_route(out_, route);
+    field(out_, "station", std::to_string(*number_at(code, head, wire_size(code, 1), 1)));
+    show_route(out_, route_in(code, way));
     return true;
   }
 
@@ -186,7 +168,7 @@ class SerialExplainer final {
     if (length != content.size() - 2)
       fault("length " + std::to_string(length) + " given, " + std::to_string(content.size() - 2) +
             " bytes follow it");
-    if (behind == 2) judge_sum(out_, text(frame.end, 2), serial_sum(content));
+    if (behind == 2) judge(frame.end, content);
   }
 
   void ascii() {
@@ -203,10 +185,10 @@ class SerialExplainer final {
     };
     const bool has_block = !has_tail && id_at(3);
     const std::size_t head = has_block ? 3 : 1;
-    const bool says_q = end > head + 10 && first == kStx &&
-                        text(head, end - head).find('Q') != std::string_view::npos;
+    const bool says_q =
+        end > head + 10 && first == kStx && text(head, end - head).find('Q') != std::string::npos;
     format_ = has_tail ? "4" : has_block ? "2" : says_q ? "3" : "1";
-    if (has_block) field(out_, "block", std::string(text(1, 2)));
+    if (has_block) field(out_, "block", text(1, 2));
     if (!show_header(Code::ascii, bytes_.subspan(head, end - head), format_)) return;
     const std::size_t begin = head + header_;
     if (first == kEnq) return request(begin, end);
@@ -231,16 +213,15 @@ class SerialExplainer final {
       return out;
     };
     const bool may_have_sum = end >= begin + 2;
-    const std::uint8_t sum =
-        may_have_sum ? serial_sum(bytes_.subspan(1, end - 3)) : std::uint8_t{0};
-    const bool has_sum = may_have_sum && text(end - 2, 2) == hex_text(sum, 2);
+    const bool has_sum =
+        may_have_sum && text(end - 2, 2) == hex_text(serial_sum(bytes_.subspan(1, end - 3)), 2);
     Explanation whole = explained(end);
     if (!has_sum && (whole.ok || !may_have_sum || !explained(end - 2).ok)) {
       out_ = std::move(whole);
       return;
     }
     out_ = explained(end - 2);
-    judge_sum(out_, text(end - 2, 2), sum);
+    judge(end - 2, bytes_.subspan(1, end - 3));
   }
 
   /// Explains STX to ETX: data in formats 1, 2 and 4; anything in format 3.
@@ -253,7 +234,7 @@ class SerialExplainer final {
     const std::size_t behind = end - etx - 1;
     if (behind != 0 && behind != 2) return fault("two characters of sum, or none, follow ETX");
     const ByteView content = rest.first(size);
-    const std::string_view said = text(begin, std::min<std::size_t>(size, 4));
+    const std::string said = text(begin, std::min<std::size_t>(size, 4));
     if (said == "QNAK") {
       refused(content.subspan(4));
     } else if (said == "QACK") {
@@ -261,7 +242,7 @@ class SerialExplainer final {
     } else {
       content_of_format_3_or_1(content);
     }
-    if (behind == 2) judge_sum(out_, text(etx + 1, 2), serial_sum(bytes_.subspan(1, etx)));
+    if (behind == 2) judge(etx + 1, bytes_.subspan(1, etx));
   }
 
   void content_of_format_3_or_1(ByteView content) {

@@ -24,242 +24,199 @@ std::optional<std::uint32_t> digits_in(ByteView text, std::uint32_t base) {
   return static_cast<std::uint32_t>(number);
 }
 
-bool is_printable(ByteView bytes) {
-  return std::all_of(bytes.begin(), bytes.end(),
-                     [](std::uint8_t c) { return c >= 0x20 && c < 0x7F; });
-}
-
-class RequestExplainer final {
+/// Walks a request.
+class MessageWalk final : public FrameWalk {
  public:
-  RequestExplainer(Model model, Code code, ByteView message, Explanation& out)
-      : model_(model), code_(code), left_(message), out_(out) {
-    out_.direction = Direction::request;
-    out_.operation = "other";
-    out_.ok = true;
+  MessageWalk(Explanation& out, Model model, Code code, ByteView message)
+      : FrameWalk(out, form_of(code), message), model_(model), code_(code) {}
+
+  void explain();
+
+  /// A number that is not shown.
+  void skipped(const Field& field) { number(field); }
+  void run_mode(const Field& field) {
+    const std::uint32_t mode = number(field);
+    show(field.name, hex_text(mode, 4) + (mode == 3 ? ", forced" : ", not forced"));
   }
 
-  void run() {
-    const std::uint32_t command = number(2, "the command");
-    subcommand_ = number(2, "the subcommand");
-    if (!out_.ok) return;
-    const auto name = command_name(static_cast<std::uint16_t>(command));
-    out_.command = hex_text(command, 4);
-    field("command", hex_text(command, 4) + ", " +
-                         std::string(name.empty() ? "not known to this program" : name));
-    field("subcommand", hex_text(subcommand_, 4) + (is_long() ? ", codes of iQ-R" : ""));
-    explain(command);
-    if (out_.ok && !left_.empty())
-      note_fault(out_, std::to_string(left_.size()) + " characters more than the request has");
+  void head(const Field& field) { next_device(field.name); }
+  void points(const Field& field) {
+    points_ = number(field.digits, "the number of points");
+    out_.count = by_bits() ? points_ : devices_in(points_);
+    show(field.name, std::to_string(points_) + (by_bits() ? " bits" : " words"));
+    if (points_ == 0) fault("a request for nothing");
+  }
+  void data(const Field& /*field*/) {
+    if (!by_bits()) return values(points_, 4, device_.bits);
+    const ByteView wire = take(points_, "its data");
+    if (good() && !add_bits(out_, form_, wire, points_))
+      fault("its data are " + to_hex(wire) + " where bits are 0 and 1");
   }
 
- private:
-  bool by_bits() const { return (subcommand_ & kByBits) != 0; }
-  bool is_long() const { return (subcommand_ & kLongCodes) != 0; }
-  void field(std::string name, std::string text) {
-    out_.fields.emplace_back(std::move(name), std::move(text));
-  }
+  // Two counts begin a request of several places: of words and double words, or of blocks of words
+  // and of bits.
+  void first_count(const Field& field) { first_ = count(field); }
+  void second_count(const Field& field) { second_ = count(field); }
 
-  void explain(std::uint32_t command) {
-    const bool reads = command == 0x0401 || command == 0x0403 || command == 0x0406;
-    const bool writes = command == 0x1401 || command == 0x1402 || command == 0x1406;
-    if (reads) out_.operation = "read";
-    if (writes) out_.operation = "write";
-    if ((reads || writes) && (subcommand_ & kExtension) != 0) return as_it_is();
-    switch (command) {
-      case 0x0401:
-      case 0x1401:
-        return batch(writes);
-      case 0x0403:
-        return random(false);
-      case 0x1402:
-        return by_bits() ? random_bits() : random(true);
-      case 0x0406:
-      case 0x1406:
-        return blocks(writes);
-      case 0x0101:
-        return;
-      case 0x1001:
-        field("mode", hex_text(number(2, "the mode"), 4) + (out_.ok ? mode_text() : ""));
-        number(1, "the clear mode");
-        number(1, "the last byte");
-        return;
-      case 0x1002:
-      case 0x1003:
-      case 0x1005:
-      case 0x1006:
-        field("mode", hex_text(number(2, "the mode"), 4));
-        return;
-      default:
-        return as_it_is();
+  /// A write has the value of each place behind it.
+  void places(const Field& field) {
+    out_.count = first_ + second_;
+    for (std::uint32_t i = 0; i < *out_.count && good(); ++i) {
+      next_device();
+      if (writes()) values(1, i < first_ ? 4 : 8);
     }
+    show(field.name, out_.device.value_or(""));
   }
-
-  std::string mode_text() const { return last_ == 3 ? ", forced" : ", not forced"; }
-
-  void as_it_is() {
-    if (!left_.empty()) field("data", shown(left_));
-    left_ = {};
-  }
-
-  std::string shown(ByteView bytes) const {
-    return code_ == Code::ascii && is_printable(bytes) ? std::string(bytes.begin(), bytes.end())
-                                                       : to_hex(bytes);
-  }
-
-  ByteView take(std::size_t size, std::string_view what) {
-    if (left_.size() < size) {
-      note_fault(out_, "the frame ends before " + std::string(what));
-      left_ = {};
-      return {};
+  void bit_places(const Field& field) {
+    out_.count = number(2, "the number of bits");
+    for (std::uint32_t i = 0; i < *out_.count && good(); ++i) {
+      next_device();
+      out_.values.emplace_back(number(is_long() ? 4 : 2, "its data") != 0 ? "1" : "0");
     }
-    const ByteView taken = left_.first(size);
-    left_ = left_.subspan(size);
-    return taken;
+    show(field.name, out_.device.value_or(""));
   }
 
-  std::uint32_t number(std::size_t bytes, std::string_view what) {
-    const ByteView wire = take(wire_size(code_, bytes), what);
-    if (wire.empty()) return 0;
-    const auto value = number_at(code_, wire, 0, bytes);
-    if (!value) note_fault(out_, std::string(what) + " is not hex digits: " + to_hex(wire));
-    last_ = value.value_or(0);
-    return last_;
-  }
-
-  /// Returns the name of the next device and stores its space in `space_`.
-  std::string device() {
-    const ByteView wire = take(device_size(code_, is_long()), "its devices");
-    if (wire.empty()) return {};
-    std::optional<std::uint32_t> value;
-    std::optional<Space> space;
-    const std::size_t digits = is_long() ? 4 : 3;
-    if (code_ == Code::binary) {
-      value = number_at(code_, wire, 0, digits);
-      space = space_coded(wire[digits]);
-    } else {
-      const std::size_t letters = is_long() ? 4 : 2;
-      space = space_coded(std::string_view(reinterpret_cast<const char*>(wire.data()), letters));
-      if (space) value = digits_in(wire.subspan(letters), base_of(model_, *space));
-    }
-    if (!space || !value) {
-      note_fault(out_, "no device: " + shown(wire));
-      return {};
-    }
-    space_ = *space;
-    // An FX5 counts M8000 up among its M. No FX3 uses these frames.
-    return device_name(model_, *space, *value);
-  }
-
-  bool next_is_bits() const { return kind_of(space_).bits == 1; }
-
-  void name(const std::string& device) {
-    out_.device = out_.device ? *out_.device + "," + device : device;
-  }
-
-  /// Lists `points` values unchanged: bits, words or double words.
-  void values(std::uint32_t points, std::size_t bytes) {
-    for (std::uint32_t i = 0; i < points && out_.ok; ++i)
-      out_.values.push_back(hex_text(number(bytes, "its data"), static_cast<int>(2 * bytes)));
-  }
-
-  /// Lists words of devices. A word of bit devices holds 16 of them, the first one lowest.
-  void words(std::uint32_t points) {
-    if (!next_is_bits()) return values(points, 2);
-    for (std::uint32_t i = 0; i < points && out_.ok; ++i) {
-      const std::uint32_t word = number(2, "its data");
-      for (std::uint32_t bit = 0; bit < 16 && out_.ok; ++bit)
-        out_.values.emplace_back((word >> bit & 1) != 0 ? "1" : "0");
-    }
-  }
-
-  std::uint32_t devices_in(std::uint32_t words) const {
-    return next_is_bits() ? 16 * words : words;
-  }
-
-  void bits(std::uint32_t points) {
-    const bool ascii = code_ == Code::ascii;
-    const ByteView wire = take(ascii ? points : (points + 1) / 2, "its data");
-    if (wire.empty()) return;
-    const auto image = bits_in(code_, wire, points);
-    if (!image) return note_fault(out_, image.error().text);
-    for (std::uint32_t i = 0; i < points; ++i)
-      out_.values.emplace_back(((*image)[i / 8] >> (i % 8) & 1) != 0 ? "1" : "0");
-  }
-
-  void batch(bool writes) {
-    name(device());
-    if (!out_.ok) return;
-    field("device", *out_.device);
-    const std::uint32_t points = number(2, "the number of points");
-    out_.count = by_bits() ? points : devices_in(points);
-    field("points", std::to_string(points) + (by_bits() ? " bits" : " words"));
-    if (points == 0) return note_fault(out_, "a request for nothing");
-    if (writes && by_bits()) bits(points);
-    if (writes && !by_bits()) words(points);
-  }
-
-  void random(bool writes) {
-    const std::uint32_t words = number(1, "the number of words");
-    const std::uint32_t dwords = number(1, "the number of double words");
-    field("words", std::to_string(words));
-    field("double words", std::to_string(dwords));
-    out_.count = words + dwords;
-    for (std::uint32_t i = 0; i < words + dwords && out_.ok; ++i) {
-      name(device());
-      if (writes) values(1, i < words ? 2 : 4);
-    }
-    if (out_.ok) field("devices", out_.device.value_or(""));
-  }
-
-  void random_bits() {
-    const std::uint32_t points = number(1, "the number of bits");
-    out_.count = points;
-    for (std::uint32_t i = 0; i < points && out_.ok; ++i) {
-      name(device());
-      out_.values.emplace_back(number(is_long() ? 2 : 1, "its data") != 0 ? "1" : "0");
-    }
-    if (out_.ok) field("devices", out_.device.value_or(""));
-  }
-
-  void blocks(bool writes) {
-    const std::uint32_t of_words = number(1, "the number of word blocks");
-    const std::uint32_t of_bits = number(1, "the number of bit blocks");
-    field("word blocks", std::to_string(of_words));
-    field("bit blocks", std::to_string(of_bits));
+  /// A write has the data of each block behind its head.
+  void blocks(const Field& field) {
     std::uint32_t total = 0;
-    for (std::uint32_t i = 0; i < of_words + of_bits && out_.ok; ++i) {
-      const std::string head = device();
-      const std::uint32_t points = number(2, "the number of points");
-      if (!out_.ok) return;
-      if ((i >= of_words) != next_is_bits())
-        return note_fault(out_, head + " among the blocks of " + (i < of_words ? "words" : "bits"));
-      name(head);
+    for (std::uint32_t i = 0; i < first_ + second_; ++i) {
+      next_device();
+      const std::uint32_t points = number(4, "the number of points");
+      if (!good()) return;
+      if ((i >= first_) != (device_.bits == 1))
+        return fault(device_.name + " among the blocks of " + (i < first_ ? "words" : "bits"));
       total += devices_in(points);
-      field("block", head + ", " + std::to_string(points) + " words");
-      // The data of each block follow its own head.
-      if (writes) words(points);
+      show(field.name, device_.name + ", " + std::to_string(points) + " words");
+      if (writes()) values(points, 4, device_.bits);
     }
     out_.count = total;
   }
 
+ private:
+  bool by_bits() const { return (subcommand_ & kByBits) != 0; }
+  bool writes() const { return out_.operation == "write"; }
+  bool is_long() const { return (subcommand_ & kLongCodes) != 0; }
+  /// Returns the devices in words of the last device's kind.
+  std::uint32_t devices_in(std::uint32_t words) const {
+    return device_.bits == 1 ? 16 * words : words;
+  }
+
+  std::string cut_before(std::string_view what) const override {
+    return "the frame ends before " + std::string(what);
+  }
+  std::optional<FrameDevice> device_in(ByteView wire) override;
+
+  void next_device(std::string_view name = {}) { device({nullptr, name, is_long() ? 12U : 8U}); }
+  std::uint32_t count(const Field& field) {
+    const std::uint32_t count = number(field.digits, "the number of " + std::string(field.name));
+    show(field.name, std::to_string(count));
+    return count;
+  }
+  void values(std::uint32_t count, std::size_t digits, std::uint32_t device_bits = 16) {
+    const ByteView wire = take(count * digits, "its data");
+    if (code_ == Code::ascii && !is_hex(wire)) fault("its data are not hex digits");
+    if (good()) add_values(out_, form_, wire, digits, device_bits);
+  }
+
   Model model_;
   Code code_;
-  ByteView left_;
-  Explanation& out_;
   std::uint32_t subcommand_ = 0;
-  std::uint32_t last_ = 0;
-  Space space_ = Space::d;
+  std::uint32_t first_ = 0;
+  std::uint32_t second_ = 0;
 };
+
+constexpr Field kHead = read_by<&MessageWalk::head>("device");
+constexpr Field kPoints = read_by<&MessageWalk::points>("points", 4);
+constexpr Field kData = read_by<&MessageWalk::data>("");
+constexpr Field kWordCount = read_by<&MessageWalk::first_count>("words", 2);
+constexpr Field kDwordCount = read_by<&MessageWalk::second_count>("double words", 2);
+constexpr Field kPlaces = read_by<&MessageWalk::places>("devices");
+constexpr Field kBitPlaces = read_by<&MessageWalk::bit_places>("devices");
+constexpr Field kWordBlocks = read_by<&MessageWalk::first_count>("word blocks", 2);
+constexpr Field kBitBlocks = read_by<&MessageWalk::second_count>("bit blocks", 2);
+constexpr Field kBlocks = read_by<&MessageWalk::blocks>("block");
+constexpr Field kRunMode = read_by<&MessageWalk::run_mode>("mode", 4);
+constexpr Field kMode = read_by<&MessageWalk::hex>("mode", 4);
+constexpr Field kClearMode = read_by<&MessageWalk::skipped>("clear mode", 2);
+constexpr Field kLastByte = read_by<&MessageWalk::skipped>("last byte", 2);
+constexpr Field kRest = read_by<&MessageWalk::rest>("data");
+
+/// The first row that fits a request is its kind.
+struct Message {
+  std::uint16_t command;
+  std::string_view operation;
+  Fields fields;
+  bool only_by_bits = false;
+};
+constexpr Message kMessages[] = {
+    {0x0101, "other", {}},
+    {0x0401, "read", {kHead, kPoints}},
+    {0x1401, "write", {kHead, kPoints, kData}},
+    {0x0403, "read", {kWordCount, kDwordCount, kPlaces}},
+    {0x1402, "write", {kBitPlaces}, true},
+    {0x1402, "write", {kWordCount, kDwordCount, kPlaces}},
+    {0x0406, "read", {kWordBlocks, kBitBlocks, kBlocks}},
+    {0x1406, "write", {kWordBlocks, kBitBlocks, kBlocks}},
+    {0x1001, "other", {kRunMode, kClearMode, kLastByte}},
+    {0x1002, "other", {kMode}},
+    {0x1003, "other", {kMode}},
+    {0x1005, "other", {kMode}},
+    {0x1006, "other", {kMode}},
+};
+constexpr Fields kUnknown = {kRest};
+
+std::optional<FrameDevice> MessageWalk::device_in(ByteView wire) {
+  std::optional<std::uint32_t> number;
+  std::optional<Space> space;
+  if (code_ == Code::binary) {
+    const std::size_t bytes = is_long() ? 4 : 3;
+    number = number_in(form_, wire.first(bytes));
+    space = space_coded(wire[bytes]);
+  } else {
+    const std::size_t letters = is_long() ? 4 : 2;
+    space = space_coded(as_text(wire.first(letters)));
+    if (space) number = digits_in(wire.subspan(letters), base_of(model_, *space));
+  }
+  if (!space || !number) {
+    fault("no device: " + data_text(form_, wire));
+    return std::nullopt;
+  }
+  // An FX5 counts M8000 up among its M. No FX3 uses these frames.
+  return FrameDevice{device_name(model_, *space, *number), kind_of(*space).bits};
+}
+
+void MessageWalk::explain() {
+  const std::uint32_t command = number(4, "the command");
+  subcommand_ = number(4, "the subcommand");
+  if (!good()) return;
+  const auto name = command_name(static_cast<std::uint16_t>(command));
+  out_.command = hex_text(command, 4);
+  show("command",
+       *out_.command + ", " + std::string(name.empty() ? "not known to this program" : name));
+  show("subcommand", hex_text(subcommand_, 4) + (is_long() ? ", codes of iQ-R" : ""));
+  const auto* found =
+      std::find_if(std::begin(kMessages), std::end(kMessages), [&](const Message& known) {
+        return known.command == command && (by_bits() || !known.only_by_bits);
+      });
+  const bool is_known = found != std::end(kMessages);
+  if (is_known) out_.operation = found->operation;
+  const bool is_extended = out_.operation != "other" && (subcommand_ & kExtension) != 0;
+  walk(is_known && !is_extended ? found->fields : kUnknown);
+  if (good() && left() != 0)
+    fault(std::to_string(left_.size()) + " characters more than the request has");
+}
 
 }  // namespace
 
-void note_fault(Explanation& out, std::string error) {
-  out.ok = false;
-  if (!out.error) out.error = std::move(error);
+NumberForm form_of(Code code) {
+  return code == Code::ascii ? NumberForm::digits : NumberForm::low_first;
 }
 
 void explain_request(Model model, Code code, ByteView message, Explanation& out) {
-  RequestExplainer(model, code, message, out).run();
+  out.direction = Direction::request;
+  out.operation = "other";
+  out.ok = true;
+  MessageWalk(out, model, code, message).explain();
 }
 
 void explain_data(Code code, ByteView data, Explanation& out) {
@@ -270,16 +227,12 @@ void explain_data(Code code, ByteView data, Explanation& out) {
   const std::size_t word = wire_size(code, 2);
   constexpr std::size_t kModelCode = 2;
   if (data.size() == kTypeName + wire_size(code, kModelCode) && is_printable(data.first(kTypeName)))
-    out.fields.emplace_back("type name, if it is one",
-                            std::string(data.begin(), data.begin() + kTypeName));
-  if (data.size() % word == 0 && image_in(code, data, 2)) {
-    for (std::size_t at = 0; at < data.size(); at += word)
-      out.values.push_back(hex_text(*number_at(code, data, at, 2), 4));
+    out.fields.emplace_back("type name, if it is one", as_text(data.first(kTypeName)));
+  if (data.size() % word == 0 && (code == Code::binary || is_hex(data))) {
+    add_values(out, form_of(code), data, 4);
     out.count = static_cast<std::uint32_t>(data.size() / word);
   }
-  out.fields.emplace_back("data", code == Code::ascii && is_printable(data)
-                                      ? std::string(data.begin(), data.end())
-                                      : to_hex(data));
+  out.fields.emplace_back("data", data_text(form_of(code), data));
 }
 
 void explain_refusal(Model model, std::uint16_t end_code, Explanation& out) {

@@ -122,6 +122,7 @@ TEST(OneEExplanation, WhatIsWrongIsSaid) {
            {"04 FF 0A 00 01 00 32 00 00 00 20 44 01", "D50 is no device for this command"},
            {"05 FF 0A 00 01 00 C8 00 00 00 4E 43 01 00", "CN200 is no device for this command"},
            {"16 FF 0A 00 04 41", "the text is shorter than its length says"},
+           {"16 FF 0A 00", "the request is cut short"},
            {"81", "the answer is cut short"},
            {"81 00", "there are no data"},
            {"81 00 12", "an odd count of bytes cannot be words"},
