@@ -2,302 +2,261 @@
 #include <algorithm>
 #include <string>
 
+#include "protocol/frame_walk.h"
 #include "protocol/modbus/modbus.h"
 
 namespace fxagent::modbus {
 namespace {
 
-std::uint32_t number_at(ByteView pdu, std::size_t at) {
-  return static_cast<std::uint32_t>(pdu[at] << 8 | pdu[at + 1]);
-}
-
-/// A function of the specification: its name and its table.
-struct Known {
-  Function function;
-  std::string_view name;
-  Space space;
-};
-constexpr Known kKnown[] = {
-    {Function::read_coils, "read coils", Space::coil},
-    {Function::read_discrete_inputs, "read discrete inputs", Space::discrete_input},
-    {Function::read_holding_registers, "read holding registers", Space::holding_register},
-    {Function::read_input_registers, "read input registers", Space::input_register},
-    {Function::write_coil, "write a coil", Space::coil},
-    {Function::write_register, "write a holding register", Space::holding_register},
-    {Function::write_coils, "write coils", Space::coil},
-    {Function::write_registers, "write holding registers", Space::holding_register},
-    {Function::mask_write, "mask write of a holding register", Space::holding_register},
-    {Function::read_write, "read and write holding registers", Space::holding_register},
-};
-
-/// A function that the agent never sends. Its data are shown unchanged.
-struct Other {
-  std::uint8_t function;
-  std::string_view name;
-  bool asks_alone;  ///< only its answer has data
-};
-constexpr Other kOthers[] = {
-    {0x07, "read exception status", true},   {0x08, "diagnostics", false},
-    {0x0B, "get comm event counter", true},  {0x0C, "get comm event log", true},
-    {0x11, "report server id", true},        {0x14, "read file record", false},
-    {0x15, "write file record", false},      {0x18, "read FIFO queue", false},
-    {0x2B, "encapsulated interface", false},
-};
-
-const Other* other(std::uint8_t function) {
-  const auto found = std::find_if(std::begin(kOthers), std::end(kOthers),
-                                  [&](const Other& o) { return o.function == function; });
-  return found == std::end(kOthers) ? nullptr : found;
-}
-
-const Known* known(std::uint8_t function) {
-  const auto found = std::find_if(std::begin(kKnown), std::end(kKnown),
-                                  [&](const Known& k) { return code(k.function) == function; });
-  return found == std::end(kKnown) ? nullptr : found;
-}
-
-Explanation& wrong(Explanation& out, std::string error) {
-  out.ok = false;
-  if (!out.error) out.error = std::move(error);
-  return out;
-}
-
-/// Fills in the content of a PDU in one direction.
-class Explainer final {
+/// Walks a PDU after its function code.
+class PduWalk final : public FrameWalk {
  public:
-  Explainer(ByteView pdu, Direction direction, Explanation& out)
-      : pdu_(pdu), out_(out), direction_(direction) {
-    out_.direction = direction;
-    out_.ok = true;
-    out_.operation = "other";
+  /// A request has a quantity of 1 to `most`.
+  PduWalk(Explanation& out, ByteView data, Space space, std::uint32_t most)
+      : FrameWalk(out, NumberForm::high_first, data), space_(space), most_(most) {}
+
+  /// Explains the fields. A PDU without data has a fixed length.
+  void explain(const Fields& fields);
+
+  void address(const Field& field) {
+    number_ = number(field);
+    out_.device = name_of(space_, number_, 0);
+    out_.count = 1;
+    show(field.name, hex_text(number_, 4) + " = " + *out_.device);
+  }
+  void quantity(const Field& field) {
+    out_.count = number(field);
+    show(field.name, std::to_string(*out_.count));
+    if (number_ + *out_.count > kNumbers) {
+      doubt_ = "the numbers end at 65535";
+    } else if (out_.direction == Direction::request && (*out_.count == 0 || *out_.count > most_)) {
+      doubt_ = "a quantity of " + std::to_string(*out_.count) + "; 1 to " + std::to_string(most_) +
+               " are allowed";
+    }
   }
 
-  void run() {
-    if (pdu_.empty()) return fault("no function code");
-    const std::uint8_t function = pdu_[0] & static_cast<std::uint8_t>(~kException);
-    out_.command = hex_text(function, 2);
-    const Known* what = known(function);
-    const Other* unspoken = other(function);
-    field("function", hex_text(function, 2) + ", " +
-                          std::string(what       ? what->name
-                                      : unspoken ? unspoken->name
-                                                 : "not known to this program"));
-    if (function == 0) return fault("00 is no function");
-    if ((pdu_[0] & kException) != 0) return exception();
-    if (what == nullptr) return as_it_is(unspoken != nullptr && unspoken->asks_alone);
-    if (direction_ == Direction::request)
-      request(*what);
-    else
-      reply(*what);
+  void value(const Field& field) {
+    add_values(out_, form_, left_, field.digits);
+    hex(field);
+  }
+  void exception(const Field& field) {
+    const std::uint32_t code = number(field);
+    const std::string_view text = exception_text(static_cast<int>(code));
+    out_.values.push_back(hex_text(code, 2));
+    show(field.name,
+         out_.values.back() + ": " + std::string(text.empty() ? "not in the specification" : text));
+  }
+  void on_off(const Field& field) {
+    const std::uint32_t value = number(field);
+    if (value != 0xFF00 && value != 0) return fault("a coil is written by FF00 or 0000");
+    if (out_.direction == Direction::request)
+      out_.operation = value != 0 ? "force_on" : "force_off";
+    out_.values.emplace_back(value != 0 ? "1" : "0");
+    show(field.name, value != 0 ? "FF00, on" : "0000, off");
+  }
+
+  void nothing(const Field& field) {
+    if (left() == 0) return;
+    rest(field);
+    fault("nothing follows this function");
+  }
+
+  /// Data to write begin with the number of their bytes.
+  void data_to_write(const Field& field) {
+    const std::uint32_t given = number(field);
+    const std::uint32_t bytes = is_bits() ? (*out_.count + 7) / 8 : *out_.count * 2;
+    if (given != bytes || left_.size() != bytes)
+      return fault("byte count " + std::to_string(given) + " and " + std::to_string(left_.size()) +
+                   " bytes, where the quantity takes " + std::to_string(bytes));
+    values(field);
+  }
+  void byte_count(const Field& field) {
+    if (number(field) != left_.size()) return fault("the byte count does not fit the frame");
+    if (!is_bits() && left_.size() % 2 != 0)
+      return fault("an odd count of bytes cannot be registers");
+    show(field.name, std::to_string(left_.size()));
+    out_.count = static_cast<std::uint32_t>(is_bits() ? left_.size() * 8 : left_.size() / 2);
+  }
+  void values(const Field& field) {
+    add_values(out_, form_, left_, is_bits() ? 2 : 4, width_of(space_));
+    if (out_.values.size() > *out_.count) out_.values.resize(*out_.count);
+    show(field.name, to_hex(left_));
   }
 
  private:
-  void fault(std::string error) { wrong(out_, std::move(error)); }
-  void field(std::string name, std::string text) {
-    out_.fields.emplace_back(std::move(name), std::move(text));
-  }
-  bool has(std::size_t bytes) {
-    if (pdu_.size() == bytes) return true;
-    fault(std::to_string(pdu_.size()) + " bytes of function and data, " + std::to_string(bytes) +
-          " belong there");
-    return false;
-  }
+  bool is_bits() const { return width_of(space_) == 1; }
 
-  void exception() {
-    out_.operation = "nak";
-    if (direction_ == Direction::request) return fault("an exception is an answer, no request");
-    if (!has(2)) return;
-    const auto text = exception_text(pdu_[1]);
-    field("exception", hex_text(pdu_[1], 2) + ": " +
-                           std::string(text.empty() ? "not in the specification" : text));
-    out_.values.push_back(hex_text(pdu_[1], 2));
-  }
-
-  /// Shows data unchanged. `asks_alone`: a request has no data and an answer has some.
-  void as_it_is(bool asks_alone) {
-    const ByteView data = pdu_.subspan(1);
-    if (!data.empty()) field("data", to_hex(data));
-    if (asks_alone && data.empty() != (direction_ == Direction::request))
-      fault(data.empty() ? "an answer to this function has data" : "nothing follows this function");
-  }
-
-  void place(const Known& what, std::uint32_t number, std::uint32_t count) {
-    if (!out_.device) {
-      out_.device = name_of(what.space, number, 0);
-      out_.count = count;
-    }
-    field("address", hex_text(number, 4) + " = " + name_of(what.space, number, 0));
-    if (number + count > kNumbers) fault("the numbers end at 65535");
-  }
-
-  void limits(std::uint32_t count, std::uint32_t most) {
-    field("quantity", std::to_string(count));
-    if (count == 0 || count > most)
-      fault("a quantity of " + std::to_string(count) + "; 1 to " + std::to_string(most) +
-            " are allowed");
-  }
-
-  void values(const Known& what, ByteView data, std::uint32_t count) {
-    if (width_of(what.space) == 1) {
-      for (std::uint32_t i = 0; i < count && i / 8 < data.size(); ++i)
-        out_.values.emplace_back((data[i / 8] >> (i % 8) & 1) != 0 ? "1" : "0");
-    } else {
-      for (std::size_t i = 0; i + 1 < data.size(); i += 2)
-        out_.values.push_back(hex_text(number_at(data, i), 4));
-    }
-    field("data", to_hex(data));
-  }
-
-  void request(const Known& what) {
-    switch (what.function) {
-      case Function::write_coil:
-      case Function::write_register:
-      case Function::mask_write:
-        return single(what);
-      case Function::write_coils:
-      case Function::write_registers:
-        out_.operation = "write";
-        if (pdu_.size() < 6) return fault("the frame ends before its data");
-        return several(what, number_at(pdu_, 1), number_at(pdu_, 3), pdu_.subspan(5));
-      case Function::read_write:
-        out_.operation = "write";
-        if (pdu_.size() < 10) return fault("the frame ends before its data");
-        field("read address", hex_text(number_at(pdu_, 1), 4));
-        field("read quantity", std::to_string(number_at(pdu_, 3)));
-        return several(what, number_at(pdu_, 5), number_at(pdu_, 7), pdu_.subspan(9));
-      default:
-        out_.operation = "read";
-        if (!has(5)) return;
-        place(what, number_at(pdu_, 1), number_at(pdu_, 3));
-        return limits(number_at(pdu_, 3),
-                      width_of(what.space) == 1 ? kMaxReadBits : kMaxReadRegisters);
-    }
-  }
-
-  /// Explains functions whose answer repeats the request.
-  void single(const Known& what) {
-    out_.operation = "write";
-    if (!has(what.function == Function::mask_write ? 7 : 5)) return;
-    const std::uint32_t value = number_at(pdu_, 3);
-    place(what, number_at(pdu_, 1), 1);
-    if (what.function == Function::mask_write) {
-      field("AND mask", hex_text(value, 4));
-      field("OR mask", hex_text(number_at(pdu_, 5), 4));
-      return;
-    }
-    if (what.function == Function::write_register) {
-      out_.values.push_back(hex_text(value, 4));
-      return field("value", hex_text(value, 4));
-    }
-    if (value != 0xFF00 && value != 0) return fault("a coil is written by FF00 or 0000");
-    out_.operation = value != 0 ? "force_on" : "force_off";
-    out_.values.emplace_back(value != 0 ? "1" : "0");
-    field("value", value != 0 ? "FF00, on" : "0000, off");
-  }
-
-  /// `counted` begins with the byte count.
-  void several(const Known& what, std::uint32_t number, std::uint32_t count, ByteView counted) {
-    const bool bits = width_of(what.space) == 1;
-    place(what, number, count);
-    limits(count, bits                                    ? kMaxWriteBits
-                  : what.function == Function::read_write ? 121
-                                                          : kMaxWriteRegisters);
-    const std::uint32_t bytes = bits ? (count + 7) / 8 : count * 2;
-    if (counted[0] != bytes || counted.size() != bytes + std::size_t{1})
-      return fault("byte count " + std::to_string(counted[0]) + " and " +
-                   std::to_string(counted.size() - 1) + " bytes, where the quantity takes " +
-                   std::to_string(bytes));
-    values(what, counted.subspan(1), count);
-  }
-
-  void reply(const Known& what) {
-    switch (what.function) {
-      case Function::write_coil:
-      case Function::write_register:
-      case Function::mask_write:
-        single(what);
-        out_.operation = "ack";
-        return;
-      case Function::write_coils:
-      case Function::write_registers:
-        out_.operation = "ack";
-        if (!has(5)) return;
-        place(what, number_at(pdu_, 1), number_at(pdu_, 3));
-        return field("quantity", std::to_string(number_at(pdu_, 3)));
-      default:
-        break;
-    }
-    out_.operation = "data";
-    if (pdu_.size() < 2 || pdu_[1] != pdu_.size() - 2)
-      return fault("the byte count does not fit the frame");
-    const bool bits = width_of(what.space) == 1;
-    if (!bits && pdu_[1] % 2 != 0) return fault("an odd count of bytes cannot be registers");
-    field("byte count", std::to_string(pdu_[1]));
-    out_.count = bits ? pdu_[1] * 8U : pdu_[1] / 2U;
-    values(what, pdu_.subspan(2), *out_.count);
-  }
-
-  ByteView pdu_;
-  Explanation& out_;
-  Direction direction_;
+  Space space_;
+  std::uint32_t most_;
+  std::uint32_t number_ = 0;
+  std::string doubt_;  ///< an error in a number, after which the other fields are still shown
 };
 
-/// Removes the frame from its PDU. Returns false, with the reason in `out`, if there is no PDU.
-bool unwrap(Framing framing, ByteView bytes, Explanation& out, std::uint8_t& unit, Bytes& pdu) {
-  if (framing == Framing::rtu && bytes.size() < 4)
-    return wrong(out, "too short for unit, function and CRC"), false;
-  const Frame frame = framing == Framing::rtu     ? rtu_frame(bytes, 0, bytes.size() - 3)
-                      : framing == Framing::ascii ? ascii_frame(bytes, 0)
-                                                  : tcp_frame(bytes, 0, 2);
-  if (frame.state == Frame::State::incomplete)
-    return wrong(out, framing == Framing::ascii ? "no frame from ':' to CR LF"
-                                                : "the frame is shorter than its header says"),
-           false;
-  if (frame.state == Frame::State::wrong) wrong(out, frame.error);
-  if (frame.pdu.empty()) return false;
-  if (frame.end != bytes.size())
-    return wrong(out, std::to_string(bytes.size() - frame.end) + " bytes follow the frame"), false;
-  unit = frame.unit;
-  pdu = frame.pdu;
-  if (framing == Framing::tcp) {
-    out.fields.emplace_back("transaction", hex_text(frame.transaction, 4));
-  } else {
-    out.checksum_given = frame.sum_given;
-    out.checksum_computed = frame.sum_computed;
+constexpr Field kAddress = read_by<&PduWalk::address>("address", 4);
+constexpr Field kQuantity = read_by<&PduWalk::quantity>("quantity", 4);
+constexpr Field kValue = read_by<&PduWalk::value>("value", 4);
+constexpr Field kOnOff = read_by<&PduWalk::on_off>("value", 4);
+constexpr Field kAndMask = read_by<&PduWalk::hex>("AND mask", 4);
+constexpr Field kOrMask = read_by<&PduWalk::hex>("OR mask", 4);
+constexpr Field kReadAddress = read_by<&PduWalk::hex>("read address", 4);
+constexpr Field kReadNumber = read_by<&PduWalk::decimal>("read quantity", 4);
+constexpr Field kDataToWrite = read_by<&PduWalk::data_to_write>("data", 2);
+constexpr Field kByteCount = read_by<&PduWalk::byte_count>("byte count", 2);
+constexpr Field kValues = read_by<&PduWalk::values>("data");
+constexpr Field kRest = read_by<&PduWalk::rest>("data");
+constexpr Field kSomeRest = read_by<&PduWalk::rest>("data", 2);
+constexpr Field kNoRest = read_by<&PduWalk::nothing>("data");
+
+/// A request or an answer after its function code.
+struct Part {
+  std::string_view operation;
+  Fields fields;
+};
+constexpr Part kRead = {"read", {kAddress, kQuantity}};
+constexpr Part kData = {"data", {kByteCount, kValues}};
+constexpr Part kWrite = {"write", {kAddress, kQuantity, kDataToWrite}};
+constexpr Part kWritten = {"ack", {kAddress, kQuantity}};
+constexpr Part kCoilWrite = {"write", {kAddress, kOnOff}};
+constexpr Part kCoilWritten = {"ack", {kAddress, kOnOff}};
+constexpr Part kRegisterWrite = {"write", {kAddress, kValue}};
+constexpr Part kRegisterWritten = {"ack", {kAddress, kValue}};
+constexpr Part kMaskWrite = {"write", {kAddress, kAndMask, kOrMask}};
+constexpr Part kMaskWritten = {"ack", {kAddress, kAndMask, kOrMask}};
+constexpr Part kReadWrite = {"write",
+                             {kReadAddress, kReadNumber, kAddress, kQuantity, kDataToWrite}};
+constexpr Part kRefusal = {"nak", {read_by<&PduWalk::exception>("exception", 2)}};
+// Of functions that the agent never sends.
+constexpr Part kAnything = {"other", {kRest}};
+constexpr Part kSomething = {"other", {kSomeRest}};
+constexpr Part kNothing = {"other", {kNoRest}};
+
+/// A function of the specification. `most` is the largest quantity of its request.
+struct Known {
+  std::uint8_t code;
+  std::string_view name;
+  Part request;
+  Part reply;
+  Space space = Space::coil;
+  std::uint32_t most = 0;
+};
+constexpr Space kHolding = Space::holding_register;
+constexpr Known kKnown[] = {
+    {0x01, "read coils", kRead, kData, Space::coil, kMaxReadBits},
+    {0x02, "read discrete inputs", kRead, kData, Space::discrete_input, kMaxReadBits},
+    {0x03, "read holding registers", kRead, kData, kHolding, kMaxReadRegisters},
+    {0x04, "read input registers", kRead, kData, Space::input_register, kMaxReadRegisters},
+    {0x05, "write a coil", kCoilWrite, kCoilWritten, Space::coil},
+    {0x06, "write a holding register", kRegisterWrite, kRegisterWritten, kHolding},
+    {0x0F, "write coils", kWrite, kWritten, Space::coil, kMaxWriteBits},
+    {0x10, "write holding registers", kWrite, kWritten, kHolding, kMaxWriteRegisters},
+    {0x16, "mask write of a holding register", kMaskWrite, kMaskWritten, kHolding},
+    {0x17, "read and write holding registers", kReadWrite, kData, kHolding, 121},
+    {0x07, "read exception status", kNothing, kSomething},
+    {0x08, "diagnostics", kAnything, kAnything},
+    {0x0B, "get comm event counter", kNothing, kSomething},
+    {0x0C, "get comm event log", kNothing, kSomething},
+    {0x11, "report server id", kNothing, kSomething},
+    {0x14, "read file record", kAnything, kAnything},
+    {0x15, "write file record", kAnything, kAnything},
+    {0x18, "read FIFO queue", kAnything, kAnything},
+    {0x2B, "encapsulated interface", kAnything, kAnything},
+};
+constexpr Known kUnknown = {0, "not known to this program", kAnything, kAnything};
+
+const Known& known(std::uint8_t function) {
+  const auto* found = std::find_if(std::begin(kKnown), std::end(kKnown),
+                                   [&](const Known& k) { return k.code == function; });
+  return found == std::end(kKnown) ? kUnknown : *found;
+}
+
+void PduWalk::explain(const Fields& fields) {
+  std::size_t least = 0;
+  bool has_data = false;
+  for (const Field& field : fields) {
+    least += field.digits;
+    has_data = has_data || field.name == "data";
   }
-  return true;
+  if (has_data ? left() < least : left() != least)
+    return fault(has_data ? "the frame ends before its data"
+                          : std::to_string(1 + left() / 2) + " bytes of function and data, " +
+                                std::to_string(1 + least / 2) + " belong there");
+  walk(fields);
+  if (doubt_.empty()) return;
+  out_.error.reset();
+  fault(doubt_);
+}
+
+void explain_pdu(Explanation& out, ByteView pdu, Direction direction) {
+  const std::uint8_t function = pdu[0] & static_cast<std::uint8_t>(~kException);
+  const Known& what = known(function);
+  out.command = hex_text(function, 2);
+  out.fields.emplace_back("function", *out.command + ", " + std::string(what.name));
+  const bool asks = direction == Direction::request;
+  const bool refuses = (pdu[0] & kException) != 0;
+  if (function == 0) {
+    wrong(out, "00 is no function");
+    return;
+  }
+  const Part& part = refuses ? kRefusal : asks ? what.request : what.reply;
+  out.operation = part.operation;
+  if (refuses && asks)
+    wrong(out, "an exception is an answer, no request");
+  else
+    PduWalk(out, pdu.subspan(1), what.space, what.most).explain(part.fields);
+}
+
+/// Returns the frame in `bytes`. Without a PDU, or with an error, it is bad whatever its content.
+Frame frame_in(Framing framing, ByteView bytes) {
+  Frame frame;
+  if (framing == Framing::rtu && bytes.size() < 4) {
+    frame.error = "too short for unit, function and CRC";
+    return frame;
+  }
+  frame = framing == Framing::rtu     ? rtu_frame(bytes, 0, bytes.size() - 3)
+          : framing == Framing::ascii ? ascii_frame(bytes, 0)
+                                      : tcp_frame(bytes, 0, 2);
+  const bool is_incomplete = frame.state == Frame::State::incomplete;
+  if (!is_incomplete && frame.end == bytes.size()) return frame;
+  frame.pdu.clear();
+  if (frame.error.empty())
+    frame.error = !is_incomplete
+                      ? std::to_string(bytes.size() - frame.end) + " bytes follow the frame"
+                  : framing == Framing::ascii ? "no frame from ':' to CR LF"
+                                              : "the frame is shorter than its header says";
+  return frame;
 }
 
 /// For a PDU that fits neither direction. The request of a read has five bytes and its answer
 /// hardly ever does. Any other PDU except an exception is assumed to be a request.
 bool is_like_a_request(ByteView pdu) {
-  const Known* what = known(pdu[0]);
-  const bool reads =
-      what != nullptr && code(what->function) <= code(Function::read_input_registers);
+  const bool reads = known(pdu[0]).request.operation == "read";
   return (pdu[0] & kException) == 0 && (!reads || pdu.size() == 5);
 }
 
 }  // namespace
 
-Explanation explain_frame(Framing framing, ByteView frame, std::optional<Direction> direction) {
-  Explanation shell;
-  shell.operation = "other";
-  shell.direction = direction.value_or(Direction::request);
-  std::uint8_t unit = 0;
-  Bytes pdu;
-  if (!unwrap(framing, frame, shell, unit, pdu)) return shell;
-  shell.fields.emplace_back("unit", std::to_string(unit));
+Explanation explain_frame(Framing framing, ByteView bytes, std::optional<Direction> direction) {
+  const Frame frame = frame_in(framing, bytes);
+  Explanation shell = begin_explanation(direction);
+  if (frame.pdu.empty()) return wrong(shell, frame.error);
+  if (framing == Framing::tcp) {
+    shell.fields.emplace_back("transaction", hex_text(frame.transaction, 4));
+  } else {
+    shell.checksum_given = frame.sum_given;
+    shell.checksum_computed = frame.sum_computed;
+  }
+  shell.fields.emplace_back("unit", std::to_string(frame.unit));
   bool fits = false;
   const auto explained = [&](Direction way) {
     Explanation out = shell;
-    out.error.reset();
-    Explainer(pdu, way, out).run();
+    out.direction = way;
+    explain_pdu(out, frame.pdu, way);
     fits = out.ok;
     if (out.checksum_given)
       out.fields.emplace_back(framing == Framing::rtu ? "CRC" : "LRC", *out.checksum_given);
-    if (shell.error) {  // the frame is wrong, whatever its content
-      out.ok = false;
-      out.error = shell.error;
+    if (!frame.error.empty()) {
+      out.error.reset();
+      wrong(out, frame.error);
     }
     return out;
   };
@@ -307,7 +266,7 @@ Explanation explain_frame(Framing framing, ByteView frame, std::optional<Directi
   const Explanation reply = explained(Direction::reply);
   const bool may_answer = fits;
   request.ambiguous = may_ask && may_answer;
-  return may_ask || (!may_answer && is_like_a_request(pdu)) ? request : reply;
+  return may_ask || (!may_answer && is_like_a_request(frame.pdu)) ? request : reply;
 }
 
 }  // namespace fxagent::modbus
