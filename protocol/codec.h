@@ -141,9 +141,9 @@ enum class RefusalMeaning : std::uint8_t {
   final,        ///< certainly no effect; a repeat would be refused again
   curable,      ///< certainly no effect; a repeat may succeed
   busy,         ///< as curable, but after a pause
-  hole,         ///< a read touched something that this device lacks; read less
   unclear,      ///< a write may have taken effect; handled like silence
-  unreachable,  ///< sent by a gateway: the unit behind it did not answer
+  hole,         ///< reads only: something in it does not exist on this device; read less
+  unreachable,  ///< reads only: sent by a gateway, because the unit behind it did not answer
 };
 
 /// Action that a line needs before its next request.

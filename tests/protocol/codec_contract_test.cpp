@@ -361,6 +361,22 @@ TEST(CodecContract, OneFlippedBitNeverMakesAnotherValue) {
   });
 }
 
+/// A write that is refused is final, may be repeated, or is unclear. A hole, or a gateway that does
+/// not reach the unit, would not show if the write has taken effect.
+TEST(CodecContract, AnyRefusalOfAWriteShowsIfItHasTakenEffect) {
+  for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
+    const bool is_write = std::holds_alternative<Write>(sample.request) ||
+                          std::holds_alternative<Force>(sample.request) ||
+                          std::holds_alternative<Scatter>(sample.request);
+    if (!is_write) return;
+    for (int code = 0; code <= 0xFFFF; ++code) {
+      const RefusalMeaning meaning = codec.meaning_of(sample.request, code);
+      ASSERT_NE(meaning, RefusalMeaning::hole) << code;
+      ASSERT_NE(meaning, RefusalMeaning::unreachable) << code;
+    }
+  });
+}
+
 TEST(CodecContract, OneFlippedBitNeverTurnsAnAckIntoANak) {
   for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
     if (!sample.bare) return;

@@ -226,8 +226,7 @@ bool CommandExecution::surely_without_effect(const Request& request,
                                              const Exchange& exchange) const {
   if (!exchange.sent) return true;
   if (!exchange.is_nak()) return false;
-  const auto meaning = station_.codec->meaning_of(request, exchange.reply.device_code);
-  return meaning != RefusalMeaning::unclear && meaning != RefusalMeaning::unreachable;
+  return station_.codec->meaning_of(request, exchange.reply.device_code) != RefusalMeaning::unclear;
 }
 
 asio::awaitable<void> CommandExecution::conclude(const AdmittedTarget& target, Exchange exchange,

@@ -433,6 +433,16 @@ TEST_F(CommandAdmissionTest, DryRunChecksEverythingAndIsNotRemembered) {
   EXPECT_EQ(answered(dry).status, CommandStatus::duplicate);
 }
 
+TEST_F(CommandAdmissionTest, DryRunOfAForceOrAReadChangesNothingEither) {
+  for (const Op op : {Op::force_on, Op::force_off, Op::read}) {
+    Command dry = command("b7e1", op);
+    dry.targets.push_back({"start", "", std::nullopt, std::nullopt});
+    dry.dry_run = true;
+    EXPECT_EQ(answered(dry).status, CommandStatus::succeeded) << to_string(op);
+    EXPECT_EQ(admission.remembered(), 0U);
+  }
+}
+
 TEST_F(CommandAdmissionTest, DryRunThatIsBadJsonIsNotRemembered) {
   Command dry = write("b7e1");
   dry.dry_run = true;
@@ -689,6 +699,7 @@ TEST_F(CommandAdmissionTest, ReadHasNothingToWrite) {
 
 TEST_F(CommandAdmissionTest, RunAndStopNeedTheirRule) {
   EXPECT_EQ(answered(command("a", Op::run)).reason, Reason::not_allowed);
+  EXPECT_EQ(answered(command("A", Op::stop)).reason, Reason::not_allowed);
   device.commands.allow_run_stop = true;
   const AdmittedCommand stop = admit(command("b", Op::stop));
   ASSERT_TRUE(stop.run_request);
@@ -790,6 +801,26 @@ TEST_F(CommandAdmissionTest, LimitsOf64BitsAreComparedExactly) {
   EXPECT_EQ(to_string(above.reason), "out_of_range");
   EXPECT_EQ(above.detail,
             "9007199254740993 would be written, above the tag's max of 9007199254740992");
+}
+
+TEST_F(CommandAdmissionTest, ALimitOnOneSideHoldsThatSide) {
+  const auto with = [&](std::string name, TagLimits limits) {
+    TagConfig one = writable(tag(*device.codec, name, "D260"));
+    one.units = std::make_shared<const TagUnits>(TagUnits{.limits = limits});
+    device.tags.push_back(one);
+    return [this, name, n = 0](double value) mutable {
+      Command command = write(name + std::to_string(n++));
+      command.targets[0].tag = name;
+      command.targets[0].value = real(value);
+      return admission.admit(command, device.codec, 0, now);
+    };
+  };
+  auto from_ten = with("from_ten", {.min = 10});
+  EXPECT_TRUE(std::holds_alternative<CommandResult>(from_ten(9)));
+  EXPECT_TRUE(std::holds_alternative<AdmittedCommand>(from_ten(10)));
+  auto to_ten = with("to_ten", {.max = 10});
+  EXPECT_TRUE(std::holds_alternative<CommandResult>(to_ten(11)));
+  EXPECT_TRUE(std::holds_alternative<AdmittedCommand>(to_ten(10)));
 }
 
 TEST_F(CommandAdmissionTest, ExpectIsKeptAsItCame) {

@@ -126,12 +126,16 @@ TEST(ConfigDifference, ChangedLinkBeginsAnewWithAllItsDevices) {
   EXPECT_EQ(change.config.devices[0].link, 0U);
 }
 
-TEST(ConfigDifference, AnotherSpeedBehindASerialServerBeginsItsLinkAnew) {
-  const ConfigChange change = after_change("/links/1/line_baud", "19200");
-  EXPECT_EQ(change.links_end, Indices{1});
-  EXPECT_EQ(change.links_begin, Indices{1});
-  EXPECT_EQ(change.devices_end, Indices{1});
-  EXPECT_EQ(change.devices_begin, Indices{1});
+TEST(ConfigDifference, AnotherLineBehindASerialServerBeginsItsLinkAnew) {
+  for (const auto& [key, value] : std::map<std::string, std::string>{
+           {"line_baud", "19200"}, {"data_bits", "8"}, {"parity", "\"none\""}, {"stop_bits", "2"}}) {
+    SCOPED_TRACE(key);
+    const ConfigChange change = after_change("/links/1/" + key, value);
+    EXPECT_EQ(change.links_end, Indices{1});
+    EXPECT_EQ(change.links_begin, Indices{1});
+    EXPECT_EQ(change.devices_end, Indices{1});
+    EXPECT_EQ(change.devices_begin, Indices{1});
+  }
 }
 
 TEST(ConfigDifference, PlaceOfWhatIsTakenOutIsVacantAndTheOthersKeepTheirs) {

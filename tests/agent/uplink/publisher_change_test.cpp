@@ -61,7 +61,9 @@ TEST_F(PublisherChange, DeviceThatComesBackBeforeItsTopicsWereClearedKeepsThem) 
   broker.acknowledges = false;
   broker.receive_maximum = 4;
   broker.lose();
+  settle();
   advance(20s);  // a window of four, all in use
+  ASSERT_TRUE(broker.up());
   change_to(without_press1(config));
   change_to(both);
   outbox.push(test::offline(0, "timeout"));

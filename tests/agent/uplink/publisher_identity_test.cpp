@@ -291,6 +291,16 @@ TEST(PublisherIdentity, OverwrittenStateAndMetaAreRepairedOnceASecondAtTheMost) 
   }
 }
 
+TEST(PublisherIdentity, OverwrittenStateIsRepairedEvenIfOursNeverCameBack) {
+  Bench bench;
+  bench.outbox.push(test::offline(0, "timeout"));
+  bench.online();
+  const std::string topic = kBase + "/press1/state";
+  hear(bench, topic, R"({"forged":1})");
+  bench.advance(5s);
+  EXPECT_EQ(bench.broker.on(topic).size(), 1U);
+}
+
 TEST(PublisherIdentity, OwnOlderTextsThatComeBackLateAreNotRepaired) {
   Bench bench;
   bench.online();

@@ -51,6 +51,20 @@ TEST(ResultDelivery, RefusedResponseTopicIsGivenUpAtOnce) {
   EXPECT_EQ(bench.broker.on(kResponse).size(), 1U);
 }
 
+TEST(ResultDelivery, EveryWaitingResultGoesToItsResponseTopic) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (const char* id : {"a", "b", "c"}) {
+    CommandResult result = test::succeeded(id);
+    result.response_topic = kResponse;
+    bench.outbox.push(result);
+  }
+  bench.settle();
+  EXPECT_EQ(bench.broker.on(kOwn).size(), 3U);
+  EXPECT_EQ(bench.broker.on(kResponse).size(), 3U);
+}
+
 TEST(ResultDelivery, ResponseTopicLongerThanAPacketGetsNothing) {
   Bench bench;
   bench.broker.maximum_packet = 2000;

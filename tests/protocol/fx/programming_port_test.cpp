@@ -351,6 +351,10 @@ TEST(ProgrammingPort, AnAnswerOfAnotherLengthIsABadFrame) {
   EXPECT_EQ(bad_frame("\x02\x03"
                       "03"),
             "0 data digits given, 8 expected");
+  EXPECT_EQ(bad_frame("\x02"
+                      "3412CDAB00\x03"
+                      "37"),
+            "10 data digits given, 8 expected");
 }
 
 TEST(ProgrammingPort, DataThatAreNotHexAreABadFrame) {

@@ -332,6 +332,11 @@ TEST(McMessages, WritesToScatteredPlacesGoTogetherWhereOneFrameCarriesThem) {
   many.pop_back();
   EXPECT_TRUE(mc.combine(many));
   EXPECT_FALSE(codec(Frame::e3, Model::iq_r).combine(many));
+  // 137 double words at 14 each are 1,918 of 1,920.
+  std::vector<Request> double_words(137, Write{{kD, 1600, 32}, {1, 2, 3, 4}});
+  EXPECT_TRUE(mc.combine(double_words));
+  double_words.push_back(double_words.front());
+  EXPECT_FALSE(mc.combine(double_words));
   std::vector<Request> forces(188, Force{kM, 1, true});
   EXPECT_TRUE(mc.combine(forces));
   forces.push_back(Force{kM, 2, true});

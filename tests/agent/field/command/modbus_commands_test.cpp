@@ -245,5 +245,31 @@ TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
   EXPECT_EQ(result.targets.size(), 3U);
 }
 
+// In one frame, the order of two writes to one place would be the PLC's.
+TEST_F(CommandOnTheBusTest, TargetsThatOverlapAreSentOneAfterTheOther) {
+  use("fx-computer-link",
+      codec_of("fx-computer-link", {{"station", std::int64_t{5}}, {"model", std::string("FX2N")}}));
+  device.tags.push_back(writable(tag(*device.codec, "a", "D500")));
+  device.tags.push_back(writable(tag(*device.codec, "again", "D500")));
+  const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
+  const Bytes ack = text("\x06"
+                         "05FF");
+  station.enquire = EnquirePolicy::never;
+  wire->expect(text("\x05"
+                    "05FFWW0D0500010001FA"))
+      .give(ack)
+      .expect(text("\x05"
+                   "05FFWW0D0500010002FB"))
+      .give(ack);
+  Command command;
+  command.is_list = true;
+  command.targets.push_back({"a", "", std::nullopt, number(1)});
+  command.targets.push_back({"again", "", std::nullopt, number(2)});
+  const CommandResult result = run(std::move(command), false);
+  EXPECT_EQ(result.status, CommandStatus::succeeded);
+  EXPECT_FALSE(result.one_frame);
+  EXPECT_EQ(result.attempts, 2);
+}
+
 }  // namespace
 }  // namespace fxagent::test
