@@ -83,7 +83,7 @@ void LinkState::opened() {
   if (!bus_.is_open() || was_open_) return;
   // A peer that babbles, or closes what it accepts, accepts every connection. It is back when it
   // has answered.
-  if (!bus_.never_silent() && !was_refused_) reconnect_policy_.opened();
+  if (!bus_.channel().never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
   if (!is_vain_) log_up_once();
   SteadyTime from = Clock::now();
@@ -104,7 +104,7 @@ bool LinkState::is_asked() const {
 }
 
 bool LinkState::is_refused() const {
-  return !is_serial(config_) && bus_.closed_unanswered() && is_asked();
+  return !is_serial(config_) && bus_.channel().closed_unanswered() && is_asked();
 }
 
 std::string_view LinkState::checklist_of_closed() const {
@@ -145,9 +145,9 @@ void LinkState::lost(const std::string& why) {
   if (was_open_ && was_refused_)
     next_open_ = Clock::now() + reconnect_policy_.after_failure(kAfterRefusal);
   else if (was_open_)
-    next_open_ = Clock::now() + (bus_.never_silent() ? reconnect_policy_.after_failure()
-                                                     : reconnect_policy_.after_loss());
-  const bool is_closed = was_refused_ && !bus_.has_datagrams();
+    next_open_ = Clock::now() + (bus_.channel().never_silent() ? reconnect_policy_.after_failure()
+                                                               : reconnect_policy_.after_loss());
+  const bool is_closed = was_refused_ && !bus_.channel().transport().has_datagrams();
   if (is_closed)
     go_down(why + " before its first answer", checklist_of_closed());
   else
@@ -164,8 +164,8 @@ void LinkState::go_down(std::string why, std::string_view note) {
                          {"reason", why},
                          {"note", std::string(note)}});
   }
-  is_vain_ =
-      !is_serial(config_) && (was_refused_ || (was_open_ && !bus_.was_answered() && is_asked()));
+  is_vain_ = !is_serial(config_) &&
+             (was_refused_ || (was_open_ && !bus_.channel().was_answered() && is_asked()));
   logged_up_ = was_open_ = false;
   was_down_ = true;
   why_down_text_ = note.empty() ? why : why + ": " + std::string(note);
@@ -177,10 +177,10 @@ void LinkState::go_down(std::string why, std::string_view note) {
 }
 
 void LinkState::look() {
-  if (bus_.closed_after_silence() && was_open_)
+  if (bus_.channel().closed_after_silence() && was_open_)
     next_open_ = Clock::now();
   else if (!bus_.is_open() && was_open_)
-    lost(std::string(bus_.why_lost()));
+    lost(std::string(bus_.channel().why_lost()));
   if (bus_.echo_found() && !echo_logged_) {
     echo_logged_ = true;
     log::warn("link", {{"link", config_.name},
@@ -248,7 +248,7 @@ void LinkState::heard_foreign(LinkDevice& device, const Exchange& exchange) {
 void LinkState::answered(LinkDevice& device) {
   unanswered_in_a_row_ = 0;
   if (std::exchange(is_vain_, false) && was_open_) log_up_once();
-  if (!bus_.never_silent()) reconnect_policy_.opened();
+  if (!bus_.channel().never_silent()) reconnect_policy_.opened();
   device.state.answered();
   device.asked_in_vain = false;
   device.gateway_says.clear();
@@ -287,17 +287,17 @@ void LinkState::unanswered(LinkDevice& device, PollScheduler::AskedBy by) {
   was_refused_ = false;
   is_left_ = true;
   next_open_ = Clock::now() + reconnect_policy_.after_loss();
-  go_down(bus_.has_datagrams() ? "nobody answers on this UDP port"
-                               : "nobody answers on this connection",
+  go_down(bus_.channel().transport().has_datagrams() ? "nobody answers on this UDP port"
+                                                     : "nobody answers on this connection",
           {});
 }
 
 void LinkState::update(LinkDevice& device) {
   DeviceState::Facts facts;
   facts.silent = is_silent(device);
-  const bool opens_again = was_open_ && bus_.closed_after_silence();
+  const bool opens_again = was_open_ && bus_.channel().closed_after_silence();
   facts.bus_open = bus_.is_open() || opens_again || (is_left_ && facts.silent);
-  facts.never_silent = bus_.never_silent();
+  facts.never_silent = bus_.channel().never_silent();
   if (!facts.bus_open)
     facts.why_offline = why_down_text_;
   else if (facts.silent)

@@ -262,7 +262,7 @@ void LinkWorker::trace(bool on) {
 
 void LinkWorker::report(FieldHealth& health) {
   const auto now = Clock::now();
-  Bus::Counters& counters = bus_.counters();
+  Wire::Counters& counters = bus_.counters();
   LinkHealth& link = health.links[link_];
   link.open = bus_.is_open();
   link.exchanges = counters.exchanges;

@@ -121,9 +121,10 @@ void CommandExchanges::add_hint(Exchange& exchange) const {
     exchange.reply.text =
         "\"" + exchange.reply.text +
         "\": " + checklist_of(device_, *station_.codec, station_.wiring, Answers::of_gateway);
-  if (bus_.was_ever_answered()) return;
+  if (bus_.channel().was_ever_answered()) return;
   const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
-  const bool is_closed = bus_.closed_unanswered() && !bus_.has_datagrams();
+  const bool is_closed =
+      bus_.channel().closed_unanswered() && !bus_.channel().transport().has_datagrams();
   if (is_silent && exchange.heard.empty())
     exchange.error = checklist_of(device_, *station_.codec, station_.wiring, Answers::none);
   else if (const auto text = checklist_of_closed(*device_.protocol, *station_.codec);

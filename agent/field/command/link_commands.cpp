@@ -103,7 +103,7 @@ nanoseconds LinkCommands::handshakes() const {
   for (const auto& device : devices_) {
     const auto enquiry = device->codec->resync();
     if (!enquiry || device->config.enquire != EnquirePolicy::open) continue;
-    if (bus_.is_open() && device->station.handshake_in == bus_.session()) continue;
+    if (bus_.is_open() && device->station.handshake_in == bus_.channel().session()) continue;
     const LineTiming timing = timing_of(device->config, link_.char_time);
     total += exchange_time(*device->codec, *enquiry, timing);
   }

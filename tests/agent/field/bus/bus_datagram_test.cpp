@@ -112,7 +112,7 @@ TEST_F(NumberedDatagrams, FloodOfDatagramsEndsTheExchange) {
   const Exchange exchange = read("hr:0");
   EXPECT_EQ(exchange.outcome, Outcome::link_down);
   EXPECT_TRUE(exchange.sent);
-  EXPECT_TRUE(bus->never_silent());
+  EXPECT_TRUE(bus->channel().never_silent());
   EXPECT_FALSE(bus->is_open());
   EXPECT_GT(wire->steps_left(), 0U);
   while (wire->steps_left() > 0) wire->skip();
@@ -228,14 +228,14 @@ TEST_F(DatagramsWithoutNumbers, WhetherAnythingWasAnsweredBeforeTheEndIsKnown) {
   wire->expect(kRead).hang_up();
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::link_down);
-  EXPECT_TRUE(bus->closed_unanswered());
-  EXPECT_FALSE(bus->was_ever_answered());
+  EXPECT_TRUE(bus->channel().closed_unanswered());
+  EXPECT_FALSE(bus->channel().was_ever_answered());
   wire->expect(kRead).give(word_frame(1)).hang_up();
   open();
   EXPECT_TRUE(read("D100").is_data());
   EXPECT_EQ(read("D100").outcome, Outcome::link_down);
-  EXPECT_FALSE(bus->closed_unanswered());
-  EXPECT_TRUE(bus->was_ever_answered());
+  EXPECT_FALSE(bus->channel().closed_unanswered());
+  EXPECT_TRUE(bus->channel().was_ever_answered());
 }
 
 }  // namespace

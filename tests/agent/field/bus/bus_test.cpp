@@ -86,9 +86,9 @@ TEST_F(BusTest, AnswerThatIsBrokenOffByItsDeadlineTakesItsConnectionWithIt) {
   const Request request{Read{station.codec->addresses().parse_address("hr:0", {})->span}};
   EXPECT_EQ(ask(request).outcome, Outcome::unanswered);
   EXPECT_FALSE(line->is_open()) << "the rest would stand before the next answer";
-  EXPECT_TRUE(line->closed_after_silence()) << "which is no loss";
+  EXPECT_TRUE(line->channel().closed_after_silence()) << "which is no loss";
   open();
-  EXPECT_FALSE(line->closed_after_silence());
+  EXPECT_FALSE(line->channel().closed_after_silence());
   wire->expect(*from_hex("00 02 00 00 00 06 01 03 00 00 00 01")).silence();
   EXPECT_EQ(ask(request).outcome, Outcome::unanswered);
   EXPECT_TRUE(line->is_open()) << "nothing of an answer has come";
@@ -756,7 +756,7 @@ TEST_F(BusTest, FloodBetweenTwoQuestionsClosesTheChannel) {
   EXPECT_FALSE(flooded.sent);
   EXPECT_NE(flooded.error.find("without end"), std::string::npos) << flooded.error;
   EXPECT_FALSE(line->is_open());
-  EXPECT_TRUE(line->never_silent());
+  EXPECT_TRUE(line->channel().never_silent());
 }
 
 TEST_F(BusTest, FloodWhileItListensClosesTheChannel) {
@@ -767,7 +767,7 @@ TEST_F(BusTest, FloodWhileItListensClosesTheChannel) {
   const Exchange flooded = read("D100");
   EXPECT_EQ(flooded.outcome, Outcome::link_down);
   EXPECT_FALSE(line->is_open());
-  EXPECT_TRUE(line->never_silent());
+  EXPECT_TRUE(line->channel().never_silent());
 }
 
 TEST_F(BusTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
@@ -776,12 +776,12 @@ TEST_F(BusTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().code, ErrorCode::link_down);
   EXPECT_NE(opened.error().text.find("without end"), std::string::npos);
-  EXPECT_TRUE(line->never_silent());
+  EXPECT_TRUE(line->channel().never_silent());
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
   open();
-  EXPECT_TRUE(line->never_silent()) << "until something was answered";
+  EXPECT_TRUE(line->channel().never_silent()) << "until something was answered";
   EXPECT_TRUE(read("D100").is_data());
-  EXPECT_FALSE(line->never_silent());
+  EXPECT_FALSE(line->channel().never_silent());
 }
 
 // ---- time --------------------------------------------------------------------------------------
@@ -942,7 +942,7 @@ TEST_F(BusTest, EachEndOfAnExchangeIsCounted) {
   read("D100");
   read("D100");
   ask(request_for("D100"), Clock::now() - milliseconds(1));
-  const Bus::Counters& counters = line->counters();
+  const Wire::Counters& counters = line->counters();
   EXPECT_EQ(counters.exchanges, 4U) << "the one that expired was never sent";
   EXPECT_EQ(counters.naks, 1U);
   EXPECT_EQ(counters.bad_frames, 1U);

@@ -498,6 +498,15 @@ TEST_F(RecipeTest, ArrayWhoseSecondFrameIsRefusedIsPartial) {
   EXPECT_EQ(result.targets[0].verify->read->items[32], Scalar(std::int64_t{0}));
 }
 
+TEST_F(RecipeTest, OneFrameOfAnArrayIsRepeatedAndNoMore) {
+  wire->expect(first).give(kNak).expect(first).give(kAck).expect(second).give(kNak);
+  read_back(32);
+  const CommandResult result = run(recipe());
+  EXPECT_EQ(result.status, CommandStatus::partial);
+  EXPECT_EQ(result.reason, Reason::nak);
+  EXPECT_EQ(result.progress, (Progress{32, 50}));
+}
+
 TEST_F(RecipeTest, ArrayUnderWayIsFinishedThoughItsTimePasses) {
   AdmittedCommand* on_the_wire = nullptr;
   before_sending = [&](AdmittedCommand& admitted) { on_the_wire = &admitted; };

@@ -1,0 +1,83 @@
+#include "agent/field/bus/channel.h"
+
+#include <algorithm>
+#include <string>
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+
+constexpr milliseconds kOpenTimeout{5000};
+// A serial server delivers what it has buffered at once or not at all.
+constexpr milliseconds kQuietAfterOpen{50};
+// The channel is closed if the line is not quiet after this time.
+constexpr milliseconds kLongestDrain{3000};
+constexpr std::size_t kReadChunk = 512;
+constexpr std::string_view kNeverSilent =
+    "bytes come without end (another master, noise, or wrong settings?)";
+
+}  // namespace
+
+asio::awaitable<Channel::Heard> Channel::open(nanoseconds listening) {
+  answered_ = closed_unanswered_ = closed_after_silence_ = false;
+  const auto opened = co_await transport_->open(transport_->now() + kOpenTimeout);
+  Heard heard;
+  if (!opened) {
+    heard.error = opened.error();
+    co_return heard;
+  }
+  ++session_;
+  // Answers to another port do not reach this one.
+  if (transport_->can_renew()) co_return heard;
+  // A serial server delivers a late answer to the current connection. A PLC on a serial port
+  // answers whichever program has it open. An earlier program may have sent its last request just
+  // now.
+  heard = co_await listen(transport_->now() + listening, kQuietAfterOpen);
+  co_return heard;
+}
+
+asio::awaitable<Channel::Heard> Channel::listen(SteadyTime until, nanoseconds quiet) {
+  const auto now = [this] { return transport_->now(); };
+  const auto give_up = std::max(until, now() + quiet) + kLongestDrain;
+  std::uint8_t chunk[kReadChunk];
+  Heard heard;
+  for (;;) {
+    const auto got = co_await transport_->read_some(chunk, std::max(until, now() + quiet));
+    if (!got && got.error().code == ErrorCode::timeout) co_return heard;
+    if (!got) {
+      lose();
+      heard.error = got.error();
+      co_return heard;
+    }
+    heard.total += *got;
+    if (heard.bytes.size() < kMostJudged)
+      heard.bytes.insert(heard.bytes.end(), chunk, chunk + *got);
+    if (heard.total < kMostDrained && now() < give_up) continue;
+    close_never_silent();
+    heard.error = Error{ErrorCode::link_down, std::string(kNeverSilent)};
+    co_return heard;
+  }
+}
+
+void Channel::lose() {
+  transport_->close();
+  closed_unanswered_ = !answered_;
+}
+
+void Channel::close_after_silence() {
+  closed_after_silence_ = true;
+  transport_->close();
+}
+
+void Channel::close_never_silent() {
+  transport_->close();
+  never_silent_ = true;
+}
+
+std::string_view Channel::why_lost() const {
+  return never_silent_ ? kNeverSilent : "the line was lost";
+}
+
+}  // namespace fxagent

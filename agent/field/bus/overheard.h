@@ -1,0 +1,60 @@
+// Bytes on the line that belong to no answer: an echo, a late answer, a second one, or another
+// master's. Decides what follows from them. Pure: the wire reports what it receives. Field thread.
+#pragma once
+
+#include <cstddef>
+
+#include "agent/field/bus/bus_doubt.h"
+#include "agent/field/bus/echo.h"
+#include "agent/field/bus/exchange.h"
+#include "agent/field/bus/late_answers.h"
+#include "agent/steady_time.h"
+#include "protocol/bytes.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+/// True if answers carry numbers. A late or repeated answer then never matches another request.
+inline bool is_numbered(const Codec& codec) { return codec.after_silence() == Recovery::none; }
+
+class Overheard final {
+ public:
+  /// `own_ports`: each request may have a port of its own.
+  explicit Overheard(bool own_ports) : own_ports_(own_ports) {}
+
+  /// True if a late answer cannot pass for that of a new request: answers carry numbers, or each
+  /// request has a port of its own.
+  bool tells_answers_apart(const Codec& codec) const { return is_numbered(codec) || own_ports_; }
+
+  /// Judges bytes that are not part of an answer. They may put the bus in doubt. Returns the number
+  /// of those that are unexpected: none of an echo.
+  std::size_t judge(const Codec& codec, ByteView bytes, SteadyTime now);
+  /// True if a whole frame came that does not answer the request of `exchange`: the answers may lag
+  /// behind the requests.
+  bool is_out_of_step(const Codec& codec, const Exchange& exchange) const;
+
+  /// Stores the bytes for last_unexpected().
+  void keep(ByteView bytes);
+  /// Start of the last unexpected bytes, at most 64 of them; empty if there were none.
+  const Bytes& last_unexpected() const { return last_unexpected_; }
+
+  void heard(SteadyTime now) { last_heard_ = now; }
+  /// Time of the last byte that came.
+  SteadyTime last_heard() const { return last_heard_; }
+
+  BusDoubt& doubt() { return doubt_; }
+  const BusDoubt& doubt() const { return doubt_; }
+  LateAnswers& late() { return late_; }
+  Echo& echo() { return echo_; }
+  const Echo& echo() const { return echo_; }
+
+ private:
+  const bool own_ports_;
+  BusDoubt doubt_;
+  LateAnswers late_;
+  Echo echo_;
+  Bytes last_unexpected_;
+  SteadyTime last_heard_{};
+};
+
+}  // namespace fxagent

@@ -1,0 +1,340 @@
+#include "agent/field/bus/wire.h"
+
+#include <algorithm>
+#include <random>
+#include <utility>
+
+#include "agent/failpoint.h"
+#include "agent/field/transport/stream_io.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+
+// No protocol here has longer frames; a line that brings more is babbling.
+constexpr std::size_t kMaxReceived = 4096;
+constexpr std::size_t kReadChunk = 512;
+// More datagrams than this in place of one answer are a flood.
+constexpr std::size_t kMostDatagrams = 1000;
+
+bool answers_by_ack(const Request& request) { return !is_read(request); }
+
+}  // namespace
+
+std::string beginning_of(const Bytes& bytes) {
+  constexpr std::size_t kBeginning = 24;
+  const ByteView shown = ByteView(bytes).first(std::min(bytes.size(), kBeginning));
+  return to_hex(shown) + (shown.size() < bytes.size() ? " …" : "");
+}
+
+Wire::Wire(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
+           nanoseconds char_time)
+    : channel_(std::move(transport)),
+      overheard_(channel_.transport().can_renew()),
+      timer_(executor),
+      char_time_(char_time) {}
+
+asio::awaitable<Result<void>> Wire::open(nanoseconds listening) {
+  // Answers to an earlier agent process may reach a fixed port. A random first tag keeps them
+  // apart.
+  const Transport& transport = channel_.transport();
+  if (channel_.session() == 0 && transport.has_datagrams() && !transport.can_renew())
+    tag_ = static_cast<std::uint16_t>(std::random_device()());
+  const Channel::Heard heard = co_await channel_.open(listening);
+  if (trace_ && !heard.bytes.empty()) trace_->unasked(heard.bytes);
+  if (!heard.error) co_return Result<void>{};
+  if (channel_.never_silent()) overheard_.keep(heard.bytes);
+  co_return tl::unexpected<Error>(*heard.error);
+}
+
+void Wire::close() noexcept {
+  timer_.cancel();
+  channel_.close();
+}
+
+void Wire::begin(const Station& station) {
+  if (trace_) trace_->speak_to(station.device, station.codec);
+}
+
+bool Wire::look(const Codec& codec, Exchange& failed) {
+  const auto found = channel_.transport().discard_input();
+  std::string why = found ? "" : found.error().text;
+  if (!found) channel_.lose();
+  if (found) {
+    note_unexpected(codec, *found);
+    if (found->size() >= Channel::kMostDrained) {
+      channel_.close_never_silent();
+      why = channel_.why_lost();
+    }
+  }
+  if (why.empty()) return true;
+  failed.outcome = Exchange::Outcome::link_down;
+  failed.error = std::move(why);
+  failed.began = failed.ended = now();
+  return false;
+}
+
+asio::awaitable<bool> Wire::drain(const Codec& codec, SteadyTime until, nanoseconds quiet) {
+  const Channel::Heard heard = co_await channel_.listen(until, quiet);
+  counters_.unexpected_bytes += heard.total - heard.bytes.size();
+  note_unexpected(codec, heard.bytes);
+  co_return !heard.error;
+}
+
+void Wire::note_unexpected(const Codec& codec, ByteView bytes) {
+  if (bytes.empty()) return;
+  if (trace_) trace_->unasked(bytes.first(std::min(bytes.size(), Channel::kMostJudged)));
+  counters_.unexpected_bytes += overheard_.judge(codec, bytes, now());
+}
+
+bool Wire::renew_port(const Codec& codec, Exchange& failed) {
+  if (is_numbered(codec)) return true;
+  const auto renewed = channel_.transport().renew();
+  if (renewed) return true;
+  failed.outcome = Exchange::Outcome::link_down;
+  failed.error = renewed.error().text;
+  failed.began = failed.ended = now();
+  return false;
+}
+
+asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& station,
+                                         Request request, SteadyTime not_after) {
+  Exchange exchange;
+  const auto frame = codec.encode(request, ++tag_);
+  if (!frame) {
+    exchange.outcome = Exchange::Outcome::garbled;
+    exchange.error = frame.error().text;
+    co_return exchange;
+  }
+  exchange.rest = std::max<nanoseconds>(station.gap, codec.quiet_before(char_time_));
+  const SteadyTime rests_from = now();
+  co_await keep_gap(exchange.rest);
+  const bool open = look(codec, exchange) && renew_port(codec, exchange);
+  if (!open) co_return exchange;
+  exchange.began = exchange.ended = now();
+  if (exchange.began > not_after) {
+    exchange.outcome = Exchange::Outcome::expired;
+    co_return exchange;
+  }
+  const LineLength length = codec.line_length(request);
+  const auto line =
+      char_time_ * (length.request_chars + length.reply_chars + length.more_reply_chars);
+  // The closing bytes of the previous exchange may still be leaving; this request follows them.
+  const auto on_the_wire = std::max(exchange.began, last_activity_);
+  const auto deadline = on_the_wire + line + station.timeout;
+
+  const auto written = co_await channel_.transport().write(*frame, deadline);
+  overheard_.echo().sent(*frame);
+  ++counters_.exchanges;
+  exchange.sent = written.sent > 0;
+  const auto trace = [&station](WireFrame::Way way, ByteView bytes) {
+    if (station.trace != nullptr) station.trace->add(way, bytes);
+  };
+  if (station.trace != nullptr) failpoint("frame_sent");
+  const ByteView left = ByteView(*frame).first(std::min(written.sent, frame->size()));
+  trace(WireFrame::Way::out, left);
+  if (trace_) trace_->out(left);
+  if (written.error) {
+    channel_.lose();
+    exchange.outcome = Exchange::Outcome::link_down;
+    exchange.error = written.error->text;
+    exchange.ended = now();
+    note_outcome(station, request, exchange);
+    co_return exchange;
+  }
+  if (codec.expects_reply(request)) {
+    // The codecs skip the echo of a read or an enquiry on their own. A read therefore shows whether
+    // the line still echoes, and an enquiry before it does not fail for lack of an echo.
+    const bool skips_echo = is_read(request) || std::holds_alternative<Enquire>(request);
+    const bool echo = station.echo || (overheard_.echo().is_found() && !skips_echo);
+    co_await receive(codec, request, *frame, echo, deadline, exchange);
+    trace(WireFrame::Way::in, rx_);
+    note_heard(*frame, deadline, exchange);
+  } else {
+    // No answer comes. The exchange ends when the last byte has left the wire, not when the kernel
+    // has accepted it.
+    co_await wait_until(exchange.began + char_time_ * length.request_chars);
+    exchange.outcome = Exchange::Outcome::answered;
+    exchange.reply.kind = Reply::Kind::ack;
+    overheard_.echo().sent_unanswered(*frame);
+    not_before_ = now() + codec.pause_after(request);
+  }
+  exchange.ended = last_activity_ = now();
+  if (!exchange.reply.closing.empty()) {
+    trace(WireFrame::Way::out, exchange.reply.closing);
+    if (trace_) trace_->out(exchange.reply.closing);
+    last_activity_ += char_time_ * static_cast<int>(exchange.reply.closing.size());
+    co_await close_exchange(exchange.reply.closing, station.echo || overheard_.echo().is_found(),
+                            last_activity_ + station.timeout);
+  }
+  exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
+  if (exchange.has_answer() && codec.expects_reply(request)) channel_.answered();
+  counters_.busy += last_activity_ - rests_from;
+  note_outcome(station, request, exchange);
+  if (exchange.has_answer()) {
+    exchange.turnaround = std::max(nanoseconds(0), exchange.ended - on_the_wire - line);
+    counters_.turnaround_ms.add(exchange.turnaround);
+    if (counters_.durations) counters_.durations->turnaround.add(exchange.turnaround);
+  }
+  co_return exchange;
+}
+
+void Wire::note_heard(const Bytes& frame, SteadyTime deadline, Exchange& exchange) const {
+  const bool answered = exchange.has_answer();
+  if (!answered && !rx_.empty()) {
+    exchange.heard = rx_;
+    exchange.asked = frame;
+  }
+  if (!trace_) return;
+  if (answered) {
+    const std::size_t size = exchange.reply.consumed - exchange.reply.began;
+    trace_->answer(ByteView(rx_).subspan(exchange.reply.began, size), now() - exchange.began);
+  } else if (exchange.outcome == Exchange::Outcome::unanswered) {
+    trace_->no_answer(rx_, deadline - exchange.began, {});
+  } else {
+    trace_->no_answer(rx_, now() - exchange.began, exchange.error);
+  }
+}
+
+asio::awaitable<void> Wire::close_exchange(const Bytes& closing, bool echo, SteadyTime deadline) {
+  const auto written = co_await channel_.transport().write(closing, deadline);
+  overheard_.echo().sent_unanswered(closing);
+  if (written.error || !echo) co_return;
+  std::uint8_t waste[kReadChunk];
+  for (std::size_t back = 0; back < closing.size();) {
+    const auto got = co_await channel_.transport().read_some(waste, deadline);
+    if (!got) co_return;
+    back += *got;
+  }
+}
+
+asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, const Bytes& sent,
+                                    bool echo, SteadyTime deadline, Exchange& exchange) {
+  rx_.clear();
+  bool echo_due = echo;
+  const bool datagrams = channel_.transport().has_datagrams();
+  bool goes_on = false;  // the current datagram has unread bytes
+  std::size_t total = 0;
+  std::size_t heard = 0;  // datagrams received
+  std::uint8_t chunk[kReadChunk];
+  for (;;) {
+    const auto got = co_await channel_.transport().read_some(chunk, deadline);
+    if (!got) {
+      const bool silent = got.error().code == ErrorCode::timeout;
+      exchange.error = got.error().text;
+      if (silent && !rx_.empty()) exchange.error += "; what came is none: " + beginning_of(rx_);
+      if (echo_due && silent) exchange.error += "; not even the echo of the request came back";
+      exchange.outcome = silent ? Exchange::Outcome::unanswered : Exchange::Outcome::link_down;
+      if (silent) co_return;
+      channel_.lose();
+      co_return;
+    }
+    total += *got;
+    heard += goes_on ? 0 : 1;
+    if (datagrams && (total > Channel::kMostDrained || heard > kMostDatagrams)) {
+      channel_.close_never_silent();
+      exchange.outcome = Exchange::Outcome::link_down;
+      exchange.error = channel_.why_lost();
+      co_return;
+    }
+    // A datagram never continues the previous one, which was not an answer.
+    if (datagrams && !goes_on) note_unexpected(codec, std::exchange(rx_, {}));
+    rx_.insert(rx_.end(), chunk, chunk + *got);
+    overheard_.heard(now());
+    goes_on = channel_.transport().has_rest();
+    if (goes_on && rx_.size() <= kMaxReceived) continue;
+    if (echo_due) {
+      const auto own = std::search(rx_.begin(), rx_.end(), sent.begin(), sent.end());
+      if (own == rx_.end() && rx_.size() <= kMaxReceived) continue;
+      if (own != rx_.end()) rx_.erase(rx_.begin(), own + static_cast<std::ptrdiff_t>(sent.size()));
+      echo_due = false;
+      if (rx_.empty()) continue;
+    }
+    auto decoded = codec.decode(request, tag_, rx_);
+    if (!decoded || rx_.size() > kMaxReceived) {
+      exchange.outcome = Exchange::Outcome::garbled;
+      exchange.error = decoded ? "no end of frame on a babbling line" : decoded.error().text;
+      co_return;
+    }
+    const bool alone = *decoded && (*decoded)->began == 0 && (*decoded)->consumed == rx_.size();
+    if (datagrams && *decoded && !alone) {
+      exchange.outcome = Exchange::Outcome::garbled;
+      exchange.error = "a datagram with more in it than one answer";
+      co_return;
+    }
+    if (*decoded) {
+      exchange.outcome = Exchange::Outcome::answered;
+      exchange.reply = std::move(**decoded);
+      note_around_answer(codec, sent, exchange.reply, is_read(request) && !echo);
+      co_return;
+    }
+  }
+}
+
+void Wire::note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply,
+                              bool shows_echo) {
+  Bytes before(rx_.begin(), rx_.begin() + static_cast<std::ptrdiff_t>(reply.began));
+  note_unexpected(codec, overheard_.echo().answered(std::move(before), sent, shows_echo));
+  overheard_.echo().forget_unanswered();
+  // Reading what has already arrived costs no time. A NAK behind an ACK is found before the next
+  // request.
+  Bytes behind(rx_.begin() + static_cast<std::ptrdiff_t>(reply.consumed), rx_.end());
+  const auto more = overheard_.tells_answers_apart(codec) ? Result<Bytes>(Bytes{})
+                                                          : channel_.transport().discard_input();
+  if (more) behind.insert(behind.end(), more->begin(), more->end());
+  note_unexpected(codec, behind);
+}
+
+void Wire::note_outcome(const Station& station, const Request& request, const Exchange& exchange) {
+  const Codec& codec = *station.codec;
+  Recovery recovery = Recovery::none;
+  switch (exchange.outcome) {
+    case Exchange::Outcome::answered:
+      if (exchange.is_nak()) ++counters_.naks;
+      return;
+    case Exchange::Outcome::unanswered:
+      ++counters_.timeouts;
+      recovery = codec.after_silence();
+      break;
+    case Exchange::Outcome::garbled:
+      ++counters_.bad_frames;
+      recovery = codec.after_nonsense();
+      break;
+    case Exchange::Outcome::link_down:
+      if (exchange.sent) recovery = codec.after_silence();
+      break;
+    case Exchange::Outcome::expired:
+      return;
+  }
+  const bool datagrams = channel_.transport().has_datagrams();
+  // The rest of the answer would precede the next one, and nothing marks the start of that.
+  const bool broken_off = exchange.outcome == Exchange::Outcome::unanswered && !rx_.empty();
+  if (recovery == Recovery::none && broken_off && !datagrams) recovery = Recovery::reconnect;
+  if (recovery == Recovery::none) return;
+  if (recovery == Recovery::reconnect && !datagrams) {
+    return exchange.outcome == Exchange::Outcome::unanswered ? channel_.close_after_silence()
+                                                             : channel_.close();
+  }
+  if (datagrams && is_numbered(codec)) return;
+  // A lost ACK stays owed until a read has been answered, whatever is asked in between.
+  const LineLength length = codec.line_length(request);
+  overheard_.late().given_up(
+      answers_by_ack(request) ? LateAnswers::Owed::acknowledgement : LateAnswers::Owed::data,
+      exchange.ended, station.timeout, length.reply_chars + length.more_reply_chars);
+}
+
+asio::awaitable<void> Wire::keep_gap(nanoseconds quiet) {
+  auto earliest = not_before_;
+  if (quiet.count() > 0) earliest = std::max(earliest, last_activity_ + quiet);
+  co_await wait_until(earliest);
+}
+
+asio::awaitable<void> Wire::wait_until(SteadyTime at) {
+  if (now() >= at) co_return;
+  timer_.expires_at(at);
+  co_await timer_.async_wait(use_result);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,107 @@
+// One request and its answer on a channel that is in order: the frames, their echo, and their
+// times. On UDP each datagram is judged separately. If answers carry no numbers, each request uses
+// a port of its own; with a fixed port, the channel is treated like a serial line. Field thread
+// only.
+#pragma once
+
+#include <asio/awaitable.hpp>
+#include <asio/steady_timer.hpp>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "agent/field/bus/channel.h"
+#include "agent/field/bus/exchange.h"
+#include "agent/field/bus/overheard.h"
+#include "agent/field/bus/station.h"
+#include "agent/field/bus/wire_trace.h"
+#include "agent/field/percentile_window.h"
+#include "agent/field/transport/transport.h"
+#include "agent/field_health.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+/// Returns the first bytes for an error text: enough to recognise the sender.
+std::string beginning_of(const Bytes& bytes);
+
+class Wire final {
+ public:
+  struct Counters {
+    std::uint64_t exchanges = 0;
+    std::uint64_t timeouts = 0;
+    std::uint64_t naks = 0;
+    std::uint64_t bad_frames = 0;
+    std::uint64_t unexpected_bytes = 0;  ///< received when no answer was due, or around one
+    std::chrono::nanoseconds busy{0};    ///< in exchanges and in the silence before them
+    PercentileWindow turnaround_ms;
+    std::unique_ptr<LinkDurations> durations;  ///< null: metrics are off
+  };
+
+  /// `char_time` 0: speed unknown. The transport must be closed.
+  Wire(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
+       std::chrono::nanoseconds char_time);
+
+  /// Same as Channel::open(); traces what it hears.
+  asio::awaitable<Result<void>> open(std::chrono::nanoseconds listening);
+  /// Closes the channel and ends what is in progress, including listening and the gap before a
+  /// request.
+  void close() noexcept;
+
+  /// Passes each frame to `trace`; null: tracing is off.
+  void trace_to(std::unique_ptr<WireTrace> trace) { trace_ = std::move(trace); }
+  bool is_traced() const { return trace_ != nullptr; }
+  /// Sets the station of the following frames, for the trace.
+  void begin(const Station& station);
+
+  /// Takes what has arrived, without waiting. False: the channel is closed; `failed` says why.
+  bool look(const Codec& codec, Exchange& failed);
+  /// Waits for silence as Channel::listen(), and judges what came. False: the channel is closed.
+  asio::awaitable<bool> drain(const Codec& codec, SteadyTime until, std::chrono::nanoseconds quiet);
+  /// Sends a request and receives its answer. Checks `not_after` just before the first byte.
+  asio::awaitable<Exchange> exchange(const Codec& codec, const Station& station, Request request,
+                                     SteadyTime not_after);
+
+  Channel& channel() { return channel_; }
+  const Channel& channel() const { return channel_; }
+  Overheard& overheard() { return overheard_; }
+  const Overheard& overheard() const { return overheard_; }
+  Counters& counters() { return counters_; }
+  std::chrono::nanoseconds char_time() const { return char_time_; }
+  SteadyTime now() const { return channel_.transport().now(); }
+
+ private:
+  /// Receives the answer. With `echo`, first removes `sent` from the received bytes.
+  asio::awaitable<void> receive(const Codec& codec, const Request& request, const Bytes& sent,
+                                bool echo, SteadyTime deadline, Exchange& exchange);
+  asio::awaitable<void> close_exchange(const Bytes& closing, bool echo, SteadyTime deadline);
+  /// Takes a port for the next request. False: there is none; `failed` says why.
+  bool renew_port(const Codec& codec, Exchange& failed);
+  /// Counts, traces and judges bytes that are not part of an answer.
+  void note_unexpected(const Codec& codec, ByteView bytes);
+  /// Judges the bytes before and after an answer. With `shows_echo` they show whether the line
+  /// echoes requests.
+  void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply,
+                          bool shows_echo);
+  /// Traces the bytes of an exchange. Stores in `exchange` what came in place of an answer.
+  void note_heard(const Bytes& frame, SteadyTime deadline, Exchange& exchange) const;
+  /// Counts the outcome. Without an answer, closes the channel or records that one may come late.
+  void note_outcome(const Station& station, const Request& request, const Exchange& exchange);
+  asio::awaitable<void> keep_gap(std::chrono::nanoseconds quiet);
+  asio::awaitable<void> wait_until(SteadyTime at);
+
+  Channel channel_;
+  Overheard overheard_;
+  asio::steady_timer timer_;
+  const std::chrono::nanoseconds char_time_;
+  std::uint16_t tag_ = 0;
+  SteadyTime last_activity_{};  ///< last byte in either direction, as far as known
+  SteadyTime not_before_{};     ///< end of a broadcast's turnaround delay
+  Bytes rx_;
+  std::unique_ptr<WireTrace> trace_;  ///< null: tracing is off
+  Counters counters_;
+};
+
+}  // namespace fxagent
