@@ -74,33 +74,60 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
 Publisher::~Publisher() = default;
 
 SteadyTime Publisher::step(SteadyTime now) {
-  if (!started_) {
-    started_ = now;
-    started_ms_ = utc_ms_();
-    next_tick_ = now + kTick;
-    status_.start(now);
-  }
+  if (!started_) start(now);
+  take_broker_events(now);
+  keep_store(now);   // what it recovers is older than all that follows
+  take_outbox(now);  // before commands: its results make room for them, its states set the model
+  take_commands(now);
+  if (phase_ == Phase::running) keep_session(now);
+  report(now);
+  send(now);
+  press_back(now);  // by what has found no room
+  const bool failed = outgoing_.fail_unsendable(now);
+  if (phase_ != Phase::running) wind_up(now);
+  spool_.commit(now, phase_ == Phase::running);
+  if (phase_ == Phase::finished) return SteadyTime::max();
+  return failed ? now : next_wake(now);
+}
+
+void Publisher::start(SteadyTime now) {
+  started_ = now;
+  started_ms_ = utc_ms_();
+  next_tick_ = now + kTick;
+  status_.start(now);
+}
+
+void Publisher::take_broker_events(SteadyTime now) {
   for (BrokerEvent& event : broker_.take_events())
     std::visit([&](const auto& e) { on(e, now); }, event);
   follow_conflict(now);
+}
+
+void Publisher::keep_store(SteadyTime now) {
   if (store_ != nullptr) {
     store_->upkeep(now, utc_ms_());
     spool_.count_dropped();
   }
   take_found_late(now);
   spool_.move_memory_to_disk();
-  take_outbox(now);  // first: its results make room for commands, its states set the model
+}
+
+void Publisher::take_commands(SteadyTime now) {
   recover_joined(now);
   if (outbox_.refuses_commands()) commands_.close();
   intake_.take_some(now, utc_ms_());
-  take_results();
-  if (phase_ == Phase::running) keep_session(now);
+  for (ResultMessage& result : commands_.take_results()) results_.add(std::move(result));
+}
+
+void Publisher::report(SteadyTime now) {
   if (now >= next_tick_) tick(now);
   status_.answer(now);
-  if (counters_by_ && now >= *counters_by_) {
-    counters_by_.reset();
-    retained_.health_is_due();
-  }
+  if (!counters_by_ || now < *counters_by_) return;
+  counters_by_.reset();
+  retained_.health_is_due();
+}
+
+void Publisher::send(SteadyTime now) {
   samples_out_.settle(now);
   spool_.commit(now, phase_ == Phase::running);
   // A client that sees "online" may send a command at once. So nothing is published before commands
@@ -108,14 +135,12 @@ SteadyTime Publisher::step(SteadyTime now) {
   const bool listens = !session_.awaits_first_suback() || phase_ != Phase::running;
   if (session_.is_connected() && phase_ <= Phase::draining && listens) pump(now);
   outgoing_.note_sent(now);
+}
+
+void Publisher::press_back(SteadyTime now) {
   outbox_.set_backed_up(samples_out_.is_backed_up());
   hold_messages(now);
   broker_.await_acknowledgements(acknowledgements_matter());
-  const bool failed = outgoing_.fail_unsendable(now);
-  if (phase_ != Phase::running) wind_up(now);
-  spool_.commit(now, phase_ == Phase::running);
-  if (phase_ == Phase::finished) return SteadyTime::max();
-  return failed ? now : next_wake(now);
 }
 
 void Publisher::stop(SteadyTime now) {
@@ -343,10 +368,6 @@ void Publisher::take_outbox(SteadyTime now) {
   status_.take(batch, now);
   if (counted && std::exchange(counters_by_, std::nullopt)) retained_.health_is_due();
   for (const Outbox::Call& call : batch.calls) call(now);
-}
-
-void Publisher::take_results() {
-  for (ResultMessage& result : commands_.take_results()) results_.add(std::move(result));
 }
 
 // ---- connection ---------------------------------------------------------------------------------

@@ -118,6 +118,20 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
  private:
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
 
+  // The phases of step(), in their order.
+  void start(SteadyTime now);
+  void take_broker_events(SteadyTime now);
+  void keep_store(SteadyTime now);
+  void take_outbox(SteadyTime now);
+  void take_commands(SteadyTime now);
+  void keep_session(SteadyTime now);
+  void report(SteadyTime now);
+  void send(SteadyTime now);
+  /// Holds back what arrives faster than it can be sent.
+  void press_back(SteadyTime now);
+  void wind_up(SteadyTime now);
+  SteadyTime next_wake(SteadyTime now) const;
+
   void on(const Disconnected& event, SteadyTime now);
   void on(const Message& event, SteadyTime now);
   void on(const MessagesDropped& event, SteadyTime now);
@@ -140,17 +154,12 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   void take_found_late(SteadyTime now);
   void recover_joined(SteadyTime now);
   void leave_old_settings(SteadyTime now);
-  void take_outbox(SteadyTime now);
-  void take_results();
-  void keep_session(SteadyTime now);
   void tick(SteadyTime now);
   void pump(SteadyTime now);
   void hold_messages(SteadyTime now);
-  void wind_up(SteadyTime now);
   void finish(SteadyTime now);
   bool drained() const;
   bool acknowledgements_matter() const;
-  SteadyTime next_wake(SteadyTime now) const;
 
   Config& config_;
   const PublisherSettings settings_;
