@@ -21,8 +21,8 @@
 #include "agent/log/log.h"
 #include "agent/process/file_limit.h"
 #include "agent/process/service_manager.h"
-#include "agent/process/startup.h"
 #include "agent/uplink/broker.h"
+#include "agent/without_signals.h"
 
 namespace fxagent {
 namespace {

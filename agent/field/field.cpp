@@ -23,7 +23,7 @@
 #include "agent/field/transport/tcp_transport.h"
 #include "agent/field/transport/udp_transport.h"
 #include "agent/log/log.h"
-#include "agent/process/startup.h"
+#include "agent/without_signals.h"
 
 namespace fxagent {
 namespace {

@@ -13,7 +13,7 @@
 #include "agent/http/listening_socket.h"
 #include "agent/http/probe.h"
 #include "agent/log/log.h"
-#include "agent/process/startup.h"
+#include "agent/without_signals.h"
 
 namespace fxagent {
 namespace {

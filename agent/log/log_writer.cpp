@@ -7,7 +7,7 @@
 #include <thread>
 #include <utility>
 
-#include "agent/process/startup.h"
+#include "agent/without_signals.h"
 
 namespace fxagent::log {
 

@@ -9,6 +9,8 @@
 #include <thread>
 #include <vector>
 
+#include "agent/without_signals.h"
+
 namespace fxagent {
 
 namespace {
@@ -62,13 +64,5 @@ std::string lacks(int threads, std::size_t bytes) {
            "; raise the limit of the address space (LimitAS of the service, ulimit -v)";
   return {};
 }
-
-WithoutSignals::WithoutSignals() {
-  sigset_t all;
-  sigfillset(&all);
-  pthread_sigmask(SIG_BLOCK, &all, &before_);
-}
-
-WithoutSignals::~WithoutSignals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
 
 }  // namespace fxagent

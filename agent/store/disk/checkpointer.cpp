@@ -1,6 +1,6 @@
 #include "agent/store/disk/checkpointer.h"
 
-#include "agent/process/startup.h"
+#include "agent/without_signals.h"
 
 namespace fxagent {
 namespace {

@@ -3,7 +3,7 @@
 #include <system_error>
 #include <utility>
 
-#include "agent/process/startup.h"
+#include "agent/without_signals.h"
 
 namespace fxagent {
 

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "agent/process/heartbeats.h"
+#include "agent/without_signals.h"
 
 namespace fxagent {
 namespace {
