@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/config/loader.h"
-#include "agent/config/read/config_limits.h"
+#include "agent/config/source.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
 
@@ -28,10 +27,6 @@ std::string directory_for(const Config& config) {
   return states.substr(0, states.find(':'));
 }
 
-ConfigErrors unreadable(const std::exception& fault) {
-  return {{"", 0, std::string("cannot be taken over: ") + fault.what()}};
-}
-
 constexpr const char* kCannotBeKept =
     "cannot be kept on disk for a way back, and agent.remote_without_disk of the local file is not "
     "set: ";
@@ -39,47 +34,20 @@ constexpr const char* kCannotBeKept =
 }  // namespace
 
 RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot)
-    : path_(std::move(path)), trial_time_(trial), boot_(std::move(boot)) {}
-
-tl::expected<Config, ConfigErrors> RemoteConfig::alone(const LocalFile& local) const {
-  try {
-    return config_of_file(path_, local.text, local.privacy, {.stop = &interrupted_});
-  } catch (const std::exception& fault) {  // such as out of memory
-    return tl::unexpected(unreadable(fault));
-  }
-}
-
-tl::expected<Config, ConfigErrors> RemoteConfig::with(const LocalFile& local,
-                                                      const DesiredConfig& document) const {
-  auto config = alone(local);
-  if (!config) return config;
-  try {
-    const ConfigLimits limits = remote_limits(*config);
-    const auto parse = [&](std::string_view text) {
-      return config_of_file(path_, text, local.privacy, {limits, &interrupted_});
-    };
-    return effective_config(local.text, *config, document, parse, &interrupted_);
-  } catch (const std::exception& fault) {
-    return tl::unexpected(unreadable(fault));
-  }
-}
+    : local_(std::move(path)), trial_time_(trial), boot_(std::move(boot)) {}
 
 // ---- the start ----------------------------------------------------------------------------------
 
 tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
-  auto text = read_config_file(path_);
-  if (!text) return tl::unexpected(std::move(text.error()));
-  LocalFile local{std::move(*text), privacy_of(path_)};
-  auto config = alone(local);
-  if (!config) return config;
-  limits_ = config->remote;
-  base_ = config->base_topic();
-  servers_ = config->mqtt.servers;
-  local_since_ms_ = now.utc_ms;
-  if (const std::string directory = directory_for(*config); !directory.empty())
+  auto local = local_.read();
+  if (!local) return tl::unexpected(std::move(local.error()));
+  Config& config = local->config;
+  base_ = config.base_topic();
+  servers_ = config.mqtt.servers;
+  if (const std::string directory = directory_for(config); !directory.empty())
     file_.emplace(directory, kFileName);
-  if (!limits_.enabled) return config;
-  local_ = std::move(local);
+  if (!config.remote.enabled) return std::move(config);
+  local_.put_in_force(std::move(local->file), now.utc_ms);
   report_.since_ms = now.utc_ms;
   take_kept(now);
   const bool is_trial = kept_.trying.has_value();
@@ -100,7 +68,7 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
     is_unsaved_ = true;
     return std::move(*good);
   }
-  return config;
+  return std::move(config);
 }
 
 /// Loads the kept configs from disk. If they cannot be used, the first answer reports that.
@@ -154,7 +122,7 @@ void RemoteConfig::judge_last_run(Moment now) {
 
 std::optional<Config> RemoteConfig::start_with(const std::optional<KeptConfig>& kept, Moment now) {
   if (!kept) return std::nullopt;
-  auto config = with(local_, kept->document);
+  auto config = local_.with(kept->document);
   if (!config) {
     rejected_ = kept->document.text;
     report(State::rejected, kept->document, config.error(), now.utc_ms);
@@ -174,7 +142,7 @@ void RemoteConfig::watch(SteadyTime now) {
 }
 
 void RemoteConfig::begin() {
-  if (!limits_.enabled) {
+  if (!is_enabled()) {
     const auto left = file_ ? file_->read(kMaxKeptBytes) : std::nullopt;
     if (!file_ || (left && !*left)) return;
     // Do not touch the file of another agent that runs here.
@@ -201,37 +169,32 @@ void RemoteConfig::begin() {
 // ---- the local file -----------------------------------------------------------------------------
 
 tl::expected<RemoteConfig::Next, ConfigErrors> RemoteConfig::read_local() const {
-  auto text = read_config_file(path_);
-  if (!text) return tl::unexpected(std::move(text.error()));
+  auto local = local_.read();
+  if (!local) return tl::unexpected(std::move(local.error()));
   Next next;
-  next.local = {std::move(*text), privacy_of(path_)};
-  auto config = alone(next.local);
-  if (!config) return tl::unexpected(std::move(config.error()));
-  next.limits = config->remote;
+  next.local = std::move(local->file);
+  next.config = std::move(local->config);
   // If the document on trial no longer fits, the last good one may.
   std::vector<const std::optional<KeptConfig>*> documents;
-  if (config->remote.enabled && in_force_) documents = {&in_force_, &kept_.good};
+  if (next.local.limits.enabled && in_force_) documents = {&in_force_, &kept_.good};
   for (const auto* document : documents) {
     if (!*document || next.document) continue;
-    if (auto both = with(next.local, (*document)->document)) {
-      *config = std::move(*both);
+    if (auto both = local_.with(next.local, (*document)->document)) {
+      next.config = std::move(*both);
       next.document = *document;
     } else if (next.misfit.empty()) {
       next.misfit = std::move(both.error());
     }
   }
-  next.config = std::move(*config);
   next.servers = next.config.mqtt.servers;
   return next;
 }
 
 void RemoteConfig::settle_local_file(Next next, Moment now) {
-  limits_ = std::move(next.limits);
-  if (!limits_.enabled) return forget();
+  if (!next.local.limits.enabled) return forget();
   has_answer_ = true;  // the hash of the config in force may have changed
-  if (local_.text.empty()) report_.since_ms = now.utc_ms;
-  local_ = std::move(next.local);
-  local_since_ms_ = now.utc_ms;
+  if (!is_enabled()) report_.since_ms = now.utc_ms;
+  local_.put_in_force(std::move(next.local), now.utc_ms);
   if (next.misfit.empty()) return;
   rejected_ = in_force_->document.text;
   report(State::rejected, in_force_->document, next.misfit, now.utc_ms);
@@ -248,7 +211,7 @@ void RemoteConfig::settle_local_file(Next next, Moment now) {
 // ---- remote configs -----------------------------------------------------------------------
 
 std::optional<RemoteConfig::Next> RemoteConfig::hear(std::string_view payload, Moment now) {
-  if (!limits_.enabled) return std::nullopt;
+  if (!is_enabled()) return std::nullopt;
   held_.clear();
   judge_again_.clear();
   if (payload.empty()) return withdraw(now);
@@ -259,7 +222,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::hear(std::string_view payload, M
     if (!read.errors.empty()) return reject(payload, read.desired, read.errors, now);
     return judge(payload, read.desired, now);
   } catch (const std::exception& fault) {
-    return reject(payload, read.desired, unreadable(fault), now);
+    return reject(payload, read.desired, not_built(fault), now);
   }
 }
 
@@ -271,11 +234,11 @@ std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
     return reject(payload, desired, {{"", 0, kCannotBeKept + why}}, now);
   };
   kept_.judged = {desired.text, desired.hash, desired.version, desired.by};
-  if (const std::string why = save(); !why.empty() && !limits_.without_disk)
+  if (const std::string why = save(); !why.empty() && !local_.limits().without_disk)
     return refuse_disk(why);
   failpoint("remote_config_judged");
-  auto config = with(local_, desired);
-  if (interrupted_) return std::nullopt;  // stop() persists this
+  auto config = local_.with(desired);
+  if (local_.is_interrupted()) return std::nullopt;  // stop() persists this
   if (!config) return reject(payload, desired, config.error(), now);
   if (trial_ && has_moved_ && config->mqtt.servers != servers_) {
     end_judging();
@@ -295,7 +258,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
   kept_.rolled_back.reset();
   const std::string why = save();
   is_unsaved_ = file_ && !why.empty();
-  if (!why.empty() && !limits_.without_disk) {
+  if (!why.empty() && !local_.limits().without_disk) {
     kept_ = before;
     return refuse_disk(why);
   }
@@ -352,8 +315,8 @@ std::optional<RemoteConfig::Next> RemoteConfig::withdraw(Moment now) {
   }
   std::optional<Next> next;
   if (was_in_force) {
-    auto config = alone(local_);
-    if (!config && !interrupted_) {
+    auto config = local_.alone();
+    if (!config && !local_.is_interrupted()) {
       report(State::rejected, {}, config.error(), now.utc_ms);
       return std::nullopt;
     }
@@ -432,10 +395,10 @@ std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
 std::optional<RemoteConfig::Next> RemoteConfig::way_back(Next::Why why, Moment now) {
   Next next;
   next.why = why;
-  auto config = kept_.good ? with(local_, kept_.good->document) : alone(local_);
+  auto config = kept_.good ? local_.with(kept_.good->document) : local_.alone();
   if (config) next.document = kept_.good;
-  if (!config && kept_.good) config = alone(local_);
-  if (interrupted_) return std::nullopt;  // the next process will reach the same outcome
+  if (!config && kept_.good) config = local_.alone();
+  if (local_.is_interrupted()) return std::nullopt;  // the next process will reach the same outcome
   if (!config) {
     back_again_at_ = now.steady + kSaveAgain;
     log::error("remote_config", {{"note", "the config cannot be rolled back yet"},
@@ -527,7 +490,7 @@ void RemoteConfig::forget() {
   is_given_up_ = false;
   watched_until_.reset();
   judge_again_.clear();
-  local_ = {};
+  local_.put_in_force({}, 0);
   rejected_.clear();
   held_.clear();
   report_ = {};
@@ -557,7 +520,7 @@ void RemoteConfig::report_in_force() {
   if (in_force_)
     report(State::applied, in_force_->document, {}, in_force_->since_ms);
   else
-    report(State::applied, {}, {}, local_since_ms_);
+    report(State::applied, {}, {}, local_.since_ms());
 }
 
 std::string RemoteConfig::reported(const std::string& hash) const {
@@ -566,7 +529,7 @@ std::string RemoteConfig::reported(const std::string& hash) const {
 }
 
 std::optional<ConfigStatus::Remote> RemoteConfig::status() const {
-  if (!limits_.enabled) return std::nullopt;
+  if (!is_enabled()) return std::nullopt;
   return ConfigStatus::Remote{in_force_ ? in_force_->document.version : "",
                               std::string(to_string(report_.state)), !trial_.has_value()};
 }

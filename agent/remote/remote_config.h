@@ -3,9 +3,7 @@
 // read and write files.
 #pragma once
 
-#include <atomic>
 #include <chrono>
-#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -15,9 +13,9 @@
 #include <vector>
 
 #include "agent/config/model.h"
-#include "agent/config/source.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/kept_configs.h"
+#include "agent/remote/local_config.h"
 #include "agent/remote/remote_report.h"
 #include "agent/remote/trial.h"
 #include "agent/status.h"
@@ -33,12 +31,6 @@ class RemoteConfig final {
     std::int64_t utc_ms = 0;
   };
 
-  /// Local file as read. The permissions are those at the time that the text was read.
-  struct LocalFile {
-    std::string text;
-    FilePrivacy privacy = FilePrivacy::shared;
-  };
-
   /// A config to apply. Call accept() once it is in force, or refuse() if that fails.
   struct Next {
     enum class Why : std::uint8_t {
@@ -52,7 +44,6 @@ class RemoteConfig final {
     Config config;
     std::vector<std::string> servers{};    ///< mqtt.servers of `config`
     LocalFile local{};                     ///< set for Why::local_file
-    RemoteLimits limits{};                 ///< of `local`
     std::optional<KeptConfig> document{};  ///< the document in `config`
     /// Errors of the document in force with `local`. The local file takes precedence.
     ConfigErrors misfit{};
@@ -90,7 +81,7 @@ class RemoteConfig final {
   const std::string& rejected() const { return rejected_; }
   void connection(bool is_up, SteadyTime now);
   /// Ends reading and judging early, because the process is stopping. Any thread.
-  void interrupt() { interrupted_ = true; }
+  void interrupt() { local_.interrupt(); }
   /// Persists that the process was stopped. Call after the last other call has returned. The next
   /// process continues a trial, and judges again a document that was being judged.
   void stop();
@@ -99,7 +90,7 @@ class RemoteConfig final {
   /// cleared.
   bool take_left_answer() { return std::exchange(has_left_answer_, false); }
 
-  bool is_enabled() const { return limits_.enabled; }
+  bool is_enabled() const { return local_.limits().enabled; }
   const RemoteReport& report() const { return report_; }
   /// True if reported() must be published, again or for the first time.
   bool has_answer() const { return has_answer_; }
@@ -114,9 +105,6 @@ class RemoteConfig final {
   std::optional<ConfigStatus::Remote> status() const;
 
  private:
-  tl::expected<Config, ConfigErrors> alone(const LocalFile& local) const;
-  tl::expected<Config, ConfigErrors> with(const LocalFile& local,
-                                          const DesiredConfig& document) const;
   bool is_in_force(const std::optional<KeptConfig>& kept) const;
   void watch(SteadyTime now);
   void take_kept(Moment now);
@@ -139,14 +127,10 @@ class RemoteConfig final {
   void save_or_say(std::string_view what);
   void save_again(SteadyTime now);
 
-  const std::string path_;
+  LocalConfig local_;
   const std::chrono::milliseconds trial_time_;
   const std::string boot_;
-  std::atomic<bool> interrupted_ = false;
-  RemoteLimits limits_;
-  std::string base_;  ///< base topic of the agent
-  LocalFile local_;   ///< in force; empty if remote config is not allowed
-  std::int64_t local_since_ms_ = 0;
+  std::string base_;                 ///< base topic of the agent
   std::optional<DurableFile> file_;  ///< nullopt: no directory for it
   KeptConfigs kept_;
   bool has_left_answer_ = false;
