@@ -79,7 +79,7 @@ set(allowed
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
   "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"
   "^agent/uplink/paho/[^ ]+ (mqtt/|MQTT)"
-  "^agent/remote/remote_config\\.h agent/store/disk/durable_file\\.h$"
+  "^agent/remote/kept_file\\.h agent/store/disk/durable_file\\.h$"
   "^agent/config/read/metrics\\.cpp (arpa/inet|sys/un)\\.h$"
   "^agent/config/source\\.cpp poll\\.h$"
   "^agent/http/[^ ]+ agent/http/"

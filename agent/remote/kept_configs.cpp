@@ -10,6 +10,8 @@ using OrderedJson = nlohmann::ordered_json;
 
 /// Version of the file format.
 constexpr int kFormat = 1;
+/// This many ends of the process in a row are not a coincidence.
+constexpr int kMostEnds = 2;
 
 OrderedJson json_of(const std::optional<KeptConfig>& kept) {
   if (!kept) return nullptr;
@@ -31,9 +33,29 @@ std::optional<KeptConfig> kept_from(const OrderedJson& json) {
 
 }  // namespace
 
-void KeptConfigs::set_good_aside() {
-  good = std::exchange(before, {});
-  ends = 0;
+bool KeptConfigs::is_good(const std::optional<KeptConfig>& kept) const {
+  return kept && good && kept->document.hash == good->document.hash;
+}
+
+std::string judge_last_run(KeptConfigs& kept, const std::string& boot, std::int64_t now_ms) {
+  const auto roll_back = [&](const auto& document, const char* why) {
+    kept.rolled_back = {document.hash, document.version, document.by, why, now_ms};
+  };
+  std::string judge_again;
+  if (kept.judged && kept.stopped) {
+    judge_again = std::exchange(kept.judged, {})->text;
+  } else if (kept.judged) {  // so neither the config on trial nor the good one is to blame
+    roll_back(*std::exchange(kept.judged, {}), "the process ended while the config was judged");
+  } else if (kept.trying && !kept.stopped) {
+    roll_back(std::exchange(kept.trying, {})->document,
+              "the process ended while the config was on trial");
+  } else if (kept.watched && kept.good && kept.boot == boot && ++kept.ends >= kMostEnds) {
+    roll_back(std::exchange(kept.good, std::exchange(kept.before, {}))->document,
+              "the process ended twice within an hour of its start while the config was in force");
+    kept.ends = 0;
+  }
+  kept.stopped = false;  // later ends count against the config again
+  return judge_again;
 }
 
 std::string to_text(const KeptConfigs& kept) {

@@ -1,5 +1,5 @@
-// Text format of the file with the kept remote configs: the last good one, the one on trial, and
-// the one that was rolled back. Pure, any thread.
+// The kept remote configs: the last good one, the one on trial, and the one that was rolled back.
+// Their text format, and their fate after the end of a process. Pure, any thread.
 #pragma once
 
 #include <cstddef>
@@ -55,9 +55,13 @@ struct KeptConfigs {
   std::optional<RolledBackConfig> rolled_back{};
 
   bool empty() const { return !good && !trying && !judged && !rolled_back; }
-  /// Replaces `good`, which ended the process too often, with `before`.
-  void set_good_aside();
+  /// True if `kept` is the good config. Compares the documents.
+  bool is_good(const std::optional<KeptConfig>& kept) const;
 };
+
+/// Decides from the way the last process ended what becomes of the configs that it kept. `boot` is
+/// the present boot id. Returns the document to judge again; empty if there is none.
+std::string judge_last_run(KeptConfigs& kept, const std::string& boot, std::int64_t now_ms);
 
 /// Room for four documents with every character escaped.
 inline constexpr std::size_t kMaxKeptBytes = 32 * kMaxDesiredBytes;

@@ -12,12 +12,7 @@ namespace {
 
 using State = RemoteReport::State;
 
-constexpr const char* kFileName = "remote_config.json";
-constexpr std::chrono::seconds kSaveAgain{60};
-/// If a process ends sooner without a stop, its config may be the cause.
-constexpr std::chrono::hours kWatch{1};
-/// This many such ends in a row are not a coincidence.
-constexpr int kMostEnds = 2;
+constexpr std::chrono::seconds kTryAgain{60};
 
 /// Returns the directory of the store, or else the first STATE_DIRECTORY of systemd; empty if there
 /// is neither.
@@ -34,7 +29,7 @@ constexpr const char* kCannotBeKept =
 }  // namespace
 
 RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot)
-    : local_(std::move(path)), trial_time_(trial), boot_(std::move(boot)) {}
+    : local_(std::move(path)), trial_time_(trial), kept_(std::move(boot)) {}
 
 // ---- the start ----------------------------------------------------------------------------------
 
@@ -42,30 +37,26 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
   auto local = local_.read();
   if (!local) return tl::unexpected(std::move(local.error()));
   Config& config = local->config;
-  base_ = config.base_topic();
   servers_ = config.mqtt.servers;
-  if (const std::string directory = directory_for(config); !directory.empty())
-    file_.emplace(directory, kFileName);
+  kept_.open(directory_for(config), config.base_topic());
   if (!config.remote.enabled) return std::move(config);
   local_.put_in_force(std::move(local->file), now.utc_ms);
   report_.since_ms = now.utc_ms;
   take_kept(now);
-  const bool is_trial = kept_.trying.has_value();
-  if (is_trial)
-    if (auto on_trial = start_with(kept_.trying, now)) {
-      trial_.emplace(trial_time_, now.steady, /*is_connected=*/false);
-      has_moved_ = on_trial->mqtt.servers != servers_;
-      servers_ = on_trial->mqtt.servers;
-      if (is_news_) return std::move(*on_trial);  // another document was rolled back
-      report_in_force();
-      is_news_ = false;
-      return std::move(*on_trial);
-    }
-  if (is_trial) kept_.trying.reset();
-  if (auto good = start_with(kept_.good, now)) {
+  KeptConfigs& kept = kept_.configs();
+  if (auto on_trial = start_with(kept.trying, now)) {
+    trial_.emplace(trial_time_, now.steady, /*is_connected=*/false);
+    has_moved_ = on_trial->mqtt.servers != servers_;
+    servers_ = on_trial->mqtt.servers;
+    if (is_news_) return std::move(*on_trial);  // another document was rolled back
+    report_in_force();
+    is_news_ = false;
+    return std::move(*on_trial);
+  }
+  kept.trying.reset();
+  if (auto good = start_with(kept.good, now)) {
     servers_ = good->mqtt.servers;
-    watch(now.steady);
-    is_unsaved_ = true;
+    kept_.watch(in_force_, now.steady);
     return std::move(*good);
   }
   return std::move(config);
@@ -73,51 +64,15 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
 
 /// Loads the kept configs from disk. If they cannot be used, the first answer reports that.
 void RemoteConfig::take_kept(Moment now) {
-  if (!file_) return;
-  const auto leave_out = [&](const std::string& what, const std::string& why) {
-    log::error("remote_config",
-               {{"note", what}, {"file", file_->path()}, {"reason", log::excerpt(why)}});
-    report(State::applied, {}, {{"", 0, what + ": " + why}}, now.utc_ms);
-  };
-  const auto text = file_->read(kMaxKeptBytes);
-  if (!text) return leave_out("the kept config cannot be read and is left out", text.error());
-  if (!*text) return;
-  auto kept = kept_configs_from(**text);
-  if (!kept) return leave_out("the kept config is damaged and left out", kept.error());
-  if (kept->agent != base_)
-    return log::warn("remote_config", {{"note", "the kept config is another agent's and left out"},
-                                       {"file", file_->path()},
-                                       {"agent", log::excerpt(kept->agent)}});
-  kept_ = std::move(*kept);
+  const KeptConfigs& kept = kept_.configs();
+  if (const std::string fault = kept_.load(); !fault.empty())
+    return report(State::applied, {}, {{"", 0, fault}}, now.utc_ms);
   // The kept configs were reported when they arrived, so they are not news.
-  if (kept_.good) report(State::applied, kept_.good->document, {}, kept_.good->since_ms);
-  if (kept_.rolled_back) report_rolled_back();
+  if (kept.good) report(State::applied, kept.good->document, {}, kept.good->since_ms);
+  if (kept.rolled_back) report_rolled_back();
   is_news_ = false;
-  judge_last_run(now);
-}
-
-/// Decides from the way the last process ended what becomes of the configs that it kept.
-void RemoteConfig::judge_last_run(Moment now) {
-  const auto roll_back = [&](const auto& document, const char* why) {
-    kept_.rolled_back = {document.hash, document.version, document.by, why, now.utc_ms};
-    report_rolled_back();
-  };
-  if (!kept_.judged && !kept_.trying && !kept_.watched) return;
-  is_unsaved_ = true;
-  if (kept_.judged && kept_.stopped) {
-    judge_again_ = std::exchange(kept_.judged, {})->text;
-  } else if (kept_.judged) {  // so neither the config on trial nor the good one is to blame
-    roll_back(*std::exchange(kept_.judged, {}), "the process ended while the config was judged");
-  } else if (kept_.trying && !kept_.stopped) {
-    roll_back(kept_.trying->document, "the process ended while the config was on trial");
-    kept_.trying.reset();
-  } else if (kept_.watched && kept_.good && kept_.boot == boot_ && ++kept_.ends >= kMostEnds) {
-    roll_back(kept_.good->document,
-              "the process ended twice within an hour of its start while the config was in force");
-    kept_.set_good_aside();
-  }
-  // Later ends count against the config again.
-  kept_.stopped = false;
+  judge_again_ = kept_.judge_last_run(now.utc_ms);
+  if (kept.rolled_back) report_rolled_back();
 }
 
 std::optional<Config> RemoteConfig::start_with(const std::optional<KeptConfig>& kept, Moment now) {
@@ -132,30 +87,13 @@ std::optional<Config> RemoteConfig::start_with(const std::optional<KeptConfig>& 
   return std::move(*config);
 }
 
-bool RemoteConfig::is_in_force(const std::optional<KeptConfig>& kept) const {
-  return kept && in_force_ && kept->document.hash == in_force_->document.hash;
-}
-
-void RemoteConfig::watch(SteadyTime now) {
-  watched_until_.reset();
-  if (is_in_force(kept_.good)) watched_until_ = now + kWatch;
-}
-
 void RemoteConfig::begin() {
   if (!is_enabled()) {
-    const auto left = file_ ? file_->read(kMaxKeptBytes) : std::nullopt;
-    if (!file_ || (left && !*left)) return;
-    // Do not touch the file of another agent that runs here.
-    if (const std::string why = file_->lock(); !why.empty())
-      return log::warn("remote_config",
-                       {{"note", "a kept config is left where it is"}, {"reason", why}});
-    forget();
-    has_left_answer_ = true;
+    has_left_answer_ = kept_.forget_earlier_run();
     return;
   }
-  if (!is_unsaved_) return;
-  const std::string why = save();
-  is_unsaved_ = !why.empty();
+  if (!kept_.is_unsaved()) return;
+  const std::string why = kept_.save();
   if (why.empty()) return;
   // The file on disk still records a stop, so the next process would take a crash for a stop and
   // resume the trial, again and again.
@@ -176,7 +114,7 @@ tl::expected<RemoteConfig::Next, ConfigErrors> RemoteConfig::read_local() const 
   next.config = std::move(local->config);
   // If the document on trial no longer fits, the last good one may.
   std::vector<const std::optional<KeptConfig>*> documents;
-  if (next.local.limits.enabled && in_force_) documents = {&in_force_, &kept_.good};
+  if (next.local.limits.enabled && in_force_) documents = {&in_force_, &kept_.configs().good};
   for (const auto* document : documents) {
     if (!*document || next.document) continue;
     if (auto both = local_.with(next.local, (*document)->document)) {
@@ -201,11 +139,12 @@ void RemoteConfig::settle_local_file(Next next, Moment now) {
   in_force_ = std::move(next.document);
   trial_.reset();
   is_given_up_ = false;
-  if (!is_in_force(kept_.good)) kept_.before.reset();
-  kept_.good = in_force_;
-  kept_.trying.reset();
-  watch(now.steady);
-  save_or_say("that the local file does not let the config in any more");
+  KeptConfigs& kept = kept_.configs();
+  if (!kept.is_good(in_force_)) kept.before.reset();
+  kept.good = in_force_;
+  kept.trying.reset();
+  kept_.watch(in_force_, now.steady);
+  kept_.save_or_log("that the local file does not let the config in any more");
 }
 
 // ---- remote configs -----------------------------------------------------------------------
@@ -233,8 +172,9 @@ std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
   const auto refuse_disk = [&](const std::string& why) {
     return reject(payload, desired, {{"", 0, kCannotBeKept + why}}, now);
   };
-  kept_.judged = {desired.text, desired.hash, desired.version, desired.by};
-  if (const std::string why = save(); !why.empty() && !local_.limits().without_disk)
+  KeptConfigs& kept = kept_.configs();
+  kept.judged = {desired.text, desired.hash, desired.version, desired.by};
+  if (const std::string why = kept_.save(); !why.empty() && !local_.limits().without_disk)
     return refuse_disk(why);
   failpoint("remote_config_judged");
   auto config = local_.with(desired);
@@ -250,16 +190,15 @@ std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
                                 {"version", log::excerpt(desired.version)}});
     return std::nullopt;
   }
-  const KeptConfigs before = kept_;
+  const KeptConfigs before = kept;
   const KeptConfig document{desired, now.utc_ms};
-  kept_.trying = document;
-  kept_.stopped = false;
-  kept_.judged.reset();
-  kept_.rolled_back.reset();
-  const std::string why = save();
-  is_unsaved_ = file_ && !why.empty();
+  kept.trying = document;
+  kept.stopped = false;
+  kept.judged.reset();
+  kept.rolled_back.reset();
+  const std::string why = kept_.save();
   if (!why.empty() && !local_.limits().without_disk) {
-    kept_ = before;
+    kept = before;
     return refuse_disk(why);
   }
   if (!why.empty())
@@ -287,9 +226,9 @@ std::optional<RemoteConfig::Next> RemoteConfig::reject(std::string_view payload,
 }
 
 void RemoteConfig::end_judging() {
-  if (!kept_.judged) return;
-  kept_.judged.reset();
-  save_or_say("that the config was judged");
+  if (!kept_.configs().judged) return;
+  kept_.configs().judged.reset();
+  kept_.save_or_log("that the config was judged");
 }
 
 /// Repeats the answer to a document that is in force or was rolled back. The broker sends it again
@@ -300,7 +239,7 @@ bool RemoteConfig::answer_known(const DesiredConfig& desired) {
     report_in_force();
     return true;
   }
-  const auto& back = kept_.rolled_back;
+  const auto& back = kept_.configs().rolled_back;
   if (!back || back->hash != desired.hash) return false;
   rejected_.clear();  // an older document
   report_rolled_back();
@@ -327,10 +266,10 @@ std::optional<RemoteConfig::Next> RemoteConfig::withdraw(Moment now) {
       next->servers = next->config.mqtt.servers;
     }
   }
-  kept_ = {};
-  watched_until_.reset();
+  kept_.configs() = {};
+  kept_.end_watch();
   rejected_.clear();
-  save_or_say("that the config was withdrawn");
+  kept_.save_or_log("that the config was withdrawn");
   if (!next) report(State::applied, {}, {}, now.utc_ms);
   return next;
 }
@@ -347,28 +286,23 @@ SteadyTime RemoteConfig::next_wake() const {
   if (is_given_up_) decided = {};
   decided = std::max(decided, back_again_at_);
   if (!judge_again_.empty()) decided = {};
-  if (watched_until_) decided = std::min(decided, *watched_until_);
-  return is_unsaved_ ? std::min(decided, save_again_at_) : decided;
+  return std::min(decided, kept_.next_wake());
 }
 
 std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
-  save_again(now.steady);
-  if (watched_until_ && now.steady >= *watched_until_) {
-    watched_until_.reset();
-    kept_.ends = 0;
-    save_or_say("that the process went on with the config");
-  }
+  kept_.due(now.steady);
+  KeptConfigs& kept = kept_.configs();
   if (!judge_again_.empty()) return hear(std::exchange(judge_again_, {}), now);
   auto outcome = trial_ ? trial_->outcome(now.steady) : Trial::Outcome::pending;
   if (is_given_up_) outcome = Trial::Outcome::lost;
   if (outcome == Trial::Outcome::pending) return std::nullopt;
   if (outcome == Trial::Outcome::good) {
     trial_.reset();
-    kept_.trying.reset();
-    if (!is_in_force(kept_.good)) kept_.before = std::exchange(kept_.good, in_force_);
-    kept_.ends = 0;
-    watch(now.steady);
-    save_or_say("that the config is good");
+    kept.trying.reset();
+    if (!kept.is_good(in_force_)) kept.before = std::exchange(kept.good, in_force_);
+    kept.ends = 0;
+    kept_.watch(in_force_, now.steady);
+    kept_.save_or_log("that the config is good");
     has_answer_ = true;
     if (held_.empty()) return std::nullopt;
     return hear(std::string(held_), now);
@@ -377,16 +311,16 @@ std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
   auto next = way_back(is_given_up_ ? Next::Why::given_up : Next::Why::rolled_back, now);
   if (!next) return std::nullopt;
   trial_.reset();
-  kept_.trying.reset();
+  kept.trying.reset();
   held_.clear();
   if (std::exchange(is_given_up_, false)) return next;
   const DesiredConfig& document = in_force_->document;
   const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(trial_time_);
-  kept_.rolled_back = {document.hash, document.version, document.by,
-                       "the broker was lost for " + std::to_string(seconds.count()) +
-                           " s while the config was on trial",
-                       now.utc_ms};
-  save_or_say("the rollback");
+  kept.rolled_back = {document.hash, document.version, document.by,
+                      "the broker was lost for " + std::to_string(seconds.count()) +
+                          " s while the config was on trial",
+                      now.utc_ms};
+  kept_.save_or_log("the rollback");
   return next;
 }
 
@@ -395,12 +329,13 @@ std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
 std::optional<RemoteConfig::Next> RemoteConfig::way_back(Next::Why why, Moment now) {
   Next next;
   next.why = why;
-  auto config = kept_.good ? local_.with(kept_.good->document) : local_.alone();
-  if (config) next.document = kept_.good;
-  if (!config && kept_.good) config = local_.alone();
+  const auto& good = kept_.configs().good;
+  auto config = good ? local_.with(good->document) : local_.alone();
+  if (config) next.document = good;
+  if (!config && good) config = local_.alone();
   if (local_.is_interrupted()) return std::nullopt;  // the next process will reach the same outcome
   if (!config) {
-    back_again_at_ = now.steady + kSaveAgain;
+    back_again_at_ = now.steady + kTryAgain;
     log::error("remote_config", {{"note", "the config cannot be rolled back yet"},
                                  {"reason", log::excerpt(text_of(config.error().front()))}});
     report(State::applied, in_force_->document, config.error(), in_force_->since_ms);
@@ -419,7 +354,7 @@ void RemoteConfig::accept(Next next, Moment now) {
       return settle_local_file(std::move(next), now);
     case Next::Why::desired:
       in_force_ = std::move(next.document);
-      watched_until_.reset();
+      kept_.end_watch();
       trial_.emplace(trial_time_, now.steady, is_connected_);
       has_moved_ = moves;
       is_given_up_ = false;
@@ -432,63 +367,28 @@ void RemoteConfig::accept(Next next, Moment now) {
     case Next::Why::rolled_back:
     case Next::Why::given_up:
       in_force_ = std::move(next.document);
-      watch(now.steady);
-      if (watched_until_) save_or_say("that the config before is in force");
+      kept_.watch(in_force_, now.steady);
+      if (kept_.is_watched()) kept_.save_or_log("that the config before is in force");
       return next.why == Next::Why::given_up ? report_in_force() : report_rolled_back();
   }
 }
 
 void RemoteConfig::refuse(const Next& next, const ConfigErrors& errors, Moment now) {
   if (next.why != Next::Why::desired) return;
-  kept_.trying = trial_ ? in_force_ : std::nullopt;
-  save_or_say("that the config was rejected");
+  kept_.configs().trying = trial_ ? in_force_ : std::nullopt;
+  kept_.save_or_log("that the config was rejected");
   report(State::rejected, next.document->document, errors, now.utc_ms);
 }
 
-void RemoteConfig::stop() {
-  if (!kept_.trying && !kept_.judged && !watched_until_ && !is_unsaved_) return;
-  kept_.stopped = kept_.trying || kept_.judged;
-  watched_until_.reset();
-  save_or_say("how the agent was stopped");
-}
+void RemoteConfig::stop() { kept_.stop(); }
 
-// ---- kept configs and reports -------------------------------------------------------------------
-
-std::string RemoteConfig::save() {
-  if (!file_) return "there is no store, and no STATE_DIRECTORY of systemd";
-  if (std::string why = file_->lock(); !why.empty()) return why;
-  kept_.agent = base_;
-  kept_.boot = boot_;
-  kept_.watched = watched_until_ && !kept_.trying;
-  try {
-    return kept_.empty() ? file_->remove() : file_->write(to_text(kept_));
-  } catch (const std::exception& fault) {  // out of memory
-    return fault.what();
-  }
-}
-
-void RemoteConfig::save_again(SteadyTime now) {
-  if (!is_unsaved_ || now < save_again_at_) return;
-  save_again_at_ = now + kSaveAgain;
-  is_unsaved_ = !save().empty();
-}
-
-void RemoteConfig::save_or_say(std::string_view what) {
-  const std::string why = save();
-  is_unsaved_ = file_ && !why.empty();
-  if (why.empty() || !file_) return;  // without a file, judge() has reported or logged it
-  log::error("remote_config",
-             {{"note", std::string(what) + " cannot be kept on disk yet: a start before that goes "
-                                           "by what is there"},
-              {"reason", why}});
-}
+// ---- reports ------------------------------------------------------------------------------------
 
 void RemoteConfig::forget() {
-  kept_ = {};
+  kept_.forget();
   in_force_.reset();
   trial_.reset();
   is_given_up_ = false;
-  watched_until_.reset();
   judge_again_.clear();
   local_.put_in_force({}, 0);
   rejected_.clear();
@@ -496,9 +396,6 @@ void RemoteConfig::forget() {
   report_ = {};
   has_answer_ = false;
   is_news_ = false;
-  const std::string why = file_ ? file_->remove() : std::string();
-  if (!why.empty())
-    log::warn("remote_config", {{"note", "a kept config cannot be removed"}, {"reason", why}});
 }
 
 void RemoteConfig::report(State state, const DesiredConfig& desired, const ConfigErrors& errors,
@@ -511,7 +408,7 @@ void RemoteConfig::report(State state, const DesiredConfig& desired, const Confi
 }
 
 void RemoteConfig::report_rolled_back() {
-  const RolledBackConfig& back = *kept_.rolled_back;
+  const RolledBackConfig& back = *kept_.configs().rolled_back;
   report(State::rolled_back, {"", back.hash, back.version, back.by}, {{"", 0, back.why}},
          back.since_ms);
 }

@@ -15,12 +15,12 @@
 #include "agent/config/model.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/kept_configs.h"
+#include "agent/remote/kept_file.h"
 #include "agent/remote/local_config.h"
 #include "agent/remote/remote_report.h"
 #include "agent/remote/trial.h"
 #include "agent/status.h"
 #include "agent/steady_time.h"
-#include "agent/store/disk/durable_file.h"
 
 namespace fxagent {
 
@@ -105,10 +105,7 @@ class RemoteConfig final {
   std::optional<ConfigStatus::Remote> status() const;
 
  private:
-  bool is_in_force(const std::optional<KeptConfig>& kept) const;
-  void watch(SteadyTime now);
   void take_kept(Moment now);
-  void judge_last_run(Moment now);
   std::optional<Config> start_with(const std::optional<KeptConfig>& kept, Moment now);
   std::optional<Next> withdraw(Moment now);
   bool answer_known(const DesiredConfig& desired);
@@ -123,26 +120,15 @@ class RemoteConfig final {
   void report_in_force();
   void report_rolled_back();
   void forget();
-  std::string save();
-  void save_or_say(std::string_view what);
-  void save_again(SteadyTime now);
 
   LocalConfig local_;
   const std::chrono::milliseconds trial_time_;
-  const std::string boot_;
-  std::string base_;                 ///< base topic of the agent
-  std::optional<DurableFile> file_;  ///< nullopt: no directory for it
-  KeptConfigs kept_;
+  KeptFile kept_;
   bool has_left_answer_ = false;
-  bool is_unsaved_ = false;  ///< kept_ is not on disk
-  SteadyTime save_again_at_{};
   std::optional<KeptConfig> in_force_;
-  std::optional<Trial> trial_;  ///< of in_force_
-  bool is_given_up_ = false;    ///< end the trial as lost, whatever its outcome
-  SteadyTime back_again_at_{};  ///< time of the next attempt to roll back
-  /// End of the first hour with the good config; nullopt: it is over, or no good config is in
-  /// force.
-  std::optional<SteadyTime> watched_until_;
+  std::optional<Trial> trial_;        ///< of in_force_
+  bool is_given_up_ = false;          ///< end the trial as lost, whatever its outcome
+  SteadyTime back_again_at_{};        ///< time of the next attempt to roll back
   std::vector<std::string> servers_;  ///< mqtt.servers in force
   bool has_moved_ = false;            ///< the config on trial changed mqtt.servers
   std::string held_;         ///< document with another change of servers; waits for the outcome
