@@ -41,16 +41,21 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
   kept_.open(directory_for(config), config.base_topic());
   if (!config.remote.enabled) return std::move(config);
   local_.put_in_force(std::move(local->file), now.utc_ms);
-  report_.since_ms = now.utc_ms;
-  take_kept(now);
+  answer_.begin(now.utc_ms);
   KeptConfigs& kept = kept_.configs();
+  if (const std::string fault = kept_.load(); !fault.empty())
+    answer_.report(State::applied, {}, {{"", 0, fault}}, now.utc_ms);
+  else
+    answer_.resume(kept);
+  judge_again_ = kept_.judge_last_run(now.utc_ms);
+  if (kept.rolled_back) answer_.report_rolled_back(*kept.rolled_back);
   if (auto on_trial = start_with(kept.trying, now)) {
     trial_.emplace(trial_time_, now.steady, /*is_connected=*/false);
     has_moved_ = on_trial->mqtt.servers != servers_;
     servers_ = on_trial->mqtt.servers;
-    if (is_news_) return std::move(*on_trial);  // another document was rolled back
-    report_in_force();
-    is_news_ = false;
+    if (answer_.is_news()) return std::move(*on_trial);  // another document was rolled back
+    answer_.report_in_force(in_force_, local_.since_ms());
+    answer_.clear_news();
     return std::move(*on_trial);
   }
   kept.trying.reset();
@@ -62,25 +67,11 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
   return std::move(config);
 }
 
-/// Loads the kept configs from disk. If they cannot be used, the first answer reports that.
-void RemoteConfig::take_kept(Moment now) {
-  const KeptConfigs& kept = kept_.configs();
-  if (const std::string fault = kept_.load(); !fault.empty())
-    return report(State::applied, {}, {{"", 0, fault}}, now.utc_ms);
-  // The kept configs were reported when they arrived, so they are not news.
-  if (kept.good) report(State::applied, kept.good->document, {}, kept.good->since_ms);
-  if (kept.rolled_back) report_rolled_back();
-  is_news_ = false;
-  judge_again_ = kept_.judge_last_run(now.utc_ms);
-  if (kept.rolled_back) report_rolled_back();
-}
-
 std::optional<Config> RemoteConfig::start_with(const std::optional<KeptConfig>& kept, Moment now) {
   if (!kept) return std::nullopt;
   auto config = local_.with(kept->document);
   if (!config) {
-    rejected_ = kept->document.text;
-    report(State::rejected, kept->document, config.error(), now.utc_ms);
+    answer_.reject(kept->document.text, kept->document, config.error(), now.utc_ms);
     return std::nullopt;
   }
   in_force_ = kept;
@@ -130,12 +121,11 @@ tl::expected<RemoteConfig::Next, ConfigErrors> RemoteConfig::read_local() const 
 
 void RemoteConfig::settle_local_file(Next next, Moment now) {
   if (!next.local.limits.enabled) return forget();
-  has_answer_ = true;  // the hash of the config in force may have changed
-  if (!is_enabled()) report_.since_ms = now.utc_ms;
+  answer_.publish_again();  // the hash of the config in force may have changed
+  if (!is_enabled()) answer_.begin(now.utc_ms);
   local_.put_in_force(std::move(next.local), now.utc_ms);
   if (next.misfit.empty()) return;
-  rejected_ = in_force_->document.text;
-  report(State::rejected, in_force_->document, next.misfit, now.utc_ms);
+  answer_.reject(in_force_->document.text, in_force_->document, next.misfit, now.utc_ms);
   in_force_ = std::move(next.document);
   trial_.reset();
   is_given_up_ = false;
@@ -157,7 +147,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::hear(std::string_view payload, M
   ReadDesired read;
   try {
     read = read_desired(payload);
-    if (answer_known(read.desired)) return std::nullopt;
+    if (answer_.repeat(read.desired, in_force_, kept_.configs().rolled_back)) return std::nullopt;
     if (!read.errors.empty()) return reject(payload, read.desired, read.errors, now);
     return judge(payload, read.desired, now);
   } catch (const std::exception& fault) {
@@ -183,7 +173,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
   if (trial_ && has_moved_ && config->mqtt.servers != servers_) {
     end_judging();
     held_ = payload;
-    has_answer_ = true;
+    answer_.publish_again();
     log::info("remote_config", {{"note",
                                  "another change of mqtt.servers waits for the end of the "
                                  "trial"},
@@ -207,7 +197,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
                 "the config is taken over and cannot be kept: after a crash nothing is known of it "
                 "(agent.remote_without_disk)"},
                {"reason", why}});
-  rejected_.clear();
+  answer_.clear_rejected();
   Next next;
   next.why = Next::Why::desired;
   next.config = std::move(*config);
@@ -220,8 +210,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::reject(std::string_view payload,
                                                        const DesiredConfig& desired,
                                                        const ConfigErrors& errors, Moment now) {
   end_judging();
-  rejected_ = payload.size() <= kMaxDesiredBytes ? payload : std::string_view();
-  report(State::rejected, desired, errors, now.utc_ms);
+  answer_.reject(payload, desired, errors, now.utc_ms);
   return std::nullopt;
 }
 
@@ -231,32 +220,17 @@ void RemoteConfig::end_judging() {
   kept_.save_or_log("that the config was judged");
 }
 
-/// Repeats the answer to a document that is in force or was rolled back. The broker sends it again
-/// after each connection. False if the document is neither.
-bool RemoteConfig::answer_known(const DesiredConfig& desired) {
-  if (in_force_ && in_force_->document.hash == desired.hash) {
-    rejected_.clear();
-    report_in_force();
-    return true;
-  }
-  const auto& back = kept_.configs().rolled_back;
-  if (!back || back->hash != desired.hash) return false;
-  rejected_.clear();  // an older document
-  report_rolled_back();
-  return true;
-}
-
 std::optional<RemoteConfig::Next> RemoteConfig::withdraw(Moment now) {
   const bool was_in_force = in_force_.has_value();
-  if (!was_in_force && report_.desired.hash.empty()) {
-    has_answer_ = true;  // a client asks for the report
+  if (!was_in_force && answer_.last().desired.hash.empty()) {
+    answer_.publish_again();  // a client asks for the report
     return std::nullopt;
   }
   std::optional<Next> next;
   if (was_in_force) {
     auto config = local_.alone();
     if (!config && !local_.is_interrupted()) {
-      report(State::rejected, {}, config.error(), now.utc_ms);
+      answer_.report(State::rejected, {}, config.error(), now.utc_ms);
       return std::nullopt;
     }
     if (config) {
@@ -268,9 +242,9 @@ std::optional<RemoteConfig::Next> RemoteConfig::withdraw(Moment now) {
   }
   kept_.configs() = {};
   kept_.end_watch();
-  rejected_.clear();
+  answer_.clear_rejected();
   kept_.save_or_log("that the config was withdrawn");
-  if (!next) report(State::applied, {}, {}, now.utc_ms);
+  if (!next) answer_.report(State::applied, {}, {}, now.utc_ms);
   return next;
 }
 
@@ -303,7 +277,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
     kept.ends = 0;
     kept_.watch(in_force_, now.steady);
     kept_.save_or_log("that the config is good");
-    has_answer_ = true;
+    answer_.publish_again();
     if (held_.empty()) return std::nullopt;
     return hear(std::string(held_), now);
   }
@@ -338,7 +312,7 @@ std::optional<RemoteConfig::Next> RemoteConfig::way_back(Next::Why why, Moment n
     back_again_at_ = now.steady + kTryAgain;
     log::error("remote_config", {{"note", "the config cannot be rolled back yet"},
                                  {"reason", log::excerpt(text_of(config.error().front()))}});
-    report(State::applied, in_force_->document, config.error(), in_force_->since_ms);
+    answer_.report(State::applied, in_force_->document, config.error(), in_force_->since_ms);
     return std::nullopt;
   }
   back_again_at_ = {};
@@ -358,18 +332,20 @@ void RemoteConfig::accept(Next next, Moment now) {
       trial_.emplace(trial_time_, now.steady, is_connected_);
       has_moved_ = moves;
       is_given_up_ = false;
-      return report_in_force();
+      return answer_.report_in_force(in_force_, local_.since_ms());
     case Next::Why::withdrawn:
       in_force_.reset();
       trial_.reset();
       is_given_up_ = false;
-      return report(State::applied, {}, {}, now.utc_ms);
+      return answer_.report(State::applied, {}, {}, now.utc_ms);
     case Next::Why::rolled_back:
     case Next::Why::given_up:
       in_force_ = std::move(next.document);
       kept_.watch(in_force_, now.steady);
       if (kept_.is_watched()) kept_.save_or_log("that the config before is in force");
-      return next.why == Next::Why::given_up ? report_in_force() : report_rolled_back();
+      if (next.why == Next::Why::rolled_back)
+        return answer_.report_rolled_back(*kept_.configs().rolled_back);
+      return answer_.report_in_force(in_force_, local_.since_ms());
   }
 }
 
@@ -377,7 +353,7 @@ void RemoteConfig::refuse(const Next& next, const ConfigErrors& errors, Moment n
   if (next.why != Next::Why::desired) return;
   kept_.configs().trying = trial_ ? in_force_ : std::nullopt;
   kept_.save_or_log("that the config was rejected");
-  report(State::rejected, next.document->document, errors, now.utc_ms);
+  answer_.report(State::rejected, next.document->document, errors, now.utc_ms);
 }
 
 void RemoteConfig::stop() { kept_.stop(); }
@@ -391,44 +367,19 @@ void RemoteConfig::forget() {
   is_given_up_ = false;
   judge_again_.clear();
   local_.put_in_force({}, 0);
-  rejected_.clear();
   held_.clear();
-  report_ = {};
-  has_answer_ = false;
-  is_news_ = false;
-}
-
-void RemoteConfig::report(State state, const DesiredConfig& desired, const ConfigErrors& errors,
-                          std::int64_t since_ms) {
-  has_answer_ = true;
-  RemoteReport fresh = make_report(state, desired, errors, since_ms);
-  if (report_.says(fresh)) return;
-  report_ = std::move(fresh);
-  is_news_ = true;
-}
-
-void RemoteConfig::report_rolled_back() {
-  const RolledBackConfig& back = *kept_.configs().rolled_back;
-  report(State::rolled_back, {"", back.hash, back.version, back.by}, {{"", 0, back.why}},
-         back.since_ms);
-}
-
-void RemoteConfig::report_in_force() {
-  if (in_force_)
-    report(State::applied, in_force_->document, {}, in_force_->since_ms);
-  else
-    report(State::applied, {}, {}, local_.since_ms());
+  answer_ = {};
 }
 
 std::string RemoteConfig::reported(const std::string& hash) const {
-  return reported_text(report_, hash, in_force_ ? in_force_->document.version : "",
+  return reported_text(answer_.last(), hash, in_force_ ? in_force_->document.version : "",
                        !trial_.has_value());
 }
 
 std::optional<ConfigStatus::Remote> RemoteConfig::status() const {
   if (!is_enabled()) return std::nullopt;
   return ConfigStatus::Remote{in_force_ ? in_force_->document.version : "",
-                              std::string(to_string(report_.state)), !trial_.has_value()};
+                              std::string(to_string(answer_.last().state)), !trial_.has_value()};
 }
 
 }  // namespace fxagent

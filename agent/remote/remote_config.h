@@ -17,6 +17,7 @@
 #include "agent/remote/kept_configs.h"
 #include "agent/remote/kept_file.h"
 #include "agent/remote/local_config.h"
+#include "agent/remote/remote_answer.h"
 #include "agent/remote/remote_report.h"
 #include "agent/remote/trial.h"
 #include "agent/status.h"
@@ -78,7 +79,7 @@ class RemoteConfig final {
 
   /// Returns the last rejected document, for hear() after the local file has changed; empty if
   /// none.
-  const std::string& rejected() const { return rejected_; }
+  const std::string& rejected() const { return answer_.rejected(); }
   void connection(bool is_up, SteadyTime now);
   /// Ends reading and judging early, because the process is stopping. Any thread.
   void interrupt() { local_.interrupt(); }
@@ -91,34 +92,25 @@ class RemoteConfig final {
   bool take_left_answer() { return std::exchange(has_left_answer_, false); }
 
   bool is_enabled() const { return local_.limits().enabled; }
-  const RemoteReport& report() const { return report_; }
+  const RemoteReport& report() const { return answer_.last(); }
   /// True if reported() must be published, again or for the first time.
-  bool has_answer() const { return has_answer_; }
+  bool has_answer() const { return answer_.has_answer(); }
   /// Call when the answer is published. True if it differs from the previous one.
-  bool take_news() {
-    has_answer_ = false;
-    return std::exchange(is_news_, false);
-  }
+  bool take_news() { return answer_.take_news(); }
   /// Returns the payload for {base}/config/reported. `hash` is that of the config in force.
   std::string reported(const std::string& hash) const;
   /// Returns the status for health; nullopt if remote config is not allowed.
   std::optional<ConfigStatus::Remote> status() const;
 
  private:
-  void take_kept(Moment now);
   std::optional<Config> start_with(const std::optional<KeptConfig>& kept, Moment now);
   std::optional<Next> withdraw(Moment now);
-  bool answer_known(const DesiredConfig& desired);
   std::optional<Next> judge(std::string_view payload, const DesiredConfig& desired, Moment now);
   std::optional<Next> reject(std::string_view payload, const DesiredConfig& desired,
                              const ConfigErrors& errors, Moment now);
   std::optional<Next> way_back(Next::Why why, Moment now);
   void end_judging();
   void settle_local_file(Next next, Moment now);
-  void report(RemoteReport::State state, const DesiredConfig& desired, const ConfigErrors& errors,
-              std::int64_t since_ms);
-  void report_in_force();
-  void report_rolled_back();
   void forget();
 
   LocalConfig local_;
@@ -134,10 +126,7 @@ class RemoteConfig final {
   std::string held_;         ///< document with another change of servers; waits for the outcome
   std::string judge_again_;  ///< document that was being judged when the last process stopped
   bool is_connected_ = false;
-  std::string rejected_;
-  RemoteReport report_;
-  bool has_answer_ = false;
-  bool is_news_ = false;
+  RemoteAnswer answer_;
 };
 
 }  // namespace fxagent
