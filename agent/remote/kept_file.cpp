@@ -75,6 +75,12 @@ void KeptFile::save_or_log(std::string_view what) {
               {"reason", why}});
 }
 
+void KeptFile::end_judging() {
+  if (!configs_.judged) return;
+  configs_.judged.reset();
+  save_or_log("that the config was judged");
+}
+
 void KeptFile::watch(const std::optional<KeptConfig>& in_force, SteadyTime now) {
   end_watch();
   if (!configs_.is_good(in_force)) return;

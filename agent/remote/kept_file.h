@@ -38,6 +38,8 @@ class KeptFile final {
   /// it logs nothing: an earlier step has reported that.
   void save_or_log(std::string_view what);
   bool is_unsaved() const { return is_unsaved_; }
+  /// Ends the judging of a document, if there is one, and saves that.
+  void end_judging();
 
   /// Watches the good config for an hour, if it is `in_force`: until then, a process that ends
   /// without stop() counts against it. Call save() afterwards.

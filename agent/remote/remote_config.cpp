@@ -11,7 +11,9 @@ namespace fxagent {
 namespace {
 
 using State = RemoteReport::State;
+using Next = RemoteConfig::Next;
 
+/// Time until the next attempt to roll back.
 constexpr std::chrono::seconds kTryAgain{60};
 
 /// Returns the directory of the store, or else the first STATE_DIRECTORY of systemd; empty if there
@@ -22,14 +24,93 @@ std::string directory_for(const Config& config) {
   return states.substr(0, states.find(':'));
 }
 
+Next next_of(Next::Why why, Config config) {
+  Next next;
+  next.why = why;
+  next.servers = config.mqtt.servers;
+  next.config = std::move(config);
+  return next;
+}
+
 constexpr const char* kCannotBeKept =
     "cannot be kept on disk for a way back, and agent.remote_without_disk of the local file is not "
     "set: ";
 
+/// Saves the document and then builds its config: if that crashes the process, the next start must
+/// find it on disk. Returns nullopt if the process is stopping.
+tl::expected<std::optional<Config>, ConfigErrors> judge(const DesiredConfig& desired,
+                                                        const LocalConfig& local, KeptFile& kept) {
+  kept.configs().judged = {desired.text, desired.hash, desired.version, desired.by};
+  if (const std::string why = kept.save(); !why.empty() && !local.limits().without_disk)
+    return tl::unexpected(ConfigErrors{{"", 0, kCannotBeKept + why}});
+  failpoint("remote_config_judged");
+  auto config = local.with(desired);
+  if (local.is_interrupted()) return std::nullopt;  // KeptFile::stop() persists this
+  if (!config) return tl::unexpected(std::move(config.error()));
+  return std::move(*config);
+}
+
+/// Saves the document before it is applied, for the same reason. Errors: it must not be applied.
+ConfigErrors keep_on_trial(const KeptConfig& document, const LocalConfig& local, KeptFile& kept) {
+  KeptConfigs& configs = kept.configs();
+  const KeptConfigs before = configs;
+  configs.trying = document;
+  configs.stopped = false;
+  configs.judged.reset();
+  configs.rolled_back.reset();
+  const std::string why = kept.save();
+  if (why.empty()) return {};
+  if (!local.limits().without_disk) {
+    configs = before;
+    return {{"", 0, kCannotBeKept + why}};
+  }
+  log::warn("remote_config",
+            {{"note",
+              "the config is taken over and cannot be kept: after a crash nothing is known of it "
+              "(agent.remote_without_disk)"},
+             {"reason", why}});
+  return {};
+}
+
+/// Returns the config without the document in force; nullopt if there is nothing to apply.
+std::optional<Next> withdraw(const ConfigInForce& in_force, const LocalConfig& local,
+                             KeptFile& kept, RemoteAnswer& answer, std::int64_t now_ms) {
+  std::optional<Next> next;
+  if (in_force.document()) {
+    auto config = local.alone();
+    if (!config && !local.is_interrupted()) {
+      answer.report(State::rejected, {}, config.error(), now_ms);
+      return std::nullopt;
+    }
+    if (config) next = next_of(Next::Why::withdrawn, std::move(*config));
+  } else if (answer.last().desired.hash.empty()) {
+    answer.publish_again();  // a client asks for the report
+    return std::nullopt;
+  }
+  kept.configs() = {};
+  kept.end_watch();
+  answer.clear_rejected();
+  kept.save_or_log("that the config was withdrawn");
+  if (!next) answer.report(State::applied, {}, {}, now_ms);
+  return next;
+}
+
+/// Returns the last good config, or else the local file alone. Errors: neither can be built now.
+tl::expected<Next, ConfigErrors> way_back(Next::Why why, const std::optional<KeptConfig>& good,
+                                          const LocalConfig& local) {
+  auto config = good ? local.with(good->document) : local.alone();
+  const bool is_good = good && config;
+  if (good && !config) config = local.alone();
+  if (!config) return tl::unexpected(std::move(config.error()));
+  Next next = next_of(why, std::move(*config));
+  if (is_good) next.document = good;
+  return next;
+}
+
 }  // namespace
 
 RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot)
-    : local_(std::move(path)), trial_time_(trial), kept_(std::move(boot)) {}
+    : local_(std::move(path)), kept_(std::move(boot)), in_force_(trial) {}
 
 // ---- the start ----------------------------------------------------------------------------------
 
@@ -37,7 +118,7 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
   auto local = local_.read();
   if (!local) return tl::unexpected(std::move(local.error()));
   Config& config = local->config;
-  servers_ = config.mqtt.servers;
+  in_force_.set_servers(config.mqtt.servers);
   kept_.open(directory_for(config), config.base_topic());
   if (!config.remote.enabled) return std::move(config);
   local_.put_in_force(std::move(local->file), now.utc_ms);
@@ -49,33 +130,28 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
     answer_.resume(kept);
   judge_again_ = kept_.judge_last_run(now.utc_ms);
   if (kept.rolled_back) answer_.report_rolled_back(*kept.rolled_back);
-  if (auto on_trial = start_with(kept.trying, now)) {
-    trial_.emplace(trial_time_, now.steady, /*is_connected=*/false);
-    has_moved_ = on_trial->mqtt.servers != servers_;
-    servers_ = on_trial->mqtt.servers;
+
+  const auto build = [&](const std::optional<KeptConfig>& document) -> std::optional<Config> {
+    if (!document) return std::nullopt;
+    auto merged = local_.with(document->document);
+    if (merged) return std::move(*merged);
+    answer_.reject(document->document.text, document->document, merged.error(), now.utc_ms);
+    return std::nullopt;
+  };
+  if (auto on_trial = build(kept.trying)) {
+    in_force_.put_on_trial(kept.trying, on_trial->mqtt.servers, now.steady);
     if (answer_.is_news()) return std::move(*on_trial);  // another document was rolled back
-    answer_.report_in_force(in_force_, local_.since_ms());
+    answer_.report_in_force(kept.trying, local_.since_ms());
     answer_.clear_news();
     return std::move(*on_trial);
   }
   kept.trying.reset();
-  if (auto good = start_with(kept.good, now)) {
-    servers_ = good->mqtt.servers;
-    kept_.watch(in_force_, now.steady);
+  if (auto good = build(kept.good)) {
+    in_force_.put_in_force(kept.good, good->mqtt.servers);
+    kept_.watch(kept.good, now.steady);
     return std::move(*good);
   }
   return std::move(config);
-}
-
-std::optional<Config> RemoteConfig::start_with(const std::optional<KeptConfig>& kept, Moment now) {
-  if (!kept) return std::nullopt;
-  auto config = local_.with(kept->document);
-  if (!config) {
-    answer_.reject(kept->document.text, kept->document, config.error(), now.utc_ms);
-    return std::nullopt;
-  }
-  in_force_ = kept;
-  return std::move(*config);
 }
 
 void RemoteConfig::begin() {
@@ -88,16 +164,66 @@ void RemoteConfig::begin() {
   if (why.empty()) return;
   // The file on disk still records a stop, so the next process would take a crash for a stop and
   // resume the trial, again and again.
-  is_given_up_ = trial_.has_value();
+  in_force_.give_up();
   log::error("remote_config",
-             {{"note", is_given_up_ ? "the trial cannot go on: the disk refuses"
-                                    : "what the last run has come to cannot be kept on disk yet"},
+             {{"note", in_force_.is_given_up()
+                           ? "the trial cannot go on: the disk refuses"
+                           : "what the last run has come to cannot be kept on disk yet"},
               {"reason", why}});
 }
 
-// ---- the local file -----------------------------------------------------------------------------
+// ---- documents ----------------------------------------------------------------------------------
 
-tl::expected<RemoteConfig::Next, ConfigErrors> RemoteConfig::read_local() const {
+std::optional<Next> RemoteConfig::hear(std::string_view payload, Moment now) {
+  if (!is_enabled()) return std::nullopt;
+  held_.clear();
+  judge_again_.clear();
+  if (payload.empty()) return withdraw(in_force_, local_, kept_, answer_, now.utc_ms);
+  ReadDesired read;
+  const auto reject = [&](const ConfigErrors& errors) {
+    kept_.end_judging();
+    answer_.reject(payload, read.desired, errors, now.utc_ms);
+    return std::nullopt;
+  };
+  try {
+    read = read_desired(payload);
+    if (answer_.repeat(read.desired, in_force_.document(), kept_.configs().rolled_back))
+      return std::nullopt;
+    if (!read.errors.empty()) return reject(read.errors);
+    auto config = judge(read.desired, local_, kept_);
+    if (!config) return reject(config.error());
+    if (!*config) return std::nullopt;
+    if (in_force_.would_move_again((*config)->mqtt.servers)) {
+      kept_.end_judging();
+      held_ = payload;
+      answer_.publish_again();
+      log::info("remote_config",
+                {{"note", "another change of mqtt.servers waits for the end of the trial"},
+                 {"version", log::excerpt(read.desired.version)}});
+      return std::nullopt;
+    }
+    const KeptConfig document{read.desired, now.utc_ms};
+    if (const auto errors = keep_on_trial(document, local_, kept_); !errors.empty())
+      return reject(errors);
+    answer_.clear_rejected();
+    Next next = next_of(Next::Why::desired, std::move(**config));
+    next.document = document;
+    return next;
+  } catch (const std::exception& fault) {
+    return reject(not_built(fault));
+  }
+}
+
+void RemoteConfig::refuse(const Next& next, const ConfigErrors& errors, Moment now) {
+  if (next.why != Next::Why::desired) return;
+  kept_.configs().trying = in_force_.is_on_trial() ? in_force_.document() : std::nullopt;
+  kept_.save_or_log("that the config was rejected");
+  answer_.report(State::rejected, next.document->document, errors, now.utc_ms);
+}
+
+// ---- the config in force ------------------------------------------------------------------------
+
+tl::expected<Next, ConfigErrors> RemoteConfig::read_local() const {
   auto local = local_.read();
   if (!local) return tl::unexpected(std::move(local.error()));
   Next next;
@@ -105,7 +231,8 @@ tl::expected<RemoteConfig::Next, ConfigErrors> RemoteConfig::read_local() const 
   next.config = std::move(local->config);
   // If the document on trial no longer fits, the last good one may.
   std::vector<const std::optional<KeptConfig>*> documents;
-  if (next.local.limits.enabled && in_force_) documents = {&in_force_, &kept_.configs().good};
+  if (next.local.limits.enabled && in_force_.document())
+    documents = {&in_force_.document(), &kept_.configs().good};
   for (const auto* document : documents) {
     if (!*document || next.document) continue;
     if (auto both = local_.with(next.local, (*document)->document)) {
@@ -119,267 +246,106 @@ tl::expected<RemoteConfig::Next, ConfigErrors> RemoteConfig::read_local() const 
   return next;
 }
 
-void RemoteConfig::settle_local_file(Next next, Moment now) {
-  if (!next.local.limits.enabled) return forget();
-  answer_.publish_again();  // the hash of the config in force may have changed
-  if (!is_enabled()) answer_.begin(now.utc_ms);
-  local_.put_in_force(std::move(next.local), now.utc_ms);
-  if (next.misfit.empty()) return;
-  answer_.reject(in_force_->document.text, in_force_->document, next.misfit, now.utc_ms);
-  in_force_ = std::move(next.document);
-  trial_.reset();
-  is_given_up_ = false;
+void RemoteConfig::accept(Next next, Moment now) {
   KeptConfigs& kept = kept_.configs();
-  if (!kept.is_good(in_force_)) kept.before.reset();
-  kept.good = in_force_;
-  kept.trying.reset();
-  kept_.watch(in_force_, now.steady);
-  kept_.save_or_log("that the local file does not let the config in any more");
-}
-
-// ---- remote configs -----------------------------------------------------------------------
-
-std::optional<RemoteConfig::Next> RemoteConfig::hear(std::string_view payload, Moment now) {
-  if (!is_enabled()) return std::nullopt;
-  held_.clear();
-  judge_again_.clear();
-  if (payload.empty()) return withdraw(now);
-  ReadDesired read;
-  try {
-    read = read_desired(payload);
-    if (answer_.repeat(read.desired, in_force_, kept_.configs().rolled_back)) return std::nullopt;
-    if (!read.errors.empty()) return reject(payload, read.desired, read.errors, now);
-    return judge(payload, read.desired, now);
-  } catch (const std::exception& fault) {
-    return reject(payload, read.desired, not_built(fault), now);
+  const std::optional<KeptConfig>& in_force = in_force_.document();
+  switch (next.why) {
+    case Next::Why::local_file:
+      if (!next.local.limits.enabled) {
+        local_.put_in_force({}, 0);
+        in_force_.put_in_force({}, std::move(next.servers));
+        held_.clear();
+        judge_again_.clear();
+        answer_ = {};
+        return kept_.forget();
+      }
+      answer_.publish_again();  // the hash of the config in force may have changed
+      if (!is_enabled()) answer_.begin(now.utc_ms);
+      local_.put_in_force(std::move(next.local), now.utc_ms);
+      in_force_.set_servers(next.servers);
+      if (next.misfit.empty()) return;
+      answer_.reject(in_force->document.text, in_force->document, next.misfit, now.utc_ms);
+      in_force_.put_in_force(std::move(next.document), std::move(next.servers));
+      if (!kept.is_good(in_force)) kept.before.reset();
+      kept.good = in_force;
+      kept.trying.reset();
+      kept_.watch(in_force, now.steady);
+      return kept_.save_or_log("that the local file does not let the config in any more");
+    case Next::Why::desired:
+      in_force_.put_on_trial(std::move(next.document), std::move(next.servers), now.steady);
+      kept_.end_watch();
+      return answer_.report_in_force(in_force, local_.since_ms());
+    case Next::Why::withdrawn:
+      in_force_.put_in_force({}, std::move(next.servers));
+      return answer_.report(State::applied, {}, {}, now.utc_ms);
+    case Next::Why::rolled_back:
+    case Next::Why::given_up:
+      in_force_.put_in_force(std::move(next.document), std::move(next.servers));
+      kept_.watch(in_force, now.steady);
+      if (kept_.is_watched()) kept_.save_or_log("that the config before is in force");
+      if (next.why == Next::Why::rolled_back) return answer_.report_rolled_back(*kept.rolled_back);
+      return answer_.report_in_force(in_force, local_.since_ms());
   }
-}
-
-/// Saves the document before it judges it, and again before it is applied: if either step crashes
-/// the process, the next start must find it on disk.
-std::optional<RemoteConfig::Next> RemoteConfig::judge(std::string_view payload,
-                                                      const DesiredConfig& desired, Moment now) {
-  const auto refuse_disk = [&](const std::string& why) {
-    return reject(payload, desired, {{"", 0, kCannotBeKept + why}}, now);
-  };
-  KeptConfigs& kept = kept_.configs();
-  kept.judged = {desired.text, desired.hash, desired.version, desired.by};
-  if (const std::string why = kept_.save(); !why.empty() && !local_.limits().without_disk)
-    return refuse_disk(why);
-  failpoint("remote_config_judged");
-  auto config = local_.with(desired);
-  if (local_.is_interrupted()) return std::nullopt;  // stop() persists this
-  if (!config) return reject(payload, desired, config.error(), now);
-  if (trial_ && has_moved_ && config->mqtt.servers != servers_) {
-    end_judging();
-    held_ = payload;
-    answer_.publish_again();
-    log::info("remote_config", {{"note",
-                                 "another change of mqtt.servers waits for the end of the "
-                                 "trial"},
-                                {"version", log::excerpt(desired.version)}});
-    return std::nullopt;
-  }
-  const KeptConfigs before = kept;
-  const KeptConfig document{desired, now.utc_ms};
-  kept.trying = document;
-  kept.stopped = false;
-  kept.judged.reset();
-  kept.rolled_back.reset();
-  const std::string why = kept_.save();
-  if (!why.empty() && !local_.limits().without_disk) {
-    kept = before;
-    return refuse_disk(why);
-  }
-  if (!why.empty())
-    log::warn("remote_config",
-              {{"note",
-                "the config is taken over and cannot be kept: after a crash nothing is known of it "
-                "(agent.remote_without_disk)"},
-               {"reason", why}});
-  answer_.clear_rejected();
-  Next next;
-  next.why = Next::Why::desired;
-  next.config = std::move(*config);
-  next.servers = next.config.mqtt.servers;
-  next.document = document;
-  return next;
-}
-
-std::optional<RemoteConfig::Next> RemoteConfig::reject(std::string_view payload,
-                                                       const DesiredConfig& desired,
-                                                       const ConfigErrors& errors, Moment now) {
-  end_judging();
-  answer_.reject(payload, desired, errors, now.utc_ms);
-  return std::nullopt;
-}
-
-void RemoteConfig::end_judging() {
-  if (!kept_.configs().judged) return;
-  kept_.configs().judged.reset();
-  kept_.save_or_log("that the config was judged");
-}
-
-std::optional<RemoteConfig::Next> RemoteConfig::withdraw(Moment now) {
-  const bool was_in_force = in_force_.has_value();
-  if (!was_in_force && answer_.last().desired.hash.empty()) {
-    answer_.publish_again();  // a client asks for the report
-    return std::nullopt;
-  }
-  std::optional<Next> next;
-  if (was_in_force) {
-    auto config = local_.alone();
-    if (!config && !local_.is_interrupted()) {
-      answer_.report(State::rejected, {}, config.error(), now.utc_ms);
-      return std::nullopt;
-    }
-    if (config) {
-      next.emplace();
-      next->why = Next::Why::withdrawn;
-      next->config = std::move(*config);
-      next->servers = next->config.mqtt.servers;
-    }
-  }
-  kept_.configs() = {};
-  kept_.end_watch();
-  answer_.clear_rejected();
-  kept_.save_or_log("that the config was withdrawn");
-  if (!next) answer_.report(State::applied, {}, {}, now.utc_ms);
-  return next;
-}
-
-// ---- the trial ----------------------------------------------------------------------------------
-
-void RemoteConfig::connection(bool is_up, SteadyTime now) {
-  is_connected_ = is_up;
-  if (trial_) trial_->connection(is_up, now);
 }
 
 SteadyTime RemoteConfig::next_wake() const {
-  SteadyTime decided = trial_ ? trial_->decided_at() : SteadyTime::max();
-  if (is_given_up_) decided = {};
-  decided = std::max(decided, back_again_at_);
-  if (!judge_again_.empty()) decided = {};
+  const SteadyTime decided = judge_again_.empty() ? in_force_.next_wake() : SteadyTime{};
   return std::min(decided, kept_.next_wake());
 }
 
-std::optional<RemoteConfig::Next> RemoteConfig::due(Moment now) {
+std::optional<Next> RemoteConfig::due(Moment now) {
   kept_.due(now.steady);
-  KeptConfigs& kept = kept_.configs();
   if (!judge_again_.empty()) return hear(std::exchange(judge_again_, {}), now);
-  auto outcome = trial_ ? trial_->outcome(now.steady) : Trial::Outcome::pending;
-  if (is_given_up_) outcome = Trial::Outcome::lost;
+  KeptConfigs& kept = kept_.configs();
+  const std::optional<KeptConfig>& in_force = in_force_.document();
+  const auto outcome = in_force_.outcome(now.steady);
   if (outcome == Trial::Outcome::pending) return std::nullopt;
   if (outcome == Trial::Outcome::good) {
-    trial_.reset();
+    in_force_.end_trial();
     kept.trying.reset();
-    if (!kept.is_good(in_force_)) kept.before = std::exchange(kept.good, in_force_);
+    if (!kept.is_good(in_force)) kept.before = std::exchange(kept.good, in_force);
     kept.ends = 0;
-    kept_.watch(in_force_, now.steady);
+    kept_.watch(kept.good, now.steady);
     kept_.save_or_log("that the config is good");
     answer_.publish_again();
     if (held_.empty()) return std::nullopt;
     return hear(std::string(held_), now);
   }
-  if (now.steady < back_again_at_) return std::nullopt;
-  auto next = way_back(is_given_up_ ? Next::Why::given_up : Next::Why::rolled_back, now);
-  if (!next) return std::nullopt;
-  trial_.reset();
+  const bool is_given_up = in_force_.is_given_up();
+  auto next =
+      way_back(is_given_up ? Next::Why::given_up : Next::Why::rolled_back, kept.good, local_);
+  if (local_.is_interrupted()) return std::nullopt;  // the next process will reach the same outcome
+  const DesiredConfig& document = in_force->document;
+  if (!next) {
+    in_force_.put_off(now.steady + kTryAgain);
+    log::error("remote_config", {{"note", "the config cannot be rolled back yet"},
+                                 {"reason", log::excerpt(text_of(next.error().front()))}});
+    answer_.report(State::applied, document, next.error(), in_force->since_ms);
+    return std::nullopt;
+  }
+  in_force_.end_trial();
   kept.trying.reset();
   held_.clear();
-  if (std::exchange(is_given_up_, false)) return next;
-  const DesiredConfig& document = in_force_->document;
-  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(trial_time_);
+  if (is_given_up) return std::move(*next);
+  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(in_force_.trial_time());
   kept.rolled_back = {document.hash, document.version, document.by,
                       "the broker was lost for " + std::to_string(seconds.count()) +
                           " s while the config was on trial",
                       now.utc_ms};
   kept_.save_or_log("the rollback");
-  return next;
+  return std::move(*next);
 }
 
-/// Returns the last good config, or else the local file alone. Returns nullopt if neither can be
-/// built now, which it logs and reports, or if the process is stopping.
-std::optional<RemoteConfig::Next> RemoteConfig::way_back(Next::Why why, Moment now) {
-  Next next;
-  next.why = why;
-  const auto& good = kept_.configs().good;
-  auto config = good ? local_.with(good->document) : local_.alone();
-  if (config) next.document = good;
-  if (!config && good) config = local_.alone();
-  if (local_.is_interrupted()) return std::nullopt;  // the next process will reach the same outcome
-  if (!config) {
-    back_again_at_ = now.steady + kTryAgain;
-    log::error("remote_config", {{"note", "the config cannot be rolled back yet"},
-                                 {"reason", log::excerpt(text_of(config.error().front()))}});
-    answer_.report(State::applied, in_force_->document, config.error(), in_force_->since_ms);
-    return std::nullopt;
-  }
-  back_again_at_ = {};
-  next.config = std::move(*config);
-  next.servers = next.config.mqtt.servers;
-  return next;
-}
-
-void RemoteConfig::accept(Next next, Moment now) {
-  const bool moves = next.servers != std::exchange(servers_, next.servers);
-  switch (next.why) {
-    case Next::Why::local_file:
-      return settle_local_file(std::move(next), now);
-    case Next::Why::desired:
-      in_force_ = std::move(next.document);
-      kept_.end_watch();
-      trial_.emplace(trial_time_, now.steady, is_connected_);
-      has_moved_ = moves;
-      is_given_up_ = false;
-      return answer_.report_in_force(in_force_, local_.since_ms());
-    case Next::Why::withdrawn:
-      in_force_.reset();
-      trial_.reset();
-      is_given_up_ = false;
-      return answer_.report(State::applied, {}, {}, now.utc_ms);
-    case Next::Why::rolled_back:
-    case Next::Why::given_up:
-      in_force_ = std::move(next.document);
-      kept_.watch(in_force_, now.steady);
-      if (kept_.is_watched()) kept_.save_or_log("that the config before is in force");
-      if (next.why == Next::Why::rolled_back)
-        return answer_.report_rolled_back(*kept_.configs().rolled_back);
-      return answer_.report_in_force(in_force_, local_.since_ms());
-  }
-}
-
-void RemoteConfig::refuse(const Next& next, const ConfigErrors& errors, Moment now) {
-  if (next.why != Next::Why::desired) return;
-  kept_.configs().trying = trial_ ? in_force_ : std::nullopt;
-  kept_.save_or_log("that the config was rejected");
-  answer_.report(State::rejected, next.document->document, errors, now.utc_ms);
-}
-
-void RemoteConfig::stop() { kept_.stop(); }
-
-// ---- reports ------------------------------------------------------------------------------------
-
-void RemoteConfig::forget() {
-  kept_.forget();
-  in_force_.reset();
-  trial_.reset();
-  is_given_up_ = false;
-  judge_again_.clear();
-  local_.put_in_force({}, 0);
-  held_.clear();
-  answer_ = {};
-}
+// ---- the answer ---------------------------------------------------------------------------------
 
 std::string RemoteConfig::reported(const std::string& hash) const {
-  return reported_text(answer_.last(), hash, in_force_ ? in_force_->document.version : "",
-                       !trial_.has_value());
+  return reported_text(answer_.last(), hash, in_force_.version(), !in_force_.is_on_trial());
 }
 
 std::optional<ConfigStatus::Remote> RemoteConfig::status() const {
   if (!is_enabled()) return std::nullopt;
-  return ConfigStatus::Remote{in_force_ ? in_force_->document.version : "",
-                              std::string(to_string(answer_.last().state)), !trial_.has_value()};
+  return ConfigStatus::Remote{in_force_.version(), std::string(to_string(answer_.last().state)),
+                              !in_force_.is_on_trial()};
 }
 
 }  // namespace fxagent

@@ -1,6 +1,6 @@
-// Decides which config is in force: the local file, merged with the remote config. Keeps the last
-// good config and the report for the broker. agent/reload.h applies the configs. One thread; calls
-// read and write files.
+// Decides which config is in force: the local file, merged with the remote config. Owns the parts
+// that keep the local file, the configs on disk, the config in force and the answer for the broker.
+// agent/reload.h applies the configs. One thread; calls read and write files.
 #pragma once
 
 #include <chrono>
@@ -13,13 +13,13 @@
 #include <vector>
 
 #include "agent/config/model.h"
+#include "agent/remote/config_in_force.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/kept_configs.h"
 #include "agent/remote/kept_file.h"
 #include "agent/remote/local_config.h"
 #include "agent/remote/remote_answer.h"
 #include "agent/remote/remote_report.h"
-#include "agent/remote/trial.h"
 #include "agent/status.h"
 #include "agent/steady_time.h"
 
@@ -80,12 +80,12 @@ class RemoteConfig final {
   /// Returns the last rejected document, for hear() after the local file has changed; empty if
   /// none.
   const std::string& rejected() const { return answer_.rejected(); }
-  void connection(bool is_up, SteadyTime now);
+  void connection(bool is_up, SteadyTime now) { in_force_.connection(is_up, now); }
   /// Ends reading and judging early, because the process is stopping. Any thread.
   void interrupt() { local_.interrupt(); }
   /// Persists that the process was stopped. Call after the last other call has returned. The next
   /// process continues a trial, and judges again a document that was being judged.
-  void stop();
+  void stop() { kept_.stop(); }
 
   /// True, once, if remote config is not allowed any more and the answer of an earlier run must be
   /// cleared.
@@ -103,30 +103,13 @@ class RemoteConfig final {
   std::optional<ConfigStatus::Remote> status() const;
 
  private:
-  std::optional<Config> start_with(const std::optional<KeptConfig>& kept, Moment now);
-  std::optional<Next> withdraw(Moment now);
-  std::optional<Next> judge(std::string_view payload, const DesiredConfig& desired, Moment now);
-  std::optional<Next> reject(std::string_view payload, const DesiredConfig& desired,
-                             const ConfigErrors& errors, Moment now);
-  std::optional<Next> way_back(Next::Why why, Moment now);
-  void end_judging();
-  void settle_local_file(Next next, Moment now);
-  void forget();
-
   LocalConfig local_;
-  const std::chrono::milliseconds trial_time_;
   KeptFile kept_;
-  bool has_left_answer_ = false;
-  std::optional<KeptConfig> in_force_;
-  std::optional<Trial> trial_;        ///< of in_force_
-  bool is_given_up_ = false;          ///< end the trial as lost, whatever its outcome
-  SteadyTime back_again_at_{};        ///< time of the next attempt to roll back
-  std::vector<std::string> servers_;  ///< mqtt.servers in force
-  bool has_moved_ = false;            ///< the config on trial changed mqtt.servers
+  ConfigInForce in_force_;
+  RemoteAnswer answer_;
   std::string held_;         ///< document with another change of servers; waits for the outcome
   std::string judge_again_;  ///< document that was being judged when the last process stopped
-  bool is_connected_ = false;
-  RemoteAnswer answer_;
+  bool has_left_answer_ = false;
 };
 
 }  // namespace fxagent

@@ -1,0 +1,53 @@
+#include "agent/remote/config_in_force.h"
+
+#include <gtest/gtest.h>
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+using Outcome = Trial::Outcome;
+
+constexpr SteadyTime kBegan{1h};
+
+TEST(ConfigInForce, ALostTrialCanBePutOffAndAGoodOneIsNot) {
+  ConfigInForce config(60s);
+  EXPECT_EQ(config.next_wake(), SteadyTime::max());
+  config.put_on_trial(KeptConfig{}, {}, kBegan);
+  EXPECT_EQ(config.next_wake(), kBegan + 60s);
+  EXPECT_EQ(config.outcome(kBegan + 60s), Outcome::lost);
+  config.put_off(kBegan + 120s);
+  EXPECT_EQ(config.next_wake(), kBegan + 120s);
+  EXPECT_EQ(config.outcome(kBegan + 119s), Outcome::pending);
+  EXPECT_EQ(config.outcome(kBegan + 120s), Outcome::lost);
+  config.connection(true, kBegan + 90s);
+  EXPECT_EQ(config.outcome(kBegan + 90s), Outcome::good);
+}
+
+TEST(ConfigInForce, OnlyATrialIsGivenUp) {
+  ConfigInForce config(60s);
+  config.connection(true, kBegan);
+  config.give_up();
+  EXPECT_FALSE(config.is_given_up());
+  config.put_on_trial(KeptConfig{}, {}, kBegan);
+  config.give_up();
+  EXPECT_EQ(config.outcome(kBegan), Outcome::lost);
+  config.put_in_force({}, {});
+  EXPECT_FALSE(config.is_given_up());
+  EXPECT_EQ(config.outcome(kBegan + 60s), Outcome::pending);
+}
+
+TEST(ConfigInForce, OnlyATrialThatMovedHoldsBackAnotherMove) {
+  ConfigInForce config(60s);
+  config.set_servers({"a"});
+  config.put_on_trial(KeptConfig{}, {"a"}, kBegan);
+  EXPECT_FALSE(config.would_move_again({"b"}));
+  config.put_on_trial(KeptConfig{}, {"b"}, kBegan);
+  EXPECT_TRUE(config.would_move_again({"a"}));
+  EXPECT_FALSE(config.would_move_again({"b"}));
+  config.end_trial();
+  EXPECT_FALSE(config.would_move_again({"a"}));
+}
+
+}  // namespace
+}  // namespace fxagent
