@@ -158,14 +158,4 @@ std::size_t memory_of(const Command& command) {
   return bytes;
 }
 
-std::size_t memory_of(const CommandResult& result) {
-  std::size_t bytes = sizeof(result) + result.detail.capacity() + result.recorded.capacity() +
-                      result.response_topic.capacity() + result.correlation.capacity();
-  for (const TargetResult& target : result.targets)
-    bytes += sizeof(target) + target.tag.capacity() + target.address.capacity() +
-             target.detail.capacity() + memory_of(target.value) +
-             (target.verify ? memory_of(target.verify->read) : 0);
-  return bytes;
-}
-
 }  // namespace fxagent

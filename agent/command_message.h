@@ -219,7 +219,4 @@ struct CommandResult {
   FrameTrace frames;  ///< only for a command that was carried out
 };
 
-/// Returns the approximate memory of a result in bytes, without `first`.
-std::size_t memory_of(const CommandResult& result);
-
 }  // namespace fxagent

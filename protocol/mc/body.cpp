@@ -110,11 +110,6 @@ Result<void> Body::device(std::uint16_t space_id, std::uint32_t bit) {
   return {};
 }
 
-std::size_t device_size(Code code, bool long_codes) {
-  if (code == Code::ascii) return long_codes ? 12 : 8;
-  return long_codes ? 6 : 4;
-}
-
 std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number) {
   if (dialect.code == Code::binary) return {};
   const std::string name = device_name(dialect.model, space, number);

@@ -55,9 +55,6 @@ class Body final {
   Bytes out_;
 };
 
-/// Returns the bytes of one device in a body.
-std::size_t device_size(Code code, bool long_codes);
-
 /// Returns why a device cannot be named in ASCII code on this model; empty if it can.
 std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number);
 
