@@ -141,7 +141,8 @@ std::string ConfigReader::place_of(const ConfigNode& node) const {
 }
 
 std::string ConfigReader::place_of(const std::string& pointer, std::uint32_t offset) const {
-  return pointer + " (line " + std::to_string(tree_.line_of(offset)) + ")";
+  return (pointer.empty() ? std::string("the file") : pointer) + " (line " +
+         std::to_string(tree_.line_of(offset)) + ")";
 }
 
 bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKey> keys,
