@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "agent/config/keys.h"
+#include "agent/config/read/warnings.h"
 
 namespace fxagent {
 namespace {

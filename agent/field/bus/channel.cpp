@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <string>
 
+#include "agent/field/bus/overheard.h"
+
 namespace fxagent {
 namespace {
 
@@ -52,7 +54,7 @@ asio::awaitable<Channel::Heard> Channel::listen(SteadyTime until, nanoseconds qu
       co_return heard;
     }
     heard.total += *got;
-    if (heard.bytes.size() < kMostJudged)
+    if (heard.bytes.size() < Overheard::kMostJudged)
       heard.bytes.insert(heard.bytes.end(), chunk, chunk + *got);
     if (heard.total < kMostDrained && now() < give_up) continue;
     close_never_silent();

@@ -21,14 +21,12 @@ class Channel final {
  public:
   /// Bytes received while waiting for the line to fall quiet.
   struct Heard {
-    Bytes bytes;                   ///< the first of them, enough to judge
+    Bytes bytes;                   ///< the first of them: Overheard::kMostJudged or a few more
     std::size_t total = 0;         ///< number of bytes received
     std::optional<Error> error{};  ///< set if the channel is closed, by its peer or as never silent
   };
   /// A line that brings this many bytes never falls quiet.
   static constexpr std::size_t kMostDrained = Transport::kMostDiscarded;
-  /// Number of unexpected bytes that are examined: more than the longest frame of a serial line.
-  static constexpr std::size_t kMostJudged = 1024;
 
   /// `transport` must be closed.
   explicit Channel(std::unique_ptr<Transport> transport) : transport_(std::move(transport)) {}

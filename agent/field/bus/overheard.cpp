@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "agent/field/bus/channel.h"
-
 namespace fxagent {
 namespace {
 
@@ -15,7 +13,7 @@ constexpr std::size_t kMostKept = 64;
 std::size_t Overheard::judge(const Codec& codec, ByteView bytes, SteadyTime now) {
   last_heard_ = now;
   if (echo_.may_be(bytes)) return 0;
-  const ByteView shown = bytes.first(std::min(bytes.size(), Channel::kMostJudged));
+  const ByteView shown = bytes.first(std::min(bytes.size(), kMostJudged));
   keep(shown);
   // Foreign bytes do no harm if answers carry numbers or arrive on ports of their own.
   if (tells_answers_apart(codec)) return bytes.size();

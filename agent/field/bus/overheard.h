@@ -19,6 +19,9 @@ inline bool is_numbered(const Codec& codec) { return codec.after_silence() == Re
 
 class Overheard final {
  public:
+  /// Number of unexpected bytes that are examined: more than the longest frame of a serial line.
+  static constexpr std::size_t kMostJudged = 1024;
+
   /// `own_ports`: each request may have a port of its own.
   explicit Overheard(bool own_ports) : own_ports_(own_ports) {}
 

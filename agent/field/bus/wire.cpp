@@ -85,7 +85,7 @@ asio::awaitable<bool> Wire::drain(const Codec& codec, SteadyTime until, nanoseco
 
 void Wire::note_unexpected(const Codec& codec, ByteView bytes) {
   if (bytes.empty()) return;
-  if (trace_) trace_->unasked(bytes.first(std::min(bytes.size(), Channel::kMostJudged)));
+  if (trace_) trace_->unasked(bytes.first(std::min(bytes.size(), Overheard::kMostJudged)));
   counters_.unexpected_bytes += overheard_.judge(codec, bytes, now());
 }
 
