@@ -150,7 +150,7 @@ void LinkWorker::let_leave() {
 void LinkWorker::adjust(const LinkConfig& link) {
   config_.poll_share = link.poll_share;
   config_.listening = link.listening;
-  scheduler_.set_poll_share(link.poll_share);
+  scheduler_.share().set_poll_share(link.poll_share);
   bus_.set_listening(link.listening);
 }
 

@@ -297,7 +297,7 @@ bool Poller::read_by_other_ways(LinkDevice& device, GroupPoll& group,
   Plan part = plan_of(device, group, refused);
   // Waiting commands have a bound that relies on longest_poll().
   const Plan* only = &part;
-  if (scheduler_.commands_waiting() > 0 &&
+  if (scheduler_.share().commands_waiting() > 0 &&
       fxagent::longest_poll(*device.codec, std::span(&only, 1),
                             timing_of(device.config, link_.char_time)) > longest_poll())
     return false;
@@ -529,7 +529,7 @@ asio::awaitable<Exchange> Poller::ask_of_model(LinkDevice& device, const Request
     exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return exchange;
     state_.heard_foreign(device, exchange);
-    scheduler_.poll_used(exchange.line_time());
+    scheduler_.share().poll_used(exchange.line_time());
     const bool may_pass =
         exchange.is_nak() &&
         device.codec->meaning_of(question, exchange.reply.device_code) == RefusalMeaning::curable;

@@ -69,7 +69,7 @@ void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
   set_line_times(*command.admitted.codec, device.config, link_.char_time, command.admitted);
   command.admitted.bound = bound_of(command);
   waiting_.push_back(std::move(command));
-  scheduler_.command_waits();
+  scheduler_.share().command_waits();
 }
 
 std::list<WaitingCommand> LinkCommands::take_waiting() { return std::exchange(waiting_, {}); }
@@ -80,13 +80,13 @@ std::list<WaitingCommand> LinkCommands::take_waiting(const LinkDevice& device) {
     const auto current = next++;
     if (current->device != &device) continue;
     taken.splice(taken.end(), waiting_, current);
-    scheduler_.command_taken();
+    scheduler_.share().command_taken();
   }
   return taken;
 }
 
 void LinkCommands::answer_running(std::string_view why) {
-  scheduler_.commands_are(static_cast<std::uint32_t>(waiting_.size()));
+  scheduler_.share().commands_are(static_cast<std::uint32_t>(waiting_.size()));
   for (const WaitingCommand& running : running_) {
     CommandResult result = result_of(running.admitted.command);
     set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down, std::string(why));
@@ -116,9 +116,10 @@ std::optional<nanoseconds> LinkCommands::bound_of(const WaitingCommand& command)
   for (const WaitingCommand& running : running_) ahead += running.line_time;
   for (const WaitingCommand& waiting : waiting_) ahead += waiting.line_time;
   const nanoseconds own = command.line_time;
-  return handshakes() + (gives_way(command.admitted)
-                             ? scheduler_.bound_giving_way(own, ahead, poller_.longest_poll())
-                             : scheduler_.bound(own, ahead, poller_.longest_poll()));
+  return handshakes() +
+         (gives_way(command.admitted)
+              ? scheduler_.share().bound_giving_way(own, ahead, poller_.longest_poll())
+              : scheduler_.share().bound(own, ahead, poller_.longest_poll()));
 }
 
 // ---- on the wire --------------------------------------------------------------------------------
@@ -141,7 +142,7 @@ class LinkCommands::Sharing final : public BusSharing {
     if (!at_a_target_) within_ += used;
     at_a_target_ = false;
     PollScheduler& scheduler = commands_.scheduler_;
-    scheduler.command_waits();  // the rest of this one
+    scheduler.share().command_waits();  // the rest of this one
     scheduler.command_used(used, Clock::now());
     // While the channel is closed, nothing is asked of the scheduler, because next() would begin a
     // cycle. The command itself opens the channel again.
@@ -157,7 +158,7 @@ class LinkCommands::Sharing final : public BusSharing {
         break;
       }
     }
-    scheduler.command_taken();
+    scheduler.share().command_taken();
   }
 
   void concluded(std::size_t target, const TargetResult& outcome) override {
@@ -224,7 +225,7 @@ asio::awaitable<bool> LinkCommands::poll_between(PollScheduler::PollStep step) {
 asio::awaitable<void> LinkCommands::run_next() {
   running_.push_back(std::move(waiting_.front()));
   waiting_.pop_front();
-  scheduler_.command_taken();
+  scheduler_.share().command_taken();
   const WaitingCommand& running = running_.back();
   const AdmittedCommand& admitted = running.admitted;
   LinkDevice& device = *running.device;

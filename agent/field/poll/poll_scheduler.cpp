@@ -178,9 +178,8 @@ SteadyTime PollScheduler::next_wake() const {
 PollScheduler::Job PollScheduler::next(SteadyTime now) {
   Job job;
   Group* group = most_urgent(now);
-  if (commands_ == 0) owed_to_polls_ = {};
-  const bool polls_turn = group != nullptr && owed_to_polls_.count() > 0;
-  if (commands_ > 0 && !polls_turn) {
+  const auto polls = group == nullptr ? LineShare::Polls::none_due : LineShare::Polls::due;
+  if (share_.command_goes_first(polls)) {
     job.kind = Job::Kind::command;
   } else if (group != nullptr) {
     job.kind = Job::Kind::poll;
@@ -225,16 +224,11 @@ SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {
 }
 
 void PollScheduler::command_used(std::chrono::nanoseconds line_time, SteadyTime now) {
-  if (commands_ == 0 || most_urgent(now) == nullptr) return;
-  const double factor = poll_share_ / (1.0 - poll_share_);
-  owed_to_polls_ += std::chrono::nanoseconds(
-      static_cast<std::int64_t>(static_cast<double>(line_time.count()) * factor));
+  if (share_.commands_waiting() > 0 && most_urgent(now) != nullptr) share_.polls_waited(line_time);
 }
 
-void PollScheduler::poll_used(std::chrono::nanoseconds line_time) { owed_to_polls_ -= line_time; }
-
 void PollScheduler::step_used(const PollStep& step, std::chrono::nanoseconds line_time) {
-  poll_used(line_time);
+  share_.poll_used(line_time);
   groups_[step.group].used += line_time;
 }
 
@@ -245,29 +239,6 @@ double PollScheduler::load() const {
       load +=
           static_cast<double>(group.usual.count()) / static_cast<double>(group.interval.count());
   return load;
-}
-
-std::chrono::nanoseconds PollScheduler::polls_between(std::chrono::nanoseconds line_time,
-                                                      std::chrono::nanoseconds longest_poll) const {
-  const auto owed_already = std::max(owed_to_polls_, std::chrono::nanoseconds(0));
-  if (line_time.count() <= 0 && owed_already.count() == 0) return {};
-  const double factor = poll_share_ / (1.0 - poll_share_);
-  const double owed = static_cast<double>(line_time.count()) * factor;
-  // A poll runs while anything is owed, so the last one may overdraw by its whole length.
-  return owed_already + std::chrono::nanoseconds(static_cast<std::int64_t>(owed)) + longest_poll;
-}
-
-std::chrono::nanoseconds PollScheduler::bound(std::chrono::nanoseconds own,
-                                              std::chrono::nanoseconds ahead,
-                                              std::chrono::nanoseconds longest_poll) const {
-  return longest_poll + ahead + polls_between(ahead, longest_poll) + own;
-}
-
-std::chrono::nanoseconds PollScheduler::bound_giving_way(
-    std::chrono::nanoseconds own, std::chrono::nanoseconds ahead,
-    std::chrono::nanoseconds longest_poll) const {
-  const auto commands = ahead + 2 * own;
-  return longest_poll + commands + polls_between(commands, longest_poll);
 }
 
 void PollScheduler::device_answered(DeviceId id) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "agent/field/poll/line_share.h"
 #include "agent/steady_time.h"
 
 namespace fxagent {
@@ -39,8 +40,10 @@ class PollScheduler final {
     std::uint64_t missed = 0;  ///< polls skipped because the line or the device was busy or silent
   };
 
-  /// `poll_share`: part of the line time that polls keep during a flood of commands, 0 … 0.9.
-  explicit PollScheduler(double poll_share = 0.2) : poll_share_(poll_share) {}
+  /// `poll_share`: see LineShare.
+  explicit PollScheduler(double poll_share = 0.2) : share_(poll_share) {}
+  /// The waiting commands, and what the polls may use next to them.
+  LineShare& share() { return share_; }
 
   /// `unanswered_limit`: number of consecutive exchanges without an answer that makes the device
   /// silent.
@@ -57,7 +60,6 @@ class PollScheduler final {
   /// progress.
   void remove_device(DeviceId device);
   void set_back_off(DeviceId device, BackOff back_off) { devices_[device].back_off = back_off; }
-  void set_poll_share(double share) { poll_share_ = share; }
   /// Sets the number of exchanges of a new plan. A running cycle begins anew.
   void set_exchanges(GroupId group, std::uint32_t exchanges);
   /// Extends the running cycle to `exchanges` in total after its last exchange, of `line_time`, was
@@ -66,13 +68,6 @@ class PollScheduler final {
   /// measurement of its group's line time.
   void extend_cycle(GroupId group, std::uint32_t exchanges, std::chrono::nanoseconds line_time,
                     SteadyTime now);
-
-  void command_waits() { ++commands_; }
-  /// Call when the command that next() offered has been removed from the queue.
-  void command_taken() { --commands_; }
-  std::uint32_t commands_waiting() const { return commands_; }
-  /// Sets the number of waiting commands after a fault.
-  void commands_are(std::uint32_t waiting) { commands_ = waiting; }
 
   /// Returns the job to run now, or until when to wait. Waiting commands come first, except for the
   /// polls' share; then the due group with the earliest deadline whose device is not in back-off. A
@@ -96,26 +91,14 @@ class PollScheduler final {
   /// Returns when the next cycle of the group is due by its interval.
   SteadyTime next_due(GroupId group) const { return groups_[group].due; }
 
-  /// Record line time used by commands and by polls; the polls' share depends on it.
+  /// Records line time used by a command; the polls' share depends on it.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);
-  void poll_used(std::chrono::nanoseconds line_time);
-  /// Same for an exchange of a group. Also measures the line time of its cycles.
+  /// Records line time used by an exchange of a group. Also measures the line time of its cycles.
   void step_used(const PollStep& step, std::chrono::nanoseconds line_time);
   /// Returns the part of the line that the groups' intervals ask for, by the measured line time of
   /// their cycles. Above 1 the line is overloaded. Groups without an interval and silent devices do
   /// not count.
   double load() const;
-  /// Returns the longest time from now until a command is finished, on a line where no exchange is
-  /// longer than planned. That is the poll exchange on the wire, the commands `ahead` (the one on
-  /// the wire counts whole), the polls that next() puts between them, and the command's `own`
-  /// exchanges.
-  std::chrono::nanoseconds bound(std::chrono::nanoseconds own, std::chrono::nanoseconds ahead,
-                                 std::chrono::nanoseconds longest_poll) const;
-  /// Same for a command that lets others run between its parts. Adds the polls' share of its own
-  /// line time, and other commands for as long as itself.
-  std::chrono::nanoseconds bound_giving_way(std::chrono::nanoseconds own,
-                                            std::chrono::nanoseconds ahead,
-                                            std::chrono::nanoseconds longest_poll) const;
 
   void device_answered(DeviceId device);
   enum class AskedBy : std::uint8_t { poll, command };
@@ -164,15 +147,9 @@ class PollScheduler final {
   PollStep begin_or_continue(Group& group, SteadyTime now);
   void begin_ahead(Group& group, SteadyTime now);
   void begin_by_interval(Group& group, SteadyTime now);
-  /// Returns the most poll time that next() puts before or between commands of `line_time` in
-  /// total, including what is owed to the polls. `longest_poll` is the longest poll exchange.
-  std::chrono::nanoseconds polls_between(std::chrono::nanoseconds line_time,
-                                         std::chrono::nanoseconds longest_poll) const;
   SteadyTime next_wake() const;
 
-  double poll_share_;
-  std::uint32_t commands_ = 0;
-  std::chrono::nanoseconds owed_to_polls_{0};
+  LineShare share_;
   std::vector<Device> devices_;
   std::vector<Group> groups_;
 };

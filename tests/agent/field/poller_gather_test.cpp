@@ -215,9 +215,9 @@ TEST_F(GatherPolls, CommandsGoBetweenTheReadsThatFindAMissingPlace) {
   step();
   ASSERT_EQ(plc.asked.size(), 1U);
   EXPECT_TRUE(telemetry.empty());
-  scheduler.command_waits();
+  scheduler.share().command_waits();
   EXPECT_EQ(scheduler.next(now).kind, PollScheduler::Job::Kind::command);
-  scheduler.command_taken();
+  scheduler.share().command_taken();
   while (telemetry.empty()) {
     const std::size_t before = plc.asked.size();
     step();

@@ -147,12 +147,12 @@ class LinkCommandsTest : public ::testing::Test {
 TEST_F(LinkCommandsTest, CommandsGoInTheirOrderAndTellWhatTheyWrote) {
   add("a", {0});
   add("b", {1});
-  EXPECT_EQ(scheduler.commands_waiting(), 2U);
+  EXPECT_EQ(scheduler.share().commands_waiting(), 2U);
   EXPECT_FALSE(commands->is_running());
   run_next();
   run_next();
   EXPECT_FALSE(commands->is_running());
-  EXPECT_EQ(scheduler.commands_waiting(), 0U);
+  EXPECT_EQ(scheduler.share().commands_waiting(), 0U);
   collect();
   ASSERT_EQ(results.size(), 2U);
   EXPECT_EQ(results[0].id, "a");
@@ -188,7 +188,7 @@ TEST_F(LinkCommandsTest, ShortOneGoesBetweenTheTargetsOfAList) {
   ASSERT_EQ(results.size(), 2U);
   EXPECT_EQ(results[0].id, "short");
   EXPECT_EQ(results[1].id, "list");
-  EXPECT_EQ(scheduler.commands_waiting(), 0U);
+  EXPECT_EQ(scheduler.share().commands_waiting(), 0U);
 }
 
 TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListWaitsForItsEnd) {
@@ -198,7 +198,7 @@ TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListWaitsForItsEnd) {
   collect();
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].id, "list");
-  EXPECT_EQ(scheduler.commands_waiting(), 1U);
+  EXPECT_EQ(scheduler.share().commands_waiting(), 1U);
 }
 
 TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListInPartWaitsForItsEndToo) {
@@ -208,7 +208,7 @@ TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListInPartWaitsForItsEndToo) {
   collect();
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].id, "list");
-  EXPECT_EQ(scheduler.commands_waiting(), 1U);
+  EXPECT_EQ(scheduler.share().commands_waiting(), 1U);
 }
 
 TEST_F(LinkCommandsTest, NobodyGoesPastOneThatWaitsForTheEndOfTheList) {
@@ -287,7 +287,7 @@ class TwoGroups : public LinkCommandsTest {
 
 TEST_F(TwoGroups, NoCycleIsPublishedTwiceWhereAListOpensTheLineAgain) {
   constexpr unsigned kD203 = kD200 + 6;
-  scheduler.set_poll_share(0.9);
+  scheduler.share().set_poll_share(0.9);
   plc.set(kD203, word(7));
   open();
   for (int i = 0; i < 4; ++i) EXPECT_TRUE(poll());
@@ -392,7 +392,7 @@ TEST_F(LinkCommandsTest, FaultAnswersTheOneUnderWayAndTheOthersGoOnWaiting) {
   EXPECT_TRUE(commands->is_running());
   commands->answer_running("a bug");
   EXPECT_FALSE(commands->is_running());
-  EXPECT_EQ(scheduler.commands_waiting(), 1U);
+  EXPECT_EQ(scheduler.share().commands_waiting(), 1U);
   collect();
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].id, "a");

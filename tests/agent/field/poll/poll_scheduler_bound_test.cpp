@@ -34,6 +34,7 @@ class WithoutPriority {
                                    std::uint32_t exchanges, SteadyTime due) {
     return inner_.add_group(device, interval, exchanges, due);
   }
+  WithoutPriority& share() { return *this; }
   void command_waits() { ++commands_; }
   void command_taken() { --commands_; }
   void command_used(nanoseconds, SteadyTime) {}
@@ -50,11 +51,11 @@ class WithoutPriority {
     inner_.abandon_cycle(group, not_before);
     inside_a_cycle_ = false;
   }
-  nanoseconds bound(nanoseconds own, nanoseconds ahead, nanoseconds longest) const {
-    return inner_.bound(own, ahead, longest);
+  nanoseconds bound(nanoseconds own, nanoseconds ahead, nanoseconds longest) {
+    return inner_.share().bound(own, ahead, longest);
   }
-  nanoseconds bound_giving_way(nanoseconds own, nanoseconds ahead, nanoseconds longest) const {
-    return inner_.bound_giving_way(own, ahead, longest);
+  nanoseconds bound_giving_way(nanoseconds own, nanoseconds ahead, nanoseconds longest) {
+    return inner_.share().bound_giving_way(own, ahead, longest);
   }
 
  protected:
@@ -215,10 +216,10 @@ class RandomLine final {
         admitted.planned *= admitted.parts;
       }
       admitted.bound = admitted.parts > 1
-                           ? scheduler_.bound_giving_way(admitted.planned, ahead, longest_)
-                           : scheduler_.bound(admitted.planned, ahead, longest_);
+                           ? scheduler_.share().bound_giving_way(admitted.planned, ahead, longest_)
+                           : scheduler_.share().bound(admitted.planned, ahead, longest_);
       waiting_.push_back(admitted);
-      scheduler_.command_waits();
+      scheduler_.share().command_waits();
       --left_;
       if (--burst_ < 0) {
         if (between(0, 30) == 0) burst_ = between(5, 25);
@@ -230,7 +231,7 @@ class RandomLine final {
   void carry_out() {
     const AdmittedCommand admitted = waiting_.front();
     waiting_.pop_front();
-    scheduler_.command_taken();
+    scheduler_.share().command_taken();
     ++found_.commands;
     found_.lists += admitted.parts > 1;
     running_ += admitted.planned;
@@ -241,7 +242,7 @@ class RandomLine final {
       now_ += wire;
       arrive(now_ - nanoseconds(1));
       if (done == admitted.parts) running_ -= admitted.planned;
-      if (done < admitted.parts) scheduler_.command_waits();
+      if (done < admitted.parts) scheduler_.share().command_waits();
       scheduler_.command_used(wire, now_);
       credits_.back() += part;
       if (done < admitted.parts) give_way();
@@ -271,7 +272,7 @@ class RandomLine final {
       ++found_.went_between;
       carry_out();
     }
-    scheduler_.command_taken();
+    scheduler_.share().command_taken();
   }
 
   void poll(const PollScheduler::PollStep& step) {
@@ -281,7 +282,7 @@ class RandomLine final {
     now_ += took;
     arrive(now_ - nanoseconds(1));
     if (kind_ == LineKind::steady) {
-      scheduler_.poll_used(took);
+      scheduler_.share().poll_used(took);
       if (scheduler_.step_done(step)) group.running = false;
       return;
     }

@@ -33,9 +33,9 @@ TEST(PollScheduler, CommandGoesBeforeADuePoll) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(3, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
-  scheduler.command_waits();
+  scheduler.share().command_waits();
   EXPECT_EQ(scheduler.next(at(50)).kind, Kind::command);
-  scheduler.command_taken();
+  scheduler.share().command_taken();
   EXPECT_EQ(scheduler.next(at(50)).kind, Kind::poll);
 }
 
@@ -239,9 +239,9 @@ TEST(PollScheduler, CommandGoesBetweenTheExchangesOfACycle) {
   const auto device = scheduler.add_device(3, kBackOff);
   scheduler.add_group(device, milliseconds(100), 2, at(0));
   scheduler.step_done(scheduler.next(at(0)).poll);
-  scheduler.command_waits();
+  scheduler.share().command_waits();
   EXPECT_EQ(scheduler.next(at(5)).kind, Kind::command);
-  scheduler.command_taken();
+  scheduler.share().command_taken();
   EXPECT_EQ(scheduler.next(at(6)).poll.exchange, 1U);
 }
 
@@ -387,7 +387,7 @@ TEST(PollScheduler, CommandsToASilentDeviceAreOffered) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.device_unanswered(device, at(0));
-  scheduler.command_waits();
+  scheduler.share().command_waits();
   EXPECT_EQ(scheduler.next(at(0)).kind, Kind::command);
 }
 
@@ -574,7 +574,7 @@ TEST(PollScheduler, PollsKeepTheirShareUnderAFloodOfCommands) {
   PollScheduler scheduler(0.2);
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.add_group(device, milliseconds(0), 1, at(0));
-  while (scheduler.commands_waiting() < 3) scheduler.command_waits();
+  while (scheduler.share().commands_waiting() < 3) scheduler.share().command_waits();
   nanoseconds of_commands{0};
   nanoseconds of_polls{0};
   SteadyTime now = at(0);
@@ -582,13 +582,13 @@ TEST(PollScheduler, PollsKeepTheirShareUnderAFloodOfCommands) {
     const auto job = scheduler.next(now);
     now += milliseconds(10);
     if (job.kind == Kind::command) {
-      scheduler.command_taken();
+      scheduler.share().command_taken();
       scheduler.command_used(milliseconds(10), now);
-      scheduler.command_waits();  // the flood never ends
+      scheduler.share().command_waits();  // the flood never ends
       of_commands += milliseconds(10);
     } else {
       ASSERT_EQ(job.kind, Kind::poll);
-      scheduler.poll_used(milliseconds(10));
+      scheduler.share().poll_used(milliseconds(10));
       scheduler.step_done(job.poll);
       of_polls += milliseconds(10);
     }
@@ -603,11 +603,11 @@ TEST(PollScheduler, NoPollIsOwedForAQuietTime) {
   PollScheduler scheduler(0.2);
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.add_group(device, milliseconds(1000), 1, at(500));
-  scheduler.command_waits();
+  scheduler.share().command_waits();
   scheduler.next(at(0));
-  scheduler.command_taken();
+  scheduler.share().command_taken();
   scheduler.command_used(milliseconds(400), at(400));
-  scheduler.command_waits();
+  scheduler.share().command_waits();
   EXPECT_EQ(scheduler.next(at(600)).kind, Kind::command);
 }
 
@@ -615,11 +615,11 @@ TEST(PollScheduler, WhatIsOwedToPollsIsPartOfTheBound) {
   PollScheduler scheduler(0.2);
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.add_group(device, milliseconds(0), 1, at(0));
-  scheduler.command_waits();
-  scheduler.command_waits();
-  scheduler.command_taken();
+  scheduler.share().command_waits();
+  scheduler.share().command_waits();
+  scheduler.share().command_taken();
   scheduler.command_used(milliseconds(10000), at(0));  // polls are now owed 2.5 s
-  EXPECT_GE(scheduler.bound(milliseconds(0), milliseconds(10), milliseconds(50)),
+  EXPECT_GE(scheduler.share().bound(milliseconds(0), milliseconds(10), milliseconds(50)),
             milliseconds(2500));
 }
 
