@@ -117,7 +117,7 @@ std::string_view LinkState::checklist_of_closed() const {
 /// `retries` + 1 timeouts are 15 s.
 bool LinkState::is_silent(const LinkDevice& device) const {
   const bool never_answered = device.asked_in_vain && !device.state.has_answered();
-  return never_answered || scheduler_.is_silent(device.id);
+  return never_answered || scheduler_.device(device.id).is_silent();
 }
 
 std::string LinkState::why_silent(const LinkDevice& device) const {
@@ -252,8 +252,9 @@ void LinkState::answered(LinkDevice& device) {
   device.state.answered();
   device.asked_in_vain = false;
   device.gateway_says.clear();
-  const bool is_back = scheduler_.is_silent(device.id);
-  scheduler_.device_answered(device.id);
+  PolledDevice& polled = scheduler_.device(device.id);
+  const bool is_back = polled.is_silent();
+  polled.answered();
   if (!is_back) return;
   read_at_once(device, Clock::now());
 }
@@ -273,13 +274,13 @@ void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
   unanswered_in_a_row_ = 0;
   device.gateway_says = reason;
   device.asked_in_vain = true;
-  scheduler_.device_unanswered(device.id, Clock::now());
+  scheduler_.device(device.id).unanswered(Clock::now());
 }
 
-void LinkState::unanswered(LinkDevice& device, PollScheduler::AskedBy by) {
+void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
   device.gateway_says.clear();
   device.asked_in_vain = true;
-  const bool silent = scheduler_.device_unanswered(device.id, Clock::now(), by);
+  const bool silent = scheduler_.device(device.id).unanswered(Clock::now(), by);
   if (silent) device.state.fell_silent();
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
   if (is_serial(config_) || ++unanswered_in_a_row_ < limit || !was_open_) return;

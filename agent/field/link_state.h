@@ -14,6 +14,7 @@
 #include "agent/field/bus/bus.h"
 #include "agent/field/link_device.h"
 #include "agent/field/poll/poll_scheduler.h"
+#include "agent/field/poll/polled_device.h"
 #include "agent/field/reconnect_policy.h"
 #include "agent/outbox.h"
 
@@ -49,7 +50,7 @@ class LinkState final {
   void answered(LinkDevice& device);
   /// Records a request that the device left unanswered. Closes a TCP connection or UDP port on
   /// which no device answers any more.
-  void unanswered(LinkDevice& device, PollScheduler::AskedBy by = PollScheduler::AskedBy::poll);
+  void unanswered(LinkDevice& device, PolledDevice::AskedBy by = PolledDevice::AskedBy::poll);
   /// Logs the first bytes that came in place of an answer and what they look like, once a day for
   /// each device and cause.
   void heard_foreign(LinkDevice& device, const Exchange& exchange);

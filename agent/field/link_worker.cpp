@@ -102,7 +102,7 @@ void LinkWorker::begin_polls(Device& device) {
 
 void LinkWorker::set_back_offs() {
   const BackOff back_off = devices_.size() > 1 ? kShared : kAlone;
-  for (const auto& device : devices_) scheduler_.set_back_off(device->id, back_off);
+  for (const auto& device : devices_) scheduler_.device(device->id).set_back_off(back_off);
 }
 
 // ---- a changed config ---------------------------------------------------------------------------
@@ -285,8 +285,8 @@ void LinkWorker::report(FieldHealth& health) {
   if (counters.durations) health.durations[link_] = *counters.durations;
   for (const auto& device : devices_) {
     DeviceHealth& out = health.devices[device->index];
-    out.polls = scheduler_.counters(device->id).polls;
-    out.missed = scheduler_.counters(device->id).missed;
+    out.polls = scheduler_.device(device->id).counters().polls;
+    out.missed = scheduler_.device(device->id).counters().missed;
     out.late_ms = device->late_ms.percentiles();
     out.collected = device->collected;
     out.suppressed = device->suppressed;

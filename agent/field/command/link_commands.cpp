@@ -249,7 +249,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   scheduler_.command_used(execution.used(), Clock::now());
   if (execution.was_answered()) state_.answered(device);
   if (execution.was_unanswered() && !execution.was_answered())
-    state_.unanswered(device, PollScheduler::AskedBy::command);
+    state_.unanswered(device, PolledDevice::AskedBy::command);
   result.bound = admitted.bound;
   if (admitted.run_request && result.status == CommandStatus::succeeded)
     device.state.set_run(admitted.command.op == Op::run);

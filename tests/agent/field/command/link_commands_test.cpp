@@ -271,7 +271,7 @@ TEST_F(LinkCommandsTest, DeviceThatHasAcknowledgedIsNotSilentThoughItsReadBackIs
     command.targets.push_back({"x0", "", std::nullopt, number(50)});
     submit(std::move(command));
     run_next();
-    EXPECT_EQ(scheduler.is_silent(devices[0]->id), !acknowledged);
+    EXPECT_EQ(scheduler.device(devices[0]->id).is_silent(), !acknowledged);
     bus->close();
   }
 }

@@ -84,7 +84,7 @@ TEST(PollScheduler, ShorterIntervalBeginsWithinItself) {
   EXPECT_EQ(scheduler.next(at(1000)).until, at(1100));
   EXPECT_EQ(poll(scheduler, at(1100)), group);
   EXPECT_EQ(scheduler.next(at(1101)).until, at(1200));
-  EXPECT_EQ(scheduler.counters(device).missed, 0U);
+  EXPECT_EQ(scheduler.device(device).counters().missed, 0U);
 }
 
 TEST(PollScheduler, LongerIntervalBeginsWhenTheShorterOneIsOver) {
@@ -117,7 +117,7 @@ TEST(PollScheduler, PollsMissedBeforeAnotherIntervalCountByTheOldOne) {
   const auto group = scheduler.add_group(device, milliseconds(1000), 1, at(0));
   scheduler.set_interval(group, milliseconds(10), at(5500));
   EXPECT_EQ(poll(scheduler, at(5500)), group);
-  EXPECT_EQ(scheduler.counters(device).missed, 5U);
+  EXPECT_EQ(scheduler.device(device).counters().missed, 5U);
 }
 
 TEST(PollScheduler, GroupMayLoseItsIntervalAndGetItBack) {
@@ -146,8 +146,8 @@ TEST(PollScheduler, LatePollDoesNotMoveTheNextOnes) {
     scheduler.step_done(job.poll);
     EXPECT_EQ(scheduler.next(at(cycle * 100 + late)).until, at(cycle * 100 + 100)) << cycle;
   }
-  EXPECT_EQ(scheduler.counters(device).missed, 0U);
-  EXPECT_EQ(scheduler.counters(device).polls, 50U);
+  EXPECT_EQ(scheduler.device(device).counters().missed, 0U);
+  EXPECT_EQ(scheduler.device(device).counters().polls, 50U);
 }
 
 TEST(PollScheduler, MissedPollsAreSkippedAndCountedNeverSentInABurst) {
@@ -158,8 +158,8 @@ TEST(PollScheduler, MissedPollsAreSkippedAndCountedNeverSentInABurst) {
   EXPECT_EQ(poll(scheduler, at(730)), group);  // the poll of 100; those of 200 to 700 are skipped
   EXPECT_EQ(poll(scheduler, at(730)), std::nullopt);
   EXPECT_EQ(scheduler.next(at(730)).until, at(800));
-  EXPECT_EQ(scheduler.counters(device).missed, 6U);
-  EXPECT_EQ(scheduler.counters(device).polls, 2U);
+  EXPECT_EQ(scheduler.device(device).counters().missed, 6U);
+  EXPECT_EQ(scheduler.device(device).counters().polls, 2U);
 }
 
 TEST(PollScheduler, IntervalZeroIsAlwaysDueAndLeavesOthersTheirInterval) {
@@ -176,7 +176,7 @@ TEST(PollScheduler, IntervalZeroIsAlwaysDueAndLeavesOthersTheirInterval) {
   }
   EXPECT_EQ(of_fast, 10);
   EXPECT_EQ(of_free, 90);
-  EXPECT_EQ(scheduler.counters(device).missed, 0U);
+  EXPECT_EQ(scheduler.device(device).counters().missed, 0U);
 }
 
 TEST(PollScheduler, GivenUpCycleOfIntervalZeroRestsAsLongAsItIsTold) {
@@ -311,21 +311,21 @@ TEST(PollScheduler, BackOffDoublesToItsCapAndAnAnswerEndsIt) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(2, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
-  EXPECT_FALSE(scheduler.device_unanswered(device, at(0)));
-  EXPECT_FALSE(scheduler.is_silent(device));
+  EXPECT_FALSE(scheduler.device(device).unanswered(at(0)));
+  EXPECT_FALSE(scheduler.device(device).is_silent());
   int now = 0;
   for (const int rest : {1000, 2000, 4000, 4000}) {
-    EXPECT_TRUE(scheduler.device_unanswered(device, at(now)));
-    EXPECT_TRUE(scheduler.is_silent(device));
+    EXPECT_TRUE(scheduler.device(device).unanswered(at(now)));
+    EXPECT_TRUE(scheduler.device(device).is_silent());
     EXPECT_EQ(scheduler.next(at(now + rest - 1)).kind, Kind::wait) << rest;
     EXPECT_EQ(scheduler.next(at(now)).until, at(now + rest));
     now += rest;
   }
-  scheduler.device_answered(device);
-  EXPECT_FALSE(scheduler.is_silent(device));
+  scheduler.device(device).answered();
+  EXPECT_FALSE(scheduler.device(device).is_silent());
   EXPECT_EQ(scheduler.next(at(0)).kind, Kind::poll);
-  EXPECT_FALSE(scheduler.device_unanswered(device, at(0)));
-  EXPECT_TRUE(scheduler.device_unanswered(device, at(0)));
+  EXPECT_FALSE(scheduler.device(device).unanswered(at(0)));
+  EXPECT_TRUE(scheduler.device(device).unanswered(at(0)));
   EXPECT_EQ(scheduler.next(at(999)).kind, Kind::wait) << "the back-off begins anew";
 }
 
@@ -333,12 +333,12 @@ TEST(PollScheduler, CommandsWithoutAnAnswerDoNotPutOffTheNextPoll) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
-  constexpr auto kCommand = PollScheduler::AskedBy::command;
-  EXPECT_TRUE(scheduler.device_unanswered(device, at(0), kCommand));
+  constexpr auto kCommand = PolledDevice::AskedBy::command;
+  EXPECT_TRUE(scheduler.device(device).unanswered(at(0), kCommand));
   EXPECT_EQ(scheduler.next(at(999)).until, at(1000));
   // Each one uses the line for longer than the rest lasts.
   for (int now = 1100; now < 20000; now += 1100) {
-    EXPECT_TRUE(scheduler.device_unanswered(device, at(now), kCommand));
+    EXPECT_TRUE(scheduler.device(device).unanswered(at(now), kCommand));
     ASSERT_EQ(scheduler.next(at(now)).kind, Kind::poll) << "or its tags would never turn bad";
     scheduler.postpone({}, at(now));
   }
@@ -348,8 +348,8 @@ TEST(PollScheduler, AnswerBetweenTwoSilencesStartsTheCountAnew) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(2, kBackOff);
   for (int i = 0; i < 5; ++i) {
-    EXPECT_FALSE(scheduler.device_unanswered(device, at(i)));
-    scheduler.device_answered(device);
+    EXPECT_FALSE(scheduler.device(device).unanswered(at(i)));
+    scheduler.device(device).answered();
   }
 }
 
@@ -370,23 +370,23 @@ TEST(PollScheduler, SilentDeviceDoesNotStarveItsNeighbour) {
     if (job.poll.group == dead_group) {
       now += 500;  // its timeout
       ++polls_of_the_dead;
-      scheduler.device_unanswered(silent, at(now));
+      scheduler.device(silent).unanswered(at(now));
       scheduler.abandon_cycle(dead_group, at(now));
     } else {
       ASSERT_EQ(job.poll.group, group);
       now += 10;
-      scheduler.device_answered(healthy);
+      scheduler.device(healthy).answered();
       scheduler.step_done(job.poll);
     }
   }
   EXPECT_LE(polls_of_the_dead, 7);  // after 0, 1, 2, then every 4 s
-  EXPECT_GE(scheduler.counters(healthy).polls, 200U - 6U * 7U);
+  EXPECT_GE(scheduler.device(healthy).counters().polls, 200U - 6U * 7U);
 }
 
 TEST(PollScheduler, CommandsToASilentDeviceAreOffered) {
   PollScheduler scheduler;
   const auto device = scheduler.add_device(1, kBackOff);
-  scheduler.device_unanswered(device, at(0));
+  scheduler.device(device).unanswered(at(0));
   scheduler.share().command_waits();
   EXPECT_EQ(scheduler.next(at(0)).kind, Kind::command);
 }
@@ -414,8 +414,8 @@ TEST(PollScheduler, GroupsOfADeviceThatIsBackAreReadAtOnceAndKeepTheirPollTimes)
   EXPECT_EQ(poll(scheduler, at(60000)), slow);
   EXPECT_EQ(poll(scheduler, at(60000)), slower);
   EXPECT_EQ(scheduler.next(at(60000)).until, at(600000)) << "nobody else, and its poll time stands";
-  EXPECT_EQ(scheduler.counters(device).polls, 4U);
-  EXPECT_EQ(scheduler.counters(device).missed, 0U);
+  EXPECT_EQ(scheduler.device(device).counters().polls, 4U);
+  EXPECT_EQ(scheduler.device(device).counters().missed, 0U);
 }
 
 TEST(PollScheduler, GroupThatIsReadAtOnceIsNotReadAgainByAPollRightAfterIt) {
@@ -480,7 +480,7 @@ std::vector<int> cycles_within(const std::vector<Share>& groups, milliseconds ti
     scheduler.step_used(job.poll, groups[job.poll.group].exchange);
     scheduler.step_done(job.poll);
   }
-  if (missed != nullptr) *missed = scheduler.counters(device).missed;
+  if (missed != nullptr) *missed = scheduler.device(device).counters().missed;
   return cycles;
 }
 
@@ -566,7 +566,7 @@ TEST(PollScheduler, SilentDeviceIsNoLoad) {
   scheduler.step_used(job.poll, milliseconds(50));
   scheduler.step_done(job.poll);
   EXPECT_DOUBLE_EQ(scheduler.load(), 0.5);
-  scheduler.device_unanswered(device, at(60));
+  scheduler.device(device).unanswered(at(60));
   EXPECT_DOUBLE_EQ(scheduler.load(), 0.0);
 }
 
@@ -642,10 +642,10 @@ TEST(PollScheduler, DeviceThatIsRemovedIsPolledNoMoreAndItsPlacesServeAnother) {
   EXPECT_EQ(next, goes);
   const auto fresh = scheduler.add_group(next, milliseconds(100), 1, at(150));
   EXPECT_EQ(fresh, old);
-  EXPECT_EQ(scheduler.counters(next).polls, 0U);
+  EXPECT_EQ(scheduler.device(next).counters().polls, 0U);
   EXPECT_EQ(poll(scheduler, at(150)), fresh);
   EXPECT_EQ(poll(scheduler, at(200)), kept) << "it has kept its interval";
-  EXPECT_EQ(scheduler.counters(stays).missed, 0U);
+  EXPECT_EQ(scheduler.device(stays).counters().missed, 0U);
 }
 
 }  // namespace
