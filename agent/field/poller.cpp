@@ -1,7 +1,6 @@
 #include "agent/field/poller.h"
 
 #include <algorithm>
-#include <span>
 #include <utility>
 #include <vector>
 
@@ -26,25 +25,11 @@ constexpr std::chrono::microseconds kUplinkRest{500};
 // An overload ends when the line has a little to spare, so that the log stays quiet at the edge.
 constexpr double kOverloadOver = 0.95;
 // Pause before a busy device is asked again.
-constexpr milliseconds kBusyPause{100};
+constexpr milliseconds kBusyDevicePause{100};
 // The RUN state is read this soon after it is due, however busy the groups keep the line.
 constexpr milliseconds kQuestionWithin{2000};
-// A cycle searches for what is missing until refusals have taken this long, which is about half of
-// the search, and allows at least this many. One missing place among 10,000 takes fewer.
-constexpr milliseconds kRefusedTime{5000};
-constexpr std::uint32_t kFewRefusals = 32;
 // Limits the log of a device that gives ever new reasons.
 constexpr std::size_t kMostTold = 8;
-
-bool has_way_by_itself(const AddressSpace& addresses, std::uint16_t space) {
-  const auto ways = addresses.read_ways(space);
-  return std::any_of(ways.begin(), ways.end(), [](const ReadWay& way) { return way.gather == 0; });
-}
-
-/// Returns HoleMap::version() of the device.
-std::uint32_t holes_version(const LinkDevice& device) {
-  return device.holes ? device.holes->version() : 0;
-}
 
 /// True if the device replies that it does not have what was asked.
 bool is_lack(const Codec& codec, const Request& request, const Exchange& exchange) {
@@ -53,10 +38,6 @@ bool is_lack(const Codec& codec, const Request& request, const Exchange& exchang
 }
 
 asio::awaitable<void> nothing() { co_return; }
-
-std::string milliseconds_text(nanoseconds duration) {
-  return std::to_string(std::chrono::round<milliseconds>(duration).count());
-}
 
 }  // namespace
 
@@ -67,9 +48,10 @@ Poller::Poller(const LinkConfig& link, Bus& bus, PollScheduler& scheduler,
       scheduler_(scheduler),
       devices_(devices),
       state_(state),
-      outbox_(outbox) {}
+      outbox_(outbox),
+      plans_(link, bus, scheduler, devices) {}
 
-// ---- plans --------------------------------------------------------------------------------------
+// ---- groups -------------------------------------------------------------------------------------
 
 nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
   nanoseconds total{0};
@@ -82,7 +64,7 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
     const milliseconds interval = device.config.groups[g].interval;
     const nanoseconds begins = (after + total) % nanoseconds(std::max(interval, milliseconds(1)));
     group->id = scheduler_.add_group(device.id, interval, 1, on_grid(from + begins, interval));
-    make_plan(device, *group);
+    plans_.make(device, *group);
     total += group->cycle.plan().line_time;
     device.groups.push_back(std::move(group));
   }
@@ -107,49 +89,6 @@ void Poller::add_question(LinkDevice& device) {
 /// Returns the time of the next open, or now if that has passed.
 SteadyTime Poller::first_time() const { return std::max(Clock::now(), state_.next_open()); }
 
-Plan Poller::plan_of(const LinkDevice& device, const GroupPoll& group,
-                     const std::vector<Point>& points) const {
-  const LineCost cost = cost_of(device.config, link_.char_time, group.turnaround);
-  return fxagent::make_plan(*device.codec, points, cost, device.config.max_block_bytes,
-                            device.holes ? device.holes->holes() : Holes{});
-}
-
-void Poller::make_plan(LinkDevice& device, GroupPoll& group) {
-  group.turnaround = device.turnaround.value();
-  group.holes_version = holes_version(device);
-  group.cycle.use(plan_of(device, group, group.cycle.points()), bus_.doubt().findings());
-  scheduler_.set_exchanges(group.id, group.cycle.plan().exchange_count());
-}
-
-void Poller::refresh_plan(LinkDevice& device, GroupPoll& group) {
-  if (device.holes) device.holes->retry(Clock::now());
-  bool stale = group.holes_version != holes_version(device);
-  const nanoseconds planned_with = device.turnaround.value();
-  if (device.turnaround.review())
-    log::info("device", {{"device", device.config.name},
-                         {"turnaround_ms", milliseconds_text(device.turnaround.value())},
-                         {"planned_with_ms", milliseconds_text(planned_with)}});
-  // Without a line speed, a plan has the fewest exchanges, whatever their line time.
-  if (link_.char_time.count() > 0) stale |= group.turnaround != device.turnaround.value();
-  if (stale) make_plan(device, group);
-}
-
-nanoseconds Poller::longest_poll() const {
-  nanoseconds longest{0};
-  for (const auto& device : devices_) {
-    const LineTiming timing = timing_of(device->config, link_.char_time);
-    std::vector<const Plan*> plans;
-    for (const auto& group : device->groups) plans.push_back(&group->cycle.plan());
-    nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
-    // The questions about the model count as one exchange with the read that follows them.
-    if (!device->state.is_model_known())
-      for (const Request& question : device->config.codec->plc()->identify())
-        of_device += exchange_time(*device->codec, question, timing);
-    longest = std::max(longest, of_device);
-  }
-  return longest;
-}
-
 // ---- one step -----------------------------------------------------------------------------------
 
 // Not a coroutine: a poll has one frame less that way.
@@ -169,7 +108,7 @@ bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
     scheduler_.abandon_cycle(group.id, Clock::now() + kUplinkRest);
     return false;
   }
-  refresh_plan(device, group);
+  plans_.refresh(device, group);
   group.cycle.begin(bus_.doubt().findings());
   group.refusals = 0;
   group.refused_time = {};
@@ -224,13 +163,13 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   if (!exchange.doubted && !bus_.doubt().is_doubted() &&
       (exchange.outcome == Exchange::Outcome::unanswered ||
        exchange.outcome == Exchange::Outcome::garbled))
-    doubt_command(device, asked.request);
+    plans_.doubt_command(device, asked.request);
   if (exchange.outcome == Exchange::Outcome::unanswered) {
     state_.unanswered(device);
     fail_cycle(device, group, BadReason::timeout);
     return;
   }
-  if (exchange.is_data() && proves_command(device, asked.request)) return;
+  if (exchange.is_data() && plans_.proves_command(device, asked.request)) return;
   if (exchange.outcome == Exchange::Outcome::link_down) {
     state_.lost(exchange.error);
     fail_cycle(device, group, BadReason::link_down);
@@ -249,8 +188,11 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
       return;
     }
     const auto* gather = std::get_if<Gather>(&asked.request);
-    if (meaning == RefusalMeaning::final && gather != nullptr)
-      return give_up_command(device, gather->parts.front().gather, exchange.reply.text);
+    if (meaning == RefusalMeaning::final && gather != nullptr) {
+      state_.answered(device);
+      plans_.give_up_command(device, gather->parts.front().gather, exchange.reply.text);
+      return;
+    }
     if (meaning == RefusalMeaning::final || meaning == RefusalMeaning::unclear)
       log_refusal_once(device, exchange.reply.text);
     is_hole = meaning == RefusalMeaning::hole;
@@ -258,15 +200,11 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   }
   // The poll scheduler offers the same step again after the waiting commands.
   if (repeatable && group.cycle.may_repeat()) return;
-  if (exchange.is_data() && device.holes) {
-    if (asked.reads.size() > 1) device.holes->read_together(asked.reads.size());
-    for (std::size_t i = 0; i < asked.reads.size(); ++i)
-      device.holes->read(group.cycle.plan().reads[asked.reads[i]].read.span);
-  }
+  if (exchange.is_data()) plans_.were_read(device, group, asked.reads);
   const nanoseconds line_time = exchange.line_time();
   group.cycle.take(asked.reads, std::move(exchange));
   if (asked.again) return;
-  if (is_hole) read_in_parts(device, group, asked, line_time);
+  if (is_hole) plans_.read_in_parts(device, group, asked.reads, line_time);
   end_step(device, group, step);
 }
 
@@ -274,35 +212,6 @@ void Poller::end_step(LinkDevice& device, GroupPoll& group, const PollScheduler:
   if (!scheduler_.step_done(step)) return;
   note_load();
   finish_cycle(device, group);
-}
-
-void Poller::read_in_parts(LinkDevice& device, GroupPoll& group, const Asked& asked,
-                           nanoseconds line_time) {
-  group.refused_time += line_time;
-  if (++group.refusals > kFewRefusals && group.refused_time > kRefusedTime) return;
-  PollCycle& cycle = group.cycle;
-  if (asked.reads.size() > 1)
-    cycle.read_halves(asked.reads);
-  else if (!read_by_other_ways(device, group, cycle.points_of(asked.reads)))
-    return;
-  scheduler_.extend_cycle(group.id, cycle.plan().exchange_count(), line_time, Clock::now());
-}
-
-bool Poller::read_by_other_ways(LinkDevice& device, GroupPoll& group,
-                                const std::vector<std::uint32_t>& points) {
-  std::vector<Point> refused;
-  refused.reserve(points.size());
-  for (const std::uint32_t point : points)
-    refused.push_back(device.config.tags[group.cycle.tags()[point]].point);
-  Plan part = plan_of(device, group, refused);
-  // Waiting commands have a bound that relies on longest_poll().
-  const Plan* only = &part;
-  if (scheduler_.share().commands_waiting() > 0 &&
-      fxagent::longest_poll(*device.codec, std::span(&only, 1),
-                            timing_of(device.config, link_.char_time)) > longest_poll())
-    return false;
-  group.cycle.read_instead(points, std::move(part));
-  return true;
 }
 
 void Poller::log_refusal_once(LinkDevice& device, const std::string& reason) {
@@ -333,68 +242,14 @@ bool Poller::take_refusal(LinkDevice& device, GroupPoll& group, const PollSchedu
   state_.answered(device);
   switch (meaning) {
     case RefusalMeaning::busy:
-      scheduler_.postpone(step, exchange.ended + kBusyPause);
+      scheduler_.postpone(step, exchange.ended + kBusyDevicePause);
       return true;
     case RefusalMeaning::hole:
-      take_hole(device, group, asked, exchange);
+      plans_.refused(device, group, asked.reads, asked.request, exchange);
       return false;
     default:
       return meaning == RefusalMeaning::curable;
   }
-}
-
-void Poller::take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
-                       const Exchange& exchange) {
-  const AddressSpace& addresses = device.codec->addresses();
-  const PlannedRead& planned = group.cycle.plan().reads[asked.reads[0]];
-  if (const auto* gather = std::get_if<Gather>(&asked.request)) {
-    if (gather->parts.size() > 1 || has_way_by_itself(addresses, planned.read.span.space))
-      return device.found_holes().refused_together(
-          *gather, asked_in(group.cycle.plan(), asked.reads, group.cycle.points()));
-  }
-  const std::vector<Point> points = group.cycle.points();
-  const auto halves = halves_of(*device.codec, points, planned);
-  device.found_holes().refused(planned.read.span, halves, exchange.ended,
-                               addresses.gathers().empty()
-                                   ? std::vector<Span>{}
-                                   : asked_in(group.cycle.plan(), asked.reads, points));
-  if (!halves)
-    log::warn("device", {{"device", device.config.name},
-                         {"refused", addresses.name_of(planned.read.span)},
-                         {"reason", exchange.reply.text}});
-}
-
-void Poller::doubt_command(LinkDevice& device, const Request& request) {
-  const auto* gather = std::get_if<Gather>(&request);
-  if (gather == nullptr) return;
-  const AddressSpace& addresses = device.codec->addresses();
-  if (std::all_of(gather->parts.begin(), gather->parts.end(),
-                  [&](const Read& part) { return has_way_by_itself(addresses, part.span.space); }))
-    device.found_holes().unanswered(gather->parts.front().gather);
-}
-
-bool Poller::proves_command(LinkDevice& device, const Request& request) {
-  if (device.holes == nullptr) return false;
-  const auto* gather = std::get_if<Gather>(&request);
-  const HoleMap::Proof proof =
-      device.holes->answered(gather == nullptr ? std::uint8_t{0} : gather->parts.front().gather);
-  for (const std::uint8_t lacking : proof.lacking)
-    give_up_command(device, lacking, "no answer, or nonsense, where others are answered");
-  if (proof.again)
-    for (const auto& group : device.groups) make_plan(device, *group);
-  return proof.again || !proof.lacking.empty();
-}
-
-void Poller::give_up_command(LinkDevice& device, std::uint8_t gather, const std::string& reason) {
-  state_.answered(device);
-  if (device.found_holes().lacks(gather, Clock::now()))
-    log::info("device",
-              {{"device", device.config.name},
-               {"refused", "a read of several places in one frame"},
-               {"reason", reason},
-               {"note", "this device lacks the command: its places are read without it"}});
-  // The running cycles begin anew, so that no tag is bad for lack of a command.
-  for (const auto& group : device.groups) make_plan(device, *group);
 }
 
 void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {
@@ -588,7 +443,7 @@ asio::awaitable<Poller::Knowledge> Poller::ask_model(LinkDevice& device, BadReas
   if (changed) {
     device.codec = model ? asking.with_model(*model) : device.config.codec;
     device.station.codec = device.codec;
-    for (const auto& group : device.groups) make_plan(device, *group);
+    plans_.make_all(device);
   }
   state_.update(device);
   co_return changed ? Knowledge::plan_changed : Knowledge::known;

@@ -12,6 +12,7 @@
 
 #include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
+#include "agent/field/group_plans.h"
 #include "agent/field/link_device.h"
 #include "agent/field/link_state.h"
 #include "agent/field/poll/poll_scheduler.h"
@@ -53,17 +54,12 @@ class Poller final {
   void publish_written(LinkDevice& device, std::uint32_t tag, Value value, Origin origin);
 
   /// Returns the line time of the longest exchange that run() may send under the current plans.
-  std::chrono::nanoseconds longest_poll() const;
+  std::chrono::nanoseconds longest_poll() const { return plans_.longest_poll(); }
 
  private:
   enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
 
   SteadyTime first_time() const;
-  Plan plan_of(const LinkDevice& device, const GroupPoll& group,
-               const std::vector<Point>& points) const;
-  void make_plan(LinkDevice& device, GroupPoll& group);
-  /// Makes a new plan if the holes or the turnaround of the device have changed since the last one.
-  void refresh_plan(LinkDevice& device, GroupPoll& group);
   /// Begins the cycle. False: it does not begin now, because the broker is behind.
   bool begin_cycle(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
 
@@ -88,26 +84,10 @@ class Poller final {
   /// Handles the refusal of these reads. True if the same reads are to be offered again.
   bool take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                     const Asked& asked, const Exchange& exchange, RefusalMeaning meaning);
-  /// Reads in parts, in this cycle, what was refused because something in it is missing.
-  void read_in_parts(LinkDevice& device, GroupPoll& group, const Asked& asked,
-                     std::chrono::nanoseconds line_time);
-  /// Reads `points` by a plan of their own under the holes known by now. False: its exchanges would
-  /// exceed the bound of a waiting command.
-  bool read_by_other_ways(LinkDevice& device, GroupPoll& group,
-                          const std::vector<std::uint32_t>& points);
   void end_step(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
   /// Logs why the device or its gateway refuses requests, each reason once until the device is
   /// online.
   void log_refusal_once(LinkDevice& device, const std::string& reason);
-  void take_hole(LinkDevice& device, GroupPoll& group, const Asked& asked,
-                 const Exchange& exchange);
-  /// Records that the device lacks a command for several places. All its groups get plans without
-  /// it.
-  void give_up_command(LinkDevice& device, std::uint8_t gather, const std::string& reason);
-  /// Records a Gather without a good answer, if its parts can also be read separately.
-  void doubt_command(LinkDevice& device, const Request& request);
-  /// Records an answer with data. True if all groups of the device have new plans because of it.
-  bool proves_command(LinkDevice& device, const Request& request);
   void fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why);
   void finish_cycle(LinkDevice& device, GroupPoll& group);
   void publish(LinkDevice& device, Telemetry message);
@@ -119,6 +99,7 @@ class Poller final {
   const LinkDevices& devices_;
   LinkState& state_;
   Outbox& outbox_;
+  GroupPlans plans_;
   bool polling_ = false;
   bool overloaded_ = false;
 };
