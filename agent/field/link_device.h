@@ -94,6 +94,9 @@ struct LinkDevice {
   std::vector<std::string> logged_refusals;  ///< reasons logged since it was online
   DeviceState state;
 
+  /// Logs why the device or its gateway refuses requests, each reason once until the device is
+  /// online.
+  void log_refusal_once(const std::string& reason);
   HoleMap& found_holes() {
     if (holes == nullptr) holes = std::make_unique<HoleMap>();
     return *holes;

@@ -1,13 +1,11 @@
-// Polls the devices of one link, one exchange at a time as the PollScheduler offers them. Makes the
-// plans of their groups, sends the reads, takes the answers, and publishes the sample of a group at
-// the end of its cycle. Also asks for model and RUN state, and asks a device without tags if it is
-// there. Field thread.
+// Polls the devices of one link, one exchange at a time as the PollScheduler offers them. Sends the
+// reads of GroupPlans, takes the answers, and publishes the sample of a group at the end of its
+// cycle. ModelQuestions are steps as well. Field thread.
 #pragma once
 
 #include <asio/awaitable.hpp>
 #include <chrono>
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "agent/config/model.h"
@@ -15,6 +13,7 @@
 #include "agent/field/group_plans.h"
 #include "agent/field/link_device.h"
 #include "agent/field/link_state.h"
+#include "agent/field/model_questions.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/outbox.h"
 #include "agent/steady_time.h"
@@ -44,7 +43,7 @@ class Poller final {
   /// the bus is closed, ends the cycle without an exchange.
   asio::awaitable<void> run(PollScheduler::PollStep step);
   /// True while run() is in progress.
-  bool is_polling() const { return polling_; }
+  bool is_polling() const { return polling_ || questions_.is_asking(); }
 
   /// Records that a command has written `span`, or may have; see PollCycle::overwritten().
   /// Afterwards no group of the device reports an older value.
@@ -57,22 +56,12 @@ class Poller final {
   std::chrono::nanoseconds longest_poll() const { return plans_.longest_poll(); }
 
  private:
-  enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
-
   SteadyTime first_time() const;
   /// Begins the cycle. False: it does not begin now, because the broker is behind.
   bool begin_cycle(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
 
   asio::awaitable<void> read_group(LinkDevice& device, GroupPoll& group,
                                    PollScheduler::PollStep step);
-  asio::awaitable<void> ask_question(LinkDevice& device, PollScheduler::PollStep step);
-  /// Asks one question of PlcServices::identify() of a PLC with a configured model. After the last
-  /// one, reports a difference.
-  asio::awaitable<void> compare_model(LinkDevice& device, PollScheduler::PollStep step);
-  /// Asks one question of PlcServices::identify(), and a second time if the refusal may pass.
-  asio::awaitable<Exchange> ask_of_model(LinkDevice& device, const Request& question);
-  /// Asks for the model if the config leaves it open. `failure` says why it went unanswered.
-  asio::awaitable<Knowledge> ask_model(LinkDevice& device, BadReason& failure);
   /// The request of a step: the reads of its own exchange, or an outdated() read before it.
   struct Asked {
     ReadIndices reads;
@@ -85,9 +74,6 @@ class Poller final {
   bool take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                     const Asked& asked, const Exchange& exchange, RefusalMeaning meaning);
   void end_step(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
-  /// Logs why the device or its gateway refuses requests, each reason once until the device is
-  /// online.
-  void log_refusal_once(LinkDevice& device, const std::string& reason);
   void fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why);
   void finish_cycle(LinkDevice& device, GroupPoll& group);
   void publish(LinkDevice& device, Telemetry message);
@@ -100,6 +86,7 @@ class Poller final {
   LinkState& state_;
   Outbox& outbox_;
   GroupPlans plans_;
+  ModelQuestions questions_;
   bool polling_ = false;
   bool overloaded_ = false;
 };

@@ -15,7 +15,7 @@ using std::chrono::nanoseconds;
 
 // No protocol here has longer frames; a line that brings more is babbling.
 constexpr std::size_t kMaxReceived = 4096;
-constexpr std::size_t kReadChunk = 512;
+constexpr std::size_t kWireChunk = 512;
 // More datagrams than this in place of one answer are a flood.
 constexpr std::size_t kMostDatagrams = 1000;
 
@@ -202,7 +202,7 @@ asio::awaitable<void> Wire::close_exchange(const Bytes& closing, bool echo, Stea
   const auto written = co_await channel_.transport().write(closing, deadline);
   overheard_.echo().sent_unanswered(closing);
   if (written.error || !echo) co_return;
-  std::uint8_t waste[kReadChunk];
+  std::uint8_t waste[kWireChunk];
   for (std::size_t back = 0; back < closing.size();) {
     const auto got = co_await channel_.transport().read_some(waste, deadline);
     if (!got) co_return;
@@ -218,7 +218,7 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
   bool goes_on = false;  // the current datagram has unread bytes
   std::size_t total = 0;
   std::size_t heard = 0;  // datagrams received
-  std::uint8_t chunk[kReadChunk];
+  std::uint8_t chunk[kWireChunk];
   for (;;) {
     const auto got = co_await channel_.transport().read_some(chunk, deadline);
     if (!got) {
