@@ -174,23 +174,10 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !bus_.doubt().is_doubted();
   bool is_hole = false;
   if (exchange.is_nak()) {
-    const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
-    if (meaning == RefusalMeaning::unreachable) {
-      device.log_refusal_once(exchange.reply.text);
-      state_.unreachable(device, exchange.reply.text);
-      fail_cycle(device, group, BadReason::timeout);
-      return;
-    }
-    const auto* gather = std::get_if<Gather>(&asked.request);
-    if (meaning == RefusalMeaning::final && gather != nullptr) {
-      state_.answered(device);
-      plans_.give_up_command(device, gather->parts.front().gather, exchange.reply.text);
-      return;
-    }
-    if (meaning == RefusalMeaning::final || meaning == RefusalMeaning::unclear)
-      device.log_refusal_once(exchange.reply.text);
-    is_hole = meaning == RefusalMeaning::hole;
-    repeatable = take_refusal(device, group, step, asked, exchange, meaning);
+    const Refusal refusal = take_refusal(device, group, step, asked, exchange);
+    if (refusal == Refusal::ends_step) return;
+    repeatable = refusal == Refusal::may_pass;
+    is_hole = refusal == Refusal::is_hole;
   }
   // The poll scheduler offers the same step again after the waiting commands.
   if (repeatable && group.cycle.may_repeat()) return;
@@ -223,18 +210,37 @@ void Poller::note_load() {
     log::info("link", {{"link", link_.name}, {"load_percent", percent}});
 }
 
-bool Poller::take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                          const Asked& asked, const Exchange& exchange, RefusalMeaning meaning) {
+Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
+                                     const PollScheduler::PollStep& step, const Asked& asked,
+                                     const Exchange& exchange) {
+  const std::string& reason = exchange.reply.text;
+  const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
+  if (meaning == RefusalMeaning::unreachable) {
+    device.log_refusal_once(reason);
+    state_.unreachable(device, reason);
+    fail_cycle(device, group, BadReason::timeout);
+    return Refusal::ends_step;
+  }
+  const auto* gather = std::get_if<Gather>(&asked.request);
+  if (meaning == RefusalMeaning::final && gather != nullptr) {
+    state_.answered(device);
+    plans_.give_up_command(device, gather->parts.front().gather, reason);
+    return Refusal::ends_step;
+  }
+  if (meaning == RefusalMeaning::final || meaning == RefusalMeaning::unclear)
+    device.log_refusal_once(reason);
   state_.answered(device);
   switch (meaning) {
     case RefusalMeaning::busy:
       scheduler_.postpone(step, exchange.ended + kBusyDevicePause);
-      return true;
+      return Refusal::may_pass;
+    case RefusalMeaning::curable:
+      return Refusal::may_pass;
     case RefusalMeaning::hole:
       plans_.refused(device, group, asked.reads, asked.request, exchange);
-      return false;
+      return Refusal::is_hole;
     default:
-      return meaning == RefusalMeaning::curable;
+      return Refusal::is_final;
   }
 }
 

@@ -70,9 +70,15 @@ class Poller final {
   };
   void take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                     const Asked& asked, Exchange exchange);
-  /// Handles the refusal of these reads. True if the same reads are to be offered again.
-  bool take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
-                    const Asked& asked, const Exchange& exchange, RefusalMeaning meaning);
+  enum class Refusal : std::uint8_t {
+    ends_step,  ///< the cycle has ended or begins anew
+    may_pass,   ///< the same reads may be offered again
+    is_hole,    ///< a place is missing
+    is_final,   ///< the reads are bad in this cycle
+  };
+  /// Handles the refusal of these reads.
+  Refusal take_refusal(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
+                       const Asked& asked, const Exchange& exchange);
   void end_step(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
   void fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why);
   void finish_cycle(LinkDevice& device, GroupPoll& group);
