@@ -31,6 +31,7 @@
 #include "agent/cli/verify_stream.h"
 #include "agent/config/config_error.h"
 #include "agent/config/expand.h"
+#include "agent/config/json/tree.h"
 #include "agent/config/log_warnings.h"
 #include "agent/config/model.h"
 #include "agent/config/suggestions.h"

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/cli/exit_status.h"
 #include "agent/counted.h"
 #include "agent/text.h"
 #include "protocol/word_order.h"
