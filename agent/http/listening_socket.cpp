@@ -126,8 +126,9 @@ Result<ListeningSocket> ListeningSocket::open_tcp(const MetricsConfig& config) {
 }
 
 ListeningSocket::~ListeningSocket() {
-  if (file_ >= 0) ::close(file_);
+  // In this order: once the socket is closed, the path may be another process's.
   if (!path_.empty()) ::unlink(path_.c_str());
+  if (file_ >= 0) ::close(file_);
 }
 
 }  // namespace fxagent
