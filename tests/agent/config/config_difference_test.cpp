@@ -127,8 +127,10 @@ TEST(ConfigDifference, ChangedLinkBeginsAnewWithAllItsDevices) {
 }
 
 TEST(ConfigDifference, AnotherLineBehindASerialServerBeginsItsLinkAnew) {
-  for (const auto& [key, value] : std::map<std::string, std::string>{
-           {"line_baud", "19200"}, {"data_bits", "8"}, {"parity", "\"none\""}, {"stop_bits", "2"}}) {
+  for (const auto& [key, value] : std::map<std::string, std::string>{{"line_baud", "19200"},
+                                                                     {"data_bits", "8"},
+                                                                     {"parity", "\"none\""},
+                                                                     {"stop_bits", "2"}}) {
     SCOPED_TRACE(key);
     const ConfigChange change = after_change("/links/1/" + key, value);
     EXPECT_EQ(change.links_end, Indices{1});

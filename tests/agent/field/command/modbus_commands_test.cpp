@@ -252,8 +252,9 @@ TEST_F(CommandOnTheBusTest, TargetsThatOverlapAreSentOneAfterTheOther) {
   device.tags.push_back(writable(tag(*device.codec, "a", "D500")));
   device.tags.push_back(writable(tag(*device.codec, "again", "D500")));
   const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
-  const Bytes ack = text("\x06"
-                         "05FF");
+  const Bytes ack = text(
+      "\x06"
+      "05FF");
   station.enquire = EnquirePolicy::never;
   wire->expect(text("\x05"
                     "05FFWW0D0500010001FA"))
