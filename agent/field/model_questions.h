@@ -24,9 +24,9 @@ class ModelQuestions final {
   ModelQuestions(Bus& bus, PollScheduler& scheduler, LinkState& state, GroupPlans& plans)
       : bus_(bus), scheduler_(scheduler), state_(state), plans_(plans) {}
 
-  /// Carries out one step of LinkDevice::question_group: the background_question(), after those of
-  /// ask_model() if the model is unknown. While the bus is closed, ends the cycle without an
-  /// exchange.
+  /// Carries out one step of LinkDevice::question_group. The first asks the background_question(),
+  /// after the questions about the model if that is unknown; each further one compares the model
+  /// with the config. While the bus is closed, ends the cycle without an exchange.
   asio::awaitable<void> run(LinkDevice& device, PollScheduler::PollStep step);
   /// True while run() is in progress.
   bool is_asking() const { return asking_; }

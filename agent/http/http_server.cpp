@@ -94,6 +94,7 @@ HttpServer::HttpServer(ListeningSocket socket, Answer answer)
     : socket_(std::move(socket)), answer_(std::move(answer)) {}
 
 HttpServer::~HttpServer() {
+  socket_.remove_path();
   if (daemon_ != nullptr) http_library()->stop_daemon(daemon_);
 }
 

@@ -126,9 +126,13 @@ Result<ListeningSocket> ListeningSocket::open_tcp(const MetricsConfig& config) {
 }
 
 ListeningSocket::~ListeningSocket() {
-  // In this order: once the socket is closed, the path may be another process's.
-  if (!path_.empty()) ::unlink(path_.c_str());
+  remove_path();
   if (file_ >= 0) ::close(file_);
+}
+
+void ListeningSocket::remove_path() {
+  if (!path_.empty()) ::unlink(path_.c_str());
+  path_.clear();
 }
 
 }  // namespace fxagent

@@ -24,7 +24,10 @@ class ListeningSocket final {
   /// Closes the socket unless take_file() was called, and removes the file of a Unix socket.
   ~ListeningSocket();
 
-  /// Passes the socket to the caller, who closes it.
+  /// Removes the file of a Unix socket. Call it before the socket is closed: afterwards the path
+  /// may be another process's.
+  void remove_path();
+  /// Passes the socket to the caller, who calls remove_path() and closes it.
   int take_file() { return std::exchange(file_, -1); }
   /// Actual address: "127.0.0.1:9464", "[::1]:40123", "unix:/run/fxagent/metrics".
   const std::string& address() const { return address_; }

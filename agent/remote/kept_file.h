@@ -22,8 +22,8 @@ class KeptFile final {
   /// Sets the directory, empty if there is none, and the agent's base topic. Does not touch the
   /// disk.
   void open(const std::string& directory, std::string agent);
-  /// Loads the configs that the last run kept. Returns empty, or the fault because of which it left
-  /// them out, already logged.
+  /// Loads the configs that the last run kept. Leaves out those of another agent. Returns the fault
+  /// if they cannot be read or are damaged, already logged; otherwise empty.
   std::string load();
   /// Applies judge_last_run() to the configs.
   std::string judge_last_run(std::int64_t now_ms);

@@ -1,5 +1,5 @@
-// The answer for {base}/config/reported, whether it must be published, and the document that was
-// rejected last. One thread.
+// The answer for {base}/config/reported: its state, its pending publication, and the document that
+// was rejected last. One thread.
 #pragma once
 
 #include <cstdint>

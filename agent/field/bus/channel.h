@@ -31,8 +31,9 @@ class Channel final {
   /// `transport` must be closed.
   explicit Channel(std::unique_ptr<Transport> transport) : transport_(std::move(transport)) {}
 
-  /// Opens the channel, then listens until no answer to an earlier session or to a dead agent can
-  /// still be on its way, for `listening` at least. Error: link_down, also if the line does not
+  /// Opens the channel, then listens for `listening` and until the line is quiet: an answer to an
+  /// earlier session or to a dead agent may still be on its way. On UDP with another port for each
+  /// request it need not listen. Error: link_down, also if the line does not
   /// fall quiet; see never_silent().
   asio::awaitable<Heard> open(std::chrono::nanoseconds listening);
   bool is_open() const { return transport_->is_open(); }

@@ -45,7 +45,7 @@ asio::awaitable<Result<void>> Wire::open(nanoseconds listening) {
   const Channel::Heard heard = co_await channel_.open(listening);
   if (trace_ && !heard.bytes.empty()) trace_->unasked(heard.bytes);
   if (!heard.error) co_return Result<void>{};
-  if (channel_.never_silent()) overheard_.keep(heard.bytes);
+  if (channel_.never_silent() && !heard.bytes.empty()) overheard_.keep(heard.bytes);
   co_return tl::unexpected<Error>(*heard.error);
 }
 

@@ -3,7 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <optional>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
 #include "tests/agent/http/http_client.h"
@@ -55,6 +59,26 @@ class HttpServerTest : public testing::Test {
 };
 
 constexpr std::string_view kGet = "GET /metrics HTTP/1.1\r\nHost: a\r\n\r\n";
+
+// The next server waits for the path. Its file must outlive the end of the one before.
+TEST_F(HttpServerTest, PathIsLeftToTheNextServer) {
+  MetricsConfig config;
+  config.unix_path = path_;
+  for (int i = 0; i < 200; ++i) {
+    std::optional<ListeningSocket> next;
+    std::thread waiting([&] {
+      while (!next)
+        if (auto opened = ListeningSocket::open(config)) next.emplace(std::move(*opened));
+    });
+    server_.reset();
+    waiting.join();
+    ASSERT_TRUE(std::filesystem::exists(path_)) << "after " << i << " servers";
+    auto server =
+        HttpServer::start(std::move(*next), [](std::string_view) { return HttpAnswer{}; });
+    ASSERT_TRUE(server.has_value());
+    server_ = std::move(*server);
+  }
+}
 
 TEST_F(HttpServerTest, GetIsAnsweredAndTheConnectionClosed) {
   HttpClient one = client(kGet);

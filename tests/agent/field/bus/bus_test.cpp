@@ -777,6 +777,9 @@ TEST_F(BusTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
   EXPECT_EQ(opened.error().code, ErrorCode::link_down);
   EXPECT_NE(opened.error().text.find("without end"), std::string::npos);
   EXPECT_TRUE(line->channel().never_silent());
+  wire->refuse_open("the port is gone");
+  EXPECT_FALSE(run_on(io, line->open()));
+  EXPECT_EQ(line->last_unexpected(), Bytes(64, 0x55)) << "still what to show";
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
   open();
   EXPECT_TRUE(line->channel().never_silent()) << "until something was answered";
