@@ -14,7 +14,7 @@ class WithoutSignals final {
   WithoutSignals& operator=(const WithoutSignals&) = delete;
 
  private:
-  sigset_t before_;
+  sigset_t before_{};
 };
 
 }  // namespace fxagent
