@@ -44,9 +44,9 @@ class RemoteConfig(ReloadTest):
         self.watcher.publish(DESIRED, config if isinstance(config, str) else
                              {"version": version, "config": config}, **publish)
 
-    def report(self, state, version, since=0, confirmed=None):
+    def report(self, state, version, since=0, confirmed=None, patience=PATIENCE):
         return self.watcher.wait(REPORTED, lambda r: (r["state"], r["version"]) == (state, version) and
-                                 confirmed in (None, r["confirmed"]), since)
+                                 confirmed in (None, r["confirmed"]), since, patience)
 
     def applied(self, version, config):
         """Applies a document and waits for the end of its trial."""
@@ -143,7 +143,7 @@ class RemoteConfig(ReloadTest):
         print(f"from SIGTERM to the end: {time.monotonic() - began:.2f} s")
         since = self.watcher.mark()
         self.run_agent()
-        self.report("applied", "v1", since)
+        self.report("applied", "v1", since, patience=4 * PATIENCE)  # 5,000 devices begin first
 
     def test_a_lost_broker_in_the_trial_is_rolled_back_and_told_to_it_later(self):
         config = self.begin_remote()
