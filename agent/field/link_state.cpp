@@ -271,6 +271,7 @@ SteadyTime LinkState::read_at_once(LinkDevice& device, SteadyTime from) {
 }
 
 void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
+  device.log_refusal_once(reason);
   unanswered_in_a_row_ = 0;
   device.gateway_says = reason;
   device.asked_in_vain = true;

@@ -55,7 +55,7 @@ class LinkState final {
   /// each device and cause.
   void heard_foreign(LinkDevice& device, const Exchange& exchange);
   /// Records that a gateway answered `reason` in place of the device: the device is silent, the
-  /// connection is not.
+  /// connection is not. Logs each reason once until the device is online.
   void unreachable(LinkDevice& device, const std::string& reason);
   /// Publishes the state of the device if it has changed.
   void update(LinkDevice& device);

@@ -13,9 +13,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// True if the device replies that it does not have what was asked.
-bool is_lack(const Codec& codec, const Request& request, const Exchange& exchange) {
-  const auto meaning = codec.meaning_of(request, exchange.reply.device_code);
+/// True if the device does not have what was asked.
+bool is_lack(RefusalMeaning meaning) {
   return meaning == RefusalMeaning::final || meaning == RefusalMeaning::hole;
 }
 
@@ -52,10 +51,7 @@ bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollSt
   if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
   const bool by_gateway =
       exchange.is_nak() && device.codec->is_from_gateway(exchange.reply.device_code);
-  if (by_gateway) {
-    device.log_refusal_once(exchange.reply.text);
-    state_.unreachable(device, exchange.reply.text);
-  }
+  if (by_gateway) state_.unreachable(device, exchange.reply.text);
   const bool is_answered = exchange.has_answer() && !by_gateway;
   if (is_answered) state_.answered(device);
   const PlcServices* plc = device.codec->plc();
@@ -85,7 +81,8 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
     co_return state_.lost(exchange.error);
   }
   // A device that lacks only this question stays online: its silence does not count here.
-  const bool is_final = exchange.is_nak() && is_lack(*device.codec, question, exchange);
+  const bool is_final =
+      exchange.is_nak() && is_lack(device.codec->meaning_of(question, exchange.reply.device_code));
   const bool is_answer = !exchange.doubted && (exchange.is_data() || is_final);
   if (is_answer) device.model_images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
   if (is_answer && !scheduler_.step_done(step)) co_return;
@@ -136,11 +133,10 @@ asio::awaitable<ModelQuestions::Knowledge> ModelQuestions::ask_model(LinkDevice&
     if (exchange.is_nak()) {
       const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
       if (meaning == RefusalMeaning::unreachable) {
-        device.log_refusal_once(exchange.reply.text);
         state_.unreachable(device, exchange.reply.text);
         co_return Knowledge::unanswered;
       }
-      passing |= meaning != RefusalMeaning::final && meaning != RefusalMeaning::hole;
+      passing |= !is_lack(meaning);
     }
     if (exchange.has_answer()) {
       state_.answered(device);

@@ -216,7 +216,6 @@ Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
   const std::string& reason = exchange.reply.text;
   const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
   if (meaning == RefusalMeaning::unreachable) {
-    device.log_refusal_once(reason);
     state_.unreachable(device, reason);
     fail_cycle(device, group, BadReason::timeout);
     return Refusal::ends_step;
