@@ -118,7 +118,7 @@ class Broker:
         self.log_path = os.path.join(directory, f"mosquitto-{self.port}.log")
         anonymous = "" if "password_file" in extra else "allow_anonymous true\n"
         with open(self.conf, "w") as out:
-            out.write(f"listener {self.port} 127.0.0.1\nlog_dest stderr\nmax_queued_messages 0\n"
+            out.write(f"listener {self.port} 127.0.0.1\nlog_dest stderr\nmax_queued_messages 100000\n"
                       f"{anonymous}{extra}\n")
         self.process = None
 
