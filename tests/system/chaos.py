@@ -67,7 +67,7 @@ class Chaos:
         # Undelivered messages to the consumer survive a stop of the broker; a kill loses 1 s.
         self.broker = Broker(self.directory, "\n".join([
             "user root" if os.geteuid() == 0 else "", "persistence true",
-            f"persistence_location {at_broker}/", "autosave_interval 1"]))
+            f"persistence_location {at_broker}/", "autosave_interval 1", "max_queued_messages 0"]))
         self.broker.start()
         self.stack.callback(self.broker.kill)
         self.plant.sim.start()
