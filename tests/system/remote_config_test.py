@@ -217,7 +217,7 @@ class RemoteConfig(ReloadTest):
         polled = self.recorder("a").connections
         self.run_agent()
         wait_for("the device to be asked", lambda: self.recorder("a").connections > polled)
-        self.assertIn("version=v1", self.agent.logged().rsplit("state=starting", 1)[1])
+        wait_for("the kept config", lambda: "version=v1" in self.agent.logged().rsplit("state=starting", 1)[1])
         since = self.watcher.mark()
         self.broker.start()
         self.state("m2", "online", since)
