@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "agent/steady_time.h"
-#include "protocol/bytes.h"
-#include "protocol/point.h"
+#include "protocol/value/bytes.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 

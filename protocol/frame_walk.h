@@ -10,8 +10,8 @@
 #include <string>
 #include <string_view>
 
-#include "protocol/bytes.h"
 #include "protocol/codec.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 

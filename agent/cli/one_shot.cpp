@@ -21,7 +21,7 @@
 #include "agent/json_writer.h"
 #include "agent/outbox.h"
 #include "protocol/plc.h"
-#include "protocol/value_range.h"
+#include "protocol/value/value_range.h"
 
 namespace fxagent {
 namespace {

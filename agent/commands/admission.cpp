@@ -8,7 +8,7 @@
 #include "agent/config/suggestions.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
-#include "protocol/value_range.h"
+#include "protocol/value/value_range.h"
 
 namespace fxagent {
 namespace {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "protocol/bytes.h"
 #include "protocol/mc/dialect.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::mc::one_e {
 

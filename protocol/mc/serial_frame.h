@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <string>
 
-#include "protocol/bytes.h"
 #include "protocol/mc/ethernet_frame.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::mc {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "protocol/codec.h"
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 

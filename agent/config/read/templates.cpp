@@ -10,7 +10,7 @@
 #include "agent/config/keys.h"
 #include "agent/config/suggestions.h"
 #include "protocol/catalog.h"
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 namespace {

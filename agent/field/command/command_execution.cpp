@@ -5,8 +5,8 @@
 
 #include "agent/commands/result.h"
 #include "agent/field/command/command_line_time.h"
-#include "protocol/padding.h"
 #include "protocol/plan/plan.h"
+#include "protocol/value/padding.h"
 
 namespace fxagent {
 namespace {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "protocol/value_range.h"
+#include "protocol/value/value_range.h"
 
 namespace fxagent {
 namespace {

@@ -15,7 +15,7 @@
 
 #include "agent/config/model.h"
 #include "agent/telemetry.h"
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 

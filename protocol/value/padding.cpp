@@ -1,4 +1,4 @@
-#include "protocol/padding.h"
+#include "protocol/value/padding.h"
 
 namespace fxagent {
 

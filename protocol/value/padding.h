@@ -1,7 +1,7 @@
 // Handles the bytes of a string's image that hold none of its characters. Pure.
 #pragma once
 
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 

@@ -1,4 +1,4 @@
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "protocol/spans.h"
+#include "protocol/value/spans.h"
 
 #include <algorithm>
 #include <utility>

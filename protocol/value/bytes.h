@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/result.h"
+#include "protocol/value/result.h"
 
 namespace fxagent {
 

@@ -16,9 +16,9 @@
 #include <variant>
 #include <vector>
 
-#include "protocol/bytes.h"
-#include "protocol/result.h"
-#include "protocol/short_text.h"
+#include "protocol/value/bytes.h"
+#include "protocol/value/result.h"
+#include "protocol/value/short_text.h"
 
 namespace fxagent {
 

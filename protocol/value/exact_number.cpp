@@ -1,4 +1,4 @@
-#include "protocol/exact_number.h"
+#include "protocol/value/exact_number.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 #include <limits>
 #include <string>
 
-#include "protocol/value_range.h"
+#include "protocol/value/value_range.h"
 
 namespace fxagent {
 namespace {

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 

@@ -1,4 +1,4 @@
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 #include <algorithm>
 #include <array>
@@ -8,9 +8,9 @@
 #include <limits>
 #include <optional>
 
-#include "protocol/exact_number.h"
-#include "protocol/value_range.h"
-#include "protocol/wrong_kind.h"
+#include "protocol/value/exact_number.h"
+#include "protocol/value/value_range.h"
+#include "protocol/value/wrong_kind.h"
 
 namespace fxagent {
 namespace {

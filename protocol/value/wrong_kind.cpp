@@ -1,4 +1,4 @@
-#include "protocol/wrong_kind.h"
+#include "protocol/value/wrong_kind.h"
 
 #include <algorithm>
 #include <charconv>
@@ -9,7 +9,7 @@
 #include <system_error>
 #include <variant>
 
-#include "protocol/value_range.h"
+#include "protocol/value/value_range.h"
 
 namespace fxagent {
 namespace {

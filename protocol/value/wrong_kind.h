@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 

@@ -4,7 +4,7 @@
 #include <functional>
 #include <optional>
 
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 
