@@ -129,7 +129,7 @@ void LinkWalk::sum() {
   if (left() != 0 && left() != 2)
     return fault(std::to_string(left()) + " characters are left over; a sum has two");
   show("sum", left() == 0 ? "none" : as_text(left_));
-  if (left() != 0) judge_sum(out_, as_text(left_), link_sum(frame_.subspan(1, frame_.size() - 3)));
+  if (left() != 0) judge_sum(out_, as_text(left_), byte_sum(frame_.subspan(1, frame_.size() - 3)));
 }
 
 void LinkWalk::request() {

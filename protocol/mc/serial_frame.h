@@ -64,9 +64,6 @@ SerialAnswer serial_answer(const SerialSettings& settings, std::uint8_t block, s
 /// True if these bytes could begin an answer to any request.
 bool may_be_serial_answer(const SerialSettings& settings, ByteView bytes);
 
-/// Returns the sum that a frame carries as two digits: the low 8 bits.
-std::uint8_t serial_sum(ByteView bytes);
-
 /// A frame of format 5 with its doubling removed.
 struct Undoubled {
   enum class State : std::uint8_t { good, incomplete, wrong } state = State::incomplete;

@@ -54,6 +54,12 @@ Result<Bytes> from_hex(std::string_view text) {
   return bytes;
 }
 
+std::uint8_t byte_sum(ByteView bytes) {
+  std::uint32_t sum = 0;
+  for (const std::uint8_t byte : bytes) sum += byte;
+  return static_cast<std::uint8_t>(sum);
+}
+
 void append_hex(Bytes& out, std::uint32_t value, int digits) {
   for (int shift = (digits - 1) * 4; shift >= 0; shift -= 4)
     out.push_back(static_cast<std::uint8_t>(kDigits[(value >> shift) & 0x0F]));
