@@ -15,6 +15,7 @@
 #include "agent/steady_time.h"
 #include "protocol/value/bytes.h"
 #include "protocol/value/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

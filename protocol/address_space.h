@@ -42,7 +42,7 @@ struct ReadWay {
   std::uint8_t gather = 0;
 };
 
-/// The devices that a codec reaches, divided into spaces (value/point.h). Returned by
+/// The devices that a codec reaches, divided into spaces (value/span.h). Returned by
 /// Codec::addresses() and valid as long as that codec. The manual of the series lists the devices
 /// that exist; the manual of the protocol lists those that it reaches. protocol/README.md names
 /// both.

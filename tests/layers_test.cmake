@@ -72,7 +72,7 @@ set(allowed
   "^protocol/value/[^ ]+ protocol/value/"
   "^protocol/(fx/|mc/|modbus/|plan/)?[^/ ]+ protocol/"
   "^protocol/[^ ]+ tl/expected\\.hpp$"
-  "^protocol/value/point\\.h boost/container/small_vector\\.hpp$"
+  "^protocol/value/value\\.h boost/container/small_vector\\.hpp$"
   "^protocol/value/exact_number\\.h boost/multiprecision/cpp_int\\.hpp$"
   "^agent/(agent|reload)\\.(h|cpp) agent/"
   "^agent/line_time\\.(h|cpp) agent/config/model\\.h$"

@@ -1,10 +1,11 @@
 #include "protocol/modbus/modbus.h"
-#include "protocol/letter_case.h"
-#include "protocol/range_ends.h"
 
 #include <algorithm>
 #include <charconv>
 #include <utility>
+
+#include "protocol/letter_case.h"
+#include "protocol/range_ends.h"
 
 namespace fxagent::modbus {
 namespace {

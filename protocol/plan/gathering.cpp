@@ -4,7 +4,7 @@
 #include <optional>
 #include <utility>
 
-#include "protocol/value/spans.h"
+#include "protocol/value/span.h"
 
 namespace fxagent {
 namespace {

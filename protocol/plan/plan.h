@@ -10,6 +10,7 @@
 
 #include "protocol/codec.h"
 #include "protocol/value/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

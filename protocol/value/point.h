@@ -1,48 +1,14 @@
-// Points and values: places in a device, their types, and the values read from or written to them.
-//
-// A codec maps its device names to *spaces*. A space is a run of device memory of one kind (D, M,
-// CN200-CN255, holding registers …), counted in bits from its first device. Whatever the wire
-// format, a codec returns the content of a space as an *image*: bit n of the span is bit n % 8 of
-// byte n / 8, and a 16-bit word lies low byte first. So one planner, one packer and one allow list
-// serve every protocol.
+// Points: places in a device, their types and engineering units.
 #pragma once
 
-#include <boost/container/small_vector.hpp>
 #include <cstdint>
-#include <optional>
-#include <span>
-#include <string>
 #include <string_view>
-#include <variant>
-#include <vector>
 
-#include "protocol/value/bytes.h"
 #include "protocol/value/result.h"
 #include "protocol/value/short_text.h"
+#include "protocol/value/span.h"
 
 namespace fxagent {
-
-/// A run of bits in one space of a codec.
-struct Span {
-  std::uint16_t space = 0;
-  std::uint32_t first_bit = 0;
-  std::uint32_t bits = 0;
-
-  std::uint32_t end_bit() const { return first_bit + bits; }
-  bool contains(const Span& other) const {
-    return space == other.space && first_bit <= other.first_bit && other.end_bit() <= end_bit();
-  }
-  friend bool operator==(const Span&, const Span&) = default;
-};
-
-/// True if every bit of `span` lies in one of the ranges.
-bool is_covered(Span span, std::span<const Span> ranges);
-
-/// True if the two spans have a bit in common.
-inline bool overlap(const Span& one, const Span& other) {
-  return one.space == other.space && one.first_bit < other.end_bit() &&
-         other.first_bit < one.end_bit();
-}
 
 /// The store saves these numbers with its samples (agent/store/README.md): only append new ones.
 enum class DataType : std::uint8_t {
@@ -130,70 +96,12 @@ Result<void> set_units(Point& point, double scale, double offset);
 /// bit numbers.
 Result<Span> span_of(const Point& point);
 
-/// An integer outside the range of int64, in decimal digits with a minus if it is negative.
-struct BigInteger {
-  std::string digits;
-  friend bool operator==(const BigInteger&, const BigInteger&) = default;
-};
-
-/// An integer is stored as an int64 if it fits, otherwise as a BigInteger.
-using Scalar = std::variant<bool, std::int64_t, double, std::string, BigInteger>;
-
-/// Elements of a value. A single element is stored in place.
-using Scalars = boost::container::small_vector<Scalar, 1>;
-
-/// A value in engineering units: one scalar, or one for each element of an array.
-struct Value {
-  Scalars items;
-  bool is_array = false;
-
-  Value() = default;
-  explicit Value(Scalar scalar) { items.push_back(std::move(scalar)); }
-  static Value array(Scalars elements) {
-    Value v;
-    v.items = std::move(elements);
-    v.is_array = true;
-    return v;
-  }
-  friend bool operator==(const Value&, const Value&) = default;
-};
-
-/// Decodes the point's value from `image`, whose first bit is `image_first_bit` of the point's
-/// space. Errors: unsupported (the point is not wholly inside the image), or bad_request with the
-/// text for `bad_value` (NaN, infinite, a nibble that is not BCD). Never bad_frame.
-Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_first_bit);
-
-/// Kind of a failure of pack(): the value has the wrong kind or count, or it is out of range.
-enum class PackFault : std::uint8_t { bad_value, out_of_range };
-struct PackError {
-  PackFault fault = PackFault::bad_value;
-  std::string text;
-};
-/// Returns the raw image of span_of(point) that writes `value`: (value − offset) ÷ scale, rounded
-/// to the nearest integer, ties away from zero. An integer type also takes an integer in a text if
-/// its samples may have one: beyond ±2^53, and any integer for the 64-bit types.
-tl::expected<Bytes, PackError> pack(const Point& point, const Value& value);
-
-/// Checks that `value` has the kind and the number of elements that the point takes. Does not check
-/// its range. Error: bad_request states what the point takes.
-Result<void> check_kind(const Point& point, const Value& value);
-/// True if `shown`, a value from unpack(), equals `wanted`, which must pass check_kind(): the same
-/// text, the same number (-0 is 0), true for 1 and false for 0.
-bool shows(const Value& shown, const Value& wanted);
-
-/// Copies `bits` bits of `image`, from bit `from_bit`, to a new image that starts at bit 0. Bits
-/// past the end of `image` read as 0.
-Bytes extract_bits(ByteView image, std::uint32_t from_bit, std::uint32_t bits);
-/// Overwrites `bits` bits of `image`, from bit `to_bit`, with the first bits of `part`. `image`
-/// must hold them all.
-void insert_bits(Bytes& image, std::uint32_t to_bit, ByteView part, std::uint32_t bits);
-
-/// The ends of a range as it is written, "M100-M199" or "M100..M199". For any other text, `first`
-/// is the whole text and `last` is empty.
-struct RangeEnds {
-  std::string_view first;
-  std::optional<std::string_view> last;
-};
-RangeEnds range_ends(std::string_view text);
+/// Returns the bits of one number of the type; 0 for a string.
+std::uint32_t bits_of_type(DataType type);
+/// Returns the bits of one element; 0 if the type does not fit the address unit.
+std::uint32_t element_bits(const Point& point);
+/// Returns the decimal places in the shortest spelling of `number`: 2 for 0.05, 7 for 1e-7, 0 for
+/// 3.
+int decimals_of(double number);
 
 }  // namespace fxagent

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "protocol/value/value_range.h"
+#include "protocol/value/unpack.h"
 
 namespace fxagent {
 namespace {

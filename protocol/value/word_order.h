@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "protocol/value/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

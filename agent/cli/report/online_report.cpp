@@ -9,6 +9,8 @@
 #include "agent/cli/exit_status.h"
 #include "agent/counted.h"
 #include "agent/text.h"
+#include "protocol/value/pack.h"
+#include "protocol/value/unpack.h"
 #include "protocol/value/word_order.h"
 
 namespace fxagent {

@@ -6,7 +6,8 @@
 
 #include "agent/cli/report/table.h"
 #include "agent/json_writer.h"
-#include "protocol/value/value_range.h"
+#include "protocol/value/unpack.h"
+#include "protocol/value/value.h"
 #include "protocol/value/word_order.h"
 
 namespace fxagent {

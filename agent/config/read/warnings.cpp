@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "protocol/plc.h"
+#include "protocol/value/value.h"
 #include "protocol/value/value_range.h"
 
 namespace fxagent {

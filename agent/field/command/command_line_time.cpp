@@ -5,7 +5,7 @@
 #include "agent/line_time.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
-#include "protocol/value/padding.h"
+#include "protocol/value/pack.h"
 
 namespace fxagent {
 namespace {

@@ -5,7 +5,7 @@
 #include <span>
 #include <utility>
 
-#include "protocol/value/value_range.h"
+#include "protocol/value/value.h"
 #include "protocol/value/word_order.h"
 
 namespace fxagent {

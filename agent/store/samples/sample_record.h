@@ -16,6 +16,7 @@
 #include "agent/config/model.h"
 #include "agent/telemetry.h"
 #include "protocol/value/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

@@ -5,6 +5,10 @@
 #include <cmath>
 #include <limits>
 
+#include "protocol/value/kind.h"
+#include "protocol/value/pack.h"
+#include "protocol/value/unpack.h"
+#include "protocol/value/value.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent {
