@@ -3,13 +3,11 @@
 #include <algorithm>
 #include <array>
 
-#include "protocol/mc/one_e_codes.h"
 #include "protocol/mc/one_e_frame.h"
 #include "protocol/scatter.h"
 
 namespace fxagent::mc {
 
-using one_e::chars;
 using one_e::code;
 
 namespace {
@@ -373,9 +371,9 @@ Result<std::optional<Reply>> reply_in(Code data_code, const Request& request, st
     length += 2;  // the abnormal code; an E71 may send it with other end codes, too
   }
   if (bytes.size() < length) return std::optional<Reply>{};
-  if (frame.size() > chars(data_code, length))
+  if (frame.size() > wire_size(data_code, length))
     return garbled(std::to_string(frame.size()) + " bytes where " +
-                   std::to_string(chars(data_code, length)) + " were due");
+                   std::to_string(wire_size(data_code, length)) + " were due");
   reply.consumed = frame.size();
   if (end_code != 0) {
     const auto abnormal = length > one_e::kAnswerHead ? std::optional<int>(bytes[2]) : std::nullopt;
@@ -453,8 +451,8 @@ LineLength OneE::line_length(const Request& request) const {
   LineLength length;
   if (const auto frame = encode(request, 0))
     length.request_chars = static_cast<std::uint32_t>(frame->size());
-  length.reply_chars =
-      static_cast<std::uint32_t>(chars(settings_.code, one_e::kAnswerHead + data_bytes(request)));
+  length.reply_chars = static_cast<std::uint32_t>(
+      wire_size(settings_.code, one_e::kAnswerHead + data_bytes(request)));
   return length;
 }
 

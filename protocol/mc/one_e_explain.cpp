@@ -4,7 +4,6 @@
 
 #include "protocol/frame_walk.h"
 #include "protocol/mc/one_e.h"
-#include "protocol/mc/one_e_codes.h"
 #include "protocol/mc/one_e_frame.h"
 
 namespace fxagent::mc::one_e {
