@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "protocol/frame_walk.h"
+#include "protocol/device_walk.h"
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/link_frame.h"
 
@@ -15,10 +15,10 @@ using namespace link;
 struct LinkCommand;
 
 /// Walks a frame after its first character.
-class LinkWalk final : public FrameWalk {
+class LinkWalk final : public DeviceWalk {
  public:
   LinkWalk(Explanation& out, ByteView frame, Model model)
-      : FrameWalk(out, NumberForm::digits, frame.subspan(1)), frame_(frame), model_(model) {}
+      : DeviceWalk(out, NumberForm::digits, frame.subspan(1)), frame_(frame), model_(model) {}
 
   /// Returns false if the frame has no valid station and PLC number.
   bool explain(std::optional<Direction> direction);
