@@ -70,7 +70,7 @@ forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with wha
 # Exceptions from a module's rule: file, then header.
 set(allowed
   "^protocol/value/[^ ]+ protocol/value/"
-  "^protocol/(fx/|mc/|modbus/|plan/)?[^/ ]+ protocol/"
+  "^protocol/([^v ]|v[^a ])[^ ]* protocol/"
   "^protocol/[^ ]+ tl/expected\\.hpp$"
   "^protocol/value/value\\.h boost/container/small_vector\\.hpp$"
   "^protocol/value/exact_number\\.h boost/multiprecision/cpp_int\\.hpp$"

@@ -67,6 +67,7 @@ foreach(wrong IN ITEMS
     "agent/import/csv.cpp|<netdb.h>"
     "agent/import/csv.cpp|<sys/timerfd.h>"
     "agent/import/csv.cpp|<spawn.h>"
+    "protocol/value/point.h|\"protocol/codec.h\""
     "protocol/fx/deep.h|\"agent/config/model.h\""
     "protocol/plan.cpp|\"../agent/config/model.h\""
     "agent/field/bus.cpp|<mqtt/message.h>"
