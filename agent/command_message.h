@@ -13,8 +13,9 @@
 #include <vector>
 
 #include "agent/steady_time.h"
-#include "protocol/bytes.h"
-#include "protocol/point.h"
+#include "protocol/value/bytes.h"
+#include "protocol/value/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

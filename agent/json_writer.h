@@ -14,7 +14,7 @@
 #include <string_view>
 #include <utility>
 
-#include "protocol/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent::json {
 

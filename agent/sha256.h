@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 

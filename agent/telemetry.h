@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/point.h"
-#include "protocol/result.h"
+#include "protocol/value/point.h"
+#include "protocol/value/result.h"
 
 namespace fxagent {
 
@@ -42,9 +42,10 @@ struct ReadWay {
   std::uint8_t gather = 0;
 };
 
-/// The devices that a codec reaches, divided into spaces (point.h). Returned by Codec::addresses()
-/// and valid as long as that codec. The manual of the series lists the devices that exist; the
-/// manual of the protocol lists those that it reaches. protocol/README.md names both.
+/// The devices that a codec reaches, divided into spaces (value/span.h). Returned by
+/// Codec::addresses() and valid as long as that codec. The manual of the series lists the devices
+/// that exist; the manual of the protocol lists those that it reaches. protocol/README.md names
+/// both.
 class AddressSpace {
  public:
   virtual ~AddressSpace() = default;

@@ -33,6 +33,16 @@ OptionSpec choice(std::string_view key, const std::vector<std::string_view>& wor
   return {key, OptionSpec::Kind::choice, 0, 0, words, words.front(), meaning};
 }
 
+template <modbus::Framing framing>
+Result<std::shared_ptr<const Codec>> modbus_made(const Options& options) {
+  return modbus::Modbus::make(framing, options);
+}
+
+template <mc::Frame frame>
+Result<std::shared_ptr<const Codec>> mc_made(const Options& options) {
+  return mc::Mc::make(frame, options);
+}
+
 /// Speeds of both FX protocols. Models other than these three reach 19200 baud.
 void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
   info.speeds = std::move(speeds);
@@ -185,7 +195,7 @@ ProtocolInfo modbus_rtu() {
       modbus_protocol("modbus-rtu", "Modbus RTU, serial or through a serial server");
   info.hints.silent = "is its own address `unit`; is it set to Modbus RTU, not ASCII";
   info.line.data_bits = 8;
-  info.make = &modbus::Modbus::make_rtu;
+  info.make = &modbus_made<modbus::Framing::rtu>;
   return info;
 }
 
@@ -194,7 +204,7 @@ ProtocolInfo modbus_ascii() {
       modbus_protocol("modbus-ascii", "Modbus ASCII, serial or through a serial server");
   info.hints.silent = "is its own address `unit`; is it set to Modbus ASCII, not RTU";
   info.text_begins_with = ':';
-  info.make = &modbus::Modbus::make_ascii;
+  info.make = &modbus_made<modbus::Framing::ascii>;
   return info;
 }
 
@@ -209,7 +219,7 @@ ProtocolInfo modbus_tcp() {
       "has the device or gateway a limit of connections, and do other programs use them; does it "
       "admit this machine's address?";
   info.on_serial = false;
-  info.make = &modbus::Modbus::make_tcp;
+  info.make = &modbus_made<modbus::Framing::tcp>;
   return info;
 }
 
@@ -343,14 +353,14 @@ ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
 
 ProtocolInfo mc_3e() {
   ProtocolInfo info = mc_ethernet("mc-3e", "MC protocol (SLMP) in 3E frames: FX5, Q, L, iQ-R");
-  info.make = &mc::Mc::make_3e;
+  info.make = &mc_made<mc::Frame::e3>;
   return info;
 }
 
 ProtocolInfo mc_4e() {
   ProtocolInfo info =
       mc_ethernet("mc-4e", "MC protocol (SLMP) in 4E frames, whose answers have numbers");
-  info.make = &mc::Mc::make_4e;
+  info.make = &mc_made<mc::Frame::e4>;
   return info;
 }
 
@@ -389,7 +399,7 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
 ProtocolInfo mc_3c() {
   ProtocolInfo info =
       mc_serial("mc-3c", "MC protocol in 3C frames: serial ports of FX5, Q, L, iQ-R", 4);
-  info.make = &mc::Mc::make_3c;
+  info.make = &mc_made<mc::Frame::c3>;
   return info;
 }
 
@@ -397,7 +407,7 @@ ProtocolInfo mc_4c() {
   ProtocolInfo info =
       mc_serial("mc-4c", "MC protocol in 4C frames: serial ports of FX5, Q, L, iQ-R", 5);
   add_module(info);
-  info.make = &mc::Mc::make_4c;
+  info.make = &mc_made<mc::Frame::c4>;
   return info;
 }
 

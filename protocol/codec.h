@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "protocol/address_space.h"
-#include "protocol/bytes.h"
-#include "protocol/point.h"
-#include "protocol/result.h"
+#include "protocol/value/bytes.h"
+#include "protocol/value/point.h"
+#include "protocol/value/result.h"
 
 namespace fxagent {
 

@@ -1,6 +1,7 @@
 // Explains frames for Codec::explain(). A protocol lists the fields of each kind of frame in a
 // table, and FrameWalk reads a frame along it and shows them. The protocol's own class, derived
-// from FrameWalk, reads the fields that no other protocol has.
+// from FrameWalk, reads the fields that no other protocol has. device_walk.h has those of protocols
+// that name devices in their requests.
 #pragma once
 
 #include <array>
@@ -10,8 +11,8 @@
 #include <string>
 #include <string_view>
 
-#include "protocol/bytes.h"
 #include "protocol/codec.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 
@@ -66,13 +67,6 @@ constexpr Field read_by(std::string_view name, std::size_t digits = 0) {
 /// The fields of one kind of frame, in the order of the wire. The last ones may be unused.
 using Fields = std::array<Field, 6>;
 
-/// A device named in a frame.
-struct FrameDevice {
-  std::string name;
-  std::uint32_t bits = 16;  ///< 1, 16 or 32
-  bool only_bits = false;   ///< never read or written as part of a word
-};
-
 /// Reads a frame from the front. Reads and shows nothing more after the first fault.
 class FrameWalk {
  public:
@@ -88,28 +82,14 @@ class FrameWalk {
   void hex(const Field& field);
   void rest(const Field& field);
 
-  // Fields of requests in which a device is one field, a bit one digit and a word four.
-  void device(const Field& field);
-  void bit_device(const Field& field);
-  void word_device(const Field& field);
-  void points(const Field& field) { count_points(field, 0); }
-  void points_to_256(const Field& field) { count_points(field, 256); }  ///< 256 is written 00
-  void bits(const Field& field);
-  void words(const Field& field);
-  void bit_items(const Field& field) { items(field, 1); }  ///< points: a device and its bit
-  void word_items(const Field& field) { items(field, 4); }
-  void text(const Field& field);  ///< after its length
-
  protected:
-  /// Returns the device that all of `wire` names.
-  virtual std::optional<FrameDevice> device_in(ByteView /*wire*/) { return std::nullopt; }
   /// Returns the error if the frame ends before `what`.
   virtual std::string cut_before(std::string_view what) const;
 
+  bool is_text() const { return form_ == NumberForm::digits; }
   bool good() const { return out_.ok; }
   void fault(std::string error) { wrong(out_, std::move(error)); }
   void show(std::string_view name, std::string_view text);
-  void add_device(const std::string& name);  ///< to the others of the frame
 
   /// Returns the digits that are left.
   std::size_t left() const { return is_text() ? left_.size() : 2 * left_.size(); }
@@ -122,18 +102,6 @@ class FrameWalk {
   Explanation& out_;
   NumberForm form_;
   ByteView left_;
-  FrameDevice device_;
-  std::uint32_t devices_of_point_ = 1;  ///< 16 for a word of a bit device
-  std::uint32_t points_ = 0;
-
- private:
-  bool is_text() const { return form_ == NumberForm::digits; }
-  /// A device of 32 bits is one point in text; in bytes each of its words is a point.
-  bool has_word_points() const { return device_.bits == 32 && !is_text(); }
-  void count_points(const Field& field, std::uint32_t zero);
-  std::string quoted(ByteView wire) const;
-  ByteView data_of(std::size_t digits);
-  void items(const Field& device, std::size_t value_digits);
 };
 
 }  // namespace fxagent

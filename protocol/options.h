@@ -1,6 +1,7 @@
 // Settings of a device that belong to its protocol.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -37,6 +38,14 @@ template <class T>
 const T* option(const Options& options, std::string_view key) {
   const auto found = options.find(key);
   return found == options.end() ? nullptr : std::get_if<T>(&found->second);
+}
+
+/// Returns an integer option, or `fallback` if it is absent, moved into `least` to `most`. All
+/// three are from 0 to 4294967295.
+inline std::uint32_t number_option(const Options& options, std::string_view key,
+                                   std::int64_t fallback, std::int64_t least, std::int64_t most) {
+  const auto* value = option<std::int64_t>(options, key);
+  return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
 }
 
 }  // namespace fxagent

@@ -30,6 +30,7 @@ set(system "${network}|${processes}|(sys|linux|asm)/.*|unistd\\.h|fcntl\\.h|term
 set(threads_and_io "^(${threads}|coroutine|${files_and_time}|${system})$")
 
 forbid("^protocol/" "${threads_and_io}" "protocol/ has no threads, no I/O and no clock")
+forbid("^protocol/value/" "^protocol/([^v]|v[^a])" "protocol/value/ sees nothing else of protocol/")
 forbid("^protocol/" "${not_standard}"
        "protocol/ sees itself, tl/expected.hpp, Boost's small_vector and the standard library")
 forbid("^agent/" "^protocol/(fx|mc|modbus)/" "agent/ knows protocols by protocol/catalog.h only: adding one changes nothing here")
@@ -68,10 +69,11 @@ forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with wha
 
 # Exceptions from a module's rule: file, then header.
 set(allowed
-  "^protocol/[^ ]+ protocol/"
+  "^protocol/value/[^ ]+ protocol/value/"
+  "^protocol/([^v ]|v[^a ])[^ ]* protocol/"
   "^protocol/[^ ]+ tl/expected\\.hpp$"
-  "^protocol/point\\.h boost/container/small_vector\\.hpp$"
-  "^protocol/exact_number\\.h boost/multiprecision/cpp_int\\.hpp$"
+  "^protocol/value/value\\.h boost/container/small_vector\\.hpp$"
+  "^protocol/value/exact_number\\.h boost/multiprecision/cpp_int\\.hpp$"
   "^agent/(agent|reload)\\.(h|cpp) agent/"
   "^agent/line_time\\.(h|cpp) agent/config/model\\.h$"
   "^agent/field/((bus|command|transport)/)?[^/ ]+ asio"

@@ -21,7 +21,9 @@
 #include "agent/json_writer.h"
 #include "agent/outbox.h"
 #include "protocol/plc.h"
-#include "protocol/value_range.h"
+#include "protocol/value/pack.h"
+#include "protocol/value/unpack.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 namespace {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "agent/commands/command_starts.h"
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 

@@ -17,8 +17,8 @@
 #include "agent/config/shared_vector.h"
 #include "protocol/catalog.h"
 #include "protocol/codec.h"
-#include "protocol/point.h"
-#include "protocol/short_text.h"
+#include "protocol/value/point.h"
+#include "protocol/value/short_text.h"
 
 namespace fxagent {
 

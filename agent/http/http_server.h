@@ -14,7 +14,7 @@
 
 #include "agent/http/listening_socket.h"
 #include "agent/steady_time.h"
-#include "protocol/result.h"
+#include "protocol/value/result.h"
 
 struct MHD_Connection;
 struct MHD_Daemon;

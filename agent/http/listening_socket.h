@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "agent/config/model.h"
-#include "protocol/result.h"
+#include "protocol/value/result.h"
 
 namespace fxagent {
 

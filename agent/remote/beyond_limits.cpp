@@ -14,7 +14,7 @@
 #include "agent/remote/error_list.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 namespace {

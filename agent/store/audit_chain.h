@@ -24,7 +24,7 @@
 #include <vector>
 
 #include "agent/sha256.h"
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::audit {
 

@@ -15,7 +15,7 @@
 
 #include "agent/command_message.h"
 #include "agent/config/model.h"
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 

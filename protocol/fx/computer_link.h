@@ -13,6 +13,7 @@
 
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
+#include "protocol/fx/link_request.h"
 #include "protocol/options.h"
 #include "protocol/plc.h"
 
@@ -20,21 +21,9 @@ namespace fxagent::fx {
 
 class ComputerLink final : public Codec, public AddressSpace, public PlcServices {
  public:
-  /// Settings of D8120 and D8121 of the PLC, from the computer's side.
-  struct Settings {
-    Model model = Model::unknown;
-    std::uint32_t station = 0;     ///< 0 to 15
-    bool ends_with_cr_lf = false;  ///< control procedure format 4; format 1 has no terminator
-    bool sum_check = true;
-    std::uint32_t wait_tens = 0;   ///< 0 to 15, times 10 ms: wait of the PLC before it answers
-    bool acknowledge_data = true;  ///< answer data with ACK, as the manual requires
-    /// Bytes of device memory in one frame; 128 bytes are the 64 words of the manual.
-    std::uint32_t max_block_bytes = 128;
-  };
-  /// Read::way of the two units: BR returns one character for each bit, WR and QR four for each
-  /// word.
-  static constexpr std::uint8_t kBitWay = 0;
-  static constexpr std::uint8_t kWordWay = 1;
+  using Settings = LinkSettings;
+  static constexpr std::uint8_t kBitWay = link::kBitWay;
+  static constexpr std::uint8_t kWordWay = link::kWordWay;
 
   explicit ComputerLink(const Settings& settings) : settings_(settings) {}
   /// Creates a codec from the config's options. Error: bad_request if `format` is 2 or 3, or if
@@ -83,33 +72,8 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   std::string run_hint() const override;
 
  private:
-  /// Returns a request frame: ENQ station pc command wait area [sum] [CR LF].
-  Bytes framed(std::string_view command, ByteView area) const;
-  Result<Bytes> encode_read(const Read& read) const;
-  Result<Bytes> encode_write(const Write& write) const;
-  Result<Bytes> encode_scatter(const Scatter& scatter) const;
-
-  std::uint32_t terminator_chars() const { return settings_.ends_with_cr_lf ? 2U : 0U; }
-  std::uint32_t sum_chars() const { return settings_.sum_check ? 2U : 0U; }
-  bool is_ours(ByteView header) const;
-  /// Returns the place after another station's frame that begins at `at`, or of the STX that cuts
-  /// it off. nullopt if its end has not arrived.
-  std::optional<std::size_t> behind_frame(ByteView rx, std::size_t at) const;
-  Result<std::optional<Reply>> data_reply(const Request& request, ByteView rx,
-                                          std::size_t at) const;
-  Result<std::optional<Reply>> short_reply(ByteView rx, std::size_t at) const;
-
   Settings settings_;
 };
-
-/// Returns the sum of a frame: the low 8 bits of all bytes between the first one and the sum. For
-/// data that includes ETX.
-std::uint8_t link_sum(ByteView bytes);
-
-/// Returns the text for the code of a NAK: "device does not exist or too many points".
-std::string_view link_refusal(int code);
-/// Returns the model for an answer to PC: "FX2N". Empty if it is not a model of the catalogue.
-std::string_view link_model(int code);
 
 /// Explains one frame for `fxagent decode`, with or without sum, in either format, with the devices
 /// of `model` (FX3U if it is unknown). Accepts any bytes; the explanation's `error` states what is

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "protocol/frame_walk.h"
+#include "protocol/device_walk.h"
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/link_frame.h"
 
@@ -15,10 +15,10 @@ using namespace link;
 struct LinkCommand;
 
 /// Walks a frame after its first character.
-class LinkWalk final : public FrameWalk {
+class LinkWalk final : public DeviceWalk {
  public:
   LinkWalk(Explanation& out, ByteView frame, Model model)
-      : FrameWalk(out, NumberForm::digits, frame.subspan(1)), frame_(frame), model_(model) {}
+      : DeviceWalk(out, NumberForm::digits, frame.subspan(1)), frame_(frame), model_(model) {}
 
   /// Returns false if the frame has no valid station and PLC number.
   bool explain(std::optional<Direction> direction);
@@ -129,7 +129,7 @@ void LinkWalk::sum() {
   if (left() != 0 && left() != 2)
     return fault(std::to_string(left()) + " characters are left over; a sum has two");
   show("sum", left() == 0 ? "none" : as_text(left_));
-  if (left() != 0) judge_sum(out_, as_text(left_), link_sum(frame_.subspan(1, frame_.size() - 3)));
+  if (left() != 0) judge_sum(out_, as_text(left_), byte_sum(frame_.subspan(1, frame_.size() - 3)));
 }
 
 void LinkWalk::request() {

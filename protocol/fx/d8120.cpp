@@ -4,8 +4,8 @@
 #include <array>
 #include <variant>
 
-#include "protocol/bytes.h"
 #include "protocol/checklist.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::fx {
 namespace {

@@ -11,8 +11,8 @@
 #include <string>
 #include <string_view>
 
-#include "protocol/point.h"
-#include "protocol/result.h"
+#include "protocol/value/point.h"
+#include "protocol/value/result.h"
 
 namespace fxagent::fx {
 

@@ -1,9 +1,12 @@
-// Control characters of computer-link frames. Only for the files of this codec.
+// Control characters and codes of computer-link frames. Only for the files of this codec.
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
-namespace fxagent::fx::link {
+namespace fxagent::fx {
+
+namespace link {
 
 inline constexpr std::uint8_t kStx = 0x02;
 inline constexpr std::uint8_t kEtx = 0x03;
@@ -17,4 +20,15 @@ inline constexpr std::uint8_t kNak = 0x15;
 /// Control character, station and PLC number: a whole ACK, or the head of any other frame.
 inline constexpr std::uint32_t kHeader = 5;
 
-}  // namespace fxagent::fx::link
+// Reasons in a NAK that decide whether the request is sent again.
+inline constexpr int kSumMismatch = 0x02;
+inline constexpr int kNoDevice = 0x06;
+
+}  // namespace link
+
+/// Returns the text for the code of a NAK: "device does not exist or too many points".
+std::string_view link_refusal(int code);
+/// Returns the model for an answer to PC: "FX2N". Empty if it is not a model of the catalogue.
+std::string_view link_model(int code);
+
+}  // namespace fxagent::fx

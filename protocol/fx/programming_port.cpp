@@ -7,6 +7,8 @@
 namespace fxagent::fx {
 namespace {
 
+using Settings = ProgrammingPort::Settings;
+
 // GX Developer never requests more, and the buffers of some converters and clones hold no more.
 constexpr std::uint32_t kClassicBytes = 64;
 // An FX3U was observed to answer a request for FEh bytes by E00.
@@ -31,7 +33,7 @@ Bytes framed(std::string_view command, const std::vector<std::pair<std::uint32_t
   for (const auto& [number, digits] : numbers) append_hex(frame, number, digits);
   for (const std::uint8_t byte : data) append_hex(frame, byte, 2);
   frame.push_back(kEtx);
-  append_hex(frame, port_sum(ByteView(frame).subspan(1)), 2);
+  append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
   return frame;
 }
 
@@ -60,9 +62,9 @@ std::optional<FramePlace> find_frame(ByteView rx, std::size_t from) {
 /// Requests more bytes, or fails if more bytes than the longest frame have arrived without a frame.
 Result<std::optional<Reply>> wait_for_more(ByteView rx, std::size_t from) {
   if (rx.size() - from > kLongestFrame)
-    return fail(ErrorCode::bad_frame, std::to_string(rx.size() - from) +
-                                          " bytes without a whole frame; the longest has " +
-                                          std::to_string(kLongestFrame));
+    return garbled(std::to_string(rx.size() - from) +
+                   " bytes without a whole frame; the longest has " +
+                   std::to_string(kLongestFrame));
   return std::optional<Reply>{};
 }
 
@@ -80,34 +82,24 @@ Result<std::optional<Reply>> data_reply(ByteView rx, FramePlace at, std::size_t 
   const ByteView frame = rx.subspan(at.begin, at.end - at.begin);
   const ByteView payload = frame.subspan(1, frame.size() - kEnvelope);
   const ByteView given = frame.last(2);
-  const std::string given_text(given.begin(), given.end());
-  const int high = hex_digit(given[0]);
-  const int low = hex_digit(given[1]);
-  const std::uint8_t computed = port_sum(frame.subspan(1, frame.size() - 3));
-  if (high < 0 || low < 0)
-    return fail(ErrorCode::bad_frame, "sum " + to_hex(given) + " is not two hex digits");
-  if (high * 16 + low != computed) {
-    Bytes expected;
-    append_hex(expected, computed, 2);
-    return fail(ErrorCode::bad_frame, "sum " + given_text + " given, " +
-                                          std::string(expected.begin(), expected.end()) +
-                                          " computed");
-  }
+  const int sum = hex_byte(given);
+  const std::uint8_t computed = byte_sum(frame.subspan(1, frame.size() - 3));
+  if (sum < 0) return garbled("sum " + to_hex(given) + " is not two hex digits");
+  if (sum != computed)
+    return garbled("sum " + as_text(given) + " given, " + hex_text(computed, 2) + " computed");
   if (payload.size() != bytes * 2)
-    return fail(ErrorCode::bad_frame, std::to_string(payload.size()) + " data digits given, " +
-                                          std::to_string(bytes * 2) + " expected");
+    return garbled(std::to_string(payload.size()) + " data digits given, " +
+                   std::to_string(bytes * 2) + " expected");
   Reply reply;
   reply.kind = Reply::Kind::data;
   reply.began = at.begin;
   reply.consumed = at.end;
   reply.image.resize(bytes);
   for (std::size_t i = 0; i < bytes; ++i) {
-    const int upper = hex_digit(payload[2 * i]);
-    const int lower = hex_digit(payload[2 * i + 1]);
-    if (upper < 0 || lower < 0)
-      return fail(ErrorCode::bad_frame,
-                  "data " + to_hex(payload.subspan(2 * i, 2)) + " is not two hex digits");
-    reply.image[i] = static_cast<std::uint8_t>(upper * 16 + lower);
+    const ByteView digits = payload.subspan(2 * i, 2);
+    const int byte = hex_byte(digits);
+    if (byte < 0) return garbled("data " + to_hex(digits) + " is not two hex digits");
+    reply.image[i] = static_cast<std::uint8_t>(byte);
   }
   return std::optional<Reply>(std::move(reply));
 }
@@ -163,10 +155,9 @@ bool switches_run(const Force& force) {
 }
 
 tl::unexpected<Error> no_address(const Span& span) {
-  return fail(ErrorCode::bad_request,
-              device_name(span) +
-                  ": no document says where the programming port has the extension "
-                  "registers R; the computer link reaches them");
+  return refuse(device_name(span) +
+                ": no document says where the programming port has the extension "
+                "registers R; the computer link reaches them");
 }
 
 Span place_of(const Span& span) { return span; }
@@ -181,36 +172,22 @@ Result<T> reachable(Result<T> parsed) {
 
 }  // namespace
 
-std::uint8_t port_sum(ByteView after_stx) {
-  std::uint32_t sum = 0;
-  for (const std::uint8_t byte : after_stx) sum += byte;
-  return static_cast<std::uint8_t>(sum);
-}
-
 Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& options) {
   Settings settings;
-  const auto text = [&](std::string_view key) -> std::string_view {
-    const auto found = options.find(key);
-    const auto* value = found == options.end() ? nullptr : std::get_if<std::string>(&found->second);
-    return value ? std::string_view(*value) : std::string_view{};
-  };
-  if (const auto model = text("model"); !model.empty() && model != kAutoModel) {
-    const auto known = model_named(model);
-    if (!known) return fail(ErrorCode::bad_request, "no model '" + std::string(model) + "'");
+  if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
+    const auto known = model_named(*name);
+    if (!known) return refuse("no model '" + *name + "'");
     settings.model = *known;
   }
-  const auto commands = text("command_set");
-  if (commands == "classic") settings.commands = Commands::classic;
-  if (commands == "extended") settings.commands = Commands::extended;
+  if (const auto* commands = option<std::string>(options, "command_set")) {
+    if (*commands == "classic") settings.commands = Commands::classic;
+    if (*commands == "extended") settings.commands = Commands::extended;
+  }
   if (settings.commands == Commands::extended && settings.model != Model::unknown &&
       map_of(settings.model, CommandSet::extended).empty())
-    return fail(ErrorCode::bad_request,
-                std::string(to_string(settings.model)) + " has only the classic command set");
-  if (const auto found = options.find("max_block_bytes"); found != options.end()) {
-    if (const auto* value = std::get_if<std::int64_t>(&found->second))
-      settings.max_block_bytes =
-          static_cast<std::uint32_t>(std::clamp<std::int64_t>(*value, 2, kFx3Bytes));
-  }
+    return refuse(std::string(to_string(settings.model)) + " has only the classic command set");
+  settings.max_block_bytes =
+      number_option(options, "max_block_bytes", settings.max_block_bytes, 2, kFx3Bytes);
   return std::make_shared<const ProgrammingPort>(settings);
 }
 
@@ -240,27 +217,31 @@ std::string ProgrammingPort::name_of(const Span& span) const { return device_nam
 
 // ---- ways to read ------------------------------------------------------------------------------
 
-std::uint32_t ProgrammingPort::max_read_bytes(CommandSet set) const {
-  const bool long_frames = set == CommandSet::extended && settings_.model >= Model::fx3s;
-  return std::min(settings_.max_block_bytes, long_frames ? kFx3Bytes : kClassicBytes);
+namespace {
+
+std::uint32_t max_read_bytes(const Settings& settings, CommandSet set) {
+  const bool long_frames = set == CommandSet::extended && settings.model >= Model::fx3s;
+  return std::min(settings.max_block_bytes, long_frames ? kFx3Bytes : kClassicBytes);
 }
 
-std::vector<CommandSet> ProgrammingPort::sets() const {
+/// Returns the sets that this model and these settings allow, best first.
+std::vector<CommandSet> sets_of(const Settings& settings) {
   std::vector<CommandSet> allowed;
-  if (settings_.commands != Commands::extended) allowed.push_back(CommandSet::classic);
-  if (settings_.commands != Commands::classic &&
-      !map_of(settings_.model, CommandSet::extended).empty())
+  if (settings.commands != ProgrammingPort::Commands::extended)
+    allowed.push_back(CommandSet::classic);
+  if (settings.commands != ProgrammingPort::Commands::classic &&
+      !map_of(settings.model, CommandSet::extended).empty())
     allowed.push_back(CommandSet::extended);
   return allowed;
 }
 
-std::vector<ReadWay> ProgrammingPort::ways_of(Space space, CommandSet set) const {
+std::vector<ReadWay> ways_of(const Settings& settings, Space space, CommandSet set) {
   std::vector<ReadWay> ways;
-  const PortArea* area = area_of(map_of(settings_.model, set), space);
+  const PortArea* area = area_of(map_of(settings.model, set), space);
   if (area == nullptr || id(space) >= id(Space::tc)) return ways;
   const DeviceKind& kind = kind_of(space);
   const std::uint32_t unit = std::max<std::uint32_t>(kind.bits, 8);
-  for (const Numbers& run : numbers_of(settings_.model, space)) {
+  for (const Numbers& run : numbers_of(settings.model, space)) {
     const Span span = span_of(space, run);
     const std::uint32_t end = std::min(span.end_bit(), area->bits());
     if (span.first_bit >= end) continue;
@@ -271,16 +252,38 @@ std::vector<ReadWay> ProgrammingPort::ways_of(Space space, CommandSet set) const
     way.end_bit = (end + unit - 1) / unit * unit;
     way.align_bits = unit;
     way.unit_bits = unit;
-    way.max_bits = std::max(max_read_bytes(set) * 8 / unit * unit, unit);
+    way.max_bits = std::max(max_read_bytes(settings, set) * 8 / unit * unit, unit);
     ways.push_back(way);
   }
   return ways;
 }
 
+/// Returns the largest number of bits in one write.
+std::uint32_t most_bits(const Settings& settings, std::uint16_t space) {
+  if (space >= kSpaces) return 0;
+  const std::uint32_t unit = std::max<std::uint32_t>(kind_of(static_cast<Space>(space)).bits, 8);
+  return std::max(std::min(settings.max_block_bytes, kClassicBytes) * 8 / unit * unit, unit);
+}
+
+/// Returns the set that writes or forces `span`. Error: unsupported if no set reaches it.
+Result<CommandSet> set_for(const Settings& settings, const Span& span) {
+  for (const CommandSet set : sets_of(settings)) {
+    const PortArea* area = area_of(map_of(settings.model, set), static_cast<Space>(span.space));
+    if (area != nullptr && span.end_bit() <= area->bits()) return set;
+  }
+  return fail(ErrorCode::unsupported,
+              device_name(span) + " needs the extended command set" +
+                  (settings.model == Model::unknown ? ", and the model is not known"
+                                                    : ", which is not in use"));
+}
+
+}  // namespace
+
 std::vector<ReadWay> ProgrammingPort::read_ways(std::uint16_t space) const {
   std::vector<ReadWay> ways;
-  for (const CommandSet set : sets())
-    for (const ReadWay& way : ways_of(static_cast<Space>(space), set)) ways.push_back(way);
+  for (const CommandSet set : sets_of(settings_))
+    for (const ReadWay& way : ways_of(settings_, static_cast<Space>(space), set))
+      ways.push_back(way);
   return ways;
 }
 
@@ -295,40 +298,29 @@ std::vector<std::uint32_t> ProgrammingPort::borders(std::uint16_t space) const {
 }
 
 std::uint32_t ProgrammingPort::max_write_bits(std::uint16_t space) const {
-  if (space >= kSpaces) return 0;
-  const std::uint32_t unit = std::max<std::uint32_t>(kind_of(static_cast<Space>(space)).bits, 8);
-  return std::max(std::min(settings_.max_block_bytes, kClassicBytes) * 8 / unit * unit, unit);
+  return most_bits(settings_, space);
 }
 
 ByteOrder ProgrammingPort::default_order() const { return ByteOrder::cdab; }
 
-Result<CommandSet> ProgrammingPort::set_for(const Span& span) const {
-  for (const CommandSet set : sets()) {
-    const PortArea* area = area_of(map_of(settings_.model, set), static_cast<Space>(span.space));
-    if (area != nullptr && span.end_bit() <= area->bits()) return set;
-  }
-  return fail(ErrorCode::unsupported,
-              device_name(span) + " needs the extended command set" +
-                  (settings_.model == Model::unknown ? ", and the model is not known"
-                                                     : ", which is not in use"));
-}
-
 // ---- bytes --------------------------------------------------------------------------------------
 
-Result<Bytes> ProgrammingPort::encode_read(const Read& read) const {
-  const auto set = read.way == kClassicWay ? CommandSet::classic : CommandSet::extended;
+namespace {
+
+Result<Bytes> encode_read(const Settings& settings, const Read& read) {
+  const auto set =
+      read.way == ProgrammingPort::kClassicWay ? CommandSet::classic : CommandSet::extended;
   const auto space = static_cast<Space>(read.span.space);
   const Span& span = read.span;
-  for (const ReadWay& way : ways_of(space, set)) {
+  for (const ReadWay& way : ways_of(settings, space, set)) {
     if (span.first_bit < way.first_bit || span.end_bit() > way.end_bit) continue;
     if (span.first_bit % way.align_bits != 0 || span.bits % way.unit_bits != 0 || span.bits == 0 ||
         span.bits > way.max_bits)
-      return fail(ErrorCode::bad_request, "read of " + std::to_string(span.bits) + " bits from " +
-                                              device_name(span) + ": at most " +
-                                              std::to_string(way.max_bits) + ", in steps of " +
-                                              std::to_string(way.unit_bits));
+      return refuse("read of " + std::to_string(span.bits) + " bits from " + device_name(span) +
+                    ": at most " + std::to_string(way.max_bits) + ", in steps of " +
+                    std::to_string(way.unit_bits));
     const std::uint32_t address =
-        area_of(map_of(settings_.model, set), space)->address + span.first_bit / 8;
+        area_of(map_of(settings.model, set), space)->address + span.first_bit / 8;
     return framed(set == CommandSet::classic ? "0" : "E00", {{address, 4}, {span.bits / 8, 2}}, {});
   }
   return fail(ErrorCode::unsupported, device_name(span) + ": " + std::to_string(span.bits) +
@@ -337,35 +329,34 @@ Result<Bytes> ProgrammingPort::encode_read(const Read& read) const {
                                           " command set on this model");
 }
 
-Result<Bytes> ProgrammingPort::encode_write(const Write& write) const {
+Result<Bytes> encode_write(const Settings& settings, const Write& write) {
   const Span& span = write.span;
-  if (const auto allowed = fx::check_write(settings_.model, span); !allowed)
+  if (const auto allowed = fx::check_write(settings.model, span); !allowed)
     return tl::make_unexpected(allowed.error());
-  if (span.bits % 8 != 0 || span.bits > max_write_bits(span.space) ||
+  if (span.bits % 8 != 0 || span.bits > most_bits(settings, span.space) ||
       write.image.size() != span.bits / 8)
-    return fail(ErrorCode::bad_request, "write of " + std::to_string(span.bits) + " bits with " +
-                                            std::to_string(write.image.size()) + " bytes to " +
-                                            device_name(span) + ": whole bytes, at most " +
-                                            std::to_string(max_write_bits(span.space)) + " bits");
-  const auto set = set_for(span);
+    return refuse("write of " + std::to_string(span.bits) + " bits with " +
+                  std::to_string(write.image.size()) + " bytes to " + device_name(span) +
+                  ": whole bytes, at most " + std::to_string(most_bits(settings, span.space)) +
+                  " bits");
+  const auto set = set_for(settings, span);
   if (!set) return tl::make_unexpected(set.error());
-  const PortArea* area = area_of(map_of(settings_.model, *set), static_cast<Space>(span.space));
+  const PortArea* area = area_of(map_of(settings.model, *set), static_cast<Space>(span.space));
   return framed(*set == CommandSet::classic ? "1" : "E10",
                 {{area->address + span.first_bit / 8, 4}, {span.bits / 8, 2}}, write.image);
 }
 
-Result<Bytes> ProgrammingPort::encode_force(const Force& force) const {
+Result<Bytes> encode_force(const Settings& settings, const Force& force) {
   const Span span{force.space, force.bit, 1};
   // RUN and STOP are forces of M8037. check_write() protects it from all other requests.
   if (!switches_run(force)) {
-    if (const auto allowed = fx::check_write(settings_.model, span); !allowed)
+    if (const auto allowed = fx::check_write(settings.model, span); !allowed)
       return tl::make_unexpected(allowed.error());
   }
-  const auto set = set_for(span);
+  const auto set = set_for(settings, span);
   if (!set) return tl::make_unexpected(set.error());
-  const PortArea* area = area_of(map_of(settings_.model, *set), static_cast<Space>(force.space));
-  if (!area->force)
-    return fail(ErrorCode::bad_request, device_name(span) + " is a word: only bits are forced");
+  const PortArea* area = area_of(map_of(settings.model, *set), static_cast<Space>(force.space));
+  if (!area->force) return refuse(device_name(span) + " is a word: only bits are forced");
   const std::uint32_t address = (*area->force + force.bit) & 0xFFFF;
   // Low byte first, unlike the address in a read.
   const bool classic = *set == CommandSet::classic;
@@ -373,11 +364,13 @@ Result<Bytes> ProgrammingPort::encode_force(const Force& force) const {
   return framed(command, {{address & 0xFF, 2}, {address >> 8, 2}}, {});
 }
 
+}  // namespace
+
 Result<Bytes> ProgrammingPort::encode(const Request& request, std::uint16_t /*tag*/) const {
   if (std::holds_alternative<Enquire>(request)) return Bytes{kEnq};
-  if (const auto* read = std::get_if<Read>(&request)) return encode_read(*read);
-  if (const auto* write = std::get_if<Write>(&request)) return encode_write(*write);
-  if (const auto* force = std::get_if<Force>(&request)) return encode_force(*force);
+  if (const auto* read = std::get_if<Read>(&request)) return encode_read(settings_, *read);
+  if (const auto* write = std::get_if<Write>(&request)) return encode_write(settings_, *write);
+  if (const auto* force = std::get_if<Force>(&request)) return encode_force(settings_, *force);
   return fail(ErrorCode::unsupported,
               "the programming port has no such command; RUN and STOP are forces of M8037");
 }
@@ -402,7 +395,7 @@ bool ProgrammingPort::may_pass_for_answer(ByteView bytes) const {
 LineLength ProgrammingPort::line_length(const Request& request) const {
   // A classic command has one character, an extended one has three (E00, E10) or two (E7, E8).
   const auto is_extended = [this](const Span& span) {
-    return set_for(span).value_or(CommandSet::classic) == CommandSet::extended;
+    return set_for(settings_, span).value_or(CommandSet::classic) == CommandSet::extended;
   };
   if (const auto* read = std::get_if<Read>(&request))
     return {kEnvelope + 6 + (read->way == kExtendedWay ? 3U : 1U),
@@ -472,7 +465,7 @@ std::shared_ptr<const Codec> ProgrammingPort::with_model(std::string_view model)
 
 Request ProgrammingPort::run_state() const {
   // Until the model is known, only the classic address is known. Every FX has it.
-  const auto allowed = sets();
+  const auto allowed = sets_of(settings_);
   const CommandSet set = allowed.empty() ? CommandSet::classic : allowed.front();
   return Read{span_of(Space::special_m, {8000, 8007}), way_of(set)};
 }

@@ -77,22 +77,8 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   std::string run_hint() const override;
 
  private:
-  std::uint32_t max_read_bytes(CommandSet set) const;
-  std::vector<ReadWay> ways_of(Space space, CommandSet set) const;
-  /// Returns the sets that this model and these settings allow, best first.
-  std::vector<CommandSet> sets() const;
-  /// Returns the set that writes or forces `span`. Error: unsupported if no set reaches it.
-  Result<CommandSet> set_for(const Span& span) const;
-
-  Result<Bytes> encode_read(const Read& read) const;
-  Result<Bytes> encode_write(const Write& write) const;
-  Result<Bytes> encode_force(const Force& force) const;
-
   Settings settings_;
 };
-
-/// Returns the sum of a frame: the low 8 bits of all bytes after STX, including ETX.
-std::uint8_t port_sum(ByteView after_stx);
 
 /// Explains one frame for `fxagent decode`. Names an extended address for `model` (FX3U if it is
 /// unknown). Accepts any bytes; the explanation's `error` states what is wrong with them.

@@ -214,7 +214,7 @@ Explanation explain_port_frame(Model model, ByteView frame, std::optional<Direct
                                            : explain_answer(payload);
   const ByteView given = frame.last(2);
   return judge_sum(out, is_hex(given) ? as_text(given) : to_hex(given),
-                   port_sum(frame.subspan(1, length)));
+                   byte_sum(frame.subspan(1, length)));
 }
 
 }  // namespace fxagent::fx

@@ -6,8 +6,8 @@
 #include <string>
 #include <utility>
 
-#include "protocol/bytes.h"
 #include "protocol/mc/dialect.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::mc {
 

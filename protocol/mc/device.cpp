@@ -131,6 +131,60 @@ constexpr std::array<Counts, kSpaces> kCounts = {{
     {0, 0, 12, 0, 12},                      // LZ
 }};
 
+/// Series of each model and its column of the counts, in the order of Model.
+struct ModelFacts {
+  Series series;
+  std::uint32_t Counts::*count;
+};
+constexpr std::array<ModelFacts, 12> kFacts = {{
+    {Series::unknown, nullptr},     // unknown: the largest count of all
+    {Series::fx3, &Counts::fx3u},   // unknown_fx3
+    {Series::fx3, &Counts::fx3u},   // fx3u
+    {Series::fx3, &Counts::fx3g},   // fx3g
+    {Series::iq_f, &Counts::iq_f},  // fx5u
+    {Series::iq_f, &Counts::iq_f},  // fx5uj
+    {Series::iq_f, &Counts::iq_f},  // fx5s
+    {Series::q_l, &Counts::q_l},    // q
+    {Series::q_l, &Counts::q_l},    // l
+    {Series::iq_r, &Counts::iq_r},  // iq_r
+    {Series::q_l, &Counts::q_l},    // q_by_1e
+    {Series::q_l, &Counts::q_l},    // l_by_1e
+}};
+const ModelFacts& facts_of(Model model) { return kFacts[static_cast<std::size_t>(model)]; }
+
+/// Counts by 1E frames that differ from those of a Q or L: Q03UD(E) user's manual, 5.1.2. Leaves
+/// out D9000 and M9000 up, which 1E maps to SD1000 and SM1000 up.
+struct CountBy1E {
+  Space space;
+  std::uint32_t count;
+};
+constexpr std::array<CountBy1E, 14> kCountsBy1E = {{{Space::x, 0x800},
+                                                    {Space::y, 0x800},
+                                                    {Space::m, 8192},
+                                                    {Space::r, 8192},
+                                                    {Space::f, 2048},
+                                                    {Space::ts, 2048},
+                                                    {Space::tc, 2048},
+                                                    {Space::tn, 2048},
+                                                    {Space::cs, 1024},
+                                                    {Space::cc, 1024},
+                                                    {Space::cn, 1024},
+                                                    {Space::b, 0x1000},
+                                                    {Space::w, 0x1000},
+                                                    {Space::d, 6144}}};
+
+bool is_by_1e(Model model) { return model == Model::q_by_1e || model == Model::l_by_1e; }
+
+std::uint32_t count_of(Model model, Space space) {
+  const Counts& counts = kCounts[id(space)];
+  if (model == Model::unknown)
+    return kind_of(space).first_number != 0 ? 0 : std::max({counts.iq_f, counts.q_l, counts.iq_r});
+  if (is_by_1e(model))
+    for (const CountBy1E& each : kCountsBy1E)
+      if (each.space == space) return each.count;
+  return counts.*facts_of(model).count;
+}
+
 // Devices that start and stop an FX, switch off its outputs or open its program memory.
 struct NeverWritten {
   Space space = Space::sm;
@@ -155,7 +209,7 @@ std::string model_text(Model model) {
   if (model == Model::unknown_fx3) return "the widest model (FX3U)";
   if (model == Model::unknown) return "the widest model";
   const std::string name(to_string(model));
-  return model == Model::q_by_1e || model == Model::l_by_1e ? name + " by 1E frames" : name;
+  return is_by_1e(model) ? name + " by 1E frames" : name;
 }
 
 /// Returns the ranges of all devices with these letters: "M0-M7679 and M8000-M8511".
@@ -181,15 +235,16 @@ tl::unexpected<Error> missing(Model model, const std::string& name, std::string_
 
 /// Names without the letter that distinguishes contact, coil and value.
 constexpr std::array<std::string_view, 6> kBare = {"T", "C", "ST", "LC", "LT", "LST"};
-constexpr std::size_t kWithContact = 4;  // the first ones, whose contact can be read
+/// Those whose contact can be read.
+constexpr std::array<std::string_view, 4> kWithContact = {"T", "C", "ST", "LC"};
+/// Words whose bits have names.
+constexpr std::array<std::string_view, 7> kWithBits = {"D", "W", "R", "ZR", "SD", "SW", "RD"};
+/// Bit devices of groups.
+constexpr std::array<std::string_view, 10> kGroupable = {"X", "Y", "M", "L",  "F",
+                                                         "V", "B", "S", "SM", "SB"};
 
-bool is_bare(std::string_view letters) {
-  return std::find(kBare.begin(), kBare.end(), letters) != kBare.end();
-}
-
-bool has_contact(std::string_view letters) {
-  const auto end = kBare.begin() + kWithContact;
-  return std::find(kBare.begin(), end, letters) != end;
+bool is_among(std::span<const std::string_view> list, std::string_view letters) {
+  return std::ranges::find(list, letters) != list.end();
 }
 
 Numbering numbering_of(std::string_view letters) {
@@ -227,11 +282,6 @@ std::size_t letters_in(std::string_view rest) {
   return longest;
 }
 
-bool has_word_bits(std::string_view letters) {
-  constexpr std::array<std::string_view, 7> kWords = {"D", "W", "R", "ZR", "SD", "SW", "RD"};
-  return std::find(kWords.begin(), kWords.end(), letters) != kWords.end();
-}
-
 Result<Parts> take_apart(std::string_view text) {
   Parts parts;
   parts.name = text;
@@ -248,7 +298,7 @@ Result<Parts> take_apart(std::string_view text) {
     const std::string_view bit = rest.substr(dot + 1);
     const int value = bit.size() == 1 ? hex_digit(static_cast<std::uint8_t>(bit[0])) : -1;
     rest = rest.substr(0, dot);
-    if (value < 0 || parts.group != 0 || !has_word_bits(rest.substr(0, letters_in(rest))))
+    if (value < 0 || parts.group != 0 || !is_among(kWithBits, rest.substr(0, letters_in(rest))))
       return refuse("'" + parts.name + "': a bit of a word is D100.0 to D100.F");
     parts.word_bit = static_cast<std::uint32_t>(value);
   }
@@ -311,25 +361,6 @@ Space space_of(Model model, std::string_view letters, std::uint32_t number) {
   return *found;
 }
 
-bool is_groupable(Space space) {
-  switch (space) {
-    case Space::x:
-    case Space::y:
-    case Space::m:
-    case Space::special_m:
-    case Space::l:
-    case Space::f:
-    case Space::v:
-    case Space::b:
-    case Space::s:
-    case Space::sm:
-    case Space::sb:
-      return true;
-    default:
-      return false;
-  }
-}
-
 Unit unit_of(Space space) {
   switch (space) {
     case Space::cn32:
@@ -354,62 +385,6 @@ Result<void> check_forbidden(const Span& span) {
   return {};
 }
 
-/// Q03UD(E) user's manual, 5.1.2. Leaves out D9000 and M9000 up, which 1E maps to SD1000 and SM1000
-/// up. L and all kinds without a 1E code have the count of 3E.
-std::uint32_t count_by_1e(Space space) {
-  switch (space) {
-    case Space::x:
-    case Space::y:
-      return 0x800;
-    case Space::m:
-    case Space::r:
-      return 8192;
-    case Space::f:
-    case Space::ts:
-    case Space::tc:
-    case Space::tn:
-      return 2048;
-    case Space::cs:
-    case Space::cc:
-    case Space::cn:
-      return 1024;
-    case Space::b:
-    case Space::w:
-      return 0x1000;
-    case Space::d:
-      return 6144;
-    default:
-      return kCounts[id(space)].q_l;
-  }
-}
-
-std::uint32_t count_of(Model model, Space space) {
-  const Counts& counts = kCounts[id(space)];
-  switch (model) {
-    case Model::unknown:
-      return kind_of(space).first_number != 0 ? 0
-                                              : std::max({counts.iq_f, counts.q_l, counts.iq_r});
-    case Model::unknown_fx3:
-    case Model::fx3u:
-      return counts.fx3u;
-    case Model::fx3g:
-      return counts.fx3g;
-    case Model::fx5u:
-    case Model::fx5uj:
-    case Model::fx5s:
-      return counts.iq_f;
-    case Model::q:
-    case Model::l:
-      return counts.q_l;
-    case Model::q_by_1e:
-    case Model::l_by_1e:
-      return count_by_1e(space);
-    case Model::iq_r:
-      break;
-  }
-  return counts.iq_r;
-}
-
 /// Check before a number is converted to bits: the bits of a number that no model has may not fit
 /// into 32 bits.
 Result<void> check_number(Model model, Space space, std::uint32_t number) {
@@ -427,28 +402,7 @@ std::optional<Space> first_space(Is is) {
 
 }  // namespace
 
-Series series_of(Model model) {
-  switch (model) {
-    case Model::unknown:
-      break;
-    case Model::unknown_fx3:
-    case Model::fx3u:
-    case Model::fx3g:
-      return Series::fx3;
-    case Model::fx5u:
-    case Model::fx5uj:
-    case Model::fx5s:
-      return Series::iq_f;
-    case Model::q:
-    case Model::l:
-    case Model::q_by_1e:
-    case Model::l_by_1e:
-      return Series::q_l;
-    case Model::iq_r:
-      return Series::iq_r;
-  }
-  return Series::unknown;
-}
+Series series_of(Model model) { return facts_of(model).series; }
 
 std::span<const std::string_view> model_names() { return kNames; }
 std::span<const std::string_view> kin_names() { return kKinNames; }
@@ -529,9 +483,9 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
   Parts& parts = *taken;
   const auto number = number_in(model, parts);
   if (!number) return tl::make_unexpected(number.error());
-  if (is_bare(parts.letters)) {
+  if (is_among(kBare, parts.letters)) {
     const bool contact = type == DataType::boolean;
-    if (contact && !has_contact(parts.letters))
+    if (contact && !is_among(kWithContact, parts.letters))
       return refuse(parts.name + ": the contact of a long timer cannot be read by this protocol");
     parts.letters += contact ? 'S' : 'N';
   }
@@ -544,7 +498,7 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
   address.unit = unit_of(space);
   Numbers numbers{*number, *number};
   if (parts.group != 0) {
-    if (!is_groupable(space))
+    if (!is_among(kGroupable, parts.letters))
       return refuse(parts.name + ": a group is made of X, Y, M, L, F, V, B, S, SM or SB");
     numbers.last += static_cast<std::uint32_t>(parts.group) * 4 - 1;
     address.unit = Unit::bit_group;
@@ -564,7 +518,7 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
 
 bool needs_type(std::string_view text) {
   const auto parts = take_apart(text);
-  return parts && parts->group == 0 && has_contact(parts->letters);
+  return parts && parts->group == 0 && is_among(kWithContact, parts->letters);
 }
 
 Result<Span> parse_range(Model model, std::string_view text) {
@@ -578,11 +532,11 @@ Result<Span> parse_range(Model model, std::string_view text) {
     if (parts->group != 0 || parts->word_bit)
       return refuse(std::string(text) +
                     ": a range goes from one plain device to another, as M100-M199");
-    if (is_bare(parts->letters))
-      return refuse(std::string(text) + " is ambiguous: write " + parts->letters +
-                    "N for the values" +
-                    (has_contact(parts->letters) ? ", " + parts->letters + "S for the contacts"
-                                                 : std::string()));
+    if (is_among(kBare, parts->letters))
+      return refuse(
+          std::string(text) + " is ambiguous: write " + parts->letters + "N for the values" +
+          (is_among(kWithContact, parts->letters) ? ", " + parts->letters + "S for the contacts"
+                                                  : std::string()));
     const auto number = number_in(model, *parts);
     if (!number) return tl::make_unexpected(number.error());
     const Space found = space_of(model, parts->letters, *number);

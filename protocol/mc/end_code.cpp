@@ -5,7 +5,7 @@
 #include <optional>
 #include <string_view>
 
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::mc {
 namespace {

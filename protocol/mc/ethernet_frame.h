@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <string>
 
-#include "protocol/bytes.h"
 #include "protocol/mc/dialect.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::mc {
 

@@ -119,7 +119,7 @@ class SerialExplainer final {
   /// Judges the two characters at `at`, the sum of `summed`.
   void judge(std::size_t at, ByteView summed) {
     field(out_, "sum", text(at, 2));
-    judge_sum(out_, text(at, 2), serial_sum(summed));
+    judge_sum(out_, text(at, 2), byte_sum(summed));
   }
 
   /// Shows frame id and route, which begin at the start of `head`. False if they are invalid.
@@ -214,7 +214,7 @@ class SerialExplainer final {
     };
     const bool may_have_sum = end >= begin + 2;
     const bool has_sum =
-        may_have_sum && text(end - 2, 2) == hex_text(serial_sum(bytes_.subspan(1, end - 3)), 2);
+        may_have_sum && text(end - 2, 2) == hex_text(byte_sum(bytes_.subspan(1, end - 3)), 2);
     Explanation whole = explained(end);
     if (!has_sum && (whole.ok || !may_have_sum || !explained(end - 2).ok)) {
       out_ = std::move(whole);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "protocol/device_walk.h"
 #include "protocol/mc/body.h"
 #include "protocol/mc/end_code.h"
 #include "protocol/mc/message.h"
@@ -25,10 +26,10 @@ std::optional<std::uint32_t> digits_in(ByteView text, std::uint32_t base) {
 }
 
 /// Walks a request.
-class MessageWalk final : public FrameWalk {
+class MessageWalk final : public DeviceWalk {
  public:
   MessageWalk(Explanation& out, Model model, Code code, ByteView message)
-      : FrameWalk(out, form_of(code), message), model_(model), code_(code) {}
+      : DeviceWalk(out, form_of(code), message), model_(model), code_(code) {}
 
   void explain();
 

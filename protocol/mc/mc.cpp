@@ -86,42 +86,28 @@ Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& option
                     (known ? "; an FX3 speaks mc-1e" : ""));
     settings.model = *known;
   }
-  const auto number = [&](std::string_view key, std::int64_t fallback, std::int64_t least,
-                          std::int64_t most) {
-    const auto* value = option<std::int64_t>(options, key);
-    return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
-  };
   Route& route = settings.route;
-  route.network = static_cast<std::uint8_t>(number("network", route.network, 0, 0xFF));
-  route.pc = static_cast<std::uint8_t>(number("pc", route.pc, 0, 0xFF));
-  route.module_io = static_cast<std::uint16_t>(number("module_io", route.module_io, 0, 0xFFFF));
-  route.module_station =
-      static_cast<std::uint8_t>(number("module_station", route.module_station, 0, 0xFF));
-  settings.station = static_cast<std::uint8_t>(number("station", settings.station, 0, 31));
-  settings.format = number("format", settings.format, 1, frame == Frame::c4 ? 5 : 4);
-  settings.max_block_bytes =
-      number("max_block_bytes", settings.max_block_bytes, 2, settings.max_block_bytes);
+  route.network =
+      static_cast<std::uint8_t>(number_option(options, "network", route.network, 0, 0xFF));
+  route.pc = static_cast<std::uint8_t>(number_option(options, "pc", route.pc, 0, 0xFF));
+  route.module_io =
+      static_cast<std::uint16_t>(number_option(options, "module_io", route.module_io, 0, 0xFFFF));
+  route.module_station = static_cast<std::uint8_t>(
+      number_option(options, "module_station", route.module_station, 0, 0xFF));
+  settings.station =
+      static_cast<std::uint8_t>(number_option(options, "station", settings.station, 0, 31));
+  settings.format =
+      number_option(options, "format", settings.format, 1, frame == Frame::c4 ? 5 : 4);
+  settings.max_block_bytes = number_option(options, "max_block_bytes", settings.max_block_bytes, 2,
+                                           settings.max_block_bytes);
   const std::uint32_t timer =
-      number("monitoring_timer_ms", settings.timer * kTimerStep, kTimerStep, 60000);
+      number_option(options, "monitoring_timer_ms", settings.timer * kTimerStep, kTimerStep, 60000);
   if (timer % kTimerStep != 0) return refuse("monitoring_timer_ms goes in steps of 250");
   settings.timer = timer / kTimerStep;
   if (const auto* flag = option<bool>(options, "sum_check")) settings.sum_check = *flag;
   if (const auto* word = option<std::string>(options, "code"))
     settings.code = *word == "ascii" ? Code::ascii : Code::binary;
   return std::make_shared<const Mc>(settings);
-}
-
-Result<std::shared_ptr<const Codec>> Mc::make_3e(const Options& options) {
-  return make(Frame::e3, options);
-}
-Result<std::shared_ptr<const Codec>> Mc::make_4e(const Options& options) {
-  return make(Frame::e4, options);
-}
-Result<std::shared_ptr<const Codec>> Mc::make_3c(const Options& options) {
-  return make(Frame::c3, options);
-}
-Result<std::shared_ptr<const Codec>> Mc::make_4c(const Options& options) {
-  return make(Frame::c4, options);
 }
 
 // ---- addresses and ranges ----------------------------------------------------------------------
@@ -176,59 +162,10 @@ Result<Bytes> Mc::encode(const Request& request, std::uint16_t tag) const {
   return ethernet_request(ethernet_, tag, *message);
 }
 
-Result<std::optional<Reply>> Mc::decode(const Request& request, std::uint16_t tag,
-                                        ByteView rx) const {
-  if (is_serial(settings_.frame)) return decode_serial(request, tag, rx);
-  return decode_ethernet(request, tag, rx);
-}
+namespace {
 
-Result<std::optional<Reply>> Mc::decode_ethernet(const Request& request, std::uint16_t tag,
-                                                 ByteView rx) const {
-  for (std::size_t at = 0; at < rx.size();) {
-    const EthernetFrame frame = ethernet_frame(ethernet_.numbered, ethernet_.code, rx, at);
-    if (frame.state == EthernetFrame::State::incomplete) break;
-    if (frame.state == EthernetFrame::State::wrong) return garbled(frame.error);
-    const std::size_t began = at;
-    at = frame.end;
-    // An echo of the request, or a late answer.
-    if (frame.is_request || (ethernet_.numbered && frame.serial != tag)) continue;
-    if (frame.route != settings_.route)
-      return garbled("an answer for " + to_string(frame.route) + ", where " +
-                     to_string(settings_.route) + " was asked");
-    auto reply = reply_in(request, frame.content);
-    if (!reply) return tl::make_unexpected(reply.error());
-    reply->began = began;
-    reply->consumed = frame.end;
-    return std::optional<Reply>(std::move(*reply));
-  }
-  return std::optional<Reply>{};
-}
-
-Result<Reply> Mc::reply_in(const Request& request, ByteView content) const {
-  const Code code = ethernet_.code;
-  const std::size_t head = wire_size(code, kEndCode);
-  const auto end_code = number_at(code, content, 0, kEndCode);
-  if (!end_code)
-    return garbled("end code " + to_hex(content.first(head)) + " is not four hex digits");
-  const ByteView rest = content.subspan(head);
-  if (*end_code == 0) return data_reply(request, rest);
-  // The refusing station may differ from the addressed one. The refused command must not differ.
-  if (rest.size() >= wire_size(code, kErrorInformation)) {
-    const std::size_t at = wire_size(code, kErrorRoute);
-    const auto refused = number_at(code, rest, at, kCommand);
-    const auto message = encode_message(dialect_, request);
-    if (!message) return tl::make_unexpected(message.error());
-    const auto asked = number_at(code, *message, 0, kCommand);
-    if (refused != asked)
-      return garbled(
-          end_code_text(static_cast<std::uint16_t>(*end_code), dialect_.series()) +
-          ", for another command: " + to_hex(rest.subspan(at, wire_size(code, kCommand))));
-  }
-  return refusal(static_cast<std::uint16_t>(*end_code), dialect_.series());
-}
-
-Result<Reply> Mc::data_reply(const Request& request, ByteView data) const {
-  const std::size_t expected = answer_size(dialect_, request);
+Result<Reply> data_reply(const Dialect& dialect, const Request& request, ByteView data) {
+  const std::size_t expected = answer_size(dialect, request);
   if (is_identify(request) && data.size() != expected) {
     // Another vendor's device: use the name if there is one, otherwise report no model. The image
     // is never used as a value.
@@ -242,17 +179,64 @@ Result<Reply> Mc::data_reply(const Request& request, ByteView data) const {
                    std::to_string(expected) + " expected");
   Reply reply;
   if (!brings_data(request)) return reply;
-  auto image = decode_answer(dialect_, request, data);
+  auto image = decode_answer(dialect, request, data);
   if (!image) return tl::make_unexpected(image.error());
   reply.kind = Reply::Kind::data;
   reply.image = std::move(*image);
   return reply;
 }
 
-Result<std::optional<Reply>> Mc::decode_serial(const Request& request, std::uint16_t tag,
-                                               ByteView rx) const {
-  const std::size_t size = answer_size(dialect_, request);
-  const SerialAnswer answer = serial_answer(serial_, static_cast<std::uint8_t>(tag), size, rx);
+/// Decodes the part after the length of an Ethernet frame that answers this request.
+Result<Reply> reply_in(const Dialect& dialect, const Request& request, ByteView content) {
+  const Code code = dialect.code;
+  const std::size_t head = wire_size(code, kEndCode);
+  const auto end_code = number_at(code, content, 0, kEndCode);
+  if (!end_code)
+    return garbled("end code " + to_hex(content.first(head)) + " is not four hex digits");
+  const ByteView rest = content.subspan(head);
+  if (*end_code == 0) return data_reply(dialect, request, rest);
+  // The refusing station may differ from the addressed one. The refused command must not differ.
+  if (rest.size() >= wire_size(code, kErrorInformation)) {
+    const std::size_t at = wire_size(code, kErrorRoute);
+    const auto refused = number_at(code, rest, at, kCommand);
+    const auto message = encode_message(dialect, request);
+    if (!message) return tl::make_unexpected(message.error());
+    const auto asked = number_at(code, *message, 0, kCommand);
+    if (refused != asked)
+      return garbled(
+          end_code_text(static_cast<std::uint16_t>(*end_code), dialect.series()) +
+          ", for another command: " + to_hex(rest.subspan(at, wire_size(code, kCommand))));
+  }
+  return refusal(static_cast<std::uint16_t>(*end_code), dialect.series());
+}
+
+Result<std::optional<Reply>> decode_ethernet(const EthernetSettings& settings,
+                                             const Dialect& dialect, const Request& request,
+                                             std::uint16_t tag, ByteView rx) {
+  for (std::size_t at = 0; at < rx.size();) {
+    const EthernetFrame frame = ethernet_frame(settings.numbered, settings.code, rx, at);
+    if (frame.state == EthernetFrame::State::incomplete) break;
+    if (frame.state == EthernetFrame::State::wrong) return garbled(frame.error);
+    const std::size_t began = at;
+    at = frame.end;
+    // An echo of the request, or a late answer.
+    if (frame.is_request || (settings.numbered && frame.serial != tag)) continue;
+    if (frame.route != settings.route)
+      return garbled("an answer for " + to_string(frame.route) + ", where " +
+                     to_string(settings.route) + " was asked");
+    auto reply = reply_in(dialect, request, frame.content);
+    if (!reply) return tl::make_unexpected(reply.error());
+    reply->began = began;
+    reply->consumed = frame.end;
+    return std::optional<Reply>(std::move(*reply));
+  }
+  return std::optional<Reply>{};
+}
+
+Result<std::optional<Reply>> decode_serial(const SerialSettings& settings, const Dialect& dialect,
+                                           const Request& request, std::uint16_t tag, ByteView rx) {
+  const std::size_t size = answer_size(dialect, request);
+  const SerialAnswer answer = serial_answer(settings, static_cast<std::uint8_t>(tag), size, rx);
   Result<Reply> reply;
   switch (answer.state) {
     case SerialAnswer::State::incomplete:
@@ -262,17 +246,25 @@ Result<std::optional<Reply>> Mc::decode_serial(const Request& request, std::uint
     case SerialAnswer::State::wrong:
       return garbled(answer.error);
     case SerialAnswer::State::refused:
-      reply = refusal(answer.end_code, dialect_.series());
+      reply = refusal(answer.end_code, dialect.series());
       break;
     case SerialAnswer::State::data:
     case SerialAnswer::State::done:
-      reply = data_reply(request, answer.data);
+      reply = data_reply(dialect, request, answer.data);
       break;
   }
   if (!reply) return tl::make_unexpected(reply.error());
   reply->began = answer.began;
   reply->consumed = answer.end;
   return std::optional<Reply>(std::move(*reply));
+}
+
+}  // namespace
+
+Result<std::optional<Reply>> Mc::decode(const Request& request, std::uint16_t tag,
+                                        ByteView rx) const {
+  if (is_serial(settings_.frame)) return decode_serial(serial_, dialect_, request, tag, rx);
+  return decode_ethernet(ethernet_, dialect_, request, tag, rx);
 }
 
 bool Mc::expects_reply(const Request& /*request*/) const { return true; }

@@ -36,12 +36,9 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   };
 
   explicit Mc(const Settings& settings);
-  /// Create a codec from the config's options. Error: bad_request if `monitoring_timer_ms` is not a
-  /// multiple of 250.
-  static Result<std::shared_ptr<const Codec>> make_3e(const Options& options);
-  static Result<std::shared_ptr<const Codec>> make_4e(const Options& options);
-  static Result<std::shared_ptr<const Codec>> make_3c(const Options& options);
-  static Result<std::shared_ptr<const Codec>> make_4c(const Options& options);
+  /// Creates a codec from the config's options. Error: bad_request if `monitoring_timer_ms` is not
+  /// a multiple of 250, or if the model has no such frame.
+  static Result<std::shared_ptr<const Codec>> make(Frame frame, const Options& options);
 
   // AddressSpace
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
@@ -90,15 +87,6 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   std::string run_hint() const override;
 
  private:
-  static Result<std::shared_ptr<const Codec>> make(Frame frame, const Options& options);
-  Result<std::optional<Reply>> decode_ethernet(const Request& request, std::uint16_t tag,
-                                               ByteView rx) const;
-  Result<std::optional<Reply>> decode_serial(const Request& request, std::uint16_t tag,
-                                             ByteView rx) const;
-  /// Decodes the part after the length of a frame that answers this request.
-  Result<Reply> reply_in(const Request& request, ByteView content) const;
-  Result<Reply> data_reply(const Request& request, ByteView data) const;
-
   Settings settings_;
   Dialect dialect_;
   EthernetSettings ethernet_;

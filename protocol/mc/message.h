@@ -1,6 +1,7 @@
 // Requests and answers of 3E, 4E, 3C and 4C without their frame: command, subcommand and data, in
 // binary or ASCII code.
-// Source: SH-080008, chapters 8 to 11; protocol/README.md has the layout.
+// Source: SH-080008, chapters 8 to 11 (scattered places: 8.3 and 8.4); protocol/README.md has the
+// layout.
 #pragma once
 
 #include <cstdint>

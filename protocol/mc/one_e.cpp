@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <array>
 
-#include "protocol/mc/one_e_codes.h"
 #include "protocol/mc/one_e_frame.h"
 #include "protocol/scatter.h"
 
 namespace fxagent::mc {
 
-using one_e::chars;
 using one_e::code;
 
 namespace {
+
+using Settings = OneE::Settings;
 
 // Points of one frame, JY997D45801 7.4. It is unknown if an E71 accepts more.
 constexpr std::uint32_t kReadBits = 256;
@@ -103,14 +103,10 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
   }
   if (const auto* word = option<std::string>(options, "code"))
     settings.code = *word == "ascii" ? Code::ascii : Code::binary;
-  const auto number = [&](std::string_view key, std::int64_t fallback, std::int64_t least,
-                          std::int64_t most) {
-    const auto* value = option<std::int64_t>(options, key);
-    return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
-  };
-  settings.pc = static_cast<std::uint8_t>(number("pc", settings.pc, 0, 255));
-  const std::uint32_t timer = number("monitoring_timer_ms", settings.monitoring_timer * 250,
-                                     kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
+  settings.pc = static_cast<std::uint8_t>(number_option(options, "pc", settings.pc, 0, 255));
+  const std::uint32_t timer =
+      number_option(options, "monitoring_timer_ms", settings.monitoring_timer * 250,
+                    kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
   if (timer % kMonitoringUnitMs != 0) return refuse("monitoring_timer_ms goes in steps of 250");
   settings.monitoring_timer = static_cast<std::uint16_t>(timer / kMonitoringUnitMs);
   return std::make_shared<const OneE>(settings);
@@ -118,31 +114,47 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
 
 // ---- addresses and ranges ----------------------------------------------------------------------
 
-Result<void> OneE::check_reach(const Span& span) const {
+namespace {
+
+/// Errors: bad_request if 1E frames reach nothing of the space; unsupported if that depends on the
+/// model and the model is unknown.
+Result<void> check_reach(Model model, const Span& span) {
   if (span.space >= kSpaces) return refuse("space " + std::to_string(span.space) + " is no device");
   const auto space = static_cast<Space>(span.space);
   const DeviceKind& kind = kind_of(space);
   // JY997D18101 9.3.2: an FX3 has no code for coils. Only an FX3 is known to have S.
   const bool coil = space == Space::tc || space == Space::cc;
-  if (kind.one_e == 0 || (coil && is_fx3(settings_.model)) ||
-      (space == Space::s && !is_fx3(settings_.model)))
-    return refuse(name_of(span) + ": 1E frames do not reach " + std::string(kind.letters) +
-                  (is_fx3(settings_.model) ? " of an FX3" : " of this model"));
-  if (settings_.model == Model::unknown_fx3 && is_fx3_only(space))
+  if (kind.one_e == 0 || (coil && is_fx3(model)) || (space == Space::s && !is_fx3(model)))
+    return refuse(device_name(model, span) + ": 1E frames do not reach " +
+                  std::string(kind.letters) + (is_fx3(model) ? " of an FX3" : " of this model"));
+  if (model == Model::unknown_fx3 && is_fx3_only(space))
     return fail(ErrorCode::unsupported,
-                name_of(span) +
+                device_name(model, span) +
                     " is reached once the model is known: another series has other "
                     "devices there");
   return {};
 }
 
+Result<void> check_reached_write(Model model, const Span& span) {
+  if (auto allowed = check_write(model, span); !allowed) return allowed;
+  return check_reach(model, span);
+}
+
+/// Returns `parsed`, or an error if 1E frames never reach it, whatever the model turns out to be.
+template <class T>
+Result<T> reachable(Model model, Result<T> parsed, const Span& span) {
+  const auto reached = check_reach(model, span);
+  if (!reached && reached.error().code == ErrorCode::bad_request)
+    return tl::make_unexpected(reached.error());
+  return parsed;
+}
+
+}  // namespace
+
 Result<Address> OneE::parse_address(std::string_view text, std::optional<DataType> type) const {
   auto address = mc::parse_address(settings_.model, text, type);
   if (!address) return address;
-  const auto reached = check_reach(address->span);
-  if (!reached && reached.error().code == ErrorCode::bad_request)
-    return tl::make_unexpected(reached.error());
-  return address;
+  return reachable(settings_.model, address, address->span);
 }
 
 bool OneE::needs_type(std::string_view text) const { return mc::needs_type(text); }
@@ -150,10 +162,7 @@ bool OneE::needs_type(std::string_view text) const { return mc::needs_type(text)
 Result<Span> OneE::parse_range(std::string_view text) const {
   auto span = mc::parse_range(settings_.model, text);
   if (!span) return span;
-  const auto reached = check_reach(*span);
-  if (!reached && reached.error().code == ErrorCode::bad_request)
-    return tl::make_unexpected(reached.error());
-  return span;
+  return reachable(settings_.model, span, *span);
 }
 
 Result<void> OneE::check_range(const Span& span) const {
@@ -161,21 +170,22 @@ Result<void> OneE::check_range(const Span& span) const {
 }
 
 Result<void> OneE::check_write(const Span& span) const {
-  if (auto allowed = mc::check_write(settings_.model, span); !allowed) return allowed;
-  return check_reach(span);
+  return check_reached_write(settings_.model, span);
 }
 
 std::string OneE::name_of(const Span& span) const { return device_name(settings_.model, span); }
 
 // ---- ways to read ------------------------------------------------------------------------------
 
-std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
+namespace {
+
+std::vector<ReadWay> ways_of(Model model, std::uint16_t space_id) {
   std::vector<ReadWay> ways;
-  if (!check_reach({space_id, 0, 1})) return ways;
+  if (!check_reach(model, {space_id, 0, 1})) return ways;
   const auto space = static_cast<Space>(space_id);
   // Until the model is known, read only what the smallest FX3 has.
-  const bool known = settings_.model != Model::unknown_fx3;
-  const auto numbers = numbers_of(known ? settings_.model : Model::fx3g, space);
+  const bool known = model != Model::unknown_fx3;
+  const auto numbers = numbers_of(known ? model : Model::fx3g, space);
   if (!numbers) return ways;
   const Span all = span_of(space, *numbers);
   const std::uint32_t width = kind_of(space).bits;
@@ -195,9 +205,20 @@ std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
   return ways;
 }
 
-std::uint32_t OneE::max_write_bits(std::uint16_t space) const {
-  if (!check_reach({space, 0, 1})) return 0;
+/// Returns the largest number of bits in one write; 0 if 1E frames do not write the space.
+std::uint32_t most_bits(Model model, std::uint16_t space) {
+  if (!check_reach(model, {space, 0, 1})) return 0;
   return width_of(space) == 1 ? kWriteBits : kWriteWords * 16;
+}
+
+}  // namespace
+
+std::vector<ReadWay> OneE::read_ways(std::uint16_t space) const {
+  return ways_of(settings_.model, space);
+}
+
+std::uint32_t OneE::max_write_bits(std::uint16_t space) const {
+  return most_bits(settings_.model, space);
 }
 
 // ---- requests ----------------------------------------------------------------------------------
@@ -219,40 +240,42 @@ void append_points(one_e::Writer& out, std::uint32_t points) {
   out.number(0, 1);
 }
 
-}  // namespace
-
-Result<Bytes> OneE::encode_read(const Read& read) const {
+Result<Bytes> encode_read(const Settings& settings, const Read& read) {
   const Span& span = read.span;
-  if (const auto reached = check_reach(span); !reached) return tl::make_unexpected(reached.error());
-  const auto ways = read_ways(span.space);
+  if (const auto reached = check_reach(settings.model, span); !reached)
+    return tl::make_unexpected(reached.error());
+  const auto ways = ways_of(settings.model, span.space);
   const auto way = std::find_if(ways.begin(), ways.end(),
                                 [&](const ReadWay& one) { return one.way == read.way; });
   if (way == ways.end())
-    return refuse(name_of(span) + " is not read " + (read.way == kBitWay ? "as bits" : "as words"));
+    return refuse(device_name(settings.model, span) + " is not read " +
+                  (read.way == kBitWay ? "as bits" : "as words"));
   const std::uint64_t end = std::uint64_t{span.first_bit} + span.bits;
   if (span.bits == 0 || span.bits > way->max_bits || span.first_bit % way->align_bits != 0 ||
       span.bits % way->unit_bits != 0 || span.first_bit < way->first_bit || end > way->end_bit)
-    return refuse("a read of " + std::to_string(span.bits) + " bits from " + name_of(span) +
-                  ": at most " + std::to_string(way->max_bits) + ", in steps of " +
-                  std::to_string(way->unit_bits) + ", up to the last device");
+    return refuse("a read of " + std::to_string(span.bits) + " bits from " +
+                  device_name(settings.model, span) + ": at most " + std::to_string(way->max_bits) +
+                  ", in steps of " + std::to_string(way->unit_bits) + ", up to the last device");
   auto out =
-      begun(settings_, read.way == kBitWay ? one_e::Command::read_bits : one_e::Command::read_words,
+      begun(settings, read.way == kBitWay ? one_e::Command::read_bits : one_e::Command::read_words,
             one_e::kDevice + 2);
   append_device(out, span);
   append_points(out, read.way == kBitWay ? span.bits : span.bits / 16);
   return out.take();
 }
 
-Result<Bytes> OneE::encode_write(const Write& write) const {
+Result<Bytes> encode_write(const Settings& settings, const Write& write) {
   const Span& span = write.span;
-  if (const auto allowed = check_write(span); !allowed) return tl::make_unexpected(allowed.error());
+  if (const auto allowed = check_reached_write(settings.model, span); !allowed)
+    return tl::make_unexpected(allowed.error());
   const bool bits = width_of(span.space) == 1 && !is_bit_words(span);
-  const std::uint32_t most = max_write_bits(span.space);
+  const std::uint32_t most = most_bits(settings.model, span.space);
   if (span.bits > most || write.image.size() != (span.bits + 7) / 8)
     return refuse("write of " + std::to_string(span.bits) + " bits with " +
-                  std::to_string(write.image.size()) + " bytes to " + name_of(span) + ": at most " +
-                  std::to_string(most) + " bits");
-  auto out = begun(settings_, bits ? one_e::Command::write_bits : one_e::Command::write_words,
+                  std::to_string(write.image.size()) + " bytes to " +
+                  device_name(settings.model, span) + ": at most " + std::to_string(most) +
+                  " bits");
+  auto out = begun(settings, bits ? one_e::Command::write_bits : one_e::Command::write_words,
                    one_e::kDevice + 2 + 2 * write.image.size());
   append_device(out, span);
   append_points(out, bits ? span.bits : span.bits / 16);
@@ -263,20 +286,21 @@ Result<Bytes> OneE::encode_write(const Write& write) const {
   return out.take();
 }
 
-Result<Bytes> OneE::encode_scatter(const Scatter& scatter) const {
+Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
   const auto carrier = carrier_of(scatter.parts);
   if (!carrier) return fail(ErrorCode::unsupported, "no frame carries these writes together");
   const std::uint32_t step = *carrier == one_e::Command::random_bits ? 1 : 16;
   std::uint32_t points = 0;
   for (const Write& part : scatter.parts) {
-    if (const auto allowed = check_write(part.span); !allowed)
+    if (const auto allowed = check_reached_write(settings.model, part.span); !allowed)
       return tl::make_unexpected(allowed.error());
     if (part.image.size() != (part.span.bits + 7) / 8)
-      return refuse(name_of(part.span) + ": " + std::to_string(part.image.size()) + " bytes for " +
+      return refuse(device_name(settings.model, part.span) + ": " +
+                    std::to_string(part.image.size()) + " bytes for " +
                     std::to_string(part.span.bits) + " bits");
     points += part.span.bits / step;
   }
-  auto out = begun(settings_, *carrier, 2 + points * (one_e::kDevice + 2));
+  auto out = begun(settings, *carrier, 2 + points * (one_e::kDevice + 2));
   append_points(out, points);
   for (const Write& part : scatter.parts)
     for (std::uint32_t done = 0; done < part.span.bits; done += step) {
@@ -290,39 +314,46 @@ Result<Bytes> OneE::encode_scatter(const Scatter& scatter) const {
   return out.take();
 }
 
-Result<Bytes> OneE::encode_control(const Control& control) const {
+Result<Bytes> encode_control(const Settings& settings, const Control& control) {
   if (control.kind == Control::Kind::reset)
     return fail(ErrorCode::unsupported, "1E frames have no reset of the line");
   // SH-080008 18.2 lists the commands of an E71: 13 to 15 are not among them.
-  if (!is_fx3(settings_.model))
-    return fail(ErrorCode::unsupported,
-                "1E frames have no RUN, STOP and model for " + model() + ": use mc-3e");
+  if (!is_fx3(settings.model))
+    return fail(ErrorCode::unsupported, "1E frames have no RUN, STOP and model for " +
+                                            std::string(to_string(settings.model)) + ": use mc-3e");
   const one_e::Command command = control.kind == Control::Kind::run    ? one_e::Command::run
                                  : control.kind == Control::Kind::stop ? one_e::Command::stop
                                                                        : one_e::Command::model;
-  return begun(settings_, command, 0).take();
+  return begun(settings, command, 0).take();
 }
 
+}  // namespace
+
 Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const {
-  if (const auto* read = std::get_if<Read>(&request)) return encode_read(*read);
-  if (const auto* write = std::get_if<Write>(&request)) return encode_write(*write);
-  if (const auto* scatter = std::get_if<Scatter>(&request)) return encode_scatter(*scatter);
-  if (const auto* control = std::get_if<Control>(&request)) return encode_control(*control);
+  if (const auto* read = std::get_if<Read>(&request)) return encode_read(settings_, *read);
+  if (const auto* write = std::get_if<Write>(&request)) return encode_write(settings_, *write);
+  if (const auto* scatter = std::get_if<Scatter>(&request))
+    return encode_scatter(settings_, *scatter);
+  if (const auto* control = std::get_if<Control>(&request))
+    return encode_control(settings_, *control);
   if (const auto* force = std::get_if<Force>(&request)) {
     if (force->space < kSpaces && width_of(force->space) != 1)
       return refuse(name_of({force->space, force->bit, 1}) + " is a word: only bits are forced");
-    return encode_write(write_of(*force));
+    return encode_write(settings_, write_of(*force));
   }
   return fail(ErrorCode::unsupported, "1E frames have neither an enquiry nor scattered reads");
 }
 
 // ---- answers -----------------------------------------------------------------------------------
 
-Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t command,
-                                            ByteView frame) const {
-  const std::string_view mistake = likely_mistake(settings_.code, frame[0]);
+namespace {
+
+/// Decodes the answer that begins at the front of `frame`. nullopt: more bytes are needed.
+Result<std::optional<Reply>> reply_in(Code data_code, const Request& request, std::uint8_t command,
+                                      ByteView frame) {
+  const std::string_view mistake = likely_mistake(data_code, frame[0]);
   std::optional<Bytes> binary = Bytes(frame.begin(), frame.end());
-  if (settings_.code == Code::ascii) binary = one_e::from_ascii(frame);
+  if (data_code == Code::ascii) binary = one_e::from_ascii(frame);
   if (!binary) return garbled("an answer that is not all hex digits" + std::string(mistake));
   const Bytes& bytes = *binary;
   if (bytes.empty()) return std::optional<Reply>{};
@@ -340,9 +371,9 @@ Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t
     length += 2;  // the abnormal code; an E71 may send it with other end codes, too
   }
   if (bytes.size() < length) return std::optional<Reply>{};
-  if (frame.size() > chars(settings_.code, length))
+  if (frame.size() > wire_size(data_code, length))
     return garbled(std::to_string(frame.size()) + " bytes where " +
-                   std::to_string(chars(settings_.code, length)) + " were due");
+                   std::to_string(wire_size(data_code, length)) + " were due");
   reply.consumed = frame.size();
   if (end_code != 0) {
     const auto abnormal = length > one_e::kAnswerHead ? std::optional<int>(bytes[2]) : std::nullopt;
@@ -358,7 +389,7 @@ Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t
   if (read == nullptr) {
     reply.image.assign(data.begin(), data.end());
   } else if (read->way == kWordWay) {
-    reply.image = one_e::image_of_words(settings_.code, data);
+    reply.image = one_e::image_of_words(data_code, data);
   } else {
     auto image = one_e::image_of_bits(data, read->span.bits);
     if (!image) return garbled("data " + to_hex(data) + " are not bits");
@@ -366,6 +397,8 @@ Result<std::optional<Reply>> OneE::reply_in(const Request& request, std::uint8_t
   }
   return std::optional<Reply>(std::move(reply));
 }
+
+}  // namespace
 
 Result<std::optional<Reply>> OneE::decode(const Request& request, std::uint16_t tag,
                                           ByteView rx) const {
@@ -385,7 +418,7 @@ Result<std::optional<Reply>> OneE::decode(const Request& request, std::uint16_t 
       continue;
     }
     if (same == rest.size()) break;
-    auto reply = reply_in(request, command, rest);
+    auto reply = reply_in(settings_.code, request, command, rest);
     if (reply && *reply) {
       (*reply)->began = at;
       (*reply)->consumed += at;
@@ -418,8 +451,8 @@ LineLength OneE::line_length(const Request& request) const {
   LineLength length;
   if (const auto frame = encode(request, 0))
     length.request_chars = static_cast<std::uint32_t>(frame->size());
-  length.reply_chars =
-      static_cast<std::uint32_t>(chars(settings_.code, one_e::kAnswerHead + data_bytes(request)));
+  length.reply_chars = static_cast<std::uint32_t>(
+      wire_size(settings_.code, one_e::kAnswerHead + data_bytes(request)));
   return length;
 }
 
@@ -456,7 +489,7 @@ RefusalMeaning OneE::meaning_of(const Request& request, int device_code) const {
 
 std::optional<Request> OneE::combine(const std::vector<Request>& requests) const {
   auto scatter = scatter_of(requests);
-  if (!scatter || !encode_scatter(*scatter)) return std::nullopt;
+  if (!scatter || !encode_scatter(settings_, *scatter)) return std::nullopt;
   return Request(std::move(*scatter));
 }
 

@@ -83,17 +83,6 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   std::string run_hint() const override;
 
  private:
-  /// Errors: bad_request if 1E frames reach nothing of the space; unsupported if that depends on
-  /// the model and the model is unknown.
-  Result<void> check_reach(const Span& span) const;
-  Result<Bytes> encode_read(const Read& read) const;
-  Result<Bytes> encode_write(const Write& write) const;
-  Result<Bytes> encode_scatter(const Scatter& scatter) const;
-  Result<Bytes> encode_control(const Control& control) const;
-  /// Decodes the answer that begins at the front of `frame`. nullopt: more bytes are needed.
-  Result<std::optional<Reply>> reply_in(const Request& request, std::uint8_t command,
-                                        ByteView frame) const;
-
   Settings settings_;
 };
 

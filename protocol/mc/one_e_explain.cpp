@@ -2,9 +2,8 @@
 #include <algorithm>
 #include <string>
 
-#include "protocol/frame_walk.h"
+#include "protocol/device_walk.h"
 #include "protocol/mc/one_e.h"
-#include "protocol/mc/one_e_codes.h"
 #include "protocol/mc/one_e_frame.h"
 
 namespace fxagent::mc::one_e {
@@ -13,10 +12,10 @@ namespace {
 struct KnownCommand;
 
 /// Walks a frame in its binary form after its command. In ASCII code numbers are high byte first.
-class Walk final : public FrameWalk {
+class Walk final : public DeviceWalk {
  public:
   Walk(Explanation& out, NumberForm form, ByteView rest, Model model)
-      : FrameWalk(out, form, rest), model_(model) {}
+      : DeviceWalk(out, form, rest), model_(model) {}
 
   void request(const KnownCommand& command);
   void answer(const KnownCommand& command);

@@ -1,12 +1,26 @@
 #include "protocol/mc/one_e_frame.h"
 
-namespace fxagent::mc::one_e {
+#include "protocol/mc/device.h"
 
-void Writer::number(std::uint32_t value, std::size_t bytes) {
-  if (data_code_ == Code::ascii) return append_hex(frame_, value, static_cast<int>(2 * bytes));
-  for (std::size_t i = 0; i < bytes; ++i, value >>= 8)
-    frame_.push_back(static_cast<std::uint8_t>(value & 0xFF));
-}
+namespace fxagent::mc::one_e {
+namespace {
+
+// Answer to 15, JY997D45801 7.6.3.
+constexpr int kFx3u = 0xF3;
+constexpr int kFx3g = 0xF4;
+
+// End codes, JY997D45801 9.3.2, and abnormal codes after 5B.
+constexpr int kCommandUnknown = 0x50;
+constexpr int kNoAscii = 0x54;
+constexpr int kWriteInRun = 0x55;
+constexpr int kNoDevice = 0x56;
+constexpr int kTooMany = 0x57;
+constexpr int kNoHead = 0x58;
+constexpr int kPcSilent = 0x60;
+constexpr int kPcNumber = 0x10;
+constexpr int kNoRemote = 0x18;
+
+}  // namespace
 
 void Writer::device(std::uint16_t device_code, std::uint32_t number_of_device) {
   if (data_code_ == Code::ascii) number(device_code, 2);
@@ -54,6 +68,65 @@ Bytes image_of_words(Code data_code, ByteView data) {
   if (data_code == Code::ascii)
     for (std::size_t at = 0; at + 2 <= image.size(); at += 2) std::swap(image[at], image[at + 1]);
   return image;
+}
+
+std::string_view model_coded(int model_code) {
+  if (model_code == kFx3u) return to_string(Model::fx3u);
+  return model_code == kFx3g ? to_string(Model::fx3g) : std::string_view{};
+}
+
+std::string refusal(int end_code, std::optional<int> abnormal_code) {
+  const auto words = [&]() -> std::string_view {
+    switch (end_code) {
+      case kCommandUnknown:
+        return "the PLC does not know this command";
+      case kNoAscii:
+        return "the PLC is set to ASCII and cannot read this: `code` must be the communication "
+               "data code that is set in the PLC";
+      case kWriteInRun:
+        return "writing is not permitted while the PLC runs: set \"Enable online change\" in its "
+               "Ethernet settings (FX3U-ENET: \"Enable Write at RUN time\")";
+      case kNoDevice:
+        return "no such device";
+      case kTooMany:
+        return "too many points, or beyond the last device";
+      case kNoHead:
+        return "no such device number, or not one that this command can begin with";
+      case kPcSilent:
+        return "the PLC gave its Ethernet module no answer within the monitoring timer";
+      case kWithReason:
+        if (abnormal_code == kPcNumber) return "no PLC has this PC number (`pc`)";
+        if (abnormal_code == kNoRemote) return "remote RUN or STOP is not possible";
+        return "the Ethernet module cannot reach the PLC";
+      default:
+        return "a reason that the manual does not know";
+    }
+  };
+  std::string text = hex_text(static_cast<std::uint32_t>(end_code), 2);
+  if (abnormal_code) text += " " + hex_text(static_cast<std::uint32_t>(*abnormal_code), 2);
+  return text.append(": ").append(words());
+}
+
+RefusalMeaning meaning_of(int device_code, bool reads) {
+  const int abnormal = device_code >> 8;
+  switch (device_code & 0xFF) {
+    case kCommandUnknown:
+    case kNoAscii:
+    case kWriteInRun:
+      return RefusalMeaning::final;
+    case kNoDevice:
+    case kTooMany:
+    case kNoHead:
+      return reads ? RefusalMeaning::hole : RefusalMeaning::final;
+    case kWithReason:
+      if (abnormal == kNoRemote) return RefusalMeaning::final;  // an answer to RUN or STOP only
+      if (abnormal == kPcNumber && !reads) return RefusalMeaning::final;
+      return reads ? RefusalMeaning::unreachable : RefusalMeaning::unclear;
+    case kPcSilent:
+      return reads ? RefusalMeaning::unreachable : RefusalMeaning::unclear;
+    default:
+      return reads ? RefusalMeaning::final : RefusalMeaning::unclear;
+  }
 }
 
 }  // namespace fxagent::mc::one_e

@@ -1,12 +1,18 @@
-// Parts of a 1E frame in both data codes. Only for the files of this codec.
+// Parts of a 1E frame in both data codes, the model of the PLC and the reason of a refusal. Only
+// for the files of this codec. Sources: FX3U-ENET-ADP User's Manual JY997D45801, 7.6.3 and 9.3;
+// SH-080008, 18.2.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 
-#include "protocol/bytes.h"
+#include "protocol/codec.h"
+#include "protocol/mc/body.h"
 #include "protocol/mc/dialect.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::mc::one_e {
 
@@ -33,10 +39,6 @@ inline constexpr std::size_t kRequestHead = 4;
 /// Device number and code.
 inline constexpr std::size_t kDevice = 6;
 
-/// Returns the characters on the wire for `bytes` bytes of the binary form.
-constexpr std::size_t chars(Code data_code, std::size_t bytes) {
-  return data_code == Code::ascii ? 2 * bytes : bytes;
-}
 /// Two bits of a request or an answer share a byte.
 constexpr std::size_t bytes_of_bits(std::size_t bits) { return (bits + 1) / 2; }
 
@@ -44,10 +46,12 @@ constexpr std::size_t bytes_of_bits(std::size_t bits) { return (bits + 1) / 2; }
 class Writer final {
  public:
   Writer(Code data_code, std::size_t bytes) : data_code_(data_code) {
-    frame_.reserve(chars(data_code, bytes));
+    frame_.reserve(wire_size(data_code, bytes));
   }
   /// Low byte first in binary, high digit first in ASCII.
-  void number(std::uint32_t value, std::size_t bytes);
+  void number(std::uint32_t value, std::size_t bytes) {
+    append_number(data_code_, frame_, value, bytes);
+  }
   /// Number and code in binary, code and number in ASCII.
   void device(std::uint16_t device_code, std::uint32_t number);
   /// The first bit goes into the high half of the first byte. An odd count is padded with 0.
@@ -68,5 +72,20 @@ std::optional<Bytes> from_ascii(ByteView frame);
 std::optional<Bytes> image_of_bits(ByteView data, std::size_t count);
 /// Returns the image of whole words. In ASCII they arrive high byte first.
 Bytes image_of_words(Code data_code, ByteView data);
+
+/// End code that is followed by an abnormal code and 00.
+inline constexpr int kWithReason = 0x5B;
+
+/// Returns Reply::device_code: the end code with the abnormal code above it.
+constexpr int device_code(int end_code, int abnormal_code) { return end_code | abnormal_code << 8; }
+
+/// Returns "FX3U" for the first byte of an answer to 15; empty if it is not a model of the
+/// catalogue.
+std::string_view model_coded(int code);
+/// Returns "57: too many points, or beyond the last device" for the end code of a refusal and,
+/// after 5B, its abnormal code.
+std::string refusal(int end_code, std::optional<int> abnormal_code);
+/// Returns the meaning for a read or for any other request.
+RefusalMeaning meaning_of(int device_code, bool reads);
 
 }  // namespace fxagent::mc::one_e

@@ -76,7 +76,7 @@ Bytes binary_request(const SerialSettings& settings, ByteView message) {
   Bytes frame{kDle, kStx};
   append_doubled(frame, content);
   frame.insert(frame.end(), {kDle, kEtx});
-  if (settings.sum_check) append_hex(frame, serial_sum(content), 2);
+  if (settings.sum_check) append_hex(frame, byte_sum(content), 2);
   return frame;
 }
 
@@ -84,7 +84,7 @@ Bytes binary_request(const SerialSettings& settings, ByteView message) {
 std::string why_wrong_sum(ByteView given, ByteView bytes) {
   const auto sum = number_at(Code::ascii, given, 0, 1);
   if (!sum) return "sum " + to_hex(given) + " is not two hex digits";
-  const std::uint8_t computed = serial_sum(bytes);
+  const std::uint8_t computed = byte_sum(bytes);
   if (*sum == computed) return {};
   return "sum " + hex_text(*sum, 2) + " given, " + hex_text(computed, 2) + " computed";
 }
@@ -325,12 +325,6 @@ SerialAnswer binary_search(const SerialSettings& settings, std::size_t data, Byt
 
 }  // namespace
 
-std::uint8_t serial_sum(ByteView bytes) {
-  std::uint32_t sum = 0;
-  for (const std::uint8_t byte : bytes) sum += byte;
-  return static_cast<std::uint8_t>(sum);
-}
-
 Bytes serial_header(const SerialSettings& settings) {
   Bytes header;
   const Code code = settings.code();
@@ -354,7 +348,7 @@ Bytes serial_request(const SerialSettings& settings, std::uint8_t block, ByteVie
   frame.insert(frame.end(), head.begin(), head.end());
   frame.insert(frame.end(), message.begin(), message.end());
   if (settings.format == 3) frame.push_back(kEtx);
-  if (settings.sum_check) append_hex(frame, serial_sum(ByteView(frame).subspan(1)), 2);
+  if (settings.sum_check) append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
   if (settings.format == 4) frame.insert(frame.end(), {kCr, kLf});
   return frame;
 }

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <string>
 
-#include "protocol/bytes.h"
 #include "protocol/mc/ethernet_frame.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::mc {
 
@@ -63,9 +63,6 @@ SerialAnswer serial_answer(const SerialSettings& settings, std::uint8_t block, s
 
 /// True if these bytes could begin an answer to any request.
 bool may_be_serial_answer(const SerialSettings& settings, ByteView bytes);
-
-/// Returns the sum that a frame carries as two digits: the low 8 bits.
-std::uint8_t serial_sum(ByteView bytes);
 
 /// A frame of format 5 with its doubling removed.
 struct Undoubled {

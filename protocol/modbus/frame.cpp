@@ -45,11 +45,7 @@ std::uint16_t crc(ByteView bytes) {
   return value;
 }
 
-std::uint8_t lrc(ByteView bytes) {
-  std::uint8_t sum = 0;
-  for (const std::uint8_t byte : bytes) sum = static_cast<std::uint8_t>(sum + byte);
-  return static_cast<std::uint8_t>(-sum);
-}
+std::uint8_t lrc(ByteView bytes) { return static_cast<std::uint8_t>(-byte_sum(bytes)); }
 
 Bytes framed(Framing framing, std::uint8_t unit, ByteView pdu, std::uint16_t transaction) {
   Bytes frame;
@@ -128,11 +124,10 @@ Frame ascii_frame(ByteView rx, std::size_t at) {
   Bytes bytes;
   if ((cr - colon - 1) % 2 != 0) return wrong(end, "an odd number of hex digits");
   for (auto digit = colon + 1; digit != cr; digit += 2) {
-    const int high = hex_digit(digit[0]);
-    const int low = hex_digit(digit[1]);
-    if (high < 0 || low < 0)
-      return wrong(end, to_hex(ByteView(&*digit, 2)) + " is not two hex digits");
-    bytes.push_back(static_cast<std::uint8_t>(high * 16 + low));
+    const ByteView digits(&*digit, 2);
+    const int byte = hex_byte(digits);
+    if (byte < 0) return wrong(end, to_hex(digits) + " is not two hex digits");
+    bytes.push_back(static_cast<std::uint8_t>(byte));
   }
   if (bytes.size() < 3) return wrong(end, "too short for unit, function and LRC");
   Frame frame;

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::modbus {
 

@@ -1,9 +1,11 @@
 #include "protocol/modbus/modbus.h"
-#include "protocol/letter_case.h"
 
 #include <algorithm>
 #include <charconv>
 #include <utility>
+
+#include "protocol/letter_case.h"
+#include "protocol/range_ends.h"
 
 namespace fxagent::modbus {
 namespace {
@@ -135,15 +137,10 @@ std::string name_of(Space space, std::uint32_t number, std::uint32_t base) {
 Result<std::shared_ptr<const Codec>> Modbus::make(Framing framing, const Options& options) {
   Settings settings;
   settings.framing = framing;
-  const auto number = [&](std::string_view key, std::int64_t fallback, std::int64_t least,
-                          std::int64_t most) {
-    const auto* value = option<std::int64_t>(options, key);
-    return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
-  };
-  settings.unit = static_cast<std::uint8_t>(number("unit", settings.unit, 0, 255));
-  settings.max_read = number("max_read", settings.max_read, 1, kMaxReadRegisters);
-  settings.max_gap = number("max_gap", settings.max_gap, 0, kMaxReadRegisters);
-  settings.address_base = number("address_base", settings.address_base, 0, 1);
+  settings.unit = static_cast<std::uint8_t>(number_option(options, "unit", settings.unit, 0, 255));
+  settings.max_read = number_option(options, "max_read", settings.max_read, 1, kMaxReadRegisters);
+  settings.max_gap = number_option(options, "max_gap", settings.max_gap, 0, kMaxReadRegisters);
+  settings.address_base = number_option(options, "address_base", settings.address_base, 0, 1);
   if (const auto* word = option<std::string>(options, "byte_order")) {
     const auto order = byte_order_from(*word);
     if (!order) return tl::make_unexpected(order.error());
@@ -155,16 +152,6 @@ Result<std::shared_ptr<const Codec>> Modbus::make(Framing framing, const Options
     return refuse(
         "unit is 1 to 247 on a serial line, or 0 for a broadcast; 248 to 255 are reserved");
   return std::make_shared<const Modbus>(settings);
-}
-
-Result<std::shared_ptr<const Codec>> Modbus::make_rtu(const Options& options) {
-  return make(Framing::rtu, options);
-}
-Result<std::shared_ptr<const Codec>> Modbus::make_ascii(const Options& options) {
-  return make(Framing::ascii, options);
-}
-Result<std::shared_ptr<const Codec>> Modbus::make_tcp(const Options& options) {
-  return make(Framing::tcp, options);
 }
 
 // ---- addresses and ranges ----------------------------------------------------------------------
@@ -261,6 +248,109 @@ ByteOrder Modbus::default_order() const { return settings_.order; }
 
 // ---- frames ------------------------------------------------------------------------------------
 
+namespace {
+
+Result<std::optional<Reply>> decode_rtu(std::uint8_t unit, const Request& request, ByteView pdu,
+                                        ByteView rx) {
+  const Bytes sent = framed(Framing::rtu, unit, pdu, 0);
+  const bool echo_differs = !answers_by_echo(request, pdu);
+  std::string error;
+  bool pending = false;
+  for (std::size_t at = 0; at < rx.size();) {
+    const ByteView rest = rx.subspan(at);
+    const std::size_t same = static_cast<std::size_t>(
+        std::mismatch(rest.begin(), rest.end(), sent.begin(), sent.end()).first - rest.begin());
+    if (echo_differs && same == sent.size()) {
+      at += sent.size();
+      continue;
+    }
+    pending |= same == rest.size();  // may be the echo so far
+    if (const auto length = answer_length(rest.subspan(1))) {
+      const Frame whole = rtu_frame(rx, at, *length);
+      if (whole.state == Frame::State::good) {
+        if (whole.unit == unit) {
+          auto reply = decode_pdu(request, whole.pdu);
+          if (!reply) return reply;
+          if (*reply) {
+            (*reply)->began = at;
+            (*reply)->consumed = whole.end;
+            return reply;
+          }
+        }
+        at = whole.end;  // from another unit, or a late answer to another request
+        continue;
+      }
+    }
+    // Bytes that may still become the answer, or that would be the answer with a correct sum.
+    const bool exception = rest.size() > 1 && rest[1] == (pdu[0] | kException);
+    if (rest[0] != unit || rest.size() < 2 || (rest[1] != pdu[0] && !exception)) {
+      ++at;
+      continue;
+    }
+    const Frame frame = rtu_frame(rx, at, exception ? 2 : reply_length(request));
+    pending |= frame.state == Frame::State::incomplete;
+    if (error.empty()) error = frame.error;
+    ++at;
+  }
+  if (!error.empty() && !pending) return garbled(error);
+  if (rx.size() > 2 * kLongestRtu)
+    return garbled(std::to_string(rx.size()) + " bytes without an answer");
+  return std::optional<Reply>{};
+}
+
+Result<std::optional<Reply>> decode_ascii(std::uint8_t unit, const Request& request, ByteView pdu,
+                                          ByteView rx) {
+  const bool echo_differs = !answers_by_echo(request, pdu);
+  std::size_t at = 0;
+  for (;;) {
+    const Frame frame = ascii_frame(rx, at);
+    if (frame.state == Frame::State::incomplete) break;
+    if (frame.state == Frame::State::wrong) return garbled(frame.error);
+    const std::size_t began = at;
+    at = frame.end;
+    const bool echo =
+        echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
+    if (frame.unit != unit || echo) continue;
+    auto reply = decode_pdu(request, frame.pdu);
+    if (!reply) return reply;
+    if (!*reply) continue;
+    (*reply)->began = began;
+    (*reply)->consumed = frame.end;
+    return reply;
+  }
+  if (rx.size() > 2 * kLongestAscii)
+    return garbled(std::to_string(rx.size()) + " bytes without an answer");
+  return std::optional<Reply>{};
+}
+
+Result<std::optional<Reply>> decode_tcp(std::uint8_t unit, const Request& request, ByteView pdu,
+                                        std::uint16_t tag, ByteView rx) {
+  const bool echo_differs = !answers_by_echo(request, pdu);
+  std::size_t at = 0;
+  for (;;) {
+    const Frame frame = tcp_frame(rx, at);
+    if (frame.state == Frame::State::incomplete) return std::optional<Reply>{};
+    if (frame.state == Frame::State::wrong) return garbled(frame.error);
+    const std::size_t began = at;
+    at = frame.end;
+    const bool echo =
+        echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
+    if (frame.transaction != tag || echo) continue;  // a late answer to an older request
+    if (frame.unit != unit)
+      return garbled("unit " + std::to_string(frame.unit) + " answered, unit " +
+                     std::to_string(unit) + " was asked");
+    auto reply = decode_pdu(request, frame.pdu);
+    if (!reply) return reply;
+    if (!*reply)
+      return garbled("the answer is to another function, place or count: " + to_hex(frame.pdu));
+    (*reply)->began = began;
+    (*reply)->consumed = frame.end;
+    return reply;
+  }
+}
+
+}  // namespace
+
 Result<Bytes> Modbus::encode(const Request& request, std::uint16_t tag) const {
   if (const auto* read = std::get_if<Read>(&request)) {
     if (is_broadcast()) return fail(ErrorCode::unsupported, "nobody answers a broadcast");
@@ -282,112 +372,13 @@ Result<std::optional<Reply>> Modbus::decode(const Request& request, std::uint16_
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "nobody answers a broadcast");
   switch (settings_.framing) {
     case Framing::rtu:
-      return decode_rtu(request, *pdu, rx);
+      return decode_rtu(settings_.unit, request, *pdu, rx);
     case Framing::ascii:
-      return decode_ascii(request, *pdu, rx);
+      return decode_ascii(settings_.unit, request, *pdu, rx);
     case Framing::tcp:
       break;
   }
-  return decode_tcp(request, *pdu, tag, rx);
-}
-
-Result<std::optional<Reply>> Modbus::decode_rtu(const Request& request, ByteView pdu,
-                                                ByteView rx) const {
-  const Bytes sent = framed(Framing::rtu, settings_.unit, pdu, 0);
-  const bool echo_differs = !answers_by_echo(request, pdu);
-  std::string error;
-  bool pending = false;
-  for (std::size_t at = 0; at < rx.size();) {
-    const ByteView rest = rx.subspan(at);
-    const std::size_t same = static_cast<std::size_t>(
-        std::mismatch(rest.begin(), rest.end(), sent.begin(), sent.end()).first - rest.begin());
-    if (echo_differs && same == sent.size()) {
-      at += sent.size();
-      continue;
-    }
-    pending |= same == rest.size();  // may be the echo so far
-    if (const auto length = answer_length(rest.subspan(1))) {
-      const Frame whole = rtu_frame(rx, at, *length);
-      if (whole.state == Frame::State::good) {
-        if (whole.unit == settings_.unit) {
-          auto reply = decode_pdu(request, whole.pdu);
-          if (!reply) return reply;
-          if (*reply) {
-            (*reply)->began = at;
-            (*reply)->consumed = whole.end;
-            return reply;
-          }
-        }
-        at = whole.end;  // from another unit, or a late answer to another request
-        continue;
-      }
-    }
-    // Bytes that may still become the answer, or that would be the answer with a correct sum.
-    const bool exception = rest.size() > 1 && rest[1] == (pdu[0] | kException);
-    if (rest[0] != settings_.unit || rest.size() < 2 || (rest[1] != pdu[0] && !exception)) {
-      ++at;
-      continue;
-    }
-    const Frame frame = rtu_frame(rx, at, exception ? 2 : reply_length(request));
-    pending |= frame.state == Frame::State::incomplete;
-    if (error.empty()) error = frame.error;
-    ++at;
-  }
-  if (!error.empty() && !pending) return garbled(error);
-  if (rx.size() > 2 * kLongestRtu)
-    return garbled(std::to_string(rx.size()) + " bytes without an answer");
-  return std::optional<Reply>{};
-}
-
-Result<std::optional<Reply>> Modbus::decode_ascii(const Request& request, ByteView pdu,
-                                                  ByteView rx) const {
-  const bool echo_differs = !answers_by_echo(request, pdu);
-  std::size_t at = 0;
-  for (;;) {
-    const Frame frame = ascii_frame(rx, at);
-    if (frame.state == Frame::State::incomplete) break;
-    if (frame.state == Frame::State::wrong) return garbled(frame.error);
-    const std::size_t began = at;
-    at = frame.end;
-    const bool echo =
-        echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
-    if (frame.unit != settings_.unit || echo) continue;
-    auto reply = decode_pdu(request, frame.pdu);
-    if (!reply) return reply;
-    if (!*reply) continue;
-    (*reply)->began = began;
-    (*reply)->consumed = frame.end;
-    return reply;
-  }
-  if (rx.size() > 2 * kLongestAscii)
-    return garbled(std::to_string(rx.size()) + " bytes without an answer");
-  return std::optional<Reply>{};
-}
-
-Result<std::optional<Reply>> Modbus::decode_tcp(const Request& request, ByteView pdu,
-                                                std::uint16_t tag, ByteView rx) const {
-  const bool echo_differs = !answers_by_echo(request, pdu);
-  std::size_t at = 0;
-  for (;;) {
-    const Frame frame = tcp_frame(rx, at);
-    if (frame.state == Frame::State::incomplete) return std::optional<Reply>{};
-    if (frame.state == Frame::State::wrong) return garbled(frame.error);
-    const std::size_t began = at;
-    at = frame.end;
-    const bool echo =
-        echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
-    if (frame.transaction != tag || echo) continue;  // a late answer to an older request
-    if (frame.unit != settings_.unit)
-      return garbled("unit " + std::to_string(frame.unit) + " answered, unit " +
-                     std::to_string(settings_.unit) + " was asked");
-    auto reply = decode_pdu(request, frame.pdu);
-    if (!reply) return reply;
-    if (!*reply)
-      return garbled("the answer is to another function, place or count: " + to_hex(frame.pdu));
-    (*reply)->began = began;
-    (*reply)->consumed = frame.end;
-    return reply;
-  }
+  return decode_tcp(settings_.unit, request, *pdu, tag, rx);
 }
 
 LineLength Modbus::line_length(const Request& request) const {

@@ -32,10 +32,9 @@ class Modbus final : public Codec, public AddressSpace {
   };
 
   explicit Modbus(const Settings& settings) : settings_(settings) {}
-  /// Create a codec from the config's options.
-  static Result<std::shared_ptr<const Codec>> make_rtu(const Options& options);
-  static Result<std::shared_ptr<const Codec>> make_ascii(const Options& options);
-  static Result<std::shared_ptr<const Codec>> make_tcp(const Options& options);
+  /// Creates a codec from the config's options. Error: bad_request if `unit` is reserved on a
+  /// serial line or `byte_order` is no order.
+  static Result<std::shared_ptr<const Codec>> make(Framing framing, const Options& options);
 
   // AddressSpace
   /// Parses hr:100 ir:0 co:5 di:7, hr:100.3 (bit 3), hr:0x64; also 40101 or 400101, by the number
@@ -80,13 +79,6 @@ class Modbus final : public Codec, public AddressSpace {
   Recovery after_nonsense() const override;
 
  private:
-  static Result<std::shared_ptr<const Codec>> make(Framing framing, const Options& options);
-  Result<std::optional<Reply>> decode_rtu(const Request& request, ByteView pdu, ByteView rx) const;
-  Result<std::optional<Reply>> decode_ascii(const Request& request, ByteView pdu,
-                                            ByteView rx) const;
-  Result<std::optional<Reply>> decode_tcp(const Request& request, ByteView pdu, std::uint16_t tag,
-                                          ByteView rx) const;
-
   Settings settings_;
 };
 

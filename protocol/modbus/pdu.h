@@ -7,9 +7,9 @@
 #include <string>
 #include <string_view>
 
-#include "protocol/bytes.h"
 #include "protocol/codec.h"
-#include "protocol/result.h"
+#include "protocol/value/bytes.h"
+#include "protocol/value/result.h"
 
 namespace fxagent::modbus {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "protocol/spans.h"
+#include "protocol/value/span.h"
 
 namespace fxagent {
 namespace {

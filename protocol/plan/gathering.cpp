@@ -4,7 +4,7 @@
 #include <optional>
 #include <utility>
 
-#include "protocol/spans.h"
+#include "protocol/value/span.h"
 
 namespace fxagent {
 namespace {
@@ -17,7 +17,6 @@ constexpr int kPriceSteps = 6;
 constexpr std::size_t kMostWeighed = 1'000'000;
 // The search ends when less than 1/256 of the line time could be gained.
 constexpr Cost kWorthwhile = 256;
-constexpr std::uint32_t kAnySize = GatherCommand{}.max_bits;
 
 /// Costs if the speed of the line is unknown: an exchange costs more than all characters together.
 constexpr Cost kExchange = Cost{1} << 30;

@@ -9,6 +9,9 @@
 
 namespace fxagent {
 
+/// GatherCommand::max_bits of a command without such a limit.
+inline constexpr std::uint32_t kAnySize = GatherCommand{}.max_bits;
+
 /// All reads of a plan, with the combined ones.
 struct Gathering {
   std::vector<std::vector<Read>> reads;  ///< by bucket, in the order of their first bits

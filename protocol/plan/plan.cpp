@@ -8,7 +8,8 @@
 
 #include "protocol/plan/cheapest_reads.h"
 #include "protocol/plan/gathering.h"
-#include "protocol/spans.h"
+#include "protocol/value/span.h"
+#include "protocol/value/unpack.h"
 
 namespace fxagent {
 namespace {
@@ -25,8 +26,6 @@ PointSource source_of(const std::vector<Read>& reads, const Span& span) {
   while (last + 1 < reads.size() && reads[last].span.end_bit() < span.end_bit()) ++last;
   return {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last - first + 1)};
 }
-
-constexpr std::uint32_t kAnySize = GatherCommand{}.max_bits;
 
 /// Buckets to be read, by space and tier, and the commands that read several places at once.
 struct Wanted {

@@ -9,7 +9,8 @@
 #include <vector>
 
 #include "protocol/codec.h"
-#include "protocol/point.h"
+#include "protocol/value/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

@@ -6,7 +6,7 @@ cmake_minimum_required(VERSION 3.25)
 # Writes the correct tree again.
 function(write_tree)
   file(REMOVE_RECURSE "${WORK}")
-  file(WRITE "${WORK}/protocol/codec.h" "#include <vector>\n#include <tl/expected.hpp>\n#include \"protocol/bytes.h\"\n")
+  file(WRITE "${WORK}/protocol/codec.h" "#include <vector>\n#include <tl/expected.hpp>\n#include \"protocol/value/bytes.h\"\n")
   file(WRITE "${WORK}/agent/agent.cpp" "#include \"agent/field/field.h\"\n#include \"agent/uplink/publisher.h\"\n")
   file(WRITE "${WORK}/agent/log/log.cpp" "#include \"agent/text.h\"\n")
   file(WRITE "${WORK}/agent/field/field.cpp" "#include <asio/post.hpp>\n#include \"protocol/codec.h\"\n")
@@ -67,6 +67,7 @@ foreach(wrong IN ITEMS
     "agent/import/csv.cpp|<netdb.h>"
     "agent/import/csv.cpp|<sys/timerfd.h>"
     "agent/import/csv.cpp|<spawn.h>"
+    "protocol/value/point.h|\"protocol/codec.h\""
     "protocol/fx/deep.h|\"agent/config/model.h\""
     "protocol/plan.cpp|\"../agent/config/model.h\""
     "agent/field/bus.cpp|<mqtt/message.h>"
@@ -94,7 +95,7 @@ foreach(wrong IN ITEMS
     "agent/cli/main.cpp|<mqtt/message.h>"
     "agent/outbox.h|\"tests/support/fake.h\""
     "tests/agent/uplink/a_test.cpp|<mqtt/message.h>"
-    "tests/sim/plc.cpp|\"protocol/bytes.h\""
+    "tests/sim/plc.cpp|\"protocol/value/bytes.h\""
     "tests/sim/plc.cpp|\"agent/config/model.h\"")
   string(REPLACE "|" ";" parts "${wrong}")
   list(GET parts 0 file)

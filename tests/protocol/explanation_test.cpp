@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "protocol/bytes.h"
 #include "protocol/catalog.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::test {
 

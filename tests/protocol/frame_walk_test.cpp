@@ -1,4 +1,4 @@
-#include "protocol/frame_walk.h"
+#include "protocol/device_walk.h"
 
 #include <gtest/gtest.h>
 
@@ -14,9 +14,9 @@ using Shown = std::vector<std::pair<std::string, std::string>>;
 Bytes ascii(std::string_view text) { return {text.begin(), text.end()}; }
 
 /// A protocol whose devices are D0 to D9, M0 to M9 and CN0 to CN9, by the first digit.
-class ToyWalk final : public FrameWalk {
+class ToyWalk final : public DeviceWalk {
  public:
-  using FrameWalk::FrameWalk;
+  using DeviceWalk::DeviceWalk;
 
  private:
   std::optional<FrameDevice> device_in(ByteView wire) override {

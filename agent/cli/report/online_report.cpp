@@ -9,7 +9,9 @@
 #include "agent/cli/exit_status.h"
 #include "agent/counted.h"
 #include "agent/text.h"
-#include "protocol/word_order.h"
+#include "protocol/value/pack.h"
+#include "protocol/value/unpack.h"
+#include "protocol/value/word_order.h"
 
 namespace fxagent {
 namespace {

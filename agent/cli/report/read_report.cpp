@@ -6,8 +6,9 @@
 
 #include "agent/cli/report/table.h"
 #include "agent/json_writer.h"
-#include "protocol/value_range.h"
-#include "protocol/word_order.h"
+#include "protocol/value/unpack.h"
+#include "protocol/value/value.h"
+#include "protocol/value/word_order.h"
 
 namespace fxagent {
 namespace {

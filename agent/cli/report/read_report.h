@@ -7,6 +7,7 @@
 #include <string>
 
 #include "agent/config/model.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

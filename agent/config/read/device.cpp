@@ -16,7 +16,7 @@
 #include "agent/config/read/warnings.h"
 #include "agent/config/suggestions.h"
 #include "protocol/plc.h"
-#include "protocol/spans.h"
+#include "protocol/value/span.h"
 
 namespace fxagent {
 namespace {

@@ -10,7 +10,7 @@
 #include "agent/config/keys.h"
 #include "agent/config/suggestions.h"
 #include "protocol/catalog.h"
-#include "protocol/point.h"
+#include "protocol/range_ends.h"
 
 namespace fxagent {
 namespace {

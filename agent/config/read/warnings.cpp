@@ -10,7 +10,8 @@
 #include <vector>
 
 #include "protocol/plc.h"
-#include "protocol/value_range.h"
+#include "protocol/value/value.h"
+#include "protocol/value/value_range.h"
 
 namespace fxagent {
 

@@ -12,8 +12,8 @@
 
 #include "agent/field/transport/transport.h"
 #include "agent/steady_time.h"
-#include "protocol/bytes.h"
-#include "protocol/result.h"
+#include "protocol/value/bytes.h"
+#include "protocol/value/result.h"
 
 namespace fxagent {
 

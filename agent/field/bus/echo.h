@@ -2,7 +2,7 @@
 // a two-wire line with its receiver on. Pure. Field thread.
 #pragma once
 
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 

@@ -9,8 +9,8 @@
 #include "agent/field/bus/exchange.h"
 #include "agent/field/bus/late_answers.h"
 #include "agent/steady_time.h"
-#include "protocol/bytes.h"
 #include "protocol/codec.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "agent/config/model.h"
-#include "protocol/bytes.h"
 #include "protocol/codec.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 

@@ -10,8 +10,8 @@
 #include <string_view>
 
 #include "agent/command_message.h"
-#include "protocol/bytes.h"
 #include "protocol/codec.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 

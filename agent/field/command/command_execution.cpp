@@ -5,8 +5,9 @@
 
 #include "agent/commands/result.h"
 #include "agent/field/command/command_line_time.h"
-#include "protocol/padding.h"
 #include "protocol/plan/plan.h"
+#include "protocol/value/pack.h"
+#include "protocol/value/unpack.h"
 
 namespace fxagent {
 namespace {

@@ -3,9 +3,9 @@
 #include <algorithm>
 
 #include "agent/line_time.h"
-#include "protocol/padding.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
+#include "protocol/value/pack.h"
 
 namespace fxagent {
 namespace {

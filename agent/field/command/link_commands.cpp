@@ -10,7 +10,7 @@
 #include "agent/field/command/command_execution.h"
 #include "agent/field/command/command_line_time.h"
 #include "agent/line_time.h"
-#include "protocol/padding.h"
+#include "protocol/value/pack.h"
 
 namespace fxagent {
 namespace {

@@ -5,8 +5,8 @@
 #include <span>
 #include <utility>
 
-#include "protocol/value_range.h"
-#include "protocol/word_order.h"
+#include "protocol/value/value.h"
+#include "protocol/value/word_order.h"
 
 namespace fxagent {
 namespace {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "protocol/value_range.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 namespace {

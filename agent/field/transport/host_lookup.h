@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "agent/steady_time.h"
-#include "protocol/result.h"
+#include "protocol/value/result.h"
 
 namespace fxagent {
 

@@ -8,8 +8,8 @@
 #include <span>
 
 #include "agent/steady_time.h"
-#include "protocol/bytes.h"
-#include "protocol/result.h"
+#include "protocol/value/bytes.h"
+#include "protocol/value/result.h"
 
 namespace fxagent {
 

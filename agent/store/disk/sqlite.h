@@ -16,7 +16,7 @@
 #include <type_traits>
 #include <utility>
 
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent::sqlite {
 

@@ -15,7 +15,8 @@
 
 #include "agent/config/model.h"
 #include "agent/telemetry.h"
-#include "protocol/point.h"
+#include "protocol/value/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

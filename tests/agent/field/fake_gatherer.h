@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 #include "tests/protocol/gathering_codec.h"
 
 namespace fxagent::test {

@@ -12,6 +12,7 @@
 
 #include "agent/config/model.h"
 #include "protocol/fx/programming_port.h"
+#include "protocol/value/value.h"
 
 namespace fxagent::test {
 

@@ -18,7 +18,7 @@ Explanation explain(std::string_view frame, std::optional<Direction> direction =
 /// Explains a frame of the first character, the text and the correct sum.
 Explanation summed(std::string_view text) {
   Bytes frame = ascii(text);
-  append_hex(frame, link_sum(ByteView(frame).subspan(1)), 2);
+  append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
   return explain_link_frame(Model::unknown, frame, std::nullopt);
 }
 

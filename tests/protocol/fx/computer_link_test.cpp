@@ -4,6 +4,7 @@
 
 #include <sstream>
 
+#include "protocol/fx/link_frame.h"
 #include "protocol/plan/plan.h"
 #include "tests/protocol/frame_file.h"
 
@@ -134,7 +135,7 @@ TEST(ComputerLink, UnderstandsEveryAnswerOfTheTranscripts) {
 TEST(ComputerLink, TheSumOfTheManualsExampleIsBd) {
   for (const test::Exchange& e : test::read_frames("fx_computer_link.txt")) {
     if (e.operation != "sum_only") continue;
-    EXPECT_EQ(link_sum(ByteView(e.request).subspan(1, e.request.size() - 3)), 0xBD);
+    EXPECT_EQ(byte_sum(ByteView(e.request).subspan(1, e.request.size() - 3)), 0xBD);
     return;
   }
   FAIL() << "the example is not in the transcripts";
@@ -389,7 +390,7 @@ const Force kForce{id(Space::y), 0, true};
 std::string data(std::string_view text) {
   Bytes frame = ascii(text);
   frame.push_back(0x03);
-  append_hex(frame, link_sum(frame), 2);
+  append_hex(frame, byte_sum(frame), 2);
   return "\x02" + text_of(frame);
 }
 

@@ -14,7 +14,7 @@ Bytes frame(std::string_view payload) {
   bytes.push_back(0x02);
   bytes.insert(bytes.end(), payload.begin(), payload.end());
   bytes.push_back(0x03);
-  append_hex(bytes, port_sum(ByteView(bytes).subspan(1)), 2);
+  append_hex(bytes, byte_sum(ByteView(bytes).subspan(1)), 2);
   return bytes;
 }
 

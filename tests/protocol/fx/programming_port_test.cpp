@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/plan/plan.h"
+#include "protocol/value/unpack.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent::fx {

@@ -267,13 +267,13 @@ TEST(McSerial, APlanReckonsWithoutTheBytesThatAreDoubled) {
 }
 
 TEST(McSerial, OptionsOfTheConfigAreItsSettings) {
-  const auto made = Mc::make_4c({{"model", std::string("FX5U")},
-                                 {"station", std::int64_t{5}},
-                                 {"format", std::int64_t{4}},
-                                 {"sum_check", false}});
+  const auto made = Mc::make(Frame::c4, {{"model", std::string("FX5U")},
+                                         {"station", std::int64_t{5}},
+                                         {"format", std::int64_t{4}},
+                                         {"sum_check", false}});
   ASSERT_TRUE(made);
   EXPECT_EQ(*(*made)->encode(kTwoWords, 1), line("?F80500FF03FF000004010000M*0001000002!"));
-  const auto three = Mc::make_3c({{"format", std::int64_t{1}}});
+  const auto three = Mc::make(Frame::c3, {{"format", std::int64_t{1}}});
   ASSERT_TRUE(three);
   EXPECT_EQ((*three)->encode(kTwoWords, 1)->front(), kEnq);
 }

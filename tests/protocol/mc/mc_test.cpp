@@ -606,29 +606,29 @@ TEST(McOptions, RouteAndTimerGoIntoTheFrame) {
                   {"module_io", std::int64_t{0x3E0}},
                   {"module_station", std::int64_t{3}},
                   {"monitoring_timer_ms", std::int64_t{1000}}};
-  const auto made = Mc::make_4e(options);
+  const auto made = Mc::make(Frame::e4, options);
   ASSERT_TRUE(made);
   EXPECT_EQ(to_hex(*(*made)->encode(kTwoWords, 0x1234)),
             "54 00 34 12 00 00 01 02 E0 03 03 0C 00 04 00 01 04 00 00 64 00 00 A8 02 00");
   EXPECT_EQ((*made)->gives_up_after(), std::chrono::seconds(1));
   options["monitoring_timer_ms"] = std::int64_t{1100};
-  const auto odd = Mc::make_3e(options);
+  const auto odd = Mc::make(Frame::e3, options);
   ASSERT_FALSE(odd);
   expect_says(odd.error().text, "steps of 250");
-  EXPECT_FALSE(Mc::make_3e({{"model", std::string("FX9")}}));
-  const auto fx3 = Mc::make_3e({{"model", std::string("FX3U")}});
+  EXPECT_FALSE(Mc::make(Frame::e3, {{"model", std::string("FX9")}}));
+  const auto fx3 = Mc::make(Frame::e3, {{"model", std::string("FX3U")}});
   ASSERT_FALSE(fx3);
   expect_says(fx3.error().text, "mc-1e");
-  const auto ascii = Mc::make_3e({{"code", std::string("ascii")}});
+  const auto ascii = Mc::make(Frame::e3, {{"code", std::string("ascii")}});
   ASSERT_TRUE(ascii);
   EXPECT_EQ((*ascii)->encode(kTwoWords, 1)->front(), '5');
-  EXPECT_EQ((*Mc::make_4c({}))->gives_up_after(), std::chrono::milliseconds(0));
-  const auto beyond = Mc::make_4c({{"network", std::int64_t{1}}, {"pc", std::int64_t{2}}});
+  EXPECT_EQ((*Mc::make(Frame::c4, {}))->gives_up_after(), std::chrono::milliseconds(0));
+  const auto beyond = Mc::make(Frame::c4, {{"network", std::int64_t{1}}, {"pc", std::int64_t{2}}});
   EXPECT_EQ((*beyond)->gives_up_after(), std::chrono::seconds(5)) << "a module waits for another";
 }
 
 TEST(McOptions, BlocksAreNoLongerThanAsked) {
-  const auto made = Mc::make_3e({{"max_block_bytes", std::int64_t{64}}});
+  const auto made = Mc::make(Frame::e3, {{"max_block_bytes", std::int64_t{64}}});
   ASSERT_TRUE(made);
   for (const ReadWay& way : (*made)->addresses().read_ways(kD)) EXPECT_LE(way.max_bits, 512U);
   EXPECT_EQ((*made)->addresses().gathers().front().max_bits, 512U);

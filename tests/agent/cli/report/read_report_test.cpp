@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "protocol/value/unpack.h"
+
 namespace fxagent {
 namespace {
 

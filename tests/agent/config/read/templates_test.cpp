@@ -13,7 +13,6 @@
 
 #include "agent/config/config_difference.h"
 #include "agent/config/keys.h"
-#include "protocol/point.h"
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "protocol/bytes.h"
 #include "protocol/catalog.h"
+#include "protocol/value/bytes.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
 

@@ -1,14 +1,11 @@
-#include "protocol/exact_number.h"
+#include "protocol/value/exact_number.h"
 
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <compare>
 #include <limits>
 #include <string>
-
-#include "protocol/value_range.h"
 
 namespace fxagent {
 namespace {
@@ -110,20 +107,7 @@ Whole unscaled_exactly(const Scalar& value, double scale, double offset) {
                  at_exponent(factor, exponent));
 }
 
-std::optional<std::partial_ordering> compare(const Scalar& one, const Scalar& other) {
-  const auto is_text = [](const Scalar& scalar) {
-    return std::holds_alternative<std::string>(scalar);
-  };
-  if (is_text(one) || is_text(other)) return std::nullopt;
-  const auto nearest = [](const Scalar& scalar) {
-    const auto* flag = std::get_if<bool>(&scalar);
-    return flag != nullptr ? double{*flag ? 1.0 : 0.0} : number_of(scalar).value_or(0);
-  };
-  const double a = nearest(one);
-  const double b = nearest(other);
-  // Rounding keeps the order of numbers, so only numbers with equal doubles need an exact
-  // comparison.
-  if (a != b || std::abs(a) < kExactDouble || !std::isfinite(a)) return a <=> b;
+std::strong_ordering compare_exactly(const Scalar& one, const Scalar& other) {
   const Decimal left = decimal_of(one);
   const Decimal right = decimal_of(other);
   const int exponent = std::min(left.exponent, right.exponent);

@@ -1,12 +1,13 @@
 // Exact decimal arithmetic for values that a double cannot hold: raw integers and scaled values
-// beyond ±2^53. point.cpp computes smaller ones with doubles.
+// beyond ±2^53. raw.cpp computes smaller ones with doubles.
 #pragma once
 
 #include <boost/multiprecision/cpp_int.hpp>
+#include <compare>
 #include <optional>
 #include <string_view>
 
-#include "protocol/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 
@@ -31,5 +32,8 @@ Scalar scaled_exactly(const Whole& raw, double scale, double offset);
 /// Returns (value − offset) ÷ scale, rounded to the nearest integer, ties away from zero. `value`
 /// must be a number, not a text, and `scale` must not be 0.
 Whole unscaled_exactly(const Scalar& value, double scale, double offset);
+
+/// Compares two numbers, neither a text nor NaN or infinite.
+std::strong_ordering compare_exactly(const Scalar& one, const Scalar& other);
 
 }  // namespace fxagent

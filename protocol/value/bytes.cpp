@@ -1,4 +1,4 @@
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 namespace fxagent {
 namespace {
@@ -52,6 +52,12 @@ Result<Bytes> from_hex(std::string_view text) {
     return fail(ErrorCode::bad_request,
                 "digit '" + std::string(1, kDigits[high]) + "' is left over: two make a byte");
   return bytes;
+}
+
+std::uint8_t byte_sum(ByteView bytes) {
+  std::uint32_t sum = 0;
+  for (const std::uint8_t byte : bytes) sum += byte;
+  return static_cast<std::uint8_t>(sum);
 }
 
 void append_hex(Bytes& out, std::uint32_t value, int digits) {

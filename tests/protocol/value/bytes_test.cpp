@@ -1,4 +1,4 @@
-#include "protocol/bytes.h"
+#include "protocol/value/bytes.h"
 
 #include <gtest/gtest.h>
 

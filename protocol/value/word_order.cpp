@@ -1,10 +1,10 @@
-#include "protocol/word_order.h"
+#include "protocol/value/word_order.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "protocol/value_range.h"
+#include "protocol/value/unpack.h"
 
 namespace fxagent {
 namespace {

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/result.h"
+#include "protocol/value/result.h"
 
 namespace fxagent {
 
@@ -28,6 +28,17 @@ constexpr int hex_digit(std::uint8_t c) {
   if (c >= 'a' && c <= 'f') return c - 'a' + 10;
   return -1;
 }
+
+/// Returns the byte that the first two characters of `digits` spell in hex, or -1 if they are not
+/// hex digits. `digits` must hold two characters.
+constexpr int hex_byte(ByteView digits) {
+  const int high = hex_digit(digits[0]);
+  const int low = hex_digit(digits[1]);
+  return high < 0 || low < 0 ? -1 : high * 16 + low;
+}
+
+/// Returns the low 8 bits of the sum of all bytes.
+std::uint8_t byte_sum(ByteView bytes);
 
 /// Appends `digits` upper-case hex digits of `value`, most significant first.
 void append_hex(Bytes& out, std::uint32_t value, int digits);

@@ -1,5 +1,5 @@
 // Detects that another word order is likelier.
-#include "protocol/word_order.h"
+#include "protocol/value/word_order.h"
 
 #include <gtest/gtest.h>
 

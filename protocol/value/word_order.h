@@ -4,7 +4,8 @@
 #include <functional>
 #include <optional>
 
-#include "protocol/point.h"
+#include "protocol/value/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

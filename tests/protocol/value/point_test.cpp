@@ -1,10 +1,14 @@
-#include "protocol/point.h"
+#include "protocol/value/point.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "protocol/value/kind.h"
+#include "protocol/value/pack.h"
+#include "protocol/value/unpack.h"
+#include "protocol/value/value.h"
 #include "tests/protocol/frame_file.h"
 
 namespace fxagent {

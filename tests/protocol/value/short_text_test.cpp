@@ -1,4 +1,4 @@
-#include "protocol/short_text.h"
+#include "protocol/value/short_text.h"
 
 #include <gtest/gtest.h>
 

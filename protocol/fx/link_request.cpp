@@ -1,0 +1,304 @@
+#include "protocol/fx/link_request.h"
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+
+#include "protocol/fx/link_frame.h"
+#include "protocol/scatter.h"
+
+namespace fxagent::fx::link {
+namespace {
+
+// ENQ header, command, wait, number of points. The head device stands between the last two.
+constexpr std::uint32_t kReadRequest = kHeader + 2 + 1 + 2;
+
+/// Points of one frame, JY992D69901 7.7.1.
+struct PointLimits {
+  std::uint32_t br, wr, wr_of_bits, wr_of_dwords, bw, ww, ww_of_bits, ww_of_dwords, bt, wt;
+};
+constexpr PointLimits kNarrow{54, 13, 13, 6, 46, 11, 10, 6, 10, 6};  // FX0N, FX1S
+constexpr PointLimits kWide{256, 64, 32, 32, 160, 64, 10, 32, 20, 10};
+
+/// Returns the limits of a model. An unknown model gets those that fit all models.
+const PointLimits& limits_of(Model model) {
+  const bool narrow = model == Model::unknown || model == Model::fx0n || model == Model::fx1s;
+  return narrow ? kNarrow : kWide;
+}
+
+/// False for timer and counter contacts, which are reached only bit by bit.
+bool has_word_way(Space space) { return space != Space::ts && space != Space::cs; }
+
+bool is_bit_space(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits == 1; }
+
+void append_decimal(Bytes& out, std::uint32_t number, std::size_t digits, std::uint32_t base) {
+  const std::size_t begin = out.size();
+  out.resize(begin + digits, '0');
+  for (std::size_t i = digits; i > 0; --i, number /= base)
+    out[begin + i - 1] = static_cast<std::uint8_t>('0' + number % base);
+}
+
+/// Characters of a device name: five, or seven in the Q commands, which alone reach R.
+constexpr std::size_t kShortName = 5;
+constexpr std::size_t kLongName = 7;
+std::size_t name_chars(std::uint16_t space) {
+  return space == id(Space::r) ? kLongName : kShortName;
+}
+
+/// Appends "X0040": letters and number, `chars` in total.
+void append_device(Bytes& out, std::uint16_t space, std::uint32_t bit, std::size_t chars) {
+  const DeviceKind& kind = kind_of(static_cast<Space>(space));
+  out.insert(out.end(), kind.letters.begin(), kind.letters.end());
+  append_decimal(out, kind.first_number + bit / kind.bits, chars - kind.letters.size(),
+                 kind.octal ? 8 : 10);
+}
+
+std::string_view read_command(const Read& read) {
+  if (read.span.space == id(Space::r)) return "QR";
+  return read.way == kBitWay ? "BR" : "WR";
+}
+
+/// Appends the number of points; 256 is written as 00.
+void append_points(Bytes& out, std::uint32_t points) { append_hex(out, points & 0xFF, 2); }
+
+/// Appends the first `bits` bits of an image, one character each, lowest first.
+void append_bits(Bytes& out, ByteView image, std::uint32_t bits) {
+  for (std::uint32_t i = 0; i < bits; ++i)
+    out.push_back((image[i / 8] >> (i % 8) & 1) != 0 ? '1' : '0');
+}
+
+/// Appends an image as numbers of `width` bytes, most significant digit first.
+void append_numbers(Bytes& out, ByteView image, std::size_t width) {
+  for (std::size_t at = 0; at + width <= image.size(); at += width)
+    for (std::size_t i = width; i > 0; --i) append_hex(out, image[at + i - 1], 2);
+}
+
+/// True if WW and WT can carry the span of a bit device: whole words from a multiple of eight.
+bool is_bit_words(const Span& span) {
+  return has_word_way(static_cast<Space>(span.space)) && span.first_bit % 8 == 0 &&
+         span.bits % 16 == 0;
+}
+
+/// Checks a write. BW and BT replace exactly the bits that they name, so each bit is checked alone.
+/// WW of bits carries only whole words.
+Result<void> check_exact(Model model, const Span& span) {
+  const bool few_bits = span.space < id(Space::tc) && is_bit_space(span.space) && span.bits != 0 &&
+                        span.bits <= kWide.bw;
+  if (!few_bits) return check_write(model, span);
+  for (std::uint32_t i = 0; i < span.bits; ++i)
+    if (auto allowed = check_write(model, {span.space, span.first_bit + i, 1}); !allowed)
+      return allowed;
+  return {};
+}
+
+/// Unit in which a Scatter is sent.
+enum class Carrier : std::uint8_t { bits, words };
+
+std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLimits& limits) {
+  std::uint64_t bits = 0;
+  bool all_bits = !parts.empty();
+  bool all_words = !parts.empty();
+  for (const Write& part : parts) {
+    if (part.span.space >= id(Space::tc)) return std::nullopt;
+    const std::uint32_t unit = kind_of(static_cast<Space>(part.span.space)).bits;
+    bits += part.span.bits;
+    all_bits = all_bits && unit == 1;
+    all_words = all_words && (unit == 16 || (unit == 1 && is_bit_words(part.span)));
+  }
+  if (all_bits && bits <= limits.bt) return Carrier::bits;
+  if (all_words && bits <= limits.wt * 16) return Carrier::words;
+  return std::nullopt;
+}
+
+/// Appends station and PLC number.
+void append_station(Bytes& out, const LinkSettings& settings) {
+  append_hex(out, settings.station << 8 | kPc, 4);
+}
+
+void append_terminator(Bytes& out, const LinkSettings& settings) {
+  if (settings.ends_with_cr_lf) out.insert(out.end(), {kCr, kLf});
+}
+
+/// Returns a request frame: ENQ station pc command wait area [sum] [CR LF].
+Bytes framed(const LinkSettings& settings, std::string_view command, ByteView area) {
+  Bytes frame{kEnq};
+  frame.reserve(kHeader + command.size() + 1 + area.size() + settings.sum_chars() +
+                settings.terminator_chars());
+  append_station(frame, settings);
+  frame.insert(frame.end(), command.begin(), command.end());
+  append_hex(frame, settings.wait_tens, 1);
+  frame.insert(frame.end(), area.begin(), area.end());
+  if (settings.sum_check) append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
+  append_terminator(frame, settings);
+  return frame;
+}
+
+Result<Bytes> encode_read(const LinkSettings& settings, const Read& read) {
+  const Span& span = read.span;
+  for (const ReadWay& way : read_ways(settings, span.space)) {
+    if (way.way != read.way || span.first_bit < way.first_bit || span.bits > way.end_bit ||
+        span.first_bit > way.end_bit - span.bits)
+      continue;
+    if (span.first_bit % way.align_bits != 0 || span.bits % way.unit_bits != 0 || span.bits == 0 ||
+        span.bits > way.max_bits)
+      return refuse("read of " + std::to_string(span.bits) + " bits from " + device_name(span) +
+                    ": at most " + std::to_string(way.max_bits) + ", in steps of " +
+                    std::to_string(way.unit_bits));
+    Bytes area;
+    append_device(area, span.space, span.first_bit, name_chars(span.space));
+    append_points(area, span.bits / way.unit_bits);
+    return framed(settings, read_command(read), area);
+  }
+  return fail(ErrorCode::unsupported, device_name(span) + ": " + std::to_string(span.bits) +
+                                          " bits are not read by " +
+                                          std::string(read_command(read)) + " on this model");
+}
+
+Result<Bytes> encode_write(const LinkSettings& settings, const Write& write) {
+  const Span& span = write.span;
+  if (const auto allowed = check_exact(settings.model, span); !allowed)
+    return tl::make_unexpected(allowed.error());
+  const PointLimits& limits = limits_of(settings.model);
+  const std::uint32_t bits = kind_of(static_cast<Space>(span.space)).bits;
+  const bool by_bits = bits == 1 && !is_bit_words(span);
+  const std::uint32_t unit = by_bits ? 1 : std::max<std::uint32_t>(bits, 16);
+  const std::uint32_t most = by_bits      ? limits.bw
+                             : bits == 1  ? limits.ww_of_bits
+                             : bits == 16 ? limits.ww
+                                          : limits.ww_of_dwords;
+  if (span.bits > most * unit || write.image.size() != (span.bits + 7) / 8)
+    return refuse("write of " + std::to_string(span.bits) + " bits with " +
+                  std::to_string(write.image.size()) + " bytes to " + device_name(span) +
+                  ": at most " + std::to_string(most * unit) + " bits");
+  Bytes area;
+  append_device(area, span.space, span.first_bit, name_chars(span.space));
+  append_points(area, span.bits / unit);
+  if (by_bits)
+    append_bits(area, write.image, span.bits);
+  else
+    append_numbers(area, write.image, unit / 8);
+  const bool extension = span.space == id(Space::r);
+  return framed(settings, by_bits ? "BW" : (extension ? "QW" : "WW"), area);
+}
+
+Result<Bytes> encode_scatter(const LinkSettings& settings, const Scatter& scatter) {
+  const auto carrier = carrier_of(scatter.parts, limits_of(settings.model));
+  if (!carrier) return fail(ErrorCode::unsupported, "no frame carries these writes together");
+  Bytes items;
+  std::uint32_t points = 0;
+  const bool long_names =
+      std::any_of(scatter.parts.begin(), scatter.parts.end(),
+                  [](const Write& part) { return part.span.space == id(Space::r); });
+  for (const Write& part : scatter.parts) {
+    const Span& span = part.span;
+    if (const auto allowed = check_exact(settings.model, span); !allowed)
+      return tl::make_unexpected(allowed.error());
+    if (part.image.size() != (span.bits + 7) / 8)
+      return refuse(device_name(span) + ": " + std::to_string(part.image.size()) + " bytes for " +
+                    std::to_string(span.bits) + " bits");
+    const std::uint32_t step = *carrier == Carrier::bits ? 1 : 16;
+    for (std::uint32_t done = 0; done < span.bits; done += step, ++points) {
+      append_device(items, span.space, span.first_bit + done, long_names ? kLongName : kShortName);
+      const Bytes value = extract_bits(part.image, done, step);
+      if (*carrier == Carrier::bits)
+        append_bits(items, value, 1);
+      else
+        append_numbers(items, value, 2);
+    }
+  }
+  Bytes area;
+  append_points(area, points);
+  area.insert(area.end(), items.begin(), items.end());
+  return framed(settings, *carrier == Carrier::bits ? "BT" : (long_names ? "QT" : "WT"), area);
+}
+
+}  // namespace
+
+std::vector<ReadWay> read_ways(const LinkSettings& settings, std::uint16_t space_id) {
+  std::vector<ReadWay> ways;
+  if (space_id >= id(Space::tc)) return ways;
+  const auto space = static_cast<Space>(space_id);
+  const std::uint32_t bits = kind_of(space).bits;
+  const PointLimits& limits = limits_of(settings.model);
+  const auto add = [&](const Span& run, std::uint8_t id, std::uint32_t align, std::uint32_t unit,
+                       std::uint32_t points) {
+    if (run.bits < unit) return;
+    ReadWay way;
+    way.way = id;
+    way.first_bit = run.first_bit;
+    way.end_bit = run.end_bit();
+    way.align_bits = align;
+    way.unit_bits = unit;
+    const std::uint32_t block = settings.max_block_bytes * 8;
+    way.max_bits = std::max(std::min(points * unit, block) / unit * unit, unit);
+    ways.push_back(way);
+  };
+  // Only FX3 have the Q commands, so R is not read before the model is known.
+  if (space == Space::r && settings.model == Model::unknown) return ways;
+  for (const Numbers& numbers : numbers_of(settings.model, space)) {
+    const Span run = span_of(space, numbers);
+    if (bits == 1) add(run, kBitWay, 1, 1, limits.br);
+    if (bits == 16) add(run, kWordWay, 16, 16, limits.wr);
+    if (bits == 32) add(run, kWordWay, 32, 32, limits.wr_of_dwords);
+    // The words of a bit device may extend past the last one. While the model is unknown, so is
+    // that device, and bits are read one by one.
+    if (bits == 1 && has_word_way(space) && settings.model != Model::unknown)
+      add(run, kWordWay, 8, 16, limits.wr_of_bits);
+  }
+  return ways;
+}
+
+std::uint32_t max_write_bits(const LinkSettings& settings, std::uint16_t space) {
+  if (space >= id(Space::tc)) return 0;
+  const std::uint32_t bits = kind_of(static_cast<Space>(space)).bits;
+  const PointLimits& limits = limits_of(settings.model);
+  // For bits, as many whole bytes as BW carries: a remainder shorter than a word must fit, too.
+  const std::uint32_t unit = std::max<std::uint32_t>(bits, 8);
+  const std::uint32_t most = bits == 1    ? limits.bw
+                             : bits == 16 ? limits.ww * bits
+                                          : limits.ww_of_dwords * bits;
+  return std::max(std::min(most, settings.max_block_bytes * 8) / unit * unit, unit);
+}
+
+Result<Bytes> encode(const LinkSettings& settings, const Request& request) {
+  if (const auto* read = std::get_if<Read>(&request)) return encode_read(settings, *read);
+  if (const auto* write = std::get_if<Write>(&request)) return encode_write(settings, *write);
+  if (const auto* scatter = std::get_if<Scatter>(&request))
+    return encode_scatter(settings, *scatter);
+  if (const auto* force = std::get_if<Force>(&request)) {
+    if (force->space < id(Space::tc) && !is_bit_space(force->space))
+      return refuse(device_name({force->space, force->bit, 1}) +
+                    " is a word: only bits are forced");
+    return encode_write(settings, write_of(*force));
+  }
+  if (const auto* control = std::get_if<Control>(&request)) {
+    switch (control->kind) {
+      case Control::Kind::identify:
+        return framed(settings, "PC", {});
+      case Control::Kind::run:
+        return framed(settings, "RR", {});
+      case Control::Kind::stop:
+        return framed(settings, "RS", {});
+      case Control::Kind::reset:
+        return settings.ends_with_cr_lf ? Bytes{kEot, kCr, kLf} : Bytes{kEot};
+    }
+  }
+  return fail(ErrorCode::unsupported, "the computer link has no enquiry of its own");
+}
+
+std::uint32_t request_chars(const LinkSettings& settings, const Request& request) {
+  if (const auto* read = std::get_if<Read>(&request))
+    return kReadRequest + static_cast<std::uint32_t>(name_chars(read->span.space)) +
+           settings.sum_chars() + settings.terminator_chars();
+  const auto frame = encode(settings, request);
+  return frame ? static_cast<std::uint32_t>(frame->size()) : 0;
+}
+
+Bytes acknowledge(const LinkSettings& settings) {
+  Bytes frame{kAck};
+  append_station(frame, settings);
+  append_terminator(frame, settings);
+  return frame;
+}
+
+}  // namespace fxagent::fx::link

@@ -1,0 +1,180 @@
+#include "protocol/value/point.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <string>
+
+namespace fxagent {
+namespace {
+
+struct Word {
+  std::string_view text;
+  DataType type;
+};
+constexpr std::array<Word, 12> kTypes = {{
+    {"bool", DataType::boolean},
+    {"int16", DataType::int16},
+    {"uint16", DataType::uint16},
+    {"int32", DataType::int32},
+    {"uint32", DataType::uint32},
+    {"float32", DataType::float32},
+    {"bcd16", DataType::bcd16},
+    {"bcd32", DataType::bcd32},
+    {"string", DataType::string},
+    {"int64", DataType::int64},
+    {"uint64", DataType::uint64},
+    {"float64", DataType::float64},
+}};
+
+/// Returns the types that fit the address, the default one first.
+std::string types_of(const Address& address) {
+  switch (address.unit) {
+    case Unit::long_index:
+      return "int32 or uint32";
+    case Unit::long_count:
+      return "uint32 or int32";
+    default:
+      return std::string(to_string(default_type(address)));
+  }
+}
+
+}  // namespace
+
+std::string_view to_string(DataType type) { return kTypes[static_cast<std::size_t>(type)].text; }
+
+Result<DataType> data_type_from(std::string_view word) {
+  std::string all;
+  for (const Word& known : kTypes) {
+    if (known.text == word) return known.type;
+    all += " " + std::string(known.text);
+  }
+  return fail(ErrorCode::bad_request, "'" + std::string(word) + "' is not a type; they are" + all);
+}
+
+Result<ByteOrder> byte_order_from(std::string_view word) {
+  if (word == "ABCD" || word == "high_first") return ByteOrder::abcd;
+  if (word == "CDAB" || word == "low_first") return ByteOrder::cdab;
+  if (word == "BADC") return ByteOrder::badc;
+  if (word == "DCBA") return ByteOrder::dcba;
+  return fail(ErrorCode::bad_request,
+              "'" + std::string(word) +
+                  "' is not an order; they are low_first high_first ABCD CDAB BADC DCBA");
+}
+
+std::string_view to_string(ByteOrder order) {
+  constexpr std::array<std::string_view, 4> kOrders = {"ABCD", "CDAB", "BADC", "DCBA"};
+  return kOrders[static_cast<std::size_t>(order)];
+}
+
+DataType default_type(const Address& address) {
+  switch (address.unit) {
+    case Unit::bit:
+    case Unit::word_bit:
+      return DataType::boolean;
+    case Unit::dword:
+    case Unit::long_index:
+      return DataType::int32;
+    case Unit::long_count:
+      return DataType::uint32;
+    case Unit::bit_group:
+      return address.span.bits > 16 ? DataType::int32 : DataType::int16;
+    case Unit::word:
+      break;
+  }
+  return DataType::int16;
+}
+
+Result<void> set_units(Point& point, double scale, double offset) {
+  if (!std::isfinite(scale) || !std::isfinite(offset) || scale == 0.0)
+    return fail(ErrorCode::bad_request, "scale and offset are finite numbers, and scale is not 0");
+  const bool plain = scale == 1.0 && offset == 0.0;
+  if (!plain && (point.type == DataType::boolean || point.type == DataType::string))
+    return fail(ErrorCode::bad_request,
+                std::string(to_string(point.type)) + " takes no scale and no offset");
+  point.scale = scale;
+  point.offset = offset;
+  point.decimals = static_cast<std::int8_t>(std::max(decimals_of(scale), decimals_of(offset)));
+  return {};
+}
+
+std::uint32_t bits_of_type(DataType type) {
+  switch (type) {
+    case DataType::boolean:
+      return 1;
+    case DataType::int16:
+    case DataType::uint16:
+    case DataType::bcd16:
+      return 16;
+    case DataType::int32:
+    case DataType::uint32:
+    case DataType::float32:
+    case DataType::bcd32:
+      return 32;
+    case DataType::int64:
+    case DataType::uint64:
+    case DataType::float64:
+      return 64;
+    case DataType::string:
+      break;
+  }
+  return 0;
+}
+
+std::uint32_t element_bits(const Point& point) {
+  const std::uint32_t bits = bits_of_type(point.type);
+  switch (point.address.unit) {
+    case Unit::bit:
+    case Unit::word_bit:
+      return point.type == DataType::boolean ? 1 : 0;
+    case Unit::word:
+      if (point.type == DataType::boolean) return 0;
+      return point.type == DataType::string ? (point.length + 1U) / 2 * 16 : bits;
+    case Unit::dword:
+      return point.type == DataType::int32 ? 32 : 0;
+    case Unit::long_index:
+    case Unit::long_count:
+      return point.type == DataType::int32 || point.type == DataType::uint32 ? 32 : 0;
+    case Unit::bit_group: {
+      const std::uint32_t group = point.address.span.bits;
+      const bool fits = group <= 16 ? bits == 16 : point.type == DataType::int32;
+      return fits ? group : 0;
+    }
+  }
+  return 0;
+}
+
+int decimals_of(double number) {
+  std::array<char, 64> text{};
+  const auto end =
+      std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::scientific)
+          .ptr;
+  const std::string_view digits(text.data(), static_cast<std::size_t>(end - text.data()));
+  const auto e = digits.find('e');
+  const auto point = digits.find('.');
+  const int mantissa = point == std::string_view::npos ? 0 : static_cast<int>(e - point - 1);
+  int exponent = 0;
+  const std::size_t sign = digits[e + 1] == '+' ? 2 : 1;
+  std::from_chars(digits.data() + e + sign, digits.data() + digits.size(), exponent);
+  return std::max(0, mantissa - exponent);
+}
+
+Result<Span> span_of(const Point& point) {
+  if (point.type == DataType::string && point.length == 0)
+    return fail(ErrorCode::bad_request, "a string needs a length of at least 1 character");
+  if (point.count == 0) return fail(ErrorCode::bad_request, "an array has at least 1 element");
+  const std::uint32_t bits = element_bits(point);
+  if (bits == 0)
+    return fail(ErrorCode::bad_request, point.address.text + " cannot be read as " +
+                                            std::string(to_string(point.type)) + "; its type is " +
+                                            types_of(point.address));
+  const std::uint64_t total = std::uint64_t{bits} * point.count;
+  if (point.address.span.first_bit + total > std::numeric_limits<std::uint32_t>::max())
+    return fail(ErrorCode::bad_request, point.address.text + ": the array is too long");
+  return Span{point.address.span.space, point.address.span.first_bit,
+              static_cast<std::uint32_t>(total)};
+}
+
+}  // namespace fxagent
