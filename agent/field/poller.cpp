@@ -146,7 +146,7 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
 void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                           const Asked& asked, Exchange exchange) {
   if (state_.is_stopping()) return;
-  state_.heard_foreign(device, exchange);
+  device.log_foreign_bytes(exchange);
   scheduler_.step_used(step, exchange.line_time());
   if (exchange.doubted) {  // the device is there, but its data is not trusted
     state_.answered(device);
