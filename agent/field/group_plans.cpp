@@ -32,10 +32,6 @@ std::uint32_t holes_version(const LinkDevice& device) {
   return device.holes ? device.holes->version() : 0;
 }
 
-std::string milliseconds_text(nanoseconds duration) {
-  return std::to_string(std::chrono::round<milliseconds>(duration).count());
-}
-
 }  // namespace
 
 Plan GroupPlans::plan_of(const LinkDevice& device, const GroupPoll& group,
@@ -62,8 +58,8 @@ void GroupPlans::refresh(LinkDevice& device, GroupPoll& group) {
   const nanoseconds planned_with = device.turnaround.value();
   if (device.turnaround.review())
     log::info("device", {{"device", device.config.name},
-                         {"turnaround_ms", milliseconds_text(device.turnaround.value())},
-                         {"planned_with_ms", milliseconds_text(planned_with)}});
+                         {"turnaround_ms", whole_ms(device.turnaround.value())},
+                         {"planned_with_ms", whole_ms(planned_with)}});
   // Without a line speed, a plan has the fewest exchanges, whatever their line time.
   if (link_.char_time.count() > 0) stale |= group.turnaround != device.turnaround.value();
   if (stale) make(device, group);
