@@ -50,7 +50,7 @@ bool GuardedSamples::hold(std::vector<SampleRow>& rows) {
 std::optional<HistoryBatch> GuardedSamples::next(std::shared_ptr<HistoryMessage> message,
                                                  const MaySend& may_send) {
   while (!guard_.hangs()) {
-    const auto stream = samples_.next_stream(may_send);
+    const auto stream = samples_.streams().oldest_waiting(may_send);
     if (!stream) return std::nullopt;
     const auto batch = std::make_shared<std::optional<HistoryBatch>>();
     const bool in_time = guard_.run(
@@ -64,7 +64,7 @@ std::optional<HistoryBatch> GuardedSamples::next(std::shared_ptr<HistoryMessage>
     if (!in_time) return std::nullopt;
     if (*batch) return std::move(*batch);
     // If all rows of the stream were damaged, they are gone now: try the next stream.
-    if (samples_.next_stream(may_send) == stream) return std::nullopt;
+    if (samples_.streams().oldest_waiting(may_send) == stream) return std::nullopt;
   }
   return std::nullopt;
 }
@@ -92,12 +92,12 @@ void GuardedSamples::remove(std::uint64_t row_id, Removed then) {
 }
 
 bool GuardedSamples::has_waiting(const std::string& device) const {
-  return !guard_.hangs() && samples_.has_waiting(device);
+  return !guard_.hangs() && samples_.streams().has_waiting(device);
 }
 
 bool GuardedSamples::is_ahead_of_memory(const StreamKey& stream) const {
   if (guard_.hangs()) return had_rows_ || streams_at_disk_.contains(stream);
-  return samples_.has_waiting(stream) || samples_.is_on_the_way(stream);
+  return samples_.streams().has_waiting(stream) || samples_.streams().is_on_the_way(stream);
 }
 
 std::map<std::string, std::uint64_t> GuardedSamples::take_dropped() {
