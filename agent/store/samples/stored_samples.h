@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "agent/store/disk/store_disk.h"
-#include "agent/store/journal/stored_journal.h"
+#include "agent/store/journal/journal_rows.h"
 #include "agent/store/samples/history.h"
 #include "agent/store/samples/sample_removals.h"
 #include "agent/store/samples/sample_streams.h"
@@ -26,7 +26,7 @@ class StoredSamples final : public StorePart {
   enum class Hold : std::uint8_t { no, yes };
 
   /// The referenced objects outlive it.
-  StoredSamples(const StoreConfig& config, StoreDisk& disk, const StoredJournal& journal,
+  StoredSamples(const StoreConfig& config, StoreDisk& disk, const JournalRows& journal,
                 SequenceNumbers& numbers, SampleRemovals& removals)
       : config_(config), disk_(disk), journal_(journal), numbers_(numbers), removals_(removals) {}
 
@@ -80,7 +80,7 @@ class StoredSamples final : public StorePart {
 
   const StoreConfig config_;
   StoreDisk& disk_;
-  const StoredJournal& journal_;
+  const JournalRows& journal_;
   SequenceNumbers& numbers_;
   SampleRemovals& removals_;
   std::optional<SampleTable> table_;  ///< of the open file
