@@ -17,7 +17,7 @@ constexpr seconds kCleanUpEvery{60};
 Store::Store(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), disk_(config, utc_ms) {
   // Waiting audit records are older than waiting commands, and are written before them.
-  disk_.share_with({&removals_, &samples_, &audit_, &journal_rows_, &numbers_, &clock_});
+  disk_.parts().set({&removals_, &samples_, &audit_, &journal_rows_, &numbers_, &clock_});
   disk_.open();
   samples_.count_recovered();
   samples_.begin_run();
@@ -55,8 +55,7 @@ void Store::open_late() {
 
 /// An open file that has lost its name accepts writes, but no later run finds them.
 void Store::look_for_the_files() {
-  if (!disk_.is_misplaced()) return;
-  disk_.abandon();
+  if (!disk_.abandon_misplaced()) return;
   open_late();
   if (!is_writable()) return;
   if (audit_.head().records == 0) audit_.set_aside({});
@@ -112,7 +111,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
 }
 
 bool Store::has_pending() const {
-  return is_writable() && (disk_.has_pending() || numbers_.is_short());
+  return is_writable() && (disk_.parts().has_pending() || numbers_.is_short());
 }
 
 void Store::close() {
