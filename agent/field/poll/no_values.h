@@ -17,9 +17,9 @@
 namespace fxagent {
 
 struct NoValue {
-  std::uint32_t tag = 0;
-  std::string why;   ///< includes the raw value
-  std::string hint;  ///< names the other word order; empty: none
+  std::uint32_t tag = 0;  ///< in DeviceConfig::tags
+  std::string why;        ///< includes the raw value
+  std::string hint;       ///< names the other word order; empty: none
 };
 
 class NoValues final {
