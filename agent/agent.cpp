@@ -109,10 +109,10 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   Field field(config, outbox, first_numbers(config, store.get(), utc_now()));
   Commands commands(
       config, [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); },
-      guarded.get());
+      guarded ? &guarded->journal() : nullptr);
   if (guarded) {
     const auto now = std::chrono::steady_clock::now();
-    commands.restore(recover(config, *guarded, utc_now(), now), now, utc_now());
+    commands.restore(recover(config, guarded->journal(), utc_now(), now), now, utc_now());
   }
   JsonPayload payload(config, settings.boot, settings.version);
   PahoBroker broker(

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <string>
 
 namespace fxagent {
 
@@ -12,6 +13,11 @@ using SteadyTime = std::chrono::steady_clock::time_point;
 /// Converts a system clock reading to milliseconds UTC since 1970.
 inline std::int64_t utc_ms(std::chrono::system_clock::time_point t) {
   return std::chrono::duration_cast<std::chrono::milliseconds>(t.time_since_epoch()).count();
+}
+
+/// Returns the duration in whole milliseconds, rounded.
+inline std::string whole_ms(std::chrono::nanoseconds duration) {
+  return std::to_string(std::chrono::round<std::chrono::milliseconds>(duration).count());
 }
 
 }  // namespace fxagent

@@ -1,28 +1,16 @@
 #include "agent/field/field.h"
 
-#include <algorithm>
-#include <asio/co_spawn.hpp>
-#include <asio/detached.hpp>
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <asio/signal_set.hpp>
 #include <asio/steady_timer.hpp>
-#include <deque>
-#include <map>
+#include <chrono>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <thread>
 #include <utility>
-#include <vector>
 
-#include "agent/commands/result.h"
-#include "agent/field/link_worker.h"
-#include "agent/field/transport/host_lookup.h"
-#include "agent/field/transport/serial_transport.h"
-#include "agent/field/transport/tcp_transport.h"
-#include "agent/field/transport/udp_transport.h"
-#include "agent/log/log.h"
+#include "agent/field/field_links.h"
 #include "agent/without_signals.h"
 
 namespace fxagent {
@@ -30,389 +18,114 @@ namespace {
 
 constexpr std::chrono::seconds kReportEvery{5};
 
-std::unique_ptr<Transport> transport_for(const asio::any_io_executor& executor,
-                                         const LinkConfig& link) {
-  if (const auto* serial = std::get_if<SerialSettings>(&link.channel))
-    return make_serial_transport(executor, *serial);
-  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
-    return make_udp_transport(executor, *udp);
-  return make_tcp_transport(executor, std::get<TcpSettings>(link.channel));
-}
-
-/// Logs a bug that ended one link's coroutine. The other links go on.
-void report_end(const std::exception_ptr& bug, const std::string& link) {
-  if (!bug) return;
-  try {
-    std::rethrow_exception(bug);
-  } catch (const std::exception& e) {
-    log::error("link", {{"link", link}, {"state", "ended"}, {"bug", e.what()}});
-  }
-}
-
 }  // namespace
 
-class FieldThread final {
- public:
-  using Done = Field::Done;
-
-  FieldThread(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
-              Polling polling)
-      : config_(std::make_shared<const Config>(config)),
-        outbox_(outbox),
-        polling_(polling),
-        report_timer_(io_) {
-    const auto devices = devices_by_link(*config_);
-    places_.resize(config_->links.size());
-    for (std::uint32_t i = 0; i < config_->links.size(); ++i)
-      if (!config_->links[i].is_vacant()) make_worker(i, devices[i], last_seq);
-  }
-
-  void start() {
-    for (std::uint32_t i = 0; i < places_.size(); ++i)
-      if (places_[i].worker) spawn(i);
-    report_later();
-    const WithoutSignals quiet;
-    thread_ = std::thread([this] { io_.run(); });
-  }
-
-  void number_above(std::vector<std::uint64_t> last_seq) {
-    asio::post(io_, [this, moved = std::move(last_seq)] {
-      for (std::uint32_t i = 0; i < moved.size() && i < config_->devices.size(); ++i) {
-        const DeviceConfig& device = config_->devices[i];
-        std::uint64_t& known = last_numbers_[device.name];
-        known = std::max(known, moved[i]);
-        if (LinkWorker* worker = worker_of(device)) worker->number_above(i, moved[i]);
-      }
-    });
-  }
-
-  void end(std::shared_ptr<const ConfigChange> change, Done done) {
-    asio::post(io_, [this, change = std::move(change), done = std::move(done)]() mutable {
-      if (!stopping_) end_now(*change, std::move(done));
-    });
-  }
-
-  void begin(std::shared_ptr<const ConfigChange> change, std::vector<std::uint64_t> last_seq,
-             Done done) {
-    asio::post(io_, [this, change = std::move(change), last_seq = std::move(last_seq),
-                     done = std::move(done)]() mutable {
-      if (!stopping_) begin_now(change, std::move(last_seq), std::move(done));
-    });
-  }
-
-  void submit(AdmittedCommand admitted) {
-    const std::lock_guard lock(end_);
-    if (over_) return take(std::move(admitted));
-    asio::post(io_, [this, moved = std::move(admitted)]() mutable { take(std::move(moved)); });
-  }
-
-  void report_soon() {
-    asio::post(io_, [this] { report(); });
-  }
-
-  void trace(const std::vector<std::uint32_t>& links) {
-    for (const std::uint32_t link : links) {
-      traced_.insert(config_->links[link].name);
-      places_.at(link).worker->trace(true);
-    }
-  }
-
-  void switch_traces_at(int signal) {
-    trace_switch_.emplace(io_, signal);
-    await_trace_switch();
-  }
-
-  void ask(std::function<void()> answer) { asio::post(io_, std::move(answer)); }
-
-  void stop() {
-    if (!thread_.joinable()) return;
-    outbox_.refuse_commands();
-    asio::post(io_, [this] {
-      report_timer_.cancel();
-      asio::error_code ignored;
-      if (trace_switch_) trace_switch_->cancel(ignored);
-      stopping_ = true;
-      for (const Place& place : places_)
-        if (place.worker) place.worker->stop();
-      leave_if_over();
-    });
-    thread_.join();
-    io_.restart();
-    report();
-    const std::lock_guard lock(end_);
-    io_.poll();  // commands that came during the last moments are answered too
-    over_ = true;
-  }
-
-  std::string unfinished() const {
-    constexpr int kNamed = 3;
-    const std::lock_guard lock(places_mutex_);
-    std::string names;
-    int count = 0;
-    for (const Place& place : places_)
-      if (place.worker && !place.worker->has_ended() && ++count <= kNamed)
-        names += (names.empty() ? "" : " ") + place.name;
-    if (count > kNamed) names += " and " + std::to_string(count - kNamed) + " more";
-    return names;
-  }
-
- private:
-  /// A link, by index in Config::links.
-  struct Place {
-    std::string name;
-    std::unique_ptr<LinkWorker> worker;  ///< null: vacant, or the link has ended
-    bool runs = false;                   ///< its coroutine has not ended
-    bool ends = false;                   ///< a changed config ends it
-  };
-  /// A device that a change adds and that has not begun, with its link if that is new; or a new
-  /// link without devices. One entry begins per turn of the event loop, so that planning many
-  /// devices does not delay the polls of others.
-  struct ToBegin {
-    std::uint32_t link = 0;
-    std::vector<std::uint32_t> devices;
-  };
-
-  void make_worker(std::uint32_t link, const std::vector<std::uint32_t>& devices,
-                   const std::vector<std::uint64_t>& last_seq) {
-    auto worker = std::make_unique<LinkWorker>(
-        io_.get_executor(), *config_, link, devices, outbox_,
-        transport_for(io_.get_executor(), config_->links[link]), last_seq, polling_);
-    const std::string& name = config_->links[link].name;
-    if (traces_all_ || traced_.contains(name)) worker->trace(true);
-    const std::lock_guard lock(places_mutex_);
-    places_[link].name = name;
-    places_[link].worker = std::move(worker);
-  }
-
-  void spawn(std::uint32_t link) {
-    const bool looks_up = !std::holds_alternative<SerialSettings>(config_->links[link].channel);
-    if (looks_up && !std::exchange(looks_up_, true)) start_looking_up(io_.get_executor());
-    places_[link].runs = true;
-    ++running_;
-    asio::co_spawn(io_, places_[link].worker->run(), [this, link](std::exception_ptr bug) {
-      report_end(bug, places_[link].name);
-      places_[link].runs = false;
-      --running_;
-      // The coroutine's frame may still exist, so the worker is destroyed later.
-      if (places_[link].ends) asio::post(io_, [this, link] { link_left(link); });
-      leave_if_over();
-    });
-  }
-
-  LinkWorker* worker_of(const DeviceConfig& device) {
-    return device.is_vacant() ? nullptr : places_[device.link].worker.get();
-  }
-
-  void take(AdmittedCommand admitted) {
-    const std::uint32_t device = admitted.command.device;
-    begin_for(device);
-    LinkWorker* worker =
-        device < config_->devices.size() ? worker_of(config_->devices[device]) : nullptr;
-    if (worker == nullptr) return outbox_.push(not_sent(admitted, Reason::reloading));
-    worker->submit(std::move(admitted));
-  }
-
-  // ---- a changed config
-
-  void end_now(const ConfigChange& change, Done done) {
-    end_done_ = std::move(done);
-    still_to_leave_ = 1;
-    std::vector<std::vector<std::uint32_t>> leaving(places_.size());
-    for (const std::uint32_t device : change.devices_end)
-      leaving[config_->devices[device].link].push_back(device);
-    for (const std::uint32_t link : change.links_end) {
-      leaving[link].clear();
-      if (!places_[link].worker) continue;
-      ++still_to_leave_;
-      places_[link].ends = true;
-      places_[link].worker->stop(Reason::reloading);
-      if (!places_[link].runs) link_left(link);
-    }
-    for (std::uint32_t link = 0; link < leaving.size(); ++link) {
-      if (leaving[link].empty()) continue;
-      ++still_to_leave_;
-      places_[link].worker->remove(leaving[link], [this](const auto& gone) { left(gone); });
-    }
-    left({});
-  }
-
-  void link_left(std::uint32_t link) {
-    if (stopping_) return;  // stop() still collects its counters
-    const auto gone = places_[link].worker->departed();
-    {
-      const std::lock_guard lock(places_mutex_);
-      places_[link] = {};
-    }
-    left(gone);
-  }
-
-  void left(const std::vector<DepartedDevice>& gone) {
-    for (const DepartedDevice& device : gone) {
-      last_numbers_[config_->devices[device.index].name] = device.seq;
-      ended_collected_ += device.collected;
-      ended_suppressed_ += device.suppressed;
-    }
-    if (--still_to_leave_ > 0 || stopping_) return;
-    report();
-    std::exchange(end_done_, {})();
-  }
-
-  void begin_now(const std::shared_ptr<const ConfigChange>& next,
-                 std::vector<std::uint64_t> last_seq, Done done) {
-    const ConfigChange& change = *next;
-    config_ = {next, &change.config};
-    {
-      const std::lock_guard lock(places_mutex_);
-      places_.resize(config_->links.size());
-    }
-    for (const std::uint32_t link : change.links_adjusted)
-      if (places_[link].worker) places_[link].worker->adjust(config_->links[link]);
-    for (const std::uint32_t device : change.devices_adjusted)
-      if (LinkWorker* worker = worker_of(config_->devices[device]))
-        worker->adjust(device, config_->devices[device]);
-    last_seq_ = std::move(last_seq);
-    last_seq_.resize(config_->devices.size());
-    std::vector<std::vector<std::uint32_t>> joining(places_.size());
-    for (const std::uint32_t device : change.devices_begin)
-      joining[config_->devices[device].link].push_back(device);
-    for (const std::uint32_t link : change.links_begin)
-      if (joining[link].empty()) to_begin_.push_back({link, {}});
-    for (std::uint32_t link = 0; link < joining.size(); ++link)
-      for (const std::uint32_t device : joining[link]) to_begin_.push_back({link, {device}});
-    begin_done_ = std::move(done);
-    begin_next();
-  }
-
-  void begin_next() {
-    if (stopping_) return to_begin_.clear();
-    if (to_begin_.empty()) return std::exchange(begin_done_, {})();
-    begin_one(to_begin_.begin());
-    asio::post(io_, [this] { begin_next(); });
-  }
-
-  void begin_one(std::deque<ToBegin>::iterator which) {
-    const ToBegin next = std::move(*which);
-    to_begin_.erase(which);
-    // If the name has ended in this run, or a store has reported it since, go on from that number.
-    for (const std::uint32_t device : next.devices) {
-      const auto known = last_numbers_.find(config_->devices[device].name);
-      if (known != last_numbers_.end()) last_seq_[device] = known->second;
-    }
-    try {
-      if (LinkWorker* worker = places_[next.link].worker.get())
-        return worker->add(*config_, next.devices, last_seq_);
-      make_worker(next.link, next.devices, last_seq_);
-      spawn(next.link);
-    } catch (const std::exception& error) {  // no thread for name lookups, or no memory
-      log::error("link", {{"link", config_->links[next.link].name},
-                          {"state", "not begun"},
-                          {"reason", error.what()},
-                          {"note", "its commands are refused until the agent is started again"}});
-      const std::lock_guard lock(places_mutex_);
-      if (!places_[next.link].runs) places_[next.link].worker.reset();
-    }
-  }
-
-  /// Begins the device at once, because a command has come for it.
-  void begin_for(std::uint32_t device) {
-    const auto which = std::ranges::find_if(to_begin_, [device](const ToBegin& each) {
-      return std::ranges::find(each.devices, device) != each.devices.end();
-    });
-    if (which != to_begin_.end() && !stopping_) begin_one(which);
-  }
-
-  void await_trace_switch() {
-    trace_switch_->async_wait([this](const asio::error_code& cancelled, int) {
-      if (cancelled) return;
-      traces_all_ = std::ranges::none_of(
-          places_, [](const Place& place) { return place.worker && place.worker->is_traced(); });
-      traced_.clear();
-      for (const Place& place : places_)
-        if (place.worker) place.worker->trace(traces_all_);
-      log::info("trace", {{"links", "all"}, {"state", traces_all_ ? "on" : "off"}});
-      await_trace_switch();
-    });
-  }
-
-  /// Ends the thread, even if an abandoned name lookup is still running.
-  void leave_if_over() {
-    if (stopping_ && running_ == 0) io_.stop();
-  }
-
-  void report() {
-    FieldHealth health;
-    health.links.resize(config_->links.size());
-    health.devices.resize(config_->devices.size());
-    if (config_->metrics) health.durations.resize(config_->links.size());
-    for (const Place& place : places_)
-      if (place.worker) place.worker->report(health);
-    health.ended_collected = ended_collected_;
-    health.ended_suppressed = ended_suppressed_;
-    outbox_.push(std::move(health));
-  }
+/// The thread, and everything that runs on it.
+struct Field::Thread {
+  Thread(const Config& config, Outbox& to, const std::vector<std::uint64_t>& last_seq,
+         Polling polling)
+      : outbox(to), report_timer(io), links(io, config, to, last_seq, polling) {}
 
   void report_later() {
-    report_timer_.expires_after(kReportEvery);
-    report_timer_.async_wait([this](const asio::error_code& error) {
-      if (error || stopping_) return;
-      report();
+    report_timer.expires_after(kReportEvery);
+    report_timer.async_wait([this](const asio::error_code& error) {
+      if (error || links.is_stopping()) return;
+      links.report();
       report_later();
     });
   }
 
-  /// Owned by this field and, after a reload, by the change that it came with.
-  std::shared_ptr<const Config> config_;
-  Outbox& outbox_;
-  const Polling polling_;
-  asio::io_context io_{1};
-  asio::steady_timer report_timer_;
-  /// Changed on the field thread only. Other threads read names and workers under places_mutex_.
-  std::vector<Place> places_;
-  mutable std::mutex places_mutex_;
-  bool looks_up_ = false;  ///< the thread for name lookups was started
-  std::optional<asio::signal_set> trace_switch_;
-  std::set<std::string> traced_;  ///< names of links that are traced from their beginning
-  bool traces_all_ = false;       ///< all links are
-  bool stopping_ = false;
-  std::size_t running_ = 0;  ///< workers whose coroutine has not ended
+  void await_trace_switch() {
+    trace_switch->async_wait([this](const asio::error_code& cancelled, int) {
+      if (cancelled) return;
+      links.switch_traces();
+      await_trace_switch();
+    });
+  }
 
-  // a changed config
-  std::size_t still_to_leave_ = 0;
-  Done end_done_;
-  std::deque<ToBegin> to_begin_;
-  std::vector<std::uint64_t> last_seq_;  ///< of the devices that begin
-  Done begin_done_;
-  std::map<std::string, std::uint64_t> last_numbers_;  ///< by name: ended or renumbered devices
-  std::uint64_t ended_collected_ = 0;
-  std::uint64_t ended_suppressed_ = 0;
-
-  std::mutex end_;
-  bool over_ = false;  ///< the field thread has ended: submit() answers at once
-  std::thread thread_;
+  Outbox& outbox;
+  asio::io_context io{1};
+  asio::steady_timer report_timer;
+  FieldLinks links;
+  std::optional<asio::signal_set> trace_switch;
+  std::mutex end;
+  bool is_over = false;  ///< under `end`: the thread has ended, and submit() answers at once
+  std::thread thread;
 };
 
 Field::Field(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
              Polling polling)
-    : thread_(std::make_unique<FieldThread>(config, outbox, last_seq, polling)) {}
+    : field_(std::make_unique<Thread>(config, outbox, last_seq, polling)) {}
 
 Field::~Field() { stop(); }
-void Field::trace(const std::vector<std::uint32_t>& links) { thread_->trace(links); }
-void Field::switch_traces_at(int signal) { thread_->switch_traces_at(signal); }
-void Field::start() { thread_->start(); }
+
+void Field::trace(const std::vector<std::uint32_t>& links) { field_->links.trace(links); }
+
+void Field::switch_traces_at(int signal) {
+  field_->trace_switch.emplace(field_->io, signal);
+  field_->await_trace_switch();
+}
+
+void Field::start() {
+  field_->links.start();
+  field_->report_later();
+  const WithoutSignals quiet;
+  field_->thread = std::thread([field = field_.get()] { field->io.run(); });
+}
+
 void Field::number_above(std::vector<std::uint64_t> last_seq) {
-  thread_->number_above(std::move(last_seq));
+  asio::post(field_->io, [field = field_.get(), moved = std::move(last_seq)] {
+    field->links.number_above(moved);
+  });
 }
-void Field::submit(AdmittedCommand admitted) { thread_->submit(std::move(admitted)); }
-void Field::report() { thread_->report_soon(); }
+
+void Field::submit(AdmittedCommand admitted) {
+  const std::lock_guard lock(field_->end);
+  if (field_->is_over) return field_->links.take(std::move(admitted));
+  asio::post(field_->io, [field = field_.get(), moved = std::move(admitted)]() mutable {
+    field->links.take(std::move(moved));
+  });
+}
+
+void Field::report() {
+  asio::post(field_->io, [field = field_.get()] { field->links.report(); });
+}
+
+void Field::ask(std::function<void()> answer) { asio::post(field_->io, std::move(answer)); }
+
 void Field::end(std::shared_ptr<const ConfigChange> change, Done done) {
-  thread_->end(std::move(change), std::move(done));
+  asio::post(field_->io,
+             [field = field_.get(), change = std::move(change), done = std::move(done)]() mutable {
+               field->links.end(*change, std::move(done));
+             });
 }
+
 void Field::begin(std::shared_ptr<const ConfigChange> change, std::vector<std::uint64_t> last_seq,
                   Done done) {
-  thread_->begin(std::move(change), std::move(last_seq), std::move(done));
+  asio::post(field_->io, [field = field_.get(), change = std::move(change),
+                          last_seq = std::move(last_seq), done = std::move(done)]() mutable {
+    field->links.begin(change, std::move(last_seq), std::move(done));
+  });
 }
-void Field::ask(std::function<void()> answer) { thread_->ask(std::move(answer)); }
-void Field::stop() { thread_->stop(); }
-std::string Field::unfinished() const { return thread_->unfinished(); }
+
+void Field::stop() {
+  if (!field_->thread.joinable()) return;
+  field_->outbox.refuse_commands();
+  asio::post(field_->io, [field = field_.get()] {
+    field->report_timer.cancel();
+    asio::error_code ignored;
+    if (field->trace_switch) field->trace_switch->cancel(ignored);
+    // Ends the thread, even if an abandoned name lookup is still running.
+    field->links.stop([field] { field->io.stop(); });
+  });
+  field_->thread.join();
+  field_->io.restart();
+  field_->links.report();
+  const std::lock_guard lock(field_->end);
+  field_->io.poll();  // commands that came during the last moments are answered too
+  field_->is_over = true;
+}
+
+std::string Field::unfinished() const { return field_->links.unfinished(); }
 
 }  // namespace fxagent

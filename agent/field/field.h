@@ -17,8 +17,6 @@ namespace fxagent {
 /// `off`: devices only answer commands, as the command line needs it.
 enum class Polling : std::uint8_t { on, off };
 
-class FieldThread;
-
 class Field final {
  public:
   using Done = std::function<void()>;
@@ -66,7 +64,8 @@ class Field final {
   std::string unfinished() const;
 
  private:
-  std::unique_ptr<FieldThread> thread_;
+  struct Thread;
+  std::unique_ptr<Thread> field_;
 };
 
 }  // namespace fxagent

@@ -32,10 +32,6 @@ std::uint32_t holes_version(const LinkDevice& device) {
   return device.holes ? device.holes->version() : 0;
 }
 
-std::string milliseconds_text(nanoseconds duration) {
-  return std::to_string(std::chrono::round<milliseconds>(duration).count());
-}
-
 }  // namespace
 
 Plan GroupPlans::plan_of(const LinkDevice& device, const GroupPoll& group,
@@ -49,7 +45,7 @@ void GroupPlans::make(LinkDevice& device, GroupPoll& group) {
   group.turnaround = device.turnaround.value();
   group.holes_version = holes_version(device);
   group.cycle.use(plan_of(device, group, group.cycle.points()), bus_.doubt().findings());
-  scheduler_.set_exchanges(group.id, group.cycle.plan().exchange_count());
+  scheduler_.set_exchanges(group.id, group.cycle.reads().plan().exchange_count());
 }
 
 void GroupPlans::make_all(LinkDevice& device) {
@@ -62,8 +58,8 @@ void GroupPlans::refresh(LinkDevice& device, GroupPoll& group) {
   const nanoseconds planned_with = device.turnaround.value();
   if (device.turnaround.review())
     log::info("device", {{"device", device.config.name},
-                         {"turnaround_ms", milliseconds_text(device.turnaround.value())},
-                         {"planned_with_ms", milliseconds_text(planned_with)}});
+                         {"turnaround_ms", whole_ms(device.turnaround.value())},
+                         {"planned_with_ms", whole_ms(planned_with)}});
   // Without a line speed, a plan has the fewest exchanges, whatever their line time.
   if (link_.char_time.count() > 0) stale |= group.turnaround != device.turnaround.value();
   if (stale) make(device, group);
@@ -74,7 +70,7 @@ nanoseconds GroupPlans::longest_poll() const {
   for (const auto& device : devices_) {
     const LineTiming timing = timing_of(device->config, link_.char_time);
     std::vector<const Plan*> plans;
-    for (const auto& group : device->groups) plans.push_back(&group->cycle.plan());
+    for (const auto& group : device->groups) plans.push_back(&group->cycle.reads().plan());
     nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
     // The questions about the model count as one exchange with the read that follows them.
     if (!device->state.is_model_known())
@@ -90,18 +86,18 @@ nanoseconds GroupPlans::longest_poll() const {
 void GroupPlans::refused(LinkDevice& device, GroupPoll& group, const ReadIndices& reads,
                          const Request& request, const Exchange& exchange) {
   const AddressSpace& addresses = device.codec->addresses();
-  const PlannedRead& planned = group.cycle.plan().reads[reads[0]];
+  const PlannedRead& planned = group.cycle.reads().plan().reads[reads[0]];
   if (const auto* gather = std::get_if<Gather>(&request)) {
     if (gather->parts.size() > 1 || has_way_by_itself(addresses, planned.read.span.space))
       return device.found_holes().refused_together(
-          *gather, asked_in(group.cycle.plan(), reads, group.cycle.points()));
+          *gather, asked_in(group.cycle.reads().plan(), reads, group.cycle.points()));
   }
   const std::vector<Point> points = group.cycle.points();
   const auto halves = halves_of(*device.codec, points, planned);
   device.found_holes().refused(planned.read.span, halves, exchange.ended,
                                addresses.gathers().empty()
                                    ? std::vector<Span>{}
-                                   : asked_in(group.cycle.plan(), reads, points));
+                                   : asked_in(group.cycle.reads().plan(), reads, points));
   if (!halves)
     log::warn("device", {{"device", device.config.name},
                          {"refused", addresses.name_of(planned.read.span)},
@@ -114,10 +110,10 @@ void GroupPlans::read_in_parts(LinkDevice& device, GroupPoll& group, const ReadI
   if (++group.refusals > kFewRefusals && group.refused_time > kRefusedTime) return;
   PollCycle& cycle = group.cycle;
   if (reads.size() > 1)
-    cycle.read_halves(reads);
-  else if (!read_by_other_ways(device, group, cycle.points_of(reads)))
+    cycle.reads().read_halves(reads);
+  else if (!read_by_other_ways(device, group, cycle.reads().points_of(reads)))
     return;
-  scheduler_.extend_cycle(group.id, cycle.plan().exchange_count(), line_time, Clock::now());
+  scheduler_.extend_cycle(group.id, cycle.reads().plan().exchange_count(), line_time, Clock::now());
 }
 
 bool GroupPlans::read_by_other_ways(LinkDevice& device, GroupPoll& group,
@@ -133,7 +129,7 @@ bool GroupPlans::read_by_other_ways(LinkDevice& device, GroupPoll& group,
       fxagent::longest_poll(*device.codec, std::span(&only, 1),
                             timing_of(device.config, link_.char_time)) > longest_poll())
     return false;
-  group.cycle.read_instead(points, std::move(part));
+  group.cycle.reads().read_instead(points, std::move(part));
   return true;
 }
 
@@ -141,7 +137,7 @@ void GroupPlans::were_read(LinkDevice& device, const GroupPoll& group, const Rea
   if (!device.holes) return;
   if (reads.size() > 1) device.holes->read_together(reads.size());
   for (std::size_t i = 0; i < reads.size(); ++i)
-    device.holes->read(group.cycle.plan().reads[reads[i]].read.span);
+    device.holes->read(group.cycle.reads().plan().reads[reads[i]].read.span);
 }
 
 // ---- commands for several places ----------------------------------------------------------------

@@ -97,6 +97,9 @@ struct LinkDevice {
   /// Logs why the device or its gateway refuses requests, each reason once until the device is
   /// online.
   void log_refusal_once(const std::string& reason);
+  /// Logs the first bytes that came in place of an answer and what they look like, once a day for
+  /// each cause.
+  void log_foreign_bytes(const Exchange& exchange);
   HoleMap& found_holes() {
     if (holes == nullptr) holes = std::make_unique<HoleMap>();
     return *holes;

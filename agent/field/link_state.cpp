@@ -23,12 +23,6 @@ constexpr milliseconds kAfterRefusal{1000};
 // After this many consecutive unanswered exchanges on TCP and UDP, with any device, the peer is
 // gone or its name has another address.
 constexpr int kDeadPeerAfter = 3;
-// A recurring doubt is logged at most this often; each one is counted.
-constexpr std::chrono::seconds kDoubtLoggedEvery{60};
-
-// Foreign bytes are examined at most this often, and each cause is logged again after this long.
-constexpr std::chrono::seconds kUnexpectedBytesEvery{10};
-constexpr std::chrono::hours kUnexpectedBytesLoggedEvery{24};
 
 // A device that comes and goes has its groups read at once at most this often. If it is silent to
 // some reads and answers others, it would otherwise keep the line from all others.
@@ -46,6 +40,19 @@ bool is_serial(const LinkConfig& link) {
 
 ReconnectRules opening_rules(const LinkConfig& link) {
   return is_serial(link) ? kSerialReconnects : kTcpReconnects;
+}
+
+/// True if any device can answer, that is, not all are broadcasts.
+bool is_asked(const LinkDevices& devices) {
+  return std::ranges::any_of(devices,
+                             [](const auto& device) { return !device->codec->is_broadcast(); });
+}
+
+/// Returns what to check if the peer has closed the connection.
+std::string_view checklist_of_closed(const LinkDevices& devices) {
+  if (devices.empty() || devices.front()->config.protocol == nullptr) return {};
+  const LinkDevice& first = *devices.front();
+  return fxagent::checklist_of_closed(*first.config.protocol, *first.codec);
 }
 
 /// Logs the state of a device: offline as a warning.
@@ -71,6 +78,7 @@ LinkState::LinkState(const LinkConfig& link, std::uint32_t number, std::size_t l
       scheduler_(scheduler),
       devices_(devices),
       outbox_(outbox),
+      doubt_log_(link, bus, devices),
       reconnect_policy_(opening_rules(link), jitter_seed(number)) {}
 
 nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
@@ -98,19 +106,8 @@ void LinkState::log_up_once() {
   log::info("link", {{"link", config_.name}, {"state", "up"}});
 }
 
-bool LinkState::is_asked() const {
-  return std::ranges::any_of(devices_,
-                             [](const auto& device) { return !device->codec->is_broadcast(); });
-}
-
 bool LinkState::is_refused() const {
-  return !is_serial(config_) && bus_.channel().closed_unanswered() && is_asked();
-}
-
-std::string_view LinkState::checklist_of_closed() const {
-  if (devices_.empty() || devices_.front()->config.protocol == nullptr) return {};
-  const LinkDevice& first = *devices_.front();
-  return fxagent::checklist_of_closed(*first.config.protocol, *first.codec);
+  return !is_serial(config_) && bus_.channel().closed_unanswered() && is_asked(devices_);
 }
 
 /// A device that has never answered is reported at once: its settings may be wrong, and on MC
@@ -149,7 +146,7 @@ void LinkState::lost(const std::string& why) {
                                                                : reconnect_policy_.after_loss());
   const bool is_closed = was_refused_ && !bus_.channel().transport().has_datagrams();
   if (is_closed)
-    go_down(why + " before its first answer", checklist_of_closed());
+    go_down(why + " before its first answer", checklist_of_closed(devices_));
   else
     go_down(why, {});
 }
@@ -165,7 +162,7 @@ void LinkState::go_down(std::string why, std::string_view note) {
                          {"note", std::string(note)}});
   }
   is_vain_ = !is_serial(config_) &&
-             (was_refused_ || (was_open_ && !bus_.channel().was_answered() && is_asked()));
+             (was_refused_ || (was_open_ && !bus_.channel().was_answered() && is_asked(devices_)));
   logged_up_ = was_open_ = false;
   was_down_ = true;
   why_down_text_ = note.empty() ? why : why + ": " + std::string(note);
@@ -181,68 +178,7 @@ void LinkState::look() {
     next_open_ = Clock::now();
   else if (!bus_.is_open() && was_open_)
     lost(std::string(bus_.channel().why_lost()));
-  if (bus_.echo_found() && !echo_logged_) {
-    echo_logged_ = true;
-    log::warn("link", {{"link", config_.name},
-                       {"echo", "found"},
-                       {"note",
-                        "set echo for its devices: before three reads have shown it, the "
-                        "echo of a command may look like its answer"}});
-  }
-  log_doubt();
-}
-
-std::string LinkState::what_nobody_asked_for() const {
-  if (devices_.empty()) return {};
-  const LinkDevice& device = *devices_.front();
-  const UnexpectedBytes guess =
-      looks_like(device.config, *device.codec, ByteView(), bus_.last_unexpected());
-  return guess.cause == UnexpectedBytes::Cause::unknown ? "" : "; they look like " + guess.text;
-}
-
-void LinkState::log_doubt() {
-  if (!unexpected_logged_ && !bus_.last_unexpected().empty()) {
-    unexpected_logged_ = true;
-    log::warn("link", {{"link", config_.name},
-                       {"unexpected", first_bytes(bus_.last_unexpected())},
-                       {"note", "bytes that nobody asked for; health counts them from here on" +
-                                    what_nobody_asked_for()}});
-  }
-  const bool doubted = bus_.doubt().is_doubted();
-  if (doubted == doubt_logged_) return;
-  const auto now = Clock::now();
-  if (doubted && doubt_logged_at_ && now - *doubt_logged_at_ < kDoubtLoggedEvery) return;
-  doubt_logged_ = doubted;
-  if (doubted) {
-    doubt_logged_at_ = now;
-    log::warn("link", {{"link", config_.name},
-                       {"state", "doubted"},
-                       {"unexpected", first_bytes(bus_.last_unexpected())},
-                       {"note",
-                        "another master, or answers that come late? values are bad_frame, and no "
-                        "ACK is believed until some exchanges in a row were clean"}});
-  } else {
-    log::info("link", {{"link", config_.name}, {"state", "believed again"}});
-  }
-}
-
-void LinkState::heard_foreign(LinkDevice& device, const Exchange& exchange) {
-  const auto now = Clock::now();
-  if (exchange.heard.empty() || now < device.unexpected_bytes_from) return;
-  device.unexpected_bytes_from = now + kUnexpectedBytesEvery;
-  if (now - device.causes_logged_since >= kUnexpectedBytesLoggedEvery) {
-    device.logged_causes.reset();
-    device.causes_logged_since = now;
-  }
-  const UnexpectedBytes guess =
-      looks_like(device.config, *device.codec, exchange.asked, exchange.heard);
-  const auto cause = static_cast<std::size_t>(guess.cause);
-  if (device.logged_causes.test(cause)) return;
-  device.logged_causes.set(cause);
-  log::warn("device", {{"device", device.config.name},
-                       {"heard", first_bytes(exchange.heard)},
-                       {"reason", exchange.error},
-                       {"looks_like", guess.text}});
+  doubt_log_.look();
 }
 
 void LinkState::answered(LinkDevice& device) {

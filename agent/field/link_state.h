@@ -5,13 +5,13 @@
 
 #include <chrono>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <string_view>
 
 #include "agent/command_message.h"
 #include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
+#include "agent/field/doubt_log.h"
 #include "agent/field/link_device.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/poll/polled_device.h"
@@ -41,9 +41,8 @@ class LinkState final {
   /// attempt; if the peer closed the bus before its first answer, the delay is that of a failed
   /// attempt.
   void lost(const std::string& why);
-  /// Reports what the bus has noticed: a loss, an echo, unexpected bytes, the beginning and end of
-  /// a doubt. If the bus was closed after a silence, this is not a loss, and it is reopened at
-  /// once.
+  /// Handles a loss that the bus has noticed, and logs what else it has found. If the bus was
+  /// closed after a silence, this is not a loss, and it is reopened at once.
   void look();
 
   /// Records an answer of the device, even a refusal.
@@ -51,9 +50,6 @@ class LinkState final {
   /// Records a request that the device left unanswered. Closes a TCP connection or UDP port on
   /// which no device answers any more.
   void unanswered(LinkDevice& device, PolledDevice::AskedBy by = PolledDevice::AskedBy::poll);
-  /// Logs the first bytes that came in place of an answer and what they look like, once a day for
-  /// each device and cause.
-  void heard_foreign(LinkDevice& device, const Exchange& exchange);
   /// Records that a gateway answered `reason` in place of the device: the device is silent, the
   /// connection is not. Logs each reason once until the device is online.
   void unreachable(LinkDevice& device, const std::string& reason);
@@ -69,16 +65,10 @@ class LinkState final {
   /// True if the peer closed or refused the channel before any answer. That counts as a failed
   /// attempt.
   bool is_refused() const;
-  /// True if any device can answer, that is, not all are broadcasts.
-  bool is_asked() const;
-  std::string_view checklist_of_closed() const;
   bool is_silent(const LinkDevice& device) const;
   std::string why_silent(const LinkDevice& device) const;
   void log_up_once();
   void go_down(std::string why, std::string_view note);
-  void log_doubt();
-  /// Returns what the last unexpected bytes look like; empty: unknown.
-  std::string what_nobody_asked_for() const;
   SteadyTime read_at_once(LinkDevice& device, SteadyTime from);
 
   const LinkConfig& config_;
@@ -87,6 +77,7 @@ class LinkState final {
   PollScheduler& scheduler_;
   const LinkDevices& devices_;
   Outbox& outbox_;
+  DoubtLog doubt_log_;
   ReconnectPolicy reconnect_policy_;
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";
@@ -101,10 +92,6 @@ class LinkState final {
   bool logged_up_ = false;
   bool is_vain_ = false;      ///< the previous session had no answer
   bool was_refused_ = false;  ///< and its peer ended it
-  bool echo_logged_ = false;
-  bool unexpected_logged_ = false;
-  bool doubt_logged_ = false;
-  std::optional<SteadyTime> doubt_logged_at_;
   int unanswered_in_a_row_ = 0;
   Reason why_stopping_ = Reason::none;  ///< none: not stopping
 };

@@ -33,6 +33,18 @@ DepartedDevice departed(const LinkDevice& device) {
   return {device.index, device.seq, device.collected, device.suppressed};
 }
 
+/// Returns the device with this index in Config::devices; null: it is not on the link.
+LinkDevice* device_of(const LinkDevices& devices, std::uint32_t index) {
+  const auto found =
+      std::ranges::find(devices, index, [](const auto& device) { return device->index; });
+  return found == devices.end() ? nullptr : found->get();
+}
+
+void set_back_offs(PollScheduler& scheduler, const LinkDevices& devices) {
+  const BackOff back_off = devices.size() > 1 ? kShared : kAlone;
+  for (const auto& device : devices) scheduler.device(device->id).set_back_off(back_off);
+}
+
 }  // namespace
 
 std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config) {
@@ -64,17 +76,17 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       if (group.interval.count() > 0) spread = std::min(spread, group.interval);
   polls_begun_ = state_.begin(Clock::now(), spread);
   for (const std::uint32_t device : devices) begin_polls(add_device(config, device, last_seq));
-  set_back_offs();
+  set_back_offs(scheduler_, devices_);
 }
 
 LinkWorker::~LinkWorker() = default;
 
 void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
-  if (Device* device = device_of(index)) device->seq = std::max(device->seq, seq);
+  if (Device* device = device_of(devices_, index)) device->seq = std::max(device->seq, seq);
 }
 
 void LinkWorker::submit(AdmittedCommand admitted) {
-  Device* device = device_of(admitted.command.device);
+  Device* device = device_of(devices_, admitted.command.device);
   if (device == nullptr) return outbox_.push(not_sent(admitted, Reason::reloading));
   if (state_.is_stopping()) return outbox_.push(not_sent(admitted, state_.why_stopping()));
   if (device->leaves_by) return outbox_.push(not_sent(admitted, Reason::reloading));
@@ -100,11 +112,6 @@ void LinkWorker::begin_polls(Device& device) {
   if (polling_ == Polling::on || device.codec->plc() != nullptr) poller_.add_question(device);
 }
 
-void LinkWorker::set_back_offs() {
-  const BackOff back_off = devices_.size() > 1 ? kShared : kAlone;
-  for (const auto& device : devices_) scheduler_.device(device->id).set_back_off(back_off);
-}
-
 // ---- a changed config ---------------------------------------------------------------------------
 
 void LinkWorker::add(const Config& config, std::span<const std::uint32_t> devices,
@@ -114,14 +121,14 @@ void LinkWorker::add(const Config& config, std::span<const std::uint32_t> device
     begin_polls(device);
     state_.update(device);
   }
-  set_back_offs();
+  set_back_offs(scheduler_, devices_);
   idle_.cancel();
 }
 
 void LinkWorker::remove(std::span<const std::uint32_t> devices,
                         std::function<void(const std::vector<DepartedDevice>&)> left) {
   for (const std::uint32_t index : devices) {
-    Device* device = device_of(index);
+    Device* device = device_of(devices_, index);
     if (device == nullptr) continue;
     device->leaves_by = Clock::now() + kFinishWithin;
     for (const WaitingCommand& waiting : commands_.take_waiting(*device))
@@ -142,7 +149,7 @@ void LinkWorker::let_leave() {
       scheduler_.remove_device((*found)->id);
       devices_.erase(found);
     }
-    set_back_offs();
+    set_back_offs(scheduler_, devices_);
     leave.left(gone);
   }
 }
@@ -155,7 +162,7 @@ void LinkWorker::adjust(const LinkConfig& link) {
 }
 
 void LinkWorker::adjust(std::uint32_t index, const DeviceConfig& next) {
-  Device* device = device_of(index);
+  Device* device = device_of(devices_, index);
   if (device == nullptr) return;
   poller_.adjust_groups(*device, next.groups);
   idle_.cancel();
@@ -165,12 +172,6 @@ std::vector<DepartedDevice> LinkWorker::departed() const {
   std::vector<DepartedDevice> gone;
   for (const auto& device : devices_) gone.push_back(fxagent::departed(*device));
   return gone;
-}
-
-LinkWorker::Device* LinkWorker::device_of(std::uint32_t index) {
-  const auto found =
-      std::ranges::find(devices_, index, [](const auto& device) { return device->index; });
-  return found == devices_.end() ? nullptr : found->get();
 }
 
 // ---- the loop -----------------------------------------------------------------------------------

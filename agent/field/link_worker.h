@@ -102,8 +102,6 @@ class LinkWorker final {
   Device& add_device(const Config& config, std::uint32_t index,
                      std::span<const std::uint64_t> last_seq);
   void begin_polls(Device& device);
-  void set_back_offs();
-  Device* device_of(std::uint32_t index);
   /// Removes the devices that leave. Call only while nothing is on the wire.
   void let_leave();
 

@@ -45,7 +45,7 @@ asio::awaitable<void> ModelQuestions::run(LinkDevice& device, PollScheduler::Pol
 
 bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollStep& step,
                                  const Exchange& exchange) {
-  state_.heard_foreign(device, exchange);
+  device.log_foreign_bytes(exchange);
   scheduler_.step_used(step, exchange.line_time());
   if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
   if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
@@ -74,7 +74,7 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
   const Request& question = questions[step.exchange - 1];
   const Exchange exchange = co_await bus_.exchange(device.station, question);
   if (state_.is_stopping()) co_return;
-  state_.heard_foreign(device, exchange);
+  device.log_foreign_bytes(exchange);
   scheduler_.step_used(step, exchange.line_time());
   if (exchange.outcome == Exchange::Outcome::link_down) {
     end_cycle();
@@ -106,7 +106,7 @@ asio::awaitable<Exchange> ModelQuestions::ask_of_model(LinkDevice& device,
   for (int attempt = 0; attempt < 2; ++attempt) {
     exchange = co_await bus_.exchange(device.station, question);
     if (state_.is_stopping()) co_return exchange;
-    state_.heard_foreign(device, exchange);
+    device.log_foreign_bytes(exchange);
     scheduler_.share().poll_used(exchange.line_time());
     const bool may_pass =
         exchange.is_nak() &&

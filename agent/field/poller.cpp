@@ -59,7 +59,7 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
     const nanoseconds begins = (after + total) % nanoseconds(std::max(interval, milliseconds(1)));
     group->id = scheduler_.add_group(device.id, interval, 1, on_grid(from + begins, interval));
     plans_.make(device, *group);
-    total += group->cycle.plan().line_time;
+    total += group->cycle.reads().plan().line_time;
     device.groups.push_back(std::move(group));
   }
   return total;
@@ -125,15 +125,15 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
     if (knowledge == Knowledge::unanswered) fail_cycle(device, group, failure);
     if (knowledge != Knowledge::known) co_return;  // a new plan: the cycle is offered again
   }
-  if (group.cycle.plan().reads.empty()) {
+  if (group.cycle.reads().plan().reads.empty()) {
     scheduler_.abandon_cycle(group.id, Clock::now() + kNothingToRead);
     finish_cycle(device, group);
     co_return;
   }
   // Data that a command may have changed is read first; then the same step is offered again.
-  const Plan& plan = group.cycle.plan();
-  const auto outdated = group.cycle.outdated();
-  if (!outdated && group.cycle.has_images(plan.reads_in(step.exchange))) {
+  const Plan& plan = group.cycle.reads().plan();
+  const auto outdated = group.cycle.reads().outdated();
+  if (!outdated && group.cycle.reads().has_images(plan.reads_in(step.exchange))) {
     end_step(device, group, step);
     co_return;
   }
@@ -146,7 +146,7 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
 void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                           const Asked& asked, Exchange exchange) {
   if (state_.is_stopping()) return;
-  state_.heard_foreign(device, exchange);
+  device.log_foreign_bytes(exchange);
   scheduler_.step_used(step, exchange.line_time());
   if (exchange.doubted) {  // the device is there, but its data is not trusted
     state_.answered(device);
@@ -244,7 +244,7 @@ Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
 }
 
 void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {
-  group.cycle.give_up(why);
+  group.cycle.reads().give_up(why);
   scheduler_.abandon_cycle(group.id, bus_.is_open() ? Clock::now() : state_.next_open());
   finish_cycle(device, group);
 }
@@ -253,7 +253,7 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   ++device.collected;
   auto message = group.cycle.finish(bus_.doubt().is_doubted(), bus_.doubt().findings(), now_ms(),
                                     Clock::now(), scheduler_.next_due(group.id));
-  for (const PollCycle::NoValue& none : group.cycle.take_no_values()) {
+  for (const NoValue& none : group.cycle.take_no_values()) {
     const TagConfig& tag = device.config.tags[none.tag];
     log::warn("tag", {{"device", device.config.name},
                       {"tag", std::string(tag.name)},

@@ -17,7 +17,7 @@ constexpr seconds kCleanUpEvery{60};
 Store::Store(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), disk_(config, utc_ms) {
   // Waiting audit records are older than waiting commands, and are written before them.
-  disk_.share_with({&samples_, &audit_, &journal_, &numbers_, &clock_});
+  disk_.parts().set({&removals_, &samples_, &audit_, &journal_rows_, &numbers_, &clock_});
   disk_.open();
   samples_.count_recovered();
   samples_.begin_run();
@@ -29,7 +29,7 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms)
     log::info("store", {{"state", "disk"},
                         {"path", config_.path},
                         {"rows", std::to_string(samples_.rows())},
-                        {"bytes", std::to_string(samples_.bytes())}});
+                        {"bytes", std::to_string(samples_.streams().bytes())}});
 }
 
 Store::~Store() = default;
@@ -55,8 +55,7 @@ void Store::open_late() {
 
 /// An open file that has lost its name accepts writes, but no later run finds them.
 void Store::look_for_the_files() {
-  if (!disk_.is_misplaced()) return;
-  disk_.abandon();
+  if (!disk_.abandon_misplaced()) return;
   open_late();
   if (!is_writable()) return;
   if (audit_.head().records == 0) audit_.set_aside({});
@@ -85,7 +84,7 @@ bool Store::note_time(SteadyTime now, std::int64_t utc_ms) {
 }
 
 bool Store::is_flush_due(SteadyTime now) const {
-  return !flush_at_ || now >= *flush_at_ || samples_.removed_waiting() >= kRemovedAtOnce;
+  return !flush_at_ || now >= *flush_at_ || removals_.size() >= kRemovedAtOnce;
 }
 
 void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
@@ -112,7 +111,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
 }
 
 bool Store::has_pending() const {
-  return is_writable() && (disk_.has_pending() || numbers_.is_short());
+  return is_writable() && (disk_.parts().has_pending() || numbers_.is_short());
 }
 
 void Store::close() {

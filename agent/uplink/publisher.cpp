@@ -306,7 +306,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
 /// Recovers what earlier runs left of devices that were in no config of this run before.
 void Publisher::recover_joined(SteadyTime now) {
   if (joined_.empty() || store_ == nullptr || store_->hangs()) return;
-  Recovered known = recover_of(joined_, config_, *store_, utc_ms_(), now);
+  Recovered known = recover_of(joined_, config_, store_->journal(), utc_ms_(), now);
   if (store_->hangs()) return;  // the store was not read; try again
   joined_.clear();
   commands_.restore(std::move(known), now, utc_ms_());
@@ -330,7 +330,7 @@ void Publisher::set_config_status(ConfigStatus status, SteadyTime now) {
 void Publisher::report_config(std::string text, std::string audit) {
   config_report_ = std::move(text);
   if (session_.is_connected() && phase_ == Phase::running) retained_.config_report_is_due();
-  if (!audit.empty() && store_ != nullptr) store_->note(std::move(audit));
+  if (!audit.empty() && store_ != nullptr) store_->journal().note(std::move(audit));
 }
 
 // ---- field events -------------------------------------------------------------------------------
@@ -339,8 +339,8 @@ void Publisher::take_found_late(SteadyTime now) {
   // Not during a change: rows recovered for a device that ends would come too late.
   auto late = store_ == nullptr || changing_ ? std::nullopt : store_->take_found_late();
   if (!late) return;
-  Recovered known = recover(config_, *store_, std::move(late->ids), std::move(late->unacknowledged),
-                            utc_ms_(), now);
+  Recovered known = recover(config_, store_->journal(), std::move(late->ids),
+                            std::move(late->unacknowledged), utc_ms_(), now);
   commands_.restore(std::move(known), now, utc_ms_());
   if (number_above_) number_above_(later_numbers(config_, late->numbers));
 }

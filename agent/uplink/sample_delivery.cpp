@@ -81,7 +81,7 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.seq = message.seq;
     row.content = encode_sample(message, device, boot_, meta_hash(message.device));
     row_bytes_ += row.cost();
-    if (store_ != nullptr) store_->used(row.device, row.seq);
+    if (store_ != nullptr) store_->samples().used(row.device, row.seq);
     if (can_go && may_send(row.device, now))
       live.push_back(std::move(row));
     else

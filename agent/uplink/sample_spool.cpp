@@ -6,7 +6,7 @@ namespace fxagent {
 
 void SampleSpool::add(LiveRow live) {
   if (live.stored)
-    store_->release(live.row.row_id);
+    store_->samples().release(live.row.row_id);
   else
     add(std::move(live.row));
   commit_by(live.since + kLiveFor);
@@ -34,7 +34,7 @@ void SampleSpool::move_memory_to_disk() {
 
 void SampleSpool::store(std::vector<SampleRow> rows) {
   if (rows.empty()) return;
-  store_->append(std::move(rows), [this](std::vector<SampleRow> given, bool on_disk) {
+  store_->samples().append(std::move(rows), [this](std::vector<SampleRow> given, bool on_disk) {
     if (!on_disk)
       for (SampleRow& row : given) backlog_.append(std::move(row));
     count_dropped();
@@ -42,7 +42,7 @@ void SampleSpool::store(std::vector<SampleRow> rows) {
 }
 
 bool SampleSpool::hold(std::vector<SampleRow>& rows) {
-  if (store_ == nullptr || !store_->hold(rows)) return false;
+  if (store_ == nullptr || !store_->samples().hold(rows)) return false;
   count_dropped();
   return true;
 }
@@ -54,10 +54,11 @@ std::optional<OutgoingHistory> SampleSpool::next(
     return may_send(stream.first) && !backlog_.is_on_the_way(stream);
   };
   const auto from_memory = [&](const StreamKey& stream) {
-    return may_send(stream.first) && (store_ == nullptr || !store_->is_ahead_of_memory(stream));
+    return may_send(stream.first) &&
+           (store_ == nullptr || !store_->samples().is_ahead_of_memory(stream));
   };
   if (store_ != nullptr) {
-    auto batch = store_->next(payload.begin_history(max_bytes), from_disk);
+    auto batch = store_->samples().next(payload.begin_history(max_bytes), from_disk);
     count_dropped();
     if (batch) return OutgoingHistory{std::move(*batch), true};
   }
@@ -68,18 +69,18 @@ std::optional<OutgoingHistory> SampleSpool::next(
 }
 
 void SampleSpool::returned(const OutgoingHistory& message) {
-  message.on_disk ? store_->returned(message.batch) : backlog_.returned(message.batch);
+  message.on_disk ? store_->samples().returned(message.batch) : backlog_.returned(message.batch);
 }
 
-void SampleSpool::remove(const OutgoingHistory& message, const GuardedStore::Removed& then) {
+void SampleSpool::remove(const OutgoingHistory& message, const GuardedSamples::Removed& then) {
   if (message.on_disk)
-    store_->remove(message.batch, then);
+    store_->samples().remove(message.batch, then);
   else
     then(backlog_.remove(message.batch));
 }
 
-void SampleSpool::remove(const LiveRow& live, const GuardedStore::Removed& then) {
-  store_->remove(live.row.row_id, then);
+void SampleSpool::remove(const LiveRow& live, const GuardedSamples::Removed& then) {
+  store_->samples().remove(live.row.row_id, then);
 }
 
 void SampleSpool::drop(const std::string& device, std::uint64_t count) {
@@ -90,7 +91,7 @@ void SampleSpool::drop(const std::string& device, std::uint64_t count) {
 void SampleSpool::count_dropped() {
   for (const auto& [device, count] : backlog_.take_dropped()) drop(device, count);
   if (store_ == nullptr) return;
-  for (const auto& [device, count] : store_->take_dropped()) drop(device, count);
+  for (const auto& [device, count] : store_->samples().take_dropped()) drop(device, count);
 }
 
 std::uint64_t SampleSpool::dropped(const std::string& device) const {
@@ -99,7 +100,8 @@ std::uint64_t SampleSpool::dropped(const std::string& device) const {
 }
 
 bool SampleSpool::has_waiting(const std::string& device) const {
-  return backlog_.has_waiting(device) || (store_ != nullptr && store_->has_waiting(device));
+  return backlog_.has_waiting(device) ||
+         (store_ != nullptr && store_->samples().has_waiting(device));
 }
 
 }  // namespace fxagent

@@ -68,9 +68,9 @@ class SampleSpool final {
   void returned(const OutgoingHistory& message);
   /// Removes the rows of a message that is complete. `then` gets the number of rows that still
   /// existed; it is called later if the disk does not answer now.
-  void remove(const OutgoingHistory& message, const GuardedStore::Removed& then);
+  void remove(const OutgoingHistory& message, const GuardedSamples::Removed& then);
   /// Removes a held row that is complete. `then` gets 1 if it still existed.
-  void remove(const LiveRow& live, const GuardedStore::Removed& then);
+  void remove(const LiveRow& live, const GuardedSamples::Removed& then);
 
   /// Counts dropped samples. The device may exist only in the store.
   void drop(const std::string& device, std::uint64_t count);
@@ -82,7 +82,7 @@ class SampleSpool final {
   bool empty() const { return spool_.empty() && backlog_.rows() == 0; }
   std::size_t gathered() const { return spool_.size(); }
   /// Rows passed to the disk and not confirmed yet.
-  std::uint64_t at_disk() const { return store_ == nullptr ? 0 : store_->samples_at_disk(); }
+  std::uint64_t at_disk() const { return store_ == nullptr ? 0 : store_->samples().at_disk(); }
   SteadyTime commit_at() const { return commit_at_; }
   bool has_waiting(const std::string& device) const;
   const Backlog& backlog() const { return backlog_; }

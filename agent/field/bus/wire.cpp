@@ -21,6 +21,31 @@ constexpr std::size_t kMostDatagrams = 1000;
 
 bool answers_by_ack(const Request& request) { return !is_read(request); }
 
+/// Takes a port for the next request. False: there is none; `failed` says why.
+bool renew_port(Transport& transport, const Codec& codec, Exchange& failed) {
+  if (is_numbered(codec)) return true;
+  const auto renewed = transport.renew();
+  if (renewed) return true;
+  failed.outcome = Exchange::Outcome::link_down;
+  failed.error = renewed.error().text;
+  failed.began = failed.ended = transport.now();
+  return false;
+}
+
+/// Sends the bytes that close an exchange. With `is_echoed`, waits for their echo.
+asio::awaitable<void> close_exchange(Transport& transport, Echo& echo, const Bytes& closing,
+                                     bool is_echoed, SteadyTime deadline) {
+  const auto written = co_await transport.write(closing, deadline);
+  echo.sent_unanswered(closing);
+  if (written.error || !is_echoed) co_return;
+  std::uint8_t waste[kWireChunk];
+  for (std::size_t back = 0; back < closing.size();) {
+    const auto got = co_await transport.read_some(waste, deadline);
+    if (!got) co_return;
+    back += *got;
+  }
+}
+
 }  // namespace
 
 std::string beginning_of(const Bytes& bytes) {
@@ -89,16 +114,6 @@ void Wire::note_unexpected(const Codec& codec, ByteView bytes) {
   counters_.unexpected_bytes += overheard_.judge(codec, bytes, now());
 }
 
-bool Wire::renew_port(const Codec& codec, Exchange& failed) {
-  if (is_numbered(codec)) return true;
-  const auto renewed = channel_.transport().renew();
-  if (renewed) return true;
-  failed.outcome = Exchange::Outcome::link_down;
-  failed.error = renewed.error().text;
-  failed.began = failed.ended = now();
-  return false;
-}
-
 asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& station,
                                          Request request, SteadyTime not_after) {
   Exchange exchange;
@@ -110,8 +125,10 @@ asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& stat
   }
   exchange.rest = std::max<nanoseconds>(station.gap, codec.quiet_before(char_time_));
   const SteadyTime rests_from = now();
-  co_await keep_gap(exchange.rest);
-  const bool open = look(codec, exchange) && renew_port(codec, exchange);
+  SteadyTime earliest = not_before_;
+  if (exchange.rest.count() > 0) earliest = std::max(earliest, last_activity_ + exchange.rest);
+  co_await wait_until(earliest);
+  const bool open = look(codec, exchange) && renew_port(channel_.transport(), codec, exchange);
   if (!open) co_return exchange;
   exchange.began = exchange.ended = now();
   if (exchange.began > not_after) {
@@ -151,7 +168,11 @@ asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& stat
     const bool echo = station.echo || (overheard_.echo().is_found() && !skips_echo);
     co_await receive(codec, request, *frame, echo, deadline, exchange);
     trace(WireFrame::Way::in, rx_);
-    note_heard(*frame, deadline, exchange);
+    if (!exchange.has_answer() && !rx_.empty()) {
+      exchange.heard = rx_;
+      exchange.asked = *frame;
+    }
+    if (trace_) trace_->ended(exchange, rx_, now(), deadline);
   } else {
     // No answer comes. The exchange ends when the last byte has left the wire, not when the kernel
     // has accepted it.
@@ -166,7 +187,8 @@ asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& stat
     trace(WireFrame::Way::out, exchange.reply.closing);
     if (trace_) trace_->out(exchange.reply.closing);
     last_activity_ += char_time_ * static_cast<int>(exchange.reply.closing.size());
-    co_await close_exchange(exchange.reply.closing, station.echo || overheard_.echo().is_found(),
+    co_await close_exchange(channel_.transport(), overheard_.echo(), exchange.reply.closing,
+                            station.echo || overheard_.echo().is_found(),
                             last_activity_ + station.timeout);
   }
   exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
@@ -179,35 +201,6 @@ asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& stat
     if (counters_.durations) counters_.durations->turnaround.add(exchange.turnaround);
   }
   co_return exchange;
-}
-
-void Wire::note_heard(const Bytes& frame, SteadyTime deadline, Exchange& exchange) const {
-  const bool answered = exchange.has_answer();
-  if (!answered && !rx_.empty()) {
-    exchange.heard = rx_;
-    exchange.asked = frame;
-  }
-  if (!trace_) return;
-  if (answered) {
-    const std::size_t size = exchange.reply.consumed - exchange.reply.began;
-    trace_->answer(ByteView(rx_).subspan(exchange.reply.began, size), now() - exchange.began);
-  } else if (exchange.outcome == Exchange::Outcome::unanswered) {
-    trace_->no_answer(rx_, deadline - exchange.began, {});
-  } else {
-    trace_->no_answer(rx_, now() - exchange.began, exchange.error);
-  }
-}
-
-asio::awaitable<void> Wire::close_exchange(const Bytes& closing, bool echo, SteadyTime deadline) {
-  const auto written = co_await channel_.transport().write(closing, deadline);
-  overheard_.echo().sent_unanswered(closing);
-  if (written.error || !echo) co_return;
-  std::uint8_t waste[kWireChunk];
-  for (std::size_t back = 0; back < closing.size();) {
-    const auto got = co_await channel_.transport().read_some(waste, deadline);
-    if (!got) co_return;
-    back += *got;
-  }
 }
 
 asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, const Bytes& sent,
@@ -323,12 +316,6 @@ void Wire::note_outcome(const Station& station, const Request& request, const Ex
   overheard_.late().given_up(
       answers_by_ack(request) ? LateAnswers::Owed::acknowledgement : LateAnswers::Owed::data,
       exchange.ended, station.timeout, length.reply_chars + length.more_reply_chars);
-}
-
-asio::awaitable<void> Wire::keep_gap(nanoseconds quiet) {
-  auto earliest = not_before_;
-  if (quiet.count() > 0) earliest = std::max(earliest, last_activity_ + quiet);
-  co_await wait_until(earliest);
 }
 
 asio::awaitable<void> Wire::wait_until(SteadyTime at) {

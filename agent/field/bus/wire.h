@@ -76,20 +76,14 @@ class Wire final {
   /// Receives the answer. With `echo`, first removes `sent` from the received bytes.
   asio::awaitable<void> receive(const Codec& codec, const Request& request, const Bytes& sent,
                                 bool echo, SteadyTime deadline, Exchange& exchange);
-  asio::awaitable<void> close_exchange(const Bytes& closing, bool echo, SteadyTime deadline);
-  /// Takes a port for the next request. False: there is none; `failed` says why.
-  bool renew_port(const Codec& codec, Exchange& failed);
   /// Counts, traces and judges bytes that are not part of an answer.
   void note_unexpected(const Codec& codec, ByteView bytes);
   /// Judges the bytes before and after an answer. With `shows_echo` they show whether the line
   /// echoes requests.
   void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply,
                           bool shows_echo);
-  /// Traces the bytes of an exchange. Stores in `exchange` what came in place of an answer.
-  void note_heard(const Bytes& frame, SteadyTime deadline, Exchange& exchange) const;
   /// Counts the outcome. Without an answer, closes the channel or records that one may come late.
   void note_outcome(const Station& station, const Request& request, const Exchange& exchange);
-  asio::awaitable<void> keep_gap(std::chrono::nanoseconds quiet);
   asio::awaitable<void> wait_until(SteadyTime at);
 
   Channel channel_;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "agent/log/log.h"
+#include "agent/steady_time.h"
 #include "protocol/explanation.h"
 
 namespace fxagent {
@@ -19,10 +20,6 @@ std::string ms_text(nanoseconds duration) {
   std::snprintf(text, sizeof text, "%.1f",
                 std::chrono::duration<double, std::milli>(duration).count());
   return text;
-}
-
-std::string whole_ms(nanoseconds duration) {
-  return std::to_string(std::chrono::round<std::chrono::milliseconds>(duration).count());
 }
 
 }  // namespace
@@ -45,6 +42,18 @@ void WireTrace::no_answer(ByteView bytes, nanoseconds within, std::string why) c
     why = (bytes.empty() ? "nothing came within " : "no whole answer within ") + whole_ms(within) +
           " ms";
   show(WireFrame::Way::in, bytes, within, std::move(why), Explained::no);
+}
+
+void WireTrace::ended(const Exchange& exchange, ByteView bytes, SteadyTime now,
+                      SteadyTime deadline) const {
+  if (exchange.has_answer()) {
+    const std::size_t size = exchange.reply.consumed - exchange.reply.began;
+    answer(bytes.subspan(exchange.reply.began, size), now - exchange.began);
+  } else if (exchange.outcome == Exchange::Outcome::unanswered) {
+    no_answer(bytes, deadline - exchange.began, {});
+  } else {
+    no_answer(bytes, now - exchange.began, exchange.error);
+  }
 }
 
 void WireTrace::unasked(ByteView bytes) const {

@@ -10,6 +10,8 @@
 #include <string_view>
 
 #include "agent/command_message.h"
+#include "agent/field/bus/exchange.h"
+#include "agent/steady_time.h"
 #include "protocol/codec.h"
 #include "protocol/value/bytes.h"
 
@@ -30,6 +32,9 @@ class WireTrace final {
   /// Logs a missing answer: `bytes`, possibly none, came within that time. `why` says what is
   /// wrong; empty: the answer is missing or incomplete.
   void no_answer(ByteView bytes, std::chrono::nanoseconds within, std::string why) const;
+  /// Logs how the wait for an answer ended at `now`: by the answer, which is part of `bytes`, or
+  /// without it. `deadline` is that of the answer.
+  void ended(const Exchange& exchange, ByteView bytes, SteadyTime now, SteadyTime deadline) const;
   /// Logs bytes that came when no answer was due, or around one.
   void unasked(ByteView bytes) const;
 

@@ -100,6 +100,51 @@ Verification verification(const AdmittedTarget& target, const Bytes& image) {
   return out;
 }
 
+/// True if `target` overlaps another target of the command, so that their sequence matters.
+bool meets_another(const AdmittedCommand& admitted, const AdmittedTarget& target) {
+  const Span span = *span_of(target.point);
+  return std::any_of(admitted.targets.begin(), admitted.targets.end(),
+                     [&](const AdmittedTarget& other) {
+                       return &other != &target && overlap(span, *span_of(other.point));
+                     });
+}
+
+bool surely_without_effect(const Codec& codec, const Request& request, const Exchange& exchange) {
+  if (!exchange.sent) return true;
+  if (!exchange.is_nak()) return false;
+  return codec.meaning_of(request, exchange.reply.device_code) != RefusalMeaning::unclear;
+}
+
+/// Sets the outcome of a target that a stopping agent or device left unsent.
+void set_unsent(TargetResult& out, Reason why_stopping) {
+  set(out, CommandStatus::failed, why_stopping, why_not_sent(why_stopping) + "; nothing was sent");
+}
+
+/// Sets the outcome of the command from those of its targets, of which there is at least one.
+void summarise(CommandResult& result) {
+  const TargetResult* telling = &result.targets.back();
+  for (const TargetResult& target : result.targets) {
+    if (target.status == CommandStatus::succeeded) continue;
+    telling = &target;
+    break;
+  }
+  result.status = telling->status;
+  result.reason = telling->reason;
+  result.detail = telling->detail;
+  result.plc = telling->plc;
+  if (!result.is_list) {
+    result.progress = telling->progress;
+    return;
+  }
+  const auto done = std::count_if(result.targets.begin(), result.targets.end(), was_carried_out);
+  const bool open = result.status == CommandStatus::unknown_outcome;
+  const bool broken_off = done > 0 && static_cast<std::size_t>(done) < result.targets.size();
+  if (result.status == CommandStatus::failed && broken_off) result.status = CommandStatus::partial;
+  if (open || result.status == CommandStatus::partial)
+    result.progress = Progress{static_cast<std::uint32_t>(done),
+                               static_cast<std::uint32_t>(result.targets.size())};
+}
+
 }  // namespace
 
 CommandExecution::CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
@@ -121,7 +166,14 @@ asio::awaitable<CommandResult> CommandExecution::run() {
   } else {
     co_await run_targets();
   }
-  summarise();
+  result_.attempts += wire_.writes();
+  if (!wire_.first_byte()) {
+    result_.queue = Clock::now() - admitted_.queued;
+  } else {
+    result_.queue = *wire_.first_byte() - admitted_.queued;
+    result_.wire = wire_.last_byte() - *wire_.first_byte();
+  }
+  summarise(result_);
   co_return std::move(result_);
 }
 
@@ -139,16 +191,12 @@ void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exc
                std::to_string(std::chrono::floor<milliseconds>(left).count()) + " ms were left";
     set(out, CommandStatus::expired, Reason::expired, std::move(detail));
   } else if (wire_.was_cut_off()) {
-    set(out, CommandStatus::failed, sharing_->why_stopping(), nothing_sent());
+    set_unsent(out, sharing_->why_stopping());
   } else if (wire_.is_unmarked()) {
     set(out, CommandStatus::failed, Reason::store_unavailable, exchange.error);
   } else {
     set(out, CommandStatus::failed, reason_of(exchange), exchange.error);
   }
-}
-
-std::string CommandExecution::nothing_sent() const {
-  return why_not_sent(sharing_->why_stopping()) + "; nothing was sent";
 }
 
 asio::awaitable<void> CommandExecution::run_targets() {
@@ -164,7 +212,7 @@ asio::awaitable<void> CommandExecution::run_targets() {
     if (!going) {
       set(out, CommandStatus::failed, Reason::none, "not sent: an earlier target did not succeed");
     } else if (!going_on) {
-      set(out, CommandStatus::failed, sharing_->why_stopping(), nothing_sent());
+      set_unsent(out, sharing_->why_stopping());
     } else if (target.requests.empty()) {
       co_await read_target(target, out);
     } else {
@@ -223,13 +271,6 @@ asio::awaitable<bool> CommandExecution::read_first(const AdmittedTarget& target,
   co_return false;
 }
 
-bool CommandExecution::surely_without_effect(const Request& request,
-                                             const Exchange& exchange) const {
-  if (!exchange.sent) return true;
-  if (!exchange.is_nak()) return false;
-  return station_.codec->meaning_of(request, exchange.reply.device_code) != RefusalMeaning::unclear;
-}
-
 asio::awaitable<void> CommandExecution::conclude(const AdmittedTarget& target, Exchange exchange,
                                                  TargetResult& out) {
   if (!exchange.is_ack()) {
@@ -257,14 +298,14 @@ asio::awaitable<void> CommandExecution::write_target(const AdmittedTarget& targe
     bool going_on = !wire_.is_stopping();
     if (carried_out > 0) going_on = co_await wire_.go_on(gives_way(target));
     if (!going_on) {
-      set(out, CommandStatus::failed, sharing_->why_stopping(), nothing_sent());
+      set_unsent(out, sharing_->why_stopping());
       co_return co_await end_early(target, carried_out, out);
     }
     const int before = wire_.writes();
     exchange = co_await wire_.send_once_or_twice(requests[carried_out], may_repeat);
     if (wire_.writes() - before > 1) may_repeat = false;
     if (exchange.is_ack()) continue;
-    if (!surely_without_effect(requests[carried_out], exchange)) break;
+    if (!surely_without_effect(*station_.codec, requests[carried_out], exchange)) break;
     set_without_effect(out, exchange);
     co_return co_await end_early(target, carried_out, out);
   }
@@ -285,19 +326,11 @@ asio::awaitable<void> CommandExecution::end_early(const AdmittedTarget& target, 
   if (got.image) out.verify = verification(target, *got.image);
 }
 
-bool CommandExecution::meets_another(const AdmittedTarget& target) const {
-  const Span span = *span_of(target.point);
-  return std::any_of(admitted_.targets.begin(), admitted_.targets.end(),
-                     [&](const AdmittedTarget& other) {
-                       return &other != &target && overlap(span, *span_of(other.point));
-                     });
-}
-
 asio::awaitable<bool> CommandExecution::write_together() {
   std::vector<Request> requests;
   for (const AdmittedTarget& target : admitted_.targets) {
     if (target.requests.size() != 1 || is_read_first(*admitted_.codec, target)) co_return false;
-    if (meets_another(target)) co_return false;
+    if (meets_another(admitted_, target)) co_return false;
     requests.push_back(target.requests.front());
   }
   const auto together = station_.codec->combine(requests);
@@ -305,7 +338,8 @@ asio::awaitable<bool> CommandExecution::write_together() {
   if (wire_.is_stopping()) co_return false;
   result_.one_frame = true;
   const Exchange exchange = co_await wire_.send_once_or_twice(*together, true);
-  const bool no_effect = !exchange.is_ack() && surely_without_effect(*together, exchange);
+  const bool no_effect =
+      !exchange.is_ack() && surely_without_effect(*station_.codec, *together, exchange);
   for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
     if (no_effect) {
@@ -429,38 +463,6 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   } else {
     set(out, CommandStatus::unknown_outcome, reason_of(exchange), exchange.error);
   }
-}
-
-void CommandExecution::summarise() {
-  result_.attempts += wire_.writes();
-  if (!wire_.first_byte()) {
-    result_.queue = Clock::now() - admitted_.queued;
-  } else {
-    result_.queue = *wire_.first_byte() - admitted_.queued;
-    result_.wire = wire_.last_byte() - *wire_.first_byte();
-  }
-  const TargetResult* telling = &result_.targets.back();
-  for (const TargetResult& target : result_.targets) {
-    if (target.status == CommandStatus::succeeded) continue;
-    telling = &target;
-    break;
-  }
-  result_.status = telling->status;
-  result_.reason = telling->reason;
-  result_.detail = telling->detail;
-  result_.plc = telling->plc;
-  if (!result_.is_list) {
-    result_.progress = telling->progress;
-    return;
-  }
-  const auto done = std::count_if(result_.targets.begin(), result_.targets.end(), was_carried_out);
-  const bool open = result_.status == CommandStatus::unknown_outcome;
-  const bool broken_off = done > 0 && static_cast<std::size_t>(done) < result_.targets.size();
-  if (result_.status == CommandStatus::failed && broken_off)
-    result_.status = CommandStatus::partial;
-  if (open || result_.status == CommandStatus::partial)
-    result_.progress = Progress{static_cast<std::uint32_t>(done),
-                                static_cast<std::uint32_t>(result_.targets.size())};
 }
 
 }  // namespace fxagent

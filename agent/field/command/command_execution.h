@@ -44,8 +44,6 @@ class CommandExecution final {
   /// that `requests` must preserve. False: nothing may be written; `out` says why.
   asio::awaitable<bool> read_first(const AdmittedTarget& target, std::vector<Request>& requests,
                                    TargetResult& out);
-  /// True if `target` overlaps another target of the command, so that their sequence matters.
-  bool meets_another(const AdmittedTarget& target) const;
   /// Writes all targets in one frame if the protocol has one for them. False: nothing was sent.
   asio::awaitable<bool> write_together();
   /// Ends a target of which `frames` requests were carried out and the rest surely was not.
@@ -53,13 +51,9 @@ class CommandExecution final {
                                   TargetResult& out);
   /// Sets the outcome of a command that surely had no effect: refused, never sent, or too late.
   void set_without_effect(TargetResult& out, const Exchange& exchange) const;
-  /// Returns the text for a command that a stopping agent or device left unsent. Requires a
-  /// sharing_.
-  std::string nothing_sent() const;
   /// Sets the outcome of one target from the command's last exchange, then verifies it.
   asio::awaitable<void> conclude(const AdmittedTarget& target, Exchange exchange,
                                  TargetResult& out);
-  bool surely_without_effect(const Request& request, const Exchange& exchange) const;
   asio::awaitable<void> verify(const AdmittedTarget& target, TargetResult& out);
   /// Reads what the command was to write. The target counts as carried out if it has that value.
   asio::awaitable<void> read_outcome(const AdmittedTarget& target, std::string succeeded,
@@ -69,7 +63,6 @@ class CommandExecution final {
                                        TargetResult& out);
   asio::awaitable<void> run_or_stop();
   asio::awaitable<std::optional<bool>> await_run_state(const PlcServices& plc, bool wanted);
-  void summarise();
 
   Station& station_;
   const AdmittedCommand& admitted_;

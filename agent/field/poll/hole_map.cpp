@@ -23,6 +23,32 @@ void add(std::vector<Span>& spans, const Span& span) {
   if (std::find(spans.begin(), spans.end(), span) == spans.end()) spans.push_back(span);
 }
 
+/// `parts` kAny: no limit.
+void limit_parts(Holes& holes, std::uint8_t gather, std::uint32_t parts) {
+  std::erase_if(holes.gather_limits, [&](const auto& limit) { return limit.gather == gather; });
+  if (parts != kAny) holes.gather_limits.push_back({gather, parts});
+}
+
+std::uint32_t parts_of(const Holes& holes, std::uint8_t gather) {
+  for (const Holes::GatherLimit& limit : holes.gather_limits)
+    if (limit.gather == gather) return limit.parts;
+  return kAny;
+}
+
+bool is_suspect(const Holes& holes, const Span& span) {
+  return std::any_of(holes.suspects.begin(), holes.suspects.end(),
+                     [&](const Span& one) { return overlap(one, span); });
+}
+
+/// Suspects only what was asked for, because the rest of `read` may never be read again.
+void suspect(Holes& holes, const Span& read, const std::vector<Span>& asked) {
+  for (const Span& span : asked) {
+    if (!overlap(span, read)) continue;
+    const std::uint32_t first = std::max(span.first_bit, read.first_bit);
+    holes.suspects.push_back({span.space, first, std::min(span.end_bit(), read.end_bit()) - first});
+  }
+}
+
 }  // namespace
 
 void HoleMap::changed() {
@@ -44,8 +70,8 @@ void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, Ste
   if (halves && is_gathered_) {
     // A Gather with one of them might be refused because of it.
     if (holes_.suspects.empty()) holes_.most_suspects = holes_.most_others = kAny;
-    suspect({read.space, read.first_bit, halves->left_end - read.first_bit}, asked);
-    suspect({read.space, halves->right_first, read.end_bit() - halves->right_first}, asked);
+    suspect(holes_, {read.space, read.first_bit, halves->left_end - read.first_bit}, asked);
+    suspect(holes_, {read.space, halves->right_first, read.end_bit() - halves->right_first}, asked);
   }
   if (halves) {
     Border border;
@@ -84,10 +110,10 @@ void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& as
   }
   holes_.most_suspects = std::min(holes_.most_suspects, half);
   for (const Read& part : gather.parts) {
-    if (is_suspect(part.span)) continue;
+    if (is_suspect(holes_, part.span)) continue;
     // Or the parts that seemed good are too many at once.
     holes_.most_others = std::min(holes_.most_others, half);
-    suspect(part.span, asked);
+    suspect(holes_, part.span, asked);
   }
   if (holes_.suspects.size() > kMostSuspects) {
     if (refused_gathers_.empty()) refused_gathers_.push_back({command, half});
@@ -107,10 +133,10 @@ void HoleMap::unanswered(std::uint8_t gather) {
                                   [&](const Doubt& doubt) { return doubt.gather == gather; });
   Doubt& doubt =
       known == doubts_.end() ? doubts_.emplace_back(Doubt{gather, false, 0, kAny}) : *known;
-  if (parts_of(gather) == 0) return;
-  doubt.parts = parts_of(gather);
+  if (parts_of(holes_, gather) == 0) return;
+  doubt.parts = parts_of(holes_, gather);
   doubt.waits = true;
-  limit_parts(gather, 0);
+  limit_parts(holes_, gather, 0);
   changed();
 }
 
@@ -121,7 +147,7 @@ HoleMap::Proof HoleMap::answered(std::uint8_t gather) {
       proof.lacking.push_back(doubt.gather);
       doubt.proofs = kProofs - 1;  // next time, one is enough
     } else if (doubt.waits) {
-      limit_parts(doubt.gather, doubt.parts);
+      limit_parts(holes_, doubt.gather, doubt.parts);
       proof.again = proof.again || doubt.gather != gather;
       changed();
     }
@@ -134,7 +160,7 @@ HoleMap::Proof HoleMap::answered(std::uint8_t gather) {
 bool HoleMap::lacks(std::uint8_t gather, SteadyTime now) {
   holes_.suspects.clear();
   refused_gathers_.clear();
-  limit_parts(gather, 0);
+  limit_parts(holes_, gather, 0);
   commands_retry_at_ = now + kLongestRetry;
   changed();
   if (std::find(lacking_.begin(), lacking_.end(), gather) != lacking_.end()) return false;
@@ -167,37 +193,10 @@ void HoleMap::forgive(SteadyTime now) {
   changed();
 }
 
-/// `parts` kAny: no limit.
-void HoleMap::limit_parts(std::uint8_t gather, std::uint32_t parts) {
-  std::erase_if(holes_.gather_limits, [&](const auto& limit) { return limit.gather == gather; });
-  if (parts != kAny) holes_.gather_limits.push_back({gather, parts});
-}
-
-std::uint32_t HoleMap::parts_of(std::uint8_t gather) const {
-  for (const Holes::GatherLimit& limit : holes_.gather_limits)
-    if (limit.gather == gather) return limit.parts;
-  return kAny;
-}
-
 void HoleMap::too_many_parts() {
   for (const Refused& refused : refused_gathers_)
-    limit_parts(refused.gather, std::min(parts_of(refused.gather), refused.half));
+    limit_parts(holes_, refused.gather, std::min(parts_of(holes_, refused.gather), refused.half));
   refused_gathers_.clear();
-}
-
-bool HoleMap::is_suspect(const Span& span) const {
-  return std::any_of(holes_.suspects.begin(), holes_.suspects.end(),
-                     [&](const Span& one) { return overlap(one, span); });
-}
-
-/// Suspects only what was asked for, because the rest of `read` may never be read again.
-void HoleMap::suspect(const Span& read, const std::vector<Span>& asked) {
-  for (const Span& span : asked) {
-    if (!overlap(span, read)) continue;
-    const std::uint32_t first = std::max(span.first_bit, read.first_bit);
-    holes_.suspects.push_back(
-        {span.space, first, std::min(span.end_bit(), read.end_bit()) - first});
-  }
 }
 
 /// Clears what was read of suspicion. If the last suspect is cleared without a hole, the Gather had

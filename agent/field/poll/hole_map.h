@@ -83,13 +83,9 @@ class HoleMap final {
     std::uint32_t half = 0;
   };
 
-  void limit_parts(std::uint8_t gather, std::uint32_t parts);
-  std::uint32_t parts_of(std::uint8_t gather) const;
   void too_many_parts();
   void retry_commands(SteadyTime now);
   void forgive(SteadyTime now);
-  bool is_suspect(const Span& span) const;
-  void suspect(const Span& read, const std::vector<Span>& asked);
   void cleared(const Span& read);
 
   std::vector<Border> borders_;

@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <filesystem>
 #include <system_error>
@@ -57,7 +56,7 @@ void StoreDisk::open() {
     }
     const auto fault = sqlite::attempt([&] {
       file_ = std::make_unique<StoreFile>(path, config_.sync_always);
-      for (StorePart* part : parts_) part->load(file_->db);
+      parts_.load(file_->db);
     });
     if (!fault) {
       writable_ = was_open_ = true;
@@ -78,21 +77,17 @@ void StoreDisk::try_to_write() {
   last_failure_.clear();
 }
 
-bool StoreDisk::is_misplaced() const {
-  return writable_ && !(file_->is_in_place() && lock_->is_in_place());
-}
-
-void StoreDisk::abandon() {
-  std::uint64_t rows = 0;
-  for (const StorePart* part : parts_) rows += part->rows();
+bool StoreDisk::abandon_misplaced() {
+  if (!writable_ || (file_->is_in_place() && lock_->is_in_place())) return false;
   log::error("store", {{"state", "memory"},
                        {"path", config_.path},
                        {"reason", "its files were deleted or replaced while the agent ran"},
-                       {"samples_lost", std::to_string(rows)}});
+                       {"samples_lost", std::to_string(parts_.rows())}});
   let_go(StorePart::Rows::lost);
   lock_.reset();
   // The files there now may belong to another run.
   was_open_ = false;
+  return true;
 }
 
 void StoreDisk::close() {
@@ -102,7 +97,7 @@ void StoreDisk::close() {
 }
 
 void StoreDisk::let_go(StorePart::Rows rows) {
-  for (StorePart* part : parts_) part->unload(rows);
+  parts_.unload(rows);
   file_.reset();
   writable_ = false;
 }
@@ -110,8 +105,7 @@ void StoreDisk::let_go(StorePart::Rows rows) {
 void StoreDisk::start_anew(const std::string& why) {
   const std::string path = store_file_path(config_.path);
   const std::string first = path + ".corrupt-" + std::to_string(utc_ms_);
-  std::uint64_t rows = 0;
-  for (const StorePart* part : parts_) rows += part->rows();
+  const std::uint64_t rows = parts_.rows();
   let_go(StorePart::Rows::lost);
   std::error_code fault;
   std::string aside = first;
@@ -128,7 +122,7 @@ void StoreDisk::start_anew(const std::string& why) {
                        {"set_aside", fault ? "failed: " + fault.message() : aside},
                        {"samples_lost", std::to_string(rows)}});
   if (!fault) set_aside_ = std::filesystem::path(aside).filename().string();
-  for (StorePart* part : parts_) part->set_aside(set_aside_);
+  parts_.set_aside(set_aside_);
 }
 
 void StoreDisk::failed(std::string_view doing, const sqlite::Fault& fault) {
@@ -139,7 +133,7 @@ void StoreDisk::failed(std::string_view doing, const sqlite::Fault& fault) {
   if (is_file && writable_ && !std::exchange(mending_, true)) {
     start_anew(fault.text);
     open();
-    for (StorePart* part : parts_) part->replaced();
+    parts_.replaced();
     mending_ = false;
     return;
   }
@@ -155,9 +149,9 @@ bool StoreDisk::commit(std::string_view doing, Sync sync, const Work& work) {
   if (sync == Sync::full) file_->synchronise(true);
   const auto fault = sqlite::attempt([&] {
     SQLite::Transaction transaction(file_->db, SQLite::TransactionBehavior::IMMEDIATE);
-    for (StorePart* part : parts_) part->begin_commit();
+    parts_.begin_commit();
     work();
-    for (StorePart* part : parts_) part->end_commit();
+    parts_.end_commit();
     transaction.commit();
   });
   if (sync == Sync::full) file_->synchronise(false);
@@ -165,7 +159,7 @@ bool StoreDisk::commit(std::string_view doing, Sync sync, const Work& work) {
     failed(doing, *fault);
     return false;
   }
-  for (StorePart* part : parts_) part->committed();
+  parts_.committed();
   return true;
 }
 
@@ -185,33 +179,19 @@ bool StoreDisk::read(const Work& work) {
   return false;
 }
 
-bool StoreDisk::has_pending() const {
-  return std::any_of(parts_.begin(), parts_.end(),
-                     [](const StorePart* part) { return part->has_pending(); });
-}
-
-bool StoreDisk::write_pending(std::size_t at_most) {
-  bool is_left = false;
-  for (StorePart* part : parts_) is_left = part->write_pending(at_most) || is_left;
-  return is_left;
-}
-
 bool StoreDisk::flush() {
-  if (!has_pending()) return writable_;
+  if (!parts_.has_pending()) return writable_;
   // A second round if a fresh file has replaced a damaged one.
-  for (int round = 0; round < 2 && writable_; ++round)
-    if (flush_all()) return true;
+  for (int round = 0; round < 2 && writable_; ++round) {
+    // In pieces: after hours without a disk there may be more than live samples can wait for, or
+    // more than fits.
+    bool is_done = true;
+    for (bool is_left = true; is_done && is_left;)
+      is_done = commit("write", Sync::as_configured,
+                       [&] { is_left = parts_.write_pending(kFlushedAtOnce); });
+    if (is_done) return true;
+  }
   return false;
-}
-
-/// Commits in pieces: after hours without a disk there may be more than live samples can wait for,
-/// or more than fits.
-bool StoreDisk::flush_all() {
-  bool is_left = true;
-  while (is_left)
-    if (!commit("write", Sync::as_configured, [&] { is_left = write_pending(kFlushedAtOnce); }))
-      return false;
-  return true;
 }
 
 }  // namespace fxagent

@@ -1,21 +1,19 @@
 // The store's file, shared by its parts. Opens it, sets a damaged one aside, runs the commits, and
 // tracks whether the disk accepts writes. Every fault of SQLite ends here: the state becomes
-// `memory` and the call returns false. More than twenty functions: a commit that finds damage opens
-// a fresh file, so opening, failing and committing belong together. The store's thread.
+// `memory` and the call returns false. Opening, failing and committing belong together: a commit
+// that finds damage opens a fresh file. The store's thread.
 #pragma once
 
 #include <cstdint>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "agent/config/model.h"
 #include "agent/store/disk/sqlite.h"
 #include "agent/store/disk/store_file.h"
-#include "agent/store/disk/store_part.h"
+#include "agent/store/disk/store_parts.h"
 
 namespace fxagent {
 
@@ -30,19 +28,19 @@ class StoreDisk final {
   StoreDisk(const StoreDisk&) = delete;
   StoreDisk& operator=(const StoreDisk&) = delete;
 
-  /// Sets the parts, in the order in which they load and write. Call once, before open(). Each part
-  /// outlives every call here except the destructor's.
-  void share_with(std::vector<StorePart*> parts) { parts_ = std::move(parts); }
+  /// The parts that share the file; set them before open(). They outlive every call here except the
+  /// destructor's.
+  StoreParts& parts() { return parts_; }
+  const StoreParts& parts() const { return parts_; }
 
   /// Opens or creates the file and the directory. Sets a damaged file aside as
   /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false, and the reason is logged.
   void open();
   /// Tests if an open file that refused writes accepts them again.
   void try_to_write();
-  /// True if the open files were deleted or replaced.
-  bool is_misplaced() const;
-  /// Closes such files. Their contents are lost.
-  void abandon();
+  /// If the open files were deleted or replaced, closes them: their contents are lost. Returns true
+  /// if so.
+  bool abandon_misplaced();
   /// Clean end: copies the WAL into the file and closes it.
   void close();
 
@@ -68,11 +66,6 @@ class StoreDisk final {
   /// Same for reading a single row: after a failure the file stays writable unless it is damaged.
   bool read(const Work& work);
 
-  /// True if a part has something to write.
-  bool has_pending() const;
-  /// Within a commit: writes at most `at_most` waiting entries of each part. Returns true if some
-  /// are left.
-  bool write_pending(std::size_t at_most = std::numeric_limits<std::size_t>::max());
   /// Commits everything that waits in memory, at most 500 entries of each part in one commit.
   /// Returns false if the disk did not accept all of it.
   bool flush();
@@ -81,10 +74,9 @@ class StoreDisk final {
   void let_go(StorePart::Rows rows);
   void start_anew(const std::string& why);
   void failed(std::string_view doing, const sqlite::Fault& fault);
-  bool flush_all();
 
   const StoreConfig config_;
-  std::vector<StorePart*> parts_;
+  StoreParts parts_;
   std::unique_ptr<DirectoryLock> lock_;
   std::unique_ptr<StoreFile> file_;  ///< null: not open
   bool writable_ = false;

@@ -17,10 +17,10 @@ constexpr std::uint64_t kShareOfJournal = 2;
 
 bool StoredJournal::journal(std::span<const JournalEntry> entries) {
   const bool written = disk_.commit("journal", Sync::as_configured, [&] {
-    for (const JournalEntry& entry : entries) write_command(entry);
+    for (const JournalEntry& entry : entries) rows_.write_command(entry);
   });
   if (written) return true;
-  for (const JournalEntry& entry : entries) keep(entry);
+  for (const JournalEntry& entry : entries) rows_.keep(entry);
   // A fresh file may have replaced a damaged one.
   return disk_.is_writable() && disk_.flush();
 }
@@ -36,26 +36,25 @@ void StoredJournal::record(std::vector<JournalEntry> entries) {
   // A command that is not on disk yet is written together with its result.
   const bool command_waits =
       std::any_of(entries.begin(), entries.end(), [this](const JournalEntry& entry) {
-        return waiting_.find(entry.device, entry.id) != nullptr;
+        return rows_.waiting(entry.device, entry.id) != nullptr;
       });
   const auto write = [&] {
-    for (const JournalEntry& entry : entries) write_result(entry);
+    for (const JournalEntry& entry : entries) rows_.write_result(entry);
   };
   if (!command_waits && disk_.commit("journal", Sync::as_configured, write)) return;
-  for (JournalEntry& entry : entries) keep(std::move(entry));
+  for (JournalEntry& entry : entries) rows_.keep(std::move(entry));
   if (disk_.is_writable()) disk_.flush();
 }
 
 void StoredJournal::acknowledge(std::string device, std::string id, std::uint64_t number,
                                 std::string total_ms) {
-  if (to_acknowledge_.size() < UnrecordedCommands::kMost)
-    to_acknowledge_.push_back({std::move(device), std::move(id), number, std::move(total_ms)});
+  rows_.acknowledge(std::move(device), std::move(id), number, std::move(total_ms));
 }
 
 std::optional<JournalEntry> StoredJournal::find(const std::string& device, const std::string& id) {
-  if (const JournalEntry* kept = waiting_.find(device, id)) return *kept;
+  if (const JournalEntry* kept = rows_.waiting(device, id)) return *kept;
   std::optional<JournalEntry> found;
-  if (table_) disk_.read([&] { found = table_->find(device, id); });
+  if (rows_.table()) disk_.read([&] { found = rows_.table()->find(device, id); });
   return found;
 }
 
@@ -65,13 +64,14 @@ std::vector<JournalEntry> StoredJournal::unacknowledged() { return unacknowledge
 
 std::vector<KnownId> StoredJournal::known_ids_of(const std::string& device) {
   std::vector<KnownId> ids;
-  if (table_) disk_.attempt("read", [&] { ids = table_->known_ids(device); });
+  if (rows_.table()) disk_.attempt("read", [&] { ids = rows_.table()->known_ids(device); });
   return ids;
 }
 
 std::vector<JournalEntry> StoredJournal::unacknowledged_of(const std::string& device) {
   std::vector<JournalEntry> entries;
-  if (table_) disk_.attempt("read", [&] { entries = table_->unacknowledged(device); });
+  if (rows_.table())
+    disk_.attempt("read", [&] { entries = rows_.table()->unacknowledged(device); });
   for (JournalEntry& entry : entries)
     entry.surely_not_sent = entry.result.empty() && started_.surely_not_sent(entry.number);
   return entries;
@@ -79,10 +79,10 @@ std::vector<JournalEntry> StoredJournal::unacknowledged_of(const std::string& de
 
 void StoredJournal::shrink() {
   const std::uint64_t most = std::max(config_.max_bytes / kShareOfJournal, not_to_be_shrunk_);
-  if (!disk_.is_writable() || bytes() <= most) return;
+  if (!disk_.is_writable() || rows_.bytes() <= most) return;
   not_to_be_shrunk_ = 0;
   disk_.commit("shrink", Sync::as_configured, [&] {
-    if (!table_->shrink()) not_to_be_shrunk_ = bytes();
+    if (!rows_.table()->shrink()) not_to_be_shrunk_ = rows_.bytes();
   });
 }
 
@@ -91,58 +91,15 @@ void StoredJournal::drop_old() {
   const auto max_age = std::chrono::milliseconds(config_.max_age);
   // One commit: a fault in the middle changes neither the rows nor their counted size.
   disk_.commit("delete", Sync::as_configured,
-               [&] { table_->drop_old(disk_.utc_ms(), max_age.count()); });
+               [&] { rows_.table()->drop_old(disk_.utc_ms(), max_age.count()); });
 }
 
 void StoredJournal::age_earlier_runs() {
-  disk_.attempt("write", [&] { table_->age_acknowledged(first_of_run_); });
+  disk_.attempt("write", [&] { rows_.table()->age_acknowledged(first_of_run_); });
 }
 
 void StoredJournal::move_stored_times(std::int64_t by_ms) {
-  table_->move_times(by_ms, first_of_run_, disk_.utc_ms() - by_ms);
-}
-
-bool StoredJournal::has_pending() const { return waiting_.size() != 0 || !to_acknowledge_.empty(); }
-
-void StoredJournal::begin_commit() {
-  table_->begin();
-  written_ = 0;
-  is_acknowledged_ = false;
-}
-
-bool StoredJournal::write_pending(std::size_t at_most) {
-  const std::size_t count = std::min(at_most, waiting_.size());
-  for (auto entry = waiting_.begin(); written_ < count; ++entry, ++written_)
-    entry->result.empty() ? write_command(*entry) : write_result(*entry);
-  if (written_ < waiting_.size()) return true;
-  // Acknowledgements follow their results.
-  for (const auto& [device, id, number, total_ms] : to_acknowledge_)
-    table_->acknowledge(device, id, number, total_ms);
-  is_acknowledged_ = true;
-  return false;
-}
-
-void StoredJournal::committed() {
-  table_->committed();
-  waiting_.drop_first(written_);
-  if (is_acknowledged_) to_acknowledge_.clear();
-  written_ = 0;
-}
-
-void StoredJournal::write_command(const JournalEntry& entry) {
-  table_->insert(entry);
-  audit_.append(entry.audit);
-}
-
-void StoredJournal::write_result(const JournalEntry& entry) {
-  table_->record(entry);
-  audit_.append(entry.audit);
-}
-
-/// Keeps the entry in memory until the disk accepts it.
-void StoredJournal::keep(JournalEntry entry) {
-  audit_.note(std::exchange(entry.audit, {}));
-  waiting_.put(std::move(entry));
+  rows_.table()->move_times(by_ms, first_of_run_, disk_.utc_ms() - by_ms);
 }
 
 }  // namespace fxagent

@@ -14,7 +14,7 @@ std::vector<std::uint64_t> numbers_to_join(const std::vector<std::string>& devic
                                            GuardedStore* store, std::int64_t utc_ms) {
   if (store == nullptr)
     return std::vector<std::uint64_t>(devices.size(), static_cast<std::uint64_t>(utc_ms));
-  return store->join(devices, utc_ms);
+  return store->samples().join(devices, utc_ms);
 }
 
 std::vector<std::uint64_t> later_numbers(const Config& config,

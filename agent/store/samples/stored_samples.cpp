@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <string_view>
 #include <utility>
 
 #include "agent/failpoint.h"
@@ -10,58 +11,29 @@
 namespace fxagent {
 namespace {
 
-ByteView as_bytes(std::string_view content) {
-  return {reinterpret_cast<const std::uint8_t*>(content.data()), content.size()};
+void log_damaged(const StreamKey& stream, std::size_t rows) {
+  log::error("store", {{"state", "damaged"},
+                       {"device", stream.first},
+                       {"group", stream.second},
+                       {"rows_dropped", std::to_string(rows)}});
 }
 
 }  // namespace
 
-using sqlite::from_sql;
-using sqlite::number;
-using sqlite::text;
-
-StoredSamples::Statements::Statements(SQLite::Database& database)
-    : insert(database, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?, ?)"),
-      remove(database, "DELETE FROM samples WHERE id = ?"),
-      stream(database,
-             "SELECT id, row, format FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"),
-      oldest(database,
-             "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
-             " ORDER BY id") {}
-
 void StoredSamples::load(SQLite::Database& database) {
   streams_.clear();
-  removed_.clear();
-  sql_.emplace(database);
-  SQLite::Statement sums(
-      database,
-      "SELECT device, grp, count(*), sum(length(CAST(row AS BLOB))), min(id), max(id)"
-      " FROM samples GROUP BY device, grp");
-  sqlite::each(sums, [this](const SQLite::Statement& row) {
-    const std::uint64_t rows = from_sql(number(row, 2));
-    streams_.found({std::string(text(row, 0)), std::string(text(row, 1))}, rows,
-                   from_sql(number(row, 3)) + rows * SampleRow::kOverhead,
-                   from_sql(number(row, 4)));
-    next_row_id_ = std::max(next_row_id_, from_sql(number(row, 5)) + 1);
+  table_.emplace(database);
+  table_->each_stream([this](const SampleTable::Sum& sum) {
+    streams_.found(sum.stream, sum.rows, sum.cost, sum.oldest);
+    next_row_id_ = std::max(next_row_id_, sum.newest + 1);
   });
 }
 
 void StoredSamples::unload(Rows rows) {
-  sql_.reset();
+  table_.reset();
   if (rows == Rows::kept) return;
-  removed_.clear();
   for (const auto& [device, count] : streams_.clear())
     if (rows == Rows::lost) dropped_[device] += count;
-}
-
-bool StoredSamples::write_pending(std::size_t /*at_most*/) {
-  for (const std::uint64_t row_id : removed_) sqlite::run(sql_->remove, row_id);
-  is_removal_written_ = true;
-  return false;
-}
-
-void StoredSamples::committed() {
-  if (is_removal_written_) removed_.clear();
 }
 
 bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
@@ -69,19 +41,18 @@ bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
   failpoint("sample_unstored");
   std::vector<SampleStreams::Row> gone;
   const bool written = disk_.commit("append", StoreDisk::Sync::full, [&] {
-    disk_.write_pending();
+    disk_.parts().write_pending();
     std::uint64_t added = 0;
     std::uint64_t row_id = next_row_id_;
     std::map<std::string, std::uint64_t> highest;
     for (const SampleRow& row : rows) {
       added += row.cost();
       highest[row.device] = std::max(highest[row.device], row.seq);
-      sqlite::run(sql_->insert, row_id++, row.device, row.group, row.seq, disk_.utc_ms(),
-                  as_bytes(row.content), static_cast<std::int64_t>(row.format));
+      table_->insert(row_id++, row, disk_.utc_ms());
     }
     numbers_.write_with_samples(highest);
-    const std::uint64_t full = bytes() + added + journal_.bytes_in_commit();
-    if (full > config_.max_bytes) gone = delete_oldest(full - config_.max_bytes, 0);
+    const std::uint64_t full = streams_.bytes() + added + journal_.bytes_in_commit();
+    if (full > config_.max_bytes) gone = table_->delete_oldest(full - config_.max_bytes, 0);
   });
   if (!written) {
     numbers_.refused();
@@ -98,23 +69,6 @@ bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
   return true;
 }
 
-std::vector<SampleStreams::Row> StoredSamples::delete_oldest(std::uint64_t excess,
-                                                             std::int64_t older_than_ms) {
-  std::vector<SampleStreams::Row> gone;
-  std::uint64_t freed = 0;
-  sqlite::each(sql_->oldest, [&](const SQLite::Statement& row) {
-    // Row ids rise with time: the first row that is young enough ends the search.
-    if (freed >= excess && number(row, 3) >= older_than_ms) return false;
-    const std::uint64_t cost = from_sql(number(row, 4)) + SampleRow::kOverhead;
-    gone.push_back(
-        {from_sql(number(row, 0)), {std::string(text(row, 1)), std::string(text(row, 2))}, cost});
-    freed += cost;
-    return true;
-  });
-  for (const SampleStreams::Row& row : gone) sqlite::run(sql_->remove, row.row_id);
-  return gone;
-}
-
 void StoredSamples::forget(const std::vector<SampleStreams::Row>& gone) {
   for (const SampleStreams::Row& row : gone) {
     streams_.remove_oldest(row);
@@ -128,7 +82,7 @@ std::optional<HistoryBatch> StoredSamples::next(HistoryMessage& message, const M
     const auto key = streams_.oldest_waiting(may_send);
     if (!key) return std::nullopt;
     if (!std::exchange(is_flushed, true) && disk_.is_writable()) disk_.flush();
-    if (!sql_) return std::nullopt;
+    if (!table_) return std::nullopt;
     std::size_t dropped = 0;
     auto batch = next_of(*key, message, dropped);
     // If all its rows were damaged and dropped, try the next stream.
@@ -141,43 +95,35 @@ std::optional<HistoryBatch> StoredSamples::next_of(const StreamKey& key, History
   BatchBuilder builder(message);
   std::vector<SampleStreams::Row> taken;
   std::vector<SampleStreams::Row> damaged;
-  const auto take = [&](const SQLite::Statement& found) {
-    const std::uint64_t row_id = from_sql(number(found, 0));
-    if (streams_.is_out(row_id) || removed_.contains(row_id)) return true;
-    const std::string_view row = text(found, 1);
-    const auto added = builder.add(row_id, row_format(number(found, 2)), row);
+  const auto skip = [this](std::uint64_t row_id) {
+    return streams_.is_out(row_id) || removals_.contains(row_id);
+  };
+  const auto take = [&](std::uint64_t row_id, std::optional<RowFormat> format,
+                        std::string_view content) {
+    const auto added = builder.add(row_id, format, content);
     if (added == BatchBuilder::Added::no_room) return false;
     (added == BatchBuilder::Added::yes ? taken : damaged)
-        .push_back({row_id, key, row.size() + SampleRow::kOverhead});
+        .push_back({row_id, key, content.size() + SampleRow::kOverhead});
     return true;
   };
-  if (!disk_.attempt("read", [&] { sqlite::each(sql_->stream, take, key.first, key.second); }))
-    return std::nullopt;
-  if (!damaged.empty()) drop_damaged(damaged);
+  if (!disk_.attempt("read", [&] { table_->each_of(key, skip, take); })) return std::nullopt;
+  for (const SampleStreams::Row& row : damaged) {
+    streams_.take(row);
+    dropped_[key.first] += remove(std::span(&row.row_id, 1));
+  }
   dropped = damaged.size();
+  if (dropped > 0) log_damaged(key, dropped);
   if (builder.empty()) return std::nullopt;
   for (const SampleStreams::Row& row : taken) streams_.take(row);
   streams_.set_on_the_way(key, true);
   return builder.take(key);
 }
 
-void StoredSamples::drop_damaged(const std::vector<SampleStreams::Row>& damaged) {
-  const StreamKey& stream = damaged.front().stream;
-  for (const SampleStreams::Row& row : damaged) {
-    streams_.take(row);
-    dropped_[stream.first] += remove(std::span(&row.row_id, 1));
-  }
-  log::error("store", {{"state", "damaged"},
-                       {"device", stream.first},
-                       {"group", stream.second},
-                       {"rows_dropped", std::to_string(damaged.size())}});
-}
-
 std::uint64_t StoredSamples::remove(std::span<const std::uint64_t> row_ids) {
   std::uint64_t count = 0;
   for (const std::uint64_t row_id : row_ids) {
     if (!streams_.remove(row_id)) continue;
-    removed_.insert(row_id);
+    removals_.add(row_id);
     ++count;
   }
   return count;
@@ -198,7 +144,7 @@ void StoredSamples::drop_old() {
 }
 
 void StoredSamples::drop_excess() {
-  const std::uint64_t all = bytes() + journal_.bytes();
+  const std::uint64_t all = streams_.bytes() + journal_.bytes();
   if (all > config_.max_bytes) drop(all - config_.max_bytes, 0);
 }
 
@@ -206,16 +152,12 @@ void StoredSamples::drop(std::uint64_t excess, std::int64_t older_than_ms) {
   if (!disk_.is_writable() || rows() == 0) return;
   std::vector<SampleStreams::Row> gone;
   const bool done = disk_.commit("delete", StoreDisk::Sync::as_configured, [&] {
-    disk_.write_pending();
-    gone = delete_oldest(excess, older_than_ms);
+    disk_.parts().write_pending();
+    gone = table_->delete_oldest(excess, older_than_ms);
   });
   if (done) forget(gone);
 }
 
-void StoredSamples::move_times(std::int64_t by_ms) {
-  SQLite::Statement move(disk_.database(),
-                         "UPDATE samples SET created_ms = created_ms + ? WHERE id >= ?");
-  sqlite::run(move, by_ms, first_of_run_);
-}
+void StoredSamples::move_times(std::int64_t by_ms) { table_->move_times(by_ms, first_of_run_); }
 
 }  // namespace fxagent

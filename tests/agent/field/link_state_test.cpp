@@ -134,7 +134,7 @@ TEST_F(LinkStateTest, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
     exchange.heard = heard;
     devices[0]->unexpected_bytes_from = {};  // a while has passed
     testing::internal::CaptureStderr();
-    link->heard_foreign(*devices[0], exchange);
+    devices[0]->log_foreign_bytes(exchange);
     return testing::internal::GetCapturedStderr();
   };
   // STX and digits with 7 bits and even parity.
@@ -159,9 +159,9 @@ TEST_F(LinkStateTest, GarbageIsLookedAtOnceInAWhile) {
   Exchange exchange;
   exchange.heard = {0x82, 0x33, 0xB4, 0xB1};
   testing::internal::CaptureStderr();
-  link->heard_foreign(*devices[0], exchange);
+  devices[0]->log_foreign_bytes(exchange);
   exchange.heard = {0xFF, 0x00, 0x13, 0x99};  // another cause, logged at once
-  link->heard_foreign(*devices[0], exchange);
+  devices[0]->log_foreign_bytes(exchange);
   const std::string log = testing::internal::GetCapturedStderr();
   EXPECT_EQ(std::ranges::count(log, '\n'), 1) << log;
 }

@@ -322,7 +322,7 @@ TEST_F(GatherPolls, WhatACommandMayHaveChangedIsReadAgainByItself) {
   next_sample();
   plc.asked.clear();
   // The gather is not the last exchange of the cycle.
-  const Plan& plan = devices[0]->groups[0]->cycle.plan();
+  const Plan& plan = devices[0]->groups[0]->cycle.reads().plan();
   ASSERT_EQ(plan.exchange_count(), 2U);
   step();
   poller->overwritten(*devices[0], {0, 100 * 16, 16}, nullptr, BadReason::nak);
@@ -352,7 +352,7 @@ TEST_F(GatherPolls, TheLongestPollIsThatOfTheWholeFrame) {
   config.devices[0].groups[0].interval = hours(1);
   add_scattered(20);
   start();
-  const Plan& plan = devices[0]->groups[0]->cycle.plan();
+  const Plan& plan = devices[0]->groups[0]->cycle.reads().plan();
   ASSERT_EQ(plan.exchange_count(), 1U);
   EXPECT_EQ(poller->longest_poll(), plan.line_time);
 }

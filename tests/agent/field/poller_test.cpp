@@ -446,7 +446,7 @@ TEST_F(ModbusPolls, LongestPollIsThatOfTheSlowestPlan) {
   for (int n = 0; n < 100; ++n)
     many.tags.push_back(tag(*many.codec, "r" + std::to_string(n), "hr:" + std::to_string(n)));
   start();
-  const Plan& plan = devices[1]->groups[0]->cycle.plan();
+  const Plan& plan = devices[1]->groups[0]->cycle.reads().plan();
   ASSERT_EQ(plan.reads.size(), 1U);
   EXPECT_EQ(poller->longest_poll(), plan.line_time);
 }

@@ -129,7 +129,7 @@ struct TrailBench {
     return made;
   }
   TrailBench() {
-    disk.share_with({&trail});
+    disk.parts().set({&trail});
     disk.open();
     EXPECT_TRUE(disk.is_writable());
   }

@@ -49,7 +49,7 @@ class GuardedStoreTest : public ::testing::Test {
 struct Outcome {
   std::vector<SampleRow> given;
   std::vector<bool> calls;
-  GuardedStore::Stored take() {
+  GuardedSamples::Stored take() {
     return [this](std::vector<SampleRow> back, bool on_disk) {
       given = std::move(back);
       calls.push_back(on_disk);
@@ -59,20 +59,20 @@ struct Outcome {
 
 TEST_F(GuardedStoreTest, DiskThatAnswersIsUsedAsWithoutTheGuard) {
   Outcome outcome;
-  store.append(rows(1, 3), outcome.take());
+  store.samples().append(rows(1, 3), outcome.take());
   EXPECT_EQ(outcome.calls, std::vector{true});
   EXPECT_EQ(stored(), 3U);
   auto held = rows(4, 5);
-  EXPECT_TRUE(store.hold(held));
+  EXPECT_TRUE(store.samples().hold(held));
   EXPECT_NE(held[0].row_id, 0U);
-  EXPECT_TRUE(store.journal(std::vector{entry("a")}));
-  EXPECT_TRUE(store.find("a", "a"));
+  EXPECT_TRUE(store.journal().journal(std::vector{entry("a")}));
+  EXPECT_TRUE(store.journal().find("a", "a"));
   EXPECT_EQ(store.state(), "disk");
-  const auto batch = store.next(std::make_shared<test::JsonHistory>(65536), test::any);
+  const auto batch = store.samples().next(std::make_shared<test::JsonHistory>(65536), test::any);
   ASSERT_TRUE(batch);
   EXPECT_EQ(batch->row_ids.size(), 3U);
   std::uint64_t removed = 0;
-  store.remove(*batch, [&](std::uint64_t count) { removed = count; });
+  store.samples().remove(*batch, [&](std::uint64_t count) { removed = count; });
   EXPECT_EQ(removed, 3U);
 }
 
@@ -80,21 +80,22 @@ TEST_F(GuardedStoreTest, OverdueSamplesAreInOnePlaceAtATime) {
   Outcome first;
   Outcome second;
   freeze();
-  store.append(rows(1, 3), first.take());
+  store.samples().append(rows(1, 3), first.take());
   EXPECT_TRUE(store.hangs());
   EXPECT_EQ(store.state(), "hangs");
   EXPECT_FALSE(store.is_writable());
   EXPECT_TRUE(first.calls.empty());
-  EXPECT_EQ(store.samples_at_disk(), 3U);
+  EXPECT_EQ(store.samples().at_disk(), 3U);
   EXPECT_EQ(stored(), 0U);
-  EXPECT_TRUE(store.is_ahead_of_memory({"a", "fast"}));
-  EXPECT_FALSE(store.is_ahead_of_memory({"a", "slow"})) << "nothing of it is on its way there";
-  store.append(rows(4, 5), second.take());
+  EXPECT_TRUE(store.samples().is_ahead_of_memory({"a", "fast"}));
+  EXPECT_FALSE(store.samples().is_ahead_of_memory({"a", "slow"}))
+      << "nothing of it is on its way there";
+  store.samples().append(rows(4, 5), second.take());
   EXPECT_EQ(second.calls, std::vector{false});
   EXPECT_EQ(second.given.size(), 2U);
   thaw();
   EXPECT_EQ(first.calls, std::vector{true});
-  EXPECT_EQ(store.samples_at_disk(), 0U);
+  EXPECT_EQ(store.samples().at_disk(), 0U);
   EXPECT_EQ(stored(), 3U);
   EXPECT_EQ(shelf.drain(), R"(a/fast[1,2,3]})");
 }
@@ -102,26 +103,26 @@ TEST_F(GuardedStoreTest, OverdueSamplesAreInOnePlaceAtATime) {
 TEST_F(GuardedStoreTest, RowsThatStayOnTheirWayAreNotOnDiskTwice) {
   auto held = rows(1, 2);
   freeze();
-  EXPECT_FALSE(store.hold(held));
+  EXPECT_FALSE(store.samples().hold(held));
   thaw();
   EXPECT_EQ(stored(), 0U) << "the caller has them, and may write them anew";
-  EXPECT_TRUE(store.hold(held));
+  EXPECT_TRUE(store.samples().hold(held));
   EXPECT_EQ(stored(), 2U);
 }
 
 TEST_F(GuardedStoreTest, AcknowledgedRowsLeaveWhenTheDiskAnswers) {
   Outcome outcome;
-  store.append(rows(1, 4), outcome.take());
-  const auto batch = store.next(std::make_shared<test::JsonHistory>(32), test::any);
+  store.samples().append(rows(1, 4), outcome.take());
+  const auto batch = store.samples().next(std::make_shared<test::JsonHistory>(32), test::any);
   ASSERT_TRUE(batch);
   ASSERT_LT(batch->row_ids.size(), 4U);
   freeze();
-  EXPECT_FALSE(store.journal(std::vector{entry("a")}));
+  EXPECT_FALSE(store.journal().journal(std::vector{entry("a")}));
   std::uint64_t removed = 0;
-  store.remove(*batch, [&](std::uint64_t count) { removed += count; });
+  store.samples().remove(*batch, [&](std::uint64_t count) { removed += count; });
   EXPECT_EQ(removed, 0U);
   EXPECT_EQ(stored(), 4U);
-  EXPECT_FALSE(store.next(std::make_shared<test::JsonHistory>(32), test::any));
+  EXPECT_FALSE(store.samples().next(std::make_shared<test::JsonHistory>(32), test::any));
   thaw();
   EXPECT_EQ(removed, batch->row_ids.size());
   EXPECT_EQ(stored(), 4U - removed);
@@ -133,56 +134,58 @@ TEST_F(GuardedStoreTest, RowsDroppedBeforeTheDiskHangsAreCountedMeanwhile) {
   GuardedStore guarded{small.open(), [] {}};
   guarded.set_patience(1h);
   Outcome outcome;
-  guarded.append(rows(1, 100), outcome.take());
+  guarded.samples().append(rows(1, 100), outcome.take());
   const test::Frost still(disk);
   guarded.set_patience(1ms);
-  EXPECT_FALSE(guarded.journal(std::vector{entry("a")}));
+  EXPECT_FALSE(guarded.journal().journal(std::vector{entry("a")}));
   ASSERT_TRUE(guarded.hangs());
   ASSERT_LT(guarded.figures().rows, 100U);
-  EXPECT_EQ(guarded.take_dropped().at("a"), 100 - guarded.figures().rows);
-  EXPECT_TRUE(guarded.take_dropped().empty());
+  EXPECT_EQ(guarded.samples().take_dropped().at("a"), 100 - guarded.figures().rows);
+  EXPECT_TRUE(guarded.samples().take_dropped().empty());
 }
 
 TEST_F(GuardedStoreTest, StreamsOfRowsOnDiskAreAheadOfMemoryWhileItHangs) {
   Outcome before;
   Outcome meanwhile;
-  store.append(rows(1, 2, "b"), before.take());
+  store.samples().append(rows(1, 2, "b"), before.take());
   freeze();
-  store.append(rows(1, 2), meanwhile.take());
-  EXPECT_TRUE(store.is_ahead_of_memory({"b", "fast"})) << "which has rows cannot be asked";
+  store.samples().append(rows(1, 2), meanwhile.take());
+  EXPECT_TRUE(store.samples().is_ahead_of_memory({"b", "fast"}))
+      << "which has rows cannot be asked";
   thaw();
 }
 
 TEST_F(GuardedStoreTest, HistoryThatWasReadTooLateGoesOutTheNextTime) {
   Outcome outcome;
-  store.append(rows(1, 4), outcome.take());
-  const auto acknowledged = store.next(std::make_shared<test::JsonHistory>(32), test::any);
+  store.samples().append(rows(1, 4), outcome.take());
+  const auto acknowledged =
+      store.samples().next(std::make_shared<test::JsonHistory>(32), test::any);
   ASSERT_TRUE(acknowledged);
   std::uint64_t removed = 0;
-  store.remove(*acknowledged, [&](std::uint64_t count) { removed += count; });
+  store.samples().remove(*acknowledged, [&](std::uint64_t count) { removed += count; });
   freeze();
-  EXPECT_FALSE(store.next(std::make_shared<test::JsonHistory>(32), test::any));
+  EXPECT_FALSE(store.samples().next(std::make_shared<test::JsonHistory>(32), test::any));
   ASSERT_TRUE(store.hangs());
   thaw();
-  EXPECT_TRUE(store.next(std::make_shared<test::JsonHistory>(32), test::any));
+  EXPECT_TRUE(store.samples().next(std::make_shared<test::JsonHistory>(32), test::any));
   EXPECT_EQ(stored(), 4U - removed);
 }
 
 TEST_F(GuardedStoreTest, CommandThatWasRefusedHasItsResultInTheJournal) {
   freeze();
   const JournalEntry first = shelf.arrived("first");
-  EXPECT_FALSE(store.journal(std::vector{first}));
+  EXPECT_FALSE(store.journal().journal(std::vector{first}));
   EXPECT_TRUE(store.hangs());
   JournalEntry late = shelf.arrived("late");
   late.audit = test::told("late");
-  EXPECT_FALSE(store.journal(std::vector{late}));
+  EXPECT_FALSE(store.journal().journal(std::vector{late}));
   JournalEntry first_result = entry("first", R"({"status":"REJECTED"})");
   first_result.number = first.number;
   JournalEntry late_result = entry("late", R"({"status":"REJECTED"})");
   late_result.number = late.number;
-  store.record({first_result, late_result});
-  ASSERT_TRUE(store.find("a", "late"));
-  store.acknowledge("a", "late", late.number, "7");
+  store.journal().record({first_result, late_result});
+  ASSERT_TRUE(store.journal().find("a", "late"));
+  store.journal().acknowledge("a", "late", late.number, "7");
   thaw();
   EXPECT_EQ(inside().journal().find("a", "first")->result, R"({"status":"REJECTED"})");
   EXPECT_EQ(inside().journal().find("a", "late")->result, R"({"status":"REJECTED"})");
@@ -198,9 +201,9 @@ TEST_F(GuardedStoreTest, CommandThatWasRefusedHasItsResultInTheJournal) {
 
 TEST_F(GuardedStoreTest, AuditThatFindsNoRoomIsCounted) {
   freeze();
-  EXPECT_FALSE(store.journal(std::vector{entry("a")}));
+  EXPECT_FALSE(store.journal().journal(std::vector{entry("a")}));
   const std::string body = R"({"kind":"told"})";
-  for (std::size_t i = 0; i < AuditTrail::kMostWaiting + 5; ++i) store.note(body);
+  for (std::size_t i = 0; i < AuditTrail::kMostWaiting + 5; ++i) store.journal().note(body);
   thaw();
   store.close();
   const auto records = test::audit_of(shelf);
@@ -211,10 +214,10 @@ TEST_F(GuardedStoreTest, AuditThatFindsNoRoomIsCounted) {
 TEST_F(GuardedStoreTest, NumbersThatWereUsedMeanwhileAreReserved) {
   EXPECT_EQ(shelf.begin(1000), 1000U);
   freeze();
-  store.used("a", 1000 + SequenceNumbers::kBlock);
+  store.samples().used("a", 1000 + SequenceNumbers::kBlock);
   EXPECT_TRUE(store.hangs());
-  store.used("a", 1000 + 3 * SequenceNumbers::kBlock);
-  EXPECT_EQ(store.join({"new"}, 5000), std::vector<std::uint64_t>{5000});
+  store.samples().used("a", 1000 + 3 * SequenceNumbers::kBlock);
+  EXPECT_EQ(store.samples().join({"new"}, 5000), std::vector<std::uint64_t>{5000});
   thaw();
   shelf.store.reset();  // like a crash
   shelf.open();
@@ -224,7 +227,7 @@ TEST_F(GuardedStoreTest, NumbersThatWereUsedMeanwhileAreReserved) {
 TEST_F(GuardedStoreTest, EveryHangIsTakenUpAndTheNextOneToo) {
   for (std::uint64_t i = 1; i <= 3; ++i) {
     freeze();
-    EXPECT_FALSE(store.journal(std::vector{shelf.arrived(std::to_string(i))}));
+    EXPECT_FALSE(store.journal().journal(std::vector{shelf.arrived(std::to_string(i))}));
     // While the disk hangs, upkeep changes nothing.
     store.upkeep(kStart, kNow);
     EXPECT_TRUE(store.hangs());

@@ -119,7 +119,7 @@ TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
   EXPECT_EQ(store.samples().rows(), 0U);
   EXPECT_EQ(store.bytes(), 0U);
   EXPECT_EQ(store.samples().take_dropped(), (std::map<std::string, std::uint64_t>{{"press1", 3}}));
-  EXPECT_FALSE(store.samples().has_waiting("press1"));
+  EXPECT_FALSE(store.samples().streams().has_waiting("press1"));
 }
 
 TEST_F(StoreDamage, StreamOfDamagedRowsAloneHoldsNoOtherUp) {

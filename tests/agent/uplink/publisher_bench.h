@@ -56,8 +56,8 @@ struct PublisherBench {
             }
             admitted.push_back(std::move(a));
           },
-          guarded.get());
-      if (guarded) commands->restore(recover(config, *guarded, utc(), now), now, utc());
+          guarded ? &guarded->journal() : nullptr);
+      if (guarded) commands->restore(recover(config, guarded->journal(), utc(), now), now, utc());
       publisher = std::make_unique<Publisher>(
           config, settings, *format, outbox, broker, *commands, [this] { return utc(); },
           guarded.get(),

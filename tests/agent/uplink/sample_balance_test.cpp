@@ -47,7 +47,7 @@ class SampleBalance : public testing::Test {
   Store store_{config_.store, kUtc};
   GuardedStore guarded_{store_, [this] { outbox_.notify(); }};
   JsonPayload payload_{config_, "9f3c21aa", "0.1.0"};
-  Commands commands_{config_, [](AdmittedCommand) {}, &guarded_};
+  Commands commands_{config_, [](AdmittedCommand) {}, &guarded_.journal()};
   Publisher publisher_{config_,
                        {.boot = "9f3c21aa", .version = "0.1.0"},
                        payload_,

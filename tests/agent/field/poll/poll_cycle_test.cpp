@@ -63,7 +63,7 @@ class PollCycleTest : public ::testing::Test {
 
 TEST_F(PollCycleTest, SampleHasTheValuesTheSpanAndTheTimeOfTheLastReply) {
   PollCycle cycle = begun();
-  ASSERT_EQ(cycle.plan().reads.size(), 3U);
+  ASSERT_EQ(cycle.reads().plan().reads.size(), 3U);
   for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7 + read)));
   const Telemetry message = finished(cycle);
   ASSERT_EQ(message.readings.size(), 3U);
@@ -84,12 +84,12 @@ TEST_F(PollCycleTest, WhatWasRefusedIsReadInPartsInTheSameCycle) {
   };
   device.tags[1] = tag(*device.codec, "D101", "D101");
   cycle.use(plan_of(cycle.points(), 64), 0);
-  ASSERT_EQ(cycle.plan().reads.size(), 2U);
+  ASSERT_EQ(cycle.reads().plan().reads.size(), 2U);
   cycle.take(0, nak());
-  const std::vector<std::uint32_t> points = cycle.points_of(ReadIndices(0));
+  const std::vector<std::uint32_t> points = cycle.reads().points_of(ReadIndices(0));
   ASSERT_EQ(points, (std::vector<std::uint32_t>{0, 1}));
-  cycle.read_instead(points, plan_of({device.tags[0].point, device.tags[1].point}, 2));
-  ASSERT_EQ(cycle.plan().exchange_count(), 4U);
+  cycle.reads().read_instead(points, plan_of({device.tags[0].point, device.tags[1].point}, 2));
+  ASSERT_EQ(cycle.reads().plan().exchange_count(), 4U);
   cycle.take(1, data(word(9)));
   cycle.take(2, data(word(7)));
   cycle.take(3, nak());
@@ -104,9 +104,9 @@ TEST_F(PollCycleTest, WhatIsLeftOutInPartsIsRefused) {
   cycle.take(1, nak());
   Holes holes;
   holes.missing = {*span_of(device.tags[1].point)};
-  cycle.read_instead({1}, make_plan(*device.codec, std::vector<Point>{device.tags[1].point},
-                                    LineCost{}, 2, holes));
-  EXPECT_EQ(cycle.plan().exchange_count(), 3U);
+  cycle.reads().read_instead({1}, make_plan(*device.codec, std::vector<Point>{device.tags[1].point},
+                                            LineCost{}, 2, holes));
+  EXPECT_EQ(cycle.reads().plan().exchange_count(), 3U);
   cycle.take(0, data(word(7)));
   cycle.take(2, data(word(9)));
   const Telemetry message = finished(cycle);
@@ -118,12 +118,12 @@ TEST_F(PollCycleTest, WhatWasReadAlreadyIsNotReadAgainInParts) {
   PollCycle cycle = begun();
   cycle.take(0, data(word(7)));
   cycle.take(1, nak());
-  cycle.read_instead(
+  cycle.reads().read_instead(
       {0, 1},
       make_plan(*device.codec, std::vector<Point>{device.tags[0].point, device.tags[1].point},
                 LineCost{}, 2));
-  EXPECT_TRUE(cycle.has_images(ReadIndices(3)));
-  EXPECT_FALSE(cycle.has_images(ReadIndices(4)));
+  EXPECT_TRUE(cycle.reads().has_images(ReadIndices(3)));
+  EXPECT_FALSE(cycle.reads().has_images(ReadIndices(4)));
   cycle.take(2, data(word(9)));
   cycle.take(4, data(word(8)));
   const Telemetry message = finished(cycle);
@@ -146,7 +146,7 @@ TEST_F(PollCycleTest, FailedReadTakesOnlyItsOwnTagsAlong) {
 TEST_F(PollCycleTest, GivenUpCycleKeepsWhatWasRead) {
   PollCycle cycle = begun();
   cycle.take(0, data(word(7)));
-  cycle.give_up(BadReason::timeout);
+  cycle.reads().give_up(BadReason::timeout);
   const Telemetry message = finished(cycle);
   EXPECT_FALSE(message.readings[0].bad);
   EXPECT_EQ(message.readings[1].bad, BadReason::timeout);
@@ -157,7 +157,7 @@ TEST_F(PollCycleTest, GivenUpCycleKeepsWhatWasRead) {
 
 TEST_F(PollCycleTest, CycleWithoutAnyReplyHasTheTimeOfItsEnd) {
   PollCycle cycle = begun();
-  cycle.give_up(BadReason::link_down);
+  cycle.reads().give_up(BadReason::link_down);
   const Telemetry message = finished(cycle);
   EXPECT_EQ(message.ts_ms, 9000);
   for (const TagReading& reading : message.readings) EXPECT_EQ(reading.bad, BadReason::link_down);
@@ -195,7 +195,7 @@ TEST_F(PollCycleTest, WrittenValueIsOlderThanAReadThatComesAfterIt) {
 TEST_F(PollCycleTest, WrittenValueStandsWhereTheRestOfTheCycleIsGivenUp) {
   PollCycle cycle = begun();
   cycle.written(1, number(50), 1000);
-  cycle.give_up(BadReason::timeout);
+  cycle.reads().give_up(BadReason::timeout);
   const Telemetry message = finished(cycle);
   EXPECT_EQ(message.readings[0].bad, BadReason::timeout);
   EXPECT_FALSE(message.readings[1].bad);
@@ -205,7 +205,7 @@ TEST_F(PollCycleTest, WrittenValueStandsWhereTheRestOfTheCycleIsGivenUp) {
 TEST_F(PollCycleTest, ArrayThatIsCutKeepsTheWholeThatWasWrittenBetweenItsReads) {
   device.tags.assign(1, array_of(tag(*device.codec, "recipe", "D100"), 2));
   PollCycle cycle = begun();
-  ASSERT_EQ(cycle.plan().reads.size(), 2U);
+  ASSERT_EQ(cycle.reads().plan().reads.size(), 2U);
   cycle.take(0, data(word(1)));
   cycle.written(0, numbers({50, 51}), 1015);
   cycle.take(1, data(word(51)));
@@ -216,9 +216,9 @@ TEST_F(PollCycleTest, PlaceThatMayHaveBeenWrittenIsBadUntilItIsReadAgain) {
   PollCycle cycle = begun();
   cycle.take(0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
-  EXPECT_EQ(cycle.outdated(), 0U);
+  EXPECT_EQ(cycle.reads().outdated(), 0U);
   cycle.take(0, data(word(8)));
-  EXPECT_FALSE(cycle.outdated());
+  EXPECT_FALSE(cycle.reads().outdated());
   cycle.take(1, data(word(1)));
   cycle.take(2, data(word(2)));
   const Telemetry message = finished(cycle);
@@ -230,10 +230,10 @@ TEST_F(PollCycleTest, ReadThatIsNotRepeatedInTimeTakesOnlyTheWrittenTagAlong) {
   device.tags[1] = tag(*device.codec, "beside", "D101");
   PollCycle cycle(device, 0);
   cycle.use(make_plan(*device.codec, cycle.points(), LineCost{}, 4), 0);
-  ASSERT_EQ(cycle.plan().reads.size(), 2U);
+  ASSERT_EQ(cycle.reads().plan().reads.size(), 2U);
   cycle.take(0, data({7, 0, 9, 0}));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::nak);
-  cycle.give_up(BadReason::link_down);
+  cycle.reads().give_up(BadReason::link_down);
   const Telemetry message = finished(cycle);
   EXPECT_EQ(message.readings[0].bad, BadReason::nak);
   EXPECT_TRUE(message.readings[0].value.items.empty()) << "nor is the older value its last one";
@@ -248,7 +248,7 @@ TEST_F(PollCycleTest, FloodOfLostWritesDoesNotKeepACycleFromItsEnd) {
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   cycle.take(0, data(word(8)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
-  EXPECT_FALSE(cycle.outdated()) << "once in a cycle";
+  EXPECT_FALSE(cycle.reads().outdated()) << "once in a cycle";
   cycle.take(1, data(word(1)));
   cycle.take(2, data(word(2)));
   const Telemetry message = finished(cycle);
@@ -261,7 +261,7 @@ TEST_F(PollCycleTest, TwoLostWritesInARowStillLeaveOneReadToItsTurn) {
   cycle.take(0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
-  ASSERT_EQ(cycle.outdated(), 0U);
+  ASSERT_EQ(cycle.reads().outdated(), 0U);
   cycle.take(0, data(word(8)));
   cycle.take(1, data(word(1)));
   cycle.take(2, data(word(2)));
@@ -275,7 +275,7 @@ TEST_F(PollCycleTest, ReadAgainThatFailsIsNotRepeatedForEver) {
   cycle.take(0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   cycle.take(0, nak());
-  EXPECT_FALSE(cycle.outdated());
+  EXPECT_FALSE(cycle.reads().outdated());
   cycle.take(1, data(word(1)));
   cycle.take(2, data(word(2)));
   EXPECT_EQ(finished(cycle).readings[0].bad, BadReason::timeout);
@@ -312,7 +312,7 @@ TEST_F(PollCycleTest, NothingIsGoodOnADoubtedBus) {
 TEST_F(PollCycleTest, NewCycleKnowsNothingOfTheOneBefore) {
   PollCycle cycle = begun(0);
   cycle.written(0, number(50), 1000);
-  cycle.give_up(BadReason::timeout);
+  cycle.reads().give_up(BadReason::timeout);
   cycle.begin(5);
   for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(1)));
   for (const TagReading& reading : finished(cycle, false, 5).readings) {
@@ -325,8 +325,8 @@ TEST_F(PollCycleTest, WhatWasSaidIsNotSaidAgain) {
   PollCycle cycle = begun();
   for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7)));
   finished(cycle);
-  EXPECT_FALSE(cycle.has_images(ReadIndices(0)));
-  cycle.give_up(BadReason::link_down);  // as for a step of a cycle that never began
+  EXPECT_FALSE(cycle.reads().has_images(ReadIndices(0)));
+  cycle.reads().give_up(BadReason::link_down);  // as for a step of a cycle that never began
   for (const TagReading& reading : finished(cycle).readings)
     EXPECT_EQ(reading.bad, BadReason::link_down);
 }

@@ -64,13 +64,13 @@ TEST(StoredSamples, HeldRowsAreNoHistoryUntilTheyAreReleased) {
   shelf.open();
   auto held = rows(1, 3);
   ASSERT_TRUE(shelf.store->samples().append(held, Store::Hold::yes));
-  EXPECT_FALSE(shelf.store->samples().has_waiting("a"));
+  EXPECT_FALSE(shelf.store->samples().streams().has_waiting("a"));
   EXPECT_FALSE(test::next(shelf.store->samples(), 65536, any));
   const std::uint64_t first[] = {held[0].row_id};
   EXPECT_EQ(shelf.store->samples().remove(first), 1U);
   EXPECT_EQ(shelf.store->samples().remove(first), 0U);
   shelf.store->samples().release(held[2].row_id);
-  EXPECT_TRUE(shelf.store->samples().has_waiting("a"));
+  EXPECT_TRUE(shelf.store->samples().streams().has_waiting("a"));
   EXPECT_EQ(shelf.drain(), "a/fast[3]}");
   EXPECT_EQ(shelf.store->samples().rows(), 1U);
   shelf.store->upkeep(kStart, kNow);
@@ -87,7 +87,7 @@ TEST(StoredSamples, PausedLaneIsPassedOver) {
                                 [](const StreamKey& stream) { return stream.first == "b"; });
   ASSERT_TRUE(batch);
   EXPECT_EQ(batch->device, "b");
-  EXPECT_TRUE(shelf.store->samples().is_on_the_way({"b", "fast"}));
+  EXPECT_TRUE(shelf.store->samples().streams().is_on_the_way({"b", "fast"}));
 }
 
 TEST(StoredSamples, FullStoreLetsTheOldestGoAndCountsThem) {

@@ -1,0 +1,26 @@
+#include "agent/store/disk/disk_guard.h"
+
+#include "agent/log/log.h"
+
+namespace fxagent {
+
+bool DiskGuard::run(Work work, std::function<void()> late) {
+  before_();
+  if (thread_.run(std::move(work))) return true;
+  hangs_ = true;
+  late_ = std::move(late);
+  log::error("store", {{"state", "hangs"},
+                       {"path", path_},
+                       {"note",
+                        "the disk does not answer: samples wait in memory, and commands that write "
+                        "are refused until it does"}});
+  return false;
+}
+
+void DiskGuard::resume(std::string_view state) {
+  hangs_ = false;
+  log::info("store", {{"state", std::string(state)}, {"note", "the disk answers again"}});
+  if (const auto late = std::exchange(late_, {})) late();
+}
+
+}  // namespace fxagent

@@ -1,0 +1,90 @@
+#include "agent/store/journal/guarded_journal.h"
+
+#include <memory>
+#include <utility>
+
+namespace fxagent {
+
+void GuardedJournal::note(std::string audit) {
+  if (!guard_.hangs()) return journal_.note(std::move(audit));
+  if (audit.empty()) return;
+  if (waiting_.audit.size() >= AuditTrail::kMostWaiting ||
+      waiting_.audit_bytes >= AuditTrail::kMostWaitingBytes) {
+    ++waiting_.audit_lost;
+    return;
+  }
+  waiting_.audit_bytes += audit.size();
+  waiting_.audit.push_back(std::move(audit));
+}
+
+bool GuardedJournal::journal(std::span<const JournalEntry> entries) {
+  if (guard_.hangs()) {
+    // The commands are refused, but the audit records that they came.
+    for (const JournalEntry& entry : entries) note(entry.audit);
+    return false;
+  }
+  const std::vector<JournalEntry> kept(entries.begin(), entries.end());
+  return guard_.ask<bool>([this, kept] { return journal_.journal(kept); });
+}
+
+void GuardedJournal::record(JournalEntry entry) {
+  std::vector<JournalEntry> entries;
+  entries.push_back(std::move(entry));
+  record(std::move(entries));
+}
+
+void GuardedJournal::record(std::vector<JournalEntry> entries) {
+  if (!guard_.hangs()) {
+    const auto kept = std::make_shared<std::vector<JournalEntry>>(std::move(entries));
+    guard_.run([this, kept] { journal_.record(std::move(*kept)); });
+    return;
+  }
+  for (JournalEntry& entry : entries) {
+    note(std::exchange(entry.audit, {}));
+    waiting_.results.put(std::move(entry));
+  }
+}
+
+void GuardedJournal::acknowledge(std::string device, std::string id, std::uint64_t number,
+                                 std::string total_ms) {
+  if (!guard_.hangs())
+    return journal_.acknowledge(std::move(device), std::move(id), number, std::move(total_ms));
+  if (waiting_.acknowledgements.size() < UnrecordedCommands::kMost)
+    waiting_.acknowledgements.emplace_back(
+        [this, device = std::move(device), id = std::move(id), number,
+         total_ms = std::move(total_ms)] { journal_.acknowledge(device, id, number, total_ms); });
+}
+
+std::optional<JournalEntry> GuardedJournal::find(const std::string& device, const std::string& id) {
+  if (const JournalEntry* waits = waiting_.results.find(device, id)) return *waits;
+  return guard_.ask<std::optional<JournalEntry>>(
+      [this, device, id] { return journal_.find(device, id); });
+}
+
+std::vector<KnownId> GuardedJournal::known_ids_of(const std::string& device) {
+  return guard_.ask<std::vector<KnownId>>([this, device] { return journal_.known_ids_of(device); });
+}
+
+std::vector<JournalEntry> GuardedJournal::unacknowledged_of(const std::string& device) {
+  return guard_.ask<std::vector<JournalEntry>>(
+      [this, device] { return journal_.unacknowledged_of(device); });
+}
+
+void GuardedJournal::take_up(DiskGuard::Work before) {
+  const auto waiting = std::make_shared<Waiting>(std::exchange(waiting_, {}));
+  for (std::string& body : waiting->audit) audit_.note(std::move(body));
+  audit_.lose(waiting->audit_lost);
+  // An acknowledgement must follow its result.
+  const auto acknowledge = [waiting] {
+    for (const auto& each : waiting->acknowledgements) each();
+  };
+  const bool done = guard_.run(
+      [this, waiting, before = std::move(before)] {
+        before();
+        journal_.record({waiting->results.begin(), waiting->results.end()});
+      },
+      acknowledge);
+  if (done) acknowledge();
+}
+
+}  // namespace fxagent
