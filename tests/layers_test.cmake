@@ -42,6 +42,10 @@ forbid("^agent/store/" "^agent/(field|uplink|cli|agent)[/.]" "agent/store/ sees 
 forbid("^agent/store/" "^agent/commands/" "of agent/commands/ agent/store/ sees the ports journal.h and command_starts.h only")
 forbid("^agent/store/disk/" "^agent/store/(samples/|journal/|[^/]+$)" "agent/store/disk/ does not know what the file contains")
 forbid("^agent/uplink/" "^agent/(field|cli|agent)[/.]" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
+forbid("^agent/uplink/(paho|payload|retained|samples)/" "^agent/uplink/(publisher\\.|session\\.|status/)"
+       "agent/uplink/status/ and the loop see the other rooms, not the other way round")
+forbid("^agent/uplink/retained/" "^agent/uplink/samples/" "agent/uplink/retained/ does not know samples")
+forbid("^agent/uplink/samples/" "^agent/uplink/retained/" "agent/uplink/samples/ does not know retained topics")
 forbid("^agent/config/" "^agent/(commands|field|store|uplink|cli|agent)[/.]" "agent/config/ sees protocol and small things")
 forbid("^agent/import/" "^agent/(commands|field|http|store|uplink|log|process|cli|agent)[/.]" "agent/import/ sees protocol and config")
 forbid("^agent/import/" "${threads_and_io}" "agent/import/ has no threads, no I/O and no clock")

@@ -26,16 +26,16 @@
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/command_intake.h"
-#include "agent/uplink/identity_conflict.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
 #include "agent/uplink/result_delivery.h"
-#include "agent/uplink/retained_state.h"
-#include "agent/uplink/sample_delivery.h"
-#include "agent/uplink/sample_spool.h"
+#include "agent/uplink/retained/identity_conflict.h"
+#include "agent/uplink/retained/retained_state.h"
+#include "agent/uplink/samples/sample_delivery.h"
+#include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session.h"
-#include "agent/uplink/status_source.h"
+#include "agent/uplink/status/status_source.h"
 
 namespace fxagent {
 

@@ -1,4 +1,4 @@
-#include "agent/uplink/retained_state.h"
+#include "agent/uplink/retained/retained_state.h"
 
 #include <algorithm>
 #include <chrono>

@@ -1,4 +1,4 @@
-#include "agent/uplink/sample_delivery.h"
+#include "agent/uplink/samples/sample_delivery.h"
 
 #include <algorithm>
 #include <utility>

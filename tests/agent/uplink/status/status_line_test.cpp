@@ -1,4 +1,4 @@
-#include "agent/uplink/status_line.h"
+#include "agent/uplink/status/status_line.h"
 
 #include <gtest/gtest.h>
 

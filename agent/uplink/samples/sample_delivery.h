@@ -22,7 +22,7 @@
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
-#include "agent/uplink/sample_spool.h"
+#include "agent/uplink/samples/sample_spool.h"
 
 namespace fxagent {
 

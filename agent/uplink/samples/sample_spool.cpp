@@ -1,4 +1,4 @@
-#include "agent/uplink/sample_spool.h"
+#include "agent/uplink/samples/sample_spool.h"
 
 #include <span>
 

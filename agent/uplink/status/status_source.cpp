@@ -1,4 +1,4 @@
-#include "agent/uplink/status_source.h"
+#include "agent/uplink/status/status_source.h"
 
 #include <algorithm>
 #include <chrono>

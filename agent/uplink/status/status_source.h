@@ -19,12 +19,12 @@
 #include "agent/status_board.h"
 #include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
-#include "agent/uplink/last_samples.h"
 #include "agent/uplink/result_delivery.h"
-#include "agent/uplink/retained_state.h"
-#include "agent/uplink/sample_delivery.h"
-#include "agent/uplink/sample_spool.h"
+#include "agent/uplink/retained/retained_state.h"
+#include "agent/uplink/samples/sample_delivery.h"
+#include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session.h"
+#include "agent/uplink/status/last_samples.h"
 
 namespace fxagent {
 

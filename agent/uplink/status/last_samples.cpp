@@ -1,4 +1,4 @@
-#include "agent/uplink/last_samples.h"
+#include "agent/uplink/status/last_samples.h"
 
 #include <cstdint>
 #include <map>

@@ -1,4 +1,4 @@
-#include "agent/uplink/identity_conflict.h"
+#include "agent/uplink/retained/identity_conflict.h"
 
 #include <algorithm>
 #include <chrono>
