@@ -37,7 +37,7 @@ constexpr seconds kLeftoversFor{10};  // search for topics of removed devices
 }  // namespace
 
 Session::Session(const MqttConfig& mqtt, std::string base, Broker& broker, Outgoing& outgoing,
-                 JitteredBackoff& backoff, Listener& listener)
+                 JitteredBackoff& backoff, Listener listener)
     : mqtt_(mqtt),
       base_(std::move(base)),
       commands_filter_(base_ + "/+/command"),
@@ -45,7 +45,7 @@ Session::Session(const MqttConfig& mqtt, std::string base, Broker& broker, Outgo
       broker_(broker),
       outgoing_(outgoing),
       backoff_(backoff),
-      listener_(listener) {}
+      listener_(std::move(listener)) {}
 
 // ---- connection ---------------------------------------------------------------------------------
 
@@ -83,7 +83,7 @@ void Session::on(const ConnectFailed& event, SteadyTime now) {
   link_ = Link::waiting;
   starting_ = false;
   receive_maximum_ = kReceiveMaximum;
-  listener_.attempt_failed(now);
+  listener_.attempt_failed();
   retry_after_failure(now);
 }
 
@@ -161,7 +161,7 @@ void Session::begin_anew(SteadyTime now) {
     broker_.disconnect();
     end(now);
   }
-  if (link_ == Link::connecting) listener_.attempt_failed(now);
+  if (link_ == Link::connecting) listener_.attempt_failed();
   // An attempt without an answer gets no DISCONNECT: connect() abandons it.
   link_ = was_connected ? Link::leaving : Link::waiting;
   retry_at_ = was_connected ? now + kGoodbye : now;

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <set>
 #include <string>
@@ -21,24 +22,22 @@ namespace fxagent {
 
 class Session final {
  public:
-  /// Receives the changes of the connection.
-  class Listener {
-   public:
-    virtual ~Listener() = default;
+  /// Receives the changes of the connection. None is empty.
+  struct Listener {
     /// Connected; publications go to this broker now.
-    virtual void connection_began(SteadyTime now) = 0;
+    std::function<void(SteadyTime now)> connection_began;
     /// Publications in flight must be published again.
-    virtual void connection_ended(SteadyTime now) = 0;
-    virtual void attempt_failed(SteadyTime now) = 0;
+    std::function<void(SteadyTime now)> connection_ended;
+    std::function<void()> attempt_failed;
     /// The broker has given our session to another client; connection_ended() follows.
-    virtual void session_taken_over() = 0;
+    std::function<void()> session_taken_over;
     /// Commands are received, or no longer received: not_heard_why() gives the reason.
-    virtual void subscription_changed() = 0;
+    std::function<void()> subscription_changed;
   };
 
   /// All references outlive the session. `base` is the beginning of the agent's topics.
   Session(const MqttConfig& mqtt, std::string base, Broker& broker, Outgoing& outgoing,
-          JitteredBackoff& backoff, Listener& listener);
+          JitteredBackoff& backoff, Listener listener);
 
   void on(const Connected& event, SteadyTime now);
   void on(const ConnectFailed& event, SteadyTime now);
@@ -118,7 +117,7 @@ class Session final {
   Broker& broker_;
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;
-  Listener& listener_;
+  const Listener listener_;
 
   Link link_ = Link::waiting;
   bool starting_ = true;

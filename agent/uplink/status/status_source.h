@@ -19,7 +19,7 @@
 #include "agent/status_board.h"
 #include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
-#include "agent/uplink/result_delivery.h"
+#include "agent/uplink/commands/result_delivery.h"
 #include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"

@@ -1,4 +1,4 @@
-#include "agent/uplink/command_intake.h"
+#include "agent/uplink/commands/command_intake.h"
 
 #include <algorithm>
 #include <chrono>

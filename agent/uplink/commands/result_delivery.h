@@ -15,7 +15,7 @@
 #include "agent/commands/commands.h"
 #include "agent/config/model.h"
 #include "agent/steady_time.h"
-#include "agent/uplink/command_intake.h"
+#include "agent/uplink/commands/command_intake.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 

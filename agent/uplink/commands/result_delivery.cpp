@@ -1,4 +1,4 @@
-#include "agent/uplink/result_delivery.h"
+#include "agent/uplink/commands/result_delivery.h"
 
 #include <algorithm>
 #include <utility>

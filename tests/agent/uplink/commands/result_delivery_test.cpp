@@ -1,5 +1,5 @@
 // Results that the broker refuses or acknowledges late.
-#include "agent/uplink/result_delivery.h"
+#include "agent/uplink/commands/result_delivery.h"
 
 #include <gtest/gtest.h>
 
