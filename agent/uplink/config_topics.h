@@ -11,7 +11,7 @@
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/retained/retained_state.h"
-#include "agent/uplink/session.h"
+#include "agent/uplink/session/session.h"
 #include "agent/uplink/shutdown.h"
 
 namespace fxagent {

@@ -42,14 +42,14 @@ void OwnTopics::hear_state(const Message& message, SteadyTime now) {
       parts_.retained.heard_device_state(*device, message.payload, now);
     else
       parts_.retained.heard_device_meta(*device, message.payload, now);
-  } else if (parts_.session.looks_for_leftovers() && !message.payload.empty() &&
+  } else if (parts_.subscriptions.looks_for_leftovers() && !message.payload.empty() &&
              parts_.retained.clear(message.topic)) {
     log::info("retained_topic_cleared", {{"topic", log::excerpt(message.topic)}});
   }
 }
 
 void OwnTopics::connection_began(SteadyTime now) {
-  identity_.connection_began(parts_.session.server(), now, parts_.session.steady_after());
+  identity_.connection_began(parts_.reconnect.server(), now, parts_.reconnect.steady_after());
 }
 
 void OwnTopics::follow_conflict(SteadyTime now) {

@@ -17,7 +17,9 @@
 #include "agent/uplink/farewell.h"
 #include "agent/uplink/retained/identity_conflict.h"
 #include "agent/uplink/retained/retained_state.h"
-#include "agent/uplink/session.h"
+#include "agent/uplink/session/reconnect_policy.h"
+#include "agent/uplink/session/session.h"
+#include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/shutdown.h"
 #include "agent/uplink/status/health_schedule.h"
 #include "agent/uplink/status/status_source.h"
@@ -31,6 +33,8 @@ class OwnTopics final {
     const Config& config;
     Commands& commands;
     const Session& session;
+    const ReconnectPolicy& reconnect;
+    const Subscriptions& subscriptions;
     const Shutdown& shutdown;
     const Farewell& farewell;
     const ResultDelivery& results;

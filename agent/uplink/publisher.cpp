@@ -29,14 +29,17 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       store_(store),
       backoff_(settings_.jitter_seed),
       outgoing_(broker),
-      session_(config.mqtt, config.base_topic(), broker, outgoing_, backoff_,
-               {[this](SteadyTime now) { connection_began(now); },
-                [this](SteadyTime now) { connection_ended(now); },
-                [this] { samples_out_.spool_live(); }, [this] { own_topics_.session_taken_over(); },
-                [this] { retained_.agent_state_changed(); }}),
+      reconnect_(config.mqtt, backoff_),
+      subscriptions_(config.base_topic(), broker, backoff_,
+                     [this] { retained_.agent_state_changed(); }),
+      session_(
+          broker, outgoing_, reconnect_, subscriptions_,
+          {[this](SteadyTime now) { connection_began(now); },
+           [this](SteadyTime now) { connection_ended(now); }, [this] { samples_out_.spool_live(); },
+           [this] { own_topics_.session_taken_over(); }}),
       retained_(config, payload, outgoing_, backoff_,
                 {[this] {
-                   return payload_.agent_online(started_ms_, session_.not_heard_why(),
+                   return payload_.agent_online(started_ms_, subscriptions_.not_heard_why(),
                                                 own_topics_.conflict());
                  },
                  [this](SteadyTime now) {
@@ -52,17 +55,18 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       samples_out_(config, settings_.boot, payload, outgoing_, backoff_, spool_, store),
       intake_(commands, broker, config.mqtt),
       late_(config, commands, store, utc_ms_, std::move(number_above)),
-      status_({config, commands, session_, retained_, spool_, results_, samples_out_, store},
+      status_({config, commands, session_, reconnect_, subscriptions_, retained_, spool_, results_,
+               samples_out_, store},
               {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
       health_(status_, retained_, std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
       shutdown_({broker, session_, farewell_, outgoing_, intake_, results_, retained_, samples_out_,
                  spool_, status_, store}),
       configs_(config, session_, shutdown_, retained_, store),
-      own_topics_({config, commands, session_, shutdown_, farewell_, results_, intake_, configs_,
-                   retained_, status_, health_},
+      own_topics_({config, commands, session_, reconnect_, subscriptions_, shutdown_, farewell_,
+                   results_, intake_, configs_, retained_, status_, health_},
                   settings_.boot) {
-  session_.hear_configs(config.remote.enabled);
+  subscriptions_.hear_configs(config.remote.enabled);
 }
 
 Publisher::~Publisher() = default;
@@ -191,11 +195,12 @@ void Publisher::press_back(SteadyTime now) {
   CommandIntake::Pressure pressure;
   pressure.is_on = session_.is_connected() && !shutdown_.has_begun();
   pressure.results_are_full = results_.is_full();
-  pressure.awaits_suback = session_.awaits_suback();
+  pressure.awaits_suback = subscriptions_.awaits_suback();
   pressure.awaits_pubacks = !outgoing_.empty();
   intake_.hold(pressure, now);
-  if (intake_.is_holding() && results_.bytes() >= settings_.result_bytes && !session_.is_paused())
-    session_.pause_commands(now);
+  if (intake_.is_holding() && results_.bytes() >= settings_.result_bytes &&
+      !subscriptions_.is_paused())
+    subscriptions_.pause_commands(now);
   // An acknowledgement wakes this thread if something waits for it, or for the room that it makes.
   // Otherwise each one would wake it just to update a count.
   broker_.await_acknowledgements(shutdown_.has_begun() || !session_.is_connected() ||
@@ -211,7 +216,7 @@ void Publisher::send(SteadyTime now) {
   spool_.commit(now, running);
   // A client that sees "online" may send a command at once. So nothing is published before commands
   // are received, or the state can report that they are not.
-  const bool listens = !session_.awaits_first_suback() || !running;
+  const bool listens = !subscriptions_.awaits_first_suback() || !running;
   if (session_.is_connected() && shutdown_.may_publish() && listens) {
     if (std::exchange(samples_first_, false) || !written_.empty()) samples_out_.pump_live(now);
     // A sample read before a write is older than the write's result. If it finds no room before the
@@ -246,10 +251,10 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   retained_.change(change, {gone.begin(), gone.end()}, session_.is_connected());
   samples_out_.change(change);
   status_.change(change);
-  session_.hear_configs(config_.remote.enabled);
+  subscriptions_.hear_configs(config_.remote.enabled);
   if (change.mqtt) {
     broker_.use(config_.mqtt);
-    session_.settings_changed();
+    reconnect_.settings_changed();
     // Clients of a broker that we leave would otherwise see the agent online forever.
     if (session_.is_connected())
       farewell_.say(now);

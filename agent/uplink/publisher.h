@@ -35,7 +35,9 @@
 #include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
-#include "agent/uplink/session.h"
+#include "agent/uplink/session/reconnect_policy.h"
+#include "agent/uplink/session/session.h"
+#include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/shutdown.h"
 #include "agent/uplink/status/health_schedule.h"
 #include "agent/uplink/status/status_source.h"
@@ -133,6 +135,8 @@ class Publisher final {
 
   JitteredBackoff backoff_;
   Outgoing outgoing_;
+  ReconnectPolicy reconnect_;
+  Subscriptions subscriptions_;
   Session session_;
   RetainedState retained_;
   ResultDelivery results_;

@@ -17,7 +17,7 @@
 #include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
-#include "agent/uplink/session.h"
+#include "agent/uplink/session/session.h"
 #include "agent/uplink/status/status_source.h"
 
 namespace fxagent {

@@ -86,6 +86,7 @@ foreach(wrong IN ITEMS
     "agent/field/bus.h|\"agent/store/store.h\""
     "agent/config/model.h|\"agent/commands/parse.h\""
     "agent/store/store.cpp|\"agent/uplink/json_payload.h\""
+    "agent/uplink/session/session.h|\"agent/uplink/commands/command_intake.h\""
     "agent/uplink/commands/command_intake.h|\"agent/uplink/samples/sample_spool.h\""
     "agent/uplink/samples/sample_spool.h|\"agent/uplink/status/status_source.h\""
     "agent/uplink/samples/sample_spool.h|\"agent/uplink/retained/retained_state.h\""

@@ -116,11 +116,12 @@ BrokerStatus StatusSource::broker(SteadyTime now) const {
   const Session& session = parts_.session;
   const SteadyTime since = std::max(session.since(), started_);
   BrokerStatus status;
-  status.server = session.server();
+  status.server = parts_.reconnect.server();
   status.connected = session.is_connected();
-  status.not_heard_why = session.not_heard_why().value_or("");
+  const Subscriptions& subscriptions = parts_.subscriptions;
+  status.not_heard_why = subscriptions.not_heard_why().value_or("");
   status.subscribed =
-      status.connected && !session.not_heard_why() && !session.awaits_first_suback();
+      status.connected && !subscriptions.not_heard_why() && !subscriptions.awaits_first_suback();
   status.since_ms =
       utc_ms_() - std::chrono::duration_cast<std::chrono::milliseconds>(now - since).count();
   status.why = session.why_not_connected();

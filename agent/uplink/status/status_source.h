@@ -23,7 +23,9 @@
 #include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
-#include "agent/uplink/session.h"
+#include "agent/uplink/session/reconnect_policy.h"
+#include "agent/uplink/session/session.h"
+#include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/status/last_samples.h"
 
 namespace fxagent {
@@ -35,6 +37,8 @@ class StatusSource final {
     const Config& config;
     const Commands& commands;
     const Session& session;
+    const ReconnectPolicy& reconnect;
+    const Subscriptions& subscriptions;
     const RetainedState& retained;
     const SampleSpool& spool;
     const ResultDelivery& results;
