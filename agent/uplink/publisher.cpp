@@ -52,11 +52,13 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
                  [this] { return configs_.reported(); }}),
       results_(config, commands, outgoing_, backoff_, utc_ms_),
       spool_(store, settings_.backlog_bytes),
-      samples_out_(config, settings_.boot, payload, outgoing_, backoff_, spool_, store),
+      refused_(backoff_),
+      samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_, store),
+      history_(payload, outgoing_, refused_, spool_),
       intake_(commands, broker, config.mqtt),
       late_(config, commands, store, utc_ms_, std::move(number_above)),
       status_({config, commands, session_, reconnect_, subscriptions_, retained_, spool_, results_,
-               samples_out_, store},
+               samples_out_, history_, refused_, store},
               {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
       health_(status_, retained_, std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
@@ -166,7 +168,8 @@ void Publisher::connection_began(SteadyTime now) {
   retained_.connection_began();
   configs_.connection_began(now);
   health_.request(now);
-  samples_out_.connection_began();
+  refused_.clear();
+  history_.connection_began();
 }
 
 void Publisher::connection_ended(SteadyTime now) {
@@ -174,6 +177,7 @@ void Publisher::connection_ended(SteadyTime now) {
   own_topics_.connection_ended();
   health_.connection_ended();
   samples_out_.connection_ended();
+  history_.connection_ended();
   retained_.connection_ended();  // all of it is published again after the next connect
   results_.connection_ended();
 }
@@ -204,7 +208,7 @@ void Publisher::press_back(SteadyTime now) {
   // An acknowledgement wakes this thread if something waits for it, or for the room that it makes.
   // Otherwise each one would wake it just to update a count.
   broker_.await_acknowledgements(shutdown_.has_begun() || !session_.is_connected() ||
-                                 !results_.empty() || samples_out_.has_history_on_the_way() ||
+                                 !results_.empty() || history_.is_on_the_way() ||
                                  outgoing_.size() >= outgoing_.window() / 2);
 }
 
@@ -227,7 +231,7 @@ void Publisher::send(SteadyTime now) {
     if (!farewell_.by()) retained_.pump(now);
     samples_out_.pump_live(now);
     // Samples on disk are safe and do not delay the shutdown.
-    if (running || store_ == nullptr) samples_out_.pump_history(running, now);
+    if (!samples_out_.has_live() && (running || store_ == nullptr)) history_.pump(running, now);
   }
   outgoing_.note_sent(now);
 }
@@ -283,7 +287,8 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   if (running || !session_.is_connected()) at(session_.next_wake());
   if (spool_.gathered() != 0) at(spool_.commit_at());
   if (store_ != nullptr && store_->has_pending()) at(now + SampleSpool::kCommitWithin);
-  at(samples_out_.next_wake(now));
+  at(samples_out_.next_wake());
+  at(history_.next_wake(now));
   if (!session_.is_connected()) return wake;
   // Messages that are due but have no room go out after the next acknowledgement, which is an
   // event.

@@ -33,6 +33,8 @@
 #include "agent/uplink/own_topics.h"
 #include "agent/uplink/payload/payload.h"
 #include "agent/uplink/retained/retained_state.h"
+#include "agent/uplink/samples/history_delivery.h"
+#include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/reconnect_policy.h"
@@ -141,7 +143,9 @@ class Publisher final {
   RetainedState retained_;
   ResultDelivery results_;
   SampleSpool spool_;
+  RefusedDevices refused_;
   SampleDelivery samples_out_;
+  HistoryDelivery history_;
   CommandIntake intake_;
   LateRecovery late_;
   StatusSource status_;

@@ -14,21 +14,9 @@ namespace {
 
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
-using std::chrono::seconds;
 
 constexpr int kGatherShare = 100;  // a sample waits at most 1/100 of its interval
 constexpr milliseconds kGatherMost{5};
-// Number of history messages in flight, each of a different stream: the broker gets a stream's next
-// message when it has acknowledged the one before.
-constexpr std::size_t kHistoryFlights = 2;
-// After each history message, history pauses for half of the time that the message took, so that
-// live samples and commands regularly find the broker free. kLongestRest limits the pause on slow
-// networks.
-constexpr int kRestShare = 2;
-constexpr milliseconds kLongestRest{100};
-// A quarter of the allowed size: a message of 64 KiB delays a live sample by milliseconds.
-constexpr std::size_t kHistoryBytes = 16384;
-constexpr std::size_t kSmallWindow = 4;
 // This many samples behind a full window show that the broker accepts fewer than are produced.
 constexpr std::size_t kBackedUp = 4;
 constexpr auto kLiveFor = SampleSpool::kLiveFor;
@@ -37,17 +25,16 @@ constexpr auto kCommitWithin = SampleSpool::kCommitWithin;
 }  // namespace
 
 SampleDelivery::SampleDelivery(const Config& config, std::string boot, Payload& payload,
-                               Outgoing& outgoing, JitteredBackoff& backoff, SampleSpool& spool,
+                               Outgoing& outgoing, RefusedDevices& refused, SampleSpool& spool,
                                GuardedStore* store)
     : config_(config),
       boot_(std::move(boot)),
       payload_(payload),
       outgoing_(outgoing),
-      backoff_(backoff),
+      refused_(refused),
       spool_(spool),
       store_(store),
-      meta_hashes_(config.devices.size()),
-      history_bytes_(kHistoryBytes) {}
+      meta_hashes_(config.devices.size()) {}
 
 void SampleDelivery::change(const ConfigChange& change) {
   for (const std::uint32_t device : change.devices_end) meta_hashes_.at(device).clear();
@@ -82,7 +69,7 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.content = encode_sample(message, device, boot_, meta_hash(message.device));
     row_bytes_ += row.cost();
     if (store_ != nullptr) store_->used(row.device, row.seq);
-    if (can_go && may_send(row.device, now))
+    if (can_go && refused_.may_send(row.device, now))
       live.push_back(std::move(row));
     else
       spool_.add(std::move(row));
@@ -116,8 +103,8 @@ void SampleDelivery::hold_on_disk(SteadyTime now) {
   std::vector<LiveRow*> held;
   bool is_time = false;
   for (auto& [id, flight] : flights_) {
-    if (!flight.live || flight.live->stored) continue;
-    LiveRow& live = *flight.live;
+    LiveRow& live = flight.live;
+    if (live.stored) continue;
     if (live.since + kLiveFor - kCommitWithin > now) continue;
     is_time = is_time || live.since + kLiveFor <= now;
     rows.push_back(live.row);
@@ -131,24 +118,11 @@ void SampleDelivery::hold_on_disk(SteadyTime now) {
   }
 }
 
-/// A small window has one place for history; the rest is for live samples and results.
-bool SampleDelivery::has_room_for_history() const {
-  const std::size_t most = outgoing_.window() > kSmallWindow ? kHistoryFlights : 1;
-  return history_flights_ < most && has_room();
-}
-
-bool SampleDelivery::has_room() const {
-  // In a larger window two places stay free, so that a result or a state never waits behind
-  // samples.
-  const std::size_t window = outgoing_.window();
-  return outgoing_.size() < (window > kSmallWindow ? window - 2 : window);
-}
-
 void SampleDelivery::pump_live(SteadyTime now) {
-  while (!live_.empty() && has_room()) {
+  while (!live_.empty() && outgoing_.has_room_for_samples()) {
     LiveRow live = std::move(live_.front());
     live_.pop_front();
-    if (!may_send(live.row.device, now) || !decode_sample(live.row.content, record_)) {
+    if (!refused_.may_send(live.row.device, now) || !decode_sample(live.row.content, record_)) {
       spool_.add(std::move(live));
       continue;
     }
@@ -156,7 +130,7 @@ void SampleDelivery::pump_live(SteadyTime now) {
     if (!live.stored) ++in_flight_;
     ++published_;
     const std::uint64_t id = outgoing_.send(*this, std::move(publication));
-    flights_.emplace(id, Flight{std::move(live), {}, now});
+    flights_.emplace(id, Flight{std::move(live), now});
   }
 }
 
@@ -169,39 +143,8 @@ void SampleDelivery::make_history(const std::set<std::string>& devices) {
   live_.erase(first, live_.end());
 }
 
-void SampleDelivery::pump_history(bool rests, SteadyTime now) {
-  if (rests && now < history_rests_until_) return;
-  while (live_.empty() && has_room_for_history()) {
-    auto history = spool_.next(payload_, history_bytes_,
-                               [&](const std::string& device) { return may_send(device, now); });
-    if (!history) return;
-    Publication publication = payload_.history(history->batch);
-    ++history_flights_;
-    published_ += history->batch.row_ids.size();
-    const std::uint64_t id = outgoing_.send(*this, std::move(publication));
-    flights_.emplace(id, Flight{std::nullopt, std::move(*history), now});
-  }
-}
-
-void SampleDelivery::rest(SteadyTime since, SteadyTime now) {
-  --history_flights_;
-  const auto rest = std::min<SteadyTime::duration>((now - since) / kRestShare, kLongestRest);
-  history_rests_until_ = std::max(history_rests_until_, now + rest);
-}
-
-void SampleDelivery::connection_began() {
-  history_bytes_ = kHistoryBytes;
-  pauses_.clear();
-}
-
 void SampleDelivery::connection_ended() {
-  for (auto& [id, flight] : std::exchange(flights_, {})) {
-    if (flight.live)
-      spool_.add(std::move(*flight.live));
-    else
-      spool_.returned(flight.history);
-  }
-  history_flights_ = 0;
+  for (auto& [id, flight] : std::exchange(flights_, {})) spool_.add(std::move(flight.live));
   in_flight_ = 0;
   spool_live();
 }
@@ -213,33 +156,20 @@ void SampleDelivery::spool_live() {
 
 // ---- outcomes -----------------------------------------------------------------------------------
 
-void SampleDelivery::delivered(std::uint64_t id, SteadyTime now) {
+void SampleDelivery::delivered(std::uint64_t id, SteadyTime) {
   const Flight flight = std::move(flights_.extract(id).mapped());
-  if (!flight.live) {
-    rest(flight.since, now);
-    failpoint("history_acknowledged");
-    spool_.remove(flight.history, [this](std::uint64_t count) { acknowledged_ += count; });
-    taken(flight.history.batch.device, flight.since);
-    return;
-  }
   failpoint("sample_acknowledged");
-  if (flight.live->stored) {
-    spool_.remove(*flight.live, [this](std::uint64_t count) { acknowledged_ += count; });
+  if (flight.live.stored) {
+    spool_.remove(flight.live, [this](std::uint64_t count) { acknowledged_ += count; });
   } else {
     --in_flight_;
     ++acknowledged_;
   }
-  taken(flight.live->row.device, flight.since);
+  refused_.accepted(flight.live.row.device, flight.since);
 }
 
 void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
-  Flight flight = std::move(flights_.extract(event.id).mapped());
-  if (flight.live) return live_failed(std::move(*flight.live), event, now);
-  rest(flight.since, now);
-  history_failed(flight.history, event, now);
-}
-
-void SampleDelivery::live_failed(LiveRow live, const DeliveryFailed& event, SteadyTime now) {
+  LiveRow live = std::move(flights_.extract(event.id).mapped().live);
   const SampleRow& row = live.row;
   if (!live.stored) --in_flight_;
   if (is_final(event.reason_code)) {
@@ -251,64 +181,8 @@ void SampleDelivery::live_failed(LiveRow live, const DeliveryFailed& event, Stea
     };
     return live.stored ? spool_.remove(live, drop) : drop(1);
   }
-  pause(row.device, event, now);
+  refused_.refused(row.device, event, now);
   spool_.add(std::move(live));
-}
-
-void SampleDelivery::history_failed(const OutgoingHistory& history, const DeliveryFailed& event,
-                                    SteadyTime now) {
-  const HistoryBatch& batch = history.batch;
-  const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;
-  if (is_final(event.reason_code) && !can_be_cut) {
-    log::warn("history_refused", {{"device", batch.device},
-                                  {"rows", std::to_string(batch.row_ids.size())},
-                                  {"code", hex_code(event.reason_code)},
-                                  {"reason", event.text}});
-    return spool_.remove(history, [this, device = batch.device](std::uint64_t count) {
-      spool_.drop(device, count);
-    });
-  }
-  spool_.returned(history);
-  if (can_be_cut)
-    history_bytes_ = std::min(history_bytes_, batch.payload.size() / 2);
-  else
-    pause(batch.device, event, now);
-}
-
-/// The broker accepted a message that was sent at `since`. Ends the device's pause, unless the
-/// message was sent before the refusal.
-void SampleDelivery::taken(const std::string& device, SteadyTime since) {
-  const auto found = pauses_.find(device);
-  if (found != pauses_.end() && found->second.since < since) pauses_.erase(found);
-}
-
-bool SampleDelivery::may_send(const std::string& device, SteadyTime now) const {
-  const auto found = pauses_.find(device);
-  return found == pauses_.end() || found->second.until <= now;
-}
-
-void SampleDelivery::pause(const std::string& device, const DeliveryFailed& event, SteadyTime now) {
-  const int reason_code = event.reason_code;
-  Pause& pause = pauses_[device];
-  pause.reason_code = reason_code;
-  if (pause.until > now) return;  // one of several refusals of messages in flight
-  pause.since = now;
-  pause.until = now + backoff_.after(pause.failures++);
-  const std::string again = std::to_string(std::chrono::ceil<seconds>(pause.until - now).count());
-  if (reason_code != 0)
-    log::warn("samples_refused", {{"device", device},
-                                  {"code", hex_code(reason_code)},
-                                  {"reason", event.text},
-                                  {"again_in_s", again}});
-  else
-    log::warn("samples_not_sent",
-              {{"device", device}, {"reason", event.text}, {"again_in_s", again}});
-}
-
-std::optional<int> SampleDelivery::refused(const std::string& device) const {
-  const auto found = pauses_.find(device);
-  const bool refuses = found != pauses_.end() && found->second.reason_code != 0;
-  return refuses ? std::optional(found->second.reason_code) : std::nullopt;
 }
 
 bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }
@@ -319,19 +193,13 @@ SampleDelivery::Counters SampleDelivery::counters() const {
   return {acknowledged_, published_, live_.size() - held, in_flight_};
 }
 
-SteadyTime SampleDelivery::next_wake(SteadyTime now) const {
+SteadyTime SampleDelivery::next_wake() const {
   SteadyTime wake = SteadyTime::max();
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
-  const auto later = [&](SteadyTime time) {
-    if (time > now) at(time);
-  };
   if (!live_.empty()) at(live_.front().since + kLiveFor);
-  if (has_room_for_history()) later(history_rests_until_);
-  for (const auto& [device, pause] : pauses_)
-    if (spool_.has_waiting(device)) later(pause.until);
   if (!spool_.can_hold()) return wake;
   for (const auto& [id, flight] : flights_)
-    if (flight.live && !flight.live->stored) at(flight.live->since + kLiveFor);
+    if (!flight.live.stored) at(flight.live.since + kLiveFor);
   return wake;
 }
 

@@ -1,6 +1,6 @@
-// Delivers samples to the broker: live ones at once, and the backlog in between as history. Keeps
-// each sample until it is acknowledged; a sample that has waited for 1 s is also on disk. Uplink
-// thread. Time is an argument. More than twenty functions: half of them return one fact each.
+// Delivers live samples to the broker. Keeps each sample until it is acknowledged; a sample that
+// has waited for 1 s is also on disk. Samples that find no room become history. Uplink thread. Time
+// is an argument.
 #pragma once
 
 #include <chrono>
@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <deque>
 #include <map>
-#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -19,25 +18,26 @@
 #include "agent/steady_time.h"
 #include "agent/store/samples/sample_record.h"
 #include "agent/telemetry.h"
-#include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
+#include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_spool.h"
 
 namespace fxagent {
 
 class SampleDelivery final : public Outgoing::Sender {
  public:
+  /// Of live samples.
   struct Counters {
     std::uint64_t acknowledged = 0;
     std::uint64_t published = 0;  ///< sends, including repeats
-    std::uint64_t queued = 0;     ///< live, waiting and not on disk
-    std::uint64_t in_flight = 0;  ///< live, in flight and not on disk
+    std::uint64_t queued = 0;     ///< waiting and not on disk
+    std::uint64_t in_flight = 0;  ///< in flight and not on disk
   };
 
   /// All references outlive the object. `store` is null if there is no store.
   SampleDelivery(const Config& config, std::string boot, Payload& payload, Outgoing& outgoing,
-                 JitteredBackoff& backoff, SampleSpool& spool, GuardedStore* store);
+                 RefusedDevices& refused, SampleSpool& spool, GuardedStore* store);
 
   /// Adapts to a config change, which `config` already contains.
   void change(const ConfigChange& change);
@@ -51,10 +51,8 @@ class SampleDelivery final : public Outgoing::Sender {
   void pump_live(SteadyTime now);
   /// Moves live samples of these devices that have found no room so far to history.
   void make_history(const std::set<std::string>& devices);
-  /// `rests`: history pauses after each message.
-  void pump_history(bool rests, SteadyTime now);
 
-  void connection_began();
+  /// Moves everything to history, samples in flight included.
   void connection_ended();
   /// Moves live samples to history, after a failed attempt to connect.
   void spool_live();
@@ -63,52 +61,31 @@ class SampleDelivery final : public Outgoing::Sender {
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
   Counters counters() const;
-  /// Returns the MQTT reason code with which the broker refuses the device's samples; nullopt: it
-  /// accepts them.
-  std::optional<int> refused(const std::string& device) const;
   /// Returns the bytes of the rows made since the last call.
   std::uint64_t take_row_bytes() { return std::exchange(row_bytes_, 0); }
   bool has_live() const { return !live_.empty(); }
-  bool has_history_on_the_way() const { return history_flights_ != 0; }
   /// True if so many samples are waiting that the broker accepts fewer than are produced.
   bool is_backed_up() const;
   /// Returns the time until which samples may gather before the next step: one hundredth of their
   /// interval while they stream in, otherwise the time of the last step.
   SteadyTime gather_until() const { return gather_until_; }
-  SteadyTime next_wake(SteadyTime now) const;
+  SteadyTime next_wake() const;
 
  private:
   struct Flight {
-    std::optional<LiveRow> live;  ///< nullopt: a history message
-    OutgoingHistory history;
+    LiveRow live;
     SteadyTime since{};
-  };
-  /// A device whose samples the broker refuses for a time, or the library rejects (reason code 0).
-  struct Pause {
-    SteadyTime since{};  ///< of the last refusal
-    SteadyTime until{};
-    int failures = 0;
-    int reason_code = 0;
   };
 
   const std::string& meta_hash(std::uint32_t device);
   void overflow(SteadyTime now);
   void hold_on_disk(SteadyTime now);
-  void live_failed(LiveRow live, const DeliveryFailed& event, SteadyTime now);
-  void history_failed(const OutgoingHistory& history, const DeliveryFailed& event, SteadyTime now);
-  bool has_room() const;
-  bool has_room_for_history() const;
-  bool may_send(const std::string& device, SteadyTime now) const;
-  void pause(const std::string& device, const DeliveryFailed& event, SteadyTime now);
-  void taken(const std::string& device, SteadyTime since);
-  /// A history message has ended, delivered or not; begins the pause after it.
-  void rest(SteadyTime since, SteadyTime now);
 
   const Config& config_;
   const std::string boot_;
   Payload& payload_;
   Outgoing& outgoing_;
-  JitteredBackoff& backoff_;
+  RefusedDevices& refused_;
   SampleSpool& spool_;
   GuardedStore* const store_;
   std::vector<std::string> meta_hashes_;  ///< by device; empty: not computed yet
@@ -117,13 +94,9 @@ class SampleDelivery final : public Outgoing::Sender {
   std::deque<LiveRow> live_;
   SampleRecord record_;                      ///< the live sample being sent
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
-  std::size_t history_flights_ = 0;
-  std::uint64_t in_flight_ = 0;       ///< live samples that are not on disk
-  SteadyTime history_rests_until_{};  ///< until then live samples have the broker to themselves
-  std::size_t history_bytes_;         ///< of one message; reduced if it is too large
-  SteadyTime samples_at_{};           ///< last step with samples
+  std::uint64_t in_flight_ = 0;              ///< live samples that are not on disk
+  SteadyTime samples_at_{};                  ///< last step with samples
   SteadyTime gather_until_{};
-  std::map<std::string, Pause> pauses_;  ///< by device name, as in the store
   std::uint64_t acknowledged_ = 0;
   std::uint64_t published_ = 0;
   std::uint64_t row_bytes_ = 0;

@@ -105,9 +105,9 @@ SampleCounts StatusSource::samples() const {
     samples.stored += store.rows;
     samples.recovered = store.recovered;
   }
-  samples.acknowledged = out.acknowledged;
+  samples.acknowledged = out.acknowledged + parts_.history.acknowledged();
   samples.dropped = parts_.spool.dropped();
-  samples.published = out.published;
+  samples.published = out.published + parts_.history.published();
   samples.miscounted = miscounted_;
   return samples;
 }
@@ -147,7 +147,7 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   if (board_.values_wanted()) status.values = last_.groups();
   for (const DeviceConfig& device : parts_.config.devices) {
     status.dropped.push_back(parts_.spool.dropped(device.name));
-    const auto refused = parts_.samples.refused(device.name);
+    const auto refused = parts_.refused.reason(device.name);
     status.refused.push_back(refused ? hex_code(*refused) : std::string());
   }
   status.commands = parts_.commands.counts();

@@ -21,6 +21,8 @@
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/commands/result_delivery.h"
 #include "agent/uplink/retained/retained_state.h"
+#include "agent/uplink/samples/history_delivery.h"
+#include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/reconnect_policy.h"
@@ -43,6 +45,8 @@ class StatusSource final {
     const SampleSpool& spool;
     const ResultDelivery& results;
     SampleDelivery& samples;
+    const HistoryDelivery& history;
+    const RefusedDevices& refused;
     const GuardedStore* store = nullptr;  ///< null: no store
   };
   struct Run {
