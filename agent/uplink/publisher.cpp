@@ -37,7 +37,8 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
           {[this](SteadyTime now) { connection_began(now); },
            [this](SteadyTime now) { connection_ended(now); }, [this] { samples_out_.spool_live(); },
            [this] { own_topics_.session_taken_over(); }}),
-      retained_(config, payload, outgoing_, backoff_,
+      states_(std::as_const(config).devices.size()),
+      retained_(config, states_, payload, outgoing_, backoff_,
                 {[this] {
                    return payload_.agent_online(started_ms_, subscriptions_.not_heard_why(),
                                                 own_topics_.conflict());
@@ -51,14 +52,14 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
                  },
                  [this] { return configs_.reported(); }}),
       results_(config, commands, outgoing_, backoff_, utc_ms_),
-      spool_(store, settings_.backlog_bytes),
+      spool_(store, settings_.backlog_bytes, dropped_),
       refused_(backoff_),
-      samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_, store),
-      history_(payload, outgoing_, refused_, spool_),
+      samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_, dropped_, store),
+      history_(payload, outgoing_, refused_, spool_, dropped_),
       intake_(commands, broker, config.mqtt),
       late_(config, commands, store, utc_ms_, std::move(number_above)),
-      status_({config, commands, session_, reconnect_, subscriptions_, retained_, spool_, results_,
-               samples_out_, history_, refused_, store},
+      status_({config, commands, session_, reconnect_, subscriptions_, states_, spool_, dropped_,
+               results_, samples_out_, history_, refused_, store},
               {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
       health_(status_, retained_, std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
@@ -132,7 +133,7 @@ void Publisher::keep_store(SteadyTime now) {
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
   for (const auto& [device, count] : batch.dropped)
-    spool_.drop(std::as_const(config_).devices.at(device).name, count);
+    dropped_.add(std::as_const(config_).devices.at(device).name, count);
   for (CommandResult& result : batch.results) {
     const bool may_have_written = result.attempts > 0 && result.op != to_string(Op::read);
     if (may_have_written) written_.insert(std::as_const(config_).devices.at(result.device).name);
@@ -141,7 +142,7 @@ void Publisher::take_outbox(SteadyTime now) {
   for (DeviceStatus& status : batch.states) {
     const std::uint32_t device = status.device;
     if (status.codec) commands_.set_codec(device, std::move(status.codec));
-    retained_.set(std::move(status));
+    states_.set(std::move(status));
     if (session_.is_connected()) retained_.device_state_changed(device);
   }
   // Samples read while the first connection is being made are as live as those right after it.
@@ -252,6 +253,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
     gone.erase(begin.back());
   }
   late_.join(commands_.change(change, now));
+  states_.change(change);
   retained_.change(change, {gone.begin(), gone.end()}, session_.is_connected());
   samples_out_.change(change);
   status_.change(change);

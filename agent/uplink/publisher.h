@@ -32,7 +32,9 @@
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/own_topics.h"
 #include "agent/uplink/payload/payload.h"
+#include "agent/uplink/retained/device_states.h"
 #include "agent/uplink/retained/retained_state.h"
+#include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
@@ -140,8 +142,10 @@ class Publisher final {
   ReconnectPolicy reconnect_;
   Subscriptions subscriptions_;
   Session session_;
+  DeviceStates states_;
   RetainedState retained_;
   ResultDelivery results_;
+  DroppedSamples dropped_;
   SampleSpool spool_;
   RefusedDevices refused_;
   SampleDelivery samples_out_;

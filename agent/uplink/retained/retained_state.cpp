@@ -19,14 +19,14 @@ constexpr seconds kComesBackWithin{2};
 
 }  // namespace
 
-RetainedState::RetainedState(const Config& config, Payload& payload, Outgoing& outgoing,
-                             JitteredBackoff& backoff, Source source)
+RetainedState::RetainedState(const Config& config, const DeviceStates& states, Payload& payload,
+                             Outgoing& outgoing, JitteredBackoff& backoff, Source source)
     : config_(config),
+      states_(states),
       payload_(payload),
       outgoing_(outgoing),
       backoff_(backoff),
-      source_(std::move(source)),
-      states_(config.devices.size()) {}
+      source_(std::move(source)) {}
 
 void RetainedState::connection_began() {
   due_.clear();
@@ -43,24 +43,23 @@ void RetainedState::connection_ended() {
 
 void RetainedState::everything_is_due() {
   agent_state_changed();
-  for (std::uint32_t device = 0; device < states_.size(); ++device) {
+  for (std::uint32_t device = 0; device < config_.devices.size(); ++device) {
     if (config_.devices[device].is_vacant()) continue;
     due_[{Item::device_meta, device, {}}];
-    if (states_[device]) due_[{Item::device_state, device, {}}];
+    if (states_.all()[device]) due_[{Item::device_state, device, {}}];
   }
 }
 
 void RetainedState::change(const ConfigChange& change, const std::vector<std::string>& gone,
                            bool is_connected) {
   for (const std::uint32_t device : change.devices_end) forget(device);
-  states_.resize(config_.devices.size());
   const std::string base = config_.base_topic() + "/";
   for (const std::uint32_t device : change.devices_begin) {
     // The device is back: its topics must not be cleared.
     for (const char* topic : {"/state", "/meta"}) {
       const std::string back = base + config_.devices[device].name + topic;
       due_.erase({Item::clear, 0, back});
-      std::erase_if(flights_, [&](const auto& each) { return is_of(each.second.key, back); });
+      std::erase_if(flights_, [&](const auto& each) { return each.second.key.clears(back); });
     }
     if (is_connected) due_[{Item::device_meta, device, {}}];
   }
@@ -81,12 +80,6 @@ void RetainedState::forget(std::uint32_t device) {
   std::erase_if(repairs_, entry);
   std::erase_if(logged_, is_its_own);
   std::erase_if(flights_, [&](const auto& each) { return is_its_own(each.second.key); });
-  states_.at(device).reset();
-}
-
-void RetainedState::set(DeviceStatus status) {
-  const std::uint32_t device = status.device;
-  states_.at(device) = std::make_shared<const DeviceStatus>(std::move(status));
 }
 
 void RetainedState::heard(const Key& key, std::string_view payload, SteadyTime now) {
@@ -133,7 +126,7 @@ Publication RetainedState::publication_of(const Key& key, SteadyTime now) {
     case Item::agent_state:
       return source_.agent_state();
     case Item::device_state:
-      return payload_.device_state(*states_[key.device]);
+      return payload_.device_state(*states_.all()[key.device]);
     case Item::device_meta:
       return payload_.device_meta(key.device);
     case Item::health:

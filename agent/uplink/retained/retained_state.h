@@ -1,14 +1,12 @@
 // Retained messages: the state of the agent, health, the config report, and each device's state and
 // meta. All of them are published again after each connect. A message that the broker refuses for a
 // time is repeated with its newest value. States and meta that another client has overwritten are
-// restored. Uplink thread. Time is an argument. More than twenty functions: most concern one topic
-// each.
+// restored. Uplink thread. Time is an argument.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <map>
-#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -18,10 +16,10 @@
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
 #include "agent/steady_time.h"
-#include "agent/telemetry.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
+#include "agent/uplink/retained/device_states.h"
 
 namespace fxagent {
 
@@ -36,8 +34,8 @@ class RetainedState final : public Outgoing::Sender {
   };
 
   /// All references outlive the object.
-  RetainedState(const Config& config, Payload& payload, Outgoing& outgoing,
-                JitteredBackoff& backoff, Source source);
+  RetainedState(const Config& config, const DeviceStates& states, Payload& payload,
+                Outgoing& outgoing, JitteredBackoff& backoff, Source source);
 
   /// Everything is due except the config report and health, whose counters must be requested first.
   void connection_began();
@@ -65,15 +63,10 @@ class RetainedState final : public Outgoing::Sender {
     heard({Item::device_meta, device, {}}, payload, now);
   }
 
-  /// Adapts to a config change. Stops publishing what ends. If connected, publishes the meta of
-  /// what begins; its state follows when the field has reported it. `gone` are the names of removed
-  /// devices, whose topics are cleared.
+  /// Adapts to a config change, as `config` and `states` have done already. Stops publishing what
+  /// ends. If connected, publishes the meta of what begins; its state follows when the field has
+  /// reported it. `gone` are the names of removed devices, whose topics are cleared.
   void change(const ConfigChange& change, const std::vector<std::string>& gone, bool is_connected);
-
-  /// Sets the newest state of a device; device_state_changed() publishes it.
-  void set(DeviceStatus status);
-  /// Indexed by device; null if none was set.
-  const std::vector<std::shared_ptr<const DeviceStatus>>& states() const { return states_; }
 
   void pump(SteadyTime now);
   bool empty() const { return due_.empty(); }
@@ -98,6 +91,7 @@ class RetainedState final : public Outgoing::Sender {
     std::uint32_t device = 0;
     std::string topic;  ///< clear only
     auto operator<=>(const Key&) const = default;
+    bool clears(const std::string& name) const { return item == Item::clear && topic == name; }
   };
   struct Due {
     SteadyTime not_before{};
@@ -116,18 +110,15 @@ class RetainedState final : public Outgoing::Sender {
   };
 
   void forget(std::uint32_t device);
-  bool is_of(const Key& key, const std::string& topic) const {
-    return key.item == Item::clear && key.topic == topic;
-  }
   Publication publication_of(const Key& key, SteadyTime now);
   void heard(const Key& key, std::string_view payload, SteadyTime now);
 
   const Config& config_;
+  const DeviceStates& states_;
   Payload& payload_;
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;
   const Source source_;
-  std::vector<std::shared_ptr<const DeviceStatus>> states_;  ///< by device; others read on
   std::map<Key, Due> due_;
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
   std::map<Key, Published> published_;       ///< in this connection

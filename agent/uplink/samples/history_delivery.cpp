@@ -27,11 +27,12 @@ constexpr std::size_t kHistoryBytes = 16384;
 }  // namespace
 
 HistoryDelivery::HistoryDelivery(Payload& payload, Outgoing& outgoing, RefusedDevices& refused,
-                                 SampleSpool& spool)
+                                 SampleSpool& spool, DroppedSamples& dropped)
     : payload_(payload),
       outgoing_(outgoing),
       refused_(refused),
       spool_(spool),
+      dropped_(dropped),
       max_bytes_(kHistoryBytes) {}
 
 /// A small window has one place for history; the rest is for live samples and results.
@@ -83,9 +84,8 @@ void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
                                   {"rows", std::to_string(batch.row_ids.size())},
                                   {"code", hex_code(event.reason_code)},
                                   {"reason", event.text}});
-    return spool_.remove(history, [this, device = batch.device](std::uint64_t count) {
-      spool_.drop(device, count);
-    });
+    return spool_.remove(history, [&dropped = dropped_, device = batch.device](
+                                      std::uint64_t count) { dropped.add(device, count); });
   }
   spool_.returned(history);
   if (can_be_cut)

@@ -9,6 +9,7 @@
 #include "agent/steady_time.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
+#include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_spool.h"
 
@@ -17,8 +18,8 @@ namespace fxagent {
 class HistoryDelivery final : public Outgoing::Sender {
  public:
   /// All references outlive the object.
-  HistoryDelivery(Payload& payload, Outgoing& outgoing, RefusedDevices& refused,
-                  SampleSpool& spool);
+  HistoryDelivery(Payload& payload, Outgoing& outgoing, RefusedDevices& refused, SampleSpool& spool,
+                  DroppedSamples& dropped);
 
   /// Sends messages for which there is room. Call only if no live samples are waiting. `rests`:
   /// history pauses after each message.
@@ -50,6 +51,7 @@ class HistoryDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   RefusedDevices& refused_;
   SampleSpool& spool_;
+  DroppedSamples& dropped_;
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
   SteadyTime rests_until_{};  ///< until then live samples have the broker to themselves
   std::size_t max_bytes_;     ///< of one message; reduced if it is too large

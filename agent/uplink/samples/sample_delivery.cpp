@@ -26,13 +26,14 @@ constexpr auto kCommitWithin = SampleSpool::kCommitWithin;
 
 SampleDelivery::SampleDelivery(const Config& config, std::string boot, Payload& payload,
                                Outgoing& outgoing, RefusedDevices& refused, SampleSpool& spool,
-                               GuardedStore* store)
+                               DroppedSamples& dropped, GuardedStore* store)
     : config_(config),
       boot_(std::move(boot)),
       payload_(payload),
       outgoing_(outgoing),
       refused_(refused),
       spool_(spool),
+      dropped_(dropped),
       store_(store),
       meta_hashes_(config.devices.size()) {}
 
@@ -176,8 +177,8 @@ void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
     log::warn(
         "sample_refused",
         {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
-    const auto drop = [this, device = row.device](std::uint64_t count) {
-      spool_.drop(device, count);
+    const auto drop = [&dropped = dropped_, device = row.device](std::uint64_t count) {
+      dropped.add(device, count);
     };
     return live.stored ? spool_.remove(live, drop) : drop(1);
   }

@@ -20,6 +20,7 @@
 #include "agent/telemetry.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
+#include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_spool.h"
 
@@ -37,7 +38,8 @@ class SampleDelivery final : public Outgoing::Sender {
 
   /// All references outlive the object. `store` is null if there is no store.
   SampleDelivery(const Config& config, std::string boot, Payload& payload, Outgoing& outgoing,
-                 RefusedDevices& refused, SampleSpool& spool, GuardedStore* store);
+                 RefusedDevices& refused, SampleSpool& spool, DroppedSamples& dropped,
+                 GuardedStore* store);
 
   /// Adapts to a config change, which `config` already contains.
   void change(const ConfigChange& change);
@@ -87,6 +89,7 @@ class SampleDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   RefusedDevices& refused_;
   SampleSpool& spool_;
+  DroppedSamples& dropped_;
   GuardedStore* const store_;
   std::vector<std::string> meta_hashes_;  ///< by device; empty: not computed yet
 

@@ -82,20 +82,10 @@ void SampleSpool::remove(const LiveRow& live, const GuardedStore::Removed& then)
   store_->remove(live.row.row_id, then);
 }
 
-void SampleSpool::drop(const std::string& device, std::uint64_t count) {
-  dropped_[device] += count;
-  dropped_total_ += count;
-}
-
 void SampleSpool::count_dropped() {
-  for (const auto& [device, count] : backlog_.take_dropped()) drop(device, count);
+  for (const auto& [device, count] : backlog_.take_dropped()) dropped_.add(device, count);
   if (store_ == nullptr) return;
-  for (const auto& [device, count] : store_->take_dropped()) drop(device, count);
-}
-
-std::uint64_t SampleSpool::dropped(const std::string& device) const {
-  const auto found = dropped_.find(device);
-  return found == dropped_.end() ? 0 : found->second;
+  for (const auto& [device, count] : store_->take_dropped()) dropped_.add(device, count);
 }
 
 bool SampleSpool::has_waiting(const std::string& device) const {

@@ -8,7 +8,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -19,6 +18,7 @@
 #include "agent/store/samples/backlog.h"
 #include "agent/store/samples/history.h"
 #include "agent/uplink/payload/payload.h"
+#include "agent/uplink/samples/dropped_samples.h"
 
 namespace fxagent {
 
@@ -42,9 +42,10 @@ class SampleSpool final {
   /// Longest time for which rows are gathered for the disk.
   static constexpr std::chrono::milliseconds kCommitWithin{200};
 
-  /// `store` outlives the object. Null: rows are kept in `backlog_bytes` of memory.
-  SampleSpool(GuardedStore* store, std::size_t backlog_bytes)
-      : store_(store), backlog_(backlog_bytes) {}
+  /// `store` and `dropped` outlive the object. No store: rows are kept in `backlog_bytes` of
+  /// memory.
+  SampleSpool(GuardedStore* store, std::size_t backlog_bytes, DroppedSamples& dropped)
+      : store_(store), backlog_(backlog_bytes), dropped_(dropped) {}
 
   void add(SampleRow row) { spool_.push_back(std::move(row)); }
   /// Takes back a sample that was on its way to the broker.
@@ -72,12 +73,8 @@ class SampleSpool final {
   /// Removes a held row that is complete. `then` gets 1 if it still existed.
   void remove(const LiveRow& live, const GuardedStore::Removed& then);
 
-  /// Counts dropped samples. The device may exist only in the store.
-  void drop(const std::string& device, std::uint64_t count);
-  /// Adds the rows that backlog and store have dropped to make room.
+  /// Counts the rows that backlog and store have dropped to make room.
   void count_dropped();
-  std::uint64_t dropped() const { return dropped_total_; }
-  std::uint64_t dropped(const std::string& device) const;
 
   bool empty() const { return spool_.empty() && backlog_.rows() == 0; }
   std::size_t gathered() const { return spool_.size(); }
@@ -93,11 +90,9 @@ class SampleSpool final {
 
   GuardedStore* const store_;
   Backlog backlog_;
+  DroppedSamples& dropped_;
   std::vector<SampleRow> spool_;  ///< for the store, at the next commit
   SteadyTime commit_at_{};
-  /// By device name: the store may have rows of devices that the config no longer has.
-  std::map<std::string, std::uint64_t> dropped_;
-  std::uint64_t dropped_total_ = 0;
 };
 
 }  // namespace fxagent

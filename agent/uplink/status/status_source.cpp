@@ -73,11 +73,11 @@ std::shared_ptr<const AgentStatus> StatusSource::at(SteadyTime now) {
 }
 
 void StatusSource::log_samples() {
-  if (parts_.spool.dropped() != dropped_at_tick_) {
+  if (parts_.dropped.total() != dropped_at_tick_) {
     log::warn("samples_dropped",
-              {{"count", std::to_string(parts_.spool.dropped() - dropped_at_tick_)},
-               {"total", std::to_string(parts_.spool.dropped())}});
-    dropped_at_tick_ = parts_.spool.dropped();
+              {{"count", std::to_string(parts_.dropped.total() - dropped_at_tick_)},
+               {"total", std::to_string(parts_.dropped.total())}});
+    dropped_at_tick_ = parts_.dropped.total();
   }
   const SampleCounts now_here = samples();
   if (!now_here.balanced())
@@ -106,7 +106,7 @@ SampleCounts StatusSource::samples() const {
     samples.recovered = store.recovered;
   }
   samples.acknowledged = out.acknowledged + parts_.history.acknowledged();
-  samples.dropped = parts_.spool.dropped();
+  samples.dropped = parts_.dropped.total();
   samples.published = out.published + parts_.history.published();
   samples.miscounted = miscounted_;
   return samples;
@@ -143,10 +143,10 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   status.broker = broker(now);
   status.samples = samples();
   status.field = field_;
-  status.devices = parts_.retained.states();
+  status.devices = parts_.states.all();
   if (board_.values_wanted()) status.values = last_.groups();
   for (const DeviceConfig& device : parts_.config.devices) {
-    status.dropped.push_back(parts_.spool.dropped(device.name));
+    status.dropped.push_back(parts_.dropped.of(device.name));
     const auto refused = parts_.refused.reason(device.name);
     status.refused.push_back(refused ? hex_code(*refused) : std::string());
   }

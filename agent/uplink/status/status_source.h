@@ -20,7 +20,8 @@
 #include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/commands/result_delivery.h"
-#include "agent/uplink/retained/retained_state.h"
+#include "agent/uplink/retained/device_states.h"
+#include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
@@ -41,8 +42,9 @@ class StatusSource final {
     const Session& session;
     const ReconnectPolicy& reconnect;
     const Subscriptions& subscriptions;
-    const RetainedState& retained;
+    const DeviceStates& states;
     const SampleSpool& spool;
+    const DroppedSamples& dropped;
     const ResultDelivery& results;
     SampleDelivery& samples;
     const HistoryDelivery& history;
