@@ -23,7 +23,7 @@ class Farewell final : private Outgoing::Sender {
 
   /// Publishes the offline state.
   void say(SteadyTime now);
-  /// No one waits for the acknowledgement any longer.
+  /// Ends the wait for the acknowledgement.
   void withdraw() { by_.reset(); }
   /// Returns the deadline of the broker's acknowledgement: now or earlier if it has been
   /// acknowledged or refused. nullopt: nothing was said, or it was withdrawn.

@@ -1,4 +1,4 @@
-// Which server is tried next, and after which delay: the next one at once, and a growing delay
+// Chooses the next server and the time of the attempt: the next one at once, and a growing delay
 // after each round of all servers. Uplink thread. Time is an argument.
 #pragma once
 

@@ -1,4 +1,4 @@
-// What the agent subscribes to, and what the broker grants or refuses. Repeats the subscription to
+// The subscriptions of a connection, and the broker's answers to them. Repeats the subscription to
 // commands until it is granted. Uplink thread. Time is an argument.
 #pragma once
 
