@@ -49,7 +49,7 @@ void OwnTopics::hear_state(const Message& message, SteadyTime now) {
 }
 
 void OwnTopics::connection_began(SteadyTime now) {
-  identity_.connection_began(parts_.reconnect.server(), now, parts_.reconnect.steady_after());
+  identity_.connection_began(parts_.connects.server(), now, parts_.connects.steady_after());
 }
 
 void OwnTopics::follow_conflict(SteadyTime now) {

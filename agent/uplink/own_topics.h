@@ -17,7 +17,7 @@
 #include "agent/uplink/farewell.h"
 #include "agent/uplink/retained/identity_conflict.h"
 #include "agent/uplink/retained/retained_state.h"
-#include "agent/uplink/session/reconnect_policy.h"
+#include "agent/uplink/session/connect_schedule.h"
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/shutdown.h"
@@ -33,7 +33,7 @@ class OwnTopics final {
     const Config& config;
     Commands& commands;
     const Session& session;
-    const ReconnectPolicy& reconnect;
+    const ConnectSchedule& connects;
     const Subscriptions& subscriptions;
     const Shutdown& shutdown;
     const Farewell& farewell;

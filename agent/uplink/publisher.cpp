@@ -29,11 +29,11 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       store_(store),
       backoff_(settings_.jitter_seed),
       outgoing_(broker),
-      reconnect_(config.mqtt, backoff_),
+      connects_(config.mqtt, backoff_),
       subscriptions_(config.base_topic(), broker, backoff_,
                      [this] { retained_.agent_state_changed(); }),
       session_(
-          broker, outgoing_, reconnect_, subscriptions_,
+          broker, outgoing_, connects_, subscriptions_,
           {[this](SteadyTime now) { connection_began(now); },
            [this](SteadyTime now) { connection_ended(now); }, [this] { samples_out_.spool_live(); },
            [this] { own_topics_.session_taken_over(); }}),
@@ -58,7 +58,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       history_(payload, outgoing_, refused_, spool_, dropped_),
       intake_(commands, broker, config.mqtt),
       late_(config, commands, store, utc_ms_, std::move(number_above)),
-      status_({config, commands, session_, reconnect_, subscriptions_, states_, spool_, dropped_,
+      status_({config, commands, session_, connects_, subscriptions_, states_, spool_, dropped_,
                results_, samples_out_, history_, refused_, store},
               {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
       health_(status_, retained_, std::move(ask_counters)),
@@ -66,7 +66,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       shutdown_({broker, session_, farewell_, outgoing_, intake_, results_, retained_, samples_out_,
                  spool_, status_, store}),
       configs_(config, session_, shutdown_, retained_, store),
-      own_topics_({config, commands, session_, reconnect_, subscriptions_, shutdown_, farewell_,
+      own_topics_({config, commands, session_, connects_, subscriptions_, shutdown_, farewell_,
                    results_, intake_, configs_, retained_, status_, health_},
                   settings_.boot) {
   subscriptions_.hear_configs(config.remote.enabled);
@@ -260,7 +260,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   subscriptions_.hear_configs(config_.remote.enabled);
   if (change.mqtt) {
     broker_.use(config_.mqtt);
-    reconnect_.settings_changed();
+    connects_.settings_changed();
     // Clients of a broker that we leave would otherwise see the agent online forever.
     if (session_.is_connected())
       farewell_.say(now);

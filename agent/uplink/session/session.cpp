@@ -18,11 +18,11 @@ constexpr seconds kGoodbye{2};  // wait for Disconnected before connecting anywa
 
 }  // namespace
 
-Session::Session(Broker& broker, Outgoing& outgoing, ReconnectPolicy& reconnect,
+Session::Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects,
                  Subscriptions& subscriptions, Listener listener)
     : broker_(broker),
       outgoing_(outgoing),
-      reconnect_(reconnect),
+      connects_(connects),
       subscriptions_(subscriptions),
       listener_(std::move(listener)) {}
 
@@ -31,12 +31,12 @@ void Session::on(const Connected& event, SteadyTime now) {
   link_ = Link::connected;
   starting_ = false;
   connected_at_ = now;
-  reconnect_.connection_began(now);
+  connects_.connection_began(now);
   last_failure_.clear();
   why_not_connected_.clear();
   outgoing_.begin(event);
   log::info("broker_connected",
-            {{"server", reconnect_.server()}, {"window", std::to_string(outgoing_.window())}});
+            {{"server", connects_.server()}, {"window", std::to_string(outgoing_.window())}});
   subscriptions_.connection_began(now);
   listener_.connection_began(now);
 }
@@ -44,7 +44,7 @@ void Session::on(const Connected& event, SteadyTime now) {
 void Session::on(const ConnectFailed& event, SteadyTime now) {
   if (link_ != Link::connecting) return;
   if (event.text != last_failure_) {  // log a repeated failure once
-    log::warn("broker_unreachable", {{"server", reconnect_.server()}, {"reason", event.text}});
+    log::warn("broker_unreachable", {{"server", connects_.server()}, {"reason", event.text}});
     last_failure_ = event.text;
   }
   why_not_connected_ = event.text;
@@ -52,18 +52,18 @@ void Session::on(const ConnectFailed& event, SteadyTime now) {
   starting_ = false;
   receive_maximum_ = kReceiveMaximum;
   listener_.attempt_failed();
-  retry_at_ = reconnect_.after_failure(now);
+  retry_at_ = connects_.after_failure(now);
 }
 
 void Session::on(const Lost& event, SteadyTime now) {
   if (link_ == Link::connecting) return on(ConnectFailed{event.text}, now);
   if (link_ != Link::connected) return;
-  log::warn("broker_lost", {{"server", reconnect_.server()}, {"reason", event.text}});
+  log::warn("broker_lost", {{"server", connects_.server()}, {"reason", event.text}});
   why_not_connected_ = event.text;
   if (event.reason_code == kSessionTakenOver) listener_.session_taken_over();
   receive_maximum_ = kReceiveMaximum;
   end(now);
-  retry_at_ = reconnect_.after_loss(connected_at_, now);
+  retry_at_ = connects_.after_loss(connected_at_, now);
 }
 
 void Session::on(const Disconnected&, SteadyTime now) {
@@ -83,12 +83,12 @@ void Session::keep(SteadyTime now, bool may_hear) {
 void Session::connect(SteadyTime now) {
   link_ = Link::connecting;
   connect_deadline_ = now + kConnectPatience;
-  broker_.connect(reconnect_.index(), receive_maximum_);
+  broker_.connect(connects_.index(), receive_maximum_);
 }
 
 void Session::end(SteadyTime now) {
   link_ = Link::waiting;
-  reconnect_.connection_ended(now);
+  connects_.connection_ended(now);
   subscriptions_.connection_ended();
   lost_at_ = now;
   down_since_.reset();
@@ -99,7 +99,7 @@ void Session::end(SteadyTime now) {
 void Session::connect_anew(SteadyTime now) {
   log::warn(
       "broker_sends_too_far_ahead",
-      {{"server", reconnect_.server()},
+      {{"server", connects_.server()},
        {"note", "PUBACKs come late behind messages; connecting anew with Receive Maximum 1"}});
   receive_maximum_ = 1;
   broker_.disconnect();
@@ -110,7 +110,7 @@ void Session::connect_anew(SteadyTime now) {
 
 void Session::begin_anew(SteadyTime now) {
   const bool was_connected = link_ == Link::connected;
-  reconnect_.restart();
+  connects_.restart();
   last_failure_.clear();
   subscriptions_.forget_refusals();
   receive_maximum_ = kReceiveMaximum;

@@ -1,5 +1,5 @@
 // The MQTT session. Connects, and detects losses even if the library does not report them.
-// ReconnectPolicy chooses the next server and the time of the next attempt. Uplink thread. Time is
+// ConnectSchedule chooses the next server and the time of the next attempt. Uplink thread. Time is
 // an argument.
 #pragma once
 
@@ -12,7 +12,7 @@
 #include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/outgoing.h"
-#include "agent/uplink/session/reconnect_policy.h"
+#include "agent/uplink/session/connect_schedule.h"
 #include "agent/uplink/session/subscriptions.h"
 
 namespace fxagent {
@@ -31,7 +31,7 @@ class Session final {
   };
 
   /// All references outlive the session.
-  Session(Broker& broker, Outgoing& outgoing, ReconnectPolicy& reconnect,
+  Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects,
           Subscriptions& subscriptions, Listener listener);
 
   void on(const Connected& event, SteadyTime now);
@@ -79,7 +79,7 @@ class Session final {
 
   Broker& broker_;
   Outgoing& outgoing_;
-  ReconnectPolicy& reconnect_;
+  ConnectSchedule& connects_;
   Subscriptions& subscriptions_;
   const Listener listener_;
 

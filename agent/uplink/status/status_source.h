@@ -26,7 +26,7 @@
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
-#include "agent/uplink/session/reconnect_policy.h"
+#include "agent/uplink/session/connect_schedule.h"
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/status/last_samples.h"
@@ -40,7 +40,7 @@ class StatusSource final {
     const Config& config;
     const Commands& commands;
     const Session& session;
-    const ReconnectPolicy& reconnect;
+    const ConnectSchedule& connects;
     const Subscriptions& subscriptions;
     const DeviceStates& states;
     const SampleSpool& spool;

@@ -12,10 +12,10 @@
 
 namespace fxagent {
 
-class ReconnectPolicy final {
+class ConnectSchedule final {
  public:
   /// The references outlive the object.
-  ReconnectPolicy(const MqttConfig& mqtt, JitteredBackoff& backoff)
+  ConnectSchedule(const MqttConfig& mqtt, JitteredBackoff& backoff)
       : mqtt_(mqtt), backoff_(backoff) {}
 
   /// Index in the config of the server to which the session is connected, or the next to try.

@@ -1,4 +1,4 @@
-#include "agent/uplink/session/reconnect_policy.h"
+#include "agent/uplink/session/connect_schedule.h"
 
 #include <algorithm>
 #include <chrono>
@@ -22,16 +22,16 @@ constexpr seconds kLastRetryOfThrown{60};
 
 }  // namespace
 
-SteadyTime::duration ReconnectPolicy::steady_after() const {
+SteadyTime::duration ConnectSchedule::steady_after() const {
   return std::max<SteadyTime::duration>(kSteady, kSteadyPauses * last_pause_);
 }
 
-void ReconnectPolicy::connection_began(SteadyTime now) {
+void ConnectSchedule::connection_began(SteadyTime now) {
   last_up_ = now;
   failed_rounds_ = 0;
 }
 
-SteadyTime ReconnectPolicy::after_failure(SteadyTime now) {
+SteadyTime ConnectSchedule::after_failure(SteadyTime now) {
   server_ = (server_ + 1) % mqtt_.servers.size();
   const bool short_outage = last_up_ && now - *last_up_ < kShortOutage;
   if (server_ != 0) return now;
@@ -39,7 +39,7 @@ SteadyTime ReconnectPolicy::after_failure(SteadyTime now) {
          backoff_.after(failed_rounds_++, short_outage ? kLastRetryOfShortOutage : kLastRetry);
 }
 
-SteadyTime ReconnectPolicy::after_loss(SteadyTime connected_at, SteadyTime now) {
+SteadyTime ConnectSchedule::after_loss(SteadyTime connected_at, SteadyTime now) {
   if (now - connected_at >= steady_after()) {
     server_ = 0;
     thrown_rounds_ = 0;
@@ -51,7 +51,7 @@ SteadyTime ReconnectPolicy::after_loss(SteadyTime connected_at, SteadyTime now) 
   return now + last_pause_;
 }
 
-void ReconnectPolicy::restart() {
+void ConnectSchedule::restart() {
   server_ = 0;
   failed_rounds_ = 0;
   thrown_rounds_ = 0;
