@@ -1,7 +1,6 @@
 #include "agent/uplink/paho/failure_text.h"
 
 #include <MQTTAsync.h>
-#include <MQTTReasonCodes.h>
 #include <mqtt/exception.h>
 #include <netdb.h>
 #include <openssl/err.h>
