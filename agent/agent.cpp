@@ -31,7 +31,7 @@
 #include "agent/uplink/paho/paho_broker.h"
 #include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/publisher.h"
-#include "agent/uplink/status_line.h"
+#include "agent/uplink/status/status_line.h"
 
 namespace fxagent {
 namespace {

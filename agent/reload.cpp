@@ -22,6 +22,7 @@
 #include "agent/process/file_limit.h"
 #include "agent/process/service_manager.h"
 #include "agent/uplink/broker.h"
+#include "agent/uplink/config_topics.h"
 #include "agent/without_signals.h"
 
 namespace fxagent {
@@ -112,7 +113,7 @@ bool Reload::wait_for_end(std::chrono::nanoseconds patience) {
 
 /// The listeners may hold `this`: the uplink ends before this object.
 void Reload::listen() {
-  Publisher::ConfigListener listener;
+  ConfigTopics::Listener listener;
   listener.desired = [this](std::string payload) {
     {
       const std::lock_guard lock(mutex_);
@@ -128,8 +129,9 @@ void Reload::listen() {
     }
     wake();
   };
-  outbox_.ask(
-      [&publisher = publisher_, listener](SteadyTime) { publisher.set_config_listener(listener); });
+  outbox_.ask([&publisher = publisher_, listener](SteadyTime) {
+    publisher.configs().set_listener(listener);
+  });
 }
 
 void Reload::wake() { pthread_kill(thread_.native_handle(), SIGHUP); }
@@ -352,14 +354,14 @@ void Reload::report(Log when) {
   const bool is_news = remote_.take_news();
   if (!remote_.is_enabled()) {
     if (std::exchange(has_reported_, false))
-      outbox_.ask([&publisher = publisher_](SteadyTime) { publisher.report_config({}, {}); });
+      outbox_.ask([&publisher = publisher_](SteadyTime) { publisher.configs().report({}, {}); });
     return;
   }
   has_reported_ = true;
   if (is_news || when == Log::always) log_report();
   std::string audit = is_news ? audit_record() : std::string();
   outbox_.ask([&publisher = publisher_, text = remote_.reported(status_.hash),
-               audit = std::move(audit)](SteadyTime) { publisher.report_config(text, audit); });
+               audit = std::move(audit)](SteadyTime) { publisher.configs().report(text, audit); });
 }
 
 }  // namespace fxagent

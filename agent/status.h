@@ -1,5 +1,5 @@
 // Snapshot of the agent: last values, device states, last commands, and the counters of uplink and
-// field. The uplink builds it (uplink/status_source) and publishes it on the status board
+// field. The uplink builds it (uplink/status/status_source) and publishes it on the status board
 // (status_board.h). Health and every other view of the agent's state read it. A published snapshot
 // never changes.
 #pragma once

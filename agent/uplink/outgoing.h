@@ -48,6 +48,13 @@ class Outgoing final {
   /// library handles fast.
   std::size_t window() const { return window_; }
   bool has_room() const { return flights_.size() < window_; }
+  /// True if the window is too small to keep places free.
+  bool is_small() const { return window_ <= kSmallWindow; }
+  /// True if a sample may be sent. In a window that is not small two places stay free, so that a
+  /// result or a state never waits behind samples.
+  bool has_room_for_samples() const {
+    return flights_.size() < (is_small() ? window_ : window_ - 2);
+  }
   std::size_t size() const { return flights_.size(); }
   bool empty() const { return flights_.empty(); }
   /// Time since which the broker has owed an answer: that of the first message, or of its last
@@ -59,6 +66,8 @@ class Outgoing final {
     Sender* sender = nullptr;
     bool expects_puback = true;  ///< QoS 0 is complete when handed to the socket
   };
+
+  static constexpr std::size_t kSmallWindow = 4;
 
   void note_answer(const Flight& flight, SteadyTime now);
 

@@ -1,8 +1,8 @@
 // The uplink loop. Sends what the field produces to the broker, or stores it, and passes incoming
 // commands to Commands. Its parts do the work: Session keeps the connection; RetainedState,
-// ResultDelivery and SampleDelivery publish; CommandIntake receives; Outgoing holds the window that
-// all publications share. The Publisher sets their order: results, then states, then live samples,
-// and the backlog in between. It also performs the clean shutdown.
+// ResultDelivery and SampleDelivery publish; OwnTopics and CommandIntake receive; Outgoing holds
+// the window that all publications share; Shutdown has the steps of a clean stop. The Publisher
+// sets their order: results, then states, then live samples, and the backlog in between.
 #pragma once
 
 #include <chrono>
@@ -12,8 +12,6 @@
 #include <set>
 #include <stop_token>
 #include <string>
-#include <string_view>
-#include <utility>
 #include <vector>
 
 #include "agent/commands/commands.h"
@@ -25,17 +23,28 @@
 #include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/broker.h"
-#include "agent/uplink/command_intake.h"
-#include "agent/uplink/identity_conflict.h"
+#include "agent/uplink/commands/command_intake.h"
+#include "agent/uplink/commands/late_recovery.h"
+#include "agent/uplink/commands/result_delivery.h"
+#include "agent/uplink/config_topics.h"
+#include "agent/uplink/farewell.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
+#include "agent/uplink/own_topics.h"
 #include "agent/uplink/payload/payload.h"
-#include "agent/uplink/result_delivery.h"
-#include "agent/uplink/retained_state.h"
-#include "agent/uplink/sample_delivery.h"
-#include "agent/uplink/sample_spool.h"
-#include "agent/uplink/session.h"
-#include "agent/uplink/status_source.h"
+#include "agent/uplink/retained/device_states.h"
+#include "agent/uplink/retained/retained_state.h"
+#include "agent/uplink/samples/dropped_samples.h"
+#include "agent/uplink/samples/history_delivery.h"
+#include "agent/uplink/samples/refused_devices.h"
+#include "agent/uplink/samples/sample_delivery.h"
+#include "agent/uplink/samples/sample_spool.h"
+#include "agent/uplink/session/connect_schedule.h"
+#include "agent/uplink/session/session.h"
+#include "agent/uplink/session/subscriptions.h"
+#include "agent/uplink/shutdown.h"
+#include "agent/uplink/status/health_schedule.h"
+#include "agent/uplink/status/status_source.h"
 
 namespace fxagent {
 
@@ -49,9 +58,8 @@ struct PublisherSettings {
   std::uint32_t jitter_seed = 1;  ///< of the retry delays; differs between agents
 };
 
-/// Uplink thread only. Time is an argument; `utc_ms` returns the current calendar time. More than
-/// twenty functions, because each kind of broker event has one.
-class Publisher final : private Session::Listener, private Outgoing::Sender {
+/// Uplink thread only. Time is an argument; `utc_ms` returns the current calendar time.
+class Publisher final {
  public:
   using UtcClock = std::function<std::int64_t()>;
   using NumberAbove = std::function<void(std::vector<std::uint64_t>)>;
@@ -66,7 +74,7 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   Publisher(Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
             Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store = nullptr,
             NumberAbove number_above = {}, AskCounters ask_counters = {});
-  ~Publisher() override;
+  ~Publisher();
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
 
@@ -80,13 +88,13 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   /// Begins the clean shutdown. Publishes what is waiting for up to 3 s, results first; then sets
   /// the agent's state to offline and closes the connection. step() does the work until finished().
   void stop(SteadyTime now);
-  bool finished() const { return phase_ == Phase::finished; }
+  bool finished() const { return shutdown_.finished(); }
 
   // A config change takes two calls of Outbox::ask().
   /// Rejects commands for everything that ends with the change, from this call on. The field's
   /// end() comes next.
   void begin_change(const ConfigChange& change) {
-    changing_ = true;
+    late_.begin_change();
     commands_.begin_change(change);
   }
   /// Puts the config of the change in force. Call after the field's end(), when the outbox has
@@ -97,18 +105,8 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   /// Sets the config status that health reports.
   void set_config_status(ConfigStatus status, SteadyTime now);
 
-  // Remote configs.
-  /// Receives the events of remote configs, from step(): each document of {base}/config/desired,
-  /// and each change of the connection.
-  struct ConfigListener {
-    std::function<void(std::string payload)> desired;
-    std::function<void(bool connected, SteadyTime now)> connection;
-  };
-  void set_config_listener(ConfigListener listener) { config_listener_ = std::move(listener); }
-  /// Sets the text of {base}/config/reported, which is published again after each connect. Empty:
-  /// the topic is cleared once, and nothing is published there. `audit` is the body of an audit
-  /// record; empty: none.
-  void report_config(std::string text, std::string audit);
+  /// The topics of remote configs; valid for the publisher's lifetime.
+  ConfigTopics& configs() { return configs_; }
 
   /// Returns the samples counted by location, as of the last step().
   SampleCounts samples() const;
@@ -116,95 +114,57 @@ class Publisher final : private Session::Listener, private Outgoing::Sender {
   StatusBoard& board() { return status_.board(); }
 
  private:
-  enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
-
-  // The phases of step(), in their order.
-  void start(SteadyTime now);
+  // The phases of step(), in their order. HealthSchedule and Shutdown have one each.
   void take_broker_events(SteadyTime now);
   void keep_store(SteadyTime now);
   void take_outbox(SteadyTime now);
   void take_commands(SteadyTime now);
   void keep_session(SteadyTime now);
-  void report(SteadyTime now);
   void send(SteadyTime now);
   /// Holds back what arrives faster than it can be sent.
   void press_back(SteadyTime now);
-  void wind_up(SteadyTime now);
   SteadyTime next_wake(SteadyTime now) const;
 
-  void on(const Disconnected& event, SteadyTime now);
-  void on(const Message& event, SteadyTime now);
-  void on(const MessagesDropped& event, SteadyTime now);
-  void on(const auto& event, SteadyTime now);  ///< all other events
-
-  void connection_began(SteadyTime now) override;
-  void connection_ended(SteadyTime now) override;
-  void attempt_failed(SteadyTime now) override;
-  void session_taken_over() override { identity_.taken_over(); }
-  void subscription_changed() override;
-  // Outcome of the final state, which is offline.
-  void delivered(std::uint64_t id, SteadyTime now) override;
-  void failed(const DeliveryFailed& event, SteadyTime now) override;
-
-  void hear_command(const Message& message, std::string_view name);
-  void hear_state(const Message& message, SteadyTime now);
-  void follow_conflict(SteadyTime now);
-  void make_health_due(SteadyTime now);
-
-  void take_found_late(SteadyTime now);
-  void recover_joined(SteadyTime now);
-  void leave_old_settings(SteadyTime now);
-  void tick(SteadyTime now);
-  void pump(SteadyTime now);
-  void hold_messages(SteadyTime now);
-  void finish(SteadyTime now);
-  bool drained() const;
-  bool acknowledgements_matter() const;
+  void connection_began(SteadyTime now);
+  void connection_ended(SteadyTime now);
 
   Config& config_;
   const PublisherSettings settings_;
-  const std::string base_;
   Payload& payload_;
   Outbox& outbox_;
   Broker& broker_;
   Commands& commands_;
   const UtcClock utc_ms_;
   GuardedStore* const store_;
-  const NumberAbove number_above_;
-  const AskCounters ask_counters_;
 
   JitteredBackoff backoff_;
   Outgoing outgoing_;
+  ConnectSchedule connects_;
+  Subscriptions subscriptions_;
   Session session_;
+  DeviceStates states_;
   RetainedState retained_;
   ResultDelivery results_;
+  DroppedSamples dropped_;
   SampleSpool spool_;
+  RefusedDevices refused_;
   SampleDelivery samples_out_;
+  HistoryDelivery history_;
   CommandIntake intake_;
+  LateRecovery late_;
   StatusSource status_;
-  IdentityConflict identity_;
-  std::optional<std::string> conflict_;  ///< as last published
+  HealthSchedule health_;
+  /// To the broker, in a shutdown or when the MQTT settings have changed.
+  Farewell farewell_;
+  Shutdown shutdown_;
+  ConfigTopics configs_;
+  OwnTopics own_topics_;
+
   bool samples_first_ = false;  ///< samples go before results, in a window too small to share
   /// Devices of commands that may have written and whose results are not handed over yet.
   std::set<std::string> written_;
-
-  ConfigListener config_listener_;
-  std::optional<std::string> config_report_;  ///< nullopt: no report yet
-
-  std::vector<std::string> joined_;  ///< devices whose earlier runs are to be recovered
-  /// Set when the MQTT settings have changed: the broker's deadline to acknowledge our offline
-  /// state.
-  std::optional<SteadyTime> goodbye_by_;
-  bool changing_ = false;  ///< between begin_change() and change()
-
-  /// Set when the field's counters were requested: health waits for them until then.
-  std::optional<SteadyTime> counters_by_;
   std::optional<SteadyTime> started_;
   std::int64_t started_ms_ = 0;
-  SteadyTime next_tick_{};
-
-  Phase phase_ = Phase::running;
-  SteadyTime phase_deadline_{};
 };
 
 /// The uplink thread: steps the publisher when there are events or something is due, until `stop`

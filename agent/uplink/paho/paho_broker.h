@@ -18,6 +18,9 @@
 
 namespace fxagent {
 
+class PahoConnection;
+class PahoInbox;
+
 /// Returns the last will of the connection about to be made.
 using MakeWill = std::function<Will()>;
 
@@ -48,9 +51,6 @@ class PahoBroker final : public Broker {
   std::vector<BrokerEvent> take_events() override;
 
  private:
-  class Inbox;
-  class Connection;
-
   void retire();
 
   MqttConfig config_;
@@ -59,11 +59,11 @@ class PahoBroker final : public Broker {
   const std::chrono::seconds keep_session_;
   /// Owned by this object and every connection: a callback may still run after its connection has
   /// been retired.
-  std::shared_ptr<Inbox> inbox_;
+  std::shared_ptr<PahoInbox> inbox_;
   std::uint64_t connections_ = 0;  ///< number of the current connection, or of the last
-  std::unique_ptr<Connection> connection_;
+  std::unique_ptr<PahoConnection> connection_;
   struct Retired {
-    std::unique_ptr<Connection> connection;
+    std::unique_ptr<PahoConnection> connection;
     std::chrono::steady_clock::time_point since;
   };
   /// Abandoned connections, each kept for at least 1 s, until Paho's threads have surely left its

@@ -19,10 +19,10 @@ const std::string kReported = kBase + "/config/reported";
 class PublisherConfig : public ::testing::Test, public test::PublisherBench {
  protected:
   void listen() {
-    Publisher::ConfigListener listener;
+    ConfigTopics::Listener listener;
     listener.desired = [this](std::string payload) { heard.push_back(std::move(payload)); };
     listener.connection = [this](bool is_up, SteadyTime) { connections.push_back(is_up); };
-    made().set_config_listener(std::move(listener));
+    made().configs().set_listener(std::move(listener));
   }
   void desire(const std::string& payload) {
     Message message;
@@ -88,17 +88,17 @@ TEST_F(PublisherConfig, AReloadSwitchesItOnAndOff) {
 TEST_F(PublisherConfig, TheReportIsRetainedAndComesAfterEachConnect) {
   config.remote.enabled = true;
   listen();
-  made().report_config("one", "");
+  made().configs().report("one", "");
   settle();
   EXPECT_EQ(broker.on(kReported), std::vector<std::string>{"one"});
-  made().report_config("two", "");
+  made().configs().report("two", "");
   settle();
   EXPECT_EQ(broker.on(kReported).back(), "two");
   broker.lose();
   settle();
   advance(60s);
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", "two", "two"}));
-  made().report_config("", "");
+  made().configs().report("", "");
   settle();
   EXPECT_EQ(broker.on(kReported).back(), "");
   broker.lose();
@@ -110,11 +110,11 @@ TEST_F(PublisherConfig, TheReportIsRetainedAndComesAfterEachConnect) {
 TEST_F(PublisherConfig, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) {
   config.remote.enabled = true;
   listen();
-  made().report_config("one", "");
+  made().configs().report("one", "");
   settle();
   broker.lose();
   step();
-  made().report_config("", "");
+  made().configs().report("", "");
   settle();
   advance(60s);
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
@@ -127,10 +127,10 @@ TEST(PublisherConfigAudit, AnAnswerThatIsNewsIsARecord) {
   bench.config.remote.enabled = true;
   bench.online();
   const auto before = bench.store->audit().head().records;
-  bench.publisher->report_config("one", R"({"kind":"config"})");
+  bench.publisher->configs().report("one", R"({"kind":"config"})");
   bench.advance(1s);
   EXPECT_EQ(bench.store->audit().head().records, before + 1);
-  bench.publisher->report_config("one", "");
+  bench.publisher->configs().report("one", "");
   bench.advance(1s);
   EXPECT_EQ(bench.store->audit().head().records, before + 1);
   EXPECT_EQ(bench.broker.on(kReported), (std::vector<std::string>{"one", "one"}));

@@ -1,0 +1,169 @@
+#include "agent/uplink/commands/result_delivery.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/commands/result_text.h"
+#include "agent/failpoint.h"
+#include "agent/log/log.h"
+#include "agent/uplink/puback.h"
+#include "agent/uplink/topics.h"
+
+namespace fxagent {
+namespace {
+
+// Limits for results that the broker has not acknowledged.
+constexpr std::size_t kMostResults = 200;
+constexpr std::size_t kMostResultBytes = std::size_t{8} << 20;
+// Messages between a result and its PUBACK. A broker may send kReceiveMaximum ahead, and a few more
+// of the messages let in if its PUBACK is slow. mosquitto 2.0.11 sends its whole queue of 1,000
+// messages once that was full. With a Receive Maximum of 1 it does not.
+constexpr std::uint64_t kFarAhead = 50 * kReceiveMaximum;
+constexpr std::uint64_t kFarAheadBytes = std::uint64_t{8} << 20;  // ten of the longest are 2 MiB
+// Results and samples do not share a window smaller than this.
+constexpr std::size_t kLeastShared = 4;
+
+}  // namespace
+
+ResultDelivery::ResultDelivery(const Config& config, Commands& commands, Outgoing& outgoing,
+                               JitteredBackoff& backoff, UtcClock utc_ms)
+    : base_(config.base_topic()),
+      commands_(commands),
+      outgoing_(outgoing),
+      backoff_(backoff),
+      utc_ms_(std::move(utc_ms)) {}
+
+void ResultDelivery::add(ResultMessage result) {
+  const std::string& device = result.device;
+  Pending pending;
+  pending.copies.push_back({.topic = base_ + "/" + device + "/result"});
+  if (!result.response_topic.empty()) {
+    const std::string fault = response_topic_fault(result.response_topic, base_, device);
+    if (fault.empty())
+      pending.copies.push_back({.topic = result.response_topic, .to_response_topic = true});
+    else
+      log::warn(
+          "response_topic_ignored",
+          {{"topic", log::excerpt(result.response_topic)}, {"id", result.id}, {"reason", fault}});
+    result.response_topic = {};  // the copy has it
+  }
+  pending.bytes = sizeof(pending) + bytes_of(result) + pending.copies.back().topic.size();
+  bytes_ += pending.bytes;
+  pending.result = std::move(result);
+  results_.emplace(next_++, std::move(pending));
+}
+
+bool ResultDelivery::is_full() const {
+  return results_.size() >= kMostResults || bytes_ >= kMostResultBytes;
+}
+
+/// Returns how many results may be in flight at once. A quarter of the window is for states and
+/// samples, however many results are waiting.
+std::size_t ResultDelivery::window() const {
+  const std::size_t whole = outgoing_.window();
+  return whole >= kLeastShared ? whole - whole / 4 : whole;
+}
+
+bool ResultDelivery::pump(SteadyTime now, std::optional<Heard> heard) {
+  bool sent = false;
+  for (const auto& [key, pending] : results_) {
+    for (std::size_t i = 0; i < pending.copies.size(); ++i) {
+      const Copy& copy = pending.copies[i];
+      if (copy.in_flight || copy.done || copy.not_before > now) continue;
+      if (!outgoing_.has_room() || flights_.size() >= window())
+        return sent && outgoing_.window() < kLeastShared;
+      hand_over(key, i, now, heard);
+      sent = true;
+    }
+  }
+  return sent && outgoing_.window() < kLeastShared;
+}
+
+void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime now,
+                               std::optional<Heard> heard) {
+  Pending& pending = results_.at(key);
+  ResultMessage& result = pending.result;
+  if (!std::exchange(pending.handed_over, true) && result.received != SteadyTime{}) {
+    result.total = std::max(now - result.received, SteadyTime::duration::zero());
+    if (result.sent) durations_.add(*result.total);
+    result.text = with_total(std::move(result.text), *result.total);
+    commands_.note_total(result);
+  }
+  Copy& to = pending.copies[copy];
+  to.in_flight = true;
+  Publication publication;
+  publication.topic = to.topic;
+  publication.payload = result.text;
+  publication.correlation = result.correlation;
+  // If the result is too large for the broker with its correlation data, the device's own topic
+  // gets it without.
+  if (!to.to_response_topic && !outgoing_.fits(publication)) publication.correlation.clear();
+  flights_.emplace(outgoing_.send(*this, std::move(publication)), Flight{key, copy, heard});
+  failpoint("result_published");
+}
+
+void ResultDelivery::connection_ended() {
+  flights_.clear();
+  refused_.clear();
+  for (auto& [key, pending] : results_) {
+    for (Copy& copy : pending.copies) {
+      copy.in_flight = false;
+      copy.not_before = {};
+      copy.failures = 0;
+    }
+  }
+}
+
+void ResultDelivery::delivered(std::uint64_t id, SteadyTime) {
+  failpoint("result_acknowledged");
+  copy_done(flights_.extract(id).mapped(), Ended::acknowledged);
+}
+
+void ResultDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
+  const Flight flight = flights_.extract(event.id).mapped();
+  Pending& pending = results_.at(flight.result);
+  Copy& copy = pending.copies[flight.copy];
+  log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
+            {{"what", "result"},
+             {"topic", log::excerpt(copy.topic)},
+             {"id", pending.result.id},
+             {"code", hex_code(event.reason_code)},
+             {"reason", event.text}});
+  // The sender of the command chose the response topic: if the broker refuses it, there is no
+  // retry.
+  if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
+    return copy_done(flight, Ended::refused);
+  copy.in_flight = false;
+  copy.not_before = now + backoff_.after(copy.failures++);
+  refused_.insert(flight.result);
+}
+
+void ResultDelivery::copy_done(const Flight& flight, Ended how) {
+  const auto found = results_.find(flight.result);
+  auto& copies = found->second.copies;
+  copies[flight.copy].done = true;
+  copies[flight.copy].acknowledged = how == Ended::acknowledged;
+  if (!std::ranges::all_of(copies, [](const Copy& each) { return each.done; })) return;
+  commands_.note_delivery(found->second.result, copies.front().acknowledged, utc_ms_());
+  bytes_ -= found->second.bytes;
+  refused_.erase(found->first);
+  results_.erase(found);
+}
+
+bool ResultDelivery::is_far_behind(const Heard& heard) const {
+  return std::ranges::any_of(flights_, [&heard](const auto& each) {
+    const auto& then = each.second.heard;
+    return then && (heard.messages - then->messages >= kFarAhead ||
+                    heard.bytes - then->bytes >= kFarAheadBytes);
+  });
+}
+
+SteadyTime ResultDelivery::next_wake(SteadyTime now) const {
+  SteadyTime wake = SteadyTime::max();
+  for (const std::uint64_t key : refused_)
+    for (const Copy& copy : results_.at(key).copies)
+      if (copy.not_before > now) wake = std::min(wake, copy.not_before);
+  return wake;
+}
+
+}  // namespace fxagent

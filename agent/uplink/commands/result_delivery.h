@@ -1,0 +1,98 @@
+// Delivers results of commands. Each goes to the device's topic, and to the response topic if its
+// command names one, repeatedly until it is acknowledged or finally refused. No result is dropped.
+// Uplink thread. Time is an argument.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "agent/commands/commands.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
+#include "agent/uplink/commands/command_intake.h"
+#include "agent/uplink/jittered_backoff.h"
+#include "agent/uplink/outgoing.h"
+
+namespace fxagent {
+
+class ResultDelivery final : public Outgoing::Sender {
+ public:
+  using UtcClock = std::function<std::int64_t()>;
+
+  /// All references outlive the object.
+  ResultDelivery(const Config& config, Commands& commands, Outgoing& outgoing,
+                 JitteredBackoff& backoff, UtcClock utc_ms);
+
+  void add(ResultMessage result);
+  /// Sends results for which there is room. `heard` is the count of messages received so far, if
+  /// some are held back. True: some were sent, and the window is too small to share, so samples go
+  /// first next time.
+  bool pump(SteadyTime now, std::optional<Heard> heard);
+  /// Everything in flight is sent again with the next connection.
+  void connection_ended();
+
+  void delivered(std::uint64_t id, SteadyTime now) override;
+  void failed(const DeliveryFailed& event, SteadyTime now) override;
+
+  /// True if more messages have arrived since some result was sent than a broker sends that
+  /// respects the Receive Maximum.
+  bool is_far_behind(const Heard& heard) const;
+  /// Durations of commands that were carried out: from arrival to the hand-over of the result to
+  /// MQTT.
+  const DurationHistogram& durations() const { return durations_; }
+  bool empty() const { return results_.empty(); }
+  std::size_t size() const { return results_.size(); }
+  std::size_t bytes() const { return bytes_; }  ///< in memory, approximately
+  /// True if as many results are waiting as there is room for. Do not read more commands then.
+  bool is_full() const;
+  /// Returns the time by which pump() must run, apart from acknowledgements.
+  SteadyTime next_wake(SteadyTime now) const;
+
+ private:
+  struct Copy {
+    std::string topic{};
+    bool to_response_topic = false;
+    bool in_flight = false;
+    bool done = false;
+    bool acknowledged = false;
+    SteadyTime not_before{};
+    int failures = 0;
+  };
+  struct Pending {
+    ResultMessage result;
+    bool handed_over = false;  ///< to MQTT, once; total_ms ends there
+    std::size_t bytes = 0;     ///< memory use, approximately
+    std::vector<Copy> copies;
+  };
+  struct Flight {
+    std::uint64_t result = 0;
+    std::size_t copy = 0;
+    std::optional<Heard> heard{};  ///< before it was sent; nullopt: nothing was held back
+  };
+  enum class Ended : std::uint8_t { acknowledged, refused };
+
+  std::size_t window() const;
+  void hand_over(std::uint64_t key, std::size_t copy, SteadyTime now, std::optional<Heard> heard);
+  void copy_done(const Flight& flight, Ended how);
+
+  const std::string base_;
+  Commands& commands_;
+  Outgoing& outgoing_;
+  JitteredBackoff& backoff_;
+  const UtcClock utc_ms_;
+
+  std::uint64_t next_ = 1;
+  std::map<std::uint64_t, Pending> results_;  ///< oldest first
+  std::map<std::uint64_t, Flight> flights_;   ///< by publication id
+  std::size_t bytes_ = 0;
+  DurationHistogram durations_;
+  std::set<std::uint64_t> refused_;  ///< refused once by the broker; sent again
+};
+
+}  // namespace fxagent

@@ -1,0 +1,95 @@
+#include "agent/uplink/own_topics.h"
+
+#include <utility>
+
+#include "agent/log/log.h"
+#include "agent/uplink/topics.h"
+
+namespace fxagent {
+
+OwnTopics::OwnTopics(Parts parts, std::string boot)
+    : parts_(parts), base_(parts.config.base_topic()), identity_(std::move(boot)) {}
+
+void OwnTopics::hear(const Message& message, SteadyTime now) {
+  parts_.intake.hear(message);
+  if (const auto name = device_of(message.topic, base_, "command"))
+    return hear_command(message, *name);
+  if (message.topic == base_ + std::string(kDesiredTopic))
+    return parts_.configs.hear(message.payload);
+  // During shutdown the final state must stay as it is, and so must the offline state at a broker
+  // that we leave for another one.
+  if (!parts_.shutdown.has_begun() && !parts_.farewell.by()) hear_state(message, now);
+}
+
+void OwnTopics::hear_command(const Message& message, std::string_view name) {
+  const bool is_known = parts_.commands.device_named(name).has_value();
+  if (!is_known) log::warn("command_for_unknown_device", {{"topic", log::excerpt(message.topic)}});
+  if (is_known || may_be_a_device(name))
+    parts_.intake.add(message, std::string(name), parts_.results.is_full());
+}
+
+void OwnTopics::hear_state(const Message& message, SteadyTime now) {
+  if (message.topic == base_ + "/state") {
+    identity_.heard(message.payload, now);
+    return parts_.retained.heard_agent_state(message.payload, now);
+  }
+  const auto of_state = device_of(message.topic, base_, "state");
+  const auto name = of_state ? of_state : device_of(message.topic, base_, "meta");
+  if (!name) return;
+  if (const auto device = parts_.commands.device_named(*name)) {
+    if (conflict_) return;  // two agents would overwrite each other's states endlessly
+    if (of_state)
+      parts_.retained.heard_device_state(*device, message.payload, now);
+    else
+      parts_.retained.heard_device_meta(*device, message.payload, now);
+  } else if (parts_.subscriptions.looks_for_leftovers() && !message.payload.empty() &&
+             parts_.retained.clear(message.topic)) {
+    log::info("retained_topic_cleared", {{"topic", log::excerpt(message.topic)}});
+  }
+}
+
+void OwnTopics::connection_began(SteadyTime now) {
+  identity_.connection_began(parts_.connects.server(), now, parts_.connects.steady_after());
+}
+
+void OwnTopics::follow_conflict(SteadyTime now) {
+  if (parts_.shutdown.has_begun()) return;
+  identity_.keep(now, parts_.intake.is_holding());
+  warn_if_unheard();
+  const auto other = identity_.other();
+  if (other == conflict_) return;
+  const bool goes_on = other && conflict_ && *conflict_ != IdentityConflict::kUnknown;
+  conflict_ = other;
+  parts_.commands.set_conflict(other.value_or(""));
+  parts_.status.set_conflict(other.value_or(""));
+  // Our state reports a third agent when it is next restored. If each agent published it at once,
+  // they would answer each other endlessly.
+  if (goes_on) return;
+  if (other)
+    log::error("identity_conflict",
+               {{"other_boot", *other},
+                {"note",
+                 "another agent has the id of this one: commands are refused until it is gone; "
+                 "give each agent its own agent.id and client_id"}});
+  else
+    log::info("identity_conflict", {{"state", "over"}});
+  if (!parts_.session.is_connected()) return;
+  if (other)
+    parts_.retained.agent_state_changed();
+  else
+    parts_.retained.everything_is_due();  // the other agent may have overwritten all of it
+  parts_.health.request(now);
+}
+
+/// MQTT 5 has a reason code for this; on 3.1.1 the broker acknowledges what it discards.
+void OwnTopics::warn_if_unheard() {
+  if (identity_.take_unheard() && parts_.config.mqtt.version == 4)
+    log::warn("own_state_not_heard",
+              {{"topic", base_ + "/state"},
+               {"note",
+                "the broker acknowledges what the agent publishes and does not send its own state "
+                "back: its access rules may leave out this agent's user, and MQTT 3.1.1 cannot say "
+                "so: all samples may be lost; fxagent acl prints the rules that it needs"}});
+}
+
+}  // namespace fxagent

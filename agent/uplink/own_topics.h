@@ -1,0 +1,75 @@
+// Recognizes the agent's own topics in received messages: commands for its devices, configs, and
+// its retained states. From these it also detects another agent with the same id, and topics of
+// removed devices. Uplink thread. Time is an argument.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "agent/commands/commands.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
+#include "agent/uplink/broker.h"
+#include "agent/uplink/commands/command_intake.h"
+#include "agent/uplink/commands/result_delivery.h"
+#include "agent/uplink/config_topics.h"
+#include "agent/uplink/farewell.h"
+#include "agent/uplink/retained/identity_conflict.h"
+#include "agent/uplink/retained/retained_state.h"
+#include "agent/uplink/session/connect_schedule.h"
+#include "agent/uplink/session/session.h"
+#include "agent/uplink/session/subscriptions.h"
+#include "agent/uplink/shutdown.h"
+#include "agent/uplink/status/health_schedule.h"
+#include "agent/uplink/status/status_source.h"
+
+namespace fxagent {
+
+class OwnTopics final {
+ public:
+  /// The parts that the messages concern; all outlive the object.
+  struct Parts {
+    const Config& config;
+    Commands& commands;
+    const Session& session;
+    const ConnectSchedule& connects;
+    const Subscriptions& subscriptions;
+    const Shutdown& shutdown;
+    const Farewell& farewell;
+    const ResultDelivery& results;
+    CommandIntake& intake;
+    ConfigTopics& configs;
+    RetainedState& retained;
+    StatusSource& status;
+    HealthSchedule& health;
+  };
+  /// `boot` is the agent's own.
+  OwnTopics(Parts parts, std::string boot);
+
+  /// Processes a message on any topic.
+  void hear(const Message& message, SteadyTime now);
+  void connection_began(SteadyTime now);
+  void connection_ended() { identity_.connection_ended(); }
+  /// The broker has given our session to another client.
+  void session_taken_over() { identity_.taken_over(); }
+
+  /// Begins or ends the conflict with another agent. Call after each step's messages.
+  void follow_conflict(SteadyTime now);
+  /// Returns the boot of the other agent with our id, as last published; nullopt: there is none.
+  const std::optional<std::string>& conflict() const { return conflict_; }
+  /// Returns the time by which follow_conflict() must run again.
+  SteadyTime next_wake() const { return identity_.next_wake(); }
+
+ private:
+  void hear_command(const Message& message, std::string_view name);
+  void hear_state(const Message& message, SteadyTime now);
+  void warn_if_unheard();
+
+  const Parts parts_;
+  const std::string base_;
+  IdentityConflict identity_;
+  std::optional<std::string> conflict_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,68 @@
+// Describes in words why a connection, a message or a subscription failed, and what to do. Paho
+// gives a number for most of it; connect_faults and Paho's trace have the rest.
+#pragma once
+
+#include <mqtt/properties.h>
+#include <mqtt/token.h>
+
+#include <chrono>
+#include <string>
+
+#include "agent/config/model.h"
+
+namespace fxagent {
+
+struct ConnectFaults;
+
+/// Paho gives up an attempt to connect after this time.
+inline constexpr std::chrono::seconds kPahoConnectTimeout{10};
+
+/// Limits Paho's trace to errors. By default Paho records each of its function calls and packets in
+/// a list in memory that is never read, which is a sixth of its cost per message. Levels above
+/// ERROR would not prevent it.
+void trace_errors_alone() noexcept;
+/// Makes each of Paho's threads record its TLS failures, until trace_errors_alone().
+void trace_tls_failures() noexcept;
+/// Forgets the TLS failure that the calling thread has recorded. Otherwise the next failed connect
+/// would give it as its reason.
+void forget_tls_failure() noexcept;
+
+/// True if Paho ended a call because the connection is gone.
+bool is_disconnected(int return_code);
+/// Describes a broker's DISCONNECT.
+std::string disconnect_text(const mqtt::properties& properties, int code);
+/// Describes a connection found closed. Call on the thread that found it.
+std::string closed_text();
+/// Describes the refusal of a topic by an MQTT 5 reason code.
+std::string refusal_text(int reason_code);
+
+/// Describes the failures of one connection. Immutable. Call on the thread of Paho that reports the
+/// failure.
+class FailureText final {
+ public:
+  /// `config` outlives the object. `version` is Paho's number of the MQTT version. `tls`: the
+  /// server is one by TLS.
+  FailureText(const MqttConfig& config, int version, bool tls);
+
+  /// Returns the MQTT 5 reason code of a refusal; 0 if it is not the broker's. Paho puts the code
+  /// of a CONNACK into the return code, any other into the reason code.
+  int refusal_of(const mqtt::token& token) const;
+  /// Describes a failed attempt to connect that began at `since`.
+  std::string of_connect(const mqtt::token& token,
+                         std::chrono::steady_clock::time_point since) const;
+  std::string of_publish(const mqtt::token& token) const;
+  std::string of_subscribe(const mqtt::token& token) const;
+
+ private:
+  std::string of_tls(const ConnectFaults& faults,
+                     std::chrono::steady_clock::time_point since) const;
+  std::string of_plain(const ConnectFaults& faults,
+                       std::chrono::steady_clock::time_point since) const;
+  std::string cut_after_handshake() const;
+
+  const MqttConfig& config_;
+  const int version_;
+  const bool tls_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,86 @@
+// One connection to a broker: a Paho client, the calls to it, and its callbacks as events.
+#pragma once
+
+#include <mqtt/async_client.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "agent/config/model.h"
+#include "agent/uplink/broker.h"
+#include "agent/uplink/paho/failure_text.h"
+#include "agent/uplink/paho/paho_inbox.h"
+#include "agent/uplink/paho/read_pause.h"
+
+namespace fxagent {
+
+/// Uplink thread; Paho's threads call only the callbacks. Callbacks copy, post and return: a wait
+/// inside a callback would block Paho for good. A call throws mqtt::exception if Paho rejects it.
+class PahoConnection final : public virtual mqtt::callback, public virtual mqtt::iaction_listener {
+ public:
+  /// Makes the client; connect() opens the connection. The connection posts its events to `inbox`
+  /// as those of connection `number`. `inbox` is shared with the broker, which may be gone before
+  /// the last callback. `keep_session` is 0 if each connection has a session of its own.
+  PahoConnection(std::shared_ptr<PahoInbox> inbox, std::uint64_t number, const MqttConfig& config,
+                 const std::string& server, std::size_t max_payload,
+                 std::chrono::seconds keep_session);
+
+  /// Posts Connected or ConnectFailed. Call once.
+  void connect(const std::optional<Will>& will, const std::optional<std::string>& password,
+               std::uint16_t receive_maximum);
+  /// Starts a clean disconnect; its token is complete when the DISCONNECT has been sent.
+  mqtt::token_ptr disconnect();
+  bool is_connected() const { return client_.is_connected(); }
+  /// True after disconnect().
+  bool is_leaving() const { return leaving_; }
+
+  void publish(Publication publication);
+  void subscribe(const Subscription& subscription);
+  void unsubscribe(const std::string& filter) { client_.unsubscribe(filter, nullptr, *this); }
+
+  /// Posts the loss of the connection once, whichever thread detects it first. Any thread.
+  void post_lost(std::string_view text, int reason_code = 0) noexcept;
+
+  /// Paho acknowledges a message when its callback has returned, and calls it under the lock that
+  /// each publish() takes. So a callback must not wait; to hold messages back, the socket is not
+  /// read.
+  void hold_messages(bool held, std::size_t let_in) noexcept;
+
+ private:
+  void post(BrokerEvent event) { inbox_->post(number_, std::move(event)); }
+  void end_of_connecting() noexcept;
+
+  // Called by Paho's threads.
+  void on_success(const mqtt::token& token) noexcept override;
+  void on_failure(const mqtt::token& token) noexcept override;
+  void connection_lost(const std::string& cause) noexcept override;
+  void message_arrived(mqtt::const_message_ptr message) noexcept override;
+
+  const std::shared_ptr<PahoInbox> inbox_;
+  const std::uint64_t number_;
+  const MqttConfig config_;  ///< own copy, which Paho's threads may read at any time
+  const std::size_t max_payload_;
+  const std::chrono::seconds keep_session_;
+  const int version_;
+  const bool tls_;
+  const FailureText failure_text_;
+  std::chrono::steady_clock::time_point connecting_since_{};  ///< set before Paho can call back
+  ReadPause pause_;
+  std::atomic<std::size_t> let_in_ = 0;  ///< messages before the pause
+  std::atomic<bool> connected_posted_ = false;
+  std::atomic<bool> leaving_ = false;
+  std::atomic<bool> lost_ = false;
+  mqtt::async_client client_;  ///< last member: destroyed before what its callbacks use
+};
+
+/// True if the server's scheme is that of MQTT over TLS.
+bool is_tls(std::string_view server);
+
+}  // namespace fxagent

@@ -1,0 +1,166 @@
+#include "agent/uplink/retained/retained_state.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "agent/log/log.h"
+#include "agent/uplink/puback.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr seconds kRepairEvery{1};
+// Time for a publication to come back to us. If it does not, other texts received before count as
+// overwriting it.
+constexpr seconds kComesBackWithin{2};
+
+}  // namespace
+
+RetainedState::RetainedState(const Config& config, const DeviceStates& states, Payload& payload,
+                             Outgoing& outgoing, JitteredBackoff& backoff, Source source)
+    : config_(config),
+      states_(states),
+      payload_(payload),
+      outgoing_(outgoing),
+      backoff_(backoff),
+      source_(std::move(source)) {}
+
+void RetainedState::connection_began() {
+  due_.clear();
+  everything_is_due();
+}
+
+void RetainedState::connection_ended() {
+  due_.clear();
+  flights_.clear();
+  published_.clear();
+  repairs_.clear();
+  logged_.clear();
+}
+
+void RetainedState::everything_is_due() {
+  agent_state_changed();
+  for (std::uint32_t device = 0; device < config_.devices.size(); ++device) {
+    if (config_.devices[device].is_vacant()) continue;
+    due_[{Item::device_meta, device, {}}];
+    if (states_.all()[device]) due_[{Item::device_state, device, {}}];
+  }
+}
+
+void RetainedState::change(const ConfigChange& change, const std::vector<std::string>& gone,
+                           bool is_connected) {
+  for (const std::uint32_t device : change.devices_end) forget(device);
+  const std::string base = config_.base_topic() + "/";
+  for (const std::uint32_t device : change.devices_begin) {
+    // The device is back: its topics must not be cleared.
+    for (const char* topic : {"/state", "/meta"}) {
+      const std::string back = base + config_.devices[device].name + topic;
+      due_.erase({Item::clear, 0, back});
+      std::erase_if(flights_, [&](const auto& each) { return each.second.key.clears(back); });
+    }
+    if (is_connected) due_[{Item::device_meta, device, {}}];
+  }
+  if (!is_connected) return;  // they are found after the next connect
+  for (const std::string& name : gone)
+    for (const char* topic : {"/state", "/meta"}) clear(base + name + topic);
+}
+
+/// Removes everything that refers to this device index.
+void RetainedState::forget(std::uint32_t device) {
+  const auto is_its_own = [device](const Key& key) {
+    return key.device == device &&
+           (key.item == Item::device_state || key.item == Item::device_meta);
+  };
+  const auto entry = [&](const auto& each) { return is_its_own(each.first); };
+  std::erase_if(due_, entry);
+  std::erase_if(published_, entry);
+  std::erase_if(repairs_, entry);
+  std::erase_if(logged_, is_its_own);
+  std::erase_if(flights_, [&](const auto& each) { return is_its_own(each.second.key); });
+}
+
+void RetainedState::heard(const Key& key, std::string_view payload, SteadyTime now) {
+  const auto found = published_.find(key);
+  if (found == published_.end() || due_.contains(key)) return;  // ours is still pending
+  Published& ours = found->second;
+  if (std::hash<std::string_view>{}(payload) == ours.hash) {
+    ours.came_back = true;
+    repairs_.erase(key);
+    return;
+  }
+  // The broker keeps the order on a topic: a text that arrives before ours was there before it.
+  const SteadyTime overwritten = ours.came_back ? now : ours.at + kComesBackWithin;
+  repairs_.try_emplace(key, std::max(overwritten, ours.at + kRepairEvery));
+}
+
+void RetainedState::pump(SteadyTime now) {
+  for (auto next = repairs_.begin(); next != repairs_.end();) {
+    const auto current = next++;
+    if (current->second > now) continue;
+    due_.try_emplace(current->first);
+    if (logged_.insert(current->first).second)
+      log::warn("retained_state_overwritten",
+                {{"topic", publication_of(current->first, now).topic},
+                 {"note", "somebody else published there; ours is published again"}});
+    repairs_.erase(current);
+  }
+  for (auto next = due_.begin(); next != due_.end() && outgoing_.has_room();) {
+    const auto current = next++;
+    if (current->second.not_before > now) continue;
+    auto taken = due_.extract(current);
+    Publication publication = publication_of(taken.key(), now);
+    if (taken.key().item <= Item::device_meta) {
+      published_[taken.key()] = {std::hash<std::string_view>{}(publication.payload), now};
+      repairs_.erase(taken.key());
+    }
+    const std::uint64_t id = outgoing_.send(*this, std::move(publication));
+    flights_.emplace(id, Flight{std::move(taken.key()), taken.mapped().failures});
+  }
+}
+
+Publication RetainedState::publication_of(const Key& key, SteadyTime now) {
+  switch (key.item) {
+    case Item::agent_state:
+      return source_.agent_state();
+    case Item::device_state:
+      return payload_.device_state(*states_.all()[key.device]);
+    case Item::device_meta:
+      return payload_.device_meta(key.device);
+    case Item::health:
+      return source_.health(now);
+    case Item::config_report:
+      return source_.config_report();
+    case Item::clear:
+      break;
+  }
+  Publication publication;
+  publication.topic = key.topic;
+  publication.retain = Retain::yes;
+  return publication;
+}
+
+void RetainedState::delivered(std::uint64_t id, SteadyTime) { flights_.erase(id); }
+
+void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
+  auto found = flights_.extract(event.id);
+  if (found.empty()) return;  // of a removed device
+  const Flight flight = std::move(found.mapped());
+  log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
+            {{"what", "state"}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+  if (is_final(event.reason_code)) return;
+  due_.insert_or_assign(flight.key,
+                        Due{now + backoff_.after(flight.failures), flight.failures + 1});
+}
+
+SteadyTime RetainedState::next_wake(SteadyTime now) const {
+  SteadyTime wake = SteadyTime::max();
+  for (const auto& [key, due] : due_)
+    if (due.not_before > now) wake = std::min(wake, due.not_before);
+  for (const auto& [key, due] : repairs_) wake = std::min(wake, std::max(due, now));
+  return wake;
+}
+
+}  // namespace fxagent

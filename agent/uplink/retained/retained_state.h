@@ -1,0 +1,129 @@
+// Retained messages: the state of the agent, health, the config report, and each device's state and
+// meta. All of them are published again after each connect. A message that the broker refuses for a
+// time is repeated with its newest value. States and meta that another client has overwritten are
+// restored. Uplink thread. Time is an argument.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/config/config_difference.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
+#include "agent/uplink/jittered_backoff.h"
+#include "agent/uplink/outgoing.h"
+#include "agent/uplink/payload/payload.h"
+#include "agent/uplink/retained/device_states.h"
+
+namespace fxagent {
+
+class RetainedState final : public Outgoing::Sender {
+ public:
+  /// Makes a message anew each time that it is published.
+  struct Source {
+    std::function<Publication()> agent_state;
+    std::function<Publication(SteadyTime)> health;
+    /// For {base}/config/reported.
+    std::function<Publication()> config_report;
+  };
+
+  /// All references outlive the object.
+  RetainedState(const Config& config, const DeviceStates& states, Payload& payload,
+                Outgoing& outgoing, JitteredBackoff& backoff, Source source);
+
+  /// Everything is due except the config report and health, whose counters must be requested first.
+  void connection_began();
+  void connection_ended();
+  /// The same within a connection, because another agent may have overwritten the topics.
+  void everything_is_due();
+  // These have an effect only while connected: everything is due after the next connect.
+  void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
+  void health_is_due() { due_[{Item::health, 0, {}}]; }
+  void config_report_is_due() { due_[{Item::config_report, 0, {}}] = {}; }
+  void device_state_changed(std::uint32_t device) { due_[{Item::device_state, device, {}}] = {}; }
+  /// Clears a retained topic. Returns false if that is pending already.
+  bool clear(const std::string& topic) { return due_.try_emplace({Item::clear, 0, topic}).second; }
+
+  // Processes a text received on one of our topics. If it is not what we published, ours is
+  // published again, at least 1 s after its last publication. A text that was there before ours
+  // does not count: ours comes back after it.
+  void heard_agent_state(std::string_view payload, SteadyTime now) {
+    heard({Item::agent_state, 0, {}}, payload, now);
+  }
+  void heard_device_state(std::uint32_t device, std::string_view payload, SteadyTime now) {
+    heard({Item::device_state, device, {}}, payload, now);
+  }
+  void heard_device_meta(std::uint32_t device, std::string_view payload, SteadyTime now) {
+    heard({Item::device_meta, device, {}}, payload, now);
+  }
+
+  /// Adapts to a config change, as `config` and `states` have done already. Stops publishing what
+  /// ends. If connected, publishes the meta of what begins; its state follows when the field has
+  /// reported it. `gone` are the names of removed devices, whose topics are cleared.
+  void change(const ConfigChange& change, const std::vector<std::string>& gone, bool is_connected);
+
+  void pump(SteadyTime now);
+  bool empty() const { return due_.empty(); }
+  /// Returns the time by which pump() must run, apart from acknowledgements.
+  SteadyTime next_wake(SteadyTime now) const;
+
+  void delivered(std::uint64_t id, SteadyTime now) override;
+  void failed(const DeliveryFailed& event, SteadyTime now) override;
+
+ private:
+  /// Lower values are published first.
+  enum class Item : std::uint8_t {
+    agent_state,
+    device_state,
+    device_meta,
+    health,
+    config_report,
+    clear
+  };
+  struct Key {
+    Item item = Item::agent_state;
+    std::uint32_t device = 0;
+    std::string topic;  ///< clear only
+    auto operator<=>(const Key&) const = default;
+    bool clears(const std::string& name) const { return item == Item::clear && topic == name; }
+  };
+  struct Due {
+    SteadyTime not_before{};
+    int failures = 0;
+  };
+  struct Flight {
+    Key key;
+    int failures = 0;
+  };
+
+  /// The last publication on a topic.
+  struct Published {
+    std::size_t hash = 0;  ///< of the payload
+    SteadyTime at{};
+    bool came_back = false;  ///< the broker has sent it back to us
+  };
+
+  void forget(std::uint32_t device);
+  Publication publication_of(const Key& key, SteadyTime now);
+  void heard(const Key& key, std::string_view payload, SteadyTime now);
+
+  const Config& config_;
+  const DeviceStates& states_;
+  Payload& payload_;
+  Outgoing& outgoing_;
+  JitteredBackoff& backoff_;
+  const Source source_;
+  std::map<Key, Due> due_;
+  std::map<std::uint64_t, Flight> flights_;  ///< by publication id
+  std::map<Key, Published> published_;       ///< in this connection
+  std::map<Key, SteadyTime> repairs_;        ///< when each is due
+  std::set<Key> logged_;                     ///< overwritten in this connection, and logged
+};
+
+}  // namespace fxagent

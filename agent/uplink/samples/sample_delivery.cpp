@@ -1,0 +1,207 @@
+#include "agent/uplink/samples/sample_delivery.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/failpoint.h"
+#include "agent/log/log.h"
+#include "agent/store/samples/sample_record.h"
+#include "agent/uplink/payload/json_payload.h"
+#include "agent/uplink/puback.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+
+constexpr int kGatherShare = 100;  // a sample waits at most 1/100 of its interval
+constexpr milliseconds kGatherMost{5};
+// This many samples behind a full window show that the broker accepts fewer than are produced.
+constexpr std::size_t kBackedUp = 4;
+constexpr auto kLiveFor = SampleSpool::kLiveFor;
+constexpr auto kCommitWithin = SampleSpool::kCommitWithin;
+
+}  // namespace
+
+SampleDelivery::SampleDelivery(const Config& config, std::string boot, Payload& payload,
+                               Outgoing& outgoing, RefusedDevices& refused, SampleSpool& spool,
+                               DroppedSamples& dropped, GuardedStore* store)
+    : config_(config),
+      boot_(std::move(boot)),
+      payload_(payload),
+      outgoing_(outgoing),
+      refused_(refused),
+      spool_(spool),
+      dropped_(dropped),
+      store_(store),
+      meta_hashes_(config.devices.size()) {}
+
+void SampleDelivery::change(const ConfigChange& change) {
+  for (const std::uint32_t device : change.devices_end) meta_hashes_.at(device).clear();
+  meta_hashes_.resize(config_.devices.size());
+}
+
+/// Computed with the first sample of each device: computing those of many devices at once would
+/// take too long.
+const std::string& SampleDelivery::meta_hash(std::uint32_t device) {
+  std::string& hash = meta_hashes_.at(device);
+  if (hash.empty()) hash = json::device_meta(config_.devices.at(device)).hash;
+  return hash;
+}
+
+void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, SteadyTime now) {
+  if (messages.empty()) return;
+  microseconds patience = kGatherMost;  // zero for groups without an interval
+  for (const Telemetry& message : messages) {
+    const GroupConfig& group = config_.devices.at(message.device).groups.at(message.group);
+    patience = std::min(patience, microseconds(group.interval) / kGatherShare);
+  }
+  gather_until_ = now - samples_at_ < 2 * patience ? now + patience : now;
+  samples_at_ = now;
+  std::vector<SampleRow> live;
+  for (const Telemetry& message : messages) {
+    const DeviceConfig& device = config_.devices.at(message.device);
+    SampleRow row;
+    row.row_id = next_row_id_++;
+    row.device = device.name;
+    row.group = device.groups.at(message.group).name;
+    row.seq = message.seq;
+    row.content = encode_sample(message, device, boot_, meta_hash(message.device));
+    row_bytes_ += row.cost();
+    if (store_ != nullptr) store_->samples().used(row.device, row.seq);
+    if (can_go && refused_.may_send(row.device, now))
+      live.push_back(std::move(row));
+    else
+      spool_.add(std::move(row));
+  }
+  const bool always = config_.store.sync_always;
+  const bool stored = always && spool_.hold(live);
+  for (SampleRow& row : live) live_.push_back({std::move(row), now, stored});
+  if (spool_.gathered() != 0 && always) spool_.commit_by(now);
+}
+
+void SampleDelivery::settle(SteadyTime now) {
+  overflow(now);
+  hold_on_disk(now);
+}
+
+/// Moves samples that found no room for 1 s to history. Includes those that would follow within
+/// kCommitWithin: a commit costs the same for all.
+void SampleDelivery::overflow(SteadyTime now) {
+  if (live_.empty() || live_.front().since + kLiveFor > now) return;
+  while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
+    spool_.add(std::move(live_.front()));
+    live_.pop_front();
+  }
+}
+
+/// Writes samples that have been in flight for 1 s to disk; they stay in flight. Includes those
+/// that would follow soon, like overflow().
+void SampleDelivery::hold_on_disk(SteadyTime now) {
+  if (!spool_.can_hold()) return;
+  std::vector<SampleRow> rows;
+  std::vector<LiveRow*> held;
+  bool is_time = false;
+  for (auto& [id, flight] : flights_) {
+    LiveRow& live = flight.live;
+    if (live.stored) continue;
+    if (live.since + kLiveFor - kCommitWithin > now) continue;
+    is_time = is_time || live.since + kLiveFor <= now;
+    rows.push_back(live.row);
+    held.push_back(&live);
+  }
+  if (!is_time || !spool_.hold(rows)) return;
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    held[i]->row.row_id = rows[i].row_id;
+    held[i]->stored = true;
+    --in_flight_;
+  }
+}
+
+void SampleDelivery::pump_live(SteadyTime now) {
+  while (!live_.empty() && outgoing_.has_room_for_samples()) {
+    LiveRow live = std::move(live_.front());
+    live_.pop_front();
+    if (!refused_.may_send(live.row.device, now) || !decode_sample(live.row.content, record_)) {
+      spool_.add(std::move(live));
+      continue;
+    }
+    Publication publication = payload_.sample({live.row.device, live.row.group}, record_);
+    if (!live.stored) ++in_flight_;
+    ++published_;
+    const std::uint64_t id = outgoing_.send(*this, std::move(publication));
+    flights_.emplace(id, Flight{std::move(live), now});
+  }
+}
+
+void SampleDelivery::make_history(const std::set<std::string>& devices) {
+  if (devices.empty()) return;
+  const auto first = std::stable_partition(
+      live_.begin(), live_.end(),
+      [&devices](const LiveRow& live) { return !devices.contains(live.row.device); });
+  for (auto live = first; live != live_.end(); ++live) spool_.add(std::move(*live));
+  live_.erase(first, live_.end());
+}
+
+void SampleDelivery::connection_ended() {
+  for (auto& [id, flight] : std::exchange(flights_, {})) spool_.add(std::move(flight.live));
+  in_flight_ = 0;
+  spool_live();
+}
+
+void SampleDelivery::spool_live() {
+  for (LiveRow& live : live_) spool_.add(std::move(live));
+  live_.clear();
+}
+
+// ---- outcomes -----------------------------------------------------------------------------------
+
+void SampleDelivery::delivered(std::uint64_t id, SteadyTime) {
+  const Flight flight = std::move(flights_.extract(id).mapped());
+  failpoint("sample_acknowledged");
+  if (flight.live.stored) {
+    spool_.remove(flight.live, [this](std::uint64_t count) { acknowledged_ += count; });
+  } else {
+    --in_flight_;
+    ++acknowledged_;
+  }
+  refused_.accepted(flight.live.row.device, flight.since);
+}
+
+void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
+  LiveRow live = std::move(flights_.extract(event.id).mapped().live);
+  const SampleRow& row = live.row;
+  if (!live.stored) --in_flight_;
+  if (is_final(event.reason_code)) {
+    log::warn(
+        "sample_refused",
+        {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+    const auto drop = [&dropped = dropped_, device = row.device](std::uint64_t count) {
+      dropped.add(device, count);
+    };
+    return live.stored ? spool_.remove(live, drop) : drop(1);
+  }
+  refused_.refused(row.device, event, now);
+  spool_.add(std::move(live));
+}
+
+bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }
+
+SampleDelivery::Counters SampleDelivery::counters() const {
+  const auto on_disk = [](const LiveRow& live) { return live.stored; };
+  const auto held = static_cast<std::size_t>(std::ranges::count_if(live_, on_disk));
+  return {acknowledged_, published_, live_.size() - held, in_flight_};
+}
+
+SteadyTime SampleDelivery::next_wake() const {
+  SteadyTime wake = SteadyTime::max();
+  const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
+  if (!live_.empty()) at(live_.front().since + kLiveFor);
+  if (!spool_.can_hold()) return wake;
+  for (const auto& [id, flight] : flights_)
+    if (!flight.live.stored) at(flight.live.since + kLiveFor);
+  return wake;
+}
+
+}  // namespace fxagent

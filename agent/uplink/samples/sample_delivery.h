@@ -1,0 +1,108 @@
+// Delivers live samples to the broker. Keeps each sample until it is acknowledged; a sample that
+// has waited for 1 s is also on disk. Samples that find no room become history. Uplink thread. Time
+// is an argument.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agent/config/config_difference.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
+#include "agent/store/samples/sample_record.h"
+#include "agent/telemetry.h"
+#include "agent/uplink/outgoing.h"
+#include "agent/uplink/payload/payload.h"
+#include "agent/uplink/samples/dropped_samples.h"
+#include "agent/uplink/samples/refused_devices.h"
+#include "agent/uplink/samples/sample_spool.h"
+
+namespace fxagent {
+
+class SampleDelivery final : public Outgoing::Sender {
+ public:
+  /// Of live samples.
+  struct Counters {
+    std::uint64_t acknowledged = 0;
+    std::uint64_t published = 0;  ///< sends, including repeats
+    std::uint64_t queued = 0;     ///< waiting and not on disk
+    std::uint64_t in_flight = 0;  ///< in flight and not on disk
+  };
+
+  /// All references outlive the object. `store` is null if there is no store.
+  SampleDelivery(const Config& config, std::string boot, Payload& payload, Outgoing& outgoing,
+                 RefusedDevices& refused, SampleSpool& spool, DroppedSamples& dropped,
+                 GuardedStore* store);
+
+  /// Adapts to a config change, which `config` already contains.
+  void change(const ConfigChange& change);
+
+  /// Takes samples from the field. `can_go`: there is a connection, or the first one is being made;
+  /// otherwise the samples become history.
+  void take(const std::vector<Telemetry>& messages, bool can_go, SteadyTime now);
+  /// Spools samples that have waited for 1 s to disk. Those without room become history; those in
+  /// flight stay in flight.
+  void settle(SteadyTime now);
+  void pump_live(SteadyTime now);
+  /// Moves live samples of these devices that have found no room so far to history.
+  void make_history(const std::set<std::string>& devices);
+
+  /// Moves everything to history, samples in flight included.
+  void connection_ended();
+  /// Moves live samples to history, after a failed attempt to connect.
+  void spool_live();
+
+  void delivered(std::uint64_t id, SteadyTime now) override;
+  void failed(const DeliveryFailed& event, SteadyTime now) override;
+
+  Counters counters() const;
+  /// Returns the bytes of the rows made since the last call.
+  std::uint64_t take_row_bytes() { return std::exchange(row_bytes_, 0); }
+  bool has_live() const { return !live_.empty(); }
+  /// True if so many samples are waiting that the broker accepts fewer than are produced.
+  bool is_backed_up() const;
+  /// Returns the time until which samples may gather before the next step: one hundredth of their
+  /// interval while they stream in, otherwise the time of the last step.
+  SteadyTime gather_until() const { return gather_until_; }
+  SteadyTime next_wake() const;
+
+ private:
+  struct Flight {
+    LiveRow live;
+    SteadyTime since{};
+  };
+
+  const std::string& meta_hash(std::uint32_t device);
+  void overflow(SteadyTime now);
+  void hold_on_disk(SteadyTime now);
+
+  const Config& config_;
+  const std::string boot_;
+  Payload& payload_;
+  Outgoing& outgoing_;
+  RefusedDevices& refused_;
+  SampleSpool& spool_;
+  DroppedSamples& dropped_;
+  GuardedStore* const store_;
+  std::vector<std::string> meta_hashes_;  ///< by device; empty: not computed yet
+
+  std::uint64_t next_row_id_ = 1;
+  std::deque<LiveRow> live_;
+  SampleRecord record_;                      ///< the live sample being sent
+  std::map<std::uint64_t, Flight> flights_;  ///< by publication id
+  std::uint64_t in_flight_ = 0;              ///< live samples that are not on disk
+  SteadyTime samples_at_{};                  ///< last step with samples
+  SteadyTime gather_until_{};
+  std::uint64_t acknowledged_ = 0;
+  std::uint64_t published_ = 0;
+  std::uint64_t row_bytes_ = 0;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,97 @@
+#include "agent/uplink/samples/sample_spool.h"
+
+#include <span>
+
+namespace fxagent {
+
+void SampleSpool::add(LiveRow live) {
+  if (live.stored)
+    store_->samples().release(live.row.row_id);
+  else
+    add(std::move(live.row));
+  commit_by(live.since + kLiveFor);
+}
+
+void SampleSpool::commit(SteadyTime now, bool can_wait) {
+  if (spool_.empty()) {
+    commit_at_ = now + kCommitWithin;
+    return;
+  }
+  if (!can_wait || !can_hold() || now >= commit_at_) write();
+}
+
+void SampleSpool::write() {
+  auto rows = std::exchange(spool_, {});
+  // While older rows are in memory, these queue behind them.
+  if (store_ != nullptr && backlog_.rows() == 0) return store(std::move(rows));
+  for (SampleRow& row : rows) backlog_.append(std::move(row));
+  count_dropped();
+}
+
+void SampleSpool::move_memory_to_disk() {
+  if (can_hold() && backlog_.rows() != 0) store(backlog_.take_waiting());
+}
+
+void SampleSpool::store(std::vector<SampleRow> rows) {
+  if (rows.empty()) return;
+  store_->samples().append(std::move(rows), [this](std::vector<SampleRow> given, bool on_disk) {
+    if (!on_disk)
+      for (SampleRow& row : given) backlog_.append(std::move(row));
+    count_dropped();
+  });
+}
+
+bool SampleSpool::hold(std::vector<SampleRow>& rows) {
+  if (store_ == nullptr || !store_->samples().hold(rows)) return false;
+  count_dropped();
+  return true;
+}
+
+std::optional<OutgoingHistory> SampleSpool::next(
+    Payload& payload, std::size_t max_bytes,
+    const std::function<bool(const std::string&)>& may_send) {
+  const auto from_disk = [&](const StreamKey& stream) {
+    return may_send(stream.first) && !backlog_.is_on_the_way(stream);
+  };
+  const auto from_memory = [&](const StreamKey& stream) {
+    return may_send(stream.first) &&
+           (store_ == nullptr || !store_->samples().is_ahead_of_memory(stream));
+  };
+  if (store_ != nullptr) {
+    auto batch = store_->samples().next(payload.begin_history(max_bytes), from_disk);
+    count_dropped();
+    if (batch) return OutgoingHistory{std::move(*batch), true};
+  }
+  auto batch = backlog_.next(*payload.begin_history(max_bytes), from_memory);
+  count_dropped();
+  if (batch) return OutgoingHistory{std::move(*batch), false};
+  return std::nullopt;
+}
+
+void SampleSpool::returned(const OutgoingHistory& message) {
+  message.on_disk ? store_->samples().returned(message.batch) : backlog_.returned(message.batch);
+}
+
+void SampleSpool::remove(const OutgoingHistory& message, const GuardedSamples::Removed& then) {
+  if (message.on_disk)
+    store_->samples().remove(message.batch, then);
+  else
+    then(backlog_.remove(message.batch));
+}
+
+void SampleSpool::remove(const LiveRow& live, const GuardedSamples::Removed& then) {
+  store_->samples().remove(live.row.row_id, then);
+}
+
+void SampleSpool::count_dropped() {
+  for (const auto& [device, count] : backlog_.take_dropped()) dropped_.add(device, count);
+  if (store_ == nullptr) return;
+  for (const auto& [device, count] : store_->samples().take_dropped()) dropped_.add(device, count);
+}
+
+bool SampleSpool::has_waiting(const std::string& device) const {
+  return backlog_.has_waiting(device) ||
+         (store_ != nullptr && store_->samples().has_waiting(device));
+}
+
+}  // namespace fxagent

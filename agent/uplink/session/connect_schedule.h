@@ -1,0 +1,49 @@
+// Chooses the next server and the time of the attempt: the next one at once, and a growing delay
+// after each round of all servers. Uplink thread. Time is an argument.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
+#include "agent/uplink/jittered_backoff.h"
+
+namespace fxagent {
+
+class ConnectSchedule final {
+ public:
+  /// The references outlive the object.
+  ConnectSchedule(const MqttConfig& mqtt, JitteredBackoff& backoff)
+      : mqtt_(mqtt), backoff_(backoff) {}
+
+  /// Index in the config of the server to which the session is connected, or the next to try.
+  std::size_t index() const { return server_; }
+  const std::string& server() const { return mqtt_.servers.at(server_); }
+  /// Lifetime after which a connection is stable: no other client keeps taking it over.
+  SteadyTime::duration steady_after() const;
+
+  void connection_began(SteadyTime now);
+  void connection_ended(SteadyTime now) { last_up_ = now; }
+  // These return the time of the next attempt, and choose its server.
+  /// An attempt to connect has failed.
+  SteadyTime after_failure(SteadyTime now);
+  /// A connection that began at `connected_at` was lost.
+  SteadyTime after_loss(SteadyTime connected_at, SteadyTime now);
+  /// The servers of the config have changed; restart() follows.
+  void settings_changed() { server_ = 0; }
+  /// Starts again with the first server and without a delay.
+  void restart();
+
+ private:
+  const MqttConfig& mqtt_;
+  JitteredBackoff& backoff_;
+  std::size_t server_ = 0;
+  int failed_rounds_ = 0;              ///< rounds of all servers without a connection
+  int thrown_rounds_ = 0;              ///< rounds of all servers without a stable connection
+  SteadyTime::duration last_pause_{};  ///< between the last loss and the attempt after it
+  std::optional<SteadyTime> last_up_;  ///< last time with a connection
+};
+
+}  // namespace fxagent

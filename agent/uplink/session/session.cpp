@@ -1,0 +1,169 @@
+#include "agent/uplink/session/session.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/log/log.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr seconds kConnectPatience{30};    // longer than the library's own connect time-out
+constexpr seconds kNoAcknowledgement{30};  // a broker silent for this long is abandoned
+constexpr std::chrono::milliseconds kBetweenLooks{100};  // between checks of the connection
+constexpr seconds kLibraryForgot{1};                     // time for the library to report a loss
+constexpr seconds kGoodbye{2};  // wait for Disconnected before connecting anyway
+
+}  // namespace
+
+Session::Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects,
+                 Subscriptions& subscriptions, Listener listener)
+    : broker_(broker),
+      outgoing_(outgoing),
+      connects_(connects),
+      subscriptions_(subscriptions),
+      listener_(std::move(listener)) {}
+
+void Session::on(const Connected& event, SteadyTime now) {
+  if (link_ != Link::connecting) return;
+  link_ = Link::connected;
+  starting_ = false;
+  connected_at_ = now;
+  connects_.connection_began(now);
+  last_failure_.clear();
+  why_not_connected_.clear();
+  outgoing_.begin(event);
+  log::info("broker_connected",
+            {{"server", connects_.server()}, {"window", std::to_string(outgoing_.window())}});
+  subscriptions_.connection_began(now);
+  listener_.connection_began(now);
+}
+
+void Session::on(const ConnectFailed& event, SteadyTime now) {
+  if (link_ != Link::connecting) return;
+  if (event.text != last_failure_) {  // log a repeated failure once
+    log::warn("broker_unreachable", {{"server", connects_.server()}, {"reason", event.text}});
+    last_failure_ = event.text;
+  }
+  why_not_connected_ = event.text;
+  link_ = Link::waiting;
+  starting_ = false;
+  receive_maximum_ = kReceiveMaximum;
+  listener_.attempt_failed();
+  retry_at_ = connects_.after_failure(now);
+}
+
+void Session::on(const Lost& event, SteadyTime now) {
+  if (link_ == Link::connecting) return on(ConnectFailed{event.text}, now);
+  if (link_ != Link::connected) return;
+  log::warn("broker_lost", {{"server", connects_.server()}, {"reason", event.text}});
+  why_not_connected_ = event.text;
+  if (event.reason_code == kSessionTakenOver) listener_.session_taken_over();
+  receive_maximum_ = kReceiveMaximum;
+  end(now);
+  retry_at_ = connects_.after_loss(connected_at_, now);
+}
+
+void Session::on(const Disconnected&, SteadyTime now) {
+  if (link_ == Link::leaving) retry_at_ = now;
+}
+
+void Session::keep(SteadyTime now, bool may_hear) {
+  if (link_ == Link::connecting && now >= connect_deadline_) {
+    broker_.disconnect();
+    on(ConnectFailed{"no answer"}, now);
+  }
+  watch(now);
+  subscriptions_.keep(now, may_hear);
+  if ((link_ == Link::waiting || link_ == Link::leaving) && now >= retry_at_) connect(now);
+}
+
+void Session::connect(SteadyTime now) {
+  link_ = Link::connecting;
+  connect_deadline_ = now + kConnectPatience;
+  broker_.connect(connects_.index(), receive_maximum_);
+}
+
+void Session::end(SteadyTime now) {
+  link_ = Link::waiting;
+  connects_.connection_ended(now);
+  subscriptions_.connection_ended();
+  lost_at_ = now;
+  down_since_.reset();
+  outgoing_.forget();
+  listener_.connection_ended(now);
+}
+
+void Session::connect_anew(SteadyTime now) {
+  log::warn(
+      "broker_sends_too_far_ahead",
+      {{"server", connects_.server()},
+       {"note", "PUBACKs come late behind messages; connecting anew with Receive Maximum 1"}});
+  receive_maximum_ = 1;
+  broker_.disconnect();
+  end(now);
+  link_ = Link::leaving;
+  retry_at_ = now + kGoodbye;
+}
+
+void Session::begin_anew(SteadyTime now) {
+  const bool was_connected = link_ == Link::connected;
+  connects_.restart();
+  last_failure_.clear();
+  subscriptions_.forget_refusals();
+  receive_maximum_ = kReceiveMaximum;
+  if (was_connected) {
+    broker_.disconnect();
+    end(now);
+  }
+  if (link_ == Link::connecting) listener_.attempt_failed();
+  // An attempt without an answer gets no DISCONNECT: connect() abandons it.
+  link_ = was_connected ? Link::leaving : Link::waiting;
+  retry_at_ = was_connected ? now + kGoodbye : now;
+}
+
+void Session::begin_end(SteadyTime now) {
+  subscriptions_.end_commands();
+  if (link_ == Link::leaving) connect(now);
+}
+
+void Session::give_up(SteadyTime now) {
+  if (link_ != Link::connected) broker_.disconnect();
+  end(now);
+}
+
+/// Detects losses that the library does not report. Health is published at least every minute; if
+/// the broker does not acknowledge it, the connection is lost.
+void Session::watch(SteadyTime now) {
+  const auto unanswered_since = outgoing_.unanswered_since();
+  if (link_ == Link::connected && unanswered_since &&
+      now - *unanswered_since >= kNoAcknowledgement) {
+    broker_.disconnect();
+    on(Lost{"no acknowledgement for 30 s"}, now);
+  }
+  if (link_ != Link::connected) return down_since_.reset();
+  // is_connected() takes a lock for which the library's threads wait, so it is called rarely.
+  if (!down_since_ && now < look_again_) return;
+  look_again_ = now + kBetweenLooks;
+  if (broker_.is_connected()) return down_since_.reset();
+  if (!down_since_) down_since_ = now;
+  if (now - *down_since_ >= kLibraryForgot) on(Lost{"found closed"}, now);
+}
+
+SteadyTime Session::next_wake() const {
+  SteadyTime wake = SteadyTime::max();
+  const auto at = [&wake](std::optional<SteadyTime> time) {
+    wake = std::min(wake, time.value_or(wake));
+  };
+  if (link_ == Link::waiting || link_ == Link::leaving) at(retry_at_);
+  if (link_ == Link::connecting) at(connect_deadline_);
+  if (link_ != Link::connected) return wake;
+  if (const auto since = outgoing_.unanswered_since()) at(*since + kNoAcknowledgement);
+  if (down_since_) at(*down_since_ + kLibraryForgot);
+  at(subscriptions_.next_wake());
+  return wake;
+}
+
+}  // namespace fxagent

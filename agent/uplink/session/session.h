@@ -1,0 +1,99 @@
+// The MQTT session. Connects, and detects losses even if the library does not report them.
+// ConnectSchedule chooses the next server and the time of the next attempt. Uplink thread. Time is
+// an argument.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "agent/steady_time.h"
+#include "agent/uplink/broker.h"
+#include "agent/uplink/outgoing.h"
+#include "agent/uplink/session/connect_schedule.h"
+#include "agent/uplink/session/subscriptions.h"
+
+namespace fxagent {
+
+class Session final {
+ public:
+  /// Receives the changes of the connection. None is empty.
+  struct Listener {
+    /// Connected; publications go to this broker now.
+    std::function<void(SteadyTime now)> connection_began;
+    /// Publications in flight must be published again.
+    std::function<void(SteadyTime now)> connection_ended;
+    std::function<void()> attempt_failed;
+    /// The broker has given our session to another client; connection_ended() follows.
+    std::function<void()> session_taken_over;
+  };
+
+  /// All references outlive the session.
+  Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects,
+          Subscriptions& subscriptions, Listener listener);
+
+  void on(const Connected& event, SteadyTime now);
+  void on(const ConnectFailed& event, SteadyTime now);
+  void on(const Lost& event, SteadyTime now);
+  void on(const Disconnected& event, SteadyTime now);
+
+  /// Does what is due. `may_hear`: as in Subscriptions::keep().
+  void keep(SteadyTime now, bool may_hear);
+  /// Returns the time by which keep() must run again.
+  SteadyTime next_wake() const;
+
+  /// Disconnects, and connects to the same server again with Receive Maximum 1. Messages received
+  /// so far are answered. Messages queued at the broker are lost with the session, as with every
+  /// loss.
+  void connect_anew(SteadyTime now);
+  /// Starts again with the first server. Ends an existing connection with a DISCONNECT.
+  void begin_anew(SteadyTime now);
+  /// Begins the shutdown: unsubscribes from commands. If the session is leaving, it connects again,
+  /// so that the broker that received a DISCONNECT also receives the final state.
+  void begin_end(SteadyTime now);
+  /// Completes the shutdown: publications not delivered yet stay undelivered.
+  void give_up(SteadyTime now);
+
+  bool is_connected() const { return link_ == Link::connected; }
+  /// Time since which the session has been connected, or without a connection; the clock's epoch if
+  /// it has not had one yet.
+  SteadyTime since() const { return is_connected() ? connected_at_ : lost_at_; }
+  /// Reason of the last failure or loss; empty: connected, or never tried.
+  const std::string& why_not_connected() const { return why_not_connected_; }
+  /// True if the session is neither connected nor on the way to it.
+  bool is_waiting() const { return link_ == Link::waiting; }
+  /// True until the first attempt to connect has ended.
+  bool is_starting() const { return starting_; }
+  /// Receive Maximum sent to the broker: messages that it may send ahead of acknowledgements.
+  std::uint16_t receive_maximum() const { return receive_maximum_; }
+
+ private:
+  /// leaving: a DISCONNECT was sent in order to reconnect; events read before it still arrive.
+  enum class Link : std::uint8_t { waiting, connecting, connected, leaving };
+
+  void connect(SteadyTime now);
+  void end(SteadyTime now);
+  void watch(SteadyTime now);
+
+  Broker& broker_;
+  Outgoing& outgoing_;
+  ConnectSchedule& connects_;
+  Subscriptions& subscriptions_;
+  const Listener listener_;
+
+  Link link_ = Link::waiting;
+  bool starting_ = true;
+  SteadyTime retry_at_{};
+  std::string last_failure_;
+  std::string why_not_connected_;
+  SteadyTime lost_at_{};
+  SteadyTime connect_deadline_{};
+  SteadyTime connected_at_{};
+  SteadyTime look_again_{};               ///< next check that the connection still exists
+  std::optional<SteadyTime> down_since_;  ///< unreported: the library has no connection
+  std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< reset when a connection is lost
+};
+
+}  // namespace fxagent

@@ -1,0 +1,68 @@
+// The steps of a clean stop. Uplink thread. Time is an argument.
+//
+// Draining: what is waiting is published for up to 3 s. Farewell: the agent's state becomes
+// offline. Closing: the connection is closed. Finished: what the broker has not acknowledged is on
+// disk, for the next boot, and the store is closed.
+#pragma once
+
+#include <cstdint>
+
+#include "agent/steady_time.h"
+#include "agent/store/guarded_store.h"
+#include "agent/uplink/broker.h"
+#include "agent/uplink/commands/command_intake.h"
+#include "agent/uplink/commands/result_delivery.h"
+#include "agent/uplink/farewell.h"
+#include "agent/uplink/outgoing.h"
+#include "agent/uplink/retained/retained_state.h"
+#include "agent/uplink/samples/sample_delivery.h"
+#include "agent/uplink/samples/sample_spool.h"
+#include "agent/uplink/session/session.h"
+#include "agent/uplink/status/status_source.h"
+
+namespace fxagent {
+
+class Shutdown final {
+ public:
+  /// Everything that is drained or closed; all outlive the object.
+  struct Parts {
+    Broker& broker;
+    Session& session;
+    Farewell& farewell;
+    const Outgoing& outgoing;
+    const CommandIntake& intake;
+    const ResultDelivery& results;
+    const RetainedState& retained;
+    const SampleDelivery& samples;
+    SampleSpool& spool;
+    const StatusSource& status;
+    GuardedStore* store = nullptr;  ///< null: no store
+  };
+  explicit Shutdown(Parts parts) : parts_(parts) {}
+
+  /// Begins. No effect if it has begun already.
+  void begin(SteadyTime now);
+  /// Takes the next step if it is due. Call at the end of each step of the uplink.
+  void step(SteadyTime now);
+  /// The broker has received our DISCONNECT.
+  void disconnected(SteadyTime now);
+
+  bool has_begun() const { return phase_ != Phase::running; }
+  /// True until the farewell: publications still go out.
+  bool may_publish() const { return phase_ <= Phase::draining; }
+  bool finished() const { return phase_ == Phase::finished; }
+  /// Returns the time by which step() must run, after begin().
+  SteadyTime next_wake() const;
+
+ private:
+  enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
+
+  bool drained() const;
+  void finish(SteadyTime now);
+
+  const Parts parts_;
+  Phase phase_ = Phase::running;
+  SteadyTime deadline_{};  ///< of draining and closing
+};
+
+}  // namespace fxagent

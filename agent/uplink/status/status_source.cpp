@@ -1,0 +1,176 @@
+#include "agent/uplink/status/status_source.h"
+
+#include <algorithm>
+#include <chrono>
+#include <ratio>
+#include <utility>
+
+#include "agent/log/log.h"
+#include "agent/process/process_facts.h"
+#include "agent/uplink/puback.h"
+
+namespace fxagent {
+
+using std::chrono::seconds;
+
+StatusSource::StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
+                           std::function<void()> wake)
+    : parts_(parts),
+      config_(std::make_shared<const Config>(parts.config)),
+      run_(std::move(run)),
+      utc_ms_(std::move(utc_ms)),
+      board_(std::move(wake)),
+      last_(parts.config) {}
+
+void StatusSource::change(const ConfigChange& change) {
+  config_ = std::make_shared<const Config>(parts_.config);
+  last_.change(change);
+  published_.reset();
+}
+
+void StatusSource::start(SteadyTime now) {
+  started_ = now;
+  rate_since_ = now;
+}
+
+void StatusSource::take(Outbox::Batch& batch, SteadyTime now) {
+  pushed_ = batch.pushed;
+  if (board_.values_wanted())
+    for (const Telemetry& message : batch.telemetry) last_.add(message);
+  if (!batch.health) return;
+  field_heard_ = now;
+  field_ = std::make_shared<const FieldHealth>(std::move(*batch.health));
+  std::uint64_t sent = 0;
+  for (const DeviceHealth& device : field_->devices) sent += device.collected - device.suppressed;
+  sent += field_->ended_collected - field_->ended_suppressed;
+  miscounted_ = sent != batch.pushed_at_health;
+  if (miscounted_)
+    log::error("samples_miscounted", {{"field", std::to_string(sent)},
+                                      {"outbox", std::to_string(batch.pushed_at_health)}});
+}
+
+void StatusSource::tick(SteadyTime now) {
+  if (const std::uint64_t bytes = parts_.samples.take_row_bytes(); bytes > 0) {
+    const auto hours = std::chrono::duration<double, std::ratio<3600>>(now - rate_since_).count();
+    bytes_per_hour_ = static_cast<double>(bytes) / hours;
+    rate_since_ = now;
+  }
+  log_samples();
+  at(now);
+}
+
+void StatusSource::answer(SteadyTime now) {
+  if (board_.is_asked()) at(now);
+}
+
+std::shared_ptr<const AgentStatus> StatusSource::at(SteadyTime now) {
+  if (!published_ || published_at_ != now || board_.is_asked()) {
+    published_ = std::make_shared<const AgentStatus>(make(now));
+    published_at_ = now;
+    board_.publish(published_, now);
+  }
+  return published_;
+}
+
+void StatusSource::log_samples() {
+  if (parts_.dropped.total() != dropped_at_tick_) {
+    log::warn("samples_dropped",
+              {{"count", std::to_string(parts_.dropped.total() - dropped_at_tick_)},
+               {"total", std::to_string(parts_.dropped.total())}});
+    dropped_at_tick_ = parts_.dropped.total();
+  }
+  const SampleCounts now_here = samples();
+  if (!now_here.balanced())
+    log::error("samples_unbalanced", {{"collected", std::to_string(now_here.collected)},
+                                      {"recovered", std::to_string(now_here.recovered)},
+                                      {"suppressed", std::to_string(now_here.suppressed)},
+                                      {"queued", std::to_string(now_here.queued)},
+                                      {"in_flight", std::to_string(now_here.in_flight)},
+                                      {"stored", std::to_string(now_here.stored)},
+                                      {"acknowledged", std::to_string(now_here.acknowledged)},
+                                      {"dropped", std::to_string(now_here.dropped)}});
+}
+
+SampleCounts StatusSource::samples() const {
+  SampleCounts samples;
+  for (const DeviceHealth& device : field_->devices) samples.suppressed += device.suppressed;
+  samples.suppressed += field_->ended_suppressed;
+  samples.collected = pushed_ + samples.suppressed;
+  const SampleDelivery::Counters out = parts_.samples.counters();
+  samples.queued = out.queued + parts_.spool.gathered() + parts_.spool.at_disk();
+  samples.in_flight = out.in_flight;
+  samples.stored = parts_.spool.backlog().rows();
+  if (parts_.store != nullptr) {
+    const GuardedStore::Figures store = parts_.store->figures();
+    samples.stored += store.rows;
+    samples.recovered = store.recovered;
+  }
+  samples.acknowledged = out.acknowledged + parts_.history.acknowledged();
+  samples.dropped = parts_.dropped.total();
+  samples.published = out.published + parts_.history.published();
+  samples.miscounted = miscounted_;
+  return samples;
+}
+
+BrokerStatus StatusSource::broker(SteadyTime now) const {
+  const Session& session = parts_.session;
+  const SteadyTime since = std::max(session.since(), started_);
+  BrokerStatus status;
+  status.server = parts_.connects.server();
+  status.connected = session.is_connected();
+  const Subscriptions& subscriptions = parts_.subscriptions;
+  status.not_heard_why = subscriptions.not_heard_why().value_or("");
+  status.subscribed =
+      status.connected && !subscriptions.not_heard_why() && !subscriptions.awaits_first_suback();
+  status.since_ms =
+      utc_ms_() - std::chrono::duration_cast<std::chrono::milliseconds>(now - since).count();
+  status.why = session.why_not_connected();
+  return status;
+}
+
+AgentStatus StatusSource::make(SteadyTime now) const {
+  AgentStatus status;
+  status.config = config_;
+  status.config_status = config_status_;
+  status.ts_ms = utc_ms_();
+  status.made_at = now;
+  status.field_heard = field_heard_;
+  status.command_durations = parts_.results.durations();
+  status.boot = run_.boot;
+  status.version = run_.version;
+  status.uptime = std::chrono::duration_cast<seconds>(now - started_);
+  status.conflict = conflict_;
+  status.broker = broker(now);
+  status.samples = samples();
+  status.field = field_;
+  status.devices = parts_.states.all();
+  if (board_.values_wanted()) status.values = last_.groups();
+  for (const DeviceConfig& device : parts_.config.devices) {
+    status.dropped.push_back(parts_.dropped.of(device.name));
+    const auto refused = parts_.refused.reason(device.name);
+    status.refused.push_back(refused ? hex_code(*refused) : std::string());
+  }
+  status.commands = parts_.commands.counts();
+  const auto& last = parts_.commands.last();
+  status.last_commands.assign(last.begin(), last.end());
+  status.store_state = parts_.store == nullptr ? "memory" : parts_.store->state();
+  status.store_bytes = parts_.spool.backlog().bytes();
+  if (parts_.store != nullptr) {
+    const GuardedStore::Figures store = parts_.store->figures();
+    status.store_bytes += store.bytes;
+    status.store_set_aside = store.set_aside;
+    status.audit_records = store.audit.records;
+    status.audit_head = to_text(store.audit.hash);
+  }
+  const std::uint64_t room =
+      parts_.store == nullptr ? parts_.spool.backlog().max_bytes() : parts_.store->max_bytes();
+  if (bytes_per_hour_)
+    status.hours_left =
+        static_cast<double>(room - std::min(room, status.store_bytes)) / *bytes_per_hour_;
+  const ProcessFacts facts = read_process_facts();
+  status.clock_synchronised = facts.clock_synchronised;
+  status.rss_bytes = facts.rss_bytes;
+  return status;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,117 @@
+// Makes the agent's status (agent/status.h) from the parts of the uplink and publishes it on the
+// status board: at each interval of health, and when a reader asks. Logs samples that do not add
+// up. Uplink thread, except for what the board lets other threads do.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "agent/commands/commands.h"
+#include "agent/config/config_difference.h"
+#include "agent/config/model.h"
+#include "agent/field_health.h"
+#include "agent/outbox.h"
+#include "agent/status.h"
+#include "agent/status_board.h"
+#include "agent/steady_time.h"
+#include "agent/store/guarded_store.h"
+#include "agent/uplink/commands/result_delivery.h"
+#include "agent/uplink/retained/device_states.h"
+#include "agent/uplink/samples/dropped_samples.h"
+#include "agent/uplink/samples/history_delivery.h"
+#include "agent/uplink/samples/refused_devices.h"
+#include "agent/uplink/samples/sample_delivery.h"
+#include "agent/uplink/samples/sample_spool.h"
+#include "agent/uplink/session/connect_schedule.h"
+#include "agent/uplink/session/session.h"
+#include "agent/uplink/session/subscriptions.h"
+#include "agent/uplink/status/last_samples.h"
+
+namespace fxagent {
+
+class StatusSource final {
+ public:
+  /// The parts from which the status is made; all outlive the object.
+  struct Parts {
+    const Config& config;
+    const Commands& commands;
+    const Session& session;
+    const ConnectSchedule& connects;
+    const Subscriptions& subscriptions;
+    const DeviceStates& states;
+    const SampleSpool& spool;
+    const DroppedSamples& dropped;
+    const ResultDelivery& results;
+    SampleDelivery& samples;
+    const HistoryDelivery& history;
+    const RefusedDevices& refused;
+    const GuardedStore* store = nullptr;  ///< null: no store
+  };
+  struct Run {
+    std::string boot;
+    std::string version;
+  };
+
+  /// `utc_ms` returns the current calendar time; `wake` as in StatusBoard.
+  StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
+               std::function<void()> wake);
+
+  /// Adapts to a config change, which `config` already contains.
+  void change(const ConfigChange& change);
+  void set_config_status(ConfigStatus status) {
+    config_status_ = std::move(status);
+    published_.reset();
+  }
+
+  /// Starts the agent's uptime.
+  void start(SteadyTime now);
+  /// Takes the field's values and counters. Moves from `batch.health`; leaves the samples.
+  void take(Outbox::Batch& batch, SteadyTime now);
+  /// Sets the boot of another agent with the same id; empty: none.
+  void set_conflict(std::string other_boot) {
+    conflict_ = std::move(other_boot);
+    published_.reset();
+  }
+  /// Call at each interval of health: restarts rates, logs faults and publishes a status.
+  void tick(SteadyTime now);
+  /// Publishes a status if a reader is waiting for it.
+  void answer(SteadyTime now);
+
+  /// Returns the current status; the published one if it is of this step.
+  std::shared_ptr<const AgentStatus> at(SteadyTime now);
+  /// Returns the samples counted by location.
+  SampleCounts samples() const;
+  StatusBoard& board() { return board_; }
+
+ private:
+  AgentStatus make(SteadyTime now) const;
+  BrokerStatus broker(SteadyTime now) const;
+  void log_samples();
+
+  const Parts parts_;
+  /// Shared with each status made under it.
+  std::shared_ptr<const Config> config_;
+  ConfigStatus config_status_;
+  const Run run_;
+  const std::function<std::int64_t()> utc_ms_;
+  StatusBoard board_;
+  LastSamples last_;
+
+  std::uint64_t pushed_ = 0;  ///< samples passed on by the outbox
+  std::shared_ptr<const FieldHealth> field_ = std::make_shared<const FieldHealth>();
+  std::optional<SteadyTime> field_heard_;
+  bool miscounted_ = false;  ///< field_ disagrees with the samples passed on by the outbox
+  std::string conflict_;
+  std::uint64_t dropped_at_tick_ = 0;
+  std::optional<double> bytes_per_hour_;  ///< of the last minute or longer with samples
+  SteadyTime started_{};
+  SteadyTime rate_since_{};
+  std::shared_ptr<const AgentStatus> published_;
+  SteadyTime published_at_{};
+};
+
+}  // namespace fxagent

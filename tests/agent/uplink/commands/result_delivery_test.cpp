@@ -1,0 +1,162 @@
+// Results that the broker refuses or acknowledges late.
+#include "agent/uplink/commands/result_delivery.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/agent/uplink/publisher_bench.h"
+
+namespace fxagent {
+namespace {
+
+using test::kBase;
+using Bench = test::PublisherBench;
+using namespace std::chrono_literals;
+
+constexpr int kQuotaExceeded = 0x97;  // no final refusal
+const std::string kOwn = kBase + "/press1/result";
+const std::string kResponse = kOwn + "/hmi";
+
+void refuse(Bench& bench) {
+  bench.broker.refuse_next(kQuotaExceeded);
+  bench.settle();
+}
+
+/// The only message on its way is refused four times: it comes again after a pause that doubles.
+/// `sent` counts its repetitions.
+void expect_growing_pauses(Bench& bench, const std::function<std::size_t()>& sent) {
+  std::size_t count = sent();
+  for (const auto pause : {1000ms, 2000ms, 4000ms, 8000ms}) {
+    SCOPED_TRACE("a pause of " + std::to_string(pause.count()) + " ms");
+    refuse(bench);
+    bench.advance(pause - 1ms);
+    EXPECT_EQ(sent(), count);
+    bench.advance(pause / 4 + 1ms);
+    ASSERT_EQ(sent(), ++count);
+  }
+}
+
+TEST(ResultDelivery, RefusedResponseTopicIsGivenUpAtOnce) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  CommandResult result = test::succeeded("a");
+  result.response_topic = kResponse;
+  bench.outbox.push(result);
+  bench.settle();
+  bench.broker.acknowledge_next();
+  refuse(bench);
+  bench.broker.acknowledges = true;
+  bench.advance(1h);
+  EXPECT_EQ(bench.broker.on(kOwn).size(), 1U);
+  EXPECT_EQ(bench.broker.on(kResponse).size(), 1U);
+}
+
+TEST(ResultDelivery, EveryWaitingResultGoesToItsResponseTopic) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  for (const char* id : {"a", "b", "c"}) {
+    CommandResult result = test::succeeded(id);
+    result.response_topic = kResponse;
+    bench.outbox.push(result);
+  }
+  bench.settle();
+  EXPECT_EQ(bench.broker.on(kOwn).size(), 3U);
+  EXPECT_EQ(bench.broker.on(kResponse).size(), 3U);
+}
+
+TEST(ResultDelivery, ResponseTopicLongerThanAPacketGetsNothing) {
+  Bench bench;
+  bench.broker.maximum_packet = 2000;
+  bench.online();
+  CommandResult result = test::succeeded("a");
+  result.response_topic = kOwn + "/" + std::string(1900, 't');
+  bench.outbox.push(result);
+  bench.settle();
+  EXPECT_EQ(bench.broker.on(kOwn).size(), 1U);
+  EXPECT_TRUE(bench.broker.on(result.response_topic).empty());
+}
+
+TEST(ResultDelivery, PauseBetweenRefusalsGrows) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::succeeded("a"));
+  bench.settle();
+  expect_growing_pauses(bench, [&] { return bench.broker.on(kOwn).size(); });
+}
+
+TEST(ResultDelivery, NewConnectionEndsThePauseAndTheNextOneIsShortAgain) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::succeeded("a"));
+  bench.settle();
+  refuse(bench);
+  bench.advance(1250ms);
+  refuse(bench);
+  bench.advance(2500ms);
+  ASSERT_EQ(bench.broker.on(kOwn).size(), 3U);
+  refuse(bench);  // the next pause is 4 s or more
+  bench.broker.lose();
+  bench.settle();
+  bench.advance(2s);
+  ASSERT_TRUE(bench.broker.up());
+  EXPECT_EQ(bench.broker.on(kOwn).size(), 4U) << "at once";
+  refuse(bench);
+  bench.advance(1250ms);
+  EXPECT_EQ(bench.broker.on(kOwn).size(), 5U);
+}
+
+TEST(ResultDelivery, EightMebibytesOfResultsHoldCommandsBack) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  CommandResult large = test::succeeded("a");
+  large.correlation = Bytes(65000, 1);
+  const auto push = [&](int results) {
+    for (int i = 0; i < results; ++i) bench.outbox.push(large);
+    bench.settle();
+  };
+  push(100);
+  EXPECT_FALSE(bench.broker.held);
+  push(40);
+  EXPECT_TRUE(bench.broker.held) << "140 results are fewer than their number allows";
+  bench.broker.acknowledges = true;
+  bench.broker.acknowledge_all();
+  bench.settle();
+  EXPECT_FALSE(bench.broker.held);
+}
+
+TEST(RetainedState, PauseBetweenRefusalsGrows) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::offline(0, "timeout"));
+  bench.settle();
+  expect_growing_pauses(bench, [&] { return bench.broker.on(kBase + "/press1/state").size(); });
+}
+
+TEST(SampleDelivery, PauseBetweenRefusalsGrows) {
+  Bench bench;
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::sample(1));
+  bench.settle();
+  expect_growing_pauses(
+      bench, [&] { return bench.broker.on(kBase + "/press1/data/fast/history").size(); });
+}
+
+TEST(JitteredBackoff, AddsUpToAQuarterSoThatAgentsDoNotComeBackTogether) {
+  std::set<std::chrono::milliseconds> pauses;
+  for (std::uint32_t seed = 1; seed <= 20; ++seed) {
+    const auto pause = JitteredBackoff(seed * 100'000'007U).after(0);  // small seeds begin alike
+    EXPECT_GE(pause, 1000ms);
+    EXPECT_LE(pause, 1250ms);
+    pauses.insert(pause);
+  }
+  EXPECT_GT(pauses.size(), 1U);
+}
+
+}  // namespace
+}  // namespace fxagent
