@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cstdlib>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "agent/cli/setup/acl.h"
+#include "agent/cli/setup/init_flow.h"
 #include "agent/config/json/pretty.h"
 #include "agent/config/loader.h"
 #include "agent/config/read/reader.h"
@@ -125,112 +127,38 @@ std::string drop_in_text(const InitAnswers& answers, const std::string& director
 
 // ---- Node-RED ---------------------------------------------------------------------------------
 
-/// Creates a node on the flow's only tab.
-JsonObject node(std::string_view id, std::string_view type, std::string_view name, int x, int y,
-                std::string_view wires) {
-  JsonObject out;
-  out.text("id", id);
-  out.text("type", type);
-  out.text("z", "fxagent-tab");
-  out.text("name", name);
-  out.integer("x", x);
-  out.integer("y", y);
-  out.raw("wires", std::string(wires));
-  return out;
-}
-
-JsonObject mqtt_in(std::string_view id, std::string_view name, const std::string& topic, int y,
-                   std::string_view wires) {
-  JsonObject out = node(id, "mqtt in", name, 160, y, wires);
-  out.text("topic", topic);
-  out.text("qos", "1");
-  out.text("datatype", "json");
-  out.text("broker", "fxagent-broker");
-  out.raw("nl", "false");
-  out.raw("rap", "true");
-  out.raw("rh", "0");
-  out.integer("inputs", 0);
-  return out;
-}
-
-JsonObject debug(std::string_view id, std::string_view name, int y) {
-  JsonObject out = node(id, "debug", name, 700, y, "[]");
-  out.raw("active", "true");
-  out.raw("tosidebar", "true");
-  out.raw("console", "false");
-  out.raw("tostatus", "true");
-  out.text("complete", "payload");
-  out.text("targetType", "msg");
-  return out;
-}
-
-JsonObject broker_node(const Config& config) {
+/// Fills in the flow of config/node-red/init.json. Leaves out its set-point if no tag may be
+/// written.
+std::string flow_text(const Config& config) {
   const std::string& server = config.mqtt.servers.front();
   const std::size_t host = server.find("://") + 3;
   const std::size_t colon = server.rfind(':');
-  JsonObject out;
-  out.text("id", "fxagent-broker");
-  out.text("type", "mqtt-broker");
-  out.text("name", "the agent's broker");
-  out.text("broker", server.substr(host, colon - host));
-  out.text("port", server.substr(colon + 1));
-  out.text("clientid", "");
-  out.raw("autoConnect", "true");
-  out.raw("usetls", server.starts_with("mqtts://") ? "true" : "false");
-  out.text("protocolVersion", "5");
-  out.text("keepalive", "60");
-  out.raw("cleansession", "true");
-  return out;
-}
-
-/// Adds a node that sends a set-point when clicked. Each command needs a new id.
-void add_set_point(std::vector<JsonObject>& nodes, const Config& config, const TagConfig& tag) {
-  const std::string name(std::string_view(tag.name));
-  JsonObject inject =
-      node("fxagent-value", "inject", "set " + name, 160, 300, R"([["fxagent-command"]])");
-  const bool is_bit = tag.point.type == DataType::boolean;
-  inject.raw("props", R"([{"p": "payload"}])");
-  inject.raw("repeat", "\"\"");
-  inject.raw("crontab", "\"\"");
-  inject.raw("once", "false");
-  inject.text("payload", is_bit ? "true" : "0");
-  inject.text("payloadType", is_bit ? "bool" : "num");
-  nodes.push_back(inject);
-  JsonObject command =
-      node("fxagent-command", "function", "command", 360, 300, R"([["fxagent-send"]])");
-  command.text("func", "msg.payload = {id: RED.util.generateId(), op: \"write\", tag: \"" + name +
-                           "\", value: msg.payload, by: \"node-red\"};\nreturn msg;");
-  command.integer("outputs", 1);
-  nodes.push_back(command);
-  JsonObject send = node("fxagent-send", "mqtt out", "send", 540, 300, "[]");
-  send.text("topic", config.base_topic() + "/" + config.devices.front().name + "/command");
-  send.text("qos", "1");
-  send.text("retain", "false");
-  send.text("broker", "fxagent-broker");
-  nodes.push_back(send);
-}
-
-std::string flow_text(const Config& config) {
-  const std::string base = config.base_topic();
-  JsonObject tab;
-  tab.text("id", "fxagent-tab");
-  tab.text("type", "tab");
-  tab.text("label", "fxagent " + config.id);
-  tab.text("info", "Made by fxagent init. Give the broker node its user and password.");
-  std::vector<JsonObject> nodes{tab, broker_node(config)};
-  nodes.push_back(
-      mqtt_in("fxagent-data", "samples", base + "/+/data/+", 100, R"([["fxagent-show-data"]])"));
-  nodes.push_back(debug("fxagent-show-data", "samples", 100));
-  nodes.push_back(
-      mqtt_in("fxagent-state", "states", base + "/+/state", 160, R"([["fxagent-show-state"]])"));
-  nodes.push_back(debug("fxagent-show-state", "states", 160));
-  nodes.push_back(mqtt_in("fxagent-result", "results", base + "/+/result", 220,
-                          R"([["fxagent-show-result"]])"));
-  nodes.push_back(debug("fxagent-show-result", "results", 220));
-  const auto& tags = config.devices.front().tags;
-  const auto written = std::ranges::find_if(tags, &TagConfig::writable);
-  if (written != tags.end()) add_set_point(nodes, config, *written);
-  return pretty_text(list_of(nodes));
+  const DeviceConfig& device = config.devices.front();
+  const auto tag = std::ranges::find_if(device.tags, &TagConfig::writable);
+  const bool has_tag = tag != device.tags.end();
+  const bool is_bit = has_tag && tag->point.type == DataType::boolean;
+  // No name and no host has a character that JSON escapes.
+  const std::array<std::pair<std::string_view, std::string>, 9> values{
+      {{"{id}", config.id},
+       {"{base}", config.base_topic()},
+       {"{host}", server.substr(host, colon - host)},
+       {"{port}", server.substr(colon + 1)},
+       {"\"{usetls}\"", server.starts_with("mqtts://") ? "true" : "false"},
+       {"{device}", device.name},
+       {"{tag}", has_tag ? std::string(std::string_view(tag->name)) : std::string()},
+       {"{payload}", is_bit ? "true" : "0"},
+       {"{payload_type}", is_bit ? "bool" : "num"}}};
+  std::string text(kInitFlow);
+  for (const auto& [name, value] : values)
+    for (auto at = text.find(name); at != text.npos; at = text.find(name, at + value.size()))
+      text.replace(at, name.size(), value);
+  if (has_tag) return text;
+  auto nodes = nlohmann::ordered_json::parse(text);
+  std::erase_if(nodes.get_ref<nlohmann::ordered_json::array_t&>(), [](const auto& node) {
+    constexpr std::array kSetPoint{"fxagent-value", "fxagent-command", "fxagent-send"};
+    return std::ranges::find(kSetPoint, node["id"]) != kSetPoint.end();
+  });
+  return pretty_text(nodes.dump());
 }
 
 /// Returns the flag that set a place of the config, or the place itself if no flag did.
