@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdlib>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "agent/cli/setup/acl.h"
@@ -26,18 +25,6 @@ constexpr std::string_view kPlace = "/etc/fxagent";
 constexpr std::string_view kPassword = "mqtt_password";
 constexpr std::string_view kFlow = "node-red-flow.json";
 
-std::string list_of(const std::vector<JsonObject>& items) {
-  std::string text = "[";
-  for (const JsonObject& item : items) text += (text.size() > 1 ? "," : "") + item.dump();
-  return text + "]";
-}
-
-std::string quoted(std::string_view text) {
-  std::string out;
-  append_json_string(out, text);
-  return out;
-}
-
 // ---- config -----------------------------------------------------------------------------------
 
 /// Parses "temp=D100", or "D100", which gets a name derived from it.
@@ -47,52 +34,40 @@ JsonObject tag_of(const std::string& spelled, bool is_written, NameMaker& names)
   const std::string address = mark == spelled.npos ? spelled : spelled.substr(mark + 1);
   const std::string name =
       mark == spelled.npos ? names.make(address, "tag", 0, ignored) : spelled.substr(0, mark);
-  JsonObject tag;
-  tag.text("name", name);
-  tag.text("address", address);
-  tag.text("group", "fast");
-  if (is_written) tag.text("access", "read_write");
+  JsonObject tag = JsonObject::object({{"name", name}, {"address", address}, {"group", "fast"}});
+  if (is_written) tag["access"] = "read_write";
   return tag;
 }
 
-std::string device_text(const InitAnswers& answers) {
-  JsonObject device;
-  device.text("name", answers.device);
-  device.text("link", "line1");
-  device.text("protocol", answers.protocol);
-  if (!answers.model.empty()) device.text("model", answers.model);
+JsonObject device_of(const InitAnswers& answers) {
+  JsonObject device = JsonObject::object(
+      {{"name", answers.device}, {"link", "line1"}, {"protocol", answers.protocol}});
+  if (!answers.model.empty()) device["model"] = answers.model;
   const ProtocolInfo* protocol = find_protocol(answers.protocol);
   for (const auto key : {"unit"sv, "station"sv})
     if (protocol != nullptr && !answers.unit.empty() &&
         std::ranges::find(protocol->options, key, &OptionSpec::key) != protocol->options.end())
-      device.raw(key, answers.unit);
-  device.raw("groups", R"([{"name": "fast", "interval_ms": 1000}])");
+      device[key] = json_number(std::strtod(answers.unit.c_str(), nullptr));
+  device["groups"].push_back(JsonObject::object({{"name", "fast"}, {"interval_ms", 1000}}));
   NameMaker names;
-  std::vector<JsonObject> tags;
-  tags.reserve(answers.read.size() + answers.write.size());
+  JsonObject& tags = device["tags"] = JsonObject::array();
   for (const std::string& spelled : answers.read) tags.push_back(tag_of(spelled, false, names));
   for (const std::string& spelled : answers.write) tags.push_back(tag_of(spelled, true, names));
-  device.raw("tags", list_of(tags));
-  return device.dump();
+  return device;
 }
 
 std::string config_text(const InitAnswers& answers) {
   Imported links;
   LinkTable(links).to(answers.port);
-  JsonObject agent;
-  agent.text("id", answers.id);
-  JsonObject mqtt;
-  // std::quoted would match, too.
-  mqtt.raw("servers", "[" + fxagent::quoted(answers.broker) + "]");
-  if (!answers.user.empty()) mqtt.text("username", answers.user);
-  if (!answers.password_file.empty()) mqtt.text("password_file", answers.password_file);
   JsonObject out;
-  out.raw("agent", agent.dump());
-  out.raw("mqtt", mqtt.dump());
-  out.raw("store", R"({"path": "/var/lib/fxagent"})");
-  out.raw("links", list_of(links.links));
-  out.raw("devices", "[" + device_text(answers) + "]");
-  return pretty_text(out.dump());
+  out["agent"]["id"] = answers.id;
+  out["mqtt"]["servers"].push_back(answers.broker);
+  if (!answers.user.empty()) out["mqtt"]["username"] = answers.user;
+  if (!answers.password_file.empty()) out["mqtt"]["password_file"] = answers.password_file;
+  out["store"]["path"] = "/var/lib/fxagent";
+  out["links"] = links.links;
+  out["devices"].push_back(device_of(answers));
+  return pretty_text(json_text(out));
 }
 
 // ---- unit drop-in -----------------------------------------------------------------------------
@@ -153,12 +128,12 @@ std::string flow_text(const Config& config) {
     for (auto at = text.find(name); at != text.npos; at = text.find(name, at + value.size()))
       text.replace(at, name.size(), value);
   if (has_tag) return text;
-  auto nodes = nlohmann::ordered_json::parse(text);
-  std::erase_if(nodes.get_ref<nlohmann::ordered_json::array_t&>(), [](const auto& node) {
-    constexpr std::array kSetPoint{"fxagent-value", "fxagent-command", "fxagent-send"};
-    return std::ranges::find(kSetPoint, node["id"]) != kSetPoint.end();
+  auto nodes = JsonObject::parse(text);
+  std::erase_if(nodes.get_ref<JsonObject::array_t&>(), [](const JsonObject& node) {
+    constexpr std::array kSetPoint{"fxagent-value"sv, "fxagent-command"sv, "fxagent-send"sv};
+    return std::ranges::find(kSetPoint, node["id"].get<std::string>()) != kSetPoint.end();
   });
-  return pretty_text(nodes.dump());
+  return pretty_text(json_text(nodes));
 }
 
 /// Returns the flag that set a place of the config, or the place itself if no flag did.
