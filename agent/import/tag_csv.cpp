@@ -222,7 +222,7 @@ ImportResult TagCsvReader::read(const std::vector<CsvRow>& rows) {
 }  // namespace
 
 std::string export_csv(std::string_view text) {
-  const auto tree = json_source(text);
+  const auto tree = ConfigTree::parse(text, ConfigTree::Folding::none, {}, Comments::allowed);
   if (!tree) return {};
   const ConfigNode& top = tree->root();
   std::string out(kDeviceColumn);

@@ -16,8 +16,8 @@ bool is_number(char c) { return (c >= '0' && c <= '9') || c == '-' || c == '+' |
 /// Walks through the tokens of the text without parsing their content.
 class Walk {
  public:
-  Walk(std::string_view text, std::size_t read)
-      : text_(text), end_(std::min(read + 1, text.size())) {
+  Walk(std::string_view text, std::size_t read, Comments comments)
+      : text_(text), end_(std::min(read + 1, text.size())), comments_(comments) {
     constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
     if (text.starts_with(byte_order_mark)) at_ = byte_order_mark.size();
   }
@@ -32,8 +32,18 @@ class Walk {
   enum class Next : std::uint8_t { value, key, colon, comma, nothing };
 
   bool skip_blanks() {
-    at_ = std::min(text_.find_first_not_of(" \t\r\n", at_), text_.size());
+    do at_ = std::min(text_.find_first_not_of(" \t\r\n", at_), text_.size());
+    while (comments_ == Comments::allowed && skip_comment());
     return at_ < end_;
+  }
+
+  bool skip_comment() {
+    const std::string_view mark = text_.substr(at_, 2);
+    if (mark != "//" && mark != "/*") return false;
+    const std::size_t end =
+        mark == "//" ? text_.find_first_of("\r\n", at_) : text_.find("*/", at_ + 2);
+    at_ = end == text_.npos ? text_.size() : mark == "//" ? end : end + 2;
+    return true;
   }
 
   /// Reads one token. False if the walk cannot go on.
@@ -158,6 +168,7 @@ class Walk {
 
   const std::string_view text_;
   const std::size_t end_;
+  const Comments comments_;
   std::size_t at_ = 0;
   std::size_t token_end_ = 0;  ///< byte after the last token
   Next next_ = Next::value;
@@ -167,8 +178,9 @@ class Walk {
 
 }  // namespace
 
-std::optional<SyntaxFault> syntax_fault(std::string_view text, std::size_t read) {
-  return Walk(text, read).first_fault();
+std::optional<SyntaxFault> syntax_fault(std::string_view text, std::size_t read,
+                                        Comments comments) {
+  return Walk(text, read, comments).first_fault();
 }
 
 }  // namespace fxagent

@@ -7,6 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "agent/config/json/tree.h"
+
 namespace fxagent {
 
 struct SyntaxFault {
@@ -16,6 +18,6 @@ struct SyntaxFault {
 
 /// Returns the first such fault up to `read`, the byte that the parser rejected; nullopt if there
 /// is none. Linear in the size of the text. Throws only if memory runs out.
-std::optional<SyntaxFault> syntax_fault(std::string_view text, std::size_t read);
+std::optional<SyntaxFault> syntax_fault(std::string_view text, std::size_t read, Comments comments);
 
 }  // namespace fxagent

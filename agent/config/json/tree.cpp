@@ -242,7 +242,8 @@ std::string pointer_to(const ConfigNode& node) {
 
 tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_view text,
                                                                     Folding folding,
-                                                                    const TreeBounds& bounds) {
+                                                                    const TreeBounds& bounds,
+                                                                    Comments comments) {
   if (text.size() > max_bytes)
     return tl::unexpected(
         SyntaxError{0, "larger than " + std::to_string(max_bytes >> 20) + " MiB"});
@@ -270,11 +271,12 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
                       bounds);
   const char* const begin = text.data();
   if (!Json::sax_parse(TracedIterator(begin, &taken), TracedIterator(begin + text.size(), &taken),
-                       &builder)) {
+                       &builder, Json::input_format_t::json, true, comments == Comments::allowed)) {
     const std::size_t read = taken == 0 ? 0 : taken - 1;
     if (!builder.end().empty())
       return tl::unexpected(SyntaxError{tree.line_of(read), builder.end()});
-    if (const auto known = syntax_fault(text, read)) return syntax_error(known->at, known->text);
+    if (const auto known = syntax_fault(text, read, comments))
+      return syntax_error(known->at, known->text);
     return syntax_error(read, shown(builder.fault(), kMaxFault));
   }
   name_parents(*tree.root_);
@@ -286,8 +288,10 @@ std::vector<ConfigNode> ConfigTree::items_of(const ConfigNode& folded) const {
   std::size_t taken = folded.offset;
   TreeBuilder builder(array, taken, kUnfolded, {});
   const char* const begin = text_.data();
+  // A text without comments may be read with them.
   Json::sax_parse(TracedIterator(begin + folded.offset, &taken),
-                  TracedIterator(begin + folded.end, &taken), &builder);
+                  TracedIterator(begin + folded.end, &taken), &builder, Json::input_format_t::json,
+                  true, true);
   for (ConfigNode& item : array.children) {
     item.parent = &folded;
     name_parents(item);

@@ -71,7 +71,7 @@ TEST(SyntaxFault, WhatItDoesNotKnowKeepsTheParsersWords) {
 // and valid text is never called wrong.
 TEST(SyntaxFault, IsNeverBehindTheParsersPlace) {
   const std::string right = small_plant().dump(1);
-  EXPECT_FALSE(syntax_fault(right, right.size()));
+  EXPECT_FALSE(syntax_fault(right, right.size(), Comments::refused));
   constexpr std::string_view spoilers = "{}[]:,\"'/#x0 \n\\";
   std::size_t named = 0;
   for (std::size_t at = 0; at < right.size(); at += 3)
@@ -80,7 +80,7 @@ TEST(SyntaxFault, IsNeverBehindTheParsersPlace) {
       text[at] = spoiler;
       const auto tree = ConfigTree::parse(text);
       for (const std::size_t read : {at, text.size()}) {
-        const auto fault = syntax_fault(text, read);
+        const auto fault = syntax_fault(text, read, Comments::refused);
         if (fault) {
           EXPECT_LE(fault->at, read);
           EXPECT_FALSE(fault->text.empty());
