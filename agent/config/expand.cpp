@@ -69,7 +69,7 @@ ConfigNode written_out(ConfigReader& reader, DeviceEntry& entry, std::size_t i) 
 }  // namespace
 
 std::string expanded_config(std::string_view text, const Environment& environment) {
-  const auto tree = ConfigTree::parse(text);
+  const auto tree = ConfigTree::parse(text, ConfigTree::Folding::tags, {}, Comments::allowed);
   if (!tree) return {};
   ConfigReader reader(*tree, environment);
   const ConfigNode& top = tree->root();

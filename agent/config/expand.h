@@ -12,8 +12,8 @@
 
 namespace fxagent {
 
-/// Returns the file as JSON text with the same meaning. Leaves `${NAME}` and secrets unchanged.
-/// Errors: those of load_config().
+/// Returns the file as JSON text with the same meaning. Leaves `${NAME}` and secrets unchanged, and
+/// drops comments. Errors: those of load_config().
 tl::expected<std::string, std::vector<ConfigError>> expanded_config(const std::string& path);
 /// Same for a text in memory, which must be a valid config in this environment.
 std::string expanded_config(std::string_view text, const Environment& environment);

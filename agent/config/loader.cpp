@@ -87,7 +87,8 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
 tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
                                                 const Environment& environment, FilePrivacy privacy,
                                                 const ReadBounds& bounds) {
-  const auto tree = ConfigTree::parse(text, ConfigTree::Folding::tags, {.stop = bounds.stop});
+  const auto tree =
+      ConfigTree::parse(text, ConfigTree::Folding::tags, {.stop = bounds.stop}, Comments::allowed);
   if (!tree)
     return tl::unexpected(ConfigErrors{ConfigError{"", tree.error().line, tree.error().text}});
   ConfigReader reader(*tree, environment, bounds);

@@ -11,7 +11,8 @@
 
 namespace fxagent {
 
-/// Reads and checks a config file. Returns all errors together, in the order of the file. Replaces
+/// Reads and checks a config file: JSON with // and /* */ comments. Returns all errors together, in
+/// the order of the file. Replaces
 /// `${NAME}` in strings with the environment variable; `$${NAME}` stands for a plain `${NAME}`.
 /// Relative paths of `mqtt` and `store` are relative to the directory of the file. Never throws.
 tl::expected<Config, ConfigErrors> load_config(const std::string& path);

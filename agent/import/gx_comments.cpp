@@ -78,11 +78,10 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
   ImportedDevice device;
   device.name = options.device.empty() ? "plc1" : options.device;
   const std::string protocol = options.protocol.empty() ? "fx-programming-port" : options.protocol;
-  device.keys.text("name", device.name);
-  device.keys.text("link",
-                   links.to(options.port.empty() ? placeholder_port(protocol) : options.port));
-  device.keys.text("protocol", protocol);
-  if (!options.model.empty()) device.keys.text("model", options.model);
+  device.keys["name"] = device.name;
+  device.keys["link"] = links.to(options.port.empty() ? placeholder_port(protocol) : options.port);
+  device.keys["protocol"] = protocol;
+  if (!options.model.empty()) device.keys["model"] = options.model;
 
   NameMaker names;
   std::size_t without_comment = 0;
@@ -100,9 +99,9 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
     }
     ImportedTag tag{row->line, {}};
     const std::size_t before = out.notes.size();
-    tag.keys.text("name", names.make(comment, lower(address), row->line, out.notes));
+    tag.keys["name"] = names.make(comment, lower(address), row->line, out.notes);
     tag.is_changed = out.notes.size() > before;
-    tag.keys.literal("address", address);
+    tag.keys["address"] = literal(address);
     describe(tag, comment);
     device.tags.push_back(std::move(tag));
   }

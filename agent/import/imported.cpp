@@ -8,8 +8,6 @@
 
 #include "agent/config/json/pretty.h"
 #include "agent/config/loader.h"
-#include "agent/import/json_source.h"
-#include "agent/text.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {
@@ -22,34 +20,21 @@ constexpr std::int64_t kLongestInterval = 86'400'000;
 constexpr std::int64_t kModbusAddresses = 65536;
 constexpr int kPorts = 65536;
 
-std::string quoted(std::string_view text) { return "\"" + escaped(text, Escape::json) + "\""; }
-
-template <class List, class Dump>
-std::string joined(const List& list, Dump dump) {
-  std::string text = "[";
-  for (const auto& item : list) {
-    if (text.size() > 1) text += ',';
-    text += dump(item);
-  }
-  return text + "]";
-}
-
-std::string dump_device(const ImportedDevice& device) {
+JsonObject json_of(const ImportedDevice& device) {
   JsonObject out = device.keys;
-  const auto dump = [](const JsonObject& object) { return object.dump(); };
-  if (!device.groups.empty()) out.raw("groups", joined(device.groups, dump));
-  if (!device.tags.empty())
-    out.raw("tags", joined(device.tags, [](const ImportedTag& tag) { return tag.keys.dump(); }));
-  return out.dump();
+  for (const JsonObject& group : device.groups) out["groups"].push_back(group);
+  for (const ImportedTag& tag : device.tags) out["tags"].push_back(tag.keys);
+  return out;
 }
 
-std::string dump_config(const Imported& imported) {
+JsonObject json_of(const Imported& imported) {
   JsonObject out = imported.sections;
-  if (!out.has("agent")) out.raw("agent", R"({"id":"edge1"})");
-  if (!out.has("mqtt")) out.raw("mqtt", R"({"servers":["mqtt://127.0.0.1:1883"]})");
-  out.raw("links", joined(imported.links, [](const JsonObject& link) { return link.dump(); }));
-  out.raw("devices", joined(imported.devices, dump_device));
-  return out.dump();
+  out.emplace("agent", JsonObject::object({{"id", "edge1"}}));
+  out.emplace("mqtt", JsonObject::object({{"servers", {"mqtt://127.0.0.1:1883"}}}));
+  out["links"] = imported.links;
+  JsonObject& devices = out["devices"] = JsonObject::array();
+  for (const ImportedDevice& device : imported.devices) devices.push_back(json_of(device));
+  return out;
 }
 
 /// Removes "PREFIX3" from the front of a pointer and returns 3; nullopt if the prefix differs.
@@ -88,6 +73,12 @@ std::optional<int> port_number(std::string_view port) {
   return good ? std::optional(number) : std::nullopt;
 }
 
+/// Returns the name of a link or tag; empty if it has none.
+std::string name_of(const JsonObject& object) {
+  const auto name = object.find("name");
+  return name != object.end() && name->is_string() ? name->get<std::string>() : std::string();
+}
+
 /// Removes the tags that have errors, or only their access or description if the errors are there.
 /// Returns false if there was nothing to remove.
 bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
@@ -101,7 +92,7 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
   for (const auto& [place, reasons] : std::views::reverse(refused)) {
     auto& tags = imported.devices[place.first].tags;
     const auto tag = tags.begin() + static_cast<std::ptrdiff_t>(place.second);
-    const std::string text = std::string(tag->keys.json_of("name")) + ": " + reasons.front()->text;
+    const std::string text = json_text(name_of(tag->keys)) + ": " + reasons.front()->text;
     const auto all_of_key = [&](std::string_view key) {
       return std::ranges::all_of(
           reasons, [&](const ConfigError* error) { return error->pointer.ends_with(key); });
@@ -112,7 +103,7 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
         kSpared, [&](std::string_view key) { return all_of_key("/" + std::string(key)); });
     if (spared != kSpared.end()) {
       imported.note(tag->line, "not carried over: the " + std::string(*spared) + " of " + text);
-      tag->keys.erase(*spared);
+      tag->keys.erase(std::string(*spared));
       tag->is_changed = true;
     } else {
       imported.leave_out(tag->line, text);
@@ -122,32 +113,16 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
   return !refused.empty();
 }
 
-std::string name_of(const JsonObject& object) {
-  const std::string_view json = object.json_of("name");
-  return std::string(json.size() < 2 ? json : json.substr(1, json.size() - 2));
-}
-
 /// Removes a wrong setting from a link's `serial`, except the port.
 bool drop_of_link(Imported& imported, const ConfigError& error, std::string_view pointer,
                   std::size_t index) {
   constexpr std::string_view kSerial = "/serial";
   if (index >= imported.links.size() || !pointer.starts_with(kSerial)) return false;
   JsonObject& link = imported.links[index];
-  const std::string_view key = key_in(pointer.substr(kSerial.size()));
-  const auto tree = json_source(link.json_of("serial"));
-  if (!tree || key == "path" || tree->root().find(key) == nullptr) return false;
-  JsonObject rest;
-  for (const ConfigNode& member : tree->root().children) {
-    if (member.key == key) continue;
-    if (member.kind == ConfigNode::Kind::string)
-      rest.text(member.key, member.text);
-    else
-      rest.integer(member.key, member.integer);
-  }
-  link.erase("serial");
-  link.raw("serial", rest.dump());
-  imported.note(
-      0, "not carried over: " + std::string(key) + " of " + name_of(link) + ": " + error.text);
+  const std::string key(key_in(pointer.substr(kSerial.size())));
+  if (key == "path" || !link.contains("serial") || !link["serial"].contains(key)) return false;
+  link["serial"].erase(key);
+  imported.note(0, "not carried over: " + key + " of " + name_of(link) + ": " + error.text);
   return true;
 }
 
@@ -161,7 +136,7 @@ bool drop_of_device(Imported& imported, const ConfigError& error, std::string_vi
   if (group && *group >= device.groups.size()) return false;
   JsonObject& object = group ? device.groups[*group] : device.keys;
   const std::string key(key_in(pointer));
-  if (!object.has(key)) return false;
+  if (!object.contains(key)) return false;
   if (key == "timeout_ms" || key == "interval_ms") {
     object.erase(key);
     imported.note(0, "not carried over: " + key + " of " + device.name + ": " + error.text);
@@ -190,56 +165,26 @@ bool drop_one_setting(Imported& imported, const std::vector<ConfigError>& errors
 }  // namespace
 
 void describe(ImportedTag& tag, std::string_view text) {
-  if (!text.empty()) tag.keys.literal("description", text);
+  if (!text.empty()) tag.keys["description"] = literal(text);
 }
 
-void JsonObject::text(std::string_view key, std::string_view value) { raw(key, quoted(value)); }
+std::string json_text(const JsonObject& json) {
+  return json.dump(-1, ' ', false, JsonObject::error_handler_t::replace);
+}
 
-void JsonObject::literal(std::string_view key, std::string_view value) {
+JsonObject json_number(double value) {
+  constexpr double kExact = 9007199254740992.0;
+  if (value != std::trunc(value) || std::abs(value) > kExact) return value;
+  return static_cast<std::int64_t>(value);
+}
+
+std::string literal(std::string_view text) {
   std::string spelled;
-  for (std::size_t i = 0; i < value.size(); ++i) {
-    if (value.substr(i).starts_with("${")) spelled += '$';
-    spelled += value[i];
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text.substr(i).starts_with("${")) spelled += '$';
+    spelled += text[i];
   }
-  text(key, spelled);
-}
-
-void JsonObject::integer(std::string_view key, std::int64_t value) {
-  raw(key, std::to_string(value));
-}
-
-void JsonObject::number(std::string_view key, double value) {
-  if (!std::isfinite(value)) return raw(key, "null");
-  std::array<char, 40> digits{};
-  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
-  raw(key, std::string(digits.data(), end));
-}
-
-void JsonObject::raw(std::string_view key, std::string json) {
-  members_.emplace_back(key, std::move(json));
-}
-
-bool JsonObject::has(std::string_view key) const {
-  return std::ranges::any_of(members_, [&](const auto& member) { return member.first == key; });
-}
-
-std::string_view JsonObject::json_of(std::string_view key) const {
-  const auto found =
-      std::ranges::find_if(members_, [&](const auto& member) { return member.first == key; });
-  return found == members_.end() ? std::string_view() : std::string_view(found->second);
-}
-
-void JsonObject::erase(std::string_view key) {
-  std::erase_if(members_, [&](const auto& member) { return member.first == key; });
-}
-
-std::string JsonObject::dump() const {
-  std::string out = "{";
-  for (const auto& [key, json] : members_) {
-    if (out.size() > 1) out += ',';
-    out += quoted(key) + ":" + json;
-  }
-  return out + "}";
+  return spelled;
 }
 
 std::string NameMaker::make(std::string_view wanted, std::string_view fallback, int line,
@@ -280,10 +225,10 @@ std::string IntervalGroups::at(std::int64_t interval_ms) {
   const std::string name = "every_" + std::to_string(interval_ms) + "_ms";
   if (known_.insert(interval_ms).second) {
     JsonObject group;
-    group.text("name", name);
-    group.integer("interval_ms", interval_ms);
-    if (on_change_) group.text("publish", "on_change");
-    if (on_change_ && silent_) group.integer("max_silent_s", *silent_);
+    group["name"] = name;
+    group["interval_ms"] = interval_ms;
+    if (on_change_) group["publish"] = "on_change";
+    if (on_change_ && silent_) group["max_silent_s"] = *silent_;
     device_.groups.push_back(std::move(group));
   }
   return name;
@@ -298,18 +243,15 @@ std::string LinkTable::to(const std::string& port, const JsonObject& settings) {
   const auto [known, fresh] = names_.try_emplace(port, "line" + std::to_string(names_.size() + 1));
   if (!fresh) return known->second;
   JsonObject link;
-  link.text("name", known->second);
+  link["name"] = known->second;
   if (is_serial(port).value_or(true)) {
     JsonObject serial = settings;
-    serial.literal("path", port);
-    link.raw("serial", serial.dump());
+    serial["path"] = literal(port);
+    link["serial"] = std::move(serial);
   } else {
     std::string host = port.substr(0, port.rfind(':'));
     if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-    JsonObject tcp;
-    tcp.literal("host", host);
-    tcp.integer("port", port_number(port).value_or(0));
-    link.raw("tcp", tcp.dump());
+    link["tcp"] = {{"host", literal(host)}, {"port", port_number(port).value_or(0)}};
   }
   imported_.links.push_back(std::move(link));
   return known->second;
@@ -346,7 +288,7 @@ ImportOutcome finish(Imported imported) {
     std::erase_if(imported.devices, [](const ImportedDevice& device) {
       return device.tags.empty() && !device.may_be_empty;
     });
-    const std::string text = dump_config(imported);
+    const std::string text = json_text(json_of(imported));
     const auto config = parse_config(text);
     if (config) {
       for (const DeviceConfig& device : config->devices) outcome.tags += device.tags.size();

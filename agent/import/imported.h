@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <string>
@@ -15,28 +16,16 @@
 
 namespace fxagent {
 
-/// Builds a JSON object; keeps the order of its members, each as JSON text.
-class JsonObject {
- public:
-  void text(std::string_view key, std::string_view value);
-  /// Adds foreign text literally: `${` in it does not start a variable.
-  void literal(std::string_view key, std::string_view value);
-  void integer(std::string_view key, std::int64_t value);
-  /// Writes the shortest text that reads back as the same number, or null if it is not finite. A
-  /// config rejects null.
-  void number(std::string_view key, double value);
-  /// `json` must be valid JSON.
-  void raw(std::string_view key, std::string json);
-  bool has(std::string_view key) const;
-  void erase(std::string_view key);
-  /// Returns the member's JSON text; empty if there is no such member.
-  std::string_view json_of(std::string_view key) const;
-  bool empty() const { return members_.empty(); }
-  std::string dump() const;
+/// A value of a config, most often an object. Keeps the order of its members.
+using JsonObject = nlohmann::ordered_json;
 
- private:
-  std::vector<std::pair<std::string, std::string>> members_;
-};
+/// Returns the JSON text on one line, with U+FFFD in place of bytes that are not UTF-8.
+std::string json_text(const JsonObject& json);
+/// Returns a number as a config has it: a whole one as an integer, one that is not finite as null,
+/// which a config rejects.
+JsonObject json_number(double value);
+/// Returns foreign text so that a config takes it literally: `${` in it does not start a variable.
+std::string literal(std::string_view text);
 
 /// Note about an element of the file that the config does not contain, or not completely.
 struct ImportNote {

@@ -164,8 +164,8 @@ bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
     scale = -scale;
     offset = -offset;
   }
-  if (scale != 1) tag.keys.number("scale", scale);
-  if (offset != 0) tag.keys.number("offset", offset);
+  if (scale != 1) tag.keys["scale"] = json_number(scale);
+  if (offset != 0) tag.keys["offset"] = json_number(offset);
   return true;
 }
 
@@ -182,23 +182,23 @@ void TagReader::take(const CsvRow& row) {
 
   ImportedTag tag{row.line, {}};
   const auto before = out_.notes.size();
-  tag.keys.literal("address", place.address);
-  if (!known->second.empty()) tag.keys.text("type", known->second);
-  if (place.count) tag.keys.integer("count", *place.count);
+  tag.keys["address"] = literal(place.address);
+  if (!known->second.empty()) tag.keys["type"] = known->second;
+  if (place.count) tag.keys["count"] = *place.count;
   if (is_array && !place.count) return leave_out(row, "its array has no length");
-  if (place.length) tag.keys.integer("length", *place.length);
-  if (!place.word_order.empty()) tag.keys.text("word_order", place.word_order);
+  if (place.length) tag.keys["length"] = *place.length;
+  if (!place.word_order.empty()) tag.keys["word_order"] = place.word_order;
   if (!add_scaling(row, tag)) return out_.notes.resize(before + 1);
   const std::string rights = lower(cell(row, client_access));
   if (rights == "r/w" || rights == "rw" || rights == "wo" || rights == "w")
-    tag.keys.text("access", "read_write");
+    tag.keys["access"] = "read_write";
   if (rights == "wo" || rights == "w")
     out_.note(row.line, "not carried over: write only; a tag can always be read");
   if (const auto rate = number_in<std::int64_t>(cell(row, scan_rate)))
-    tag.keys.text("group", groups_.at(*rate));
-  if (!cell(row, eng_units).empty()) tag.keys.literal("unit", cell(row, eng_units));
+    tag.keys["group"] = groups_.at(*rate);
+  if (!cell(row, eng_units).empty()) tag.keys["unit"] = literal(cell(row, eng_units));
   describe(tag, cell(row, description));
-  tag.keys.text("name", names_.make(name, "tag", row.line, out_.notes));
+  tag.keys["name"] = names_.make(name, "tag", row.line, out_.notes);
   tag.is_changed = out_.notes.size() > before;
   device_.tags.push_back(std::move(tag));
 }
@@ -232,11 +232,10 @@ ImportResult import_kepware(std::string_view text, const ImportOptions& options)
   LinkTable links(out);
   ImportedDevice device;
   device.name = options.device.empty() ? "device1" : options.device;
-  device.keys.text("name", device.name);
-  device.keys.text("link",
-                   links.to(options.port.empty() ? placeholder_port(protocol) : options.port));
-  device.keys.text("protocol", protocol);
-  if (!options.model.empty()) device.keys.text("model", options.model);
+  device.keys["name"] = device.name;
+  device.keys["link"] = links.to(options.port.empty() ? placeholder_port(protocol) : options.port);
+  device.keys["protocol"] = protocol;
+  if (!options.model.empty()) device.keys["model"] = options.model;
   TagReader reader(out, device, columns);
   for (auto row = rows->begin() + 1; row != rows->end(); ++row) reader.take(*row);
   if (options.port.empty()) out.note(0, "the link is a placeholder: give it the right port");

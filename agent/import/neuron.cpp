@@ -276,25 +276,25 @@ JsonObject NeuronReader::serial_of(const Driver& driver, std::string_view protoc
   };
   if (const auto code = code_of("baud", 4)) {
     if (const auto baud = baud_of(*code); baud > 0)
-      serial.integer("baud", baud);
+      serial["baud"] = baud;
     else
       tell("baud", *code);
   }
   if (const auto code = code_of("data", 3)) {
     if (*code >= 0 && *code <= 3)
-      serial.integer("data_bits", *code + 5);
+      serial["data_bits"] = *code + 5;
     else
       tell("data", *code);
   }
   if (const auto code = code_of("parity", 0)) {
     if (*code >= 0 && *code <= 2)
-      serial.text("parity", *code == 0 ? "none" : *code == 1 ? "odd" : "even");
+      serial["parity"] = *code == 0 ? "none" : *code == 1 ? "odd" : "even";
     else
       tell("parity", *code);
   }
   if (const auto code = code_of("stop", 0)) {
     if (*code == 0 || *code == 1)
-      serial.integer("stop_bits", *code + 1);
+      serial["stop_bits"] = *code + 1;
     else
       tell("stop", *code);
   }
@@ -309,24 +309,24 @@ ImportedDevice& NeuronReader::device_of(const Driver& driver, std::string_view p
   if (units_.size() > 1) wanted += "_" + std::to_string(unit);
   ImportedDevice device;
   device.name = device_names_.make(wanted, "device", line_of(*driver.node), out_.notes);
-  device.keys.text("name", device.name);
+  device.keys["name"] = device.name;
   if (link_.empty()) {
     const std::string port = port_of(driver, protocol);
     const bool is_serial = LinkTable::is_serial(port).value_or(true);
     link_ = links_.to(port, is_serial ? serial_of(driver, protocol) : JsonObject());
   }
-  device.keys.text("link", link_);
-  device.keys.text("protocol", protocol);
-  if (unit >= 0) device.keys.integer("unit", unit);
-  if (!options_.model.empty()) device.keys.text("model", options_.model);
+  device.keys["link"] = link_;
+  device.keys["protocol"] = protocol;
+  if (unit >= 0) device.keys["unit"] = unit;
+  if (!options_.model.empty()) device.keys["model"] = options_.model;
   if (const auto timeout =
           driver.params == nullptr ? std::nullopt : integer_at(*driver.params, "timeout");
       timeout && *timeout > 0)
-    device.keys.integer("timeout_ms", *timeout);
+    device.keys["timeout_ms"] = *timeout;
   if (const auto gap =
           driver.params == nullptr ? std::nullopt : integer_at(*driver.params, "interval");
       gap && *gap > 0)
-    device.keys.integer("gap_ms", *gap);
+    device.keys["gap_ms"] = *gap;
   out_.devices.push_back(std::move(device));
   return out_.devices.back();
 }
@@ -353,33 +353,32 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   if (fresh) {
     known->second = group_names_[index].make(group.name, "group", line, out_.notes);
     JsonObject made;
-    made.text("name", known->second);
-    if (group.interval) made.integer("interval_ms", *group.interval);
+    made["name"] = known->second;
+    if (group.interval) made["interval_ms"] = *group.interval;
     device.groups.push_back(std::move(made));
   }
   ImportedTag tag{line, {}};
   const std::size_t before = out_.notes.size();
-  tag.keys.text("name", tag_names_[index].make(name, "tag", line, out_.notes));
-  tag.keys.literal("address", place->address);
-  tag.keys.text("type", type);
-  if (place->length > 0) tag.keys.integer("length", place->length);
+  tag.keys["name"] = tag_names_[index].make(name, "tag", line, out_.notes);
+  tag.keys["address"] = literal(place->address);
+  tag.keys["type"] = type;
+  if (place->length > 0) tag.keys["length"] = place->length;
   if (place->order.empty() && type.ends_with("32")) place->order = order_;
   if (place->order.empty() && type.ends_with("64")) place->order = order_64_;
-  if (!place->order.empty() && type != "bool") tag.keys.text("word_order", place->order);
+  if (!place->order.empty() && type != "bool") tag.keys["word_order"] = place->order;
   if (const auto decimal = number_at(node, "decimal"); decimal && *decimal != 0 && *decimal != 1)
-    tag.keys.number("scale", *decimal);
+    tag.keys["scale"] = json_number(*decimal);
   if (const auto bias = number_at(node, "bias"); bias && *bias != 0)
-    tag.keys.number("offset", *bias);
-  if ((integer_at(node, "attribute").value_or(0) & kWrite) != 0)
-    tag.keys.text("access", "read_write");
+    tag.keys["offset"] = json_number(*bias);
+  if ((integer_at(node, "attribute").value_or(0) & kWrite) != 0) tag.keys["access"] = "read_write";
   if (const std::string_view unit = text_at(node, "unit"); !unit.empty())
-    tag.keys.literal("unit", unit);
+    tag.keys["unit"] = literal(unit);
   const bool is_rounded = number_at(node, "precision").value_or(0) != 0;
   list_unread_keys(node, std::string(name),
                    {"name", "address", "type", "attribute", "decimal", "bias", "description",
                     "unit", is_rounded ? "" : "precision"});
   describe(tag, text_at(node, "description"));
-  tag.keys.text("group", known->second);
+  tag.keys["group"] = known->second;
   tag.is_changed = out_.notes.size() > before;
   device.tags.push_back(std::move(tag));
 }
@@ -461,9 +460,8 @@ std::int64_t type_named(std::string_view name) {
 /// Converts the sheet to a node in JSON, with each tag on the line of its row.
 std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& options) {
   const auto columns = csv_columns(rows.front(), sheet_columns());
-  JsonObject node;
-  node.text("name", options.device.empty() ? "device1" : options.device);
-  std::string groups = "[";
+  const std::string name = options.device.empty() ? "device1" : options.device;
+  std::string groups;
   int line = 1;
   for (auto row = rows.begin() + 1; row != rows.end(); ++row) {
     const auto cell = [&](std::string_view name) {
@@ -476,24 +474,23 @@ std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& 
       double value = 0;
       const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
       if (!text.empty() && fault == std::errc() && end == text.data() + text.size())
-        object.number(name, value);
+        object[name] = json_number(value);
     };
     JsonObject tag;
-    for (const auto name : {"name", "address", "description", "unit"}) tag.text(name, cell(name));
+    for (const auto name : {"name", "address", "description", "unit"}) tag[name] = cell(name);
     const std::int64_t type = type_named(cell("type"));
-    tag.integer("type", type < 19 ? type : 0);
-    tag.integer("attribute", cell("attribute").find("Write") == std::string::npos ? 1 : 3);
+    tag["type"] = type < 19 ? type : 0;
+    tag["attribute"] = cell("attribute").find("Write") == std::string::npos ? 1 : 3;
     for (const auto name : {"decimal", "precision", "bias"}) add_number(tag, name);
     JsonObject group;
-    group.text("name", cell("group").empty() ? "default" : cell("group"));
+    group["name"] = cell("group").empty() ? "default" : cell("group");
     add_number(group, "interval");
-    group.raw("tags", "[" + tag.dump() + "]");
-    if (groups.size() > 1) groups += ',';
+    group["tags"].push_back(std::move(tag));
+    if (!groups.empty()) groups += ',';
     for (; line < row->line; ++line) groups += '\n';
-    groups += group.dump();
+    groups += json_text(group);
   }
-  node.raw("groups", groups + "]");
-  return node.dump();
+  return R"({"name":)" + json_text(name) + R"(,"groups":[)" + groups + "]}";
 }
 
 }  // namespace

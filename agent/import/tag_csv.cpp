@@ -125,8 +125,10 @@ void TagCsvReader::take_section(const CsvRow& row) {
     return;
   }
   if (row.at(0) == kLinkRow || row.at(0) == kDeviceRow) {
-    JsonObject object;
-    for (const ConfigNode& member : tree->root().children) object.raw(member.key, json_of(member));
+    JsonObject object = JsonObject::object();
+    for (const ConfigNode& member : tree->root().children)
+      if (!object.emplace(member.key, JsonObject::parse(json_of(member))).second)
+        out_.note(row.line, "left out: the second " + member.key);
     if (row.at(0) == kLinkRow) {
       out_.links.push_back(std::move(object));
       return;
@@ -139,7 +141,10 @@ void TagCsvReader::take_section(const CsvRow& row) {
     out_.devices.push_back(std::move(device));
     return;
   }
-  out_.sections.raw(row.at(0).substr(1), json);
+  const std::string name(row.at(0).substr(1));
+  if (name == "links" || name == "devices" ||
+      !out_.sections.emplace(name, JsonObject::parse(json)).second)
+    out_.note(row.line, "left out: the second " + name);
 }
 
 /// Returns the device of that name. If the file has no row for it, creates it from the caller's
@@ -153,11 +158,11 @@ ImportedDevice& TagCsvReader::device_of(const std::string& name) {
   const std::string protocol =
       options_.protocol.empty() ? "fx-programming-port" : options_.protocol;
   ImportedDevice device{name, {}};
-  device.keys.text("name", name);
-  device.keys.text("link",
-                   links_.to(options_.port.empty() ? placeholder_port(protocol) : options_.port));
-  device.keys.text("protocol", protocol);
-  if (!options_.model.empty()) device.keys.text("model", options_.model);
+  device.keys["name"] = name;
+  device.keys["link"] =
+      links_.to(options_.port.empty() ? placeholder_port(protocol) : options_.port);
+  device.keys["protocol"] = protocol;
+  if (!options_.model.empty()) device.keys["model"] = options_.model;
   if (options_.port.empty()) out_.note(0, "the link is a placeholder: give it the right port");
   out_.devices.push_back(std::move(device));
   return out_.devices.back();
@@ -172,9 +177,9 @@ void TagCsvReader::take_tag(const CsvRow& row) {
     const std::string& cell = *row.cells[column];
     if (!is_json(keys[i])) {
       // A spreadsheet does not distinguish an empty text from no text.
-      if (!cell.empty() || keys[i].name == "unit") tag.keys.text(keys[i].name, cell);
+      if (!cell.empty() || keys[i].name == "unit") tag.keys[keys[i].name] = cell;
     } else if (is_json_of(keys[i], std::string(row.at(column)))) {
-      tag.keys.raw(keys[i].name, std::string(row.at(column)));
+      tag.keys[keys[i].name] = JsonObject::parse(row.at(column));
     } else if (!row.at(column).empty()) {
       return out_.leave_out(row.line, std::string(keys[i].name) + " must be " +
                                           (is_number(keys[i]) ? "a number" : "a JSON object") +
@@ -191,7 +196,7 @@ void TagCsvReader::take_tag(const CsvRow& row) {
   const std::string group(group_column == std::string::npos ? ""sv : row.at(group_column));
   if (!device.may_be_empty && !group.empty() && groups_.emplace(name, group).second) {
     JsonObject made;
-    made.text("name", group);
+    made["name"] = group;
     device.groups.push_back(std::move(made));
   }
   device.tags.push_back(std::move(tag));
@@ -217,7 +222,7 @@ ImportResult TagCsvReader::read(const std::vector<CsvRow>& rows) {
 }  // namespace
 
 std::string export_csv(std::string_view text) {
-  const auto tree = json_source(text);
+  const auto tree = ConfigTree::parse(text, ConfigTree::Folding::none, {}, Comments::allowed);
   if (!tree) return {};
   const ConfigNode& top = tree->root();
   std::string out(kDeviceColumn);

@@ -180,12 +180,12 @@ std::string TelegrafReader::link_of(const toml::table& plugin, std::string& prot
   if (controller.starts_with("file://")) controller.remove_prefix("file://"sv.size());
   if (controller.starts_with('/')) {
     JsonObject serial;
-    if (const auto baud = integer_at(plugin, "baud_rate")) serial.integer("baud", *baud);
-    if (const auto bits = integer_at(plugin, "data_bits")) serial.integer("data_bits", *bits);
+    if (const auto baud = integer_at(plugin, "baud_rate")) serial["baud"] = *baud;
+    if (const auto bits = integer_at(plugin, "data_bits")) serial["data_bits"] = *bits;
     const std::string_view parity = text_at(plugin, "parity");
     if (parity == "N" || parity == "E" || parity == "O")
-      serial.text("parity", parity == "N" ? "none" : parity == "E" ? "even" : "odd");
-    if (const auto bits = integer_at(plugin, "stop_bits")) serial.integer("stop_bits", *bits);
+      serial["parity"] = parity == "N" ? "none" : parity == "E" ? "even" : "odd";
+    if (const auto bits = integer_at(plugin, "stop_bits")) serial["stop_bits"] = *bits;
     return links_.to(std::string(controller), serial);
   }
   out_.note(line_of(plugin), "the link is a placeholder: give it the right port");
@@ -198,12 +198,12 @@ ImportedDevice& TelegrafReader::device_of(std::int64_t unit, int line) {
   const std::string wanted = units_.size() > 1 ? name_ + "_" + std::to_string(unit) : name_;
   ImportedDevice device;
   device.name = device_names_.make(wanted, "device", line, out_.notes);
-  device.keys.text("name", device.name);
-  device.keys.text("link", link_);
-  device.keys.text("protocol", protocol_);
-  device.keys.integer("unit", unit);
-  if (timeout_ && *timeout_ > 0) device.keys.integer("timeout_ms", *timeout_);
-  if (pause_ && *pause_ > 0) device.keys.integer("gap_ms", *pause_);
+  device.keys["name"] = device.name;
+  device.keys["link"] = link_;
+  device.keys["protocol"] = protocol_;
+  device.keys["unit"] = unit;
+  if (timeout_ && *timeout_ > 0) device.keys["timeout_ms"] = *timeout_;
+  if (pause_ && *pause_ > 0) device.keys["gap_ms"] = *pause_;
   group_ = IntervalGroups(device).at(interval_);
   out_.devices.push_back(std::move(device));
   return out_.devices.back();
@@ -239,18 +239,18 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
     address += "." + std::to_string(integer_at(node, "bit").value_or(0));
   ImportedDevice& device = device_of(unit, line);
   const std::size_t before = out_.notes.size();
-  tag.keys.text("name", tag_names_[unit].make(name, "tag", line, out_.notes));
-  tag.keys.literal("address", address);
-  if (!is_bit) tag.keys.text("type", type);
+  tag.keys["name"] = tag_names_[unit].make(name, "tag", line, out_.notes);
+  tag.keys["address"] = literal(address);
+  if (!is_bit) tag.keys["type"] = type;
   const std::string_view order =
       word_order_of(field.is_register_style ? text_at(node, "byte_order") : field.order);
   if (type == "string") {
-    tag.keys.integer("length", 2 * string_registers);
-    tag.keys.text("word_order", is_high_first(order) ? "high_first" : "low_first");
+    tag.keys["length"] = 2 * string_registers;
+    tag.keys["word_order"] = is_high_first(order) ? "high_first" : "low_first";
   } else if (type != "bool") {
-    if (!order.empty()) tag.keys.text("word_order", order);
+    if (!order.empty()) tag.keys["word_order"] = order;
     const auto scale = node["scale"].value<double>();
-    if (scale && *scale != 0 && *scale != 1) tag.keys.number("scale", *scale);
+    if (scale && *scale != 0 && *scale != 1) tag.keys["scale"] = json_number(*scale);
   }
   list_unread_keys(node, name,
                    {"name", "address", "data_type", "type", "byte_order", "scale", "bit",
@@ -261,7 +261,7 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
     if (known.fields++ == 0) known.line = line;
     tag.is_changed = true;
   }
-  tag.keys.text("group", group_);
+  tag.keys["group"] = group_;
   device.tags.push_back(std::move(tag));
 }
 

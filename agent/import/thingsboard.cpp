@@ -138,14 +138,14 @@ std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view
   if (const std::string_view path = text_at(slave, "port"); path.starts_with('/')) {
     // Missing settings take the gateway's defaults.
     JsonObject serial;
-    serial.integer("baud", integer_at(slave, "baudrate").value_or(19200));
-    serial.integer("data_bits", integer_at(slave, "bytesize").value_or(8));
+    serial["baud"] = integer_at(slave, "baudrate").value_or(19200);
+    serial["data_bits"] = integer_at(slave, "bytesize").value_or(8);
     const std::string parity = lower(text_at(slave, "parity"));
     if (parity.empty() || parity == "n" || parity == "e" || parity == "o")
-      serial.text("parity", parity == "e" ? "even" : parity == "o" ? "odd" : "none");
+      serial["parity"] = parity == "e" ? "even" : parity == "o" ? "odd" : "none";
     else
       out_.note(line_of(slave), "not carried over: the parity \"" + parity + "\"");
-    serial.integer("stop_bits", integer_at(slave, "stopbits").value_or(1));
+    serial["stop_bits"] = integer_at(slave, "stopbits").value_or(1);
     return links_.to(std::string(path), serial);
   }
   const std::string_view host = text_at(slave, "host");
@@ -180,34 +180,34 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
                    {"tag", "type", "functionCode", "objectsCount", "address", "bit", "byteOrder",
                     "wordOrder", "divider", "multiplier"});
   ImportedTag tag{line, {}};
-  tag.keys.text("name", names.make(name, "tag", line, out_.notes));
+  tag.keys["name"] = names.make(name, "tag", line, out_.notes);
   if (type == "bool" && !is_bit) {
     if (registers != 1) return leave_out("bits of more than one register");
     address += "." + std::to_string(integer_at(node, "bit").value_or(0));
   }
-  tag.keys.literal("address", address);
-  if (!is_bit) tag.keys.text("type", type);
+  tag.keys["address"] = literal(address);
+  if (!is_bit) tag.keys["type"] = type;
   if (type == "string") {
-    tag.keys.integer("length", 2 * registers);
-    tag.keys.text("word_order", "high_first");  // regardless of the byte order
+    tag.keys["length"] = 2 * registers;
+    tag.keys["word_order"] = "high_first";  // regardless of the byte order
   } else if (is_bit && registers > 1) {
-    tag.keys.integer("count", registers);
+    tag.keys["count"] = registers;
   } else if (!is_bit && registers > registers_of(type)) {
     out_.note(line, "not carried over: objectsCount " + std::to_string(registers) + " of " +
                         std::string(name) + ": " + spelled + " is one value");
   }
   if (const std::string_view order = order_of(slave, &node);
       !is_bit && type != "bool" && type != "string" && order != order_of(slave, nullptr))
-    tag.keys.text("word_order", order);
+    tag.keys["word_order"] = order;
   const auto factor_of = [&](std::string_view key) {
     const auto value = number_at(node, key);
     return value && *value != 0 ? *value : 1;
   };
   if (const double scale = factor_of("multiplier") / factor_of("divider");
       scale != 1 && !is_bit && type != "bool" && type != "string")
-    tag.keys.number("scale", scale);
-  tag.keys.text("group", groups.at(integer_at(slave, "pollPeriod").value_or(5000)));
-  if (written_.contains({table, number})) tag.keys.text("access", "read_write");
+    tag.keys["scale"] = json_number(scale);
+  tag.keys["group"] = groups.at(integer_at(slave, "pollPeriod").value_or(5000));
+  if (written_.contains({table, number})) tag.keys["access"] = "read_write";
   tag.is_changed = out_.notes.size() > before;
   device.tags.push_back(std::move(tag));
 }
@@ -250,16 +250,16 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
   device.name = device_names_.make(
       options_.device.empty() ? text_at(slave, "deviceName") : std::string_view(options_.device),
       "device", line_of(slave), out_.notes);
-  device.keys.text("name", device.name);
-  device.keys.text("link", link_of(slave, protocol));
-  device.keys.text("protocol", protocol);
-  device.keys.integer("unit", integer_at(slave, "unitId").value_or(1));
+  device.keys["name"] = device.name;
+  device.keys["link"] = link_of(slave, protocol);
+  device.keys["protocol"] = protocol;
+  device.keys["unit"] = integer_at(slave, "unitId").value_or(1);
   if (const std::string_view order = order_of(slave, nullptr); order != "ABCD")
-    device.keys.text("byte_order", order);
+    device.keys["byte_order"] = order;
   if (const auto seconds = number_at(slave, "timeout"); seconds && *seconds > 0)
-    device.keys.number("timeout_ms", std::round(*seconds * 1000));
+    device.keys["timeout_ms"] = json_number(std::round(*seconds * 1000));
   if (const auto gap = integer_at(slave, "delayBetweenRequestsMs"); gap && *gap > 0)
-    device.keys.integer("gap_ms", *gap);
+    device.keys["gap_ms"] = *gap;
   list_unread_keys(slave, "the slave " + std::string(text_at(slave, "deviceName")),
                    {"type",
                     "method",

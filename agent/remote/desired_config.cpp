@@ -274,7 +274,9 @@ ReadDesired read_desired(std::string_view payload) {
 MergedConfig merged_config(std::string_view local_text, const DesiredConfig& desired,
                            const RemoteLimits& limits) {
   const Json document = Json::parse(desired.text);
-  return Merger(Json::parse(local_text), document, limits).run();
+  Json local =
+      Json::parse(local_text, nullptr, /*allow_exceptions=*/true, /*ignore_comments=*/true);
+  return Merger(std::move(local), document, limits).run();
 }
 
 tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,

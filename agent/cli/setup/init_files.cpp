@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "agent/cli/setup/acl.h"
+#include "agent/cli/setup/init_flow.h"
 #include "agent/config/json/pretty.h"
 #include "agent/config/loader.h"
 #include "agent/config/read/reader.h"
@@ -24,18 +25,6 @@ constexpr std::string_view kPlace = "/etc/fxagent";
 constexpr std::string_view kPassword = "mqtt_password";
 constexpr std::string_view kFlow = "node-red-flow.json";
 
-std::string list_of(const std::vector<JsonObject>& items) {
-  std::string text = "[";
-  for (const JsonObject& item : items) text += (text.size() > 1 ? "," : "") + item.dump();
-  return text + "]";
-}
-
-std::string quoted(std::string_view text) {
-  std::string out;
-  append_json_string(out, text);
-  return out;
-}
-
 // ---- config -----------------------------------------------------------------------------------
 
 /// Parses "temp=D100", or "D100", which gets a name derived from it.
@@ -45,52 +34,40 @@ JsonObject tag_of(const std::string& spelled, bool is_written, NameMaker& names)
   const std::string address = mark == spelled.npos ? spelled : spelled.substr(mark + 1);
   const std::string name =
       mark == spelled.npos ? names.make(address, "tag", 0, ignored) : spelled.substr(0, mark);
-  JsonObject tag;
-  tag.text("name", name);
-  tag.text("address", address);
-  tag.text("group", "fast");
-  if (is_written) tag.text("access", "read_write");
+  JsonObject tag = JsonObject::object({{"name", name}, {"address", address}, {"group", "fast"}});
+  if (is_written) tag["access"] = "read_write";
   return tag;
 }
 
-std::string device_text(const InitAnswers& answers) {
-  JsonObject device;
-  device.text("name", answers.device);
-  device.text("link", "line1");
-  device.text("protocol", answers.protocol);
-  if (!answers.model.empty()) device.text("model", answers.model);
+JsonObject device_of(const InitAnswers& answers) {
+  JsonObject device = JsonObject::object(
+      {{"name", answers.device}, {"link", "line1"}, {"protocol", answers.protocol}});
+  if (!answers.model.empty()) device["model"] = answers.model;
   const ProtocolInfo* protocol = find_protocol(answers.protocol);
   for (const auto key : {"unit"sv, "station"sv})
     if (protocol != nullptr && !answers.unit.empty() &&
         std::ranges::find(protocol->options, key, &OptionSpec::key) != protocol->options.end())
-      device.raw(key, answers.unit);
-  device.raw("groups", R"([{"name": "fast", "interval_ms": 1000}])");
+      device[key] = json_number(std::strtod(answers.unit.c_str(), nullptr));
+  device["groups"].push_back(JsonObject::object({{"name", "fast"}, {"interval_ms", 1000}}));
   NameMaker names;
-  std::vector<JsonObject> tags;
-  tags.reserve(answers.read.size() + answers.write.size());
+  JsonObject& tags = device["tags"] = JsonObject::array();
   for (const std::string& spelled : answers.read) tags.push_back(tag_of(spelled, false, names));
   for (const std::string& spelled : answers.write) tags.push_back(tag_of(spelled, true, names));
-  device.raw("tags", list_of(tags));
-  return device.dump();
+  return device;
 }
 
 std::string config_text(const InitAnswers& answers) {
   Imported links;
   LinkTable(links).to(answers.port);
-  JsonObject agent;
-  agent.text("id", answers.id);
-  JsonObject mqtt;
-  // std::quoted would match, too.
-  mqtt.raw("servers", "[" + fxagent::quoted(answers.broker) + "]");
-  if (!answers.user.empty()) mqtt.text("username", answers.user);
-  if (!answers.password_file.empty()) mqtt.text("password_file", answers.password_file);
   JsonObject out;
-  out.raw("agent", agent.dump());
-  out.raw("mqtt", mqtt.dump());
-  out.raw("store", R"({"path": "/var/lib/fxagent"})");
-  out.raw("links", list_of(links.links));
-  out.raw("devices", "[" + device_text(answers) + "]");
-  return pretty_text(out.dump());
+  out["agent"]["id"] = answers.id;
+  out["mqtt"]["servers"].push_back(answers.broker);
+  if (!answers.user.empty()) out["mqtt"]["username"] = answers.user;
+  if (!answers.password_file.empty()) out["mqtt"]["password_file"] = answers.password_file;
+  out["store"]["path"] = "/var/lib/fxagent";
+  out["links"] = links.links;
+  out["devices"].push_back(device_of(answers));
+  return pretty_text(json_text(out));
 }
 
 // ---- unit drop-in -----------------------------------------------------------------------------
@@ -125,112 +102,38 @@ std::string drop_in_text(const InitAnswers& answers, const std::string& director
 
 // ---- Node-RED ---------------------------------------------------------------------------------
 
-/// Creates a node on the flow's only tab.
-JsonObject node(std::string_view id, std::string_view type, std::string_view name, int x, int y,
-                std::string_view wires) {
-  JsonObject out;
-  out.text("id", id);
-  out.text("type", type);
-  out.text("z", "fxagent-tab");
-  out.text("name", name);
-  out.integer("x", x);
-  out.integer("y", y);
-  out.raw("wires", std::string(wires));
-  return out;
-}
-
-JsonObject mqtt_in(std::string_view id, std::string_view name, const std::string& topic, int y,
-                   std::string_view wires) {
-  JsonObject out = node(id, "mqtt in", name, 160, y, wires);
-  out.text("topic", topic);
-  out.text("qos", "1");
-  out.text("datatype", "json");
-  out.text("broker", "fxagent-broker");
-  out.raw("nl", "false");
-  out.raw("rap", "true");
-  out.raw("rh", "0");
-  out.integer("inputs", 0);
-  return out;
-}
-
-JsonObject debug(std::string_view id, std::string_view name, int y) {
-  JsonObject out = node(id, "debug", name, 700, y, "[]");
-  out.raw("active", "true");
-  out.raw("tosidebar", "true");
-  out.raw("console", "false");
-  out.raw("tostatus", "true");
-  out.text("complete", "payload");
-  out.text("targetType", "msg");
-  return out;
-}
-
-JsonObject broker_node(const Config& config) {
+/// Fills in the flow of config/node-red/init.json. Leaves out its set-point if no tag may be
+/// written.
+std::string flow_text(const Config& config) {
   const std::string& server = config.mqtt.servers.front();
   const std::size_t host = server.find("://") + 3;
   const std::size_t colon = server.rfind(':');
-  JsonObject out;
-  out.text("id", "fxagent-broker");
-  out.text("type", "mqtt-broker");
-  out.text("name", "the agent's broker");
-  out.text("broker", server.substr(host, colon - host));
-  out.text("port", server.substr(colon + 1));
-  out.text("clientid", "");
-  out.raw("autoConnect", "true");
-  out.raw("usetls", server.starts_with("mqtts://") ? "true" : "false");
-  out.text("protocolVersion", "5");
-  out.text("keepalive", "60");
-  out.raw("cleansession", "true");
-  return out;
-}
-
-/// Adds a node that sends a set-point when clicked. Each command needs a new id.
-void add_set_point(std::vector<JsonObject>& nodes, const Config& config, const TagConfig& tag) {
-  const std::string name(std::string_view(tag.name));
-  JsonObject inject =
-      node("fxagent-value", "inject", "set " + name, 160, 300, R"([["fxagent-command"]])");
-  const bool is_bit = tag.point.type == DataType::boolean;
-  inject.raw("props", R"([{"p": "payload"}])");
-  inject.raw("repeat", "\"\"");
-  inject.raw("crontab", "\"\"");
-  inject.raw("once", "false");
-  inject.text("payload", is_bit ? "true" : "0");
-  inject.text("payloadType", is_bit ? "bool" : "num");
-  nodes.push_back(inject);
-  JsonObject command =
-      node("fxagent-command", "function", "command", 360, 300, R"([["fxagent-send"]])");
-  command.text("func", "msg.payload = {id: RED.util.generateId(), op: \"write\", tag: \"" + name +
-                           "\", value: msg.payload, by: \"node-red\"};\nreturn msg;");
-  command.integer("outputs", 1);
-  nodes.push_back(command);
-  JsonObject send = node("fxagent-send", "mqtt out", "send", 540, 300, "[]");
-  send.text("topic", config.base_topic() + "/" + config.devices.front().name + "/command");
-  send.text("qos", "1");
-  send.text("retain", "false");
-  send.text("broker", "fxagent-broker");
-  nodes.push_back(send);
-}
-
-std::string flow_text(const Config& config) {
-  const std::string base = config.base_topic();
-  JsonObject tab;
-  tab.text("id", "fxagent-tab");
-  tab.text("type", "tab");
-  tab.text("label", "fxagent " + config.id);
-  tab.text("info", "Made by fxagent init. Give the broker node its user and password.");
-  std::vector<JsonObject> nodes{tab, broker_node(config)};
-  nodes.push_back(
-      mqtt_in("fxagent-data", "samples", base + "/+/data/+", 100, R"([["fxagent-show-data"]])"));
-  nodes.push_back(debug("fxagent-show-data", "samples", 100));
-  nodes.push_back(
-      mqtt_in("fxagent-state", "states", base + "/+/state", 160, R"([["fxagent-show-state"]])"));
-  nodes.push_back(debug("fxagent-show-state", "states", 160));
-  nodes.push_back(mqtt_in("fxagent-result", "results", base + "/+/result", 220,
-                          R"([["fxagent-show-result"]])"));
-  nodes.push_back(debug("fxagent-show-result", "results", 220));
-  const auto& tags = config.devices.front().tags;
-  const auto written = std::ranges::find_if(tags, &TagConfig::writable);
-  if (written != tags.end()) add_set_point(nodes, config, *written);
-  return pretty_text(list_of(nodes));
+  const DeviceConfig& device = config.devices.front();
+  const auto tag = std::ranges::find_if(device.tags, &TagConfig::writable);
+  const bool has_tag = tag != device.tags.end();
+  const bool is_bit = has_tag && tag->point.type == DataType::boolean;
+  // No name and no host has a character that JSON escapes.
+  const std::array<std::pair<std::string_view, std::string>, 9> values{
+      {{"{id}", config.id},
+       {"{base}", config.base_topic()},
+       {"{host}", server.substr(host, colon - host)},
+       {"{port}", server.substr(colon + 1)},
+       {"\"{usetls}\"", server.starts_with("mqtts://") ? "true" : "false"},
+       {"{device}", device.name},
+       {"{tag}", has_tag ? std::string(std::string_view(tag->name)) : std::string()},
+       {"{payload}", is_bit ? "true" : "0"},
+       {"{payload_type}", is_bit ? "bool" : "num"}}};
+  std::string text(kInitFlow);
+  for (const auto& [name, value] : values)
+    for (auto at = text.find(name); at != text.npos; at = text.find(name, at + value.size()))
+      text.replace(at, name.size(), value);
+  if (has_tag) return text;
+  auto nodes = JsonObject::parse(text);
+  std::erase_if(nodes.get_ref<JsonObject::array_t&>(), [](const JsonObject& node) {
+    constexpr std::array kSetPoint{"fxagent-value"sv, "fxagent-command"sv, "fxagent-send"sv};
+    return std::ranges::find(kSetPoint, node["id"].get<std::string>()) != kSetPoint.end();
+  });
+  return pretty_text(json_text(nodes));
 }
 
 /// Returns the flag that set a place of the config, or the place itself if no flag did.

@@ -1,174 +1,91 @@
 #include "agent/config/json/syntax_fault.h"
 
 #include <algorithm>
-#include <array>
-#include <cstdint>
 #include <utility>
-#include <vector>
 
 namespace fxagent {
 namespace {
 
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
-bool is_word(char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '-' || c == '.'; }
-bool is_number(char c) { return (c >= '0' && c <= '9') || c == '-' || c == '+' || c == '.'; }
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+bool is_sign(char c) { return c == '-' || c == '+' || c == '.'; }
 
-/// Walks through the tokens of the text without parsing their content.
-class Walk {
- public:
-  Walk(std::string_view text, std::size_t read)
-      : text_(text), end_(std::min(read + 1, text.size())) {
-    constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
-    if (text.starts_with(byte_order_mark)) at_ = byte_order_mark.size();
+bool is_comment(std::string_view rest) { return rest.starts_with("//") || rest.starts_with("/*"); }
+
+/// Returns the first byte from `at` on that is neither blank nor part of an allowed comment.
+std::size_t next_token(std::string_view text, std::size_t at, Comments comments) {
+  while (true) {
+    at = std::min(text.find_first_not_of(" \t\r\n", at), text.size());
+    if (comments == Comments::refused || !is_comment(text.substr(at))) return at;
+    const bool is_line = text[at + 1] == '/';
+    const std::size_t end = is_line ? text.find_first_of("\r\n", at) : text.find("*/", at + 2);
+    if (end == text.npos) return is_line ? text.size() : at;
+    at = is_line ? end : end + 2;
   }
-
-  std::optional<SyntaxFault> first_fault() {
-    while (!fault_ && skip_blanks() && token()) token_end_ = at_;
-    return fault_;
-  }
-
- private:
-  /// Kind of token expected next.
-  enum class Next : std::uint8_t { value, key, colon, comma, nothing };
-
-  bool skip_blanks() {
-    at_ = std::min(text_.find_first_not_of(" \t\r\n", at_), text_.size());
-    return at_ < end_;
-  }
-
-  /// Reads one token. False if the walk cannot go on.
-  bool token() {
-    const char c = text_[at_];
-    if (c == '#' || text_.substr(at_, 2) == "//" || text_.substr(at_, 2) == "/*")
-      return wrong(at_, "a comment, which JSON does not have: take it out");
-    switch (c) {
-      case '{':
-      case '[':
-        return may_begin_value() && open(c);
-      case '}':
-      case ']':
-        return close(c);
-      case ':':
-        return next_ == Next::colon && pass(Next::value);
-      case ',':
-        return comma();
-      case '\'':
-        return wrong(at_, "a single quote: JSON has double quotes (\") alone");
-      default:
-        break;
-    }
-    if (c == '"') return may_begin_value() && string();
-    if (is_letter(c)) return may_begin_value() && word();
-    return is_number(c) && may_begin_value() && number();
-  }
-
-  /// True if a value or a key may begin here. Otherwise records the fault, such as a missing comma
-  /// or colon before it.
-  bool may_begin_value() {
-    if (next_ == Next::comma)
-      return wrong(token_end_, "a comma is missing here, before what follows");
-    if (next_ == Next::colon) return wrong(token_end_, "a colon is missing here, behind the key");
-    if (next_ == Next::nothing)
-      return wrong(at_, "more text behind the end of the outermost brackets");
-    return true;
-  }
-
-  bool open(char bracket) {
-    open_.push_back(bracket);
-    return pass(bracket == '{' ? Next::key : Next::value);
-  }
-
-  bool close(char bracket) {
-    const char opened = bracket == '}' ? '{' : '[';
-    if (open_.empty() || open_.back() != opened) {
-      const std::string_view needed =
-          opened == '{' ? "a ] is missing before this }" : "a } is missing before this ]";
-      return open_.empty() ? false : wrong(at_, std::string(needed));
-    }
-    if (is_behind(','))
-      return wrong(at_,
-                   std::string("a comma stands before this ") + bracket + ": take the comma out");
-    if (is_behind(':')) return wrong(at_, std::string("a value is missing before this ") + bracket);
-    if (next_ == Next::colon) return wrong(token_end_, "a colon and a value are missing here");
-    open_.pop_back();
-    return pass(open_.empty() ? Next::nothing : Next::comma);
-  }
-
-  bool comma() {
-    if (open_.empty()) return false;
-    if (is_behind(':')) return wrong(at_, "a value is missing before this comma");
-    if (next_ == Next::colon) return wrong(token_end_, "a colon and a value are missing here");
-    if (next_ != Next::comma) return wrong(at_, "nothing stands before this comma: take it out");
-    return pass(open_.back() == '{' ? Next::key : Next::value);
-  }
-
-  bool string() {
-    std::size_t close = at_ + 1;
-    while (close < text_.size() && text_[close] != '"' && text_[close] != '\n')
-      close += text_[close] == '\\' ? 2U : 1U;
-    if (close >= text_.size() || text_[close] == '\n')
-      return wrong(at_, "the string that begins here has no closing \" in its line");
-    at_ = close;
-    return pass_value();
-  }
-
-  /// Reads true, false or null. Any other word is a string or a key without quotes.
-  bool word() {
-    const auto end =
-        std::find_if_not(text_.begin() + static_cast<std::ptrdiff_t>(at_), text_.end(), is_word);
-    const auto size = static_cast<std::size_t>(end - text_.begin()) - at_;
-    const std::string_view said = text_.substr(at_, size);
-    if (next_ == Next::key) return wrong(at_, "the key lacks its quotes: write it as \"key\"");
-    constexpr std::array<std::string_view, 3> known{"true", "false", "null"};
-    if (std::ranges::find(known, said) == known.end())
-      return wrong(at_,
-                   "a word that is none of JSON's, which are true, false and null: a text needs "
-                   "double quotes (\")");
-    at_ += size - 1;
-    return pass_value();
-  }
-
-  bool number() {
-    if (next_ == Next::key) return wrong(at_, "a key stands in double quotes (\")");
-    while (at_ + 1 < text_.size() && (is_word(text_[at_ + 1]) || is_number(text_[at_ + 1]))) ++at_;
-    return pass_value();
-  }
-
-  bool pass_value() {
-    if (next_ == Next::key) return pass(Next::colon);
-    return pass(open_.empty() ? Next::nothing : Next::comma);
-  }
-
-  bool pass(Next next) {
-    next_ = next;
-    ++at_;
-    return true;
-  }
-
-  /// True if the last token was `token`, a comma or a colon.
-  bool is_behind(char token) const {
-    return (next_ == Next::key || next_ == Next::value) && token_end_ > 0 &&
-           text_[token_end_ - 1] == token;
-  }
-
-  bool wrong(std::size_t at, std::string text) {
-    fault_ = SyntaxFault{at, std::move(text)};
-    return false;
-  }
-
-  const std::string_view text_;
-  const std::size_t end_;
-  std::size_t at_ = 0;
-  std::size_t token_end_ = 0;  ///< byte after the last token
-  Next next_ = Next::value;
-  std::vector<char> open_;
-  std::optional<SyntaxFault> fault_;
-};
+}
 
 }  // namespace
 
-std::optional<SyntaxFault> syntax_fault(std::string_view text, std::size_t read) {
-  return Walk(text, read).first_fault();
+SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, std::size_t read,
+                         Comments comments, std::string words) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  const std::size_t end =
+      accepted.end == 0 && text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : accepted.end;
+  const char last = end == 0 ? '\0' : text[end - 1];
+  const char bracket = accepted.open.empty() ? '\0' : text[accepted.open.back()];
+  const bool is_key = accepted.is_key;
+  const bool is_value = accepted.end > 0 && !is_key && last != '{' && last != '[';
+
+  // The parser accepted one comma or colon behind `end`, or none, and rejected the token at `at`.
+  std::size_t at = next_token(text, end, comments);
+  const char mark = is_key ? ':' : is_value && bracket != '\0' ? ',' : '\0';
+  const bool has_mark = at < text.size() && text[at] == mark;
+  if (has_mark) at = next_token(text, at + 1, comments);
+  SyntaxFault other{read, std::move(words)};
+  if (at >= text.size() && bracket != '\0') other.unclosed = accepted.open.back();
+  if (at >= text.size() || at > read) return other;
+
+  const char c = text[at];
+  const bool is_close = c == '}' || c == ']';
+  if (c == '#' || is_comment(text.substr(at)))
+    return {at, comments == Comments::refused
+                    ? "a comment, which only a config file may have: take it out"
+                : c == '#' ? "a comment begins with // and not with #"
+                           : "the comment that begins here has no closing */"};
+  if (c == '\'') return {at, "a single quote: JSON has double quotes (\") alone"};
+  const bool is_end = read + 1 == text.size() && (read == at || text[read] != '"');
+  if (c == '"' && (is_end || text[read] == '\n' || text[read] == '\r'))
+    return {at, "the string that begins here has no closing \" in its line"};
+  if (is_close && bracket != '\0' && bracket != (c == '}' ? '{' : '['))
+    return {at, c == '}' ? "a ] is missing before this }" : "a } is missing before this ]",
+            accepted.open.back()};
+  if (is_key && !has_mark)
+    return {end, is_close || c == ',' ? "a colon and a value are missing here"
+                                      : "a colon is missing here, behind the key"};
+  if (is_value && bracket == '\0')
+    return {at, "more text behind the end of the outermost brackets"};
+  if (is_value && !has_mark) {
+    const bool is_glued = at == end && (is_letter(last) || is_digit(last));  // such as 0x1F
+    const bool begins = c == '"' || c == '{' || c == '[' || c == '-' || is_letter(c) || is_digit(c);
+    if (begins && !is_glued) return {end, "a comma is missing here, before what follows"};
+    return other;
+  }
+  // A key or a value was expected here.
+  if (c == ',' && bracket != '\0')
+    return {at, is_key ? "a value is missing before this comma"
+                       : "nothing stands before this comma: take it out"};
+  if (is_close && has_mark)
+    return {at, is_key ? std::string("a value is missing before this ") + c
+                       : std::string("a comma stands before this ") + c + ": take the comma out"};
+  if (bracket == '{' && !is_key) {
+    if (is_letter(c)) return {at, "the key lacks its quotes: write it as \"key\""};
+    if (is_digit(c) || is_sign(c)) return {at, "a key stands in double quotes (\")"};
+  } else if (is_letter(c)) {
+    return {at,
+            "a word that is none of JSON's, which are true, false and null: a text needs double "
+            "quotes (\")"};
+  }
+  return other;
 }
 
 }  // namespace fxagent

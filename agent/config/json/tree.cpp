@@ -59,9 +59,9 @@ class TreeBuilder {
   using string_t = Json::string_t;
   using binary_t = Json::binary_t;
 
-  TreeBuilder(ConfigNode& root, const std::size_t& taken, std::size_t folded_depth,
-              const TreeBounds& bounds)
-      : root_(root), taken_(taken), folded_depth_(folded_depth), bounds_(bounds) {}
+  TreeBuilder(ConfigNode& root, std::string_view text, const std::size_t& taken,
+              std::size_t folded_depth, const TreeBounds& bounds)
+      : root_(root), text_(text), taken_(taken), folded_depth_(folded_depth), bounds_(bounds) {}
 
   bool null() {
     if (is_over()) return false;
@@ -77,6 +77,7 @@ class TreeBuilder {
   }
   bool number_integer(number_integer_t value) {
     if (is_over()) return false;
+    end_number();
     if (is_folding()) return true;
     ConfigNode* node = add(ConfigNode::Kind::integer);
     node->integer = value;
@@ -89,6 +90,7 @@ class TreeBuilder {
   }
   bool number_float(number_float_t value, const string_t& spelled) {
     if (is_over()) return false;
+    end_number();
     if (is_folding()) return true;
     ConfigNode* node = add(ConfigNode::Kind::number);
     node->number = value;
@@ -103,6 +105,8 @@ class TreeBuilder {
   }
   bool binary(binary_t&) { return false; }  // not in a JSON text
   bool key(string_t& value) {
+    accepted_.end = taken_;
+    accepted_.is_key = true;
     if (is_folding()) return true;
     key_ = std::move(value);
     key_offset_ = place();
@@ -128,6 +132,7 @@ class TreeBuilder {
   }
 
   const std::string& fault() const { return fault_; }
+  const AcceptedText& accepted() const { return accepted_; }
   /// Returns the reason if a limit or `stop` ended parsing; empty otherwise.
   const std::string& end() const { return end_; }
 
@@ -139,8 +144,16 @@ class TreeBuilder {
 
   bool is_folding() const { return in_folded_ > 0; }
 
-  /// Counts a node. True if parsing must end: too many nodes, or `stop` is set.
+  /// The lexer had to read the byte behind a number, except at the end of the text.
+  void end_number() {
+    const char last = text_[taken_ - 1];
+    if (last < '0' || last > '9') --accepted_.end;
+  }
+
+  /// Records and counts a node. True if parsing must end: too many nodes, or `stop` is set.
   bool is_over() {
+    accepted_.end = taken_;
+    accepted_.is_key = false;
     std::size_t& nodes = is_folding() ? nodes_in_folded_ : nodes_;
     if (++nodes > bounds_.nodes)
       end_ = "holds more than " + std::to_string(bounds_.nodes) + " JSON values";
@@ -167,10 +180,11 @@ class TreeBuilder {
   }
   bool open(ConfigNode::Kind kind) {
     if (is_over()) return false;
-    if (open_.size() + in_folded_ == ConfigTree::max_depth) {
+    if (accepted_.open.size() == ConfigTree::max_depth) {
       fault_ = "more than " + std::to_string(ConfigTree::max_depth) + " levels of brackets";
       return false;
     }
+    accepted_.open.push_back(place());
     if (is_folding()) {
       ++in_folded_;
       return true;
@@ -186,6 +200,9 @@ class TreeBuilder {
     return true;
   }
   bool close() {
+    accepted_.end = taken_;
+    accepted_.is_key = false;
+    accepted_.open.pop_back();
     if (!is_folding()) {
       open_.pop_back();
     } else if (--in_folded_ == 0) {
@@ -195,6 +212,7 @@ class TreeBuilder {
   }
 
   ConfigNode& root_;
+  const std::string_view text_;
   const std::size_t& taken_;
   const std::size_t folded_depth_;
   const TreeBounds bounds_;
@@ -205,6 +223,7 @@ class TreeBuilder {
   std::size_t in_folded_ = 0;     ///< open brackets in it, its own included
   std::string key_;
   std::uint32_t key_offset_ = 0;
+  AcceptedText accepted_;
   std::string fault_;
   std::string end_;
 };
@@ -242,7 +261,8 @@ std::string pointer_to(const ConfigNode& node) {
 
 tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_view text,
                                                                     Folding folding,
-                                                                    const TreeBounds& bounds) {
+                                                                    const TreeBounds& bounds,
+                                                                    Comments comments) {
   if (text.size() > max_bytes)
     return tl::unexpected(
         SyntaxError{0, "larger than " + std::to_string(max_bytes >> 20) + " MiB"});
@@ -266,16 +286,20 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
     return syntax_error(zero, "a zero byte");
 
   std::size_t taken = 0;
-  TreeBuilder builder(*tree.root_, taken, folding == Folding::tags ? folded_depth : kUnfolded,
+  TreeBuilder builder(*tree.root_, text, taken, folding == Folding::tags ? folded_depth : kUnfolded,
                       bounds);
   const char* const begin = text.data();
   if (!Json::sax_parse(TracedIterator(begin, &taken), TracedIterator(begin + text.size(), &taken),
-                       &builder)) {
+                       &builder, Json::input_format_t::json, true, comments == Comments::allowed)) {
     const std::size_t read = taken == 0 ? 0 : taken - 1;
     if (!builder.end().empty())
       return tl::unexpected(SyntaxError{tree.line_of(read), builder.end()});
-    if (const auto known = syntax_fault(text, read)) return syntax_error(known->at, known->text);
-    return syntax_error(read, shown(builder.fault(), kMaxFault));
+    SyntaxFault fault =
+        syntax_fault(text, builder.accepted(), read, comments, shown(builder.fault(), kMaxFault));
+    if (fault.unclosed)
+      fault.text += std::string("; the ") + text[*fault.unclosed] + " in line " +
+                    std::to_string(tree.line_of(*fault.unclosed)) + " is not closed";
+    return syntax_error(fault.at, fault.text);
   }
   name_parents(*tree.root_);
   return tree;
@@ -284,10 +308,12 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
 std::vector<ConfigNode> ConfigTree::items_of(const ConfigNode& folded) const {
   ConfigNode array;
   std::size_t taken = folded.offset;
-  TreeBuilder builder(array, taken, kUnfolded, {});
+  TreeBuilder builder(array, text_, taken, kUnfolded, {});
   const char* const begin = text_.data();
+  // A text without comments may be read with them.
   Json::sax_parse(TracedIterator(begin + folded.offset, &taken),
-                  TracedIterator(begin + folded.end, &taken), &builder);
+                  TracedIterator(begin + folded.end, &taken), &builder, Json::input_format_t::json,
+                  true, true);
   for (ConfigNode& item : array.children) {
     item.parent = &folded;
     name_parents(item);

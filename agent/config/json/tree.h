@@ -46,6 +46,9 @@ struct TreeBounds {
   const std::atomic<bool>* stop = nullptr;
 };
 
+/// Config files may have comments. Texts that arrive over MQTT must not.
+enum class Comments : std::uint8_t { refused, allowed };
+
 /// A parsed text. Parsing is linear in its size for any content and never throws. The tags of
 /// devices make up most of a large file, and as nodes they take ten times their text. So arrays at
 /// the depth of /devices/0/tags are folded: the tree does not keep their items, and items_of()
@@ -65,10 +68,12 @@ class ConfigTree {
 
   enum class Folding : std::uint8_t { tags, none };
 
-  /// Parses `text`, which must outlive the tree. A text beyond the limits is an error too.
+  /// Parses `text`, which must outlive the tree. A text beyond the limits is an error too. Comments
+  /// are those of C++: // and /* */.
   static tl::expected<ConfigTree, SyntaxError> parse(std::string_view text,
                                                      Folding folding = Folding::tags,
-                                                     const TreeBounds& bounds = {});
+                                                     const TreeBounds& bounds = {},
+                                                     Comments comments = Comments::refused);
 
   const ConfigNode& root() const { return *root_; }
   /// Parses the items of a folded array of this tree. Their parent is `folded`.

@@ -269,6 +269,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"NoJson", "write 50", Reason::bad_json, "not JSON", ""},
         Refused{"MissingComma", "{\"id\":\"a\"\n\"op\":\"read\"}", Reason::bad_json, "comma", ""},
         Refused{"Empty", "", Reason::bad_json, "not JSON", ""},
+        Refused{"Comment", R"({"id":"a"} // now)", Reason::bad_json, "a comment", ""},
         Refused{"Truncated", R"({"id":"a")", Reason::bad_json, "not JSON", ""},
         Refused{"Nan", R"({"id":"a","op":"write","tag":"t","value":NaN})", Reason::bad_json, "",
                 ""},

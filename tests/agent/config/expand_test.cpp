@@ -86,6 +86,13 @@ TEST(ExpandedConfig, IsWrittenAsPeopleDo) {
   EXPECT_TRUE(text.ends_with("\n  ]\n}\n"));
 }
 
+TEST(ExpandedConfig, DropsComments) {
+  std::string text = kMeters;
+  text.insert(text.find("\"tags\""), "/* of the meter */");
+  text.insert(text.find("\"devices\""), "// all of them\n");
+  EXPECT_EQ(expanded_config(text, variables()), expanded_config(kMeters, variables()));
+}
+
 TEST(ExpandedConfig, WithoutTemplatesItIsTheFile) {
   for (const char* name : {"agent.example.json", "demo/agent.json"}) {
     std::ifstream file(std::string(FXAGENT_CONFIG_DIR "/") + name);

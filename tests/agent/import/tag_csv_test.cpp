@@ -113,6 +113,11 @@ TEST(TagCsv, NumbersStayAsTheyAreSpelled) {
   EXPECT_NE(csv.find(",0.10,"), std::string::npos) << csv;
 }
 
+TEST(TagCsv, CommentsOfTheConfigAreLeftOut) {
+  const std::string text = small_plant().dump(1);
+  EXPECT_EQ(export_csv("// plant\n" + text + "/* end */"), export_csv(text));
+}
+
 TEST(TagCsv, RowsMayBeChangedAndAdded) {
   std::string csv = export_csv(small_plant().dump());
   csv.replace(csv.find("D100"), 4, "D111");

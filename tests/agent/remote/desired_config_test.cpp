@@ -38,6 +38,7 @@ TEST(DesiredConfig, EverythingWrongIsSaidAtOnce) {
            {"empty object", "{}", {"\"version\" is missing", "needs \"config\" or \"patch\""}},
            {"no object", "[]", {"must be an object"}},
            {"no JSON", R"({"version": "1",)", {"not JSON at line 1"}},
+           {"comment", R"({"version": "1", "patch": {}} // all)", {"column 31: a comment"}},
            {"a number", R"({"version": 7, "patch": {}})", {"/version: must be a string"}},
            {"null", R"({"version": null, "patch": {}})", {"/version: must be a string"}},
            {"empty", R"({"version": "", "patch": {}})", {"/version: must be a string of 1"}},
@@ -139,7 +140,7 @@ TEST(MergedConfig, PatchesAreThoseOfTheRfc) {
        }) {
     const json local{{"templates", json::parse(each.original)}};
     const auto desired = patch_of({{"templates", json::parse(each.patch)}});
-    const auto merged = merged_config(local.dump(), desired, RemoteLimits{});
+    const auto merged = merged_config(local.dump() + " // local", desired, RemoteLimits{});
     EXPECT_TRUE(merged.errors.empty()) << listed(merged.errors);
     EXPECT_EQ(json::parse(merged.text)["templates"], json::parse(each.result)) << each.patch;
   }

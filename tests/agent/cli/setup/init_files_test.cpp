@@ -5,8 +5,10 @@
 
 #include <map>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <set>
 #include <string>
+#include <tuple>
 
 #include "agent/config/loader.h"
 
@@ -67,7 +69,10 @@ TEST(InitFiles, FitEachOtherForEveryProtocol) {
     for (const json& node : flow)
       for (const json& wire : node.value("wires", json::array()))
         for (const json& to : wire) EXPECT_TRUE(ids.contains(to)) << to;
+    EXPECT_EQ(flow[0].at("label"), "fxagent edge7");
+    EXPECT_FALSE(std::regex_search(files.at("node-red-flow.json"), std::regex("\\{[a-z_]+\\}")));
     EXPECT_EQ(flow[1].at("broker"), "broker.example");
+    EXPECT_EQ(flow[1].at("usetls"), false);
     EXPECT_EQ(flow[1].at("port"), "1883");
   }
 }
@@ -128,6 +133,19 @@ TEST(InitFiles, TheUnitReadsItsConfigWhereItsUserCan) {
       text.npos)
       << text;
   EXPECT_EQ(made(answers).at("fxagent.service.d.conf").find("agent.json /etc"), text.npos);
+}
+
+TEST(InitFiles, TheSetPointHasTheTypeOfItsTag) {
+  InitAnswers answers = answers_for(*find_protocol("modbus-rtu"));
+  for (const auto& [address, payload, type] :
+       {std::tuple{"on=co:1", "true", "bool"}, std::tuple{"on=hr:1", "0", "num"}}) {
+    answers.write = {address};
+    const json flow = json::parse(made(answers).at("node-red-flow.json"));
+    const json& inject = flow[flow.size() - 3];
+    EXPECT_EQ(inject.at("name"), "set on");
+    EXPECT_EQ(inject.at("payload"), payload);
+    EXPECT_EQ(inject.at("payloadType"), type);
+  }
 }
 
 TEST(InitFiles, WithoutASetPointTheFlowSendsNothing) {

@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <string>
 #include <string_view>
 
 #include "agent/config/json/tree.h"
@@ -18,9 +21,9 @@ struct Case {
   std::string_view says;  ///< place, fault and cure
 };
 
-void expect_told(std::initializer_list<Case> cases) {
+void expect_told(std::initializer_list<Case> cases, Comments comments = Comments::refused) {
   for (const Case& c : cases) {
-    const auto tree = ConfigTree::parse(c.text);
+    const auto tree = ConfigTree::parse(c.text, ConfigTree::Folding::tags, {}, comments);
     ASSERT_FALSE(tree) << c.text;
     EXPECT_NE(tree.error().text.find(c.says), std::string::npos) << tree.error().text;
   }
@@ -50,6 +53,9 @@ TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
       Case{"{1: 1}", "column 2: a key stands in double quotes"},
       Case{"{\"a\": edge7}", "column 7: a word that is none of JSON's"},
       Case{"{\"a\": True}", "column 7: a word that is none of JSON's"},
+      Case{"{\"devices\": [{\"tags\": [None]}]}", "column 24: a word that is none of JSON's"},
+      Case{"{\"a\" = 1}", "column 5: a colon is missing here"},
+      Case{"{}}", "column 3: more text behind the end"},
       Case{"{\"a\": \"b,\n \"c\": 1}", "column 7: the string that begins here has no closing"},
       Case{"{\"a\": [1, 2}", "column 12: a ] is missing before this }"},
       Case{"[{\"a\": 1]", "column 9: a } is missing before this ]"},
@@ -67,11 +73,42 @@ TEST(SyntaxFault, WhatItDoesNotKnowKeepsTheParsersWords) {
   });
 }
 
-// Changes one character at a time throughout a text: the fault is never placed after the parser's,
-// and valid text is never called wrong.
+TEST(SyntaxFault, ABracketThatIsNotClosedHasItsLine) {
+  expect_told({
+      Case{"{\n \"a\": [1,\n  2\n", "unexpected end of input"},
+      Case{"{\n \"a\": [1,\n  2\n", "; the [ in line 2 is not closed"},
+      Case{"{\n \"a\": 1", "line 2, column 7: "},
+      Case{"{\n \"a\": 1", "; the { in line 1 is not closed"},
+      Case{"[\n{\"a\": 1\n]", "line 3, column 1: a } is missing before this ]; the { in line 2 is"},
+      Case{"{\"devices\": [\n{\"tags\": [\n{}\n}]}",
+           "line 4, column 1: a ] is missing before this }; the [ in line 2 is not closed"},
+  });
+}
+
+TEST(SyntaxFault, MarksOfCommentsAreNamed) {
+  expect_told(
+      {
+          Case{"{\n} /* end", "line 2, column 3: the comment that begins here has no closing */"},
+          Case{"# agent\n{}", "line 1, column 1: a comment begins with // and not with #"},
+      },
+      Comments::allowed);
+}
+
+/// Returns the byte of the place that an error names.
+std::size_t named_byte(std::string_view text, const std::string& error) {
+  int line = 0;
+  int column = 0;
+  EXPECT_EQ(std::sscanf(error.c_str(), "not JSON at line %d, column %d: ", &line, &column), 2);
+  std::size_t start = 0;
+  for (int i = 1; i < line; ++i) start = text.find('\n', start) + 1;
+  return start + static_cast<std::size_t>(column) - 1;
+}
+
+// Changes one character at a time throughout a text: no mistake is placed behind the parser's
+// place, and valid text is never called wrong.
 TEST(SyntaxFault, IsNeverBehindTheParsersPlace) {
+  using nlohmann::json;
   const std::string right = small_plant().dump(1);
-  EXPECT_FALSE(syntax_fault(right, right.size()));
   constexpr std::string_view spoilers = "{}[]:,\"'/#x0 \n\\";
   std::size_t named = 0;
   for (std::size_t at = 0; at < right.size(); at += 3)
@@ -79,20 +116,21 @@ TEST(SyntaxFault, IsNeverBehindTheParsersPlace) {
       std::string text = right;
       text[at] = spoiler;
       const auto tree = ConfigTree::parse(text);
-      for (const std::size_t read : {at, text.size()}) {
-        const auto fault = syntax_fault(text, read);
-        if (fault) {
-          EXPECT_LE(fault->at, read);
-          EXPECT_FALSE(fault->text.empty());
-        }
-        if (tree) {
-          EXPECT_FALSE(fault) << text.substr(at > 20 ? at - 20 : 0, 40) << '\n' << fault->text;
-        } else if (fault) {
-          ++named;
-        }
+      std::size_t byte = text.size();
+      try {
+        EXPECT_EQ(json::parse(text).is_discarded(), !tree);
+      } catch (const json::parse_error& fault) {
+        byte = fault.byte;
+        EXPECT_FALSE(tree);
+      } catch (const json::exception&) {
+        EXPECT_FALSE(tree);
       }
+      if (tree) continue;
+      const std::string& error = tree.error().text;
+      EXPECT_LE(named_byte(text, error), byte) << error << '\n' << text.substr(0, byte);
+      if (error.find("syntax error") == std::string::npos) ++named;
     }
-  EXPECT_GT(named, right.size()) << "or this test looks at nothing";
+  EXPECT_GT(named, right.size() / 2) << "or this test looks at nothing";
 }
 
 }  // namespace

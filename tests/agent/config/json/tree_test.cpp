@@ -201,6 +201,58 @@ TEST(ConfigTree, TextOverTheLimitIsRefused) {
   EXPECT_NE(tree.error().text.find("64 MiB"), std::string::npos);
 }
 
+ConfigTree with_comments(std::string_view text) {
+  auto tree = ConfigTree::parse(text, ConfigTree::Folding::tags, {}, Comments::allowed);
+  if (!tree) throw std::runtime_error(tree.error().text);
+  return std::move(*tree);
+}
+
+TEST(ConfigTree, CommentsAreSkippedAndMoveNoPlace) {
+  const auto tree = with_comments(
+      "// first, with \" and {\n"                   // 1
+      "{ /* {\n"                                    // 2
+      "  */ \"a\": 1, // one\r\n"                   // 3
+      "  \"b\"/**/:/**/2/* two */\n"                // 4
+      "  , \"url\": \"http://x/*y*/\", /*\n"        // 5
+      " * / **/ \"devices\": [{\"tags\": [ // [\n"  // 6
+      "    {}, /* ] */ 7 // seven\n"                // 7
+      "    // , 8\n"                                // 8
+      "    ,\"x\"]/**/}]} // end");                 // 9
+  const ConfigNode& root = tree.root();
+  const auto line = [&](const ConfigNode& node) { return tree.line_of(node.offset); };
+  EXPECT_EQ(line(root), 2);
+  EXPECT_EQ(line(*root.find("a")), 3);
+  EXPECT_EQ(tree.line_of(root.find("b")->key_offset), 4);
+  EXPECT_EQ(root.find("b")->integer, 2);
+  EXPECT_EQ(root.find("url")->text, "http://x/*y*/");
+  EXPECT_EQ(line(*root.find("devices")), 6);
+  const auto items = tree.items_of(*root.find("devices")->children[0].find("tags"));
+  ASSERT_EQ(items.size(), 3U);
+  EXPECT_EQ(items[1].integer, 7);
+  EXPECT_EQ(line(items[1]), 7);
+  EXPECT_EQ(line(items[2]), 9);
+}
+
+TEST(ConfigTree, FaultBehindCommentsHasItsPlace) {
+  struct Case {
+    std::string_view text;
+    std::string_view says;
+  };
+  for (const Case& c :
+       {Case{"// one\n{\"a\": 1, /* two\n */ }", "line 3, column 5: a comma stands before this }"},
+        {"{\"a\": 1 // one\n /* two */ \"b\": 2}", "line 1, column 8: a comma is missing here"},
+        {"{\"a\" /* : */\n 1}", "line 1, column 5: a colon is missing here"},
+        {"{} // end\n{}", "line 2, column 1: more text behind the end"},
+        {"{ // \"\n 'a': 1}", "line 2, column 2: a single quote"},
+        {"{\"a\": \"b,\n // \"\n}", "line 1, column 7: the string that begins here has no closing"},
+        {"{\"devices\": [{\"tags\": [1 // ,\n 2]}]}", "line 1, column 25: a comma is missing here"},
+        {"{\"a\": 1}\n/", "line 2, column 1: "}}) {
+    const auto tree = ConfigTree::parse(c.text, ConfigTree::Folding::tags, {}, Comments::allowed);
+    ASSERT_FALSE(tree) << c.text;
+    EXPECT_NE(tree.error().text.find(c.says), std::string::npos) << tree.error().text;
+  }
+}
+
 TEST(ConfigTree, ByteOrderMarkIsSkipped) {
   EXPECT_EQ(parsed("\xEF\xBB\xBF{}").root().kind, Kind::object);
 }
