@@ -21,8 +21,12 @@ void make_two_good(Plant& plant) {
 }
 
 /// A PLC that was off during the trial now answers, with more data than the machine can hold.
-TEST(RemoteEnds, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
+class RemoteEndsTest : public ::testing::Test {
+ protected:
   Plant plant;
+};
+
+TEST_F(RemoteEndsTest, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
   make_two_good(plant);
   plant.start();
   EXPECT_EQ(plant.retries(), 8);
@@ -35,8 +39,7 @@ TEST(RemoteEnds, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
   EXPECT_EQ(plant.said().substr(0, 16), "rolled_back \"v2\"");
 }
 
-TEST(RemoteEnds, TheOneBeforeIsSetAsideInTheSameWay) {
-  Plant plant;
+TEST_F(RemoteEndsTest, TheOneBeforeIsSetAsideInTheSameWay) {
   make_two_good(plant);
   for (int ends = 0; ends < 3; ++ends) plant.start();
   EXPECT_EQ(plant.retries(), 7);
@@ -50,8 +53,7 @@ TEST(RemoteEnds, TheOneBeforeIsSetAsideInTheSameWay) {
 
 /// A new local file no longer lets documents set links, which ends the trial of v3. v1 remains the
 /// fallback of v2. Document v3 has no writable tag beyond what both local files allow.
-TEST(RemoteEnds, ATrialThatNoLongerFitsLeavesTheWayBack) {
-  Plant plant;
+TEST_F(RemoteEndsTest, ATrialThatNoLongerFitsLeavesTheWayBack) {
   make_two_good(plant);
   const json commands = plant.local()["devices"][0]["commands"];
   plant.local()["devices"][0]["commands"] = json::object();
@@ -71,8 +73,7 @@ TEST(RemoteEnds, ATrialThatNoLongerFitsLeavesTheWayBack) {
   EXPECT_EQ(plant.reported()["in_force"], "v1");
 }
 
-TEST(RemoteEnds, AnHourForgivesTheEndBefore) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AnHourForgivesTheEndBefore) {
   make_two_good(plant);
   plant.start();
   plant.pass(1h);
@@ -83,8 +84,7 @@ TEST(RemoteEnds, AnHourForgivesTheEndBefore) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST(RemoteEnds, AnEndAfterTheHourDoesNotCount) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AnEndAfterTheHourDoesNotCount) {
   make_two_good(plant);
   for (int ends = 0; ends < 5; ++ends) {
     plant.pass(1h);
@@ -94,8 +94,7 @@ TEST(RemoteEnds, AnEndAfterTheHourDoesNotCount) {
   EXPECT_EQ(plant.reported()["state"], "applied");
 }
 
-TEST(RemoteEnds, AStopDoesNotCountAndForgivesNothing) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AStopDoesNotCountAndForgivesNothing) {
   make_two_good(plant);
   for (int stops = 0; stops < 5; ++stops) {
     plant.stop();
@@ -111,8 +110,7 @@ TEST(RemoteEnds, AStopDoesNotCountAndForgivesNothing) {
 }
 
 /// A machine that is switched off with its plant every evening.
-TEST(RemoteEnds, AnEndOfTheMachineDoesNotCount) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AnEndOfTheMachineDoesNotCount) {
   make_two_good(plant);
   for (int ends = 0; ends < 5; ++ends) {
     plant.boot();
@@ -123,8 +121,7 @@ TEST(RemoteEnds, AnEndOfTheMachineDoesNotCount) {
 }
 
 /// The crash counts against the trial.
-TEST(RemoteEnds, AnEndInATrialIsNotThatOfTheGoodOne) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AnEndInATrialIsNotThatOfTheGoodOne) {
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
   for (int retries : {8, 9}) {
@@ -136,8 +133,7 @@ TEST(RemoteEnds, AnEndInATrialIsNotThatOfTheGoodOne) {
   }
 }
 
-TEST(RemoteEnds, AnEndInJudgingIsNotThatOfTheGoodOne) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AnEndInJudgingIsNotThatOfTheGoodOne) {
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
   plant.end_while_judging(plant.with_retries("v2", 8));
@@ -146,8 +142,7 @@ TEST(RemoteEnds, AnEndInJudgingIsNotThatOfTheGoodOne) {
 }
 
 /// The same document again, on the way back from another one.
-TEST(RemoteEnds, TheSameOneIsNotTheWayBackFromItself) {
-  Plant plant;
+TEST_F(RemoteEndsTest, TheSameOneIsNotTheWayBackFromItself) {
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
   plant.hear(plant.with_retries("v2", 8));
@@ -159,8 +154,7 @@ TEST(RemoteEnds, TheSameOneIsNotTheWayBackFromItself) {
   EXPECT_EQ(plant.reported()["in_force"], nullptr);
 }
 
-TEST(RemoteEnds, WhatWasWithdrawnDoesNotComeBack) {
-  Plant plant;
+TEST_F(RemoteEndsTest, WhatWasWithdrawnDoesNotComeBack) {
   make_two_good(plant);
   plant.hear_text("");
   for (int ends = 0; ends < 3; ++ends) plant.start();
@@ -168,8 +162,7 @@ TEST(RemoteEnds, WhatWasWithdrawnDoesNotComeBack) {
   EXPECT_EQ(plant.said(), "applied null");
 }
 
-TEST(RemoteEnds, OneThatAStopFindsInJudgingIsJudgedByTheNextProcess) {
-  Plant plant;
+TEST_F(RemoteEndsTest, OneThatAStopFindsInJudgingIsJudgedByTheNextProcess) {
   plant.stop_while_judging(plant.with_retries("v1", 7));
   EXPECT_EQ(plant.said(), "applied null");
   EXPECT_EQ(plant.remote().next_wake(), SteadyTime{});
@@ -179,16 +172,14 @@ TEST(RemoteEnds, OneThatAStopFindsInJudgingIsJudgedByTheNextProcess) {
   EXPECT_EQ(plant.reported()["confirmed"], false);
 }
 
-TEST(RemoteEnds, AStopInJudgingIsGoodForOneStart) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AStopInJudgingIsGoodForOneStart) {
   plant.stop_while_judging(plant.with_retries("v1", 7));
   plant.end_while_judging(plant.with_retries("v1", 7));
   EXPECT_EQ(plant.said(), "rolled_back \"v1\": the process ended while the config was judged");
   EXPECT_FALSE(plant.pass(0s));
 }
 
-TEST(RemoteEnds, ANewerOneTakesThePlaceOfTheOneThatWasStopped) {
-  Plant plant;
+TEST_F(RemoteEndsTest, ANewerOneTakesThePlaceOfTheOneThatWasStopped) {
   plant.stop_while_judging(plant.with_retries("v1", 7));
   EXPECT_TRUE(plant.hear(plant.with_retries("v2", 8)));
   plant.pass(0s);
@@ -196,8 +187,7 @@ TEST(RemoteEnds, ANewerOneTakesThePlaceOfTheOneThatWasStopped) {
 }
 
 /// The document would not be sent again, so it is kept, and so is the trial in progress.
-TEST(RemoteEnds, AStopInJudgingKeepsTheTrialToo) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AStopInJudgingKeepsTheTrialToo) {
   plant.hear(plant.with_retries("v1", 7));
   plant.stop_while_judging(plant.with_retries("v2", 8));
   EXPECT_EQ(plant.said(), "applied \"v1\"");
@@ -206,8 +196,7 @@ TEST(RemoteEnds, AStopInJudgingKeepsTheTrialToo) {
   EXPECT_EQ(plant.retries(), 8);
 }
 
-TEST(RemoteEnds, AStopDoesNotUndoAWithdrawal) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AStopDoesNotUndoAWithdrawal) {
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
   plant.remote().interrupt();
