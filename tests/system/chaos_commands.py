@@ -11,6 +11,7 @@ import time
 import paho.mqtt.client as mqtt
 
 from plant import PATIENCE, request_properties, wait_for
+from truth import untruth_of_one
 
 # Bits and words of each kind of device that only commands write. Each pair of place and value is used once, so an
 # execution identifies its command.
@@ -235,13 +236,10 @@ def judge_commands(ledger, commands, deeds, version):
 
 
 def judge_one(ledger, key, result, times, stood_so):
-    status, reason = result["status"], result["reason"]
     # No answer came, and the bit already had the value that is read back.
-    if stood_so and not times and status == "SUCCEEDED" and result["plc"] is None:
+    if stood_so and not times and result["status"] == "SUCCEEDED" and result["plc"] is None:
         return
-    was_done = status == "SUCCEEDED" or reason == "verify_mismatch"
-    may_be_done = was_done or status == "UNKNOWN_OUTCOME"
-    if was_done and times != 1 or times and not may_be_done:
+    if untruth_of_one(result, times):
         ledger.fault(f"{key} was carried out {times} times and its result is {result}")
 
 
