@@ -109,13 +109,6 @@ TEST_F(ComputerLinkStation, EveryModelTellsItsType) {
   }
 }
 
-TEST_F(ComputerLinkStation, TwoHundredFiftySixBitsAreCodedAsNone) {
-  for (unsigned i = 1; i < 256; i += 2) plc_.preset({Kind::m, i}, 1);
-  std::string bits;
-  for (int i = 0; i < 128; ++i) bits += "01";
-  EXPECT_EQ(sent("<00FFBR0M0000001D"), ">00FF" + bits + "|6F");
-}
-
 TEST_F(ComputerLinkStation, OneMorePointThanTheLimitIsRefused) {
   struct Row {
     std::string_view model;

@@ -68,11 +68,6 @@ TEST(ProgrammingPort, WhatIsNoDeviceAccessIsRefused) {
   }
 }
 
-TEST(ProgrammingPort, EnquiryIsAcknowledged) {
-  auto plc = make_plc("FX1S");
-  EXPECT_EQ(replies_of(plc, Bytes{0x05}), Bytes{0x06});
-}
-
 TEST(ProgrammingPort, WrongSumIsRefusedAndNotCarriedOut) {
   EXPECT_EQ(ask("FX2N", message("0E0202|00")), message("NAK"));
   auto plc = make_plc("FX3U");
