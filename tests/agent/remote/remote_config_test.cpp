@@ -25,6 +25,11 @@ class RemoteConfigAfterV1 : public RemoteConfigTest {
   RemoteConfigAfterV1() { plant.hear(plant.with_retries("v1", 7)); }
 };
 
+class RemoteConfigAfterGoodV1 : public RemoteConfigAfterV1 {
+ protected:
+  RemoteConfigAfterGoodV1() { plant.pass(kTrial); }
+};
+
 TEST_F(RemoteConfigTest, WithoutAWordTheLocalFileIsReported) {
   const json report = plant.reported();
   EXPECT_EQ(report["version"], nullptr);
@@ -62,8 +67,7 @@ TEST_F(RemoteConfigAfterV1, TheSameAgainIsAnsweredAndNotAppliedAgain) {
   EXPECT_TRUE(plant.hear(plant.with_retries("v2", 7)));
 }
 
-TEST_F(RemoteConfigAfterV1, AWrongOneChangesNothingAndEveryErrorIsSaid) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, AWrongOneChangesNothingAndEveryErrorIsSaid) {
   json wrong = plant.with_retries("v2", 99);
   wrong["config"]["devices"][0]["tags"][0]["address"] = "X8";
   wrong["config"]["store"] = nullptr;
@@ -97,8 +101,7 @@ TEST_F(RemoteConfigTest, ManyErrorsAreCutAndCounted) {
   EXPECT_EQ(report["errors_in_all"], 1001);
 }
 
-TEST_F(RemoteConfigAfterV1, TheBrokerLostIsRolledBackAndNotTriedAgain) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, TheBrokerLostIsRolledBackAndNotTriedAgain) {
   plant.hear(plant.with_retries("v2", 8));
   plant.pass(10s);
   plant.connection(false);
@@ -127,8 +130,7 @@ TEST_F(RemoteConfigTest, WithoutAGoodOneTheLocalFileIsTheWayBack) {
   EXPECT_EQ(plant.reported()["in_force"], nullptr);
 }
 
-TEST_F(RemoteConfigAfterV1, AProcessThatEndsInTheTrialIsRolledBack) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, AProcessThatEndsInTheTrialIsRolledBack) {
   plant.hear(plant.with_retries("v2", 8));
   plant.start();
   EXPECT_EQ(plant.retries(), 7);
@@ -160,8 +162,7 @@ TEST_F(RemoteConfigAfterV1, AStopIsGoodForOneStart) {
   EXPECT_EQ(plant.said().substr(0, 11), "rolled_back");
 }
 
-TEST_F(RemoteConfigAfterV1, AStartWithoutBrokerUsesTheGoodOne) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, AStartWithoutBrokerUsesTheGoodOne) {
   plant.start(/*is_connected=*/false);
   EXPECT_EQ(plant.retries(), 7);
   EXPECT_FALSE(plant.pass(1h));
@@ -223,8 +224,7 @@ TEST_F(RemoteConfigTest, WhereItNoLongerFitsTheLocalFileWins) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST_F(RemoteConfigAfterV1, AKeptOneThatNoLongerFitsAtTheStartIsLeftOut) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, AKeptOneThatNoLongerFitsAtTheStartIsLeftOut) {
   plant.local()["agent"]["remote_allow"] = json::array();
   plant.write();
   plant.start();
@@ -232,8 +232,7 @@ TEST_F(RemoteConfigAfterV1, AKeptOneThatNoLongerFitsAtTheStartIsLeftOut) {
   EXPECT_EQ(plant.reported()["state"], "rejected");
 }
 
-TEST_F(RemoteConfigAfterV1, SwitchedOffNothingOfItStays) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, SwitchedOffNothingOfItStays) {
   plant.local()["agent"]["remote_config"] = false;
   plant.write();
   EXPECT_TRUE(plant.hang_up());
@@ -277,8 +276,7 @@ TEST_F(RemoteConfigAfterV1, WhatTheDiskRefusedIsWrittenLater) {
   EXPECT_EQ(plant.said(), "applied \"v1\"");
 }
 
-TEST_F(RemoteConfigAfterV1, DamageOnDiskIsLeftOut) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, DamageOnDiskIsLeftOut) {
   std::ofstream(plant.kept_path()) << "{\"format\": 1";
   plant.start();
   EXPECT_EQ(plant.retries(), 2);
@@ -299,8 +297,7 @@ TEST_F(RemoteConfigTest, NoSecretIsReported) {
   }
 }
 
-TEST_F(RemoteConfigAfterV1, OneThatEndsTheProcessWhileItIsJudgedIsNotTriedAgain) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, OneThatEndsTheProcessWhileItIsJudgedIsNotTriedAgain) {
   json document = plant.with_retries("v2", 8);
   document["by"] = "ann";
   plant.end_while_judging(document);
@@ -481,8 +478,7 @@ TEST_F(RemoteConfigAfterV1, AConfirmationThatTheDiskRefusedIsWrittenAtTheStop) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST_F(RemoteConfigAfterV1, WhatTheDiskRefusedToTryIsPutRightLater) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, WhatTheDiskRefusedToTryIsPutRightLater) {
   const std::string good = plant.kept_text();
   plant.take_disk();
   EXPECT_FALSE(plant.hear(plant.with_retries("v2", 8)));
@@ -500,8 +496,7 @@ TEST_F(RemoteConfigTest, ADocumentBeyondItsLimitIsNotHeldInMemory) {
 }
 
 /// A new local file that conflicts with the config on trial may fit the previous one.
-TEST_F(RemoteConfigAfterV1, WhereTheTrialNoLongerFitsTheGoodOneStays) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, WhereTheTrialNoLongerFitsTheGoodOneStays) {
   json links = plant.local()["links"];
   links[0]["serial"]["path"] = "/dev/ttyUSB7";
   plant.local()["devices"][0]["commands"] = json::object();
@@ -522,8 +517,7 @@ TEST_F(RemoteConfigAfterV1, WhereTheTrialNoLongerFitsTheGoodOneStays) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST_F(RemoteConfigAfterV1, WhatAnotherAgentHasKeptIsLeftOut) {
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, WhatAnotherAgentHasKeptIsLeftOut) {
   plant.local()["agent"]["id"] = "edge8";
   plant.write();
   plant.start();

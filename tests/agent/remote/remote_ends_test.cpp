@@ -11,23 +11,25 @@ using namespace test;
 constexpr const char* kEndedTwice =
     "the process ended twice within an hour of its start while the config was in force";
 
-/// Makes two configs good: v1 with 7 retries, then v2 with 8.
-void make_two_good(Plant& plant) {
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
-  plant.hear(plant.with_retries("v2", 8));
-  plant.pass(kTrial);
-  ASSERT_EQ(plant.reported()["confirmed"], true);
-}
-
-/// A PLC that was off during the trial now answers, with more data than the machine can hold.
 class RemoteEndsTest : public ::testing::Test {
  protected:
   Plant plant;
 };
 
-TEST_F(RemoteEndsTest, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
-  make_two_good(plant);
+/// Two configs are good: v1 with 7 retries, then v2 with 8.
+class RemoteEndsAfterTwoGood : public RemoteEndsTest {
+ protected:
+  void SetUp() override {
+    plant.hear(plant.with_retries("v1", 7));
+    plant.pass(kTrial);
+    plant.hear(plant.with_retries("v2", 8));
+    plant.pass(kTrial);
+    ASSERT_EQ(plant.reported()["confirmed"], true);
+  }
+};
+
+/// A PLC that was off during the trial now answers, with more data than the machine can hold.
+TEST_F(RemoteEndsAfterTwoGood, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
   plant.start();
   EXPECT_EQ(plant.retries(), 8);
   plant.pass(59min);
@@ -39,8 +41,7 @@ TEST_F(RemoteEndsTest, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
   EXPECT_EQ(plant.said().substr(0, 16), "rolled_back \"v2\"");
 }
 
-TEST_F(RemoteEndsTest, TheOneBeforeIsSetAsideInTheSameWay) {
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, TheOneBeforeIsSetAsideInTheSameWay) {
   for (int ends = 0; ends < 3; ++ends) plant.start();
   EXPECT_EQ(plant.retries(), 7);
   plant.start();
@@ -53,8 +54,7 @@ TEST_F(RemoteEndsTest, TheOneBeforeIsSetAsideInTheSameWay) {
 
 /// A new local file no longer lets documents set links, which ends the trial of v3. v1 remains the
 /// fallback of v2. Document v3 has no writable tag beyond what both local files allow.
-TEST_F(RemoteEndsTest, ATrialThatNoLongerFitsLeavesTheWayBack) {
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, ATrialThatNoLongerFitsLeavesTheWayBack) {
   const json commands = plant.local()["devices"][0]["commands"];
   plant.local()["devices"][0]["commands"] = json::object();
   json trial = plant.with_retries("v3", 9);
@@ -73,8 +73,7 @@ TEST_F(RemoteEndsTest, ATrialThatNoLongerFitsLeavesTheWayBack) {
   EXPECT_EQ(plant.reported()["in_force"], "v1");
 }
 
-TEST_F(RemoteEndsTest, AnHourForgivesTheEndBefore) {
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, AnHourForgivesTheEndBefore) {
   plant.start();
   plant.pass(1h);
   plant.start();
@@ -84,8 +83,7 @@ TEST_F(RemoteEndsTest, AnHourForgivesTheEndBefore) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST_F(RemoteEndsTest, AnEndAfterTheHourDoesNotCount) {
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, AnEndAfterTheHourDoesNotCount) {
   for (int ends = 0; ends < 5; ++ends) {
     plant.pass(1h);
     plant.start();
@@ -94,8 +92,7 @@ TEST_F(RemoteEndsTest, AnEndAfterTheHourDoesNotCount) {
   EXPECT_EQ(plant.reported()["state"], "applied");
 }
 
-TEST_F(RemoteEndsTest, AStopDoesNotCountAndForgivesNothing) {
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, AStopDoesNotCountAndForgivesNothing) {
   for (int stops = 0; stops < 5; ++stops) {
     plant.stop();
     plant.start();
@@ -110,8 +107,7 @@ TEST_F(RemoteEndsTest, AStopDoesNotCountAndForgivesNothing) {
 }
 
 /// A machine that is switched off with its plant every evening.
-TEST_F(RemoteEndsTest, AnEndOfTheMachineDoesNotCount) {
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, AnEndOfTheMachineDoesNotCount) {
   for (int ends = 0; ends < 5; ++ends) {
     plant.boot();
     plant.start();
@@ -154,8 +150,7 @@ TEST_F(RemoteEndsTest, TheSameOneIsNotTheWayBackFromItself) {
   EXPECT_EQ(plant.reported()["in_force"], nullptr);
 }
 
-TEST_F(RemoteEndsTest, WhatWasWithdrawnDoesNotComeBack) {
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, WhatWasWithdrawnDoesNotComeBack) {
   plant.hear_text("");
   for (int ends = 0; ends < 3; ++ends) plant.start();
   EXPECT_EQ(plant.retries(), 2);
