@@ -72,7 +72,7 @@ forbid("." "^asio" "asio is agent/field/'s")
 forbid("." "${mqtt}" "only agent/uplink/paho/ knows the MQTT library")
 forbid("." "^(sqlite3|SQLiteCpp/)" "only agent/store/ knows SQLite")
 forbid("^(protocol|agent)/" "^tests/" "the product does not know its tests")
-forbid("^tests/sim/" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
+forbid("^tests/(sim/|support/transcripts)" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
 
 # Exceptions from a module's rule: file, then header.
 set(allowed

@@ -8,7 +8,7 @@
 #include "protocol/catalog.h"
 #include "protocol/mc/device.h"
 #include "protocol/plc.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent {
 namespace {

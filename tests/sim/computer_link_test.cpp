@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <array>
 
-#include "tests/sim/computer_link_frames.h"
 #include "tests/sim/sample_plc.h"
+#include "tests/sim/transcripts.h"
 
 namespace fxsim {
 namespace {
@@ -58,29 +58,30 @@ class ComputerLinkStation : public testing::Test {
   Plc plc_ = make_plc("FX3U");
 };
 
-TEST(ComputerLinkFrames, OfTheTableAreAnswered) {
-  for (const auto& row : kComputerLinkRows) {
-    SCOPED_TRACE(row.request);
-    auto plc = make_plc(row.model);
-    preset_opposite(plc, row.after);
-    preset(plc, row.before);
-    const ComputerLink link({row.station, row.format, row.sum_check});
-    EXPECT_EQ(shown(replies_of(link, plc, wire(row.request))), row.answer);
-    EXPECT_EQ(differences(plc, row.after), "");
+/// Takes the settings from "5.100.1.sum": station, wait, format, sum check.
+ComputerLinkSettings settings_of(const test::Exchange& e) {
+  const auto parts = split(e.command_set, '.');
+  return {static_cast<unsigned>(std::stoul(parts[0])), static_cast<unsigned>(std::stoul(parts[2])),
+          parts[3] == "sum"};
+}
+
+TEST(ComputerLinkFrames, OfTheTranscriptsAreAnswered) {
+  for (const auto& e : simulated("fx_computer_link.txt")) {
+    SCOPED_TRACE(e.where());
+    expect_exchange(e, ComputerLink(settings_of(e)), make_plc(e.model));
   }
 }
 
 TEST(ComputerLinkFrames, DamagedOnesAreAnsweredByTheFormOrNotAtAll) {
   std::mt19937 random(1);
-  for (const auto& row : kComputerLinkRows) {
-    const ComputerLink link({row.station, row.format, row.sum_check});
+  for (const auto& e : simulated("fx_computer_link.txt")) {
+    const ComputerLink link(settings_of(e));
     for (int i = 0; i < 200; ++i) {
-      SCOPED_TRACE(row.request);
-      auto plc = make_plc(row.model);
+      SCOPED_TRACE(e.where());
+      auto plc = make_plc(e.model);
       std::vector<Frame> frames;
       const auto framer = link.make_framer();
-      for (const auto byte : damaged(wire(row.request), random))
-        framer->take(byte, TimePoint{}, frames);
+      for (const auto byte : damaged(e.request, random)) framer->take(byte, TimePoint{}, frames);
       for (const auto& frame : frames) {
         link.kind(frame);
         if (frame.whole && !link.hears(frame)) continue;
@@ -90,7 +91,7 @@ TEST(ComputerLinkFrames, DamagedOnesAreAnsweredByTheFormOrNotAtAll) {
         EXPECT_TRUE(frame.whole);
         EXPECT_EQ(ruling.verdict == Verdict::nak, answer.front() == '-');
         EXPECT_EQ(ruling.verdict == Verdict::ack, answer.front() == '+');
-        EXPECT_EQ(answer.ends_with("rn"), row.format == 4);
+        EXPECT_EQ(answer.ends_with("rn"), settings_of(e).format == 4);
       }
     }
   }
@@ -106,13 +107,6 @@ TEST_F(ComputerLinkStation, EveryModelTellsItsType) {
     plc_ = make_plc(row.model);
     EXPECT_EQ(asked("PC0").substr(5, 2), row.code);
   }
-}
-
-TEST_F(ComputerLinkStation, TwoHundredFiftySixBitsAreCodedAsNone) {
-  for (unsigned i = 1; i < 256; i += 2) plc_.preset({Kind::m, i}, 1);
-  std::string bits;
-  for (int i = 0; i < 128; ++i) bits += "01";
-  EXPECT_EQ(sent("<00FFBR0M0000001D"), ">00FF" + bits + "|6F");
 }
 
 TEST_F(ComputerLinkStation, OneMorePointThanTheLimitIsRefused) {

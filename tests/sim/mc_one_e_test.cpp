@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/mc_frames.h"
-#include "tests/sim/sample_plc.h"
+#include "tests/sim/mc_transcripts.h"
 
 namespace fxsim {
 namespace {
@@ -27,21 +26,6 @@ class McOneEPlc : public testing::Test {
   McSettings settings_;
   Plc plc_ = make_plc();
 };
-
-TEST(McOneEFrames, OfTheTableAreAnswered) {
-  for (const auto& row : kMcOneERows) {
-    SCOPED_TRACE(row.request);
-    auto plc = make_plc();
-    preset_opposite(plc, row.after);
-    preset(plc, row.before);
-    McSettings settings;
-    settings.code = row.code;
-    const McOneE station(settings);
-    EXPECT_EQ(to_hex(replies_of(station, plc, mc_bytes(row.request, row.code))),
-              to_hex(mc_bytes(row.answer, row.code)));
-    EXPECT_EQ(differences(plc, row.after), "");
-  }
-}
 
 TEST_F(McOneEPlc, LimitsAreThoseOfFx3) {
   EXPECT_EQ(asked("01 FF 0A 00 00 00 00 00 20 44 40 00").size(), 3U * (2 + 128) - 1);
@@ -149,22 +133,6 @@ TEST_F(McOneEPlc, RefusalsAndFlawsOnDemand) {
   EXPECT_EQ(spoiled(Flaw::shorter), "81 00");
   EXPECT_EQ(spoiled(Flaw::end_code), "81 50 34 12");
   EXPECT_EQ(spoiled(Flaw::header), "80 00 34 12");
-}
-
-TEST(McOneEDamage, NoBytesBringItDown) {
-  std::mt19937 random(1);
-  for (const auto& row : kMcOneERows) {
-    auto plc = make_plc();
-    McSettings settings;
-    settings.code = row.code;
-    const McOneE station(settings);
-    for (int i = 0; i < 500; ++i) {
-      replies_of(station, plc, damaged(mc_bytes(row.request, row.code), random));
-      auto reply = mc_bytes(row.answer, row.code);
-      for (const auto flaw : {Flaw::shorter, Flaw::shorter, Flaw::end_code, Flaw::header})
-        station.spoil(reply, flaw);
-    }
-  }
 }
 
 }  // namespace

@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/mc_frames.h"
-#include "tests/sim/sample_plc.h"
+#include "tests/sim/mc_transcripts.h"
 
 namespace fxsim {
 namespace {
@@ -11,19 +10,13 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-McSettings settings_of(std::string_view model, unsigned format) {
-  McSettings settings;
-  settings.family = find_mc_model(model)->family;
-  settings.format = format;
-  return settings;
-}
-
 McCode code_of(unsigned format) { return format == 5 ? McCode::binary : McCode::ascii; }
 
 class McLine : public testing::Test {
  protected:
   void use(unsigned format, Protocol protocol = Protocol::mc_4c) {
-    settings_ = settings_of("FX5U", format);
+    settings_ = {};
+    settings_.format = format;
     protocol_ = protocol;
   }
   void SetUp() override { use(4); }
@@ -33,13 +26,7 @@ class McLine : public testing::Test {
     const auto code = code_of(settings_.format);
     const auto reply =
         replies_of(station, *station.make_framer(), plc_, mc_bytes(request, code), when);
-    if (code == McCode::binary) return to_hex(reply);
-    std::string text(as_text(reply));
-    constexpr std::string_view kMeant = "\x05\x02\x03\x06\x15\r\n";
-    for (auto& character : text)
-      if (const auto at = kMeant.find(character); at != std::string_view::npos)
-        character = "<>|+-rn"[at];
-    return text;
+    return mc_text(reply, code);
   }
 
   McSettings settings_;
@@ -47,33 +34,16 @@ class McLine : public testing::Test {
   Plc plc_ = make_plc("FX5U");
 };
 
-TEST(McSerialFrames, OfTheTableAreAnswered) {
-  for (const auto& row : kMcSerialRows) {
-    SCOPED_TRACE(row.request);
-    auto plc = make_plc(row.model);
-    preset_opposite(plc, row.after);
-    preset(plc, row.before);
-    const McSerial station(row.protocol, settings_of(row.model, row.format));
-    const auto code = code_of(row.format);
-    EXPECT_EQ(to_hex(replies_of(station, plc, mc_bytes(row.request, code))),
-              to_hex(mc_bytes(row.answer, code)));
-    EXPECT_EQ(differences(plc, row.after), "");
-  }
-}
-
 TEST(McSerialFrames, NoiseAndHalfAFrameAheadChangeNothing) {
-  for (const auto& row : kMcSerialRows) {
-    SCOPED_TRACE(row.request);
-    const McSerial station(row.protocol, settings_of(row.model, row.format));
-    const auto code = code_of(row.format);
-    const auto request = mc_bytes(row.request, code);
-    for (const std::size_t half : {1U, 5U, 9U}) {
-      auto plc = make_plc(row.model);
-      preset(plc, row.before);
-      auto bytes = from_hex("00 7F 55").value();
-      bytes.insert(bytes.end(), request.begin(), request.begin() + static_cast<long>(half));
-      bytes.insert(bytes.end(), request.begin(), request.end());
-      EXPECT_EQ(to_hex(replies_of(station, plc, bytes)), to_hex(mc_bytes(row.answer, code)));
+  for (auto& [e, station, model] : mc_exchanges()) {
+    if (!is_mc_serial(station->protocol()) || e.reply.empty()) continue;
+    SCOPED_TRACE(e.where());
+    const auto request = e.request;
+    for (const std::ptrdiff_t half : {1, 5, 9}) {
+      e.request = {0x00, 0x7F, 0x55};
+      e.request.insert(e.request.end(), request.begin(), request.begin() + half);
+      e.request.insert(e.request.end(), request.begin(), request.end());
+      expect_exchange(e, *station, make_plc(model));
     }
   }
 }
@@ -182,13 +152,7 @@ TEST_F(McLine, FlawsKeepTheSumRight) {
     const auto code = code_of(settings_.format);
     auto reply = mc_bytes(frame, code);
     McSerial(protocol_, settings_).spoil(reply, flaw);
-    if (code == McCode::binary) return to_hex(reply);
-    std::string text(as_text(reply));
-    constexpr std::string_view kMeant = "\x05\x02\x03\x06\x15\r\n";
-    for (auto& character : text)
-      if (const auto at = kMeant.find(character); at != std::string_view::npos)
-        character = "<>|+-rn"[at];
-    return text;
+    return mc_text(reply, code);
   };
   constexpr std::string_view kData = ">F80000FF03FF000012340002|08rn";
   EXPECT_EQ(spoiled(Flaw::sum, kData), ">F80000FF03FF000012340002|00rn");
@@ -203,21 +167,6 @@ TEST_F(McLine, FlawsKeepTheSumRight) {
             "10 02 0E 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 03 30 35");
   EXPECT_EQ(spoiled(Flaw::end_code, kDone),
             "10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 40 7E 10 03 43 31");
-}
-
-TEST(McSerialDamage, NoBytesBringItDown) {
-  std::mt19937 random(1);
-  for (const auto& row : kMcSerialRows) {
-    auto plc = make_plc(row.model);
-    const McSerial station(row.protocol, settings_of(row.model, row.format));
-    for (int i = 0; i < 500; ++i) {
-      replies_of(station, plc, damaged(mc_bytes(row.request, code_of(row.format)), random));
-      auto reply = mc_bytes(row.answer, code_of(row.format));
-      for (const auto flaw : {Flaw::sum, Flaw::sender, Flaw::length, Flaw::longer, Flaw::shorter,
-                              Flaw::end_code, Flaw::header})
-        station.spoil(reply, flaw);
-    }
-  }
 }
 
 }  // namespace

@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/mc_frames.h"
-#include "tests/sim/mc_one_e.h"
-#include "tests/sim/mc_serial.h"
-#include "tests/sim/sample_plc.h"
+#include <array>
+#include <random>
+
+#include "tests/sim/mc_transcripts.h"
 
 namespace fxsim {
 namespace {
@@ -13,13 +13,6 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr std::string_view kRouteOf3E = "00 FF FF 03 00";
-
-McSettings settings_of(std::string_view model, McCode code = McCode::binary) {
-  McSettings settings;
-  settings.family = find_mc_model(model)->family;
-  settings.code = code;
-  return settings;
-}
 
 std::string number(unsigned value, unsigned bytes) {
   Bytes out;
@@ -38,7 +31,8 @@ Bytes request_3e(std::string_view message, std::string_view route = kRouteOf3E) 
 class McPlc : public testing::Test {
  protected:
   void use(std::string_view model, Protocol protocol = Protocol::mc_3e) {
-    settings_ = settings_of(model);
+    settings_ = {};
+    settings_.family = find_mc_model(model)->family;
     protocol_ = protocol;
     plc_ = std::make_unique<Plc>(make_plc(model));
   }
@@ -65,50 +59,31 @@ class McPlc : public testing::Test {
   std::unique_ptr<Plc> plc_;
 };
 
-TEST(McFrames, OfTheTableAreAnswered) {
-  for (const auto& row : kMcRows) {
-    SCOPED_TRACE(row.request);
-    auto plc = make_plc(row.model);
-    plc.set_running(row.run);
-    preset_opposite(plc, row.after);
-    preset(plc, row.before);
-    const McEthernet station(row.protocol, settings_of(row.model, row.code));
-    const auto reply = replies_of(station, plc, mc_bytes(row.request, row.code));
-    EXPECT_EQ(to_hex(reply), to_hex(mc_bytes(row.answer, row.code)));
-    EXPECT_EQ(differences(plc, row.after), "");
+TEST(McFrames, OfTheTranscriptsAreAnswered) {
+  for (const auto& [e, station, model] : mc_exchanges()) {
+    SCOPED_TRACE(e.where());
+    if (!e.reply.empty()) expect_exchange(e, *station, make_plc(model));
   }
 }
 
-TEST(McFrames, QuestionsOfTheTableAreUnderstood) {
-  for (const auto& row : kMcQuestions) {
-    SCOPED_TRACE(row.request);
-    std::unique_ptr<Personality> station;
-    std::unique_ptr<Plc> plc;
-    if (row.protocol == Protocol::mc_1e) {
-      station = std::make_unique<McOneE>(McSettings{});
-      plc = std::make_unique<Plc>(*find_model(row.model), make_plant("none"), TimePoint{});
-    } else {
-      auto settings = settings_of(row.model, row.code);
-      if (row.protocol == Protocol::mc_4c) {
-        settings.format = 5;
-        settings.station = 5;
-        settings.route = {7, 3, 4, 1};
-        station = std::make_unique<McSerial>(row.protocol, settings);
-      } else {
-        station = std::make_unique<McEthernet>(row.protocol, settings);
-      }
-      plc = std::make_unique<Plc>(make_plc(row.model));
-    }
+TEST(McFrames, RequestsWithoutAKnownReplyAreUnderstood) {
+  for (const auto& [e, station, model] : mc_exchanges()) {
+    if (!e.reply.empty()) continue;
+    SCOPED_TRACE(e.where());
     std::vector<Frame> frames;
     const auto framer = station->make_framer();
-    for (const auto byte : mc_bytes(row.request, row.code)) framer->take(byte, {}, frames);
+    for (const auto byte : e.request) framer->take(byte, {}, frames);
     ASSERT_EQ(frames.size(), 1U);
     ASSERT_TRUE(frames[0].whole);
     ASSERT_TRUE(station->hears(frames[0]));
-    const auto ruling = station->execute(frames[0], *plc);
+    auto plc = make_plc(model);
+    const auto ruling = station->execute(frames[0], plc);
     EXPECT_EQ(ruling.verdict, Verdict::data);
-    EXPECT_EQ(ruling.device, row.device);
-    EXPECT_EQ(ruling.points, row.points);
+    EXPECT_EQ(ruling.device, e.device.substr(0, e.device.find('*')));
+    unsigned points = e.device.find('*') == std::string::npos ? e.bytes : 0;
+    for (std::size_t star = 0; (star = e.device.find('*', star)) != std::string::npos; ++star)
+      points += static_cast<unsigned>(std::stoul(e.device.substr(star + 1)));
+    EXPECT_EQ(ruling.points, points);
   }
 }
 
@@ -361,17 +336,17 @@ TEST_F(McPlc, CounterPlantCountsInDAndTakesNoMemory) {
 
 TEST(McDamage, NoBytesBringItDown) {
   std::mt19937 random(1);
-  constexpr std::array kFlaws = {Flaw::sender, Flaw::transaction,  Flaw::length,
-                                 Flaw::header, Flaw::length_short, Flaw::length_long,
-                                 Flaw::longer, Flaw::shorter,      Flaw::end_code};
-  for (const auto& row : kMcRows) {
-    auto plc = make_plc(row.model);
-    const McEthernet station(row.protocol, settings_of(row.model, row.code));
-    for (int i = 0; i < 200; ++i) {
-      replies_of(station, plc, damaged(mc_bytes(row.request, row.code), random));
-      auto reply = mc_bytes(row.answer, row.code);
-      for (int flaws = 0; flaws < 4; ++flaws)
-        station.spoil(reply, kFlaws[random() % kFlaws.size()]);
+  constexpr std::array kFlaws = {Flaw::sum,     Flaw::sender,       Flaw::transaction, Flaw::length,
+                                 Flaw::header,  Flaw::length_short, Flaw::length_long, Flaw::longer,
+                                 Flaw::shorter, Flaw::end_code};
+  for (const auto& [e, station, model] : mc_exchanges()) {
+    if (e.reply.empty()) continue;
+    auto plc = make_plc(model);
+    for (int i = 0; i < 500; ++i) {
+      replies_of(*station, plc, damaged(e.request, random));
+      auto reply = e.reply;
+      for (int flaws = 0; flaws < 6; ++flaws)
+        station->spoil(reply, kFlaws[random() % kFlaws.size()]);
     }
   }
 }

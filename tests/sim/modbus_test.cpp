@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/modbus_frames.h"
 #include "tests/sim/modbus_framing.h"
 #include "tests/sim/sample_plc.h"
+#include "tests/sim/transcripts.h"
 
 namespace fxsim {
 namespace {
@@ -23,12 +23,11 @@ Bytes rtu(std::string_view content) {
   return wrap_modbus(Protocol::modbus_rtu, {bytes[0], Bytes(bytes.begin() + 1, bytes.end())}, {});
 }
 
-/// Finds the unit of a request without using the code under test.
-std::uint8_t unit_of(Protocol protocol, const Bytes& request) {
-  if (protocol == Protocol::modbus_tcp) return request[6];
-  if (protocol == Protocol::modbus_rtu) return request[0];
-  const std::string_view digits = as_text(request).substr(1, 2);
-  return static_cast<std::uint8_t>(std::stoul(std::string(digits), nullptr, 16));
+Protocol protocol_of(const test::Exchange& e) { return find_protocol("modbus-" + e.model).value(); }
+
+/// "17.0" is unit and transaction.
+std::uint8_t unit_of(const test::Exchange& e) {
+  return static_cast<std::uint8_t>(std::stoul(e.command_set));
 }
 
 /// The holes of libmodbus's unit test server.
@@ -59,27 +58,20 @@ class ModbusDevice : public testing::Test {
   Plc plc_ = make_device();
 };
 
-TEST(ModbusFrames, OfTheTableAreAnswered) {
-  for (const auto& row : kModbusRows) {
-    SCOPED_TRACE(row.request);
-    const auto request = hex(row.request);
+TEST(ModbusFrames, OfTheTranscriptsAreAnswered) {
+  for (const auto& e : simulated("modbus.txt")) {
+    SCOPED_TRACE(e.where());
     ModbusSettings settings;
-    settings.unit = unit_of(row.protocol, request);
-    settings.holes = {{Kind::coil, {0x4A1, 0x4A1}}};
-    if (row.origin == Origin::captured) settings.holes = holes_of_libmodbus();
-    auto plc = make_device();
-    preset_opposite(plc, row.after);
-    preset(plc, row.before);
-    EXPECT_EQ(to_hex(replies_of(Modbus(row.protocol, settings), plc, request)), row.reply);
-    EXPECT_EQ(differences(plc, row.after), "");
+    settings.unit = unit_of(e);
+    // The device of the specification's exception lacks this coil.
+    if (e.device == "co:1185") settings.holes = {{Kind::coil, {1185, 1185}}};
+    if (e.source.starts_with("captured")) settings.holes = holes_of_libmodbus();
+    const Modbus device(protocol_of(e), settings);
+    if (e.simulated == "refusal")
+      EXPECT_EQ(to_hex(device.refusal({e.request, true, {}}, e.image[0])), to_hex(e.reply));
+    else
+      expect_exchange(e, device, make_device());
   }
-}
-
-TEST(ModbusFrames, RefusalCarriesItsCode) {
-  const Modbus device(Protocol::modbus_rtu, {});
-  const Frame request{hex(kReadOfOne), true, {}};
-  for (const auto& row : kExceptionRows)
-    EXPECT_EQ(to_hex(device.refusal(request, row.code)), row.reply);
 }
 
 TEST_F(ModbusDevice, LargestRequestsAreCarriedOutAndOneMoreIsNot) {
@@ -211,7 +203,7 @@ TEST(ModbusRtu, SilenceForgetsHalfARequest) {
   auto plc = make_device();
   const Modbus device(Protocol::modbus_rtu, {});
   const auto framer = device.make_framer();
-  const auto request = hex(kReadOfOne);
+  const auto request = rtu("01 03 00 00 00 01");
   EXPECT_TRUE(replies_of(device, *framer, plc, ByteView(request).first(5)).empty());
   const auto late = TimePoint{milliseconds(5 + 51)};
   EXPECT_EQ(to_hex(replies_of(device, *framer, plc, request, late)), "01 03 02 00 00 B8 44");
@@ -314,22 +306,22 @@ TEST(ModbusFlaws, LeaveTheRestAsItShouldBe) {
 
 TEST(ModbusFrames, DamagedOnesNeverMakeAReplyOfAnotherFunction) {
   std::mt19937 random(1);
-  for (const auto& row : kModbusRows) {
-    const Modbus device(row.protocol, {.unit = unit_of(row.protocol, hex(row.request))});
+  for (const auto& e : simulated("modbus.txt")) {
+    const auto protocol = protocol_of(e);
+    const Modbus device(protocol, {.unit = unit_of(e)});
     for (int i = 0; i < 200; ++i) {
       auto plc = make_device();
       std::vector<Frame> frames;
       const auto framer = device.make_framer();
-      for (const auto byte : damaged(hex(row.request), random))
-        framer->take(byte, TimePoint{}, frames);
+      for (const auto byte : damaged(e.request, random)) framer->take(byte, TimePoint{}, frames);
       for (const auto& frame : frames) {
         const auto kind = device.kind(frame);
         EXPECT_EQ(frame.whole, kind != RequestKind::malformed);
         if (!frame.whole || !device.hears(frame)) continue;
-        const auto asked = unwrap_modbus(row.protocol, frame.bytes);
+        const auto asked = unwrap_modbus(protocol, frame.bytes);
         const auto ruling = device.execute(frame, plc);
         if (ruling.reply.empty()) continue;
-        const auto reply = unwrap_modbus(row.protocol, ruling.reply);
+        const auto reply = unwrap_modbus(protocol, ruling.reply);
         EXPECT_EQ(reply.unit, asked.unit);
         EXPECT_EQ(reply.pdu.front() & 0x7FU, asked.pdu.front() & 0x7FU);
         EXPECT_EQ(ruling.verdict == Verdict::nak, (reply.pdu.front() & 0x80U) != 0);

@@ -3,11 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <sstream>
 #include <string>
 
-#include "tests/sim/programming_port_frames.h"
 #include "tests/sim/sample_plc.h"
+#include "tests/sim/transcripts.h"
 
 namespace fxsim {
 namespace {
@@ -35,13 +34,6 @@ Bytes framed(std::string_view text) {
   return bytes;
 }
 
-std::vector<std::string> words(std::string_view text) {
-  std::istringstream stream{std::string(text)};
-  std::vector<std::string> found;
-  for (std::string word; stream >> word;) found.push_back(word);
-  return found;
-}
-
 Bytes replies_of(Plc& plc, ByteView bytes, Framer& framer, TimePoint when = TimePoint{}) {
   return replies_of(ProgrammingPort(), framer, plc, bytes, when);
 }
@@ -55,52 +47,25 @@ Bytes ask(std::string_view model, ByteView request) {
   return replies_of(plc, request);
 }
 
-TEST(ProgrammingPort, ForcesAndWritesOfTheTableReachTheirDevice) {
-  for (const auto& row : kOrders) {
-    for (const auto& model : words(row.models)) {
-      SCOPED_TRACE(model + " " + std::string(row.device) + " " + std::string(row.request));
-      auto plc = make_plc(model);
-      auto device = parse_device(row.device).value();
-      // The opposite of the commanded values, so that an untouched device never looks right.
-      const auto values = words(row.values);
-      for (std::size_t i = 0; i < values.size(); ++i)
-        plc.preset({device.kind, device.number + static_cast<unsigned>(i)},
-                   ~static_cast<std::uint32_t>(std::stoul(values[i], nullptr, 16)));
-      EXPECT_EQ(to_hex(replies_of(plc, message(row.request))), to_hex(message(row.reply)));
-      for (const auto& value : values) {
-        EXPECT_EQ(plc.memory().get(device), std::stoul(value, nullptr, 16)) << device_name(device);
-        ++device.number;
-      }
+bool is_refused(const test::Exchange& e) { return e.device == "-" && e.operation != "enquire"; }
+
+TEST(ProgrammingPort, ExchangesOfTheTranscriptsAreCarriedOut) {
+  for (const auto& e : simulated("fx_programming_port.txt")) {
+    if (is_refused(e)) continue;
+    for (const auto& model : part_in(e).models) {
+      SCOPED_TRACE(model + " " + e.where());
+      expect_exchange(e, ProgrammingPort(), make_plc(model));
     }
   }
 }
 
-TEST(ProgrammingPort, ReadsOfTheTableAreAnswered) {
-  for (const auto& row : kReads) {
-    for (const auto& model : words(row.models)) {
-      SCOPED_TRACE(model + " " + std::string(row.device) + " " + std::string(row.request));
-      auto plc = make_plc(model);
-      plc.set_running(row.state == State::run);
-      auto device = parse_device(row.device).value();
-      for (const auto& value : words(row.values)) {
-        plc.preset(device, static_cast<std::uint32_t>(std::stoul(value, nullptr, 16)));
-        ++device.number;
-      }
-      EXPECT_EQ(to_hex(replies_of(plc, message(row.request))), to_hex(message(row.reply)));
-    }
-  }
-}
-
+// They change the program or the speed, or are not needed for device access.
 TEST(ProgrammingPort, WhatIsNoDeviceAccessIsRefused) {
-  for (const auto& row : kRefused) {
-    SCOPED_TRACE(row.what);
-    EXPECT_EQ(to_hex(ask(row.model, message(row.request))), "15");
+  for (const auto& e : simulated("fx_programming_port.txt")) {
+    if (!is_refused(e)) continue;
+    SCOPED_TRACE(e.where());
+    EXPECT_EQ(to_hex(ask(e.model, e.request)), "15");
   }
-}
-
-TEST(ProgrammingPort, EnquiryIsAcknowledged) {
-  auto plc = make_plc("FX1S");
-  EXPECT_EQ(replies_of(plc, Bytes{0x05}), Bytes{0x06});
 }
 
 TEST(ProgrammingPort, WrongSumIsRefusedAndNotCarriedOut) {

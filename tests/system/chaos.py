@@ -18,10 +18,10 @@ import time
 
 import chaos_faults
 from chaos_ledger import Ledger
-from chaos_commands import Client, Commands, Deeds, judge_commands
+from chaos_commands import Client, Commands, Deeds, judge_commands, unanswered
 from chaos_plant import CLOCK_LIBRARY, ChaosAgent, Consumer, Disk, Plant
 from chaos_relay import Relay
-from plant import BASE, FXAGENT, Broker, wait_for
+from plant import BASE, FXAGENT, PATIENCE, Broker, wait_for
 
 SETTLE_S = 120  # silent devices and a lost broker are retried at most every 30 s
 
@@ -295,11 +295,20 @@ class Chaos:
             mark = len(self.ledger.healths) + 1  # the second next one: it contains nothing of an outage
             waits.append(("a calm health message", lambda: self.is_calm(mark)))
         for what, condition in waits:
-            try:
-                wait_for(what, condition, SETTLE_S)
-            except AssertionError as error:
-                self.ledger.fault(str(error))
+            self.expect(what, condition)
+        # A stop leaves a result that is still on its way to the next boot, and there is none.
+        last = [client.send_last() for client in self.clients]
+        self.expect("a result of every command", lambda: all(
+            key in self.ledger.results for key in last) and not unanswered(self.ledger, self.commands))
+        for client in self.clients:
+            client.end()
         self.judge_numbers()
+
+    def expect(self, what, condition, patience=SETTLE_S):
+        try:
+            wait_for(what, condition, patience)
+        except AssertionError as error:
+            self.ledger.fault(str(error))
 
     def judge_numbers(self):
         """Missing samples must have been reported as dropped by health. More may have been dropped than are missing,
@@ -324,11 +333,8 @@ class Chaos:
         if status != 0:
             self.ledger.fault(f"a clean stop ended with status {status}")
         self.deeds.collect()
-        try:
-            wait_for("the agent's goodbye", lambda: self.ledger.states.get(
-                f"{BASE}/state", {}).get("reason") == "stopped")
-        except AssertionError as error:
-            self.ledger.fault(str(error))
+        self.expect("the agent's goodbye", lambda: self.ledger.states.get(
+            f"{BASE}/state", {}).get("reason") == "stopped", PATIENCE)
         database = sqlite3.connect(os.path.join(self.disk.path, "store", "fxagent.db"))
         left, = database.execute("SELECT count(*) FROM samples").fetchone()
         database.close()

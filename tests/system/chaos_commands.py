@@ -11,6 +11,7 @@ import time
 import paho.mqtt.client as mqtt
 
 from plant import PATIENCE, request_properties, wait_for
+from truth import untruth_of_one
 
 # Bits and words of each kind of device that only commands write. Each pair of place and value is used once, so an
 # execution identifies its command.
@@ -102,7 +103,7 @@ class Client:
         self.thread.start()
 
     def stop(self):
-        """Stops sending and clears its retained messages."""
+        """Stops sending."""
         self.stopping.set()
         self.thread.join(PATIENCE)
 
@@ -110,6 +111,15 @@ class Client:
         wait_for("the broker", self.client.is_connected)
         for topic in self.retained_on:
             self.client.publish(topic, b"", 1, True).wait_for_publish(PATIENCE)
+
+    def send_last(self):
+        """Sends a read and returns its (device, id). The agent receives it after all other commands of this client."""
+        key = min(self.topics), f"{self.name}-last"
+        self.commands.begin("read", *key)
+        self.client.publish(self.topics[key[0]], json.dumps(self.command("read", *key)), 1)
+        return key
+
+    def end(self):
         self.client.disconnect()
         self.client.loop_stop()
 
@@ -226,23 +236,30 @@ def judge_commands(ledger, commands, deeds, version):
 
 
 def judge_one(ledger, key, result, times, stood_so):
-    status, reason = result["status"], result["reason"]
     # No answer came, and the bit already had the value that is read back.
-    if stood_so and not times and status == "SUCCEEDED" and result["plc"] is None:
+    if stood_so and not times and result["status"] == "SUCCEEDED" and result["plc"] is None:
         return
-    was_done = status == "SUCCEEDED" or reason == "verify_mismatch"
-    may_be_done = was_done or status == "UNKNOWN_OUTCOME"
-    if was_done and times != 1 or times and not may_be_done:
+    if untruth_of_one(result, times):
         ledger.fault(f"{key} was carried out {times} times and its result is {result}")
 
 
+def may_be_lost(ledger, key):
+    """True in the two cases in which a command that the agent received may have no result. Either the agent was killed
+    or the connection ended before the agent can have processed it; with a journal entry there would be a result. Or the
+    disk refused the journal and had not accepted it when the kill came."""
+    return all(any(0 <= end - at <= 2.0 for end in ledger.connection_ends) or
+               ledger.lost_without_a_journal(at) for at in ledger.taken[key])
+
+
+def unanswered(ledger, commands):
+    """Returns the commands that the agent received and must still answer."""
+    with ledger.lock:
+        return [key for key, kind in commands.kinds.items() if kind != "dry" and ledger.taken.get(key) and
+                not ledger.results.get(key) and not may_be_lost(ledger, key)]
+
+
 def judge_silence(ledger, key, kind):
-    """A command received without a result is permitted only in two cases. Either the agent was killed or the
-    connection ended before the agent can have processed it; with a journal entry there would be a result. Or the disk
-    refused the journal and had not accepted it when the kill came."""
-    excused = all(any(0 <= end - at <= 2.0 for end in ledger.connection_ends) or
-                  ledger.lost_without_a_journal(at) for at in ledger.taken[key])
-    if excused:
+    if may_be_lost(ledger, key):
         ledger.counts["commands lost with a connection or a full disk"] += 1
     else:
         ledger.fault(f"{key} ({kind}) was taken by the agent and has no result")

@@ -13,7 +13,7 @@ import chaos_faults
 from chaos import Chaos as Run
 from chaos import run_chaos
 from chaos_ledger import Ledger, Ramp
-from chaos_commands import FX_PLACES, Commands, Deeds, judge_commands
+from chaos_commands import FX_PLACES, Commands, Deeds, judge_commands, unanswered
 from chaos_plant import Disk, Plant
 from chaos_relay import Tap
 from plant import BASE
@@ -267,6 +267,18 @@ class Checks(unittest.TestCase):
         self.judged(3, "2 different results")
         self.assertIn("was carried out and has no result", self.ledger.faults[1])
         self.assertIn("was taken by the agent", self.ledger.faults[2])
+
+    def test_a_result_that_is_on_its_way_is_waited_for(self):
+        self.command("1", 1, ("SUCCEEDED", None))
+        self.command("2", 0, taken=False)
+        self.command("3", 0)
+        self.assertEqual(unanswered(self.ledger, self.commands), [("press1", "3")])
+        self.ledger.consumed(f"{BASE}/press1/result", json.dumps(
+            {"id": "3", "status": "FAILED", "reason": "nak"}).encode(), False)
+        self.assertEqual(unanswered(self.ledger, self.commands), [])
+        self.command("4", 0)
+        self.ledger.connection_over(1)
+        self.assertEqual(unanswered(self.ledger, self.commands), [])
 
     def test_a_command_may_go_down_with_its_connection(self):
         self.command("1", 0)

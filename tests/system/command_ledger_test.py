@@ -13,6 +13,7 @@ import time
 import unittest
 
 from plant import BASE, PATIENCE, TEST_SEED, Broker, PlantTest, Watcher, device, wait_for
+from truth import untruth_of
 
 COMMANDS = int(os.environ.get("FXAGENT_LEDGER_COMMANDS", 300))
 LIVES = max(6, COMMANDS // 60)  # lives of the agent
@@ -290,12 +291,6 @@ class CommandLedger(PlantTest):
         return out
 
 
-def done_of(deeds, ledger):
-    """Returns (done, of, True if nothing at all was done)."""
-    done = sum(1 for deed in deeds if ledger[deed])
-    return done, len(deeds), done == 0
-
-
 def values_of(name, ledger):
     """Returns all values that each place ever held."""
     out = collections.defaultdict(lambda: {0}, {word(name, 90): {FIXED}})
@@ -330,42 +325,13 @@ def fault_of_values(result, sent, held):
 
 def fault_of(result, sent, ledger):
     """Returns the fault of a result; None: no fault."""
-    status = result["status"]
-    targets = sent.targets
-    if any(ledger[deed] > 1 for deeds in targets for deed in deeds):
+    if any(ledger[deed] > 1 for deeds in sent.targets for deed in deeds):
         return "carried out twice"
-    if sent.is_wrong and status != "REJECTED":
+    if sent.is_wrong and result["status"] != "REJECTED":
         return "no command, and not REJECTED"
-    if not targets:
-        return "of a read" if status in ("PARTIAL", "UNKNOWN_OUTCOME") else None
-    progress = [done_of(deeds, ledger) for deeds in targets]
-    if "targets" not in result:
-        return fault_of_one(result, progress[0])
-    whole = sum(1 for done, of, _ in progress if done == of)
-    if status in ("REJECTED", "EXPIRED", "FAILED") and result["reason"] != "verify_mismatch":
-        return None if all(nothing for _, _, nothing in progress) else f"{status}, and it was done"
-    if status == "SUCCEEDED" and whole < len(targets):
-        return "SUCCEEDED, and not all was done"
-    if status == "PARTIAL" and (result["done"], result["of"]) != (whole, len(targets)):
-        return f"PARTIAL: really {whole} of {len(targets)}"
-    if status == "UNKNOWN_OUTCOME" and result.get("done", 0) > whole:
-        return "UNKNOWN_OUTCOME with more done than was"
-    found = (fault_of_one(target, one) for target, one in zip(result["targets"], progress))
-    return next((why for why in found if why), None)
-
-
-def fault_of_one(result, progress):
-    done, of, nothing = progress
-    status = result["status"]
-    if status == "SUCCEEDED" or result["reason"] == "verify_mismatch":
-        return None if done == of else f"{status}, and not all was done"
-    if status in ("REJECTED", "EXPIRED", "FAILED"):
-        return None if nothing else f"{status}, and it was done"
-    if status == "PARTIAL" and ((result["done"], result["of"]) != (done, of) or not 0 < done < of):
-        return f"PARTIAL: really {done} of {of}"
-    if status == "UNKNOWN_OUTCOME" and result.get("done", 0) > done:
-        return "UNKNOWN_OUTCOME with more done than was"
-    return None
+    if not sent.targets:
+        return "of a read" if result["status"] in ("PARTIAL", "UNKNOWN_OUTCOME") else None
+    return untruth_of(result, [(sum(1 for deed in deeds if ledger[deed]), len(deeds)) for deeds in sent.targets])
 
 
 if __name__ == "__main__":

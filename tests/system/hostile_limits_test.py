@@ -70,7 +70,7 @@ class Start(PlantTest):
 
     def test_too_few_threads_end_it_with_the_reason(self):
         if os.getuid() != 0:
-            self.skipTest("only root can become a user that has a limit of its own")
+            self.skipTest("only root can become a user that has a limit of its own: run it as root")
         self.prepare()
 
         def limited_to(count):
@@ -94,7 +94,7 @@ class Start(PlantTest):
         probe = subprocess.run([FXAGENT, "--version"], preexec_fn=limited_to(1 << 20),
                                capture_output=True)
         if probe.returncode != 0:
-            self.skipTest("a sanitizer needs the address space itself")
+            self.skipTest("a sanitizer needs the address space itself: use a build without FXAGENT_SANITIZE")
         ends = [self.tries_under(limited_to(kib)) for kib in range(20000, 140001, 10000)]
         self.assertEqual(ends[0], "ended")
         self.assertEqual(ends[-1], "runs")

@@ -41,7 +41,7 @@ class StopTest(PlantTest):
 
     def slow_machine(self, **what):
         if os.environ.get("SANITIZE"):
-            self.skipTest("a sanitizer must be the first library of a program")
+            self.skipTest("a sanitizer must be the first library of a program: use a build without FXAGENT_SANITIZE")
         return dict(what, LD_PRELOAD=os.environ["SLOW_MACHINE"])
 
     def peer(self, serve):

@@ -16,6 +16,7 @@ enum class Fault : std::uint8_t {
   refused,        ///< not done
   unclear,        ///< done or not, and a gateway's exception; same as refused on other protocols
   garbled,        ///< the answer has a wrong checksum
+  nonsense,       ///< not done, and the answer has a wrong checksum; without checksums, refused
   cut_short,      ///< only half of the answer arrives
   noise,          ///< other bytes before the answer
   from_another,   ///< the answer appears to come from another station

@@ -38,7 +38,7 @@ bool is_word(fxsim::Kind kind) {
 
 /// True if the device carries out the request despite the fault.
 bool is_done(Fault fault) {
-  return fault != Fault::request_lost && fault != Fault::refused && fault != Fault::broken_before &&
+  return fault != Fault::request_lost && fault != Fault::broken_before &&
          fault != Fault::broken_within;
 }
 
@@ -277,7 +277,7 @@ Bytes FaultyLine::reply_to(const fxsim::Frame& frame, Fault fault) {
     constexpr std::uint8_t kUnclear[] = {4, 5, 0x0B};
     return device_.personality().refusal(frame, kUnclear[fate_.between(0, 2)]);
   }
-  if (fault == Fault::refused || fault == Fault::unclear) {
+  if (fault == Fault::refused || fault == Fault::unclear || fault == Fault::nonsense) {
     constexpr std::uint8_t kModbus[] = {1, 2, 3, 6, 7, 8, 0x0A};
     constexpr std::uint8_t kLink[] = {2, 3, 6, 0x10};
     return device_.personality().refusal(
@@ -294,7 +294,8 @@ void FaultyLine::spoil(Bytes& reply, Fault fault) const {
   const bool summed = personality.protocol() != fxsim::Protocol::modbus_tcp;
   if (reply.empty()) return;
   // Modbus TCP has no checksum, so the fault would be undetectable.
-  if (fault == Fault::garbled && summed) personality.spoil(reply, fxsim::Flaw::sum);
+  if ((fault == Fault::garbled || fault == Fault::nonsense) && summed)
+    personality.spoil(reply, fxsim::Flaw::sum);
   if (fault == Fault::from_another) personality.spoil(reply, fxsim::Flaw::sender);
   if (fault == Fault::cut_short) reply.resize(reply.size() / 2);
   if (fault == Fault::noise) reply.insert(reply.begin(), {0xFF, 0x5A});

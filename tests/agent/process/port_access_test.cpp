@@ -120,7 +120,7 @@ TEST_F(PortAccess, NoPermissionNamesTheGroupToJoin) {
   // A Debian group that is never the group of a test run.
   const struct group* lp = ::getgrnam("lp");
   if (lp == nullptr || ::chown(port.c_str(), static_cast<uid_t>(-1), lp->gr_gid) != 0)
-    GTEST_SKIP() << "only root can give a file to another group";
+    GTEST_SKIP() << "only root can give a file to the group lp: run it as root";
   ASSERT_EQ(::chmod(port.c_str(), 0660), 0);
   const std::string cure = port_cure(port, EACCES);
   EXPECT_TRUE(cure.starts_with(" (it belongs to the group lp: usermod -aG lp ")) << cure;

@@ -15,8 +15,22 @@ using namespace test;
 using namespace std::chrono_literals;
 using Why = RemoteConfig::Next::Why;
 
-TEST(RemoteConfig, WithoutAWordTheLocalFileIsReported) {
+class RemoteConfigTest : public ::testing::Test {
+ protected:
   Plant plant;
+};
+
+class RemoteConfigAfterV1 : public RemoteConfigTest {
+ protected:
+  RemoteConfigAfterV1() { plant.hear(plant.with_retries("v1", 7)); }
+};
+
+class RemoteConfigAfterGoodV1 : public RemoteConfigAfterV1 {
+ protected:
+  RemoteConfigAfterGoodV1() { plant.pass(kTrial); }
+};
+
+TEST_F(RemoteConfigTest, WithoutAWordTheLocalFileIsReported) {
   const json report = plant.reported();
   EXPECT_EQ(report["version"], nullptr);
   EXPECT_EQ(report["state"], "applied");
@@ -26,8 +40,7 @@ TEST(RemoteConfig, WithoutAWordTheLocalFileIsReported) {
   EXPECT_FALSE(std::filesystem::exists(plant.kept_path()));
 }
 
-TEST(RemoteConfig, WhatIsRightIsAppliedAndGoodAfterItsTrial) {
-  Plant plant;
+TEST_F(RemoteConfigTest, WhatIsRightIsAppliedAndGoodAfterItsTrial) {
   EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
   EXPECT_EQ(plant.retries(), 7);
   EXPECT_EQ(plant.said(), "applied \"v1\"");
@@ -46,9 +59,7 @@ TEST(RemoteConfig, WhatIsRightIsAppliedAndGoodAfterItsTrial) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST(RemoteConfig, TheSameAgainIsAnsweredAndNotAppliedAgain) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, TheSameAgainIsAnsweredAndNotAppliedAgain) {
   plant.remote().take_news();
   EXPECT_FALSE(plant.hear(plant.with_retries("v1", 7)));
   EXPECT_TRUE(plant.remote().has_answer());
@@ -56,10 +67,7 @@ TEST(RemoteConfig, TheSameAgainIsAnsweredAndNotAppliedAgain) {
   EXPECT_TRUE(plant.hear(plant.with_retries("v2", 7)));
 }
 
-TEST(RemoteConfig, AWrongOneChangesNothingAndEveryErrorIsSaid) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, AWrongOneChangesNothingAndEveryErrorIsSaid) {
   json wrong = plant.with_retries("v2", 99);
   wrong["config"]["devices"][0]["tags"][0]["address"] = "X8";
   wrong["config"]["store"] = nullptr;
@@ -80,8 +88,7 @@ TEST(RemoteConfig, AWrongOneChangesNothingAndEveryErrorIsSaid) {
   EXPECT_EQ(plant.said(), "applied \"v1\"");
 }
 
-TEST(RemoteConfig, ManyErrorsAreCutAndCounted) {
-  Plant plant;
+TEST_F(RemoteConfigTest, ManyErrorsAreCutAndCounted) {
   json wrong = plant.with_retries("v1", 1);
   for (int i = 0; i < 3000; ++i)
     wrong["config"]["devices"][0]["tags"].push_back(
@@ -94,10 +101,7 @@ TEST(RemoteConfig, ManyErrorsAreCutAndCounted) {
   EXPECT_EQ(report["errors_in_all"], 1001);
 }
 
-TEST(RemoteConfig, TheBrokerLostIsRolledBackAndNotTriedAgain) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, TheBrokerLostIsRolledBackAndNotTriedAgain) {
   plant.hear(plant.with_retries("v2", 8));
   plant.pass(10s);
   plant.connection(false);
@@ -118,8 +122,7 @@ TEST(RemoteConfig, TheBrokerLostIsRolledBackAndNotTriedAgain) {
   EXPECT_TRUE(plant.hear(plant.with_retries("v3", 8)));  // the desired config has changed
 }
 
-TEST(RemoteConfig, WithoutAGoodOneTheLocalFileIsTheWayBack) {
-  Plant plant;
+TEST_F(RemoteConfigTest, WithoutAGoodOneTheLocalFileIsTheWayBack) {
   plant.connection(false);
   EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
   EXPECT_TRUE(plant.pass(kTrial));
@@ -127,10 +130,7 @@ TEST(RemoteConfig, WithoutAGoodOneTheLocalFileIsTheWayBack) {
   EXPECT_EQ(plant.reported()["in_force"], nullptr);
 }
 
-TEST(RemoteConfig, AProcessThatEndsInTheTrialIsRolledBack) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, AProcessThatEndsInTheTrialIsRolledBack) {
   plant.hear(plant.with_retries("v2", 8));
   plant.start();
   EXPECT_EQ(plant.retries(), 7);
@@ -141,9 +141,7 @@ TEST(RemoteConfig, AProcessThatEndsInTheTrialIsRolledBack) {
   EXPECT_FALSE(plant.remote().take_news());  // already reported
 }
 
-TEST(RemoteConfig, AStopInTheTrialProvesNothing) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, AStopInTheTrialProvesNothing) {
   plant.stop();
   plant.start(/*is_connected=*/false);
   EXPECT_EQ(plant.retries(), 7);
@@ -156,9 +154,7 @@ TEST(RemoteConfig, AStopInTheTrialProvesNothing) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST(RemoteConfig, AStopIsGoodForOneStart) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, AStopIsGoodForOneStart) {
   plant.stop();
   plant.start();
   plant.start();  // the previous start has crashed
@@ -166,10 +162,7 @@ TEST(RemoteConfig, AStopIsGoodForOneStart) {
   EXPECT_EQ(plant.said().substr(0, 11), "rolled_back");
 }
 
-TEST(RemoteConfig, AStartWithoutBrokerUsesTheGoodOne) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, AStartWithoutBrokerUsesTheGoodOne) {
   plant.start(/*is_connected=*/false);
   EXPECT_EQ(plant.retries(), 7);
   EXPECT_FALSE(plant.pass(1h));
@@ -177,8 +170,7 @@ TEST(RemoteConfig, AStartWithoutBrokerUsesTheGoodOne) {
   EXPECT_EQ(plant.reported()["since"], 1'790'000'000'000);
 }
 
-TEST(RemoteConfig, AnEmptyDocumentWithdraws) {
-  Plant plant;
+TEST_F(RemoteConfigTest, AnEmptyDocumentWithdraws) {
   EXPECT_FALSE(plant.hear_text(""));
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
@@ -192,8 +184,7 @@ TEST(RemoteConfig, AnEmptyDocumentWithdraws) {
   EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
 }
 
-TEST(RemoteConfig, TheLocalFileIsTheBaseOfBoth) {
-  Plant plant;
+TEST_F(RemoteConfigTest, TheLocalFileIsTheBaseOfBoth) {
   json document = {{"version", "v1"}, {"patch", {{"templates", {{"t", {{"retries", 1}}}}}}}};
   plant.local()["templates"]["t"] = {{"retries", 4}, {"gap_ms", 3}};
   plant.local()["devices"][0]["template"] = "t";
@@ -211,8 +202,7 @@ TEST(RemoteConfig, TheLocalFileIsTheBaseOfBoth) {
   EXPECT_EQ(plant.said(), "applied \"v1\"");
 }
 
-TEST(RemoteConfig, WhereItNoLongerFitsTheLocalFileWins) {
-  Plant plant;
+TEST_F(RemoteConfigTest, WhereItNoLongerFitsTheLocalFileWins) {
   json document = plant.with_retries("v1", 7);
   plant.hear(document);
   plant.pass(kTrial);
@@ -234,10 +224,7 @@ TEST(RemoteConfig, WhereItNoLongerFitsTheLocalFileWins) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST(RemoteConfig, AKeptOneThatNoLongerFitsAtTheStartIsLeftOut) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, AKeptOneThatNoLongerFitsAtTheStartIsLeftOut) {
   plant.local()["agent"]["remote_allow"] = json::array();
   plant.write();
   plant.start();
@@ -245,10 +232,7 @@ TEST(RemoteConfig, AKeptOneThatNoLongerFitsAtTheStartIsLeftOut) {
   EXPECT_EQ(plant.reported()["state"], "rejected");
 }
 
-TEST(RemoteConfig, SwitchedOffNothingOfItStays) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, SwitchedOffNothingOfItStays) {
   plant.local()["agent"]["remote_config"] = false;
   plant.write();
   EXPECT_TRUE(plant.hang_up());
@@ -263,8 +247,7 @@ TEST(RemoteConfig, SwitchedOffNothingOfItStays) {
   EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
 }
 
-TEST(RemoteConfig, ADiskThatRefusesDecidesAsTheLocalFileAsks) {
-  Plant plant;
+TEST_F(RemoteConfigTest, ADiskThatRefusesDecidesAsTheLocalFileAsks) {
   std::ofstream(plant.kept_path().substr(0, plant.kept_path().rfind('/'))) << "no directory";
   EXPECT_FALSE(plant.hear(plant.with_retries("v1", 7)));
   EXPECT_EQ(plant.retries(), 2);
@@ -277,9 +260,7 @@ TEST(RemoteConfig, ADiskThatRefusesDecidesAsTheLocalFileAsks) {
   EXPECT_EQ(plant.said(), "applied \"v1\"");
 }
 
-TEST(RemoteConfig, WhatTheDiskRefusedIsWrittenLater) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, WhatTheDiskRefusedIsWrittenLater) {
   const std::string store = plant.kept_path().substr(0, plant.kept_path().rfind('/'));
   std::filesystem::rename(store, store + ".away");
   std::ofstream(store) << "no directory";
@@ -295,10 +276,7 @@ TEST(RemoteConfig, WhatTheDiskRefusedIsWrittenLater) {
   EXPECT_EQ(plant.said(), "applied \"v1\"");
 }
 
-TEST(RemoteConfig, DamageOnDiskIsLeftOut) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, DamageOnDiskIsLeftOut) {
   std::ofstream(plant.kept_path()) << "{\"format\": 1";
   plant.start();
   EXPECT_EQ(plant.retries(), 2);
@@ -307,8 +285,7 @@ TEST(RemoteConfig, DamageOnDiskIsLeftOut) {
   EXPECT_EQ(plant.reported()["errors"], json::array());
 }
 
-TEST(RemoteConfig, NoSecretIsReported) {
-  Plant plant;
+TEST_F(RemoteConfigTest, NoSecretIsReported) {
   for (const json& document :
        {plant.with_retries("v1", 7), json{{"version", "v2"}, {"config", {{"mqtt", 3}}}},
         json{{"version", "v3"}, {"patch", {{"mqtt", {{"servers", {"mqtt://a"}}}}}}}}) {
@@ -320,10 +297,7 @@ TEST(RemoteConfig, NoSecretIsReported) {
   }
 }
 
-TEST(RemoteConfig, OneThatEndsTheProcessWhileItIsJudgedIsNotTriedAgain) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, OneThatEndsTheProcessWhileItIsJudgedIsNotTriedAgain) {
   json document = plant.with_retries("v2", 8);
   document["by"] = "ann";
   plant.end_while_judging(document);
@@ -336,17 +310,14 @@ TEST(RemoteConfig, OneThatEndsTheProcessWhileItIsJudgedIsNotTriedAgain) {
   EXPECT_EQ(plant.said().substr(0, 16), "rolled_back \"v2\"");
 }
 
-TEST(RemoteConfig, JudgingAnotherDoesNotEndATrial) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, JudgingAnotherDoesNotEndATrial) {
   plant.end_while_judging(plant.with_retries("v2", 8));
   EXPECT_EQ(plant.retries(), 7);
   EXPECT_EQ(plant.reported()["confirmed"], false);
   EXPECT_EQ(plant.said().substr(0, 16), "rolled_back \"v2\"");
 }
 
-TEST(RemoteConfig, OneThatIsRejectedLeavesNothingOfItsJudging) {
-  Plant plant;
+TEST_F(RemoteConfigTest, OneThatIsRejectedLeavesNothingOfItsJudging) {
   EXPECT_FALSE(plant.hear(plant.with_retries("v1", 99)));
   EXPECT_EQ(plant.kept_text(), "");
   plant.start();
@@ -354,8 +325,7 @@ TEST(RemoteConfig, OneThatIsRejectedLeavesNothingOfItsJudging) {
 }
 
 /// The rights of the file count as they were when it was read, as long as its text is in use.
-TEST(RemoteConfig, TheWayBackDoesNotDependOnTheFileOnDisk) {
-  Plant plant;
+TEST_F(RemoteConfigTest, TheWayBackDoesNotDependOnTheFileOnDisk) {
   plant.local()["mqtt"].erase("allow_plain_secret");
   plant.write();
   std::filesystem::permissions(
@@ -381,9 +351,7 @@ TEST(RemoteConfig, TheWayBackDoesNotDependOnTheFileOnDisk) {
   keep_private();
 }
 
-TEST(RemoteConfig, ReadingAtTheStartWritesNothing) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, ReadingAtTheStartWritesNothing) {
   plant.stop();
   const std::string before = plant.kept_text();
   plant.read();
@@ -398,9 +366,7 @@ TEST(RemoteConfig, ReadingAtTheStartWritesNothing) {
   EXPECT_TRUE(std::filesystem::exists(plant.kept_path()));
 }
 
-TEST(RemoteConfig, ASecondAgentTouchesNothing) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, ASecondAgentTouchesNothing) {
   const std::string before = plant.kept_text();
   const auto begin_second = [&] {
     RemoteConfig second(plant.path(), kTrial, "boot");
@@ -416,9 +382,7 @@ TEST(RemoteConfig, ASecondAgentTouchesNothing) {
   EXPECT_EQ(plant.kept_text(), before);
 }
 
-TEST(RemoteConfig, AStoppedTrialThatNoLongerFitsIsOver) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, AStoppedTrialThatNoLongerFitsIsOver) {
   plant.stop();
   plant.local()["agent"]["remote_allow"] = json::array();
   plant.write();
@@ -428,9 +392,7 @@ TEST(RemoteConfig, AStoppedTrialThatNoLongerFitsIsOver) {
   EXPECT_EQ(plant.said(), "applied null");
 }
 
-TEST(RemoteConfig, ATrialThatTheDiskDoesNotLetGoOnIsGivenUp) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, ATrialThatTheDiskDoesNotLetGoOnIsGivenUp) {
   plant.stop();
   plant.read();
   plant.take_disk();
@@ -448,8 +410,7 @@ json with_server(const std::string& version, const std::string& server) {
 }
 
 /// Two brokers whose documents redirect the agent to each other.
-TEST(RemoteConfig, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
-  Plant plant;
+TEST_F(RemoteConfigTest, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
   plant.local()["agent"]["remote_allow"] = {"mqtt.servers", "devices"};
   for (const char* key : {"username", "password", "allow_plain_secret"})
     plant.local()["mqtt"].erase(key);
@@ -476,8 +437,7 @@ TEST(RemoteConfig, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
   EXPECT_TRUE(plant.hear(stays));
 }
 
-TEST(RemoteConfig, SwitchedOffByARestartTheAnswerIsClearedOnce) {
-  Plant plant;
+TEST_F(RemoteConfigTest, SwitchedOffByARestartTheAnswerIsClearedOnce) {
   EXPECT_FALSE(plant.remote().take_left_answer());
   plant.hear(plant.with_retries("v1", 7));
   plant.local()["agent"]["remote_config"] = false;
@@ -490,8 +450,7 @@ TEST(RemoteConfig, SwitchedOffByARestartTheAnswerIsClearedOnce) {
   EXPECT_FALSE(plant.remote().take_left_answer());
 }
 
-TEST(RemoteConfig, WhoHasSentARolledBackOneIsKept) {
-  Plant plant;
+TEST_F(RemoteConfigTest, WhoHasSentARolledBackOneIsKept) {
   json document = plant.with_retries("v1", 7);
   document["by"] = "ann";
   plant.hear(document);
@@ -501,9 +460,7 @@ TEST(RemoteConfig, WhoHasSentARolledBackOneIsKept) {
   EXPECT_EQ(plant.remote().report().desired.by, "ann");
 }
 
-TEST(RemoteConfig, AnOlderRejectedOneDoesNotComeBackOverARolledBackOne) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, AnOlderRejectedOneDoesNotComeBackOverARolledBackOne) {
   plant.start();  // after a crash
   plant.hear(plant.with_retries("v0", 99));
   EXPECT_FALSE(plant.remote().rejected().empty());
@@ -511,9 +468,7 @@ TEST(RemoteConfig, AnOlderRejectedOneDoesNotComeBackOverARolledBackOne) {
   EXPECT_EQ(plant.remote().rejected(), "");
 }
 
-TEST(RemoteConfig, AConfirmationThatTheDiskRefusedIsWrittenAtTheStop) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
+TEST_F(RemoteConfigAfterV1, AConfirmationThatTheDiskRefusedIsWrittenAtTheStop) {
   plant.take_disk();
   plant.pass(kTrial);
   plant.give_disk();
@@ -523,10 +478,7 @@ TEST(RemoteConfig, AConfirmationThatTheDiskRefusedIsWrittenAtTheStop) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST(RemoteConfig, WhatTheDiskRefusedToTryIsPutRightLater) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, WhatTheDiskRefusedToTryIsPutRightLater) {
   const std::string good = plant.kept_text();
   plant.take_disk();
   EXPECT_FALSE(plant.hear(plant.with_retries("v2", 8)));
@@ -536,8 +488,7 @@ TEST(RemoteConfig, WhatTheDiskRefusedToTryIsPutRightLater) {
   EXPECT_EQ(plant.kept_text(), good);
 }
 
-TEST(RemoteConfig, ADocumentBeyondItsLimitIsNotHeldInMemory) {
-  Plant plant;
+TEST_F(RemoteConfigTest, ADocumentBeyondItsLimitIsNotHeldInMemory) {
   EXPECT_FALSE(plant.hear_text(std::string(kMaxDesiredBytes, ' ') + "{"));
   EXPECT_EQ(plant.remote().rejected(), "");
   EXPECT_FALSE(plant.hear_text("{"));
@@ -545,10 +496,7 @@ TEST(RemoteConfig, ADocumentBeyondItsLimitIsNotHeldInMemory) {
 }
 
 /// A new local file that conflicts with the config on trial may fit the previous one.
-TEST(RemoteConfig, WhereTheTrialNoLongerFitsTheGoodOneStays) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, WhereTheTrialNoLongerFitsTheGoodOneStays) {
   json links = plant.local()["links"];
   links[0]["serial"]["path"] = "/dev/ttyUSB7";
   plant.local()["devices"][0]["commands"] = json::object();
@@ -569,10 +517,7 @@ TEST(RemoteConfig, WhereTheTrialNoLongerFitsTheGoodOneStays) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST(RemoteConfig, WhatAnotherAgentHasKeptIsLeftOut) {
-  Plant plant;
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
+TEST_F(RemoteConfigAfterGoodV1, WhatAnotherAgentHasKeptIsLeftOut) {
   plant.local()["agent"]["id"] = "edge8";
   plant.write();
   plant.start();

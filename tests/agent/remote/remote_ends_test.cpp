@@ -11,19 +11,25 @@ using namespace test;
 constexpr const char* kEndedTwice =
     "the process ended twice within an hour of its start while the config was in force";
 
-/// Makes two configs good: v1 with 7 retries, then v2 with 8.
-void make_two_good(Plant& plant) {
-  plant.hear(plant.with_retries("v1", 7));
-  plant.pass(kTrial);
-  plant.hear(plant.with_retries("v2", 8));
-  plant.pass(kTrial);
-  ASSERT_EQ(plant.reported()["confirmed"], true);
-}
+class RemoteEndsTest : public ::testing::Test {
+ protected:
+  Plant plant;
+};
+
+/// Two configs are good: v1 with 7 retries, then v2 with 8.
+class RemoteEndsAfterTwoGood : public RemoteEndsTest {
+ protected:
+  void SetUp() override {
+    plant.hear(plant.with_retries("v1", 7));
+    plant.pass(kTrial);
+    plant.hear(plant.with_retries("v2", 8));
+    plant.pass(kTrial);
+    ASSERT_EQ(plant.reported()["confirmed"], true);
+  }
+};
 
 /// A PLC that was off during the trial now answers, with more data than the machine can hold.
-TEST(RemoteEnds, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
-  Plant plant;
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
   plant.start();
   EXPECT_EQ(plant.retries(), 8);
   plant.pass(59min);
@@ -35,9 +41,7 @@ TEST(RemoteEnds, AGoodOneThatEndsTheProcessTwiceIsSetAside) {
   EXPECT_EQ(plant.said().substr(0, 16), "rolled_back \"v2\"");
 }
 
-TEST(RemoteEnds, TheOneBeforeIsSetAsideInTheSameWay) {
-  Plant plant;
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, TheOneBeforeIsSetAsideInTheSameWay) {
   for (int ends = 0; ends < 3; ++ends) plant.start();
   EXPECT_EQ(plant.retries(), 7);
   plant.start();
@@ -50,9 +54,7 @@ TEST(RemoteEnds, TheOneBeforeIsSetAsideInTheSameWay) {
 
 /// A new local file no longer lets documents set links, which ends the trial of v3. v1 remains the
 /// fallback of v2. Document v3 has no writable tag beyond what both local files allow.
-TEST(RemoteEnds, ATrialThatNoLongerFitsLeavesTheWayBack) {
-  Plant plant;
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, ATrialThatNoLongerFitsLeavesTheWayBack) {
   const json commands = plant.local()["devices"][0]["commands"];
   plant.local()["devices"][0]["commands"] = json::object();
   json trial = plant.with_retries("v3", 9);
@@ -71,9 +73,7 @@ TEST(RemoteEnds, ATrialThatNoLongerFitsLeavesTheWayBack) {
   EXPECT_EQ(plant.reported()["in_force"], "v1");
 }
 
-TEST(RemoteEnds, AnHourForgivesTheEndBefore) {
-  Plant plant;
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, AnHourForgivesTheEndBefore) {
   plant.start();
   plant.pass(1h);
   plant.start();
@@ -83,9 +83,7 @@ TEST(RemoteEnds, AnHourForgivesTheEndBefore) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
-TEST(RemoteEnds, AnEndAfterTheHourDoesNotCount) {
-  Plant plant;
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, AnEndAfterTheHourDoesNotCount) {
   for (int ends = 0; ends < 5; ++ends) {
     plant.pass(1h);
     plant.start();
@@ -94,9 +92,7 @@ TEST(RemoteEnds, AnEndAfterTheHourDoesNotCount) {
   EXPECT_EQ(plant.reported()["state"], "applied");
 }
 
-TEST(RemoteEnds, AStopDoesNotCountAndForgivesNothing) {
-  Plant plant;
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, AStopDoesNotCountAndForgivesNothing) {
   for (int stops = 0; stops < 5; ++stops) {
     plant.stop();
     plant.start();
@@ -111,9 +107,7 @@ TEST(RemoteEnds, AStopDoesNotCountAndForgivesNothing) {
 }
 
 /// A machine that is switched off with its plant every evening.
-TEST(RemoteEnds, AnEndOfTheMachineDoesNotCount) {
-  Plant plant;
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, AnEndOfTheMachineDoesNotCount) {
   for (int ends = 0; ends < 5; ++ends) {
     plant.boot();
     plant.start();
@@ -123,8 +117,7 @@ TEST(RemoteEnds, AnEndOfTheMachineDoesNotCount) {
 }
 
 /// The crash counts against the trial.
-TEST(RemoteEnds, AnEndInATrialIsNotThatOfTheGoodOne) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AnEndInATrialIsNotThatOfTheGoodOne) {
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
   for (int retries : {8, 9}) {
@@ -136,8 +129,7 @@ TEST(RemoteEnds, AnEndInATrialIsNotThatOfTheGoodOne) {
   }
 }
 
-TEST(RemoteEnds, AnEndInJudgingIsNotThatOfTheGoodOne) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AnEndInJudgingIsNotThatOfTheGoodOne) {
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
   plant.end_while_judging(plant.with_retries("v2", 8));
@@ -146,8 +138,7 @@ TEST(RemoteEnds, AnEndInJudgingIsNotThatOfTheGoodOne) {
 }
 
 /// The same document again, on the way back from another one.
-TEST(RemoteEnds, TheSameOneIsNotTheWayBackFromItself) {
-  Plant plant;
+TEST_F(RemoteEndsTest, TheSameOneIsNotTheWayBackFromItself) {
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
   plant.hear(plant.with_retries("v2", 8));
@@ -159,17 +150,14 @@ TEST(RemoteEnds, TheSameOneIsNotTheWayBackFromItself) {
   EXPECT_EQ(plant.reported()["in_force"], nullptr);
 }
 
-TEST(RemoteEnds, WhatWasWithdrawnDoesNotComeBack) {
-  Plant plant;
-  make_two_good(plant);
+TEST_F(RemoteEndsAfterTwoGood, WhatWasWithdrawnDoesNotComeBack) {
   plant.hear_text("");
   for (int ends = 0; ends < 3; ++ends) plant.start();
   EXPECT_EQ(plant.retries(), 2);
   EXPECT_EQ(plant.said(), "applied null");
 }
 
-TEST(RemoteEnds, OneThatAStopFindsInJudgingIsJudgedByTheNextProcess) {
-  Plant plant;
+TEST_F(RemoteEndsTest, OneThatAStopFindsInJudgingIsJudgedByTheNextProcess) {
   plant.stop_while_judging(plant.with_retries("v1", 7));
   EXPECT_EQ(plant.said(), "applied null");
   EXPECT_EQ(plant.remote().next_wake(), SteadyTime{});
@@ -179,16 +167,14 @@ TEST(RemoteEnds, OneThatAStopFindsInJudgingIsJudgedByTheNextProcess) {
   EXPECT_EQ(plant.reported()["confirmed"], false);
 }
 
-TEST(RemoteEnds, AStopInJudgingIsGoodForOneStart) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AStopInJudgingIsGoodForOneStart) {
   plant.stop_while_judging(plant.with_retries("v1", 7));
   plant.end_while_judging(plant.with_retries("v1", 7));
   EXPECT_EQ(plant.said(), "rolled_back \"v1\": the process ended while the config was judged");
   EXPECT_FALSE(plant.pass(0s));
 }
 
-TEST(RemoteEnds, ANewerOneTakesThePlaceOfTheOneThatWasStopped) {
-  Plant plant;
+TEST_F(RemoteEndsTest, ANewerOneTakesThePlaceOfTheOneThatWasStopped) {
   plant.stop_while_judging(plant.with_retries("v1", 7));
   EXPECT_TRUE(plant.hear(plant.with_retries("v2", 8)));
   plant.pass(0s);
@@ -196,8 +182,7 @@ TEST(RemoteEnds, ANewerOneTakesThePlaceOfTheOneThatWasStopped) {
 }
 
 /// The document would not be sent again, so it is kept, and so is the trial in progress.
-TEST(RemoteEnds, AStopInJudgingKeepsTheTrialToo) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AStopInJudgingKeepsTheTrialToo) {
   plant.hear(plant.with_retries("v1", 7));
   plant.stop_while_judging(plant.with_retries("v2", 8));
   EXPECT_EQ(plant.said(), "applied \"v1\"");
@@ -206,8 +191,7 @@ TEST(RemoteEnds, AStopInJudgingKeepsTheTrialToo) {
   EXPECT_EQ(plant.retries(), 8);
 }
 
-TEST(RemoteEnds, AStopDoesNotUndoAWithdrawal) {
-  Plant plant;
+TEST_F(RemoteEndsTest, AStopDoesNotUndoAWithdrawal) {
   plant.hear(plant.with_retries("v1", 7));
   plant.pass(kTrial);
   plant.remote().interrupt();

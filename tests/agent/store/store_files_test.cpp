@@ -130,7 +130,7 @@ TEST_F(StoreFiles, DirectoryThatOthersMayWriteIsRefused) {
 }
 
 TEST_F(StoreFiles, DirectoryOfSomebodyElseIsRefused) {
-  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a directory away";
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a directory away: run it as root";
   fs::create_directory(config.path);
   ASSERT_EQ(::chmod(config.path.c_str(), 0700), 0);
   ASSERT_EQ(::chown(config.path.c_str(), 65533, 65533), 0);

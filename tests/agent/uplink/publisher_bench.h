@@ -151,4 +151,25 @@ inline std::vector<std::uint64_t> seqs(const std::vector<std::string>& payloads)
   return found;
 }
 
+/// A test on a bench of its own; OnBenchOnline: with the publisher connected.
+class OnBench : public ::testing::Test {
+ protected:
+  PublisherBench bench;
+};
+class OnBenchOnline : public OnBench {
+ protected:
+  OnBenchOnline() { bench.online(); }
+};
+
+/// The same with a store.
+class OnStoredBench : public ::testing::Test {
+ protected:
+  const Scratch scratch;
+  PublisherBench bench{scratch.path("store")};
+};
+class OnStoredBenchOnline : public OnStoredBench {
+ protected:
+  OnStoredBenchOnline() { bench.online(); }
+};
+
 }  // namespace fxagent::test

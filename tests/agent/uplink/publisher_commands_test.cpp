@@ -18,10 +18,15 @@ using test::kStart;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
-TEST(PublisherStore, FieldGetsACommandWhenItIsInTheJournal) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+using PublisherOnlineTest = test::OnBenchOnline;
+using PublisherTest = test::OnBench;
+using PublisherFloodOnlineTest = test::OnBenchOnline;
+using PublisherFloodTest = test::OnBench;
+
+using PublisherAuditStoredOnlineTest = test::OnStoredBenchOnline;
+using PublisherStoreOnlineTest = test::OnStoredBenchOnline;
+
+TEST_F(PublisherStoreOnlineTest, FieldGetsACommandWhenItIsInTheJournal) {
   int in_the_journal = 0;
   bench.on_admitted = [&](const AdmittedCommand& each) {
     const auto known = bench.store->journal().find("press1", each.command.id);
@@ -46,10 +51,7 @@ TEST(PublisherStore, FieldGetsACommandAtOnceWhereTheDiskRefuses) {
   EXPECT_EQ(bench.admitted[0].command.id, "a");
 }
 
-TEST(PublisherStore, KnownIdDuringTheEndIsADuplicate) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherStoreOnlineTest, KnownIdDuringTheEndIsADuplicate) {
   bench.write("done");
   bench.outbox.push(bench.succeeded("done"));
   bench.settle();
@@ -67,10 +69,7 @@ TEST(PublisherStore, KnownIdDuringTheEndIsADuplicate) {
             std::string::npos);
 }
 
-TEST(PublisherStore, DuplicateBringsItsFirstResultFromTheJournal) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherStoreOnlineTest, DuplicateBringsItsFirstResultFromTheJournal) {
   bench.write("a");
   bench.write("a");
   bench.outbox.push(bench.succeeded("a"));
@@ -213,10 +212,8 @@ std::vector<json> audit_lines(const std::string& directory) {
   return lines;
 }
 
-TEST(PublisherAudit, CommandIsWrittenDownBeforeItIsSentAndThenItsFramesAndItsAcknowledgement) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherAuditStoredOnlineTest,
+       CommandIsWrittenDownBeforeItIsSentAndThenItsFramesAndItsAcknowledgement) {
   std::vector<json> lines;
   bench.on_admitted = [&](const AdmittedCommand&) { lines = audit_lines(scratch.path("store")); };
   bench.command(R"({"id":"a","op":"write","tag":"setpoint","value":50,"by":"anna"})");
@@ -248,10 +245,7 @@ TEST(PublisherAudit, CommandIsWrittenDownBeforeItIsSentAndThenItsFramesAndItsAck
   EXPECT_EQ(lines[0]["records"], json::parse("[1,2,3]"));
 }
 
-TEST(PublisherAudit, EveryCommandThatWasNeverAdmittedHasItsLineToo) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherAuditStoredOnlineTest, EveryCommandThatWasNeverAdmittedHasItsLineToo) {
   const std::string payloads[] = {R"({"id":"a","op":"write"})", R"({"id":"a","op":"write"})",
                                   "{\xFF no json", std::string(70000, 'x')};
   for (const std::string& payload : payloads) bench.command(payload);
@@ -268,10 +262,7 @@ TEST(PublisherAudit, EveryCommandThatWasNeverAdmittedHasItsLineToo) {
   for (const json& line : lines) EXPECT_NE(line["acknowledged"], nullptr);
 }
 
-TEST(PublisherAudit, ResultThatTheBrokerRefusesForGoodIsNotAcknowledged) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherAuditStoredOnlineTest, ResultThatTheBrokerRefusesForGoodIsNotAcknowledged) {
   bench.broker.acknowledges = false;
   bench.command("{}");
   bench.settle();
@@ -343,10 +334,7 @@ TEST(PublisherAudit, CommandThatACrashInterruptedGetsItsOutcomeAndItsAcknowledge
             "UNKNOWN_OUTCOME");
 }
 
-TEST(PublisherAudit, HealthPublishesTheHeadOfTheChain) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherAuditStoredOnlineTest, HealthPublishesTheHeadOfTheChain) {
   bench.command("{}");
   bench.settle();
   bench.advance(60s);
@@ -358,9 +346,7 @@ TEST(PublisherAudit, HealthPublishesTheHeadOfTheChain) {
   EXPECT_EQ(json::parse(without.broker.on(kBase + "/health").at(0))["audit"], nullptr);
 }
 
-TEST(Publisher, ResultComesOnceAndAgainUntilItIsAcknowledged) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, ResultComesOnceAndAgainUntilItIsAcknowledged) {
   bench.outbox.push(test::succeeded("a"));
   bench.settle();
   bench.advance(2h);
@@ -381,9 +367,7 @@ TEST(Publisher, ResultComesOnceAndAgainUntilItIsAcknowledged) {
   EXPECT_EQ(bench.broker.log.at(0).retain, Retain::no);
 }
 
-TEST(Publisher, TotalEndsWhenTheResultIsFirstHandedOver) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, TotalEndsWhenTheResultIsFirstHandedOver) {
   CommandResult result = test::succeeded("a");
   result.received = bench.now;
   bench.broker.lose();
@@ -397,9 +381,7 @@ TEST(Publisher, TotalEndsWhenTheResultIsFirstHandedOver) {
   EXPECT_EQ(json::parse(results[0])["t"]["total_ms"], 2000);
 }
 
-TEST(Publisher, ResultGoesToTheResponseTopicTooAndItsCorrelationToBoth) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, ResultGoesToTheResponseTopicTooAndItsCorrelationToBoth) {
   CommandResult result = test::succeeded("a");
   result.response_topic = kBase + "/press1/result/hmi";
   result.correlation = {1, 2, 3};
@@ -416,8 +398,7 @@ TEST(Publisher, ResultGoesToTheResponseTopicTooAndItsCorrelationToBoth) {
   EXPECT_EQ(bench.broker.taken[2].topic, kBase + "/press1/result");
 }
 
-TEST(Publisher, ResultComesWithoutItsCorrelationWhereTheBrokerDoesNotTakeBoth) {
-  Bench bench;
+TEST_F(PublisherTest, ResultComesWithoutItsCorrelationWhereTheBrokerDoesNotTakeBoth) {
   bench.broker.maximum_packet = 2000;
   bench.online();
   CommandResult result = test::succeeded("a");
@@ -430,9 +411,7 @@ TEST(Publisher, ResultComesWithoutItsCorrelationWhereTheBrokerDoesNotTakeBoth) {
   EXPECT_EQ(json::parse(bench.broker.taken[0].payload)["id"], "a");
 }
 
-TEST(Publisher, CommandReachesTheFieldWithItsTimes) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, CommandReachesTheFieldWithItsTimes) {
   Message message;
   message.topic = kBase + "/press2/command";
   message.payload = R"({"id":"a","op":"write","tag":"setpoint","value":50})";
@@ -455,9 +434,7 @@ TEST(Publisher, CommandReachesTheFieldWithItsTimes) {
   EXPECT_EQ(bench.admitted[0].deadline, bench.now - 3ms + 5s);
 }
 
-TEST(Publisher, RetainedCommandIsRefused) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, RetainedCommandIsRefused) {
   Message message;
   message.topic = kBase + "/press1/command";
   message.payload = R"({"id":"a","op":"write","tag":"setpoint","value":50})";
@@ -469,9 +446,7 @@ TEST(Publisher, RetainedCommandIsRefused) {
   EXPECT_EQ(bench.results().at(0)["reason"], "retained");
 }
 
-TEST(Publisher, CommandOnATopicOfNoDeviceIsIgnored) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, CommandOnATopicOfNoDeviceIsIgnored) {
   bench.command(R"({"id":"a","op":"run"})", kBase + "/Press9/command");
   bench.command(R"({"id":"a","op":"run"})", kBase + "/press1/x/command");
   bench.settle();
@@ -479,9 +454,7 @@ TEST(Publisher, CommandOnATopicOfNoDeviceIsIgnored) {
   EXPECT_TRUE(bench.broker.log.empty());
 }
 
-TEST(Publisher, EmptyRetainedPayloadOnlyClearsTheTopic) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, EmptyRetainedPayloadOnlyClearsTheTopic) {
   Message message;
   message.topic = kBase + "/press1/command";
   message.retained = true;
@@ -498,9 +471,7 @@ TEST(Publisher, EmptyRetainedPayloadOnlyClearsTheTopic) {
   EXPECT_EQ(bench.results().size(), 1U);
 }
 
-TEST(Publisher, CommandDuringTheEndIsAnswered) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, CommandDuringTheEndIsAnswered) {
   bench.broker.acknowledges = false;
   bench.made().stop(bench.now);
   bench.outbox.push(test::sample(1));
@@ -513,9 +484,7 @@ TEST(Publisher, CommandDuringTheEndIsAnswered) {
   EXPECT_EQ(results[0]["id"], "late");
 }
 
-TEST(Publisher, CommandIsRefusedOnceTheFieldIsToStop) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, CommandIsRefusedOnceTheFieldIsToStop) {
   bench.outbox.refuse_commands();
   bench.write("late");
   bench.settle();
@@ -524,8 +493,7 @@ TEST(Publisher, CommandIsRefusedOnceTheFieldIsToStop) {
   EXPECT_EQ(bench.results()[0]["reason"], "shutting_down");
 }
 
-TEST(Publisher, CommandIsJudgedByTheModelThatTheFieldHasFound) {
-  Bench bench;
+TEST_F(PublisherTest, CommandIsJudgedByTheModelThatTheFieldHasFound) {
   bench.config.devices[0].commands.allow = {*test::codec()->addresses().parse_range("D5000")};
   bench.online();
   const std::string far = R"("op":"read","address":"D5000"})";
@@ -544,9 +512,7 @@ TEST(Publisher, CommandIsJudgedByTheModelThatTheFieldHasFound) {
   EXPECT_EQ(bench.results()[0]["reason"], "bad_address");
 }
 
-TEST(Publisher, ListDuringTheEndIsAnsweredAsAList) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, ListDuringTheEndIsAnsweredAsAList) {
   bench.broker.acknowledges = false;
   bench.made().stop(bench.now);
   bench.outbox.push(test::sample(1));
@@ -563,8 +529,7 @@ TEST(Publisher, ListDuringTheEndIsAnsweredAsAList) {
   EXPECT_EQ(results[1]["status"], "SUCCEEDED") << "it would have been admitted";
 }
 
-TEST(PublisherFlood, ResultsOfTheFieldMakeRoomBeforeTheNextCommandsAreLookedAt) {
-  Bench bench;
+TEST_F(PublisherFloodTest, ResultsOfTheFieldMakeRoomBeforeTheNextCommandsAreLookedAt) {
   bench.config.devices[0].commands.queue = 1;
   bench.online();
   bench.write("a");
@@ -612,9 +577,7 @@ void send_runs(Bench& bench, std::size_t messages) {
     bench.broker.send(message(i, R"({"id":"x","op":"run"})"));
 }
 
-TEST(Publisher, WhatWasReadBeforeAWriteGoesBeforeItsResult) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, WhatWasReadBeforeAWriteGoesBeforeItsResult) {
   bench.write("a");
   bench.outbox.push(test::sample(1));
   CommandResult result = bench.succeeded("a");
@@ -626,9 +589,7 @@ TEST(Publisher, WhatWasReadBeforeAWriteGoesBeforeItsResult) {
   EXPECT_EQ(bench.broker.log[1].topic, kBase + "/press1/result");
 }
 
-TEST(Publisher, WhatWasReadBeforeAWriteAndFindsNoRoomBeforeItsResultIsHistory) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, WhatWasReadBeforeAWriteAndFindsNoRoomBeforeItsResultIsHistory) {
   bench.write("a");
   bench.broker.acknowledges = false;
   for (std::uint64_t i = 1; i <= 30; ++i) bench.outbox.push(test::sample(i));
@@ -646,9 +607,7 @@ TEST(Publisher, WhatWasReadBeforeAWriteAndFindsNoRoomBeforeItsResultIsHistory) {
   EXPECT_EQ(test::seqs(bench.broker.on(kBase + "/press1/data/fast/history")).size(), 30U - before);
 }
 
-TEST(PublisherFlood, SamplesGoOutBetweenCommands) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherFloodOnlineTest, SamplesGoOutBetweenCommands) {
   send_runs(bench, 1000);
   bench.outbox.push(test::sample(1));
   EXPECT_EQ(bench.step(), bench.now) << "it is stepped again at once";
@@ -658,9 +617,7 @@ TEST(PublisherFlood, SamplesGoOutBetweenCommands) {
   EXPECT_EQ(bench.results().size(), 1000U);
 }
 
-TEST(PublisherFlood, ResultsLeaveAPartOfTheWindowToSamples) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherFloodOnlineTest, ResultsLeaveAPartOfTheWindowToSamples) {
   bench.broker.acknowledges = false;
   push_refused(bench, 100);
   bench.step();
@@ -675,8 +632,7 @@ TEST(PublisherFlood, ResultsLeaveAPartOfTheWindowToSamples) {
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 100U);
 }
 
-TEST(PublisherFlood, WindowOfOneIsSharedInTurn) {
-  Bench bench;
+TEST_F(PublisherFloodTest, WindowOfOneIsSharedInTurn) {
   bench.broker.receive_maximum = 1;
   bench.online();
   bench.broker.acknowledges = false;
@@ -693,9 +649,7 @@ TEST(PublisherFlood, WindowOfOneIsSharedInTurn) {
   EXPECT_GE(results, 4U);
 }
 
-TEST(PublisherFlood, MessagesStayInTheNetworkWhileOthersWaitToBeLookedAt) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherFloodOnlineTest, MessagesStayInTheNetworkWhileOthersWaitToBeLookedAt) {
   send_runs(bench, 300);
   bench.step();
   EXPECT_TRUE(bench.broker.held);
@@ -704,18 +658,14 @@ TEST(PublisherFlood, MessagesStayInTheNetworkWhileOthersWaitToBeLookedAt) {
   EXPECT_EQ(bench.results().size(), 300U);
 }
 
-TEST(PublisherFlood, FewLargeCommandsAreEnoughToHoldTheOthersBack) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherFloodOnlineTest, FewLargeCommandsAreEnoughToHoldTheOthersBack) {
   for (int i = 0; i < 60; ++i) bench.broker.send(large_message());
   bench.step();
   EXPECT_TRUE(bench.broker.held);
 }
 
 // Acknowledgements arrive behind the messages that are held back.
-TEST(PublisherFlood, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehind) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherFloodOnlineTest, WaitingResultsHoldMessagesBackAndLetSomeInForWhatComesBehind) {
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
   for (int i = 0; i < 100; ++i) {
@@ -747,8 +697,7 @@ void acknowledge_behind(Bench& bench, std::size_t messages,
   bench.step();
 }
 
-TEST(PublisherFlood, BrokerThatSendsFarAheadIsAskedForOneAtATime) {
-  Bench bench;
+TEST_F(PublisherFloodTest, BrokerThatSendsFarAheadIsAskedForOneAtATime) {
   acknowledge_behind(bench, 1000);
   EXPECT_EQ(bench.broker.disconnects, 1);
   ASSERT_EQ(bench.broker.connects.size(), 1U) << "what was read is taken first";
@@ -767,8 +716,7 @@ TEST(PublisherFlood, BrokerThatSendsFarAheadIsAskedForOneAtATime) {
   EXPECT_TRUE(told.contains("read meanwhile"));
 }
 
-TEST(PublisherFlood, OneMessageAtATimeIsTheLeastThatIsAskedFor) {
-  Bench bench;
+TEST_F(PublisherFloodTest, OneMessageAtATimeIsTheLeastThatIsAskedFor) {
   acknowledge_behind(bench, 1000);
   bench.advance(1s);
   acknowledge_behind(bench, 1000);
@@ -776,8 +724,7 @@ TEST(PublisherFlood, OneMessageAtATimeIsTheLeastThatIsAskedFor) {
   EXPECT_EQ(bench.broker.connects.size(), 2U);
 }
 
-TEST(PublisherFlood, StopWhileItConnectsAnewSaysGoodbye) {
-  Bench bench;
+TEST_F(PublisherFloodTest, StopWhileItConnectsAnewSaysGoodbye) {
   acknowledge_behind(bench, 1000);
   bench.broker.acknowledges = true;
   bench.made().stop(bench.now);
@@ -786,8 +733,7 @@ TEST(PublisherFlood, StopWhileItConnectsAnewSaysGoodbye) {
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/state").back())["state"], "offline");
 }
 
-TEST(PublisherFlood, NextConnectionAfterALossMaySendAheadAgain) {
-  Bench bench;
+TEST_F(PublisherFloodTest, NextConnectionAfterALossMaySendAheadAgain) {
   acknowledge_behind(bench, 1000);
   bench.advance(1s);
   ASSERT_EQ(bench.broker.sends_ahead, 1);
@@ -796,8 +742,7 @@ TEST(PublisherFlood, NextConnectionAfterALossMaySendAheadAgain) {
   EXPECT_EQ(bench.broker.sends_ahead, kReceiveMaximum);
 }
 
-TEST(PublisherFlood, BrokerThatIsSlowWithItsPubackKeepsItsConnection) {
-  Bench bench;
+TEST_F(PublisherFloodTest, BrokerThatIsSlowWithItsPubackKeepsItsConnection) {
   acknowledge_behind(bench, 20 * kReceiveMaximum);
   EXPECT_TRUE(bench.broker.up());
 }
@@ -810,14 +755,12 @@ TEST(PublisherFlood, FewLargeMessagesAreFarAheadToo) {
   }
 }
 
-TEST(PublisherFlood, MessagesWithQosZeroAreNotFarAhead) {
-  Bench bench;
+TEST_F(PublisherFloodTest, MessagesWithQosZeroAreNotFarAhead) {
   acknowledge_behind(bench, 2000, message(0, R"({"id":"x","op":"run"})", 0));
   EXPECT_TRUE(bench.broker.up()) << "the broker waits for none of them";
 }
 
-TEST(PublisherFlood, WhatCameBeforeMessagesWereHeldBackDoesNotCount) {
-  Bench bench;
+TEST_F(PublisherFloodTest, WhatCameBeforeMessagesWereHeldBackDoesNotCount) {
   bench.settle();
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
@@ -829,15 +772,13 @@ TEST(PublisherFlood, WhatCameBeforeMessagesWereHeldBackDoesNotCount) {
   EXPECT_TRUE(bench.broker.up());
 }
 
-TEST(PublisherFlood, ConnectionIsKeptWhereMqttHasNoReceiveMaximum) {
-  Bench bench;
+TEST_F(PublisherFloodTest, ConnectionIsKeptWhereMqttHasNoReceiveMaximum) {
   bench.config.mqtt.version = 4;
   acknowledge_behind(bench, 1000);
   EXPECT_TRUE(bench.broker.up());
 }
 
-TEST(PublisherFlood, SubackComesThroughWhereMessagesAreHeldBack) {
-  Bench bench;
+TEST_F(PublisherFloodTest, SubackComesThroughWhereMessagesAreHeldBack) {
   bench.broker.confirms = false;
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
@@ -847,8 +788,7 @@ TEST(PublisherFlood, SubackComesThroughWhereMessagesAreHeldBack) {
   EXPECT_GT(bench.broker.let_in, 0U);
 }
 
-TEST(PublisherFlood, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAreOut) {
-  Bench bench;
+TEST_F(PublisherFloodTest, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAreOut) {
   bench.settings.result_bytes = 100000;
   bench.online();
   const std::string commands = kBase + "/+/command";
@@ -878,8 +818,7 @@ TEST(PublisherFlood, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAr
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U);
 }
 
-TEST(PublisherFlood, PauseEndsWithItsConnection) {
-  Bench bench;
+TEST_F(PublisherFloodTest, PauseEndsWithItsConnection) {
   bench.settings.result_bytes = 100000;
   bench.online();
   bench.broker.acknowledges = false;
@@ -895,9 +834,7 @@ TEST(PublisherFlood, PauseEndsWithItsConnection) {
   EXPECT_FALSE(json::parse(bench.broker.on(kBase + "/state").back()).contains("reason"));
 }
 
-TEST(PublisherFlood, ResultsThatAreRefusedKeepNobodyAwake) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherFloodOnlineTest, ResultsThatAreRefusedKeepNobodyAwake) {
   bench.broker.acknowledges = false;
   push_refused(bench, 300);
   bench.step();
@@ -909,9 +846,7 @@ TEST(PublisherFlood, ResultsThatAreRefusedKeepNobodyAwake) {
   EXPECT_GT(bench.step() - bench.now, 5ms);
 }
 
-TEST(PublisherFlood, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherFloodOnlineTest, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
   for (std::size_t i = 0; i < 5000; ++i)
     bench.broker.send(message(i, R"({"id":"x","op":"run"})", 0));
   bench.broker.send(message(5000, R"({"id":"asked","op":"run"})", 1));
@@ -920,9 +855,7 @@ TEST(PublisherFlood, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
   EXPECT_EQ(bench.results().back()["id"], "asked") << "what the broker waits for is never lost";
 }
 
-TEST(PublisherFlood, OfQosZeroNothingIsTakenWhileResultsAreFull) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherFloodOnlineTest, OfQosZeroNothingIsTakenWhileResultsAreFull) {
   bench.broker.acknowledges = false;
   push_refused(bench, 300);
   bench.step();
@@ -934,9 +867,7 @@ TEST(PublisherFlood, OfQosZeroNothingIsTakenWhileResultsAreFull) {
   EXPECT_EQ(bench.results().size(), 300U);
 }
 
-TEST(PublisherFlood, NothingIsHeldBackAtTheEnd) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherFloodOnlineTest, NothingIsHeldBackAtTheEnd) {
   bench.broker.acknowledges = false;
   push_refused(bench, 1000);
   bench.step();

@@ -34,9 +34,10 @@ SteadyTime::duration until_next_connect(Bench& bench) {
 
 // ---- losses -------------------------------------------------------------------------------------
 
-TEST(PublisherConnection, PublishThatFindsNoConnectionIsALoss) {
-  Bench bench;
-  bench.online();
+using PublisherConnectionOnlineTest = test::OnBenchOnline;
+using PublisherConnectionTest = test::OnBench;
+
+TEST_F(PublisherConnectionOnlineTest, PublishThatFindsNoConnectionIsALoss) {
   bench.broker.vanish();
   bench.broker.believes = true;
   bench.outbox.push(test::sample(1));
@@ -47,9 +48,7 @@ TEST(PublisherConnection, PublishThatFindsNoConnectionIsALoss) {
             std::vector<std::uint64_t>{1});
 }
 
-TEST(PublisherConnection, ConnectionThatTheLibraryForgotToReportIsFoundGone) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherConnectionOnlineTest, ConnectionThatTheLibraryForgotToReportIsFoundGone) {
   bench.broker.vanish();
   bench.broker.finds_out = false;
   bench.advance(200ms);
@@ -60,9 +59,7 @@ TEST(PublisherConnection, ConnectionThatTheLibraryForgotToReportIsFoundGone) {
   EXPECT_EQ(bench.broker.connects.size(), 2U);
 }
 
-TEST(PublisherConnection, LibraryIsNotAskedAtEachStepWhetherItIsConnected) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherConnectionOnlineTest, LibraryIsNotAskedAtEachStepWhetherItIsConnected) {
   bench.broker.looks = 0;
   const SteadyTime end = bench.now + 1s;
   for (std::uint64_t seq = 1; bench.now < end; bench.now += 1ms) {
@@ -73,18 +70,14 @@ TEST(PublisherConnection, LibraryIsNotAskedAtEachStepWhetherItIsConnected) {
   EXPECT_LE(bench.broker.looks, 11);
 }
 
-TEST(PublisherConnection, ConnectionThatDiesWithoutAWordIsGivenUpWithin90Seconds) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherConnectionOnlineTest, ConnectionThatDiesWithoutAWordIsGivenUpWithin90Seconds) {
   bench.broker.vanish();
   bench.broker.finds_out = false;
   bench.broker.believes = true;
   EXPECT_LE(until_next_connect(bench), 92s) << "health after 60 s, no answer for 30 s";
 }
 
-TEST(PublisherConnection, FailedPublishesAreNoSignOfLife) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherConnectionOnlineTest, FailedPublishesAreNoSignOfLife) {
   bench.broker.fails = true;
   std::uint64_t seq = 0;
   const auto fail_for = [&](SteadyTime::duration time) {
@@ -99,9 +92,7 @@ TEST(PublisherConnection, FailedPublishesAreNoSignOfLife) {
   EXPECT_EQ(bench.broker.connects.size(), 2U);
 }
 
-TEST(PublisherConnection, RefusalsByTheBrokerAreASignOfLife) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherConnectionOnlineTest, RefusalsByTheBrokerAreASignOfLife) {
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 100; ++seq) {
     bench.outbox.push(test::sample(seq, seq % 2));
@@ -112,8 +103,7 @@ TEST(PublisherConnection, RefusalsByTheBrokerAreASignOfLife) {
   EXPECT_EQ(bench.broker.connects.size(), 1U);
 }
 
-TEST(PublisherConnection, MessagesOfQos0DoNotHideABrokerThatAcknowledgesNothing) {
-  Bench bench;
+TEST_F(PublisherConnectionTest, MessagesOfQos0DoNotHideABrokerThatAcknowledgesNothing) {
   bench.config.mqtt.qos = 0;
   bench.online();
   bench.broker.acknowledges = false;
@@ -129,8 +119,7 @@ TEST(PublisherConnection, MessagesOfQos0DoNotHideABrokerThatAcknowledgesNothing)
   EXPECT_EQ(bench.broker.connects.size(), 2U);
 }
 
-TEST(PublisherConnection, LossInTheMiddleOfConnectingIsAnAttemptThatFailed) {
-  Bench bench;
+TEST_F(PublisherConnectionTest, LossInTheMiddleOfConnectingIsAnAttemptThatFailed) {
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.broker.reachable = false;
   bench.broker.answers = false;
@@ -143,8 +132,7 @@ TEST(PublisherConnection, LossInTheMiddleOfConnectingIsAnAttemptThatFailed) {
 
 // ---- the next attempt ---------------------------------------------------------------------------
 
-TEST(PublisherConnection, BrokerThatIsBackWithinMinutesIsMetWithinFiveSeconds) {
-  Bench bench;
+TEST_F(PublisherConnectionTest, BrokerThatIsBackWithinMinutesIsMetWithinFiveSeconds) {
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.online();
   bench.broker.reachable = false;
@@ -158,8 +146,7 @@ TEST(PublisherConnection, BrokerThatIsBackWithinMinutesIsMetWithinFiveSeconds) {
   EXPECT_GE(longest, 30s) << "a long outage is no hurry";
 }
 
-TEST(PublisherConnection, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
-  Bench bench;
+TEST_F(PublisherConnectionTest, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.online();
   // Another agent with this id does the same, so each connection lasts as long as its pause.
@@ -182,8 +169,7 @@ TEST(PublisherConnection, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
 
 // ---- the subscription to commands ---------------------------------------------------------------
 
-TEST(PublisherConnection, OnlineIsSaidOnceTheSubscriptionIsGranted) {
-  Bench bench;
+TEST_F(PublisherConnectionTest, OnlineIsSaidOnceTheSubscriptionIsGranted) {
   bench.broker.confirms = false;
   bench.settle();
   EXPECT_TRUE(bench.broker.on(kBase + "/state").empty());
@@ -231,8 +217,7 @@ TEST(PublisherConnection, RefusedSubscriptionIsInTheStateAndAskedForAgain) {
   EXPECT_EQ(asks(), asks_at_last);
 }
 
-TEST(PublisherConnection, UnansweredSubscriptionIsInTheStateAfterASecond) {
-  Bench bench;
+TEST_F(PublisherConnectionTest, UnansweredSubscriptionIsInTheStateAfterASecond) {
   bench.broker.confirms = false;
   bench.outbox.push(test::sample(1));
   bench.settle();
@@ -248,8 +233,7 @@ TEST(PublisherConnection, UnansweredSubscriptionIsInTheStateAfterASecond) {
   EXPECT_FALSE(last_state(bench).contains("commands"));
 }
 
-TEST(PublisherConnection, DeafnessEndsWithItsConnection) {
-  Bench bench;
+TEST_F(PublisherConnectionTest, DeafnessEndsWithItsConnection) {
   bench.broker.refusal = "Not authorized";
   bench.online();
   bench.broker.refusal.clear();
@@ -261,8 +245,7 @@ TEST(PublisherConnection, DeafnessEndsWithItsConnection) {
   EXPECT_FALSE(last_state(bench).contains("commands"));
 }
 
-TEST(PublisherConnection, StopDoesNotWaitForASuback) {
-  Bench bench;
+TEST_F(PublisherConnectionTest, StopDoesNotWaitForASuback) {
   bench.broker.confirms = false;
   bench.step();
   bench.made().stop(bench.now);

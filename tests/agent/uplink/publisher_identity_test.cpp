@@ -43,8 +43,10 @@ json result_of(Bench& bench, const std::string& id) {
 
 // ---- another agent ------------------------------------------------------------------------------
 
-TEST(PublisherIdentity, OnlineOfAnotherBootIsAConflictAndCommandsAreRefused) {
-  Bench bench;
+using PublisherIdentityOnlineTest = test::OnBenchOnline;
+using PublisherIdentityTest = test::OnBench;
+
+TEST_F(PublisherIdentityTest, OnlineOfAnotherBootIsAConflictAndCommandsAreRefused) {
   bench.broker.echoes = true;
   bench.online();
   hear(bench, kState, kOnline);
@@ -56,8 +58,7 @@ TEST(PublisherIdentity, OnlineOfAnotherBootIsAConflictAndCommandsAreRefused) {
   EXPECT_TRUE(bench.admitted.empty());
 }
 
-TEST(PublisherIdentity, ConflictEndsWithTheOthersWillAndOurStateIsThereAgain) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, ConflictEndsWithTheOthersWillAndOurStateIsThereAgain) {
   bench.broker.echoes = true;
   bench.online();
   hear(bench, kState, kOnline);
@@ -69,8 +70,7 @@ TEST(PublisherIdentity, ConflictEndsWithTheOthersWillAndOurStateIsThereAgain) {
   EXPECT_EQ(bench.admitted.size(), 1U);
 }
 
-TEST(PublisherIdentity, StateOfADeadBootIsNoConflictForLong) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, StateOfADeadBootIsNoConflictForLong) {
   bench.broker.echoes = true;
   bench.settle();
   hear(bench, kState, kOnline);  // as found; there is no reply
@@ -81,9 +81,7 @@ TEST(PublisherIdentity, StateOfADeadBootIsNoConflictForLong) {
   EXPECT_EQ(bench.admitted.size(), 1U);
 }
 
-TEST(PublisherIdentity, ConflictEndsEvenWhereOurStateNeverComesBack) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherIdentityOnlineTest, ConflictEndsEvenWhereOurStateNeverComesBack) {
   hear(bench, kState, kOnline);
   bench.advance(10s);
   EXPECT_EQ(conflict_of(bench), "0ther");
@@ -91,8 +89,7 @@ TEST(PublisherIdentity, ConflictEndsEvenWhereOurStateNeverComesBack) {
   EXPECT_EQ(conflict_of(bench), nullptr);
 }
 
-TEST(PublisherIdentity, OfflineOfAnEarlierBootIsNoConflict) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, OfflineOfAnEarlierBootIsNoConflict) {
   bench.broker.echoes = true;
   bench.settle();
   hear(bench, kState, kWill);
@@ -161,8 +158,7 @@ TEST(PublisherIdentity, TwoAgentsSeeEachOtherAsLongAsBothLiveAndNeitherCommands)
   EXPECT_EQ(last_on(twins.b, kState)["reason"], "stopped") << "the last word of the one that left";
 }
 
-TEST(PublisherIdentity, ThreeAgentsDoNotAnswerEachOtherWithoutEnd) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, ThreeAgentsDoNotAnswerEachOtherWithoutEnd) {
   bench.broker.echoes = true;
   bench.online();
   for (int i = 0; i < 100; ++i) {
@@ -177,8 +173,7 @@ TEST(PublisherIdentity, ThreeAgentsDoNotAnswerEachOtherWithoutEnd) {
   EXPECT_EQ(conflict_of(bench), nullptr);
 }
 
-TEST(PublisherIdentity, WhatStandsOnAServerWhereOursNeverStoodIsNoSessionTakenOver) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, WhatStandsOnAServerWhereOursNeverStoodIsNoSessionTakenOver) {
   bench.config.mqtt.servers = {"mqtt://one:1883", "mqtt://two:1883"};
   bench.broker.echoes = true;
   bench.online();
@@ -196,8 +191,7 @@ TEST(PublisherIdentity, WhatStandsOnAServerWhereOursNeverStoodIsNoSessionTakenOv
   EXPECT_EQ(conflict_of(bench), nullptr);
 }
 
-TEST(PublisherIdentity, SessionTakenOverIsAConflictUntilAConnectionIsSteady) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, SessionTakenOverIsAConflictUntilAConnectionIsSteady) {
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.broker.echoes = true;
   bench.online();
@@ -215,8 +209,7 @@ TEST(PublisherIdentity, SessionTakenOverIsAConflictUntilAConnectionIsSteady) {
   EXPECT_EQ(conflict_of(bench), nullptr);
 }
 
-TEST(PublisherIdentity, OtherThatStoppedCleanlyWhileItHadOurSessionIsGone) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, OtherThatStoppedCleanlyWhileItHadOurSessionIsGone) {
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.broker.echoes = true;
   bench.online();
@@ -227,8 +220,7 @@ TEST(PublisherIdentity, OtherThatStoppedCleanlyWhileItHadOurSessionIsGone) {
   EXPECT_EQ(conflict_of(bench), nullptr);
 }
 
-TEST(PublisherIdentity, WillOfAnotherWhereOurStateWasIsAConflictToo) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, WillOfAnotherWhereOurStateWasIsAConflictToo) {
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.broker.echoes = true;
   bench.online();
@@ -291,8 +283,7 @@ TEST(PublisherIdentity, OverwrittenStateAndMetaAreRepairedOnceASecondAtTheMost) 
   }
 }
 
-TEST(PublisherIdentity, OverwrittenStateIsRepairedEvenIfOursNeverCameBack) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, OverwrittenStateIsRepairedEvenIfOursNeverCameBack) {
   bench.outbox.push(test::offline(0, "timeout"));
   bench.online();
   const std::string topic = kBase + "/press1/state";
@@ -301,9 +292,7 @@ TEST(PublisherIdentity, OverwrittenStateIsRepairedEvenIfOursNeverCameBack) {
   EXPECT_EQ(bench.broker.on(topic).size(), 1U);
 }
 
-TEST(PublisherIdentity, OwnOlderTextsThatComeBackLateAreNotRepaired) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherIdentityOnlineTest, OwnOlderTextsThatComeBackLateAreNotRepaired) {
   std::vector<std::string> texts;
   for (const char* reason : {"timeout", "link_down", "timeout", "link_down"}) {
     bench.outbox.push(test::offline(0, reason));
@@ -316,8 +305,7 @@ TEST(PublisherIdentity, OwnOlderTextsThatComeBackLateAreNotRepaired) {
   EXPECT_EQ(bench.broker.on(kBase + "/press1/state").size(), 4U);
 }
 
-TEST(PublisherIdentity, WhatWasThereBeforeOursNeedsNoRepair) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, WhatWasThereBeforeOursNeedsNoRepair) {
   bench.broker.acknowledges = false;
   bench.settle();
   hear(bench, kState, kWill);  // found when subscribing
@@ -328,8 +316,7 @@ TEST(PublisherIdentity, WhatWasThereBeforeOursNeedsNoRepair) {
   EXPECT_EQ(bench.broker.on(kState).size(), 1U);
 }
 
-TEST(PublisherIdentity, RefusedSubscriptionToStatesStopsNothing) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, RefusedSubscriptionToStatesStopsNothing) {
   bench.broker.refuses_states = true;
   bench.online();
   bench.outbox.push(test::sample(1));
@@ -343,9 +330,7 @@ TEST(PublisherIdentity, RefusedSubscriptionToStatesStopsNothing) {
 
 // ---- devices that are not configured ------------------------------------------------------------
 
-TEST(PublisherIdentity, CommandForAnUnknownDeviceIsAnswered) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherIdentityOnlineTest, CommandForAnUnknownDeviceIsAnswered) {
   bench.correlation = {1, 2};
   bench.response_topic = kBase + "/pres1/result/hmi";
   bench.command(R"({"id":"a","op":"write","tag":"setpoint","value":1})", kBase + "/pres1/command");
@@ -363,9 +348,7 @@ TEST(PublisherIdentity, CommandForAnUnknownDeviceIsAnswered) {
       << "its id is not remembered";
 }
 
-TEST(PublisherIdentity, MessageForAnUnknownDeviceIsCheckedLikeAnyOther) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherIdentityOnlineTest, MessageForAnUnknownDeviceIsCheckedLikeAnyOther) {
   const auto reason = [&](const std::string& payload, bool retained = false) {
     Message message;
     message.topic = kBase + "/nobody/command";
@@ -404,8 +387,7 @@ TEST(PublisherIdentity, AnswersForUnknownDevicesAreNotJournaled) {
 
 // ---- counters, totals ---------------------------------------------------------------------------
 
-TEST(PublisherIdentity, HealthWaitsForTheCountersOfThisMoment) {
-  Bench bench;
+TEST_F(PublisherIdentityTest, HealthWaitsForTheCountersOfThisMoment) {
   int asked = 0;
   bench.ask_counters = [&asked] { ++asked; };
   bench.settle();
@@ -457,9 +439,7 @@ TEST(PublisherIdentity, FirstOfADuplicateHasTheTotalThatWasPublished) {
 
 // ---- failures without an event from the broker -------------------------------------------------
 
-TEST(PublisherIdentity, SamplesThatTheLibraryDoesNotTakeAreNotRefused) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherIdentityOnlineTest, SamplesThatTheLibraryDoesNotTakeAreNotRefused) {
   bench.advance(39900ms);  // just before health is due
   bench.broker.fails = true;
   bench.outbox.push(test::sample(1));

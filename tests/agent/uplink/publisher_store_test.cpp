@@ -19,6 +19,9 @@ using test::seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
+using PublisherStoreOnlineTest = test::OnStoredBenchOnline;
+using PublisherStoreTest = test::OnStoredBench;
+
 TEST(PublisherStore, SamplesOfAnOutageOutliveTheProcess) {
   const test::Scratch scratch;
   {
@@ -102,10 +105,7 @@ TEST(PublisherStore, RowsOfAnEarlierProgramAndOfThisOneGoOutAsTheyWouldHaveLive)
                                      meta + R"(","values":{"temp":23.4}}]})"});
 }
 
-TEST(PublisherStore, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherStoreOnlineTest, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 20; ++seq) bench.outbox.push(test::sample(seq));
   bench.settle();
@@ -127,10 +127,7 @@ TEST(PublisherStore, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
   EXPECT_EQ(Bench(scratch.path("store")).made().samples().recovered, 0U);
 }
 
-TEST(PublisherStore, SamplesOfOneFifthOfASecondGoToDiskTogether) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherStoreOnlineTest, SamplesOfOneFifthOfASecondGoToDiskTogether) {
   bench.broker.acknowledges = false;
   const SteadyTime first = bench.now;
   for (std::uint64_t seq = 1; seq <= 30; ++seq) {  // 18 in flight, 12 waiting
@@ -149,10 +146,7 @@ TEST(PublisherStore, SamplesOfOneFifthOfASecondGoToDiskTogether) {
   EXPECT_EQ(bench.store->samples().rows(), 30U);
 }
 
-TEST(PublisherStore, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherStoreOnlineTest, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::sample(1));
   bench.settle();
@@ -177,9 +171,7 @@ TEST(PublisherStore, DamagedFileIsNamedInHealth) {
   EXPECT_TRUE(std::filesystem::exists(scratch.path("store") + "/" + aside)) << aside;
 }
 
-TEST(PublisherStore, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
+TEST_F(PublisherStoreTest, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
   bench.config.store.sync_always = true;
   bench.online();
   bench.broker.acknowledges = false;
@@ -199,9 +191,7 @@ TEST(PublisherStore, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
             (std::vector<std::uint64_t>{2, 3}));
 }
 
-TEST(PublisherStore, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothing) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
+TEST_F(PublisherStoreTest, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothing) {
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 900; ++seq) bench.outbox.push(test::sample(seq));
   bench.settle();
@@ -229,9 +219,7 @@ TEST(PublisherStore, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothing) {
   for (const std::string& message : taken) EXPECT_LE(message.size(), 65536U);
 }
 
-TEST(PublisherStore, HistoryHasAShareOfTheWindowAndLiveTheRest) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
+TEST_F(PublisherStoreTest, HistoryHasAShareOfTheWindowAndLiveTheRest) {
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 20; ++seq)
     for (std::uint32_t device = 0; device < 2; ++device)
@@ -402,10 +390,7 @@ TEST(PublisherStore, DiskThatRefusesIsReplacedByMemoryUntilItTakesAgain) {
             (std::vector<std::uint64_t>{1, 2, 3, 4}));
 }
 
-TEST(PublisherStore, CleanStopLeavesTheRestOnDisk) {
-  const test::Scratch scratch;
-  Bench bench(scratch.path("store"));
-  bench.online();
+TEST_F(PublisherStoreOnlineTest, CleanStopLeavesTheRestOnDisk) {
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 30; ++seq) bench.outbox.push(test::sample(seq));
   bench.step();

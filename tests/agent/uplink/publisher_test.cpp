@@ -16,8 +16,10 @@ using test::seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
-TEST(Publisher, ConnectSubscribesThenPublishesEverythingRetained) {
-  Bench bench;
+using PublisherOnlineTest = test::OnBenchOnline;
+using PublisherTest = test::OnBench;
+
+TEST_F(PublisherTest, ConnectSubscribesThenPublishesEverythingRetained) {
   bench.outbox.push(test::offline(0, "timeout"));
   bench.settle();
   const std::vector<std::string> expected{"subscribe " + kBase + "/state",
@@ -39,8 +41,7 @@ TEST(Publisher, ConnectSubscribesThenPublishesEverythingRetained) {
   EXPECT_EQ(state["boot"], "9f3c21aa");
 }
 
-TEST(Publisher, EveryRetainedTopicComesAgainAfterAReconnect) {
-  Bench bench;
+TEST_F(PublisherTest, EveryRetainedTopicComesAgainAfterAReconnect) {
   bench.outbox.push(test::offline(1, "timeout"));
   bench.online();
   bench.broker.lose();
@@ -53,9 +54,7 @@ TEST(Publisher, EveryRetainedTopicComesAgainAfterAReconnect) {
   EXPECT_EQ(json::parse(bench.broker.on(kBase + "/press2/state")[0])["reason"], "timeout");
 }
 
-TEST(Publisher, AcknowledgementWakesNobodyWhoDoesNotWaitForIt) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, AcknowledgementWakesNobodyWhoDoesNotWaitForIt) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::sample(1));
   const SteadyTime wake = bench.step();
@@ -73,8 +72,7 @@ TEST(Publisher, AcknowledgementWakesNobodyWhoDoesNotWaitForIt) {
   EXPECT_TRUE(bench.broker.acknowledgements_awaited) << "the window is full";
 }
 
-TEST(Publisher, SamplesGatherForAHundredthOfTheirIntervalWhileTheyStream) {
-  Bench bench;
+TEST_F(PublisherTest, SamplesGatherForAHundredthOfTheirIntervalWhileTheyStream) {
   bench.config.devices[0].groups[0].interval = 200ms;
   bench.config.devices[0].groups[1].interval = 0ms;
   bench.online();
@@ -94,8 +92,7 @@ TEST(Publisher, SamplesGatherForAHundredthOfTheirIntervalWhileTheyStream) {
   EXPECT_EQ(patience(4, 0, 0), 0ms) << "they stream no more";
 }
 
-TEST(Publisher, SampleGoesOutLiveAtTheDataQos) {
-  Bench bench;
+TEST_F(PublisherTest, SampleGoesOutLiveAtTheDataQos) {
   bench.config.mqtt.qos = 0;
   bench.online();
   bench.outbox.push(test::sample(7, 1, 1));
@@ -110,9 +107,7 @@ TEST(Publisher, SampleGoesOutLiveAtTheDataQos) {
   EXPECT_EQ(bench.made().samples().acknowledged, 1U);
 }
 
-TEST(Publisher, WindowIsKeptAndResultsStillFindRoom) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, WindowIsKeptAndResultsStillFindRoom) {
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 100; ++seq) bench.outbox.push(test::sample(seq));
   bench.settle();
@@ -126,8 +121,7 @@ TEST(Publisher, WindowIsKeptAndResultsStillFindRoom) {
   EXPECT_EQ(bench.broker.most_open, 20U);
 }
 
-TEST(Publisher, SmallerReceiveMaximumIsObeyed) {
-  Bench bench;
+TEST_F(PublisherTest, SmallerReceiveMaximumIsObeyed) {
   bench.broker.receive_maximum = 3;
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 10; ++seq) bench.outbox.push(test::sample(seq));
@@ -141,9 +135,7 @@ TEST(Publisher, SmallerReceiveMaximumIsObeyed) {
   EXPECT_EQ(bench.made().samples().acknowledged, 10U);
 }
 
-TEST(Publisher, UnacknowledgedSamplesComeAgainAsHistoryBesideLiveOnes) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, UnacknowledgedSamplesComeAgainAsHistoryBesideLiveOnes) {
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
   bench.settle();
@@ -170,8 +162,7 @@ TEST(Publisher, UnacknowledgedSamplesComeAgainAsHistoryBesideLiveOnes) {
   EXPECT_EQ(samples.published, 9U);  // three of them twice
 }
 
-TEST(Publisher, RowsLeaveMemoryOnlyAfterTheirAcknowledgement) {
-  Bench bench;
+TEST_F(PublisherTest, RowsLeaveMemoryOnlyAfterTheirAcknowledgement) {
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
   bench.settle();
@@ -192,8 +183,7 @@ TEST(Publisher, RowsLeaveMemoryOnlyAfterTheirAcknowledgement) {
   EXPECT_EQ(bench.made().samples().stored, 0U);
 }
 
-TEST(Publisher, HistoryMessagesStayBelowTheirLimit) {
-  Bench bench;
+TEST_F(PublisherTest, HistoryMessagesStayBelowTheirLimit) {
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 999; ++seq) bench.outbox.push(test::sample(seq));
   bench.settle();
@@ -205,9 +195,7 @@ TEST(Publisher, HistoryMessagesStayBelowTheirLimit) {
   EXPECT_EQ(seqs(messages).size(), 999U);
 }
 
-TEST(Publisher, SampleThatFindsNoRoomForASecondBecomesHistory) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, SampleThatFindsNoRoomForASecondBecomesHistory) {
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 20; ++seq) bench.outbox.push(test::sample(seq));
   bench.settle();
@@ -222,8 +210,7 @@ TEST(Publisher, SampleThatFindsNoRoomForASecondBecomesHistory) {
             (std::vector<std::uint64_t>{19, 20}));
 }
 
-TEST(Publisher, FullBacklogDropsTheOldestAndCountsThem) {
-  Bench bench;
+TEST_F(PublisherTest, FullBacklogDropsTheOldestAndCountsThem) {
   bench.settings.backlog_bytes = 3000;
   bench.broker.reachable = false;
   for (std::uint64_t seq = 1; seq <= 50; ++seq) bench.outbox.push(test::sample(seq, 1));
@@ -242,9 +229,7 @@ TEST(Publisher, FullBacklogDropsTheOldestAndCountsThem) {
 
 // ---- with a store on disk ----------------------------------------------------------------------
 
-TEST(Publisher, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
   bench.advance(2min);  // nothing in flight: no wait
   EXPECT_EQ(bench.broker.connects.size(), 1U);
   bench.broker.acknowledges = false;
@@ -261,8 +246,7 @@ TEST(Publisher, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
             std::vector<std::uint64_t>{1});
 }
 
-TEST(Publisher, RetainedTopicsOfUnknownDevicesAreCleared) {
-  Bench bench;
+TEST_F(PublisherTest, RetainedTopicsOfUnknownDevicesAreCleared) {
   bench.settle();
   bench.broker.taken.clear();
   const auto retained = [&](const std::string& topic, const std::string& payload) {
@@ -292,8 +276,7 @@ TEST(Publisher, RetainedTopicsOfUnknownDevicesAreCleared) {
   EXPECT_TRUE(bench.broker.taken.empty()) << "only what was found when subscribing is cleared";
 }
 
-TEST(Publisher, ServersAreTriedFromTheTopWithGrowingPauses) {
-  Bench bench;
+TEST_F(PublisherTest, ServersAreTriedFromTheTopWithGrowingPauses) {
   bench.broker.reachable = false;
   bench.settle();
   EXPECT_EQ(bench.broker.connects, (std::vector<std::size_t>{0, 1}));
@@ -313,8 +296,7 @@ TEST(Publisher, ServersAreTriedFromTheTopWithGrowingPauses) {
   }
 }
 
-TEST(Publisher, StaysOnItsServerUntilThatFailsAndStartsFromTheTopAgain) {
-  Bench bench;
+TEST_F(PublisherTest, StaysOnItsServerUntilThatFailsAndStartsFromTheTopAgain) {
   bench.broker.reachable = false;
   bench.settle();
   bench.broker.reachable = true;
@@ -329,16 +311,14 @@ TEST(Publisher, StaysOnItsServerUntilThatFailsAndStartsFromTheTopAgain) {
   EXPECT_EQ(bench.broker.connects.back(), 0U);
 }
 
-TEST(Publisher, ServerThatDropsUsAtOnceIsNotTriedForEver) {
-  Bench bench;
+TEST_F(PublisherTest, ServerThatDropsUsAtOnceIsNotTriedForEver) {
   bench.settle();
   bench.broker.lose();
   bench.settle();
   EXPECT_EQ(bench.broker.connects, (std::vector<std::size_t>{0, 1}));
 }
 
-TEST(Publisher, LibraryThatNeverAnswersIsGivenUp) {
-  Bench bench;
+TEST_F(PublisherTest, LibraryThatNeverAnswersIsGivenUp) {
   bench.broker.reachable = false;
   bench.broker.answers = false;
   bench.step();
@@ -347,9 +327,7 @@ TEST(Publisher, LibraryThatNeverAnswersIsGivenUp) {
   EXPECT_EQ(bench.broker.connects.size(), 2U);
 }
 
-TEST(Publisher, SampleThatNoRepeatCanCureIsDroppedAndCounted) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, SampleThatNoRepeatCanCureIsDroppedAndCounted) {
   bench.broker.acknowledges = false;
   for (const int code : {0x90, 0x95, 0x99}) {
     bench.outbox.push(test::sample(static_cast<std::uint64_t>(code)));
@@ -361,9 +339,7 @@ TEST(Publisher, SampleThatNoRepeatCanCureIsDroppedAndCounted) {
   EXPECT_EQ(bench.broker.open(), 0U);
 }
 
-TEST(Publisher, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
   bench.broker.acknowledges = false;
   for (const int code : {0x87, 0x97}) {
     bench.broker.log.clear();
@@ -387,9 +363,7 @@ TEST(Publisher, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
   EXPECT_EQ(bench.made().samples().acknowledged, 6U);
 }
 
-TEST(Publisher, HealthNamesTheCodeOfARefusalUntilItIsOver) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, HealthNamesTheCodeOfARefusalUntilItIsOver) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::sample(1, 0));
   bench.settle();
@@ -408,8 +382,7 @@ TEST(Publisher, HealthNamesTheCodeOfARefusalUntilItIsOver) {
   EXPECT_EQ(refused(), nullptr);
 }
 
-TEST(Publisher, HistoryThatIsTooLargeIsCutInsteadOfDropped) {
-  Bench bench;
+TEST_F(PublisherTest, HistoryThatIsTooLargeIsCutInsteadOfDropped) {
   bench.broker.reachable = false;
   bench.broker.maximum_packet = 2000;
   for (std::uint64_t seq = 1; seq <= 100; ++seq) bench.outbox.push(test::sample(seq));
@@ -421,9 +394,7 @@ TEST(Publisher, HistoryThatIsTooLargeIsCutInsteadOfDropped) {
   for (const Publication& p : bench.broker.taken) EXPECT_LE(p.payload.size(), 2000U);
 }
 
-TEST(Publisher, RefusedStateComesAgainWithItsNewestValue) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, RefusedStateComesAgainWithItsNewestValue) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::offline(0, "timeout"));
   bench.settle();
@@ -439,9 +410,7 @@ TEST(Publisher, RefusedStateComesAgainWithItsNewestValue) {
   EXPECT_EQ(bench.broker.on(kBase + "/press1/state").size(), states.size());
 }
 
-TEST(Publisher, HealthComesEveryMinuteAndBalances) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, HealthComesEveryMinuteAndBalances) {
   bench.outbox.push(test::sample(1));
   bench.outbox.push(test::sample(2));
   bench.outbox.push(test::counted(5, 3));
@@ -458,9 +427,7 @@ TEST(Publisher, HealthComesEveryMinuteAndBalances) {
   EXPECT_EQ(json::parse(health[1])["uptime_s"], 140);
 }
 
-TEST(Publisher, StopPublishesWhatWaitsThenSaysStopped) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, StopPublishesWhatWaitsThenSaysStopped) {
   bench.outbox.push(test::sample(1));
   bench.outbox.push(test::succeeded("a"));
   bench.made().stop(bench.now);
@@ -477,9 +444,7 @@ TEST(Publisher, StopPublishesWhatWaitsThenSaysStopped) {
   EXPECT_TRUE(state["since"].is_number());
 }
 
-TEST(Publisher, StopEndsInTimeWithABrokerThatDoesNotAnswer) {
-  Bench bench;
-  bench.online();
+TEST_F(PublisherOnlineTest, StopEndsInTimeWithABrokerThatDoesNotAnswer) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::sample(1));
   bench.made().stop(bench.now);
@@ -494,8 +459,7 @@ TEST(Publisher, StopEndsInTimeWithABrokerThatDoesNotAnswer) {
   EXPECT_EQ(json::parse(bench.broker.log.back().payload)["reason"], "stopped");
 }
 
-TEST(Publisher, StopWithoutABrokerEndsAtOnce) {
-  Bench bench;
+TEST_F(PublisherTest, StopWithoutABrokerEndsAtOnce) {
   bench.broker.reachable = false;
   bench.settle();
   bench.made().stop(bench.now);
@@ -503,8 +467,7 @@ TEST(Publisher, StopWithoutABrokerEndsAtOnce) {
   EXPECT_TRUE(bench.made().finished());
 }
 
-TEST(Publisher, ThreadEndsAfterACleanStop) {
-  Bench bench;
+TEST_F(PublisherTest, ThreadEndsAfterACleanStop) {
   bench.outbox.push(test::sample(1));
   Publisher& publisher = bench.made();
   std::stop_source stop;

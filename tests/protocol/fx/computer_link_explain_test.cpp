@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/fx/computer_link.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {
@@ -30,7 +30,7 @@ std::string field(const Explanation& out, std::string_view name) {
 
 TEST(LinkExplanation, NamesEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("fx_computer_link.txt")) {
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const auto model = *model_named(e.model);
     const auto out = explain_link_frame(model, e.request, std::nullopt);
     if (e.operation == "sum_only") {

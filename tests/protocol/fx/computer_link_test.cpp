@@ -6,7 +6,7 @@
 
 #include "protocol/fx/link_frame.h"
 #include "protocol/plan/plan.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {
@@ -94,7 +94,7 @@ TEST(ComputerLink, SpeaksEveryFrameOfTheTranscripts) {
     const auto request = request_of(e);
     if (!request) continue;
     const auto codec = codec_of(e);
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const auto frame = codec.encode(*request, 0);
     ASSERT_TRUE(frame) << frame.error().text;
     EXPECT_EQ(to_hex(*frame), to_hex(e.request));
@@ -110,7 +110,7 @@ TEST(ComputerLink, UnderstandsEveryAnswerOfTheTranscripts) {
     const auto request = request_of(e);
     const auto codec = codec_of(e);
     if (!request || e.reply.empty()) continue;
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const auto reply = codec.decode(*request, 0, e.reply);
     ASSERT_TRUE(reply && *reply);
     EXPECT_EQ((*reply)->consumed, e.reply.size());

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/fx/programming_port.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {

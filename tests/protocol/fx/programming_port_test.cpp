@@ -4,7 +4,7 @@
 
 #include "protocol/plan/plan.h"
 #include "protocol/value/unpack.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {

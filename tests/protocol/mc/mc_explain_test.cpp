@@ -4,7 +4,7 @@
 #include <random>
 
 #include "protocol/mc/mc.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {

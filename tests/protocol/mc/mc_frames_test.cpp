@@ -4,7 +4,7 @@
 #include <sstream>
 
 #include "protocol/mc/mc.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {
@@ -128,7 +128,7 @@ TEST_P(McFrames, SpeaksAndUnderstandsEveryExchange) {
   int spoken = 0;
   int understood = 0;
   for (const test::Exchange& e : test::read_frames(GetParam().name)) {
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const Wire wire = wire_of(GetParam().frame, e);
     const auto request = request_of(wire.codec, e);
     if (!request) continue;
@@ -164,7 +164,7 @@ TEST_P(McFrames, SpeaksAndUnderstandsEveryExchange) {
 TEST_P(McFrames, ExplainsEveryFrameByItself) {
   int explained = 0;
   for (const test::Exchange& e : test::read_frames(GetParam().name)) {
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const Model model = e.model == "auto" ? Model::unknown : *model_named(e.model);
     const Wire wire = wire_of(GetParam().frame, e);
     const auto asked = request_of(wire.codec, e);

@@ -3,7 +3,7 @@
 
 #include "protocol/mc/mc.h"
 #include "protocol/plan/plan.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {

@@ -6,7 +6,7 @@
 #include <array>
 
 #include "protocol/mc/end_code.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/mc/one_e.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {
@@ -25,7 +25,7 @@ std::string field(const Explanation& out, std::string_view name) {
 
 TEST(OneEExplanation, NamesEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("mc_1e.txt")) {
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const auto model = *model_named(e.model);
     const auto out = one_e::explain_frame(model, e.request, std::nullopt);
     ASSERT_TRUE(out.ok) << out.error.value_or("");

@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "protocol/plan/plan.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {
@@ -93,7 +93,7 @@ TEST(OneE, SpeaksEveryFrameOfTheTranscripts) {
     const auto request = request_of(e);
     if (!request) continue;
     const auto codec = codec_of(e);
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const auto frame = codec.encode(*request, 0);
     ASSERT_TRUE(frame) << frame.error().text;
     EXPECT_EQ(to_hex(*frame), to_hex(e.request));
@@ -109,7 +109,7 @@ TEST(OneE, UnderstandsEveryAnswerOfTheTranscripts) {
     const auto request = request_of(e);
     if (!request || e.reply.empty()) continue;
     const auto codec = codec_of(e);
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const auto reply = codec.decode(*request, 0, e.reply);
     ASSERT_TRUE(reply && *reply) << (reply ? "need more" : reply.error().text);
     EXPECT_EQ((*reply)->consumed, e.reply.size());

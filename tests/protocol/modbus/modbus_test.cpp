@@ -9,7 +9,7 @@
 #include "protocol/catalog.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::modbus {
 namespace {
@@ -80,7 +80,7 @@ TEST(Modbus, SpeaksEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("modbus.txt")) {
     const auto request = request_of(e);
     if (!request) continue;
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const Modbus codec = codec_of(e);
     EXPECT_EQ(to_hex(sent(codec, *request, transaction_of(e))), to_hex(e.request));
     EXPECT_EQ(codec.line_length(*request).request_chars, e.request.size());
@@ -95,7 +95,7 @@ TEST(Modbus, UnderstandsEveryAnswerOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("modbus.txt")) {
     const auto request = request_of(e);
     if (!request || e.reply.empty()) continue;
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const Modbus codec = codec_of(e);
     const auto reply = codec.decode(*request, transaction_of(e), e.reply);
     ASSERT_TRUE(reply && *reply) << (reply ? "needs more" : reply.error().text);
@@ -121,7 +121,7 @@ TEST(Modbus, UnderstandsEveryAnswerOfTheTranscripts) {
 TEST(Modbus, ExplainsEveryFrameOfTheTranscripts) {
   int explained = 0;
   for (const test::Exchange& e : test::read_frames("modbus.txt")) {
-    SCOPED_TRACE("line " + std::to_string(e.line) + ", " + e.source);
+    SCOPED_TRACE(e.where());
     const Explanation request = explain_frame(framing_of(e), e.request, Direction::request);
     // A request sent in order to be refused violates the specification; the explanation says so.
     if (request_of(e)) {

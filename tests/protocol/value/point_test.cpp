@@ -9,7 +9,7 @@
 #include "protocol/value/pack.h"
 #include "protocol/value/unpack.h"
 #include "protocol/value/value.h"
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent {
 namespace {

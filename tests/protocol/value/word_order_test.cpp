@@ -5,7 +5,7 @@
 
 #include <limits>
 
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent {
 namespace {

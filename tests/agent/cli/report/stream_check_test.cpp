@@ -47,8 +47,12 @@ struct Bench {
   StreamCheck check;
 };
 
-TEST(StreamCheck, UnbrokenNumbersOverAllGroupsAreWhole) {
+class StreamCheckTest : public ::testing::Test {
+ protected:
   Bench bench;
+};
+
+TEST_F(StreamCheckTest, UnbrokenNumbersOverAllGroupsAreWhole) {
   for (std::uint64_t seq = 100; seq < 200; ++seq) bench.live(seq, "b1", seq % 3 ? "fast" : "slow");
   const DeviceStream report = bench.report();
   EXPECT_TRUE(report.is_whole());
@@ -59,8 +63,7 @@ TEST(StreamCheck, UnbrokenNumbersOverAllGroupsAreWhole) {
   EXPECT_EQ(report.disordered + report.ts_backward + report.repeated, 0U);
 }
 
-TEST(StreamCheck, GapIsNamedUntilHistoryFillsIt) {
-  Bench bench;
+TEST_F(StreamCheckTest, GapIsNamedUntilHistoryFillsIt) {
   bench.live(5);
   bench.live(10);
   bench.live(12);
@@ -74,8 +77,7 @@ TEST(StreamCheck, GapIsNamedUntilHistoryFillsIt) {
   EXPECT_EQ(bench.report().history, 5U);
 }
 
-TEST(StreamCheck, GapThatMayHavePassedUnheardIsNotProvable) {
-  Bench bench;
+TEST_F(StreamCheckTest, GapThatMayHavePassedUnheardIsNotProvable) {
   bench.live(5);
   bench.live(7);
   EXPECT_EQ(bench.report().missing.listed, (Ranges{{6, 6}}));
@@ -94,8 +96,7 @@ TEST(StreamCheck, GapThatMayHavePassedUnheardIsNotProvable) {
   EXPECT_TRUE(bench.report().is_whole());
 }
 
-TEST(StreamCheck, EachInterruptionMovesWhatIsProvable) {
-  Bench bench;
+TEST_F(StreamCheckTest, EachInterruptionMovesWhatIsProvable) {
   bench.live(1);
   bench.check.interrupted();
   bench.check.interrupted();  // before anything came
@@ -109,8 +110,7 @@ TEST(StreamCheck, EachInterruptionMovesWhatIsProvable) {
   EXPECT_EQ(bench.report().missing.listed, (Ranges{{8, 8}}));
 }
 
-TEST(StreamCheck, BootThatBeganUnheardHasLeftNothingOutForCertain) {
-  Bench bench;
+TEST_F(StreamCheckTest, BootThatBeganUnheardHasLeftNothingOutForCertain) {
   bench.live(5);
   bench.check.interrupted();
   bench.live(9, "b2");
@@ -118,8 +118,7 @@ TEST(StreamCheck, BootThatBeganUnheardHasLeftNothingOutForCertain) {
   EXPECT_EQ(bench.report().skipped.numbers, 0U);
 }
 
-TEST(StreamCheck, OnlyTheFirstRangesAreListedAndAllAreCounted) {
-  Bench bench;
+TEST_F(StreamCheckTest, OnlyTheFirstRangesAreListedAndAllAreCounted) {
   for (std::uint64_t seq = 0; seq <= 60; seq += 3) bench.live(seq);
   const NumberRanges missing = bench.report().missing;
   EXPECT_EQ(missing.ranges, 20U);
@@ -128,8 +127,7 @@ TEST(StreamCheck, OnlyTheFirstRangesAreListedAndAllAreCounted) {
   EXPECT_EQ(missing.listed.back(), (NumberRange{28, 29}));
 }
 
-TEST(StreamCheck, WhatLiesBeforeTheFirstLiveSampleMayHaveComeEarlier) {
-  Bench bench;
+TEST_F(StreamCheckTest, WhatLiesBeforeTheFirstLiveSampleMayHaveComeEarlier) {
   bench.history({50, 60});
   bench.live(100);
   bench.history({70});
@@ -139,8 +137,7 @@ TEST(StreamCheck, WhatLiesBeforeTheFirstLiveSampleMayHaveComeEarlier) {
   EXPECT_EQ(report.seen, (NumberRange{50, 101}));
 }
 
-TEST(StreamCheck, DeviceWithoutALiveSampleIsNotWhole) {
-  Bench bench;
+TEST_F(StreamCheckTest, DeviceWithoutALiveSampleIsNotWhole) {
   EXPECT_FALSE(bench.report().is_whole());
   EXPECT_FALSE(bench.report().seen);
   bench.history({1, 2, 9});
@@ -158,8 +155,7 @@ TEST(StreamCheck, DeviceThatNobodyExpectedMaySendHistoryAlone) {
   EXPECT_FALSE(check.report()[0].expected);
 }
 
-TEST(StreamCheck, RepeatIsToldFromANumberThatWasUsedTwice) {
-  Bench bench;
+TEST_F(StreamCheckTest, RepeatIsToldFromANumberThatWasUsedTwice) {
   for (std::uint64_t seq = 1; seq <= 5; ++seq) bench.live(seq);
   bench.history({3, 4});
   EXPECT_EQ(bench.report().repeated, 2U);
@@ -174,16 +170,14 @@ TEST(StreamCheck, RepeatIsToldFromANumberThatWasUsedTwice) {
   EXPECT_FALSE(bench.report().is_whole());
 }
 
-TEST(StreamCheck, OrderOfKeysAndSpacesDoNotMakeAnotherSample) {
-  Bench bench;
+TEST_F(StreamCheckTest, OrderOfKeysAndSpacesDoNotMakeAnotherSample) {
   bench.live(7);
   bench.check.take(topic(), sample(7).dump(3), false);
   EXPECT_EQ(bench.report().differing, 0U);
   EXPECT_EQ(bench.report().repeated, 1U);
 }
 
-TEST(StreamCheck, NewBootMayLeaveNumbersOutOnceButOnlyBetweenTheBoots) {
-  Bench bench;
+TEST_F(StreamCheckTest, NewBootMayLeaveNumbersOutOnceButOnlyBetweenTheBoots) {
   bench.live(10);
   bench.live(11);
   bench.live(1011, "b2");
@@ -207,8 +201,7 @@ TEST(StreamCheck, NewBootLeavesNothingOutWhereEverySampleIsOnDisk) {
   EXPECT_EQ(bench.report().skipped.numbers, 0U);
 }
 
-TEST(StreamCheck, BootThatBeganWhileListeningIsJudgedThoughTheClockWentBack) {
-  Bench bench;
+TEST_F(StreamCheckTest, BootThatBeganWhileListeningIsJudgedThoughTheClockWentBack) {
   bench.live(5000);
   bench.live(100, "b2");
   bench.live(103, "b2");
@@ -216,8 +209,7 @@ TEST(StreamCheck, BootThatBeganWhileListeningIsJudgedThoughTheClockWentBack) {
   EXPECT_EQ(bench.report().skipped.listed, (Ranges{{104, 4999}}));
 }
 
-TEST(StreamCheck, OldBootSeenInHistoryAloneIsNotJudged) {
-  Bench bench;
+TEST_F(StreamCheckTest, OldBootSeenInHistoryAloneIsNotJudged) {
   bench.history({1, 5}, "b0");
   bench.live(100, "b1");
   bench.history({7}, "b0");
@@ -225,8 +217,7 @@ TEST(StreamCheck, OldBootSeenInHistoryAloneIsNotJudged) {
   EXPECT_EQ(bench.report().skipped.numbers, 0U);
 }
 
-TEST(StreamCheck, DisorderCountsWithinATopicAlone) {
-  Bench bench;
+TEST_F(StreamCheckTest, DisorderCountsWithinATopicAlone) {
   bench.live(10, "b1", "slow");
   bench.live(13, "b1", "fast");
   bench.live(11, "b1", "slow");
@@ -237,8 +228,7 @@ TEST(StreamCheck, DisorderCountsWithinATopicAlone) {
   EXPECT_TRUE(bench.report().is_whole());
 }
 
-TEST(StreamCheck, EarlierTimeOfAHigherNumberIsCounted) {
-  Bench bench;
+TEST_F(StreamCheckTest, EarlierTimeOfAHigherNumberIsCounted) {
   bench.live(1);
   json back = sample(2);
   back["ts"] = 1789999999999;
@@ -248,8 +238,7 @@ TEST(StreamCheck, EarlierTimeOfAHigherNumberIsCounted) {
   EXPECT_TRUE(bench.report().is_whole());
 }
 
-TEST(StreamCheck, OtherTopicsAndRetainedMessagesAreIgnored) {
-  Bench bench;
+TEST_F(StreamCheckTest, OtherTopicsAndRetainedMessagesAreIgnored) {
   bench.live(1);
   bench.check.take(topic(), sample(9).dump(), true);
   for (const std::string& other :
@@ -260,16 +249,14 @@ TEST(StreamCheck, OtherTopicsAndRetainedMessagesAreIgnored) {
   EXPECT_EQ(bench.check.report().size(), 1U);
 }
 
-TEST(StreamCheck, GroupMayBeCalledHistory) {
-  Bench bench;
+TEST_F(StreamCheckTest, GroupMayBeCalledHistory) {
   bench.live(1, "b1", "history");
   bench.history({2}, "b1", "history");
   EXPECT_EQ(bench.report().live, 1U);
   EXPECT_EQ(bench.report().history, 1U);
 }
 
-TEST(StreamCheck, WhatIsNoSampleIsCountedWithItsReason) {
-  Bench bench;
+TEST_F(StreamCheckTest, WhatIsNoSampleIsCountedWithItsReason) {
   bench.live(1);
   const auto good = sample(2);
   const auto spoilt = [&good](const char* key, const json& value) {
@@ -304,8 +291,7 @@ TEST(StreamCheck, WhatIsNoSampleIsCountedWithItsReason) {
   EXPECT_EQ(bench.report().malformed, cases.size() + 2);
 }
 
-TEST(StreamCheck, NumbersBeyondADoubleComeAsStrings) {
-  Bench bench;
+TEST_F(StreamCheckTest, NumbersBeyondADoubleComeAsStrings) {
   const std::uint64_t top = ~std::uint64_t{0};
   for (const std::uint64_t seq : {top - 2, top}) {
     json large = sample(seq);

@@ -35,7 +35,7 @@ TEST_F(PasswordFiles, BelongsToTheServiceAndToNobodyElse) {
   struct stat file {};
   ASSERT_EQ(::stat(path.c_str(), &file), 0);
   EXPECT_EQ(file.st_mode & 0777U, 0600U);
-  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a file away";
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a file away: run it as root";
   EXPECT_EQ(made->owner, "daemon");
   EXPECT_EQ(file.st_uid, 1U) << "Debian's daemon";
 }

@@ -29,9 +29,14 @@ std::optional<PollScheduler::GroupId> poll(PollScheduler& scheduler, SteadyTime 
   return job.poll.group;
 }
 
-TEST(PollScheduler, CommandGoesBeforeADuePoll) {
+/// A scheduler with one device.
+class PollSchedulerTest : public ::testing::Test {
+ protected:
   PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+  const PollScheduler::DeviceId device = scheduler.add_device(3, kBackOff);
+};
+
+TEST_F(PollSchedulerTest, CommandGoesBeforeADuePoll) {
   scheduler.add_group(device, milliseconds(100), 1, at(0));
   scheduler.share().command_waits();
   EXPECT_EQ(scheduler.next(at(50)).kind, Kind::command);
@@ -46,9 +51,7 @@ TEST(PollScheduler, NothingToDoIsAWaitWithoutEnd) {
   EXPECT_EQ(job.until, SteadyTime::max());
 }
 
-TEST(PollScheduler, WaitsForTheNextPollOfAnyGroup) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, WaitsForTheNextPollOfAnyGroup) {
   scheduler.add_group(device, milliseconds(100), 1, at(70));
   scheduler.add_group(device, milliseconds(100), 1, at(30));
   const auto job = scheduler.next(at(0));
@@ -56,9 +59,7 @@ TEST(PollScheduler, WaitsForTheNextPollOfAnyGroup) {
   EXPECT_EQ(job.until, at(30));
 }
 
-TEST(PollScheduler, EarliestDeadlineGoesFirst) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, EarliestDeadlineGoesFirst) {
   const auto slow = scheduler.add_group(device, milliseconds(1000), 1, at(0));
   const auto fast = scheduler.add_group(device, milliseconds(100), 1, at(10));
   EXPECT_EQ(poll(scheduler, at(20)), fast);  // due by 110, the other by 1000
@@ -66,18 +67,14 @@ TEST(PollScheduler, EarliestDeadlineGoesFirst) {
   EXPECT_EQ(poll(scheduler, at(20)), std::nullopt);
 }
 
-TEST(PollScheduler, EqualDeadlinesGoInTheOrderOfTheConfig) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, EqualDeadlinesGoInTheOrderOfTheConfig) {
   const auto first = scheduler.add_group(device, milliseconds(100), 1, at(0));
   const auto second = scheduler.add_group(device, milliseconds(100), 1, at(0));
   EXPECT_EQ(poll(scheduler, at(0)), first);
   EXPECT_EQ(poll(scheduler, at(0)), second);
 }
 
-TEST(PollScheduler, ShorterIntervalBeginsWithinItself) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, ShorterIntervalBeginsWithinItself) {
   const auto group = scheduler.add_group(device, milliseconds(60000), 1, at(0));
   EXPECT_EQ(poll(scheduler, at(0)), group);
   scheduler.set_interval(group, milliseconds(100), at(1000));
@@ -87,9 +84,7 @@ TEST(PollScheduler, ShorterIntervalBeginsWithinItself) {
   EXPECT_EQ(scheduler.device(device).counters().missed, 0U);
 }
 
-TEST(PollScheduler, LongerIntervalBeginsWhenTheShorterOneIsOver) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, LongerIntervalBeginsWhenTheShorterOneIsOver) {
   const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
   EXPECT_EQ(poll(scheduler, at(0)), group);
   scheduler.set_interval(group, milliseconds(60000), at(30));
@@ -97,9 +92,7 @@ TEST(PollScheduler, LongerIntervalBeginsWhenTheShorterOneIsOver) {
   EXPECT_EQ(scheduler.next(at(101)).until, at(60100));
 }
 
-TEST(PollScheduler, RunningCycleGoesOnUnderAnotherInterval) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, RunningCycleGoesOnUnderAnotherInterval) {
   const auto group = scheduler.add_group(device, milliseconds(100), 2, at(0));
   const auto first = scheduler.next(at(0));
   scheduler.set_interval(group, milliseconds(200), at(5));
@@ -111,18 +104,14 @@ TEST(PollScheduler, RunningCycleGoesOnUnderAnotherInterval) {
   EXPECT_EQ(scheduler.next(at(7)).until, at(100));
 }
 
-TEST(PollScheduler, PollsMissedBeforeAnotherIntervalCountByTheOldOne) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, PollsMissedBeforeAnotherIntervalCountByTheOldOne) {
   const auto group = scheduler.add_group(device, milliseconds(1000), 1, at(0));
   scheduler.set_interval(group, milliseconds(10), at(5500));
   EXPECT_EQ(poll(scheduler, at(5500)), group);
   EXPECT_EQ(scheduler.device(device).counters().missed, 5U);
 }
 
-TEST(PollScheduler, GroupMayLoseItsIntervalAndGetItBack) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, GroupMayLoseItsIntervalAndGetItBack) {
   const auto group = scheduler.add_group(device, milliseconds(1000), 1, at(0));
   EXPECT_EQ(poll(scheduler, at(0)), group);
   scheduler.set_interval(group, milliseconds(0), at(1));
@@ -134,9 +123,7 @@ TEST(PollScheduler, GroupMayLoseItsIntervalAndGetItBack) {
   EXPECT_EQ(scheduler.next(at(11)).until, at(1010));
 }
 
-TEST(PollScheduler, LatePollDoesNotMoveTheNextOnes) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, LatePollDoesNotMoveTheNextOnes) {
   scheduler.add_group(device, milliseconds(100), 1, at(0));
   for (int cycle = 0; cycle < 50; ++cycle) {
     const int late = cycle % 2 == 0 ? 0 : 37;
@@ -150,9 +137,7 @@ TEST(PollScheduler, LatePollDoesNotMoveTheNextOnes) {
   EXPECT_EQ(scheduler.device(device).counters().polls, 50U);
 }
 
-TEST(PollScheduler, MissedPollsAreSkippedAndCountedNeverSentInABurst) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, MissedPollsAreSkippedAndCountedNeverSentInABurst) {
   const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
   EXPECT_EQ(poll(scheduler, at(0)), group);
   EXPECT_EQ(poll(scheduler, at(730)), group);  // the poll of 100; those of 200 to 700 are skipped
@@ -162,9 +147,7 @@ TEST(PollScheduler, MissedPollsAreSkippedAndCountedNeverSentInABurst) {
   EXPECT_EQ(scheduler.device(device).counters().polls, 2U);
 }
 
-TEST(PollScheduler, IntervalZeroIsAlwaysDueAndLeavesOthersTheirInterval) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, IntervalZeroIsAlwaysDueAndLeavesOthersTheirInterval) {
   const auto free = scheduler.add_group(device, milliseconds(0), 1, at(0));
   const auto fast = scheduler.add_group(device, milliseconds(100), 1, at(0));
   int of_free = 0;
@@ -193,9 +176,7 @@ TEST(PollScheduler, GivenUpCycleOfIntervalZeroRestsAsLongAsItIsTold) {
   EXPECT_EQ(poll(scheduler, at(500)), free);
 }
 
-TEST(PollScheduler, CycleOfSeveralExchangesGivesThemInOrder) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, CycleOfSeveralExchangesGivesThemInOrder) {
   scheduler.add_group(device, milliseconds(100), 3, at(0));
   for (std::uint32_t exchange = 0; exchange < 3; ++exchange) {
     const auto job = scheduler.next(at(0));
@@ -207,9 +188,7 @@ TEST(PollScheduler, CycleOfSeveralExchangesGivesThemInOrder) {
   EXPECT_EQ(scheduler.next(at(0)).until, at(100));
 }
 
-TEST(PollScheduler, StepThatIsNotDoneIsOfferedAgain) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, StepThatIsNotDoneIsOfferedAgain) {
   scheduler.add_group(device, milliseconds(100), 2, at(0));
   scheduler.step_done(scheduler.next(at(0)).poll);
   EXPECT_EQ(scheduler.next(at(0)).poll.exchange, 1U);
@@ -234,9 +213,7 @@ TEST(PollScheduler, PostponedStepWaitsAndLetsOthersGo) {
   EXPECT_FALSE(again.poll.starts_cycle);
 }
 
-TEST(PollScheduler, CommandGoesBetweenTheExchangesOfACycle) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, CommandGoesBetweenTheExchangesOfACycle) {
   scheduler.add_group(device, milliseconds(100), 2, at(0));
   scheduler.step_done(scheduler.next(at(0)).poll);
   scheduler.share().command_waits();
@@ -245,9 +222,7 @@ TEST(PollScheduler, CommandGoesBetweenTheExchangesOfACycle) {
   EXPECT_EQ(scheduler.next(at(6)).poll.exchange, 1U);
 }
 
-TEST(PollScheduler, AbandonedCycleWaitsForTheNextInterval) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, AbandonedCycleWaitsForTheNextInterval) {
   const auto group = scheduler.add_group(device, milliseconds(100), 3, at(0));
   scheduler.step_done(scheduler.next(at(0)).poll);
   scheduler.abandon_cycle(group, at(10));
@@ -257,9 +232,7 @@ TEST(PollScheduler, AbandonedCycleWaitsForTheNextInterval) {
   EXPECT_EQ(job.poll.exchange, 0U);
 }
 
-TEST(PollScheduler, NewPlanRestartsTheRunningCycle) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, NewPlanRestartsTheRunningCycle) {
   const auto group = scheduler.add_group(device, milliseconds(100), 4, at(0));
   scheduler.step_done(scheduler.next(at(0)).poll);
   scheduler.step_done(scheduler.next(at(0)).poll);
@@ -270,9 +243,7 @@ TEST(PollScheduler, NewPlanRestartsTheRunningCycle) {
   EXPECT_TRUE(scheduler.step_done(job.poll));
 }
 
-TEST(PollScheduler, CycleThatIsExtendedGivesWayToOthersAndIsNoMeasure) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, CycleThatIsExtendedGivesWayToOthersAndIsNoMeasure) {
   const auto searching = scheduler.add_group(device, milliseconds(200), 1, at(0));
   const auto other = scheduler.add_group(device, milliseconds(300), 1, at(100));
   int searched = 0;
@@ -298,9 +269,7 @@ TEST(PollScheduler, CycleThatIsExtendedGivesWayToOthersAndIsNoMeasure) {
   EXPECT_LT(scheduler.load(), 0.5);
 }
 
-TEST(PollScheduler, GroupWithoutExchangesIsOneStep) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, GroupWithoutExchangesIsOneStep) {
   scheduler.add_group(device, milliseconds(100), 0, at(0));
   const auto job = scheduler.next(at(0));
   ASSERT_EQ(job.kind, Kind::poll);
@@ -391,17 +360,13 @@ TEST(PollScheduler, CommandsToASilentDeviceAreOffered) {
   EXPECT_EQ(scheduler.next(at(0)).kind, Kind::command);
 }
 
-TEST(PollScheduler, DeadlineMayBeNearerThanTheNextInterval) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, DeadlineMayBeNearerThanTheNextInterval) {
   scheduler.add_group(device, milliseconds(100), 1, at(0));
   const auto seldom = scheduler.add_group(device, milliseconds(10000), 1, at(0), milliseconds(50));
   EXPECT_EQ(poll(scheduler, at(0)), seldom);
 }
 
-TEST(PollScheduler, GroupsOfADeviceThatIsBackAreReadAtOnceAndKeepTheirPollTimes) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, GroupsOfADeviceThatIsBackAreReadAtOnceAndKeepTheirPollTimes) {
   const auto other = scheduler.add_device(3, kBackOff);
   const auto slow = scheduler.add_group(device, milliseconds(600000), 1, at(0));
   const auto slower = scheduler.add_group(device, milliseconds(900000), 1, at(0));
@@ -418,9 +383,7 @@ TEST(PollScheduler, GroupsOfADeviceThatIsBackAreReadAtOnceAndKeepTheirPollTimes)
   EXPECT_EQ(scheduler.device(device).counters().missed, 0U);
 }
 
-TEST(PollScheduler, GroupThatIsReadAtOnceIsNotReadAgainByAPollRightAfterIt) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, GroupThatIsReadAtOnceIsNotReadAgainByAPollRightAfterIt) {
   const auto group = scheduler.add_group(device, milliseconds(1000), 1, at(0));
   EXPECT_EQ(poll(scheduler, at(0)), group);
   scheduler.read_at_once(device, at(700));
@@ -428,9 +391,7 @@ TEST(PollScheduler, GroupThatIsReadAtOnceIsNotReadAgainByAPollRightAfterIt) {
   EXPECT_EQ(scheduler.next(at(700)).until, at(2000));
 }
 
-TEST(PollScheduler, WhatIsReadAtOnceLeavesTheFastGroupsHalfOfTheLine) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, WhatIsReadAtOnceLeavesTheFastGroupsHalfOfTheLine) {
   const auto fast = scheduler.add_group(device, milliseconds(100), 1, kStart);
   for (int i = 0; i < 50; ++i) scheduler.add_group(device, std::chrono::hours(1), 1, kStart);
   const auto cycles_until = [&](SteadyTime now, SteadyTime end) {
@@ -531,9 +492,7 @@ TEST(PollScheduler, LineWithTimeToSpareKeepsEveryInterval) {
   EXPECT_EQ(missed, 0U);
 }
 
-TEST(PollScheduler, GroupIsBackOnTheGridWhenAnOverloadIsOver) {
-  PollScheduler scheduler;
-  const auto device = scheduler.add_device(3, kBackOff);
+TEST_F(PollSchedulerTest, GroupIsBackOnTheGridWhenAnOverloadIsOver) {
   const auto group = scheduler.add_group(device, milliseconds(200), 1, at(0));
   std::vector<SteadyTime> begun;
   for (SteadyTime now = at(0); now < at(20000);) {

@@ -62,15 +62,19 @@ std::vector<TagReading> good(double temp, bool running = true,
 }
 std::vector<TagReading> all(BadReason why) { return brought({why, why, why}); }
 
+class ReportByExceptionTest : public ::testing::Test {
+ protected:
+  const DeviceConfig device = press();
+  ReportByException report{device, 0};
+};
+
 TEST(ReportByException, KnowsTheTagsOfItsGroupInTheirOrder) {
   const DeviceConfig device = press();
   EXPECT_EQ(ReportByException(device, 0).tags(), (std::vector<std::uint32_t>{0, 2, 3}));
   EXPECT_EQ(ReportByException(device, 1).tags(), (std::vector<std::uint32_t>{1}));
 }
 
-TEST(ReportByException, PublishAlwaysSaysEveryCycle) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, PublishAlwaysSaysEveryCycle) {
   for (int i = 0; i < 3; ++i) {
     const auto readings = report.cycle(good(23.4), 1000 + i, kStart);
     ASSERT_TRUE(readings) << i;
@@ -82,9 +86,7 @@ TEST(ReportByException, PublishAlwaysSaysEveryCycle) {
   }
 }
 
-TEST(ReportByException, PublishAndMaxSilentMayChangeBetweenTwoCycles) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, PublishAndMaxSilentMayChangeBetweenTwoCycles) {
   EXPECT_TRUE(report.cycle(good(23.4), 1, kStart));
   GroupConfig group = report.group();
   group.on_change = true;
@@ -153,9 +155,7 @@ TEST(ReportByException, SilentDeviceSpeaksNoSoonerThanMaxSilent) {
   EXPECT_TRUE(report.cycle(all(BadReason::timeout), 3, after(seconds(80)), after(seconds(120))));
 }
 
-TEST(ReportByException, TagThatACommandMayHaveWrittenHasNoLastValueUntilItIsRead) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, TagThatACommandMayHaveWrittenHasNoLastValueUntilItIsRead) {
   report.cycle(good(23.4), 1000, kStart);
   report.overwritten(0);
   const auto bad = report.cycle(all(BadReason::timeout), 2000, kStart);
@@ -203,9 +203,7 @@ TEST(ReportByException, ArrayIsComparedElementByElement) {
   EXPECT_TRUE(report.cycle(good(1.0, true, {100, 200, 310}), 3, kStart));
 }
 
-TEST(ReportByException, BadTagCarriesSinceAndItsLastGoodValue) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, BadTagCarriesSinceAndItsLastGoodValue) {
   report.cycle(good(23.4), 1000, kStart);
   report.cycle(brought({BadReason::nak, flag(true), numbers({1, 2, 3})}), 2000, kStart);
   const auto readings =
@@ -220,9 +218,7 @@ TEST(ReportByException, BadTagCarriesSinceAndItsLastGoodValue) {
   EXPECT_EQ(report.first_bad(), BadReason::bad_frame);
 }
 
-TEST(ReportByException, EachBadTagHasItsOwnSince) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, EachBadTagHasItsOwnSince) {
   report.cycle(brought({BadReason::nak, flag(true), numbers({1, 2, 3})}), 1000, kStart);
   report.cycle(brought({BadReason::nak, BadReason::nak, numbers({1, 2, 3})}), 2000, kStart);
   const auto both =
@@ -236,9 +232,7 @@ TEST(ReportByException, EachBadTagHasItsOwnSince) {
   EXPECT_EQ((*one)[1].bad_since_ms, 2000) << "another one that is good again changes nothing";
 }
 
-TEST(ReportByException, TagThatWasNeverReadHasNoLastValue) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, TagThatWasNeverReadHasNoLastValue) {
   const auto readings = report.cycle(all(BadReason::unsupported), 1000, kStart);
   ASSERT_TRUE(readings);
   EXPECT_TRUE((*readings)[0].value.items.empty());
@@ -246,9 +240,7 @@ TEST(ReportByException, TagThatWasNeverReadHasNoLastValue) {
   EXPECT_EQ((*readings)[0].bad_since_ms, 1000);
 }
 
-TEST(ReportByException, GoodAgainForgetsThatItWasBad) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, GoodAgainForgetsThatItWasBad) {
   report.cycle(all(BadReason::nak), 1000, kStart);
   const auto readings = report.cycle(good(23.4), 2000, kStart);
   ASSERT_TRUE(readings);
@@ -290,23 +282,17 @@ TEST(ReportByException, SilentDeviceIsToldPerAttemptWhereAttemptsAreRarer) {
     EXPECT_TRUE(report.cycle(all(BadReason::timeout), i, after(seconds(30 * i)))) << i;
 }
 
-TEST(ReportByException, DeadLinkCountsAsSilence) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, DeadLinkCountsAsSilence) {
   EXPECT_TRUE(report.cycle(all(BadReason::link_down), 1, kStart));
   EXPECT_FALSE(report.cycle(all(BadReason::link_down), 2, kStart));
 }
 
-TEST(ReportByException, DeviceThatRefusesIsNotSilent) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, DeviceThatRefusesIsNotSilent) {
   EXPECT_TRUE(report.cycle(all(BadReason::nak), 1, kStart));
   EXPECT_TRUE(report.cycle(all(BadReason::nak), 2, kStart)) << "publish: always, and it answers";
 }
 
-TEST(ReportByException, OneGoodTagMakesACycleWorthTelling) {
-  const DeviceConfig device = press();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionTest, OneGoodTagMakesACycleWorthTelling) {
   const auto mixed = brought({real(1.0), BadReason::timeout, BadReason::timeout});
   EXPECT_TRUE(report.cycle(mixed, 1, kStart));
   EXPECT_TRUE(report.cycle(mixed, 2, kStart));

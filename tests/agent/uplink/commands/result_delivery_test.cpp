@@ -35,9 +35,12 @@ void expect_growing_pauses(Bench& bench, const std::function<std::size_t()>& sen
   }
 }
 
-TEST(ResultDelivery, RefusedResponseTopicIsGivenUpAtOnce) {
-  Bench bench;
-  bench.online();
+using ResultDeliveryOnlineTest = test::OnBenchOnline;
+using ResultDeliveryTest = test::OnBench;
+using SampleDeliveryOnlineTest = test::OnBenchOnline;
+using RetainedStateOnlineTest = test::OnBenchOnline;
+
+TEST_F(ResultDeliveryOnlineTest, RefusedResponseTopicIsGivenUpAtOnce) {
   bench.broker.acknowledges = false;
   CommandResult result = test::succeeded("a");
   result.response_topic = kResponse;
@@ -51,9 +54,7 @@ TEST(ResultDelivery, RefusedResponseTopicIsGivenUpAtOnce) {
   EXPECT_EQ(bench.broker.on(kResponse).size(), 1U);
 }
 
-TEST(ResultDelivery, EveryWaitingResultGoesToItsResponseTopic) {
-  Bench bench;
-  bench.online();
+TEST_F(ResultDeliveryOnlineTest, EveryWaitingResultGoesToItsResponseTopic) {
   bench.broker.acknowledges = false;
   for (const char* id : {"a", "b", "c"}) {
     CommandResult result = test::succeeded(id);
@@ -65,8 +66,7 @@ TEST(ResultDelivery, EveryWaitingResultGoesToItsResponseTopic) {
   EXPECT_EQ(bench.broker.on(kResponse).size(), 3U);
 }
 
-TEST(ResultDelivery, ResponseTopicLongerThanAPacketGetsNothing) {
-  Bench bench;
+TEST_F(ResultDeliveryTest, ResponseTopicLongerThanAPacketGetsNothing) {
   bench.broker.maximum_packet = 2000;
   bench.online();
   CommandResult result = test::succeeded("a");
@@ -77,18 +77,14 @@ TEST(ResultDelivery, ResponseTopicLongerThanAPacketGetsNothing) {
   EXPECT_TRUE(bench.broker.on(result.response_topic).empty());
 }
 
-TEST(ResultDelivery, PauseBetweenRefusalsGrows) {
-  Bench bench;
-  bench.online();
+TEST_F(ResultDeliveryOnlineTest, PauseBetweenRefusalsGrows) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::succeeded("a"));
   bench.settle();
   expect_growing_pauses(bench, [&] { return bench.broker.on(kOwn).size(); });
 }
 
-TEST(ResultDelivery, NewConnectionEndsThePauseAndTheNextOneIsShortAgain) {
-  Bench bench;
-  bench.online();
+TEST_F(ResultDeliveryOnlineTest, NewConnectionEndsThePauseAndTheNextOneIsShortAgain) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::succeeded("a"));
   bench.settle();
@@ -108,9 +104,7 @@ TEST(ResultDelivery, NewConnectionEndsThePauseAndTheNextOneIsShortAgain) {
   EXPECT_EQ(bench.broker.on(kOwn).size(), 5U);
 }
 
-TEST(ResultDelivery, EightMebibytesOfResultsHoldCommandsBack) {
-  Bench bench;
-  bench.online();
+TEST_F(ResultDeliveryOnlineTest, EightMebibytesOfResultsHoldCommandsBack) {
   bench.broker.acknowledges = false;
   CommandResult large = test::succeeded("a");
   large.correlation = Bytes(65000, 1);
@@ -128,18 +122,14 @@ TEST(ResultDelivery, EightMebibytesOfResultsHoldCommandsBack) {
   EXPECT_FALSE(bench.broker.held);
 }
 
-TEST(RetainedState, PauseBetweenRefusalsGrows) {
-  Bench bench;
-  bench.online();
+TEST_F(RetainedStateOnlineTest, PauseBetweenRefusalsGrows) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::offline(0, "timeout"));
   bench.settle();
   expect_growing_pauses(bench, [&] { return bench.broker.on(kBase + "/press1/state").size(); });
 }
 
-TEST(SampleDelivery, PauseBetweenRefusalsGrows) {
-  Bench bench;
-  bench.online();
+TEST_F(SampleDeliveryOnlineTest, PauseBetweenRefusalsGrows) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::sample(1));
   bench.settle();

@@ -51,9 +51,16 @@ Telemetry written(std::uint64_t seq, std::int64_t ts_ms, double temp) {
   return message;
 }
 
-TEST(AgentStatus, IsMadeAtEachTickOfHealthAndWhenAReaderAsks) {
+class AgentStatusTest : public ::testing::Test {
+ protected:
   StatusBench bench;
-  bench.online();
+};
+class AgentStatusOnlineTest : public AgentStatusTest {
+ protected:
+  AgentStatusOnlineTest() { bench.online(); }
+};
+
+TEST_F(AgentStatusOnlineTest, IsMadeAtEachTickOfHealthAndWhenAReaderAsks) {
   StatusBoard& board = bench.made().board();
   bench.advance(60s);
   const SteadyTime tick = bench.now;
@@ -69,8 +76,7 @@ TEST(AgentStatus, IsMadeAtEachTickOfHealthAndWhenAReaderAsks) {
   EXPECT_EQ(second->ts_ms, bench.utc());
 }
 
-TEST(AgentStatus, TellsWhetherTheBrokerIsThereWhyNotAndSinceWhen) {
-  StatusBench bench;
+TEST_F(AgentStatusTest, TellsWhetherTheBrokerIsThereWhyNotAndSinceWhen) {
   bench.broker.reachable = false;
   bench.broker.answers = false;
   const std::int64_t start = bench.utc();
@@ -87,9 +93,7 @@ TEST(AgentStatus, TellsWhetherTheBrokerIsThereWhyNotAndSinceWhen) {
   EXPECT_EQ(bench.asked()->broker.since_ms, start) << "it was never connected";
 }
 
-TEST(AgentStatus, TellsSinceWhenTheBrokerIsConnectedOrLost) {
-  StatusBench bench;
-  bench.online();
+TEST_F(AgentStatusOnlineTest, TellsSinceWhenTheBrokerIsConnectedOrLost) {
   const std::int64_t connected = bench.utc();
   bench.advance(20s);
   BrokerStatus broker = bench.asked()->broker;
@@ -107,9 +111,7 @@ TEST(AgentStatus, TellsSinceWhenTheBrokerIsConnectedOrLost) {
       << broker.why;
 }
 
-TEST(AgentStatus, HealthSaysWhatThePublishedStatusSays) {
-  StatusBench bench;
-  bench.online();
+TEST_F(AgentStatusOnlineTest, HealthSaysWhatThePublishedStatusSays) {
   bench.outbox.push(test::sample(1));
   bench.outbox.push(test::counted(3, 2));
   bench.advance(60s);
@@ -119,9 +121,7 @@ TEST(AgentStatus, HealthSaysWhatThePublishedStatusSays) {
   EXPECT_EQ(status->samples.collected, 3U);
 }
 
-TEST(AgentStatus, TellsHowLongTheStoreLastsFromTheFirstMinuteWithSamplesOn) {
-  StatusBench bench;
-  bench.online();
+TEST_F(AgentStatusOnlineTest, TellsHowLongTheStoreLastsFromTheFirstMinuteWithSamplesOn) {
   const auto hours_left = [&] { return bench.asked()->hours_left; };
   bench.outbox.push(test::sample(1));
   bench.settle();
@@ -140,15 +140,12 @@ TEST(AgentStatus, TellsHowLongTheStoreLastsFromTheFirstMinuteWithSamplesOn) {
   EXPECT_GT(*hours_left(), 1.5 * *after_a_minute);
 }
 
-TEST(AgentStatus, DoesNotKnowHowLongTheStoreLastsBeforeTheFirstSample) {
-  StatusBench bench;
-  bench.online();
+TEST_F(AgentStatusOnlineTest, DoesNotKnowHowLongTheStoreLastsBeforeTheFirstSample) {
   bench.advance(60s);
   EXPECT_EQ(bench.asked()->hours_left, std::nullopt);
 }
 
-TEST(AgentStatus, IsMadeWithoutABrokerToo) {
-  StatusBench bench;
+TEST_F(AgentStatusTest, IsMadeWithoutABrokerToo) {
   bench.broker.reachable = false;
   bench.made().board().want_values();
   bench.outbox.push(fast(1, 1000, 23.5, off()));
@@ -159,9 +156,7 @@ TEST(AgentStatus, IsMadeWithoutABrokerToo) {
   EXPECT_EQ(bench.values(status).at("temp").value, Value(23.5));
 }
 
-TEST(AgentStatus, ReaderKeepsItsOwnWhileTheUplinkGoesOn) {
-  StatusBench bench;
-  bench.online();
+TEST_F(AgentStatusOnlineTest, ReaderKeepsItsOwnWhileTheUplinkGoesOn) {
   bench.made().board().want_values();
   bench.outbox.push(fast(1, 1000, 23.5, off()));
   bench.outbox.push(test::offline(0, "timeout"));
@@ -188,9 +183,7 @@ TEST(AgentStatus, ReaderKeepsItsOwnWhileTheUplinkGoesOn) {
   EXPECT_EQ(next->last_commands.size(), 2U);
 }
 
-TEST(AgentStatus, ValuesAreKeptOnceAReaderWantsThem) {
-  StatusBench bench;
-  bench.online();
+TEST_F(AgentStatusOnlineTest, ValuesAreKeptOnceAReaderWantsThem) {
   bench.outbox.push(fast(1, 1000, 23.5, off()));
   bench.settle();
   EXPECT_TRUE(bench.asked()->values.empty());
@@ -204,8 +197,7 @@ TEST(AgentStatus, ValuesAreKeptOnceAReaderWantsThem) {
   EXPECT_TRUE(bench.values(status, 1).empty()) << "another device";
 }
 
-TEST(AgentStatus, GoodValueIsAsOldAsItsSample) {
-  StatusBench bench;
+TEST_F(AgentStatusTest, GoodValueIsAsOldAsItsSample) {
   bench.made().board().want_values();
   bench.outbox.push(fast(1, bench.utc() - 500, 23.5, off()));
   bench.settle();
@@ -219,8 +211,7 @@ TEST(AgentStatus, GoodValueIsAsOldAsItsSample) {
   EXPECT_EQ(temp.age(status->ts_ms), 500ms + StatusBoard::kFresh);
 }
 
-TEST(AgentStatus, BadValueIsTheLastGoodOneAndSaysSinceWhenAndWhy) {
-  StatusBench bench;
+TEST_F(AgentStatusTest, BadValueIsTheLastGoodOneAndSaysSinceWhenAndWhy) {
   bench.made().board().want_values();
   TagReading stale = off();
   stale.bad = BadReason::nak;
@@ -245,8 +236,7 @@ TEST(AgentStatus, BadValueIsTheLastGoodOneAndSaysSinceWhenAndWhy) {
   EXPECT_EQ(values.at("temp").bad, std::nullopt);
 }
 
-TEST(AgentStatus, PartialSampleChangesItsTagUntilTheNextWholeOne) {
-  StatusBench bench;
+TEST_F(AgentStatusTest, PartialSampleChangesItsTagUntilTheNextWholeOne) {
   bench.made().board().want_values();
   bench.outbox.push(fast(1, 1000, 23.5, off()));
   bench.outbox.push(written(2, 2000, 50));
@@ -266,8 +256,7 @@ TEST(AgentStatus, PartialSampleChangesItsTagUntilTheNextWholeOne) {
   EXPECT_FALSE(values.at("temp").written);
 }
 
-TEST(AgentStatus, PartialSampleBeforeAnyWholeOneIsAllThatIsKnown) {
-  StatusBench bench;
+TEST_F(AgentStatusTest, PartialSampleBeforeAnyWholeOneIsAllThatIsKnown) {
   bench.made().board().want_values();
   bench.outbox.push(written(1, 2000, 50));
   bench.settle();
@@ -297,9 +286,7 @@ TEST(AgentStatus, WhatAnEarlierRunReadIsNoLastValue) {
   EXPECT_EQ(again.values(again.asked()).at("temp").ts_ms, 2000);
 }
 
-TEST(AgentStatus, DeviceIsAsItsRetainedStateAndHasNoCodec) {
-  StatusBench bench;
-  bench.online();
+TEST_F(AgentStatusOnlineTest, DeviceIsAsItsRetainedStateAndHasNoCodec) {
   DeviceStatus state = test::offline(1, "timeout", 77);
   state.codec = test::codec();
   bench.outbox.push(state);
@@ -313,8 +300,7 @@ TEST(AgentStatus, DeviceIsAsItsRetainedStateAndHasNoCodec) {
   EXPECT_EQ(status->devices[1], bench.asked()->devices[1]) << "shared, not copied";
 }
 
-TEST(AgentStatus, SaysHowItStandsWithTheBroker) {
-  StatusBench bench;
+TEST_F(AgentStatusTest, SaysHowItStandsWithTheBroker) {
   bench.broker.confirms = false;
   bench.broker.reachable = false;
   bench.settle();
@@ -335,9 +321,7 @@ TEST(AgentStatus, SaysHowItStandsWithTheBroker) {
   EXPECT_EQ(heard.not_heard_why, "");
 }
 
-TEST(AgentStatus, SaysWhenTheFieldHasToldItsCounters) {
-  StatusBench bench;
-  bench.online();
+TEST_F(AgentStatusOnlineTest, SaysWhenTheFieldHasToldItsCounters) {
   EXPECT_FALSE(bench.asked()->field_heard);
   bench.outbox.push(test::counted(0, 0));
   bench.settle();
@@ -348,9 +332,7 @@ TEST(AgentStatus, SaysWhenTheFieldHasToldItsCounters) {
   EXPECT_EQ(status->made_at, bench.now);
 }
 
-TEST(AgentStatus, CountsHowLongCommandsTookThatWereSent) {
-  StatusBench bench;
-  bench.online();
+TEST_F(AgentStatusOnlineTest, CountsHowLongCommandsTookThatWereSent) {
   bench.write("a");
   bench.now += 40ms;
   bench.outbox.push(bench.succeeded("a"));
@@ -364,8 +346,7 @@ TEST(AgentStatus, CountsHowLongCommandsTookThatWereSent) {
 }
 
 // With -DFXAGENT_SANITIZE=thread this shows that readers and uplink do not race.
-TEST(AgentStatus, ReadersOnOtherThreadsSeeWholeOnesThatGoForward) {
-  StatusBench bench;
+TEST_F(AgentStatusTest, ReadersOnOtherThreadsSeeWholeOnesThatGoForward) {
   Publisher& publisher = bench.made();
   StatusBoard& board = publisher.board();
   board.want_values();

@@ -1,10 +1,12 @@
 // Reads the transcripts in tests/frames: one block of lines per exchange, separated by blank lines.
+// The tests of the product's codecs and those of the simulator both use them, so this file includes
+// code of neither.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
-
-#include "protocol/value/bytes.h"
 
 namespace fxagent::test {
 
@@ -17,15 +19,19 @@ struct Exchange {
   std::string operation;
   std::string device;
   std::uint32_t bytes = 0;
-  Bytes request;
-  Bytes reply;
-  Bytes image;
+  std::vector<std::uint8_t> request;
+  std::vector<std::uint8_t> reply;
+  std::vector<std::uint8_t> image;
+  /// The line that begins with "@": how the simulator takes part, see tests/sim/transcripts.h.
+  std::string simulated;
+
+  std::string where() const { return "line " + std::to_string(line) + ", " + source; }
 };
 
 /// Returns all exchanges of tests/frames/`name`. A malformed file fails the running test.
 std::vector<Exchange> read_frames(const std::string& name);
 
 /// Converts "02 30 03" to bytes. A typing error fails the running test.
-Bytes hex(std::string_view text);
+std::vector<std::uint8_t> hex(std::string_view text);
 
 }  // namespace fxagent::test

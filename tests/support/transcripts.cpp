@@ -1,16 +1,23 @@
-#include "tests/protocol/frame_file.h"
+#include "tests/support/transcripts.h"
 
 #include <gtest/gtest.h>
 
+#include <charconv>
 #include <fstream>
 #include <sstream>
 
 namespace fxagent::test {
 
-Bytes hex(std::string_view text) {
-  const auto bytes = from_hex(text);
-  EXPECT_TRUE(bytes.has_value()) << text;
-  return bytes.value_or(Bytes{});
+std::vector<std::uint8_t> hex(std::string_view text) {
+  std::string digits(text);
+  std::erase(digits, ' ');
+  EXPECT_EQ(digits.size() % 2, 0U) << text;
+  std::vector<std::uint8_t> bytes(digits.size() / 2);
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    const char* const first = digits.data() + 2 * i;
+    EXPECT_EQ(std::from_chars(first, first + 2, bytes[i], 16).ptr, first + 2) << text;
+  }
+  return bytes;
 }
 
 std::vector<Exchange> read_frames(const std::string& name) {
@@ -37,6 +44,8 @@ std::vector<Exchange> read_frames(const std::string& name) {
       current.reply = hex(line.substr(3));
     } else if (line.starts_with("= ")) {
       current.image = hex(line.substr(2));
+    } else if (line.starts_with("@ ")) {
+      current.simulated = line.substr(2);
     } else if (!line.starts_with("#")) {
       std::istringstream words(line);
       words >> current.model >> current.command_set >> current.operation >> current.device >>
