@@ -464,24 +464,24 @@ std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& 
   std::string groups;
   int line = 1;
   for (auto row = rows.begin() + 1; row != rows.end(); ++row) {
-    const auto cell = [&](std::string_view name) {
-      const auto index = std::ranges::find(sheet_columns(), name) - sheet_columns().begin();
+    const auto cell = [&](std::string_view title) {
+      const auto index = std::ranges::find(sheet_columns(), title) - sheet_columns().begin();
       const std::size_t column = columns[static_cast<std::size_t>(index)];
       return column == std::string::npos ? std::string_view() : row->at(column);
     };
-    const auto add_number = [&](JsonObject& object, std::string_view name) {
-      const std::string_view text = cell(name);
+    const auto add_number = [&](JsonObject& object, std::string_view title) {
+      const std::string_view text = cell(title);
       double value = 0;
       const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
       if (!text.empty() && fault == std::errc() && end == text.data() + text.size())
-        object[name] = json_number(value);
+        object[title] = json_number(value);
     };
     JsonObject tag;
-    for (const auto name : {"name", "address", "description", "unit"}) tag[name] = cell(name);
+    for (const auto key : {"name", "address", "description", "unit"}) tag[key] = cell(key);
     const std::int64_t type = type_named(cell("type"));
     tag["type"] = type < 19 ? type : 0;
     tag["attribute"] = cell("attribute").find("Write") == std::string::npos ? 1 : 3;
-    for (const auto name : {"decimal", "precision", "bias"}) add_number(tag, name);
+    for (const auto key : {"decimal", "precision", "bias"}) add_number(tag, key);
     JsonObject group;
     group["name"] = cell("group").empty() ? "default" : cell("group");
     add_number(group, "interval");
