@@ -113,6 +113,8 @@ void Publisher::take_broker_events(SteadyTime now) {
       own_topics_.hear(event, now);
     else if constexpr (std::is_same_v<Event, MessagesDropped>)
       intake_.count_dropped(event.count);
+    else if constexpr (std::is_same_v<Event, Subscribed>)
+      subscriptions_.on(event, now);
     else
       session_.on(event, now);
     if constexpr (std::is_same_v<Event, Disconnected>) shutdown_.disconnected(now);
