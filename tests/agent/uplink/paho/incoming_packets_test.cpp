@@ -31,7 +31,7 @@ std::string packet(int head, const std::string& body) {
 }
 
 /// Builds an MQTT 5 message on topic "a".
-std::string message(int qos, const std::string& properties, const std::string& payload) {
+std::string publish(int qos, const std::string& properties, const std::string& payload) {
   return packet(0x30 | qos << 1, text("a") + (qos == 0 ? "" : "\x00\x01"s) +
                                      number(properties.size()) + properties + payload);
 }
@@ -80,14 +80,14 @@ std::string after_connack(const std::string& connack, const std::string& bytes,
 
 TEST(IncomingPackets, OrdinaryPacketsPassAsTheyAre) {
   const std::string bytes = packet(0x90, "\x00\x01\x00\x01"s) + packet(0xD0, "") +
-                            message(1, "\x08"s + text("r") + "\x09"s + text("c"), "{}") +
-                            message(0, "", "{}") + packet(0x40, "\x00\x01"s);
+                            publish(1, "\x08"s + text("r") + "\x09"s + text("c"), "{}") +
+                            publish(0, "", "{}") + packet(0x40, "\x00\x01"s);
   EXPECT_EQ(after_connack(kConnack5, bytes), bytes);
   EXPECT_EQ(after_connack(kConnack5, bytes, 1), bytes);
 }
 
 TEST(IncomingPackets, MessageWithQos2IsOneWithQos1) {
-  EXPECT_EQ(after_connack(kConnack5, message(2, "", "{}")), message(1, "", "{}"));
+  EXPECT_EQ(after_connack(kConnack5, publish(2, "", "{}")), publish(1, "", "{}"));
   const std::string pubrel = packet(0x62, "\x00\x01"s);
   EXPECT_EQ(after_connack(kConnack5, pubrel), pubrel);
 }
@@ -97,7 +97,7 @@ TEST(IncomingPackets, PropertiesThatAreTooManyBecomePayloadThatIsNoJson) {
   const std::string properties = user_properties(20'000) + wanted + user_properties(20'000);
   ASSERT_GT(properties.size(), kMaxPropertiesIn);
   for (const std::size_t at_once : {std::size_t{1} << 30, std::size_t{1000}}) {
-    const std::string before = message(1, properties, "{}");
+    const std::string before = publish(1, properties, "{}");
     const std::string after = after_connack(kConnack5, before, at_once);
     ASSERT_EQ(after.size(), before.size());
     // Head and length take four bytes, topic three, identifier two.
@@ -115,7 +115,7 @@ TEST(IncomingPackets, PropertiesThatAreTooManyBecomePayloadThatIsNoJson) {
 TEST(IncomingPackets, SecondResponseTopicIsNotKept) {
   const std::string first = "\x08" + text("first");
   const std::string after = after_connack(
-      kConnack5, message(0, first + "\x08" + text("second") + user_properties(40'000), ""));
+      kConnack5, publish(0, first + "\x08" + text("second") + user_properties(40'000), ""));
   EXPECT_EQ(after.substr(1 + 3 + 3, 3 + first.size()),
             std::string({static_cast<char>(0x80 | first.size()), '\x80', '\0'}) + first);
 }
@@ -124,9 +124,9 @@ TEST(IncomingPackets, PropertiesUpToTheLimitStay) {
   // Of 196,608 bytes, 196,600 are 39,320 user properties; \x01 is a property of two bytes.
   const std::string most = user_properties(39'320) + "\x01\x01\x01\x01\x01\x01\x01\x01";
   ASSERT_EQ(most.size(), kMaxPropertiesIn);
-  EXPECT_EQ(after_connack(kConnack5, message(1, most, "{}")), message(1, most, "{}"));
-  EXPECT_NE(after_connack(kConnack5, message(1, most + "\x01", "{}")),
-            message(1, most + "\x01", "{}"));
+  EXPECT_EQ(after_connack(kConnack5, publish(1, most, "{}")), publish(1, most, "{}"));
+  EXPECT_NE(after_connack(kConnack5, publish(1, most + "\x01", "{}")),
+            publish(1, most + "\x01", "{}"));
 }
 
 // Paho would copy everything up to the end before it detects the error.
@@ -144,7 +144,7 @@ TEST(IncomingPackets, PayloadOfMqtt311IsNotTakenForProperties) {
 
 TEST(IncomingPackets, MessageBeforeConnackIsRefused) {
   IncomingPackets packets;
-  EXPECT_EQ(seen(packets, message(1, "", "{}")), "refused");
+  EXPECT_EQ(seen(packets, publish(1, "", "{}")), "refused");
 }
 
 TEST(IncomingPackets, PacketsHaveTheLimitOfTheirKind) {

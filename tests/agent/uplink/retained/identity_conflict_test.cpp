@@ -9,12 +9,12 @@ using namespace std::chrono_literals;
 
 const std::string kOwn = R"({"state":"online","boot":"mine"})";
 const std::string kOther = R"({"state":"online","boot":"0ther"})";
-const SteadyTime kStart{};
+const SteadyTime kNow{};
 
 struct Connected {
-  Connected() { conflict.connection_began("mqtt://a", kStart, 60s); }
+  Connected() { conflict.connection_began("mqtt://a", kNow, 60s); }
   bool unheard_at(SteadyTime::duration after, bool held = false) {
-    conflict.keep(kStart + after, held);
+    conflict.keep(kNow + after, held);
     return conflict.take_unheard();
   }
   IdentityConflict conflict{"mine"};
@@ -22,22 +22,22 @@ struct Connected {
 
 TEST(IdentityConflict, OwnStateThatDoesNotComeBackIsToldOnce) {
   Connected a;
-  EXPECT_EQ(a.conflict.next_wake(), kStart + 30s);
+  EXPECT_EQ(a.conflict.next_wake(), kNow + 30s);
   EXPECT_FALSE(a.unheard_at(29s));
   EXPECT_TRUE(a.unheard_at(30s));
   EXPECT_FALSE(a.unheard_at(31s));
   EXPECT_EQ(a.conflict.next_wake(), SteadyTime::max());
-  a.conflict.connection_began("mqtt://a", kStart + 40s, 60s);
+  a.conflict.connection_began("mqtt://a", kNow + 40s, 60s);
   EXPECT_FALSE(a.unheard_at(70s)) << "it is known";
-  a.conflict.heard(kOwn, kStart + 71s);
-  a.conflict.connection_began("mqtt://a", kStart + 80s, 60s);
+  a.conflict.heard(kOwn, kNow + 71s);
+  a.conflict.connection_began("mqtt://a", kNow + 80s, 60s);
   EXPECT_TRUE(a.unheard_at(110s)) << "it had come back, and does not any more";
 }
 
 TEST(IdentityConflict, OwnStateThatComesBackIsNoNews) {
   Connected a;
-  a.conflict.heard(kOther, kStart + 1s);
-  a.conflict.heard(kOwn, kStart + 2s);
+  a.conflict.heard(kOther, kNow + 1s);
+  a.conflict.heard(kOwn, kNow + 2s);
   EXPECT_FALSE(a.unheard_at(60s));
 }
 
@@ -52,7 +52,7 @@ TEST(IdentityConflict, SixteenOtherAgentsAreEnough) {
   Connected a;
   const auto say = [&](int number, const std::string& state) {
     a.conflict.heard(R"({"state":")" + state + R"(","boot":"b)" + std::to_string(number) + R"("})",
-                     kStart);
+                     kNow);
   };
   for (int other = 100; other < 140; ++other) say(other, "online");
   for (int other = 124; other < 140; ++other) {
@@ -66,8 +66,7 @@ TEST(IdentityConflict, LongStateIsNotRead) {
   for (const std::size_t length : {3000U, 5000U}) {
     Connected a;
     a.conflict.heard(
-        R"({"state":"online","boot":"0ther","more":")" + std::string(length, 'x') + R"("})",
-        kStart);
+        R"({"state":"online","boot":"0ther","more":")" + std::string(length, 'x') + R"("})", kNow);
     EXPECT_EQ(a.conflict.other().has_value(), length == 3000U);
   }
 }
