@@ -87,13 +87,13 @@ class Programs(PlantTest):
         os.chmod(path, 0o644)
         status, _, errors = self.run_agent("check", path)
         self.assertEqual(status, 2)
-        self.assertIn("/mqtt/password: a password in clear", errors)
+        self.assertIn("/mqtt/password: a plain-text password", errors)
         os.chmod(path, 0o600)
         self.assertEqual(self.run_agent("check", path)[0], 0)
         path = self.config(mqtt={"servers": ["mqtt://u:hunter2@127.0.0.1:1"]})
         status, _, errors = self.run_agent("check", path)
         self.assertEqual(status, 2)
-        self.assertIn("must not carry a user or a password", errors)
+        self.assertIn("must not contain a user or a password", errors)
         self.assertNotIn("hunter2", errors)
 
     def test_decode_explains_frames_and_judges_their_sums(self):

@@ -40,7 +40,7 @@ class Walk {
   bool token() {
     const char c = text_[at_];
     if (c == '#' || text_.substr(at_, 2) == "//" || text_.substr(at_, 2) == "/*")
-      return wrong(at_, "a comment, which JSON does not have: take it out");
+      return wrong(at_, "a comment, which JSON does not allow: remove it");
     switch (c) {
       case '{':
       case '[':
@@ -53,7 +53,7 @@ class Walk {
       case ',':
         return comma();
       case '\'':
-        return wrong(at_, "a single quote: JSON has double quotes (\") alone");
+        return wrong(at_, "a single quote: JSON allows only double quotes (\")");
       default:
         break;
     }
@@ -65,11 +65,10 @@ class Walk {
   /// True if a value or a key may begin here. Otherwise records the fault, such as a missing comma
   /// or colon before it.
   bool may_begin_value() {
-    if (next_ == Next::comma)
-      return wrong(token_end_, "a comma is missing here, before what follows");
-    if (next_ == Next::colon) return wrong(token_end_, "a colon is missing here, behind the key");
+    if (next_ == Next::comma) return wrong(token_end_, "a comma is missing here");
+    if (next_ == Next::colon) return wrong(token_end_, "a colon is missing here, after the key");
     if (next_ == Next::nothing)
-      return wrong(at_, "more text behind the end of the outermost brackets");
+      return wrong(at_, "more text after the end of the outermost brackets");
     return true;
   }
 
@@ -87,7 +86,7 @@ class Walk {
     }
     if (is_behind(','))
       return wrong(at_,
-                   std::string("a comma stands before this ") + bracket + ": take the comma out");
+                   std::string("there is a comma before this ") + bracket + ": remove the comma");
     if (is_behind(':')) return wrong(at_, std::string("a value is missing before this ") + bracket);
     if (next_ == Next::colon) return wrong(token_end_, "a colon and a value are missing here");
     open_.pop_back();
@@ -98,7 +97,7 @@ class Walk {
     if (open_.empty()) return false;
     if (is_behind(':')) return wrong(at_, "a value is missing before this comma");
     if (next_ == Next::colon) return wrong(token_end_, "a colon and a value are missing here");
-    if (next_ != Next::comma) return wrong(at_, "nothing stands before this comma: take it out");
+    if (next_ != Next::comma) return wrong(at_, "there is nothing before this comma: remove it");
     return pass(open_.back() == '{' ? Next::key : Next::value);
   }
 
@@ -107,7 +106,7 @@ class Walk {
     while (close < text_.size() && text_[close] != '"' && text_[close] != '\n')
       close += text_[close] == '\\' ? 2U : 1U;
     if (close >= text_.size() || text_[close] == '\n')
-      return wrong(at_, "the string that begins here has no closing \" in its line");
+      return wrong(at_, "the string that begins here has no closing \" on its line");
     at_ = close;
     return pass_value();
   }
@@ -118,18 +117,18 @@ class Walk {
         std::find_if_not(text_.begin() + static_cast<std::ptrdiff_t>(at_), text_.end(), is_word);
     const auto size = static_cast<std::size_t>(end - text_.begin()) - at_;
     const std::string_view said = text_.substr(at_, size);
-    if (next_ == Next::key) return wrong(at_, "the key lacks its quotes: write it as \"key\"");
+    if (next_ == Next::key) return wrong(at_, "the key has no quotes: write \"key\"");
     constexpr std::array<std::string_view, 3> known{"true", "false", "null"};
     if (std::ranges::find(known, said) == known.end())
-      return wrong(at_,
-                   "a word that is none of JSON's, which are true, false and null: a text needs "
-                   "double quotes (\")");
+      return wrong(
+          at_,
+          "an unknown word. JSON has only true, false and null: a text needs double quotes (\")");
     at_ += size - 1;
     return pass_value();
   }
 
   bool number() {
-    if (next_ == Next::key) return wrong(at_, "a key stands in double quotes (\")");
+    if (next_ == Next::key) return wrong(at_, "a key needs double quotes (\")");
     while (at_ + 1 < text_.size() && (is_word(text_[at_ + 1]) || is_number(text_[at_ + 1]))) ++at_;
     return pass_value();
   }

@@ -223,7 +223,7 @@ TEST(Config, PasswordThatLeavesTheMachineInClearIsAWarning) {
     return good(with_mqtt({{"servers", {server}}, {"password_env", "P"}}));
   };
   for (const char* server : {"mqtt://a", "mqtt://192.0.2.1:1883", "mqtt://[2001:db8::1]"})
-    EXPECT_TRUE(warns(config(server), {"/mqtt/password_env", "in clear", "mqtts://"})) << server;
+    EXPECT_TRUE(warns(config(server), {"/mqtt/password_env", "unencrypted", "mqtts://"})) << server;
   for (const char* server :
        {"mqtts://a", "mqtt://127.0.0.1", "mqtt://localhost:1884", "mqtt://[::1]"})
     EXPECT_TRUE(config(server).warnings.empty()) << server;

@@ -57,7 +57,7 @@ TEST(DesiredConfig, EverythingWrongIsSaidAtOnce) {
            {"twice", R"({"version": "1", "version": "2", "patch": {}})", {"a second time"}},
            {"twice below",
             R"({"version": "1", "config": {"devices": [{"name": "a", "name": "b"}]}})",
-            {"/devices/0/name: the key stands here a second time"}},
+            {"/devices/0/name: duplicate key"}},
            {"by", R"({"version": "1", "patch": {}, "by": 3})", {"/by: must be a string"}},
            {"many",
             R"({"version": 1, "config": 2, "x": 3})",

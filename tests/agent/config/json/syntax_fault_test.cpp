@@ -36,8 +36,8 @@ TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
       Case{"[{\"a\": 1}\n {\"a\": 2}]", "line 1, column 10: a comma is missing here"},
       Case{"[\"a\"\n\"b\"]", "line 1, column 5: a comma is missing here"},
       Case{"[true false]", "line 1, column 6: a comma is missing here"},
-      Case{"{\"a\": 1,\n}", "line 2, column 1: a comma stands before this }: take"},
-      Case{"[1,]", "column 4: a comma stands before this ]: take"},
+      Case{"{\"a\": 1,\n}", "line 2, column 1: there is a comma before this }: take"},
+      Case{"[1,]", "column 4: there is a comma before this ]: take"},
       Case{"[,1]", "column 2: nothing stands before this comma: take"},
       Case{"[1,,2]", "column 4: nothing stands before this comma: take"},
       Case{"{\"a\": , \"b\": 1}", "column 7: a value is missing before this comma"},
@@ -45,8 +45,8 @@ TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
       Case{"{\"a\"}", "column 5: a colon and a value are missing here"},
       Case{"{\"a\", 1}", "column 5: a colon and a value are missing here"},
       Case{"{\"a\" 1}", "column 5: a colon is missing here"},
-      Case{"{'a': 1}", "column 2: a single quote: JSON has double quotes (\") alone"},
-      Case{"{a: 1}", "column 2: the key lacks its quotes: write it as \"key\""},
+      Case{"{'a': 1}", "column 2: a single quote: JSON allows only double quotes (\")"},
+      Case{"{a: 1}", "column 2: the key has no quotes: write \"key\""},
       Case{"{1: 1}", "column 2: a key stands in double quotes"},
       Case{"{\"a\": edge7}", "column 7: a word that is none of JSON's"},
       Case{"{\"a\": True}", "column 7: a word that is none of JSON's"},
@@ -54,7 +54,7 @@ TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
       Case{"{\"a\": [1, 2}", "column 12: a ] is missing before this }"},
       Case{"[{\"a\": 1]", "column 9: a } is missing before this ]"},
       Case{"{}\n{}", "line 2, column 1: more text behind the end"},
-      Case{"\xEF\xBB\xBF{\"a\": 1,}", "a comma stands before this }"},
+      Case{"\xEF\xBB\xBF{\"a\": 1,}", "there is a comma before this }"},
   });
 }
 
