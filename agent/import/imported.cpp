@@ -111,7 +111,7 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
     const auto spared = std::ranges::find_if(
         kSpared, [&](std::string_view key) { return all_of_key("/" + std::string(key)); });
     if (spared != kSpared.end()) {
-      imported.note(tag->line, "not carried over: the " + std::string(*spared) + " of " + text);
+      imported.note(tag->line, "not imported: the " + std::string(*spared) + " of " + text);
       tag->keys.erase(*spared);
       tag->is_changed = true;
     } else {
@@ -146,8 +146,8 @@ bool drop_of_link(Imported& imported, const ConfigError& error, std::string_view
   }
   link.erase("serial");
   link.raw("serial", rest.dump());
-  imported.note(
-      0, "not carried over: " + std::string(key) + " of " + name_of(link) + ": " + error.text);
+  imported.note(0,
+                "not imported: " + std::string(key) + " of " + name_of(link) + ": " + error.text);
   return true;
 }
 
@@ -164,7 +164,7 @@ bool drop_of_device(Imported& imported, const ConfigError& error, std::string_vi
   if (!object.has(key)) return false;
   if (key == "timeout_ms" || key == "interval_ms") {
     object.erase(key);
-    imported.note(0, "not carried over: " + key + " of " + device.name + ": " + error.text);
+    imported.note(0, "not imported: " + key + " of " + device.name + ": " + error.text);
     return true;
   }
   imported.note(0, "left out: the device " + device.name + ": " + key + " " + error.text);

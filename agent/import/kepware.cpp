@@ -155,7 +155,7 @@ bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
     scale = (*high - *low) / (*to - *from);
     offset = *low - *from * scale;
     if (cell(row, clamp_low) == "1" || cell(row, clamp_high) == "1")
-      out_.note(row.line, "not carried over: clamping, which a config does not have");
+      out_.note(row.line, "not imported: clamping, which a config does not have");
   } else if (!mode.empty() && mode != "none") {
     leave_out(row, "scaling \"" + mode + "\" is none that a config has");
     return false;
@@ -193,7 +193,7 @@ void TagReader::take(const CsvRow& row) {
   if (rights == "r/w" || rights == "rw" || rights == "wo" || rights == "w")
     tag.keys.text("access", "read_write");
   if (rights == "wo" || rights == "w")
-    out_.note(row.line, "not carried over: write only; a tag can always be read");
+    out_.note(row.line, "not imported: write only; a tag can always be read");
   if (const auto rate = number_in<std::int64_t>(cell(row, scan_rate)))
     tag.keys.text("group", groups_.at(*rate));
   if (!cell(row, eng_units).empty()) tag.keys.literal("unit", cell(row, eng_units));

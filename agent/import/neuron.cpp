@@ -240,7 +240,7 @@ class NeuronReader {
 void NeuronReader::list_unread_keys(const ConfigNode& node, const std::string& what,
                                     std::initializer_list<std::string_view> known) {
   if (const std::string keys = other_keys(node, known); !keys.empty())
-    out_.note(line_of(node), "not carried over: " + keys + " of " + what);
+    out_.note(line_of(node), "not imported: " + keys + " of " + what);
 }
 
 std::string NeuronReader::port_of(const Driver& driver, std::string_view protocol) {
@@ -253,7 +253,7 @@ std::string NeuronReader::port_of(const Driver& driver, std::string_view protoco
     if (!is_ethernet && device.starts_with('/')) return std::string(device);
     if (integer_at(*driver.params, "connection_mode") == 1)
       out_.note(line_of(*driver.node),
-                "not carried over: the device connects to Neuron; an agent connects to the device");
+                "not imported: the device connects to Neuron; an agent connects to the device");
     else if (!host.empty() && port)
       return std::string(host) + ":" + std::to_string(*port);
   }
@@ -271,7 +271,7 @@ JsonObject NeuronReader::serial_of(const Driver& driver, std::string_view protoc
     return code || !protocol.starts_with("modbus") ? code : std::optional(usual);
   };
   const auto tell = [&](std::string_view key, std::int64_t code) {
-    out_.note(line_of(*driver.node), "not carried over: " + std::string(key) + " " +
+    out_.note(line_of(*driver.node), "not imported: " + std::string(key) + " " +
                                          std::to_string(code) + ", which has no meaning here");
   };
   if (const auto code = code_of("baud", 4)) {
@@ -391,7 +391,7 @@ void NeuronReader::read_params(const Driver& driver) {
     if (const auto code = integer_at(*driver.params, key)) {
       *order = order_of(*code);
       if (order->empty())
-        out_.note(line_of(*driver.node), "not carried over: " + std::string(key) + " " +
+        out_.note(line_of(*driver.node), "not imported: " + std::string(key) + " " +
                                              std::to_string(*code) + ", which has no meaning here");
     }
   if (integer_at(*driver.params, "address_base") == 0)

@@ -157,7 +157,7 @@ void TelegrafReader::list_unread_keys(const toml::table& table, const std::strin
   for (const auto& [key, value] : table)
     if (std::ranges::find(known, key.str()) == known.end())
       keys += (keys.empty() ? "" : ", ") + std::string(key.str());
-  if (!keys.empty()) out_.note(line_of(table), "not carried over: " + keys + " of " + what);
+  if (!keys.empty()) out_.note(line_of(table), "not imported: " + keys + " of " + what);
 }
 
 /// Returns the link of a plugin, and in `protocol` the protocol, which the transmission mode
@@ -307,14 +307,14 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
       read_fields(*request, "fields", integer_at(*request, "slave_id").value_or(0),
                   {table, text_at(*request, "byte_order"), false});
       if (request->contains("tags"))
-        out_.note(line_of(*request), "not carried over: the tags of the request");
+        out_.note(line_of(*request), "not imported: the tags of the request");
     }
   }
 }
 
 void TelegrafReader::log_measurements() {
   for (const auto& [name, known] : measurements_)
-    out_.note(known.line, "not carried over: the measurement \"" + name + "\" of " +
+    out_.note(known.line, "not imported: the measurement \"" + name + "\" of " +
                               counted(known.fields, "field"));
 }
 

@@ -129,7 +129,7 @@ class ThingsboardReader {
 void ThingsboardReader::list_unread_keys(const ConfigNode& node, const std::string& what,
                                          std::initializer_list<std::string_view> known) {
   if (const std::string keys = other_keys(node, known); !keys.empty())
-    out_.note(line_of(node), "not carried over: " + keys + " of " + what);
+    out_.note(line_of(node), "not imported: " + keys + " of " + what);
 }
 
 std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view protocol) {
@@ -144,7 +144,7 @@ std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view
     if (parity.empty() || parity == "n" || parity == "e" || parity == "o")
       serial.text("parity", parity == "e" ? "even" : parity == "o" ? "odd" : "none");
     else
-      out_.note(line_of(slave), "not carried over: the parity \"" + parity + "\"");
+      out_.note(line_of(slave), "not imported: the parity \"" + parity + "\"");
     serial.integer("stop_bits", integer_at(slave, "stopbits").value_or(1));
     return links_.to(std::string(path), serial);
   }
@@ -193,7 +193,7 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   } else if (is_bit && registers > 1) {
     tag.keys.integer("count", registers);
   } else if (!is_bit && registers > registers_of(type)) {
-    out_.note(line, "not carried over: objectsCount " + std::to_string(registers) + " of " +
+    out_.note(line, "not imported: objectsCount " + std::to_string(registers) + " of " +
                         std::string(name) + ": " + spelled + " is one value");
   }
   if (const std::string_view order = order_of(slave, &node);
@@ -228,7 +228,7 @@ void ThingsboardReader::read_publishing(const ConfigNode& slave, IntervalGroups&
   else if (kind == "ON_CHANGE_OR_REPORT_PERIOD" && period && *period > 0)
     groups.publish_on_change((*period + 999) / 1000);
   else
-    out_.note(line_of(slave), "not carried over: the reportStrategy \"" + std::string(kind) +
+    out_.note(line_of(slave), "not imported: the reportStrategy \"" + std::string(kind) +
                                   "\" of the slave " + std::string(text_at(slave, "deviceName")));
 }
 

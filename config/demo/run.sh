@@ -245,7 +245,7 @@ next:
   $0
       the same until Ctrl-C, with commands to try
   $agent plan $root/config/agent.example.json
-      what a line can carry, and how soon a command is through
+      the load of a line, and how long a command takes
   README.md, Install
       put it on a machine with a PLC
 END

@@ -118,7 +118,7 @@ class RemoteConfig(ReloadTest):
             documents[what] = {
                 "templates": {"m": {"protocol": "modbus-tcp", "link": "a", "timeout_ms": 2000, "tags": tags}},
                 "devices": [{"template": "m", "name": f"e{i}-{{n}}", "n": n} for i, n in enumerate(ranges)]}
-        expected = {"values": "the limit for a remote config", "devices": "a remote config may have 10000",
+        expected = {"values": "the limit for a remote config", "devices": "a remote config may have at most 10000",
                     "links": "more are not listed"}
         pid = self.agent.process.pid
         before = memory_kib(pid, "VmHWM")

@@ -129,7 +129,7 @@ TEST(FinishedImport, ATagThatCanOnlyBeReadStaysWithoutItsAccess) {
   const auto outcome = finish(press({bit}));
   EXPECT_EQ(outcome.tags, 1U);
   ASSERT_EQ(outcome.notes.size(), 1U);
-  EXPECT_TRUE(outcome.notes[0].text.starts_with("not carried over: the access of \"bit\": "))
+  EXPECT_TRUE(outcome.notes[0].text.starts_with("not imported: the access of \"bit\": "))
       << outcome.notes[0].text;
 }
 
@@ -166,8 +166,8 @@ TEST(FinishedImport, AnOddNumberOfALinkOrDeviceCostsNoOther) {
   EXPECT_FALSE(config["devices"][0].contains("timeout_ms"));
   EXPECT_FALSE(config["devices"][0]["groups"][0].contains("interval_ms"));
   for (const char* what :
-       {"not carried over: baud of line1: ", "left out: the device unit300: unit ",
-        "not carried over: timeout_ms of unit3: ", "not carried over: interval_ms of unit3: "})
+       {"not imported: baud of line1: ", "left out: the device unit300: unit ",
+        "not imported: timeout_ms of unit3: ", "not imported: interval_ms of unit3: "})
     EXPECT_NE(notes.find(what), std::string::npos) << what << "\n" << notes;
 }
 

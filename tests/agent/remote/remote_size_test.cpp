@@ -45,9 +45,10 @@ TEST(RemoteSize, WhatExpandsBeyondAMachineIsRejectedWithTheLimit) {
   const Attack attacks[] = {
       {"arrays in one device", many("1", large),
        "/templates/m/tags/7: with this there are 524280 tag values; a remote config may have "
-       "500000 at the most"},
+       "at most 500000"},
       {"arrays in many devices", many("1-1000", json::array({tag("t", 1000)})),
-       "/devices/0: with this there are 1000000 tag values; a remote config may have 500000"},
+       "/devices/0: with this there are 1000000 tag values; a remote config may have at most "
+       "500000"},
       {"texts", many("1-3000", text), "/devices/0: with this there are 600000 tag values"},
       {"tags of many devices", many("1-9000", twelve),
        "/devices/0: with this there are 108000 tags; a remote config may have at most 100000"},

@@ -91,11 +91,11 @@ TEST_F(OnlineReport, HasALineForEachLinkDeviceAndBrokerAndTheNextCall) {
   EXPECT_EQ(text(),
             "link line1, place: open\n"
             "link line2, place: open\n"
-            "link line3, place: not opened: no device is on it\n"
+            "link line3, place: not opened: it has no devices\n"
             "device press1 on line1: answers, FX3U, RUN, 3 tags read\n"
             "device meter on line2: answers, 1 tag read\n"
             "broker mqtts://broker.example:8883: answers\n"
-            "All is well. Next: fxagent run agent.json\n");
+            "Everything answers. Next: fxagent run agent.json\n");
   EXPECT_EQ(status(), 0);
 }
 
@@ -178,10 +178,11 @@ TEST_F(OnlineReport, AnotherModelIsNamedWithBothAndStopIsANote) {
   EXPECT_EQ(status(), 0) << "it answers";
   findings.devices[0].model_configured = "FX3G";
   said = online_text(config, findings);
-  EXPECT_NE(said.find("answers, FX3U where the config says FX3G, STOP"), std::string::npos) << said;
-  EXPECT_NE(said.find("  press1: the PLC is an FX3U and the config says FX3G: set \"model\": "
-                      "\"FX3U\""),
-            std::string::npos)
+  EXPECT_NE(said.find("answers, FX3U instead of the config's FX3G, STOP"), std::string::npos)
+      << said;
+  EXPECT_NE(
+      said.find("  press1: the PLC is an FX3U, but the config says FX3G: set \"model\": \"FX3U\""),
+      std::string::npos)
       << said;
   EXPECT_EQ(status(), 4);
 }
@@ -198,7 +199,7 @@ TEST_F(OnlineReport, TheTextsAndTheConfiguredModelAreThoseOfTheState) {
   status.reason_text = "is `unit` 1 its own address?";
   devices.take(status);
   const std::string said = text();
-  EXPECT_NE(said.find("FX3U where the config says FX3G"), std::string::npos) << said;
+  EXPECT_NE(said.find("FX3U instead of the config's FX3G"), std::string::npos) << said;
   EXPECT_NE(said.find("  meter: is `unit` 1 its own address?\n"), std::string::npos) << said;
 }
 
@@ -233,7 +234,7 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
   EXPECT_NE(online_text(config, findings).find("  line2: end fxagent (pid 8) for this check: "),
             std::string::npos)
       << "a device of TCP has no other port to give";
-  EXPECT_EQ(request_to(config, 2, "check-1"), "") << "no device is on it";
+  EXPECT_EQ(request_to(config, 2, "check-1"), "") << "it has no devices";
 }
 
 TEST(OnlineHints, AGoodFloatThatIsPlainInAnotherWordOrderIsNamedAndStillGood) {

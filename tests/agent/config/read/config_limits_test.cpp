@@ -99,7 +99,7 @@ TEST(ConfigLimits, WhatEntriesWouldBeWrittenOutIsAddedUp) {
   ConfigLimits limits = kSmall;
   limits.written = 10'000;
   const json more = {{"x", std::string(1000, 'x')}};
-  EXPECT_EQ(first_error(plant_of({4}, more), limits).find("written out"), std::string::npos);
+  EXPECT_EQ(first_error(plant_of({4}, more), limits).find("without templates"), std::string::npos);
   const auto config =
       parse_config(plant_of({4, 4}, more).dump(), environment(), FilePrivacy::shared, {limits});
   ASSERT_FALSE(config.has_value());

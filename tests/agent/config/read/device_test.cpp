@@ -505,7 +505,7 @@ TEST(ConfigDevice, AddressOutOfReachOfTheCommandSetIsRefused) {
   plant["devices"][0]["tags"][0]["address"] = "D1023";
   good(plant.dump());
   plant["devices"][0]["tags"][0]["address"] = "D1024";
-  expect_error(plant.dump(), "/devices/0/tags/0/address", {"out of reach", "D1024"});
+  expect_error(plant.dump(), "/devices/0/tags/0/address", {"the protocol cannot reach", "D1024"});
 }
 
 TEST(ConfigDevice, LengthIsForStringsAndStringsNeedIt) {
