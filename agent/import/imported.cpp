@@ -269,9 +269,9 @@ std::string NameMaker::make(std::string_view wanted, std::string_view fallback, 
   }
   if (!is_whole || is_cut || name != plain)
     notes.push_back({line, "\"" + std::string(wanted) + "\" is named " + name + ": " +
-                               (name != plain ? "the name was taken"
-                                : is_cut      ? "a name has 64 characters at the most"
-                                              : "a name has a-z, 0-9, _ and - only")});
+                               (name != plain ? "the name was already used"
+                                : is_cut      ? "a name has at most 64 characters"
+                                              : "a name has only a-z, 0-9, _ and -")});
   return name;
 }
 

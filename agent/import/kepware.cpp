@@ -149,15 +149,15 @@ bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
     const auto low = number_in<double>(cell(row, scaled_low));
     const auto high = number_in<double>(cell(row, scaled_high));
     if (!from || !to || !low || !high || *from == *to || *low == *high) {
-      leave_out(row, "its linear scaling has no range");
+      leave_out(row, "its linear scaling has an empty range");
       return false;
     }
     scale = (*high - *low) / (*to - *from);
     offset = *low - *from * scale;
     if (cell(row, clamp_low) == "1" || cell(row, clamp_high) == "1")
-      out_.note(row.line, "not imported: clamping, which a config does not have");
+      out_.note(row.line, "not imported: clamping, which a config does not support");
   } else if (!mode.empty() && mode != "none") {
-    leave_out(row, "scaling \"" + mode + "\" is none that a config has");
+    leave_out(row, "scaling \"" + mode + "\" is not supported by a config");
     return false;
   }
   if (is_negated && mode == "linear") {
@@ -239,7 +239,7 @@ ImportResult import_kepware(std::string_view text, const ImportOptions& options)
   if (!options.model.empty()) device.keys.text("model", options.model);
   TagReader reader(out, device, columns);
   for (auto row = rows->begin() + 1; row != rows->end(); ++row) reader.take(*row);
-  if (options.port.empty()) out.note(0, "the link is a placeholder: give it the right port");
+  if (options.port.empty()) out.note(0, "the link is a placeholder: set its port");
   if (is_modbus)
     out.note(0,
              "unit and byte order of the device are not in the file: check \"unit\" and "

@@ -151,7 +151,7 @@ std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view
   const std::string_view host = text_at(slave, "host");
   const auto port = integer_at(slave, "port");
   if (!host.empty() && port) return links_.to(std::string(host) + ":" + std::to_string(*port));
-  out_.note(line_of(slave), "the link is a placeholder: give it the right port");
+  out_.note(line_of(slave), "the link is a placeholder: set its port");
   return links_.to(placeholder_port(protocol));
 }
 
@@ -174,7 +174,7 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   const char table = table_of(function);
   std::string address = modbus_address(table, number);
   if (address.empty() || writes(function))
-    return leave_out("no function that reads, or no address");
+    return leave_out("it has no function that reads, or no address");
   const bool is_bit = table == '0' || table == '1';
   list_unread_keys(node, std::string(name),
                    {"tag", "type", "functionCode", "objectsCount", "address", "bit", "byteOrder",
@@ -182,7 +182,7 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   ImportedTag tag{line, {}};
   tag.keys.text("name", names.make(name, "tag", line, out_.notes));
   if (type == "bool" && !is_bit) {
-    if (registers != 1) return leave_out("bits of more than one register");
+    if (registers != 1) return leave_out("it has bits of more than one register");
     address += "." + std::to_string(integer_at(node, "bit").value_or(0));
   }
   tag.keys.literal("address", address);
@@ -307,7 +307,7 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
                             integer_at(node, "address").value_or(-1));
       if (!read.contains(place))
         out_.note(line_of(node), "left out: " + std::string(text_at(node, "tag")) + " of " +
-                                     std::string(list) + " belongs to nothing that is read");
+                                     std::string(list) + " belongs to no value that is read");
     }
   out_.devices.push_back(std::move(device));
 }
@@ -349,9 +349,9 @@ ImportResult import_thingsboard(std::string_view text, const ImportOptions& opti
   if (is_first_generation(file))
     return tl::unexpected(
         ImportFault{tree->line_of(file.find("server")->offset),
-                    "\"server\" with \"devices\" is of a gateway before version 3, and is not "
-                    "read: a gateway of "
-                    "version 3 writes modbus_new.json out of it when it starts; import that"});
+                    "\"server\" with \"devices\" is a file of a gateway before version 3, which is "
+                    "not supported. A gateway of version 3 converts it to modbus_new.json when it "
+                    "starts; import that file"});
   if (file.find("master") == nullptr) return tl::unexpected(ImportFault{0, "has no \"master\""});
   return ThingsboardReader(*tree, options).read();
 }

@@ -255,7 +255,7 @@ class Faults(PlantTest):
         fcntl.flock(other, fcntl.LOCK_EX)
         self.agent.write({**self.agent.config, "links": [self.serial()]})
         self.agent.start()
-        wait_for("the log", lambda: "another program has it: " in self.agent.logged())
+        wait_for("the log", lambda: "another program uses it: " in self.agent.logged())
         os.close(other)
         self.state("press1", "online", self.watcher.mark())
 

@@ -375,7 +375,7 @@ class Programs(PlantTest):
         status, out, _ = self.run_agent("write", path, "press1", "temp", "1")
         self.assertEqual((status, out),
                          (2, "press1 write D100: REJECTED, not_writable: the tag's access is read; "
-                             "\"access\": \"read_write\" in the config lets commands write it\n"))
+                             "with \"access\": \"read_write\" in the config, commands may write it\n"))
 
     def test_a_misspelt_name_is_told_with_the_nearest(self):
         path = self.config()

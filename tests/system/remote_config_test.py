@@ -306,7 +306,7 @@ class RemoteConfig(ReloadTest):
         self.write(config)
         self.hang_up()
         self.report("applied", "v2", since)
-        self.assertIn("cannot be kept", self.agent.logged())
+        self.assertIn("cannot be saved", self.agent.logged())
 
 
 if __name__ == "__main__":

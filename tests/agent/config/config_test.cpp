@@ -233,7 +233,7 @@ TEST(Config, KeyGivenTwiceIsAnErrorThatNamesBothLines) {
   const auto errors = errors_of(
       "{\"agent\": {\"id\": \"a\",\n \"id\": \"b\"},\n"
       " \"mqtt\": {\"servers\": [\"mqtt://a\"]}, \"links\": [], \"devices\": []}");
-  expect_error(errors, "/agent/id", {"second time", "line 1"});
+  expect_error(errors, "/agent/id", {"duplicate", "line 1"});
   EXPECT_EQ(errors[0].line, 2);
 }
 

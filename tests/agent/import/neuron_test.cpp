@@ -273,7 +273,8 @@ TEST(Neuron, ASheetWithoutSlavesAsksForTheProtocol) {
   constexpr const char* kDevices = "name,address,attribute,type\nspeed,D100,Read,INT16\n";
   const auto asked = import_neuron(kDevices, {});
   ASSERT_FALSE(asked);
-  EXPECT_NE(asked.error().text.find("--protocol mc-3e"), std::string::npos) << asked.error().text;
+  EXPECT_NE(asked.error().text.find("--protocol to mc-3e"), std::string::npos)
+      << asked.error().text;
   const Made made = made_of(kDevices, import_neuron, {"", "mc-3e", "FX5U", "192.0.2.7:5000"});
   ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "D100");

@@ -47,7 +47,7 @@ TEST(Telegraf, StyleOfRegisters) {
     {"name":"energy","address":"hr:5","type":"uint32","word_order":"CDAB","scale":0.001,"group":"every_5000_ms"},
     {"name":"ph","address":"ir:1","type":"float32","word_order":"ABCD","group":"every_5000_ms"}
   ])"));
-  EXPECT_EQ(notes_with(made, {"14: left out: torn: its addresses are not in a row"}), 1)
+  EXPECT_EQ(notes_with(made, {"14: left out: torn: its addresses are not consecutive"}), 1)
       << all_of(made.notes);
   EXPECT_EQ(notes_with(made, {"15: left out: half", "FLOAT16-IEEE"}), 1);
   EXPECT_EQ(notes_with(made, {"left out: inputs.cpu"}), 1);
@@ -328,7 +328,7 @@ TEST(Telegraf, IntervalsInAllUnits) {
 /// Returns the line reported for text that is nested too deeply; 0 if none.
 int deep_line(const std::string& text) {
   const auto read = import_telegraf(text, {});
-  if (read || read.error().text.find("over 32 levels") == std::string::npos) return 0;
+  if (read || read.error().text.find("more than 32 levels") == std::string::npos) return 0;
   return read.error().line;
 }
 

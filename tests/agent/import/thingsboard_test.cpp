@@ -40,7 +40,7 @@ TEST(Thingsboard, ASlaveOverTcp) {
     {"name":"words","address":"hr:40","type":"uint16","group":"every_1000_ms"}
   ])"));
   EXPECT_EQ(notes_with(made, {"left out: byte", "8int"}), 1) << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"left out: reset of rpc belongs to nothing that is read"}), 1);
+  EXPECT_EQ(notes_with(made, {"left out: reset of rpc belongs to no value that is read"}), 1);
   EXPECT_EQ(notes_with(made, {"left out: \"slave\""}), 1);
 }
 

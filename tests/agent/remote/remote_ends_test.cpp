@@ -131,7 +131,7 @@ TEST(RemoteEnds, AnEndInATrialIsNotThatOfTheGoodOne) {
     plant.hear(plant.with_retries("next", retries));
     plant.start();
     EXPECT_EQ(plant.said(),
-              "rolled_back \"next\": the process ended while the config was on trial");
+              "rolled_back \"next\": the process ended during the trial of the config");
     EXPECT_EQ(plant.retries(), 7);
   }
 }
@@ -183,7 +183,7 @@ TEST(RemoteEnds, AStopInJudgingIsGoodForOneStart) {
   Plant plant;
   plant.stop_while_judging(plant.with_retries("v1", 7));
   plant.end_while_judging(plant.with_retries("v1", 7));
-  EXPECT_EQ(plant.said(), "rolled_back \"v1\": the process ended while the config was judged");
+  EXPECT_EQ(plant.said(), "rolled_back \"v1\": the process ended during the check of the config");
   EXPECT_FALSE(plant.pass(0s));
 }
 

@@ -336,7 +336,7 @@ TEST(ConfigDevice, StatesAreNamedByWholeNumbers) {
   expect_error(with("int16", R"({"1.5": "idle"})"), place + "/1.5", {"whole number"});
   std::string twice = with("int16", R"({"1": "run"})");
   twice.replace(twice.find("\"run\""), 5, R"("run", "1": "stop")");
-  expect_error(twice, place + "/1", {"second time"});
+  expect_error(twice, place + "/1", {"duplicate"});
   expect_error(with("int16", R"({"1": ""})"), place + "/1", {"empty"});
   expect_error(with("int16", R"({"1": 1})"), place + "/1", {"string"});
   expect_error(with("int16", R"("idle")"), place, {"object"});

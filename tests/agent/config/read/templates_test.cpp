@@ -400,7 +400,7 @@ TEST(Templates, ANameIsNoNumber) {
 TEST(Templates, KeysTwiceAndUnknownKeysAreFoundInBoth) {
   std::string text = meters().dump();
   text.replace(text.find("\"timeout_ms\":300"), 16, "\"timeout_ms\":300,\"timeout_ms\":301");
-  expect_error(text, "/templates/meter/timeout_ms", {"second time"});
+  expect_error(text, "/templates/meter/timeout_ms", {"duplicate"});
   expect_error(with("/templates/meter/colour", "1"), "/templates/meter/colour", {"unknown key"});
   expect_error(with("/devices/0/colour", "1"), "/devices/0/colour", {"unknown key"});
 }
