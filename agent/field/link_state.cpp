@@ -186,8 +186,8 @@ void LinkState::look() {
     log::warn("link", {{"link", config_.name},
                        {"echo", "found"},
                        {"note",
-                        "set echo for its devices: before three reads have shown it, the "
-                        "echo of a command may look like its answer"}});
+                        "set echo for its devices: until three reads have shown the echo, the echo "
+                        "of a command may pass for its answer"}});
   }
   log_doubt();
 }
@@ -205,7 +205,7 @@ void LinkState::log_doubt() {
     unexpected_logged_ = true;
     log::warn("link", {{"link", config_.name},
                        {"unexpected", first_bytes(bus_.last_unexpected())},
-                       {"note", "bytes that nobody asked for; health counts them from here on" +
+                       {"note", "unexpected bytes; health counts them from now on" +
                                     what_nobody_asked_for()}});
   }
   const bool doubted = bus_.doubt().is_doubted();
@@ -219,8 +219,8 @@ void LinkState::log_doubt() {
                        {"state", "doubted"},
                        {"unexpected", first_bytes(bus_.last_unexpected())},
                        {"note",
-                        "another master, or answers that come late? values are bad_frame, and no "
-                        "ACK is believed until some exchanges in a row were clean"}});
+                        "another master, or late answers? Until several exchanges in a row are "
+                        "clean, values are bad_frame and no ACK counts"}});
   } else {
     log::info("link", {{"link", config_.name}, {"state", "believed again"}});
   }
@@ -289,8 +289,8 @@ void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
   was_refused_ = false;
   is_left_ = true;
   next_open_ = Clock::now() + reconnect_policy_.after_loss();
-  go_down(bus_.channel().transport().has_datagrams() ? "nobody answers on this UDP port"
-                                                     : "nobody answers on this connection",
+  go_down(bus_.channel().transport().has_datagrams() ? "no answers on this UDP port"
+                                                     : "no answers on this connection",
           {});
 }
 

@@ -23,8 +23,8 @@ bool GuardedStore::run(DiskThread::Work work, std::function<void()> late) {
   log::error("store", {{"state", "hangs"},
                        {"path", store_.path()},
                        {"note",
-                        "the disk does not answer: samples wait in memory, and commands that write "
-                        "are refused until it does"}});
+                        "the disk does not respond: until it does, samples wait in memory and the "
+                        "agent refuses commands that write"}});
   return false;
 }
 
@@ -48,7 +48,7 @@ void GuardedStore::take_up(std::int64_t utc_ms) {
   hangs_ = false;
   samples_at_disk_ = 0;
   streams_at_disk_.clear();
-  log::info("store", {{"state", std::string(store_.state())}, {"note", "the disk answers again"}});
+  log::info("store", {{"state", std::string(store_.state())}, {"note", "the disk responds again"}});
   if (const auto late = std::exchange(late_, {})) late();
   const auto waiting = std::make_shared<Waiting>(std::exchange(waiting_, {}));
   for (const auto& change : waiting->samples) change();

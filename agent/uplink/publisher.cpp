@@ -214,12 +214,13 @@ void Publisher::follow_conflict(SteadyTime now) {
   identity_.keep(now, intake_.is_holding());
   // MQTT 5 has a reason code for this; on 3.1.1 the broker acknowledges what it discards.
   if (identity_.take_unheard() && config_.mqtt.version == 4)
-    log::warn("own_state_not_heard",
-              {{"topic", base_ + "/state"},
-               {"note",
-                "the broker acknowledges what the agent publishes and does not send its own state "
-                "back: its access rules may leave out this agent's user, and MQTT 3.1.1 cannot say "
-                "so: all samples may be lost; fxagent acl prints the rules that it needs"}});
+    log::warn(
+        "own_state_not_heard",
+        {{"topic", base_ + "/state"},
+         {"note",
+          "the broker acknowledges the agent's messages but does not send the agent's own state "
+          "back. Its access rules may not include this agent's user, which MQTT 3.1.1 cannot "
+          "report: all samples may be lost. fxagent acl prints the rules that the agent needs"}});
   const auto other = identity_.other();
   if (other == conflict_) return;
   const bool goes_on = other && conflict_ && *conflict_ != IdentityConflict::kUnknown;
@@ -233,8 +234,8 @@ void Publisher::follow_conflict(SteadyTime now) {
     log::error("identity_conflict",
                {{"other_boot", *other},
                 {"note",
-                 "another agent has the id of this one: commands are refused until it is gone; "
-                 "give each agent its own agent.id and client_id"}});
+                 "another agent has the same id: both refuse commands until one is gone; give each "
+                 "agent its own agent.id and client_id"}});
   else
     log::info("identity_conflict", {{"state", "over"}});
   if (!session_.is_connected()) return;

@@ -141,7 +141,7 @@ void Session::connect_anew(SteadyTime now) {
   log::warn(
       "broker_sends_too_far_ahead",
       {{"server", server()},
-       {"note", "PUBACKs come late behind messages; connecting anew with Receive Maximum 1"}});
+       {"note", "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1"}});
   receive_maximum_ = 1;
   broker_.disconnect();
   end(now);
@@ -305,7 +305,7 @@ void Session::pause_commands(SteadyTime now) {
   paused_ = true;
   suback_by_.reset();
   ask_again_at_ = now + kCatchUp;
-  not_heard_why_ = "more commands come than can be answered";
+  not_heard_why_ = "more commands arrive than the agent can answer";
   listener_.subscription_changed();
   broker_.unsubscribe(commands_filter_);
   log::error("commands_paused", {{"reason", *not_heard_why_}});

@@ -285,7 +285,7 @@ class VerifyStream(PlantTest):
         self.broker = Broker(self.directory)
         run = Verification(self.config_of(), "--seconds", "1")
         self.assertEqual(run.end()[0], 2)
-        self.assertIn("nothing listens on this port", run.errors)
+        self.assertIn("connection refused", run.errors)
         with open(os.path.join(self.directory, "wrong.json"), "w") as out:
             out.write("{}")
         self.assertEqual(Verification(out.name).end()[0], 2)

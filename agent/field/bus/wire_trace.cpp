@@ -42,13 +42,13 @@ void WireTrace::answer(ByteView bytes, nanoseconds after) const {
 
 void WireTrace::no_answer(ByteView bytes, nanoseconds within, std::string why) const {
   if (why.empty())
-    why = (bytes.empty() ? "nothing came within " : "no whole answer within ") + whole_ms(within) +
+    why = (bytes.empty() ? "no bytes within " : "no complete answer within ") + whole_ms(within) +
           " ms";
   show(WireFrame::Way::in, bytes, within, std::move(why), Explained::no);
 }
 
 void WireTrace::unasked(ByteView bytes) const {
-  show(WireFrame::Way::in, bytes, nanoseconds(0), "nobody asked for these bytes", Explained::yes);
+  show(WireFrame::Way::in, bytes, nanoseconds(0), "unexpected bytes", Explained::yes);
 }
 
 void WireTrace::show(WireFrame::Way way, ByteView bytes, nanoseconds after, std::string note,
