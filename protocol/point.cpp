@@ -369,10 +369,11 @@ Packed check_scalar(const Point& point, const Scalar& given) {
 /// Checks each element, and that the value has as many elements as the point.
 Packed check_shape(const Point& point, const Value& value) {
   if (value.is_array != point.is_array)
-    return bad_value(point.is_array ? "an array is wanted" : "one value is wanted, not an array");
+    return bad_value(point.is_array ? "an array is expected"
+                                    : "one value is expected, not an array");
   if (value.items.size() != point.count)
     return bad_value(std::to_string(value.items.size()) + " elements given, " +
-                     std::to_string(point.count) + " wanted");
+                     std::to_string(point.count) + " expected");
   for (const Scalar& scalar : value.items)
     if (auto kind = check_scalar(point, scalar); !kind) return kind;
   return {};
@@ -444,7 +445,7 @@ Packed pack_text(const Point& point, const Scalar& scalar, Bytes& image, std::si
   const auto characters = latin1_from_utf8(std::get<std::string>(scalar));
   if (characters->size() > point.length)
     return out_of_range("the text has " + std::to_string(characters->size()) +
-                        " characters, there is room for " + std::to_string(point.length));
+                        " characters, but there is room for " + std::to_string(point.length));
   for (std::size_t i = 0; i < characters->size(); ++i)
     image[bit / 8 + character_at(i, point.order)] = (*characters)[i];
   return {};
@@ -506,7 +507,7 @@ Result<DataType> data_type_from(std::string_view word) {
     if (known.text == word) return known.type;
     all += " " + std::string(known.text);
   }
-  return fail(ErrorCode::bad_request, "'" + std::string(word) + "' is not a type; they are" + all);
+  return fail(ErrorCode::bad_request, "'" + std::string(word) + "' is not a type; types are" + all);
 }
 
 Result<ByteOrder> byte_order_from(std::string_view word) {
@@ -516,7 +517,7 @@ Result<ByteOrder> byte_order_from(std::string_view word) {
   if (word == "DCBA") return ByteOrder::dcba;
   return fail(ErrorCode::bad_request,
               "'" + std::string(word) +
-                  "' is not an order; they are low_first high_first ABCD CDAB BADC DCBA");
+                  "' is not an order; orders are low_first high_first ABCD CDAB BADC DCBA");
 }
 
 std::string_view to_string(ByteOrder order) {
@@ -562,8 +563,8 @@ Result<Span> span_of(const Point& point) {
   const std::uint32_t bits = element_bits(point);
   if (bits == 0)
     return fail(ErrorCode::bad_request, point.address.text + " cannot be read as " +
-                                            std::string(to_string(point.type)) + "; its type is " +
-                                            types_of(point.address));
+                                            std::string(to_string(point.type)) +
+                                            "; its type must be " + types_of(point.address));
   const std::uint64_t total = std::uint64_t{bits} * point.count;
   if (point.address.span.first_bit + total > std::numeric_limits<std::uint32_t>::max())
     return fail(ErrorCode::bad_request, point.address.text + ": the array is too long");

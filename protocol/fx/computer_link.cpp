@@ -191,16 +191,16 @@ std::string_view link_refusal(int code) {
     case 0x03:
       return "the PLC is set to another format or procedure (D8120)";
     case kNoDevice:
-      return "device does not exist or too many points";
+      return "the device does not exist, or too many points";
     case 0x07:
-      return "data that are not hex digits";
+      return "the data are not hex digits";
     case 0x0A:
     case 0x10:
       return "the PLC number is not FF";
     case 0x18:
       return "remote RUN or STOP is not possible";
     default:
-      return "a reason that the manual does not know";
+      return "a reason that the manual does not list";
   }
 }
 
@@ -226,10 +226,10 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
   settings.max_block_bytes = number("max_block_bytes", settings.max_block_bytes, 2, 128);
   const std::uint32_t format = number("format", settings.ends_with_cr_lf ? 4 : 1, 1, 4);
   if (format != 1 && format != 4)
-    return refuse("format is 1 or 4: an FX has no format " + std::to_string(format));
+    return refuse("format must be 1 or 4: an FX has no format " + std::to_string(format));
   settings.ends_with_cr_lf = format == 4;
   const std::uint32_t wait = number("message_wait_ms", settings.wait_tens * 10, 0, 150);
-  if (wait % 10 != 0) return refuse("message_wait_ms is a multiple of 10");
+  if (wait % 10 != 0) return refuse("message_wait_ms must be a multiple of 10");
   settings.wait_tens = wait / 10;
   if (const auto* flag = option<bool>(options, "sum_check")) settings.sum_check = *flag;
   if (const auto* flag = option<bool>(options, "acknowledge_data"))
@@ -342,7 +342,7 @@ Result<Bytes> ComputerLink::encode_read(const Read& read) const {
     return framed(read_command(read), area);
   }
   return fail(ErrorCode::unsupported, device_name(span) + ": " + std::to_string(span.bits) +
-                                          " bits are not read by " +
+                                          " bits cannot be read by " +
                                           std::string(read_command(read)) + " on this model");
 }
 
@@ -478,7 +478,7 @@ Result<std::optional<Reply>> ComputerLink::data_reply(const Request& request, By
     }
   }
   if (settings_.ends_with_cr_lf && (frame[length - 2] != kCr || frame[length - 1] != kLf))
-    return garbled("CR LF is missing behind the data: format 4 ends with it");
+    return garbled("CR LF is missing after the data: format 4 ends with it");
   auto image = image_of(request, frame.subspan(kHeader, chars));
   if (!image) return tl::make_unexpected(image.error());
   Reply reply;
@@ -501,7 +501,7 @@ Result<std::optional<Reply>> ComputerLink::short_reply(ByteView rx, std::size_t 
   if (rx.size() - at < length) return std::optional<Reply>{};
   const ByteView frame = rx.subspan(at, length);
   if (settings_.ends_with_cr_lf && (frame[length - 2] != kCr || frame[length - 1] != kLf))
-    return garbled("CR LF is missing behind ACK or NAK: format 4 ends with it");
+    return garbled("CR LF is missing after ACK or NAK: format 4 ends with it");
   Reply reply;
   reply.began = at;
   reply.consumed = at + length;
@@ -643,8 +643,8 @@ Request ComputerLink::run_request(bool run) const {
 }
 
 std::string ComputerLink::run_hint() const {
-  return "the PLC's RUN/STOP switch (and its RUN terminal) must be at STOP: only a PLC that was "
-         "set running over the link can be stopped over it";
+  return "the PLC's RUN/STOP switch (and its RUN terminal) must be at STOP: the link can only stop "
+         "a PLC that it set running";
 }
 
 RefusalMeaning ComputerLink::meaning_of(const Request& request, int device_code) const {

@@ -146,7 +146,7 @@ Result<Bytes> encode_message(const Dialect& dialect, const Request& request) {
   if (const auto* force = std::get_if<Force>(&request)) {
     if (force->space < kSpaces && width_of(force->space) != 1)
       return refuse(device_name(dialect.model, {force->space, force->bit, 1}) +
-                    " is a word: only bits are forced");
+                    " is a word: only bits can be forced");
     return encode_write(dialect, write_of(*force));
   }
   if (const auto* control = std::get_if<Control>(&request))

@@ -111,7 +111,8 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
   settings.pc = static_cast<std::uint8_t>(number("pc", settings.pc, 0, 255));
   const std::uint32_t timer = number("monitoring_timer_ms", settings.monitoring_timer * 250,
                                      kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
-  if (timer % kMonitoringUnitMs != 0) return refuse("monitoring_timer_ms goes in steps of 250");
+  if (timer % kMonitoringUnitMs != 0)
+    return refuse("monitoring_timer_ms must be a multiple of 250");
   settings.monitoring_timer = static_cast<std::uint16_t>(timer / kMonitoringUnitMs);
   return std::make_shared<const OneE>(settings);
 }
@@ -119,7 +120,8 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
 // ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<void> OneE::check_reach(const Span& span) const {
-  if (span.space >= kSpaces) return refuse("space " + std::to_string(span.space) + " is no device");
+  if (span.space >= kSpaces)
+    return refuse("space " + std::to_string(span.space) + " is not a device");
   const auto space = static_cast<Space>(span.space);
   const DeviceKind& kind = kind_of(space);
   // JY997D18101 9.3.2: an FX3 has no code for coils. Only an FX3 is known to have S.
@@ -129,10 +131,10 @@ Result<void> OneE::check_reach(const Span& span) const {
     return refuse(name_of(span) + ": 1E frames do not reach " + std::string(kind.letters) +
                   (is_fx3(settings_.model) ? " of an FX3" : " of this model"));
   if (settings_.model == Model::unknown_fx3 && is_fx3_only(space))
-    return fail(ErrorCode::unsupported,
-                name_of(span) +
-                    " is reached once the model is known: another series has other "
-                    "devices there");
+    return fail(
+        ErrorCode::unsupported,
+        name_of(span) +
+            " can be accessed once the model is known: other series have other devices there");
   return {};
 }
 
@@ -310,7 +312,7 @@ Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const 
   if (const auto* control = std::get_if<Control>(&request)) return encode_control(*control);
   if (const auto* force = std::get_if<Force>(&request)) {
     if (force->space < kSpaces && width_of(force->space) != 1)
-      return refuse(name_of({force->space, force->bit, 1}) + " is a word: only bits are forced");
+      return refuse(name_of({force->space, force->bit, 1}) + " is a word: only bits can be forced");
     return encode_write(write_of(*force));
   }
   return fail(ErrorCode::unsupported, "1E frames have neither an enquiry nor scattered reads");
@@ -497,8 +499,8 @@ Request OneE::run_request(bool run) const {
 }
 
 std::string OneE::run_hint() const {
-  return "an FX3 starts and stops by this whatever its RUN/STOP switch says, unless it has an "
-         "error; an E71 module has no remote RUN and STOP in 1E frames";
+  return "an FX3 starts and stops by this command at any position of its RUN/STOP switch, unless "
+         "it has an error; an E71 module has no remote RUN and STOP in 1E frames";
 }
 
 }  // namespace fxagent::mc

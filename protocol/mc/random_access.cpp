@@ -12,7 +12,7 @@ constexpr std::uint32_t kWordCost = 12;  // SH-080008: a word costs 12, a double
 constexpr std::uint32_t kDwordCost = 14;
 
 tl::unexpected<Error> cannot() {
-  return fail(ErrorCode::unsupported, "no frame carries these places together");
+  return fail(ErrorCode::unsupported, "these places do not fit in one frame");
 }
 
 std::uint32_t words_of(const Read& part) { return part.span.bits / 16; }
@@ -51,7 +51,7 @@ Result<void> check_gather(const Dialect& dialect, const Gather& gather) {
     if (!way) return tl::make_unexpected(way.error());
     if (part.gather == 0 || part.gather != way->gather ||
         part.gather != gather.parts.front().gather)
-      return fail(ErrorCode::bad_request, "no frame carries these places together");
+      return fail(ErrorCode::bad_request, "these places do not fit in one frame");
     bits += part.span.bits;
   }
   for (const GatherCommand& command : gathers(dialect))
@@ -59,7 +59,7 @@ Result<void> check_gather(const Dialect& dialect, const Gather& gather) {
         bits <= command.max_bits)
       return {};
   return fail(ErrorCode::bad_request,
-              std::to_string(gather.parts.size()) + " places are more than one frame carries");
+              std::to_string(gather.parts.size()) + " places do not fit in one frame");
 }
 
 /// One value of a random write.

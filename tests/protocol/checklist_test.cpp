@@ -104,7 +104,7 @@ TEST(Checklist, McNamesCodeFormatStationAndARouteThatIsSet) {
 
 TEST(Checklist, SerialServerHasTheLine) {
   const std::string text = text_of("modbus-rtu", {}, tcp());
-  EXPECT_NAMES(text, "serial server's own line");
+  EXPECT_NAMES(text, "serial server's line");
   EXPECT_NAMES(text, "modbus-tcp");
   EXPECT_OMITS(text, "of this port");
 }

@@ -291,7 +291,7 @@ class OverTcp(PlantTest):
         self.start(plcs=[self.plc("other")], links=[self.link(server.getsockname()[1])],
                    devices=[device(timeout_ms=100)])
         wait_for("a second connection", lambda: len(accepted) >= 2)
-        self.assertIn("nobody answers", self.agent.logged())
+        self.assertIn("no answers on this connection", self.agent.logged())
         server.close()
         for connection in accepted:
             connection.close()

@@ -257,7 +257,7 @@ TEST(Templates, AnErrorOfTheDeviceNamesItsTemplate) {
 
 TEST(Templates, TheFirstNumberThatIsWrongIsNamed) {
   expect_error(with("/devices/0/n", R"("245-250")"), "/devices/0/unit",
-               {"unit is 1 to 247", "{n} being 248", "and for 2 others"});
+               {"unit must be 1 to 247", "{n} being 248", "and for 2 others"});
   expect_error(with("/devices/0/n", R"("256-260")"), "/devices/0/unit",
                {"must be an integer from 0 to 255, found the string \"{n}\"", "{n} being 256",
                 "and for 4 others"});

@@ -184,9 +184,10 @@ TEST_F(CommandExchangesTest, UnitBehindAGatewayThatDoesNotAnswerIsToldWithWhatTo
     return run_on(io, exchanges->read_point(target, SteadyTime::max())).last.reply.text;
   };
   const std::string silent = read("00 01", " 00 00 00 03 01 83 0B");
-  EXPECT_NE(silent.find("\": the gateway 192.0.2.10:502 answers, the device behind it does not. "
-                        "Check: "),
-            std::string::npos)
+  EXPECT_NE(
+      silent.find(
+          "\": the gateway 192.0.2.10:502 answers, but the device behind it does not. Check: "),
+      std::string::npos)
       << silent;
   EXPECT_EQ(read("00 02", " 00 00 00 03 01 83 02").find("Check: "), std::string::npos)
       << "the device's own refusal";
