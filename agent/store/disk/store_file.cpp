@@ -77,7 +77,7 @@ std::string who_else_may_write(const std::string& directory) {
 std::string why_not_ours(int handle, const std::string& path) {
   struct stat found {};
   if (::fstat(handle, &found) != 0) return path + ": " + std::strerror(errno);
-  if (!S_ISREG(found.st_mode)) return path + " is not a plain file";
+  if (!S_ISREG(found.st_mode)) return path + " is not a regular file";
   if (found.st_uid != ::geteuid())
     return path + " belongs to user " + std::to_string(found.st_uid) + ", not to the agent's";
   if (found.st_nlink > 1) return path + " has a second name (a hard link)";
