@@ -268,7 +268,7 @@ class VerifyStream(PlantTest):
         run = Verification(self.config_of(), "--seconds", "1")
         status, text = run.end()
         self.assertEqual(status, 1, text)
-        self.assertIn("press1: nothing came", text)
+        self.assertIn("press1: no sample was received", text)
         self.assertIn("is the agent running", text)
 
     def test_the_text_names_what_is_missing(self):

@@ -359,7 +359,7 @@ TEST_F(LinkStateTest, DeviceWhoseNeighbourAnswersIsInDoubtAlone) {
 
 TEST_F(LinkStateTest, LinkThatIsDownSaysWhyInTheStateOfItsDevices) {
   use(TcpSettings{"192.0.2.10", 502});
-  const std::string why = "192.0.2.10:502: nothing listens on this port";
+  const std::string why = "192.0.2.10:502: connection refused";
   const std::string log = logged([&] { link->open_failed(why); });
   EXPECT_NE(log.find("warning device device=press1 state=offline reason=link_down"),
             std::string::npos)

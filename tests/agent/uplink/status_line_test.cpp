@@ -115,7 +115,7 @@ TEST(StatusLine, TellsThatTheFileIsWrongAndLeavesOutVacantPlaces) {
   plant.config.devices[1].name.clear();
   plant.status.config_status.last_reload = {.state = "rejected", .errors = {}, .errors_in_all = 2};
   EXPECT_EQ(plant.line(),
-            "the config file is wrong (2 errors) and not in force; links 2 of 2 up, devices 3 of 3 "
+            "the config file has 2 errors and is not in force; links 2 of 2 up, devices 3 of 3 "
             "online; broker connected; 0 samples wait; 17 commands");
   plant.status.config_status.last_reload->state = "applied";
   EXPECT_TRUE(plant.line().starts_with("links 2 of 2 up")) << plant.line();

@@ -151,7 +151,7 @@ TEST_F(OnlineReport, TagsThatAreRefusedAreNamedTogetherWithTheCure) {
   EXPECT_NE(said.find("device press1 on line1: answers, FX3U, RUN, 1 of 3 tags read\n"),
             std::string::npos)
       << said;
-  EXPECT_NE(said.find("  press1: temp (D100), speed (D101): the device refuses to give it"),
+  EXPECT_NE(said.find("  press1: temp (D100), speed (D101): the device refuses to read it"),
             std::string::npos)
       << said;
   EXPECT_EQ(status(), 4);
@@ -214,9 +214,10 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
   meter_answers();
   EXPECT_TRUE(devices.settled()) << "nobody waits for who was not asked";
   const std::string said = text();
-  EXPECT_NE(said.find("link line1, place: left alone: fxagent, pid 4711, has it (the agent of this "
-                      "config)\n"),
-            std::string::npos)
+  EXPECT_NE(
+      said.find("link line1, place: not checked: fxagent, pid 4711, uses it (the agent of this "
+                "config)\n"),
+      std::string::npos)
       << said;
   EXPECT_NE(said.find("device press1 on line1: not asked\n"), std::string::npos);
   EXPECT_NE(said.find("with -u and -P of a user who may send commands: mosquitto_rr -h "

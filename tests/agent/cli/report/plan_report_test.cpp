@@ -322,7 +322,8 @@ TEST(PlanReport, AWrongWhatIfIsNamedAndChangesNothing) {
       kSerial, plc(R"({"name":"d","address":"D0","group":"g"})", R"(,"command_set":"classic")"));
   const auto far = add_what_if(classic, "p D1020..D1030@1000");
   ASSERT_FALSE(far);
-  EXPECT_NE(far.error().text.find("D1024 is out of reach"), std::string::npos) << far.error().text;
+  EXPECT_NE(far.error().text.find("D1024 cannot be reached"), std::string::npos)
+      << far.error().text;
 }
 
 TEST(PlanReport, OverloadsAreTheWarningsOfThePlanAboutIntervals) {

@@ -411,7 +411,7 @@ TEST(Templates, OneDeviceNameFromTwoEntries) {
   const auto errors = errors_of(plant.dump());
   ASSERT_EQ(errors.size(), 1U) << listed(errors);
   EXPECT_EQ(errors[0].pointer, "/devices/1/name");
-  EXPECT_NE(errors[0].text.find("is already the name at /devices/0/name"), std::string::npos);
+  EXPECT_NE(errors[0].text.find("is already used as a name at /devices/0/name"), std::string::npos);
 }
 
 TEST(Templates, NoErrorTellsWhatTheEnvironmentHas) {

@@ -211,7 +211,7 @@ TEST(UnexpectedBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
     }
   }
   const auto with_sum = guess(port(1, false), format_1);
-  EXPECT_NE(with_sum.text.find("or no sum check in the parameters"), std::string::npos)
+  EXPECT_NE(with_sum.text.find("or disable the sum check in the parameters"), std::string::npos)
       << with_sum.text;
   EXPECT_NE(with_sum.text.find("485 Serial Port"), std::string::npos) << with_sum.text;
   EXPECT_EQ(with_sum.text.find("D8120"), std::string::npos) << with_sum.text;

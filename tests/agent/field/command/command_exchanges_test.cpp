@@ -83,7 +83,7 @@ TEST_F(CommandExchangesTest, BytesThatAreNoAnswerAreToldWithWhatTheyLookLike) {
   wire->expect(kWrite50).give(kWrite50).silence();
   const Exchange exchange = send(false);
   EXPECT_EQ(exchange.outcome, Exchange::Outcome::unanswered);
-  EXPECT_NE(exchange.error.find("; it looks like the question itself, which the line returns"),
+  EXPECT_NE(exchange.error.find("; it looks like the request itself, which the line returns"),
             std::string::npos)
       << exchange.error;
 }
