@@ -73,7 +73,7 @@ void report_alive(ThreadProgress& library, Heartbeats& signs) {
   if (was_well)
     log::error("watchdog", {{"stands_still", "uplink"},
                             {"thread", stuck},
-                            {"note", "a thread of the MQTT library does nothing any more"}});
+                            {"note", "a thread of the MQTT library hangs"}});
 }
 
 /// Returns the current status in one line; empty if there is none yet.
@@ -150,7 +150,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   ServiceReports reports(signs, {ask, [&] { return current_status(publisher.board()); }},
                          std::chrono::steady_clock::now());
   const int signal = wait_for_stop(watchdog, reports);
-  watchdog.stage("the log: nobody reads it");
+  watchdog.stage("the log: its reader does not read");
   service_manager::notify_stopping();
   service_manager::notify_status("stopping");
   log::info("agent", {{"state", "stopping"}, {"signal", std::to_string(signal)}});
@@ -165,7 +165,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   uplink.join();
   watchdog.stage("the reload: a config file or the disk");
   reload.wait_for_end(kReloadEnds);
-  watchdog.stage("the log: nobody reads it");
+  watchdog.stage("the log: its reader does not read");
   log::info("agent", {{"state", "stopped"}});
   service_manager::notify_status("stopped");
   // A name lookup, a driver or the MQTT library may take time to let go.

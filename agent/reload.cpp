@@ -191,7 +191,7 @@ void Reload::reload() {
   try {
     next = wanted();
   } catch (const std::exception& error) {  // out of memory, for example
-    reject({{"", 0, std::string("cannot be taken over: ") + error.what()}});
+    reject({{"", 0, std::string("cannot be applied: ") + error.what()}});
   }
   if (next) {
     const std::string hash = next->config.hash;
@@ -294,7 +294,7 @@ void Reload::reject(const ConfigErrors& errors) {
     log::error("config", {{"state", "rejected"}, {"error", to_string(error, path_)}});
   log::warn("config", {{"state", "rejected"},
                        {"errors", std::to_string(errors.size())},
-                       {"note", "nothing was changed; the config of before is in force"},
+                       {"note", "nothing was changed; the earlier config stays in force"},
                        {"hash", status_.hash}});
   say("rejected", errors);
 }

@@ -18,7 +18,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 build=${BUILD_DIR:-$root/build}
 
 impossible() {
-  echo "cross: no bare root can be made here: $*" >&2
+  echo "cross: cannot create a bare root here: $*" >&2
   exit 3
 }
 # make_base and mount_kernel

@@ -16,12 +16,12 @@ unhealthy() {
 }
 
 [ -r "$process/comm" ] || unhealthy "no process $1"
-[ "$(cat "$process/comm")" = fxagent ] || unhealthy "process $1 is no fxagent"
+[ "$(cat "$process/comm")" = fxagent ] || unhealthy "process $1 is not fxagent"
 state=$(awk '/^State:/ { print $2 }' "$process/status")
 case $state in
   R | S | D) ;;
   *) unhealthy "process $1 is in state $state" ;;
 esac
 
-fxagent check "$config" >/dev/null 2>&1 || unhealthy "$config is not right: fxagent check $config"
+fxagent check "$config" >/dev/null 2>&1 || unhealthy "$config has errors: fxagent check $config"
 echo "healthy"

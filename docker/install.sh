@@ -44,7 +44,7 @@ trap 'rm -f "$log"' EXIT
 export DEBIAN_FRONTEND=noninteractive
 # shellcheck disable=SC2086 # a list of names
 if ! { apt-get update && apt-get install --yes --no-install-recommends $missing; } >"$log" 2>&1; then
-  echo "$0: apt-get failed; the end of what it said:" >&2
+  echo "$0: apt-get failed; the end of its output:" >&2
   # The package source is local to this machine and does not belong in a log that is passed on.
   tail -n 20 "$log" |
     sed -E -e 's#[a-z+]+://[^ ]+#(source)#g' \

@@ -106,15 +106,15 @@ ProtocolInfo programming_port() {
              "`auto`: classic commands within their range, extended commands beyond. FX0N and "
              "FX1S have only the classic set."),
       choice("enquire", {"open", "always", "never"},
-             "Time of ENQ: after the link opens and after an error, before every request, or "
-             "never."),
+             "Times of ENQ: after the link opens and after an error, before every "
+             "request, or never."),
       integer("max_block_bytes", 2, 254, settings.max_block_bytes,
               "Data bytes of one frame. Only extended reads of an FX3S, FX3G or FX3U use more "
               "than 64."),
   };
   info.hints.silent =
-      "is the programming cable (RS-422) in its round socket, and neither GX Works nor a panel on "
-      "it; is this a communication board set up by D8120 (then protocol is fx-computer-link)";
+      "is the programming cable (RS-422) in the PLC's round socket, without GX Works or a panel on "
+      "it; is this a communication board set up by D8120 (then set protocol to fx-computer-link)";
   info.make = &fx::ProgrammingPort::make;
   return info;
 }
@@ -138,7 +138,7 @@ ProtocolInfo computer_link() {
               "Control procedure format 1 or 4, as in D8120. Format 4 ends each message with CR "
               "LF."),
       boolean("sum_check", settings.sum_check,
-              "True if frames carry a sum, as in D8120. Without it noise can pass for a value."),
+              "True if frames carry a sum, as in D8120. Without it, noise can pass for a value."),
       integer("message_wait_ms", 0, 150, settings.wait_tens * 10,
               "Time that the PLC waits before it answers, a multiple of 10; 70 or more with an "
               "FX-485PC-IF."),
@@ -193,7 +193,7 @@ ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
 ProtocolInfo modbus_rtu() {
   ProtocolInfo info =
       modbus_protocol("modbus-rtu", "Modbus RTU, serial or through a serial server");
-  info.hints.silent = "is its own address `unit`; is it set to Modbus RTU, not ASCII";
+  info.hints.silent = "is its address `unit`; is it set to Modbus RTU, not ASCII";
   info.line.data_bits = 8;
   info.make = &modbus_made<modbus::Framing::rtu>;
   return info;
@@ -202,7 +202,7 @@ ProtocolInfo modbus_rtu() {
 ProtocolInfo modbus_ascii() {
   ProtocolInfo info =
       modbus_protocol("modbus-ascii", "Modbus ASCII, serial or through a serial server");
-  info.hints.silent = "is its own address `unit`; is it set to Modbus ASCII, not RTU";
+  info.hints.silent = "is its address `unit`; is it set to Modbus ASCII, not RTU";
   info.text_begins_with = ':';
   info.make = &modbus_made<modbus::Framing::ascii>;
   return info;
@@ -211,13 +211,13 @@ ProtocolInfo modbus_ascii() {
 ProtocolInfo modbus_tcp() {
   ProtocolInfo info = modbus_protocol("modbus-tcp", "Modbus TCP, port 502 by custom");
   info.hints.silent =
-      "is `unit` right (a device with its own network port often has 1 or 255, one behind a "
-      "gateway its unit on the line there); has the gateway's line the device's speed, data bits "
-      "and parity, and its A and B the right way round; does another program use up the "
-      "connections; is this a serial server without Modbus (then protocol is modbus-rtu)";
+      "is `unit` right (a device with its own network port often has 1 or 255; behind a gateway it "
+      "is the unit on the gateway's line); does the gateway's line have the device's speed, data "
+      "bits and parity; are A and B of that line swapped; do other programs use all connections; "
+      "is this a serial server without Modbus (then set protocol to modbus-rtu)";
   info.hints.closed =
-      "has the device or gateway a limit of connections, and do other programs use them; does it "
-      "admit this machine's address?";
+      "does the device or gateway limit connections, and do other programs use them; does it "
+      "accept this machine's address?";
   info.on_serial = false;
   info.make = &modbus_made<modbus::Framing::tcp>;
   return info;
@@ -258,8 +258,8 @@ ProtocolInfo mc_1e() {
       "port? Give the agent an open setting of its own";
   SettingHints module = info.hints;
   module.silent =
-      "in GX Works2 look at the E71 module under Network Parameter, Ethernet: is there in its Open "
-      "Setting a line for MC protocol with this port number and protocol (TCP or UDP); is "
+      "in GX Works2 look at the E71 module under Network Parameter, Ethernet: does its Open "
+      "Setting have a line for MC protocol with this port number and protocol (TCP or UDP); is "
       "Communication Data Code `code`; is this a built-in port (it needs mc-3e)";
   info.model_hints = {{"Q", module}, {"L", module}};
   info.make = &mc::OneE::make;
@@ -321,9 +321,9 @@ void add_hints(ProtocolInfo& info) {
       "each SLMP Connection Module in the parameters serves one connection: is another program "
       "using this one? Give the agent an entry with a port of its own"};
   const SettingHints works2 = {
-      "in GX Works2 look at Built-in Ethernet Port Setting (E71 module: Network Parameter): is "
-      "there in its Open Setting a line MC Protocol with this port number and protocol (TCP or "
-      "UDP); is Communication Data Code `code`; is this a built-in port (it needs mc-3e)",
+      "in GX Works2 look at Built-in Ethernet Port Setting (E71 module: Network Parameter): does "
+      "its Open Setting have a line MC Protocol with this port number and protocol (TCP or UDP); "
+      "is Communication Data Code `code`; is this a built-in port (it needs mc-3e)",
       "each line of the Open Setting in GX Works2 serves one connection: is another program using "
       "this one? Give the agent a line with a port of its own"};
   for (const std::string_view model : mc::model_names())
@@ -380,9 +380,9 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
                              "and needs 8 data bits."
                            : "Message pattern, as in the parameters; all are ASCII."));
   info.options.back().binary_from = 5;
-  info.options.push_back(boolean("sum_check", settings.sum_check,
-                                 "True if frames carry a sum, as in the parameters. Without it "
-                                 "noise can pass for a value."));
+  info.options.push_back(boolean(
+      "sum_check", settings.sum_check,
+      "True if frames carry a sum, as in the parameters. Without it, noise can pass for a value."));
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes, kBlock,
                                  "Bytes of device memory in one frame. More is a little faster, "
                                  "but commands wait longer."));

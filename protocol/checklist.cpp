@@ -61,8 +61,8 @@ std::string of_route(const ProtocolInfo& protocol, const Options& options) {
 std::string of_serial_port(const ProtocolInfo& protocol, const Wiring& wiring) {
   std::string out;
   if (wiring.line)
-    out =
-        "; has the device the speed, data bits and parity of this port, " + to_string(*wiring.line);
+    out = "; does the device have the speed, data bits and parity of this port, " +
+          to_string(*wiring.line);
   if (protocol.multidrop)
     out.append("; are A and B (D+ and D-) of RS-485 swapped; ")
         .append(wiring.echo ? "does the adapter return what is sent, as `echo` says"
@@ -72,17 +72,17 @@ std::string of_serial_port(const ProtocolInfo& protocol, const Wiring& wiring) {
 }
 
 std::string of_serial_server() {
-  return "; has the serial server's own line the speed, data bits and parity of the device; does "
-         "it pass bytes unchanged (raw TCP; a Modbus gateway needs modbus-tcp); are A and B (D+ "
-         "and D-) swapped; does another client or master use the line?";
+  return "; does the serial server's line have the speed, data bits and parity of the device; does "
+         "the server pass bytes unchanged (raw TCP; a Modbus gateway needs modbus-tcp); are A and "
+         "B (D+ and D-) swapped; does another client or master use the line?";
 }
 
 std::string headline(const Wiring& wiring, Answers answers) {
   switch (answers) {
     case Answers::from_others:
-      return "no answer, while other devices on " + wiring.place + " answer";
+      return "no answer, although other devices on " + wiring.place + " answer";
     case Answers::of_gateway:
-      return "the gateway " + wiring.place + " answers, the device behind it does not";
+      return "the gateway " + wiring.place + " answers, but the device behind it does not";
     default:
       return "no answer on " + wiring.place;
   }
@@ -91,9 +91,9 @@ std::string headline(const Wiring& wiring, Answers answers) {
 /// Returns the text for a device that has answered before, so that its settings were right.
 std::string of_stopped(const Wiring& wiring) {
   const bool is_serial = wiring.channel == Wiring::Channel::serial;
-  return std::string("it has answered before. Check: has it power; ") +
+  return std::string("it has answered before. Check: does it have power; ") +
          (is_serial ? "is its cable in place; does another program, panel or master use the line"
-                    : "is the network to it in order; does another program hold its connection") +
+                    : "does the network reach it; does another program hold its connection") +
          "; were its settings changed?";
 }
 
@@ -113,7 +113,7 @@ std::string checklist(const ProtocolInfo& protocol, const Options& options, cons
                       const Wiring& wiring, Answers answers) {
   if (answers == Answers::until_now) return of_stopped(wiring);
   std::string out = headline(wiring, answers);
-  out.append(". Check: has the device power; ")
+  out.append(". Check: does the device have power; ")
       .append(with_values(hints_for(protocol, codec).silent, options));
   if (protocol.plc_line_word && wiring.line)
     out.append("; ").append(protocol.plc_line_word(options, *wiring.line));
@@ -121,7 +121,8 @@ std::string checklist(const ProtocolInfo& protocol, const Options& options, cons
   if (!protocol.on_serial) return out + "?";
   if (answers == Answers::from_others)
     return out +
-           "; has it the speed, data bits and parity of the others; is its own wire in order?";
+           "; does it have the speed, data bits and parity of the others; is its own wire in "
+           "order?";
   return out + (wiring.channel == Wiring::Channel::serial ? of_serial_port(protocol, wiring)
                                                           : of_serial_server());
 }

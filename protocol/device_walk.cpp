@@ -7,7 +7,7 @@ void DeviceWalk::device(const Field& field) {
   if (!good()) return;
   const auto found = device_in(wire);
   if (!found)
-    return fault(is_text() ? quoted(wire) + " is no device of " + std::to_string(field.digits) +
+    return fault(is_text() ? quoted(wire) + " is not a device of " + std::to_string(field.digits) +
                                  " characters on this model"
                            : "there is no device with this code");
   device_ = *found;
@@ -22,7 +22,7 @@ void DeviceWalk::bit_device(const Field& field) {
 
 void DeviceWalk::word_device(const Field& field) {
   device(field);
-  if (device_.only_bits) fault("contacts of timers and counters are reached bit by bit only");
+  if (device_.only_bits) fault("contacts of timers and counters can only be accessed bit by bit");
   devices_of_point_ = device_.bits == 1 ? 16 : 1;
 }
 
@@ -58,7 +58,7 @@ void DeviceWalk::items(const Field& field, std::size_t value_digits) {
   for (std::uint32_t i = 0; i < points_; ++i) {
     if (left() < field.digits + value_digits)
       return fault("only " + std::to_string(i) + " of " + std::to_string(points_) +
-                   " points are there");
+                   " points are present");
     const ByteView written = take(field.digits, "a device");
     const ByteView wire = take(value_digits, "a value");
     const auto found = device_in(written);
@@ -67,9 +67,9 @@ void DeviceWalk::items(const Field& field, std::size_t value_digits) {
       return fault((is_text() ? quoted(written)
                     : found   ? found->name
                               : "a code") +
-                   " is no device for this command");
+                   " is not a device for this command");
     if (!value || (value_digits == 1 && *value > 1))
-      return fault(quoted(wire) + " is no value of " + found->name);
+      return fault(quoted(wire) + " is not a value of " + found->name);
     add_device(found->name);
     out_.values.push_back(is_text() ? as_text(wire)
                                     : hex_text(*value, static_cast<int>(value_digits)));

@@ -94,7 +94,7 @@ void FrameWalk::rest(const Field& field) {
 }
 
 std::string FrameWalk::cut_before(std::string_view /*what*/) const {
-  return "the request is cut short";
+  return "the request is truncated";
 }
 
 void FrameWalk::show(std::string_view name, std::string_view text) {

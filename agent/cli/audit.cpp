@@ -59,7 +59,8 @@ void name_set_aside(const std::string& directory) {
     if (name.find(".corrupt-") == std::string::npos || name.ends_with("-wal") ||
         name.ends_with("-shm"))
       continue;
-    std::cerr << "fxagent audit: a damaged file was set aside, with what it held: " << name << '\n';
+    std::cerr << "fxagent audit: a damaged store file was set aside with its records: " << name
+              << '\n';
   }
 }
 
@@ -67,10 +68,9 @@ void name_set_aside(const std::string& directory) {
 
 int run_audit(const Config& config, const AuditQuestion& question) {
   if (config.store.path.empty())
-    return refused(
-        "fxagent audit",
-        "there is no audit: it is kept in the store. Set store.path in the config, and every "
-        "command is recorded from then on");
+    return refused("fxagent audit",
+                   "there is no audit, because it is part of the store. Set store.path in the "
+                   "config; the agent then records every command");
   std::optional<std::int64_t> since;
   if (!question.since.empty()) {
     since = audit::since_from(question.since, utc_ms(std::chrono::system_clock::now()));
@@ -88,8 +88,9 @@ int run_audit(const Config& config, const AuditQuestion& question) {
   const std::string path = store_file_path(config.store.path);
   std::error_code fault;
   if (!std::filesystem::exists(path, fault))
-    return refused("fxagent audit", path + " is not there" + (fault ? ": " + fault.message() : "") +
-                                        "; the agent makes it when it runs");
+    return refused("fxagent audit", path + " does not exist" +
+                                        (fault ? ": " + fault.message() : "") +
+                                        "; the agent creates it when it runs");
   audit::Verifier verifier(published);
   audit::Report report;
   audit::Head head;
@@ -101,11 +102,12 @@ int run_audit(const Config& config, const AuditQuestion& question) {
       return print_findings(verifier, head,
                             {{verifier.records() + 1, "the file is damaged: " + unread->why}},
                             question.as_json);
-    return refused("fxagent audit",
-                   path + ": " + unread->why +
-                       (unread->why.starts_with("no such table")
-                            ? "; it is of an older agent, and the audit begins when this one runs"
-                            : ""));
+    return refused(
+        "fxagent audit",
+        path + ": " + unread->why +
+            (unread->why.starts_with("no such table")
+                 ? "; an older agent wrote this file. The audit begins when this version runs"
+                 : ""));
   }
   name_set_aside(config.store.path);
   if (question.verify)

@@ -33,11 +33,13 @@ int check_desired(const std::string& path, const Config& local, const std::strin
     return kWrong;
   };
   if (!local.remote.enabled)
-    return refuse({{"", 0, "never comes: agent.remote_config is not set in " + path}});
+    return refuse(
+        {{"", 0,
+          "the agent does not accept remote configs: agent.remote_config is not set in " + path}});
   const auto document = read_config_file(desired);
   if (!document) return refuse(document.error());
   if (document->empty()) {
-    std::cout << desired << ": right: empty, so that what came before is withdrawn\n";
+    std::cout << desired << ": valid: empty, so it withdraws the remote config\n";
     return 0;
   }
   const auto [read, faults] = read_desired(*document);
@@ -51,8 +53,8 @@ int check_desired(const std::string& path, const Config& local, const std::strin
   if (!config) return refuse(config.error());
   for (const std::string& warning : config->warnings)
     std::cerr << desired << ": warning: " << warning << '\n';
-  std::cout << desired << ": right: version " << shown(read.version) << ", then " << counts(*config)
-            << '\n';
+  std::cout << desired << ": valid: version " << shown(read.version) << ", with it "
+            << counts(*config) << '\n';
   return 0;
 }
 
@@ -94,9 +96,9 @@ int run_check(const std::string& path, const CheckQuestion& what) {
   for (const std::string& overload : overloads(*config))
     std::cerr << path << ": warning: link " << overload << '\n';
   if (what.online && what.as_json) return run_online_check(*config, path, /*as_json=*/true);
-  std::cout << path << ": right: " << counts(*config) << '\n';
+  std::cout << path << ": valid: " << counts(*config) << '\n';
   if (config->remote.enabled)
-    std::cout << path << ": over MQTT may come: " << to_string(config->remote) << '\n';
+    std::cout << path << ": a remote config may set: " << to_string(config->remote) << '\n';
   return what.online ? run_online_check(*config, path, /*as_json=*/false) : 0;
 }
 

@@ -49,14 +49,14 @@ CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_m
 std::string CommandLineAudit::fault() const {
   if (disk_.is_writable()) return {};
   std::string text =
-      "store.path: every command that writes has to be in the audit, and the store "
-      "cannot be written: " +
+      "store.path: the audit must record every command that writes, and the store cannot be "
+      "written: " +
       disk_.last_failure();
   struct stat found {};
   if (::stat(config_.path.c_str(), &found) == 0 && found.st_uid != ::geteuid())
     return text + "; run this as the user of the store: sudo -u " + name_of_user(found.st_uid) +
            " fxagent …";
-  return text + "; if the agent runs, send the command over MQTT, or stop the agent first";
+  return text + "; if the agent is running, send the command over MQTT, or stop the agent first";
 }
 
 bool CommandLineAudit::admitted(const Command& command, const std::string& device,

@@ -44,7 +44,7 @@ void print(const Explanation& frame) {
             << frame.operation;
   if (frame.device) std::cout << ' ' << *frame.device;
   if (frame.count) std::cout << " × " << *frame.count;
-  if (frame.ambiguous) std::cout << " (it could be read in the other direction too)";
+  if (frame.ambiguous) std::cout << " (the other direction is also possible)";
   std::cout << '\n';
   if (frame.error) std::cout << *frame.error << '\n';
 }

@@ -71,15 +71,14 @@ int run_import(const ImportQuestion& what) {
   const auto bytes = read_config_file(what.path);
   if (!bytes) return refused("import", to_string(bytes.error().front(), what.path));
   if (bytes->starts_with("PK\x03\x04"))
-    return refused(
-        "import",
-        what.path +
-            ": is a zip file, as workbooks (.xlsx) are: save its sheet as CSV, in a spreadsheet "
-            "program or with `xlsx2csv`, and import that");
+    return refused("import",
+                   what.path +
+                       ": is a zip file, perhaps a workbook (.xlsx): save its sheet as CSV, with a "
+                       "spreadsheet program or `xlsx2csv`, and import the CSV");
   const ImportFormat* format = format_of(what.format, *bytes);
   if (format == nullptr)
     return refused("import",
-                   what.path + ": is surely of no known format; name it: " + one_of(names));
+                   what.path + ": the format is not recognised; name it: " + one_of(names));
   const auto text = to_utf8(*bytes, format->legacy);
   if (!text) return refused("import", what.path + ": " + text.error());
   auto imported = format->read(*text, what.options);
@@ -91,12 +90,12 @@ int run_import(const ImportQuestion& what) {
   for (const ImportNote& note : outcome.notes)
     std::cerr << place(what.path, note.line) << ": " << escaped(note.text, Escape::message) << '\n';
   if (outcome.config.empty()) {
-    std::cerr << what.path << ": nothing could be carried over, "
-              << counted(outcome.left_out, "tag") << " left out\n";
+    std::cerr << what.path << ": nothing was imported, " << counted(outcome.left_out, "tag")
+              << " left out\n";
     return kFailed;
   }
-  std::cerr << what.path << ": " << counted(outcome.tags, "tag") << " carried over, "
-            << outcome.changed << " of them changed, " << outcome.left_out << " left out\n";
+  std::cerr << what.path << ": " << counted(outcome.tags, "tag") << " imported, " << outcome.changed
+            << " of them changed, " << outcome.left_out << " left out\n";
   std::cout << outcome.config;
   return kDone;
 }

@@ -113,7 +113,7 @@ int run(const RunCall& call) {
   // A file at its size limit counts as a disk that rejects writes; it must not end the process.
   std::signal(SIGXFSZ, SIG_IGN);
   if (const std::string missing = lacks(kThreads, kRoomToBegin); !missing.empty())
-    throw std::runtime_error("cannot begin: " + missing);
+    throw std::runtime_error("cannot start: " + missing);
   // Blocked before any thread starts: only the watchdog receives the stop signals, only the reload
   // SIGHUP.
   sigset_t stop_signals;
@@ -150,7 +150,8 @@ int run(const RunCall& call) {
 }
 
 void add_run(CLI::App& app, RunCall& call, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("run", "Poll, publish, obey commands until SIGTERM");
+  CLI::App* command =
+      app.add_subcommand("run", "Poll, publish and carry out commands until SIGTERM");
   command->add_option("CONFIG", call.path, "Config file")->required();
   command->add_option("--log-level", call.log_level, "error, warn, info or debug (info)")
       ->check(CLI::IsMember({"error", "warn", "info", "debug"}))
@@ -168,15 +169,15 @@ void add_run(CLI::App& app, RunCall& call, std::function<int()>& action) {
 
 void add_check(CLI::App& app, std::string& path, CheckQuestion& what,
                std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("check", "Say whether a config file is right");
+  CLI::App* command = app.add_subcommand("check", "Check a config file");
   command->add_option("CONFIG", path, "Config file")->required();
-  auto* desired = command->add_option("--desired", what.desired,
-                                      "File of a remote config: would it be taken over?");
-  auto* online =
-      command
-          ->add_flag("--online", what.online, "Open each link and the broker, ask each device once")
-          ->excludes(desired);
-  command->add_flag("--json", what.as_json, "Print what --online finds as JSON")->needs(online);
+  auto* desired =
+      command->add_option("--desired", what.desired, "Also check the remote config in this file");
+  auto* online = command
+                     ->add_flag("--online", what.online,
+                                "Open each link, connect to the broker, and query each device once")
+                     ->excludes(desired);
+  command->add_flag("--json", what.as_json, "Print the results of --online as JSON")->needs(online);
   command->callback([&] { action = [&] { return run_check(path, what); }; });
 }
 
@@ -211,7 +212,7 @@ void add_one_shot(CLI::App& app, const std::string& name, const std::string& mea
                         "bool int16 uint16 int32 uint32 int64 uint64 float32 float64 bcd16 bcd32 "
                         "string");
     command->add_option("--word-order", what.word_order,
-                        "ABCD CDAB BADC DCBA low_first high_first, in place of the config's");
+                        "ABCD CDAB BADC DCBA low_first high_first, instead of the config's");
   }
   if (op == Op::read)
     command->add_flag("--orders", what.orders,
@@ -227,14 +228,14 @@ void add_one_shot(CLI::App& app, const std::string& name, const std::string& mea
 void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
                        std::function<int()>& action) {
   CLI::App* command =
-      app.add_subcommand("verify-stream", "Listen to the agent's samples and name what is missing");
+      app.add_subcommand("verify-stream", "Listen to the agent's samples and list missing ones");
   command->add_option("CONFIG", path, "Config file")->required();
   command
       ->add_option_function<int>(
           "--seconds", [&what](int seconds) { what.listen = std::chrono::seconds(seconds); },
           "How long to listen (60)")
       ->check(CLI::Range(1, 604800));
-  command->add_option("--username", what.username, "MQTT user in place of the config's");
+  command->add_option("--username", what.username, "MQTT user instead of the config's");
   auto* file = command->add_option("--password-file", what.password_file, "File of its password");
   command->add_option("--password-env", what.password_env, "Variable that holds its password")
       ->excludes(file);
@@ -249,14 +250,16 @@ void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
 
 void add_audit(CLI::App& app, std::string& path, AuditQuestion& what,
                std::function<int()>& action) {
-  CLI::App* command =
-      app.add_subcommand("audit", "List every command that was received, and what became of it");
+  CLI::App* command = app.add_subcommand("audit", "List every received command with its result");
   command->add_option("CONFIG", path, "Config file")->required();
   command->add_option("--since", what.since,
                       "ms UTC, 2026-11-21, 2026-11-21T08:30 (UTC), or 90s 30m 2h 7d");
   command->add_flag("--json", what.as_json, "Print JSON, one object a command");
-  auto* verify = command->add_flag("--verify", what.verify, "Say whether the records are whole");
-  command->add_option("--head", what.head, "RECORDS:HASH of a health message: is it in the chain?")
+  auto* verify =
+      command->add_flag("--verify", what.verify, "Check that no record is missing or changed");
+  command
+      ->add_option("--head", what.head,
+                   "RECORDS:HASH of a health message: check that it is in the chain")
       ->needs(verify);
   command->callback([&] {
     action = [&] {
@@ -272,15 +275,15 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
   command->add_option("--agent", what.agent, "User of the agent (mqtt.username of the config)");
   command
       ->add_option("--operator", what.operators,
-                   "A user who reads everything and sends commands; repeatable")
+                   "User who reads everything and sends commands; repeatable")
       ->expected(1)
       ->take_all();
   command
       ->add_option("--engineer", what.engineers,
-                   "A user who reads everything and sends configs; repeatable")
+                   "User who reads everything and sends configs; repeatable")
       ->expected(1)
       ->take_all();
-  command->add_option("--viewer", what.viewers, "A user who reads everything; repeatable")
+  command->add_option("--viewer", what.viewers, "User who reads everything; repeatable")
       ->expected(1)
       ->take_all();
   command->callback([&] {
@@ -304,7 +307,7 @@ void add_schema(CLI::App& app, bool& tables, std::function<int()>& action) {
 
 void add_import(CLI::App& app, ImportQuestion& what, std::function<int()>& action) {
   CLI::App* command =
-      app.add_subcommand("import", "Make a config of another program's tags or device comments");
+      app.add_subcommand("import", "Make a config from another program's tags or device comments");
   command->add_option("FORMAT", what.format, import_format_names())->required();
   command->add_option("FILE", what.path, "The file")->required();
   command->add_option("--device", what.options.device, "Name of the device");
@@ -318,7 +321,7 @@ void add_export(CLI::App& app, std::string& path, std::function<int()>& action) 
   CLI::App* command = app.add_subcommand("export", "Print the tags of a config for a spreadsheet");
   command->add_option("CONFIG", path, "Config file")->required();
   command->add_flag("--csv")->description(
-      "As CSV, the default: `import csv` makes the same config of it");
+      "As CSV, the default: `import csv` makes the same config from it");
   command->callback([&] { action = [&] { return loaded(path) ? run_export(path) : kWrong; }; });
 }
 
@@ -328,11 +331,11 @@ void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
   command->add_option("DIRECTORY", what.directory, "Where to write them (.)");
   command->add_option("--id", what.answers.id, "Name of this agent (edge1)");
   command->add_option("--broker", what.answers.broker, "mqtt://host or mqtts://host");
-  command->add_option("--user", what.answers.user, "The agent's user at the broker (none)");
+  command->add_option("--user", what.answers.user, "User of the agent at the broker (none)");
   command->add_option("--password-file", what.answers.password_file,
-                      "File of its password (mqtt_password, beside the config)");
+                      "File of its password (mqtt_password, next to the config)");
   command->add_option("--operator", what.answers.operator_name,
-                      "The user of Node-RED, who may send commands (nodered)");
+                      "User of Node-RED, who may send commands (nodered)");
   command->add_option("--protocol", what.answers.protocol, "Protocol of the device");
   command->add_option("--port", what.answers.port, "/dev/ttyUSB0 or host:port");
   command->add_option("--model", what.answers.model, "Model of the PLC (auto)");
@@ -342,10 +345,11 @@ void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
       ->expected(1)
       ->take_all();
   command
-      ->add_option("--write", what.answers.write, "The same, which may be written too; repeatable")
+      ->add_option("--write", what.answers.write,
+                   "The same, for addresses that may also be written; repeatable")
       ->expected(1)
       ->take_all();
-  command->add_flag("--force", what.force, "Overwrite what is there");
+  command->add_flag("--force", what.force, "Overwrite existing files");
   command->callback([&] { action = [&] { return run_init(what); }; });
 }
 
@@ -376,13 +380,13 @@ int dispatch(int argc, char** argv) {
   CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");
   config_command->add_option("CONFIG", path, "Config file")->required();
   config_command->add_flag("--expand")
-      ->description("The default: every device written out, without templates");
+      ->description("The default: every device in full, without templates");
   config_command->callback([&] { action = [&] { return expand(path); }; });
 
   std::vector<std::string> what_ifs;
   bool plan_as_json = false;
   CLI::App* plan_command =
-      app.add_subcommand("plan", "Show the reads, their line time and what the line can carry");
+      app.add_subcommand("plan", "Show the reads, their line time and the load of each line");
   plan_command->add_option("CONFIG", path, "Config file")->required();
   plan_command->add_flag("--json", plan_as_json, "Print JSON");
   plan_command
@@ -431,8 +435,8 @@ int dispatch(int argc, char** argv) {
       ->required();
   decode_command->add_option("HEX", question.hex, "The frame in hex")->required();
   decode_command->add_option("--model", question.model, "FX model that names the devices");
-  auto* request_flag = decode_command->add_flag("--request", as_request, "It is a request");
-  decode_command->add_flag("--reply", as_reply, "It is a reply")->excludes(request_flag);
+  auto* request_flag = decode_command->add_flag("--request", as_request, "The frame is a request");
+  decode_command->add_flag("--reply", as_reply, "The frame is a reply")->excludes(request_flag);
   decode_command->add_flag("--json", question.as_json, "Print JSON");
   decode_command->callback([&] {
     if (as_request) question.direction = Direction::request;

@@ -275,7 +275,7 @@ void warn_of_rounding(const CommandResult& result, const std::optional<Value>& a
   const auto& written = result.targets.front().value;
   if (!asked || !written || result.status == CommandStatus::rejected || shows(*written, *asked))
     return;
-  std::cerr << "rounded: " << value_text(*asked, *no_units()) << " was asked for, "
+  std::cerr << "rounded: " << value_text(*asked, *no_units()) << " was requested, "
             << value_text(*written, *no_units()) << " was written\n";
 }
 
@@ -461,7 +461,7 @@ std::string call_fault(const OneShot& what, const DeviceConfig& device) {
   const auto tag = std::ranges::find_if(
       what.names, [&](const std::string& name) { return tag_named(name, device) != nullptr; });
   if (tag != what.names.end())
-    return option + ": " + *tag + " is a tag, the config says its type and count";
+    return option + ": " + *tag + " is a tag, and the config sets its type and count";
   return what.names.empty() ? option + " needs an address" : std::string();
 }
 

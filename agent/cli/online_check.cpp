@@ -205,11 +205,12 @@ class BrokerLook final {
     subscribe();
   }
   void on(const ConnectFailed& event) { end(event.text); }
-  void on(const Lost& event) { end("it ended the connection: " + event.text); }
+  void on(const Lost& event) { end("it closed the connection: " + event.text); }
   void on(const Subscribed& event) {
     if (!event.granted)
-      return end("it refuses the agent's user " + event.filter + " (" + event.text +
-                 "): no command would come; fxagent acl prints access rules for mosquitto");
+      return end(
+          "it refuses to let the agent's user subscribe to " + event.filter + " (" + event.text +
+          "): the agent would receive no commands; fxagent acl prints access rules for mosquitto");
     ++subscribed_;
     subscribe();
   }

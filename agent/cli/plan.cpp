@@ -121,7 +121,7 @@ std::string interval_text(std::chrono::milliseconds interval) {
 
 void print_heading(const LinkReport& link) {
   std::cout << "link " << link.name << ", "
-            << (link.baud ? std::to_string(*link.baud) + " baud" : std::string("speed not known"));
+            << (link.baud ? std::to_string(*link.baud) + " baud" : std::string("unknown speed"));
 }
 
 std::string counted(std::uint32_t number, const std::string& what) {
@@ -193,7 +193,7 @@ void print_block_trade(const LinkReport& link) {
     });
     const bool same = end - first == 1;
     std::cout << "  " << first->device << ": ";
-    if (same) std::cout << "max_block_bytes changes nothing here";
+    if (same) std::cout << "max_block_bytes has no effect here";
     for (auto trade = end; !same && trade-- != first;)
       std::cout << (trade + 1 == end ? "blocks of " : "; of ") << trade->block_bytes
                 << (trade + 1 == end ? " bytes" : "") << (trade->configured ? " (now)" : "") << ": "
@@ -209,11 +209,10 @@ void print_plan(const Reports& links) {
     print_heading(link);
     if (link.busy_percent) std::cout << ", busy " << percent_text(link.busy_percent);
     if (link.command_bound)
-      std::cout << "; a command is through after " << with_unit(link.command_bound)
-                << " at the most";
+      std::cout << "; a command takes at most " << with_unit(link.command_bound);
     std::cout << '\n';
     if (link.listening.count() > 0)
-      std::cout << "  listens for " << link.listening.count() << " ms before its first question\n";
+      std::cout << "  listens for " << link.listening.count() << " ms before its first request\n";
     if (!link.groups.empty()) {
       print_groups(link);
       print_reads(link);
@@ -247,12 +246,12 @@ void print_change(const LinkReport& was, const LinkReport& is) {
   std::vector<Row> rows{{"", "before", "after"}};
   rows.push_back({"busy", percent_text(was.busy_percent), percent_text(is.busy_percent)});
   rows.push_back(
-      {"a command is through after", with_unit(was.command_bound), with_unit(is.command_bound)});
+      {"a command takes at most", with_unit(was.command_bound), with_unit(is.command_bound)});
   for (const GroupLoad& group : is.groups) {
     const GroupLoad* earlier = same_group(was, group);
     const std::string every = group.interval.count() > 0
                                   ? "every " + interval_text(group.interval) + " ms"
-                                  : "as fast as it goes";
+                                  : "as fast as possible";
     rows.push_back({group.device + "/" + group.group + ", " + every,
                     earlier != nullptr ? cost_text(*earlier) : kNone, cost_text(group)});
   }

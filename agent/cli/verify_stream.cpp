@@ -60,7 +60,7 @@ class Connection final {
               [[maybe_unused]] const auto written = write(news_, &one, sizeof one);
             },
             kMaxPayload, keep_session) {
-    if (news_ < 0 || signals_ < 0) throw std::runtime_error("no file handle left to wait with");
+    if (news_ < 0 || signals_ < 0) throw std::runtime_error("no free file handle");
   }
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
@@ -141,7 +141,7 @@ class Listener final {
         std::visit([this](const auto& e) { on(e); }, event);
       if (over_) break;
       if (woken == Woken::stop_asked || now() >= deadline_) {
-        if (!begun_) end("stopped before it could listen");
+        if (!begun_) end("stopped before it could subscribe");
         if (lost_at_) end("no connection at the end: " + fault_);
         break;
       }
@@ -192,8 +192,7 @@ class Listener final {
     pause();
   }
   void on(const MessagesDropped& event) {
-    end("this program was too slow: " + std::to_string(event.count) +
-        " messages were not looked at");
+    end("this program was too slow: " + std::to_string(event.count) + " messages were dropped");
   }
   void on(const Disconnected&) {}
   void on(const Delivered&) {}
@@ -327,14 +326,14 @@ std::string text_of(const NumberRanges& ranges) {
     if (range.last != range.first) text += "-" + std::to_string(range.last);
   }
   const std::uint64_t more = ranges.ranges - ranges.listed.size();
-  return more == 0 ? text : text + " and " + std::to_string(more) + " ranges more";
+  return more == 0 ? text : text + " and " + std::to_string(more) + " more ranges";
 }
 
 void print(const DeviceStream& stream) {
   const auto line = [](const std::string& text) { std::cout << "  " << text << '\n'; };
   std::cout << escaped(stream.device, Escape::terminal) << ": ";
   if (!stream.decided)
-    std::cout << (stream.history == 0 ? "nothing came" : "no live sample came");
+    std::cout << (stream.history == 0 ? "no sample was received" : "no live sample was received");
   else if (stream.missing.numbers == 0)
     std::cout << (stream.unprovable.numbers > 0 ? "nothing is known to be missing"
                                                 : "nothing is missing");
@@ -349,13 +348,13 @@ void print(const DeviceStream& stream) {
     line("not provable, sent during an interruption or lost: " +
          std::to_string(stream.unprovable.numbers) + ": " + text_of(stream.unprovable));
   if (stream.skipped.numbers > 0)
-    line("left out by a new boot: " + std::to_string(stream.skipped.numbers) + ": " +
+    line("skipped by a new boot: " + std::to_string(stream.skipped.numbers) + ": " +
          text_of(stream.skipped));
   if (stream.repeated > 0)
     line("repeated: " + std::to_string(stream.repeated) +
          (stream.differing == 0
-              ? ", always the same sample"
-              : ", " + std::to_string(stream.differing) + " of them with ANOTHER sample"));
+              ? ", each time the same sample"
+              : ", " + std::to_string(stream.differing) + " of them with a DIFFERENT sample"));
   if (stream.disordered > 0)
     line("after a higher number on its topic: " + std::to_string(stream.disordered));
   if (stream.ts_backward > 0) line("ts goes backward: " + std::to_string(stream.ts_backward));
@@ -403,15 +402,15 @@ void print_text(const Listener& listener, const std::string& base,
   if (away.count > 0) {
     std::cout << "interruptions: " << away.count << ", " << tenths(away.total) << " s; ";
     if (away.unkept == 0)
-      std::cout << "the broker kept what it would have sent\n";
+      std::cout << "the broker kept the messages\n";
     else
       std::cout << "in " << away.unkept
-                << " of them the broker kept nothing: is its persistence on?\n";
+                << " of them the broker kept no messages: is its persistence on?\n";
   }
   for (const DeviceStream& stream : streams) print(stream);
   if (std::ranges::none_of(streams, [](const auto& stream) { return stream.seen.has_value(); }))
-    std::cout << "nothing came at all: is the agent running, and may this user read " << base
-              << "/+/data/#?\n";
+    std::cout << "no sample was received at all: is the agent running, and may this user read "
+              << base << "/+/data/#?\n";
 }
 
 }  // namespace

@@ -140,7 +140,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
       set_outcome(result, CommandStatus::duplicate, Reason::duplicate_id, {});
       if (seen->over) result.first_number = seen->number;
       if (!seen->number)
-        result.detail = "it is over, its result is not kept any more; the command is not repeated";
+        result.detail = "the command is over and its result is no longer kept; it is not repeated";
       result.first = seen->result;
       if (result.first) result.plc = result.first->plc;
       return result;
@@ -158,11 +158,12 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   admitted.codec = device_codec;
   std::optional<Refusal> why;
   if (command.retained) {
-    why = refuse(Reason::retained, "a retained command is an old one: publish without retain");
+    why =
+        refuse(Reason::retained, "a retained command may be old: publish commands without retain");
   } else if (refusal && refusal->reason == Reason::bad_op) {
     why = refusal;
   } else if (!command.op) {
-    why = refuse(Reason::bad_op, "op is one of write, force_on, force_off, read, run, stop");
+    why = refuse(Reason::bad_op, "op must be one of write, force_on, force_off, read, run, stop");
   } else if (is_run_or_stop(*command.op)) {
     const PlcServices* plc = codec.plc();
     if (plc == nullptr)
@@ -189,23 +190,22 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     admitted.deadline = deadline_of(cmd, rules);
     if (now > admitted.deadline) {
       set_outcome(result, CommandStatus::expired, Reason::expired,
-                  "its time had passed on arrival");
+                  "the command had expired when it arrived");
       remember_refused(cmd, result, now);
       return result;
     }
     if (waiting >= rules.queue)
       why = refuse(Reason::queue_full,
-                   std::to_string(waiting) + " commands are waiting on this device");
+                   std::to_string(waiting) + " commands are waiting for this device");
     else if (!(admitted.place = room_->take(cmd.device, kAdmittedToCommand * memory_of(cmd))))
-      why = refuse(Reason::queue_full, "the commands that wait take " +
+      why = refuse(Reason::queue_full, "the waiting commands already take " +
                                            std::to_string(room_->bytes() >> 20) + " MiB already");
     else if (!ids_.make_room(now))
-      why =
-          refuse(Reason::queue_full,
-                 "as many ids are remembered as there is room for, and none is past its deadline");
+      why = refuse(Reason::queue_full,
+                   "the memory of command ids is full, and no id in it has expired");
     else if (!conflict_.empty())
-      why = refuse(Reason::conflict, "another agent has the id of this one, boot " + conflict_ +
-                                         ": neither carries out commands");
+      why = refuse(Reason::conflict, "another agent has the same id, boot " + conflict_ +
+                                         ": neither agent carries out commands");
   }
   if (why) {
     rejected(*why);
@@ -232,7 +232,7 @@ std::optional<Refusal> CommandAdmission::resolve(const Codec& codec, AdmittedCom
   const Command& command = admitted.command;
   if (command.targets.empty()) {
     if (command.refusal && concerns_place(command.refusal->reason)) return command.refusal;
-    return refuse(Reason::unknown_tag, "tag or address is missing");
+    return refuse(Reason::unknown_tag, "neither tag nor address");
   }
   Faults faults;
   for (std::size_t i = 0; i < command.targets.size(); ++i) {
@@ -250,7 +250,8 @@ std::optional<Refusal> CommandAdmission::resolve(const Codec& codec, AdmittedCom
   const std::optional<Refusal>& first = faults.first();
   if (first && command.is_list)
     for (TargetResult& target : out)
-      if (target.reason == Reason::none) target.detail = "not sent: another target was refused";
+      if (target.reason == Reason::none)
+        target.detail = "not sent: the agent refused another target";
   return first;
 }
 
@@ -282,7 +283,7 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
     out.point = tag->point;
   } else {
     if (!target.type && codec.addresses().needs_type(target.address))
-      return refuse(fault, target.address + " is a contact and a value: say which by type");
+      return refuse(fault, target.address + " is both a contact and a value: set type");
     const auto address = codec.addresses().parse_address(target.address, target.type);
     if (!address) return refuse(fault, address.error().text);
     out.point.address = *address;
@@ -302,14 +303,14 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
     return refuse(Reason::bad_address, out.point.address.text + " is not a single bit device");
   if (codec.is_broadcast()) {
     if (op != Op::read) return std::nullopt;
-    return refuse(fault, "nobody answers a broadcast, so nothing can be read");
+    return refuse(fault, "no device answers a broadcast, so nothing can be read");
   }
   const Plan plan =
       make_plan(codec, std::span(&out.point, 1), LineCost{}, device_->max_block_bytes);
   if (!plan.unreachable.empty())
     return refuse(Reason::bad_address,
-                  out.point.address.text + " cannot be reached on this model" +
-                      (must_ask_model(codec) ? " until the model is known" : ""));
+                  out.point.address.text + " cannot be reached with this model" +
+                      (must_ask_model(codec) ? " before the model is known" : ""));
   return std::nullopt;
 }
 
@@ -327,10 +328,9 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
     return refuse(Reason::not_writable, writable.error().text);
   if (target.tag_index) {
     if (device_->tags[*target.tag_index].writable) return std::nullopt;
-    return refuse(
-        Reason::not_writable,
-        "the tag's access is read; \"access\": \"read_write\" in the config lets commands "
-        "write it");
+    return refuse(Reason::not_writable,
+                  "the tag's access is read; with \"access\": \"read_write\" in the config, "
+                  "commands may write it");
   }
   if (allowed) return std::nullopt;
   return refuse(Reason::not_allowed, name + " is not covered by commands.allow");
@@ -348,7 +348,7 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
   if (command.expect) {
     if (codec.is_broadcast())
       return refuse(Reason::bad_value,
-                    "expect: nobody answers a broadcast, so nothing can be compared");
+                    "expect: no device answers a broadcast, so there is nothing to compare");
     if (const auto kind = check_kind(out.point, *command.expect); !kind)
       return refuse(Reason::bad_value, "expect: " + kind.error().text);
     out.expected = command.expect;

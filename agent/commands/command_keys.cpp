@@ -86,7 +86,7 @@ std::string unknown(std::string_view name) {
 void check_address_keys(const Json& target, Faults& faults) {
   const auto misplaced = [&](const char* key, const char* where) {
     if (has(target, key))
-      faults.add(Reason::bad_json, "key " + in_quotes(key) + " goes with " + where + " only");
+      faults.add(Reason::bad_json, "key " + in_quotes(key) + " is only for " + where);
   };
   if (!has(target, "address")) {
     if (!has(target, "tag")) return;  // not a target; read_place() reports it
@@ -95,7 +95,7 @@ void check_address_keys(const Json& target, Faults& faults) {
   }
   const auto type = target.find("type");
   if (type != target.end() && *type == "string")
-    misplaced("count", "other types than string, which have a length,");
+    misplaced("count", "types other than string; a string has a length");
   else
     misplaced("length", "type string");
 }
@@ -104,11 +104,12 @@ enum class Object { command, command_with_targets, target };
 
 /// Returns why a known key must not stand there; empty if it may.
 std::string why_misplaced(const Key& key, Object object, std::optional<Op> op) {
-  if (object == Object::target && key.stands != Stands::in_target) return "is none of a target's";
+  if (object == Object::target && key.stands != Stands::in_target)
+    return "is not a key of a target";
   if (!op) return "";
-  if ((key.ops & group_of(*op)) == 0) return "does not go with op " + std::string(to_string(*op));
+  if ((key.ops & group_of(*op)) == 0) return "is not for op " + std::string(to_string(*op));
   if (object == Object::command_with_targets && key.stands != Stands::in_command)
-    return "does not go with targets, which stand in place of one target";
+    return "cannot be used together with targets: set it in each target";
   return "";
 }
 

@@ -25,7 +25,7 @@ Refusal refusal_of_unknown(const Command& command, const Config& config,
                            const std::string& device) {
   if (command.refusal && command.refusal->reason < Reason::duplicate_id) return *command.refusal;
   if (command.retained)
-    return {Reason::retained, "a retained command is an old one: publish without retain"};
+    return {Reason::retained, "a retained command may be old: publish commands without retain"};
   std::vector<std::string_view> names;
   names.reserve(config.devices.size());
   for (const DeviceConfig& known : config.devices)
@@ -205,8 +205,8 @@ void Commands::hand_over(std::int64_t utc_ms) {
     }
     CommandResult result = result_of(command);
     set_outcome(result, CommandStatus::rejected, Reason::store_unavailable,
-                "the disk of the store does not answer, so the command cannot be noted before it "
-                "is sent; nothing was sent");
+                "the store's disk does not respond, so the command cannot be recorded before it is "
+                "sent; nothing was sent");
     finish(std::move(result), utc_ms);
   }
 }
@@ -315,11 +315,11 @@ void Commands::find_first(CommandResult& result) {
   record_results();
   const auto known = journal_->find(name_of(result.device), result.id);
   if (!known || known->result.empty() || known->number != result.first_number) {
-    result.detail = journal_->hangs()
-                        ? "the disk of the store does not answer, so the first result cannot be "
-                          "read; the command is not repeated"
-                        : "the first result is not in the journal any more; the command is not "
-                          "repeated";
+    result.detail =
+        journal_->hangs()
+            ? "the store's disk does not respond, so the first result cannot be read; the command "
+              "is not repeated"
+            : "the first result is no longer in the journal; the command is not repeated";
     return;
   }
   std::string text = known->result;

@@ -36,7 +36,7 @@ class Watch final {
       case Json::parse_event_t::object_start:
       case Json::parse_event_t::array_start:
         open_.emplace_back();
-        if (open_.size() > kMaxDepth + 1 && fault_.empty()) fault_ = "nested too deep";
+        if (open_.size() > kMaxDepth + 1 && fault_.empty()) fault_ = "nested too deeply";
         break;
       case Json::parse_event_t::object_end:
       case Json::parse_event_t::array_end:
@@ -44,7 +44,7 @@ class Watch final {
         break;
       case Json::parse_event_t::key:
         if (!open_.back().insert(parsed.get_ref<const std::string&>()).second && fault_.empty())
-          fault_ = "key " + in_quotes(parsed.get_ref<const std::string&>()) + " is there twice";
+          fault_ = "key " + in_quotes(parsed.get_ref<const std::string&>()) + " occurs twice";
         break;
       case Json::parse_event_t::value:
         break;
@@ -154,7 +154,7 @@ void read_op(const Json& object, Command& command, Faults& faults) {
   command.op_text = text->substr(0, kMaxOpKept);
   command.op = op_from(*text);
   if (!command.op)
-    faults.add(Reason::bad_op, "op " + in_quotes(*text) + " is none of " + std::string(words));
+    faults.add(Reason::bad_op, "op " + in_quotes(*text) + " is not one of " + std::string(words));
 }
 
 void read_type(const Json& type, CommandTarget& target, Faults& faults) {
@@ -186,7 +186,7 @@ void read_place(const Json& object, CommandTarget& target, Faults& faults) {
   const Json* tag = given(object, "tag");
   const Json* address = given(object, "address");
   if (tag != nullptr && address != nullptr)
-    return faults.add(Reason::bad_address, "tag and address exclude each other");
+    return faults.add(Reason::bad_address, "tag and address cannot be used together");
   if (tag == nullptr && address == nullptr)
     return faults.add(Reason::unknown_tag, "neither tag nor address");
   const auto* name = (tag != nullptr ? tag : address)->get_ptr<const std::string*>();
@@ -209,7 +209,7 @@ CommandTarget read_target(const Json& object, Faults& of_command) {
     if (const Json* value = find(object, "value")) target.value = value_of(*value, "value", fault);
     if (!fault.empty()) faults.add(Reason::bad_value, fault);
   } else {
-    faults.add(Reason::bad_address, "every one of targets must be an object");
+    faults.add(Reason::bad_address, "each target must be an object");
   }
   target.fault = faults.first();
   of_command.add(target.fault);
@@ -345,11 +345,11 @@ Command parse_command(std::string_view payload) {
   // The parser takes a NUL for the end of the text.
   if (payload.find('\0') != std::string_view::npos)
     faults.add(Reason::bad_json,
-               "a NUL byte is no JSON: send the text without its terminating zero");
+               "a NUL byte is not JSON: send the text without its terminating zero");
   if (!watch.fault().empty()) faults.add(Reason::bad_json, watch.fault());
-  if (too_many) faults.add(Reason::bad_json, "more objects and arrays than a command has");
+  if (too_many) faults.add(Reason::bad_json, "more objects and arrays than a command may have");
   if (json.contains("status"))
-    faults.add(Reason::bad_json, "key 'status' belongs to a result: this is no command");
+    faults.add(Reason::bad_json, "key 'status' belongs to a result: this is not a command");
   read_id(json, command, faults);
   read_op(json, command, faults);
   check_keys(json, command.op, faults);

@@ -18,7 +18,7 @@ TargetResult result_of(const AdmittedTarget& target);
 void set_outcome(CommandResult& result, CommandStatus status, Reason reason, std::string detail);
 /// Detail of a command that may have been sent in part when the agent ended.
 inline constexpr std::string_view kInterrupted =
-    "the agent ended while the command was under way: it may or may not have been carried out";
+    "the agent ended during the command: it may or may not have been carried out";
 /// Sets UNKNOWN_OUTCOME: the command may have been sent in part when the agent ended.
 void set_interrupted(CommandResult& result);
 /// Sets FAILED: the command waited when the agent ended, and nothing was sent. A read is always

@@ -157,7 +157,7 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
   const auto must_stay = [&errors](std::string pointer, bool same, const std::string& in_force) {
     if (!same)
       errors.push_back(
-          {std::move(pointer), 0, "needs a restart of the agent; in force is " + in_force});
+          {std::move(pointer), 0, "needs a restart of the agent; until then it is " + in_force});
   };
   must_stay("/agent/id", running.id == wanted.id, shown(running.id));
   must_stay("/agent/root", running.root == wanted.root, shown(running.root));
@@ -173,7 +173,7 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
   must_stay("/store/audit_max_age_h", is.audit_max_age == next.audit_max_age,
             std::to_string(is.audit_max_age.count()));
   must_stay("/metrics/listen", running.metrics == wanted.metrics,
-            running.metrics ? "the address of the start" : "no metrics");
+            running.metrics ? "the address at the start" : "no metrics");
   return errors;
 }
 
@@ -201,7 +201,7 @@ std::string to_string(const ConfigChange& change, const Config& running) {
   if (!change.links_adjusted.empty())
     add("links adjusted: " + std::to_string(change.links_adjusted.size()));
   if (change.mqtt) add("mqtt");
-  if (change.remote) add("what can be set remotely");
+  if (change.remote) add("the limits of remote config");
   return text;
 }
 

@@ -232,7 +232,7 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"links[].udp", "host", text, {}, Required{}, "Host name or address."},
     {"links[].udp", "port", integer, {1, 65535}, Required{},
      "UDP port of the device, as set in the device."},
-    {"links[].udp", "local_port", integer, {1, 65535}, Rule{"any that is free"},
+    {"links[].udp", "local_port", integer, {1, 65535}, Rule{"any free port"},
      "Port from which the agent sends. Some devices answer only one port, which is set in the "
      "device (open settings: port of the other side). It must be this one."},
 
@@ -299,10 +299,10 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "Labels of values: `{\"0\": \"idle\", \"1\": \"run\"}`. Each key is a whole number in the unit of "
      "the value; of a `bool` 0 or 1. Not for `string`."},
     {"devices[].tags[]", "min", number, {}, None{},
-     "Least value that a command may write, after rounding to the raw value. A smaller one is "
+     "Smallest value that a command may write, after rounding to the raw value. A smaller one is "
      "refused (`out_of_range`)."},
     {"devices[].tags[]", "max", number, {}, None{},
-     "Greatest value that a command may write, after rounding to the raw value. A larger one is "
+     "Largest value that a command may write, after rounding to the raw value. A larger one is "
      "refused (`out_of_range`)."},
     {"devices[].tags[]", "deadband", number, {}, None{},
      "With `publish: on_change` a smaller difference does not count as a change. Without this "
@@ -335,7 +335,7 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
 consteval const ConfigKey& config_key(std::string_view path) {
   for (const ConfigKey& key : config_keys::kAll)
     if (key.is(path)) return key;
-  throw "there is no such key";
+  throw "no such key";
 }
 
 /// Returns the keys of one object, such as "devices[].tags[]"; "" is the top level.

@@ -62,23 +62,24 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
     read_store(reader, *store, config.store);
   else if (top.find("store") == nullptr)
     reader.warn(top,
-                "no store: samples are lost while the broker is away, and the ids of commands are "
-                "forgotten at a restart");
+                "no store: samples are lost while the broker is unreachable, and a restart loses "
+                "the ids of commands");
   if (const ConfigNode* metrics = reader.object(top, config_key("metrics")))
     config.metrics = read_metrics(reader, *metrics);
   Links links;
   const ConfigNode* link_array = reader.array(top, config_key("links"));
   if (link_array != nullptr) links = read_links(reader, *link_array, config);
   if (const ConfigNode* devices = reader.array(top, config_key("devices"))) {
-    if (devices->children.empty()) reader.warn(*devices, "no devices: nothing will be read");
+    if (devices->children.empty()) reader.warn(*devices, "no devices: the agent reads nothing");
     read_devices(reader, top, *devices, links.names, links.facts, config);
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
   set_silences(config);
   if (const auto memory = reader.room().size().memory(); memory > kMuchMemory)
-    reader.warn(top, "the agent needs about " + std::to_string(memory >> 20) +
-                         " MiB of memory for this, and its service has 256: give it more "
-                         "(systemctl edit fxagent: MemoryMax), or spread the devices over agents");
+    reader.warn(top,
+                "the agent needs about " + std::to_string(memory >> 20) +
+                    " MiB of memory for this config, and its service may use 256: raise MemoryMax "
+                    "(systemctl edit fxagent), or divide the devices among several agents");
   return config;
 }
 
@@ -94,7 +95,7 @@ tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
   ConfigReader reader(*tree, environment, bounds);
   Config config = read_top(reader, tree->root(), privacy);
   if (bounds.is_stopped())
-    return tl::unexpected(ConfigErrors{ConfigError{"", 0, "was not read to its end"}});
+    return tl::unexpected(ConfigErrors{ConfigError{"", 0, "could not be read completely"}});
   if (reader.failed()) return tl::unexpected(reader.errors());
   config.warnings = reader.warnings();
   config.hash = to_text(ByteView(sha256(text)).first(kHashBytes));

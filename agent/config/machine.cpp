@@ -102,8 +102,9 @@ ConfigErrors exposed_secrets(const Config& config) {
   const auto look = [&](std::string pointer, const std::string& path) {
     const std::string_view who = path.empty() ? std::string_view() : readers_beside_owner(path);
     if (!who.empty())
-      exposed.push_back({std::move(pointer), 0,
-                         shown(path) + " can be read by " + std::string(who) + "; chmod 600 it"});
+      exposed.push_back(
+          {std::move(pointer), 0,
+           shown(path) + " can be read by " + std::string(who) + "; run chmod 600 on it"});
   };
   if (config.mqtt.tls) look("/mqtt/tls/key_file", config.mqtt.tls->key_file);
   look("/mqtt/password_file", config.mqtt.password_file);

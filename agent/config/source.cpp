@@ -91,12 +91,12 @@ tl::expected<std::string, ConfigErrors> read_config_file(const std::string& path
       continue;
     }
     if (got == 0 && text.empty() && S_ISFIFO(kind.st_mode))
-      return unreadable("it is a pipe, and nobody writes into it");
+      return unreadable("it is a pipe that no program writes to");
     if (got == 0) break;
     if (errno == EINTR) continue;
     if (errno != EAGAIN) return unreadable(system_fault());
     if (!await_bytes(file.get(), deadline))
-      return unreadable("it is no plain file, and did not come to its end within " +
+      return unreadable("it is not a regular file, and it did not end within " +
                         std::to_string(kPipeReads.count()) + " s");
   }
   return text;

@@ -68,7 +68,7 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
     status.state = DeviceStatus::State::degraded;
     status.reason = "model_unknown";
     status.reason_text =
-        "set model: the PLC names none that is known, and only what every model has is used";
+        "set model: the PLC reports an unknown model, so the agent uses only what every model has";
   } else if (facts.first_bad || had_bad_value) {
     status.state = DeviceStatus::State::degraded;
     status.reason = to_string(facts.first_bad.value_or(BadReason::bad_value));
@@ -76,8 +76,8 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   const bool is_other_model = !model_configured_.empty() && model_ != model_configured_;
   status.model_configured = is_other_model ? model_configured_ : "";
   if (is_other_model && status.reason_text.empty())
-    status.reason_text = "the PLC is an " + model_ + ", the config says " + model_configured_ +
-                         ": correct model, or set it to auto";
+    status.reason_text = "the PLC is an " + model_ + ", but the config says " + model_configured_ +
+                         ": set model to that, or to auto";
   const bool other_state = starting_ || status.state != reported_.state;
   if (!other_state && status.reason == reported_.reason &&
       status.reason_text == reported_.reason_text && status.model == reported_.model &&

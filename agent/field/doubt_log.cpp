@@ -30,14 +30,14 @@ void DoubtLog::look() {
     log::warn("link", {{"link", link_.name},
                        {"echo", "found"},
                        {"note",
-                        "set echo for its devices: before three reads have shown it, the "
-                        "echo of a command may look like its answer"}});
+                        "set echo for its devices: until three reads have shown the echo, the echo "
+                        "of a command may pass for its answer"}});
   }
   if (!unexpected_logged_ && !bus_.last_unexpected().empty()) {
     unexpected_logged_ = true;
     log::warn("link", {{"link", link_.name},
                        {"unexpected", first_bytes(bus_.last_unexpected())},
-                       {"note", "bytes that nobody asked for; health counts them from here on" +
+                       {"note", "unexpected bytes; health counts them from now on" +
                                     what_nobody_asked_for(devices_, bus_)}});
   }
   const bool doubted = bus_.doubt().is_doubted();
@@ -51,8 +51,8 @@ void DoubtLog::look() {
                        {"state", "doubted"},
                        {"unexpected", first_bytes(bus_.last_unexpected())},
                        {"note",
-                        "another master, or answers that come late? values are bad_frame, and no "
-                        "ACK is believed until some exchanges in a row were clean"}});
+                        "another master, or late answers? Until several exchanges in a row are "
+                        "clean, values are bad_frame and no ACK counts"}});
   } else {
     log::info("link", {{"link", link_.name}, {"state", "believed again"}});
   }

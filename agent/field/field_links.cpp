@@ -251,7 +251,7 @@ void FieldLinks::begin_one(std::deque<ToBegin>::iterator which) {
     log::error("link", {{"link", config_->links[next.link].name},
                         {"state", "not begun"},
                         {"reason", error.what()},
-                        {"note", "its commands are refused until the agent is started again"}});
+                        {"note", "the agent refuses its commands until it is restarted"}});
     const std::lock_guard lock(places_mutex_);
     if (!places_[next.link].runs) places_[next.link].worker.reset();
   }

@@ -157,7 +157,8 @@ bool GroupPlans::proves_command(LinkDevice& device, const Request& request) {
   const HoleMap::Proof proof =
       device.holes->answered(gather == nullptr ? std::uint8_t{0} : gather->parts.front().gather);
   for (const std::uint8_t lacking : proof.lacking)
-    give_up_command(device, lacking, "no answer, or nonsense, where others are answered");
+    give_up_command(device, lacking,
+                    "no answer or a damaged one, although the device answers others");
   if (proof.again) make_all(device);
   return proof.again || !proof.lacking.empty();
 }
@@ -165,11 +166,10 @@ bool GroupPlans::proves_command(LinkDevice& device, const Request& request) {
 void GroupPlans::give_up_command(LinkDevice& device, std::uint8_t gather,
                                  const std::string& reason) {
   if (device.found_holes().lacks(gather, Clock::now()))
-    log::info("device",
-              {{"device", device.config.name},
-               {"refused", "a read of several places in one frame"},
-               {"reason", reason},
-               {"note", "this device lacks the command: its places are read without it"}});
+    log::info("device", {{"device", device.config.name},
+                         {"refused", "a read of several places in one frame"},
+                         {"reason", reason},
+                         {"note", "this device lacks the command: the agent reads without it"}});
   // The running cycles begin anew, so that no tag is bad for lack of a command.
   make_all(device);
 }

@@ -225,8 +225,8 @@ void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
   was_refused_ = false;
   is_left_ = true;
   next_open_ = Clock::now() + reconnect_policy_.after_loss();
-  go_down(bus_.channel().transport().has_datagrams() ? "nobody answers on this UDP port"
-                                                     : "nobody answers on this connection",
+  go_down(bus_.channel().transport().has_datagrams() ? "no answers on this UDP port"
+                                                     : "no answers on this connection",
           {});
 }
 

@@ -199,7 +199,7 @@ asio::awaitable<void> LinkWorker::run() {
 void LinkWorker::answer_after_fault(const std::string& what) {
   log::error("link", {{"link", config_.name}, {"fault", what}});
   bus_.close();
-  commands_.answer_running("a fault in the agent ended the link while the command was under way");
+  commands_.answer_running("a fault in the agent ended the link during the command");
 }
 
 asio::awaitable<void> LinkWorker::serve() {

@@ -90,12 +90,12 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
   const auto model = is_answer ? plc.model_from(device.model_images) : std::nullopt;
   device.state.compare_model(model);
   if (model && *model != model_of(*device.codec))
-    log::warn("device", {{"device", device.config.name},
-                         {"model", *model},
-                         {"model_configured", model_of(*device.codec)},
-                         {"note",
-                          "the PLC is another model than the config says: correct model, or set it "
-                          "to auto"}});
+    log::warn(
+        "device",
+        {{"device", device.config.name},
+         {"model", *model},
+         {"model_configured", model_of(*device.codec)},
+         {"note", "the PLC is not the model of the config: correct model, or set it to auto"}});
   state_.update(device);
 }
 
@@ -160,9 +160,10 @@ ModelQuestions::Knowledge ModelQuestions::use_model(LinkDevice& device,
                                                     const std::optional<std::string>& model) {
   device.state.set_model(model);
   if (!model) {
-    log::warn("device", {{"device", device.config.name},
-                         {"model", "unknown"},
-                         {"note", "only what every model has is used; set model in the config"}});
+    log::warn("device",
+              {{"device", device.config.name},
+               {"model", "unknown"},
+               {"note", "the agent uses only what every model has; set model in the config"}});
   } else if (*model != model_of(*device.codec)) {
     log::info("device", {{"device", device.config.name}, {"model", *model}});
   }

@@ -204,7 +204,7 @@ void Poller::note_load() {
     log::warn("link", {{"link", link_.name},
                        {"load_percent", percent},
                        {"note",
-                        "the groups ask for more than the line carries; all are polled "
+                        "the groups need more time than the line has; the agent polls all of them "
                         "less often, in proportion: see fxagent plan"}});
   else
     log::info("link", {{"link", link_.name}, {"load_percent", percent}});
@@ -259,9 +259,7 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
                       {"tag", std::string(tag.name)},
                       {"address", std::string(tag.point.address.text)},
                       {"reason", none.why},
-                      {"note", none.hint.empty()
-                                   ? "is this its address, and the type that the device has there?"
-                                   : none.hint}});
+                      {"note", none.hint.empty() ? "are its address and type right?" : none.hint}});
   }
   if (message)
     publish(device, std::move(*message));

@@ -43,28 +43,29 @@ struct OfLink {
   double (*value)(const LinkHealth&);
 };
 constexpr std::array kOfLinks{
-    OfLink{"fxagent_link_open", "Whether the port or the connection is open.", kGauge,
+    OfLink{"fxagent_link_open", "1 if the port or the connection is open.", kGauge,
            [](const LinkHealth& link) { return yes(link.open); }},
     OfLink{"fxagent_exchanges_total", "Requests that were sent on the link.", kCounter,
            [](const LinkHealth& link) { return number(link.exchanges); }},
-    OfLink{"fxagent_timeouts_total", "Exchanges without a whole answer in time.", kCounter,
+    OfLink{"fxagent_timeouts_total", "Exchanges without a complete answer in time.", kCounter,
            [](const LinkHealth& link) { return number(link.timeouts); }},
     OfLink{"fxagent_naks_total", "Exchanges that the device refused.", kCounter,
            [](const LinkHealth& link) { return number(link.naks); }},
     OfLink{"fxagent_bad_frames_total", "Exchanges with a damaged answer.", kCounter,
            [](const LinkHealth& link) { return number(link.bad_frames); }},
-    OfLink{"fxagent_unexpected_bytes_total", "Bytes that nobody asked for.", kCounter,
+    OfLink{"fxagent_unexpected_bytes_total", "Unexpected bytes on the line.", kCounter,
            [](const LinkHealth& link) { return number(link.unexpected_bytes); }},
-    OfLink{"fxagent_line_doubts_total", "How often the line was in doubt for such bytes.", kCounter,
-           [](const LinkHealth& link) { return number(link.doubts); }},
-    OfLink{"fxagent_line_doubted", "Whether the line is in doubt now.", kGauge,
+    OfLink{"fxagent_line_doubts_total", "Number of times that such bytes put the line in doubt.",
+           kCounter, [](const LinkHealth& link) { return number(link.doubts); }},
+    OfLink{"fxagent_line_doubted", "1 if the line is in doubt now.", kGauge,
            [](const LinkHealth& link) { return yes(link.doubted); }},
     OfLink{"fxagent_line_busy_ratio",
-           "Share of the last 5 s in exchanges and the silence that they waited for.", kGauge,
+           "Share of the last 5 s that exchanges and their silences took.", kGauge,
            [](const LinkHealth& link) { return link.busy_percent / 100; }},
     OfLink{"fxagent_line_load_ratio",
-           "What the poll intervals ask for; above 1 every group is polled less often.", kGauge,
-           [](const LinkHealth& link) { return link.load_percent / 100; }}};
+           "Share of the line time that the poll intervals need; above 1 every group is polled "
+           "less often.",
+           kGauge, [](const LinkHealth& link) { return link.load_percent / 100; }}};
 
 struct OfDevice {
   std::string_view name;
@@ -72,9 +73,9 @@ struct OfDevice {
   double (*value)(const DeviceHealth&);
 };
 constexpr std::array kOfDevices{
-    OfDevice{"fxagent_polls_total", "Poll cycles that were begun.",
+    OfDevice{"fxagent_polls_total", "Poll cycles begun.",
              [](const DeviceHealth& device) { return number(device.polls); }},
-    OfDevice{"fxagent_missed_polls_total", "Poll intervals that were left out.",
+    OfDevice{"fxagent_missed_polls_total", "Poll intervals skipped.",
              [](const DeviceHealth& device) { return number(device.missed); }}};
 
 struct OfSamples {
@@ -87,11 +88,11 @@ constexpr std::array kOfSamples{
               &SampleCounts::collected},
     OfSamples{"fxagent_samples_recovered_total", "Samples found on disk at the start.",
               &SampleCounts::recovered},
-    OfSamples{"fxagent_samples_suppressed_total", "Samples that had nothing new to say.",
+    OfSamples{"fxagent_samples_suppressed_total", "Samples not published because nothing changed.",
               &SampleCounts::suppressed},
-    OfSamples{"fxagent_samples_acknowledged_total", "Samples that the broker has.",
+    OfSamples{"fxagent_samples_acknowledged_total", "Samples acknowledged by the broker.",
               &SampleCounts::acknowledged},
-    OfSamples{"fxagent_samples_dropped_total", "Samples that are lost.", &SampleCounts::dropped},
+    OfSamples{"fxagent_samples_dropped_total", "Samples lost.", &SampleCounts::dropped},
     OfSamples{"fxagent_samples_published_total", "Samples sent, repeats included.",
               &SampleCounts::published}};
 
@@ -172,16 +173,16 @@ class Page final {
     one("fxagent_uptime_seconds", kGauge, "Time since the start.", in_seconds(status_.uptime));
     one("process_resident_memory_bytes", kGauge, "Resident memory of the process.",
         number(status_.rss_bytes));
-    one("fxagent_clock_synchronised", kGauge, "Whether the clock of this machine is synchronised.",
+    one("fxagent_clock_synchronised", kGauge, "1 if the clock of this machine is synchronised.",
         yes(status_.clock_synchronised));
-    one("fxagent_identity_conflict", kGauge, "Whether another agent has the same id.",
+    one("fxagent_identity_conflict", kGauge, "1 if another agent has the same id.",
         yes(!status_.conflict.empty()));
   }
 
   void of_broker() {
-    one("fxagent_broker_connected", kGauge, "Whether there is a connection to a broker.",
+    one("fxagent_broker_connected", kGauge, "1 if the agent is connected to a broker.",
         yes(status_.broker.connected));
-    one("fxagent_broker_subscribed", kGauge, "Whether commands are heard.",
+    one("fxagent_broker_subscribed", kGauge, "1 if the agent receives commands.",
         yes(status_.broker.subscribed));
   }
 
@@ -189,22 +190,23 @@ class Page final {
     for (const OfSamples& each : kOfSamples)
       one(each.name, kCounter, each.help, number(status_.samples.*each.count));
     begin("fxagent_samples_waiting", kGauge,
-          "Samples that the broker does not have yet, by place.");
+          "Samples that the broker has not acknowledged yet, by place.");
     add({{"place", "queued"}}, number(status_.samples.queued));
     add({{"place", "in_flight"}}, number(status_.samples.in_flight));
     add({{"place", "stored"}}, number(status_.samples.stored));
-    one("fxagent_samples_balanced", kGauge, "0 only by a bug: samples are not accounted for.",
-        yes(status_.samples.balanced()));
+    one("fxagent_samples_balanced", kGauge,
+        "0 only because of a bug: samples are not accounted for.", yes(status_.samples.balanced()));
   }
 
   void of_store() {
     if (!config_.store.path.empty())
-      one("fxagent_store_on_disk", kGauge, "0: the disk refuses, and memory is all there is.",
+      one("fxagent_store_on_disk", kGauge,
+          "1 if the disk takes writes; 0: samples are in memory only.",
           yes(status_.store_state == "disk"));
     one("fxagent_store_bytes", kGauge, "Size of backlog and journal.", number(status_.store_bytes));
     if (status_.hours_left)
       one("fxagent_store_left_seconds", kGauge,
-          "Time until the store is full, if no sample could leave.", *status_.hours_left * 3600);
+          "Time until the store is full if no sample can be sent.", *status_.hours_left * 3600);
     if (!status_.audit_head.empty())
       one("fxagent_audit_records", kGauge, "Records of the audit.", number(status_.audit_records));
   }
@@ -240,7 +242,8 @@ class Page final {
     begin("fxagent_exchange_turnaround_seconds", kHistogram,
           "The devices' own time in exchanges that were answered.");
     for_each_link(count, [&](std::size_t i) { add(link(i), durations[i].turnaround); });
-    begin("fxagent_poll_lateness_seconds", kHistogram, "How late poll cycles began.");
+    begin("fxagent_poll_lateness_seconds", kHistogram,
+          "Delay of poll cycles after their due time.");
     for_each_link(count, [&](std::size_t i) { add(link(i), durations[i].lateness); });
   }
 
@@ -262,10 +265,10 @@ class Page final {
         return yes(is_so(status_.devices[i]->state));
       };
     };
-    of_each_device("fxagent_device_up", kGauge, "Whether the device answers.",
+    of_each_device("fxagent_device_up", kGauge, "1 if the device answers.",
                    whether([](State state) { return state != State::offline; }));
     of_each_device("fxagent_device_degraded", kGauge,
-                   "Whether the device answers and a tag is bad, or its model is not known.",
+                   "1 if the device answers but a tag is bad or its model is not known.",
                    whether([](State state) { return state == State::degraded; }));
     for (const OfDevice& each : kOfDevices)
       of_each_device(each.name, kCounter, each.help, [&](std::size_t i) -> std::optional<double> {
@@ -280,7 +283,7 @@ class Page final {
                      return number(status_.dropped[i]);
                    });
     of_each_device("fxagent_device_samples_refused", kGauge,
-                   "Whether the broker refuses the device's samples now.",
+                   "1 if the broker refuses the device's samples now.",
                    [this](std::size_t i) -> std::optional<double> {
                      if (i >= status_.refused.size()) return std::nullopt;
                      return yes(!status_.refused[i].empty());
@@ -289,7 +292,7 @@ class Page final {
 
   void of_connections() {
     begin("fxagent_http_connections_closed_total", kCounter,
-          "Connections to this page that were closed before they had their answer.");
+          "Connections to this page that were closed before the answer was sent.");
     add({{"why", "slow"}}, number(closed_.slow));
     add({{"why", "crowded"}}, number(closed_.crowded));
     add({{"why", "unanswered"}}, number(closed_.unanswered));

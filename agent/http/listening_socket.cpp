@@ -47,15 +47,16 @@ bool is_socket(const std::string& path) {
 std::string cure_of(int error) {
   switch (error) {
     case EADDRINUSE:
-      return "; another program has this address: end it, or choose another one in metrics.listen";
+      return "; another program uses this address: end it, or set another address in "
+             "metrics.listen";
     case EADDRNOTAVAIL:
-      return "; this machine has no such address now: choose one of its own in metrics.listen";
+      return "; this machine does not have this address now: set one of its own in metrics.listen";
     case EACCES:
     case EPERM:
-      return "; the agent's user may not use it: choose a port from 1024, or a directory that the "
-             "agent may write";
+      return "; the agent's user may not use it: set a port from 1024, or a directory that the "
+             "agent may write to";
     case ENOENT:
-      return "; make the directory, or have systemd make it (RuntimeDirectory=fxagent)";
+      return "; create the directory, or let systemd create it (RuntimeDirectory=fxagent)";
     default:
       return {};
   }

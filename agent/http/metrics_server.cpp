@@ -26,7 +26,7 @@ constexpr unsigned kOk = 200;
 constexpr unsigned kNotFound = 404;
 constexpr unsigned kUnavailable = 503;
 
-constexpr const char* kNote = "the agent runs on without metrics";
+constexpr const char* kNote = "the agent continues without metrics";
 
 HttpAnswer answer_of(Probe probe) {
   return {probe.good ? kOk : kUnavailable, kJson,

@@ -61,9 +61,9 @@ Probe readiness_of(const AgentStatus* status, SteadyTime now) {
     if (!broker.connected)
       reasons.push_back("broker: no connection to " + broker.server);
     else if (!broker.subscribed)
-      reasons.push_back("commands are not heard: " + (broker.not_heard_why.empty()
-                                                          ? "the broker has not confirmed yet"
-                                                          : broker.not_heard_why));
+      reasons.push_back("commands are not received: " + (broker.not_heard_why.empty()
+                                                             ? "the broker has not confirmed yet"
+                                                             : broker.not_heard_why));
     if (!status->conflict.empty())
       reasons.push_back("commands are refused: another agent has the same id, boot " +
                         status->conflict);

@@ -81,8 +81,7 @@ tl::expected<std::vector<CsvRow>, CsvFault> read_csv(std::string_view text, char
     const std::string_view line = text.substr(0, text.find('\n')).size() == text.size()
                                       ? text
                                       : text.substr(0, text.find('\n') + 1);
-    if (!reader.take(line))
-      return tl::unexpected(CsvFault{reader.line(), "a quote stands inside a cell"});
+    if (!reader.take(line)) return tl::unexpected(CsvFault{reader.line(), "a quote inside a cell"});
     text.remove_prefix(line.size());
   }
   if (!reader.end()) return tl::unexpected(CsvFault{reader.line(), "the file ends inside quotes"});

@@ -89,7 +89,7 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
     const std::string_view address = row->at(0);
     if (!is_device(address)) {
       if (head != rows->end() && !address.empty())
-        out.leave_out(row->line, "\"" + std::string(address) + "\" is no device");
+        out.leave_out(row->line, "\"" + std::string(address) + "\" is not a device");
       continue;
     }
     const std::string_view comment = comment_of(*row, head == rows->end() ? nullptr : &*head);
@@ -109,7 +109,7 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
     return tl::unexpected(ImportFault{0, "has no device comments"});
   if (without_comment > 0)
     out.note(0, "left out: " + counted(without_comment, "device") + " without a comment");
-  if (options.port.empty()) out.note(0, "the link is a placeholder: give it the right port");
+  if (options.port.empty()) out.note(0, "the link is a placeholder: set its port");
   out.devices.push_back(std::move(device));
   return out;
 }

@@ -102,7 +102,7 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
     const auto spared = std::ranges::find_if(
         kSpared, [&](std::string_view key) { return all_of_key("/" + std::string(key)); });
     if (spared != kSpared.end()) {
-      imported.note(tag->line, "not carried over: the " + std::string(*spared) + " of " + text);
+      imported.note(tag->line, "not imported: the " + std::string(*spared) + " of " + text);
       tag->keys.erase(std::string(*spared));
       tag->is_changed = true;
     } else {
@@ -122,7 +122,7 @@ bool drop_of_link(Imported& imported, const ConfigError& error, std::string_view
   const std::string key(key_in(pointer.substr(kSerial.size())));
   if (key == "path" || !link.contains("serial") || !link["serial"].contains(key)) return false;
   link["serial"].erase(key);
-  imported.note(0, "not carried over: " + key + " of " + name_of(link) + ": " + error.text);
+  imported.note(0, "not imported: " + key + " of " + name_of(link) + ": " + error.text);
   return true;
 }
 
@@ -139,7 +139,7 @@ bool drop_of_device(Imported& imported, const ConfigError& error, std::string_vi
   if (!object.contains(key)) return false;
   if (key == "timeout_ms" || key == "interval_ms") {
     object.erase(key);
-    imported.note(0, "not carried over: " + key + " of " + device.name + ": " + error.text);
+    imported.note(0, "not imported: " + key + " of " + device.name + ": " + error.text);
     return true;
   }
   imported.note(0, "left out: the device " + device.name + ": " + key + " " + error.text);
@@ -214,9 +214,9 @@ std::string NameMaker::make(std::string_view wanted, std::string_view fallback, 
   }
   if (!is_whole || is_cut || name != plain)
     notes.push_back({line, "\"" + std::string(wanted) + "\" is named " + name + ": " +
-                               (name != plain ? "the name was taken"
-                                : is_cut      ? "a name has 64 characters at the most"
-                                              : "a name has a-z, 0-9, _ and - only")});
+                               (name != plain ? "the name was already used"
+                                : is_cut      ? "a name has at most 64 characters"
+                                              : "a name has only a-z, 0-9, _ and -")});
   return name;
 }
 

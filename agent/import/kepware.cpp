@@ -149,15 +149,15 @@ bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
     const auto low = number_in<double>(cell(row, scaled_low));
     const auto high = number_in<double>(cell(row, scaled_high));
     if (!from || !to || !low || !high || *from == *to || *low == *high) {
-      leave_out(row, "its linear scaling has no range");
+      leave_out(row, "its linear scaling has an empty range");
       return false;
     }
     scale = (*high - *low) / (*to - *from);
     offset = *low - *from * scale;
     if (cell(row, clamp_low) == "1" || cell(row, clamp_high) == "1")
-      out_.note(row.line, "not carried over: clamping, which a config does not have");
+      out_.note(row.line, "not imported: clamping, which a config does not support");
   } else if (!mode.empty() && mode != "none") {
-    leave_out(row, "scaling \"" + mode + "\" is none that a config has");
+    leave_out(row, "scaling \"" + mode + "\" is not supported by a config");
     return false;
   }
   if (is_negated && mode == "linear") {
@@ -193,7 +193,7 @@ void TagReader::take(const CsvRow& row) {
   if (rights == "r/w" || rights == "rw" || rights == "wo" || rights == "w")
     tag.keys["access"] = "read_write";
   if (rights == "wo" || rights == "w")
-    out_.note(row.line, "not carried over: write only; a tag can always be read");
+    out_.note(row.line, "not imported: write only; a tag can always be read");
   if (const auto rate = number_in<std::int64_t>(cell(row, scan_rate)))
     tag.keys["group"] = groups_.at(*rate);
   if (!cell(row, eng_units).empty()) tag.keys["unit"] = literal(cell(row, eng_units));
@@ -238,7 +238,7 @@ ImportResult import_kepware(std::string_view text, const ImportOptions& options)
   if (!options.model.empty()) device.keys["model"] = options.model;
   TagReader reader(out, device, columns);
   for (auto row = rows->begin() + 1; row != rows->end(); ++row) reader.take(*row);
-  if (options.port.empty()) out.note(0, "the link is a placeholder: give it the right port");
+  if (options.port.empty()) out.note(0, "the link is a placeholder: set its port");
   if (is_modbus)
     out.note(0,
              "unit and byte order of the device are not in the file: check \"unit\" and "

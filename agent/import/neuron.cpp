@@ -240,7 +240,7 @@ class NeuronReader {
 void NeuronReader::list_unread_keys(const ConfigNode& node, const std::string& what,
                                     std::initializer_list<std::string_view> known) {
   if (const std::string keys = other_keys(node, known); !keys.empty())
-    out_.note(line_of(node), "not carried over: " + keys + " of " + what);
+    out_.note(line_of(node), "not imported: " + keys + " of " + what);
 }
 
 std::string NeuronReader::port_of(const Driver& driver, std::string_view protocol) {
@@ -253,11 +253,11 @@ std::string NeuronReader::port_of(const Driver& driver, std::string_view protoco
     if (!is_ethernet && device.starts_with('/')) return std::string(device);
     if (integer_at(*driver.params, "connection_mode") == 1)
       out_.note(line_of(*driver.node),
-                "not carried over: the device connects to Neuron; an agent connects to the device");
+                "not imported: the device connects to Neuron; an agent connects to the device");
     else if (!host.empty() && port)
       return std::string(host) + ":" + std::to_string(*port);
   }
-  out_.note(line_of(*driver.node), "the link is a placeholder: give it the right port");
+  out_.note(line_of(*driver.node), "the link is a placeholder: set its port");
   return placeholder_port(protocol);
 }
 
@@ -271,7 +271,7 @@ JsonObject NeuronReader::serial_of(const Driver& driver, std::string_view protoc
     return code || !protocol.starts_with("modbus") ? code : std::optional(usual);
   };
   const auto tell = [&](std::string_view key, std::int64_t code) {
-    out_.note(line_of(*driver.node), "not carried over: " + std::string(key) + " " +
+    out_.note(line_of(*driver.node), "not imported: " + std::string(key) + " " +
                                          std::to_string(code) + ", which has no meaning here");
   };
   if (const auto code = code_of("baud", 4)) {
@@ -339,14 +339,14 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   const std::string_view type = type_of(number);
   if (type.empty())
     return out_.leave_out(line, std::string(name) + " has the type " + std::to_string(number) +
-                                    ", which a config does not have");
+                                    ", which a config does not support");
   const std::string_view address = text_at(node, "address");
   const bool is_string = number == kString;
   auto place = protocol.starts_with("modbus") ? modbus_place(address, is_string)
                                               : melsec_place(address, is_string);
   if (!place)
     return out_.leave_out(line, std::string(name) + " has the address \"" + std::string(address) +
-                                    "\", which is none for a config");
+                                    "\", which a config does not support");
   ImportedDevice& device = device_of(driver, protocol, place->unit);
   const std::size_t index = units_.at(place->unit);
   const auto [known, fresh] = groups_.try_emplace({index, group.name});
@@ -390,12 +390,13 @@ void NeuronReader::read_params(const Driver& driver) {
     if (const auto code = integer_at(*driver.params, key)) {
       *order = order_of(*code);
       if (order->empty())
-        out_.note(line_of(*driver.node), "not carried over: " + std::string(key) + " " +
+        out_.note(line_of(*driver.node), "not imported: " + std::string(key) + " " +
                                              std::to_string(*code) + ", which has no meaning here");
     }
   if (integer_at(*driver.params, "address_base") == 0)
     out_.note(line_of(*driver.node),
-              "its addresses count from 0, and here from 1: add 1 to each (400000 is 400001)");
+              "its addresses count from 0, but those of a config from 1: add 1 to each (400000 is "
+              "400001)");
 }
 
 void NeuronReader::read_driver(const Driver& driver) {
@@ -405,7 +406,7 @@ void NeuronReader::read_driver(const Driver& driver) {
     if (!driver.groups.empty())
       out_.note(line_of(*driver.node), "left out: the node " + std::string(driver.name) +
                                            ", whose plugin \"" + std::string(driver.plugin) +
-                                           "\" speaks no protocol of ours");
+                                           "\" has a protocol that the agent does not support");
     for (const Driver::Group& group : driver.groups) out_.left_out += group.tags.size();
     return;
   }
@@ -513,10 +514,9 @@ ImportResult import_neuron(std::string_view text, const ImportOptions& options) 
       return row.at(column).find('!') != std::string_view::npos;
     });
     if (complete.protocol.empty() && !is_modbus)
-      return tl::unexpected(
-          ImportFault{0,
-                      "a sheet of tags does not say which plugin its node has: give --protocol "
-                      "mc-3e, mc-1e or fx-programming-port"});
+      return tl::unexpected(ImportFault{0,
+                                        "a sheet of tags does not name its node's plugin: set "
+                                        "--protocol to mc-3e, mc-1e or fx-programming-port"});
     if (complete.protocol.empty()) complete.protocol = "modbus-tcp";
     const auto tree = json_source(json_of_sheet(*rows, complete));
     if (!tree) return tl::unexpected(tree.error());

@@ -163,7 +163,7 @@ ImportedDevice& TagCsvReader::device_of(const std::string& name) {
       links_.to(options_.port.empty() ? placeholder_port(protocol) : options_.port);
   device.keys["protocol"] = protocol;
   if (!options_.model.empty()) device.keys["model"] = options_.model;
-  if (options_.port.empty()) out_.note(0, "the link is a placeholder: give it the right port");
+  if (options_.port.empty()) out_.note(0, "the link is a placeholder: set its port");
   out_.devices.push_back(std::move(device));
   return out_.devices.back();
 }
@@ -211,7 +211,7 @@ ImportResult TagCsvReader::read(const std::vector<CsvRow>& rows) {
   for (std::size_t i = 0; i < rows.front().cells.size(); ++i)
     if (std::ranges::find(columns_, i) == columns_.end() && !rows.front().at(i).empty())
       out_.note(rows.front().line, "left out: the column \"" + std::string(rows.front().at(i)) +
-                                       "\", which is no key of a tag");
+                                       "\", which is not a key of a tag");
   for (const CsvRow& row : rows)
     if (row.at(0).starts_with('#')) take_section(row);
   for (std::size_t i = 1; i < rows.size(); ++i)

@@ -157,7 +157,7 @@ void TelegrafReader::list_unread_keys(const toml::table& table, const std::strin
   for (const auto& [key, value] : table)
     if (std::ranges::find(known, key.str()) == known.end())
       keys += (keys.empty() ? "" : ", ") + std::string(key.str());
-  if (!keys.empty()) out_.note(line_of(table), "not carried over: " + keys + " of " + what);
+  if (!keys.empty()) out_.note(line_of(table), "not imported: " + keys + " of " + what);
 }
 
 /// Returns the link of a plugin, and in `protocol` the protocol, which the transmission mode
@@ -188,7 +188,7 @@ std::string TelegrafReader::link_of(const toml::table& plugin, std::string& prot
     if (const auto bits = integer_at(plugin, "stop_bits")) serial["stop_bits"] = *bits;
     return links_.to(std::string(controller), serial);
   }
-  out_.note(line_of(plugin), "the link is a placeholder: give it the right port");
+  out_.note(line_of(plugin), "the link is a placeholder: set its port");
   return links_.to(placeholder_port(protocol));
 }
 
@@ -224,10 +224,10 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
                                             ? static_cast<std::int64_t>(addresses.size())
                                             : integer_at(node, "length").value_or(0);
   for (std::size_t i = 1; i < addresses.size(); ++i)
-    if (addresses[i] != addresses[i - 1] + 1) return leave_out("its addresses are not in a row");
+    if (addresses[i] != addresses[i - 1] + 1) return leave_out("its addresses are not consecutive");
   std::string address =
       addresses.empty() ? std::string() : modbus_address(field.table, addresses[0]);
-  if (address.empty()) return leave_out("it has no address of Modbus");
+  if (address.empty()) return leave_out("it has no Modbus address");
 
   ImportedTag tag{line, {}};
   const bool is_bit = field.table == '0' || field.table == '1';
@@ -307,14 +307,14 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
       read_fields(*request, "fields", integer_at(*request, "slave_id").value_or(0),
                   {table, text_at(*request, "byte_order"), false});
       if (request->contains("tags"))
-        out_.note(line_of(*request), "not carried over: the tags of the request");
+        out_.note(line_of(*request), "not imported: the tags of the request");
     }
   }
 }
 
 void TelegrafReader::log_measurements() {
   for (const auto& [name, known] : measurements_)
-    out_.note(known.line, "not carried over: the measurement \"" + name + "\" of " +
+    out_.note(known.line, "not imported: the measurement \"" + name + "\" of " +
                               counted(known.fields, "field"));
 }
 
@@ -329,7 +329,7 @@ Imported TelegrafReader::read(const toml::table& top) {
     for (const auto& [name, node] : *inputs)
       if (name != "modbus")
         out_.note(line_of(node),
-                  "left out: inputs." + std::string(name.str()) + ", which is no Modbus");
+                  "left out: inputs." + std::string(name.str()) + ", which is not Modbus");
   return std::move(out_);
 }
 
@@ -396,7 +396,7 @@ std::optional<int> too_deep_line(std::string_view text) {
 /// (TOML_UNREACHABLE in is_whitespace()) for some of them outside strings and comments.
 tl::expected<toml::table, ImportFault> parsed(std::string_view text) {
   if (const auto line = too_deep_line(text))
-    return tl::unexpected(ImportFault{*line, "names or brackets in each other, over 32 levels"});
+    return tl::unexpected(ImportFault{*line, "more than 32 levels of nested names or brackets"});
   std::string plain;
   for (const char each : text) {
     const auto byte = static_cast<unsigned char>(each);

@@ -129,7 +129,7 @@ class ThingsboardReader {
 void ThingsboardReader::list_unread_keys(const ConfigNode& node, const std::string& what,
                                          std::initializer_list<std::string_view> known) {
   if (const std::string keys = other_keys(node, known); !keys.empty())
-    out_.note(line_of(node), "not carried over: " + keys + " of " + what);
+    out_.note(line_of(node), "not imported: " + keys + " of " + what);
 }
 
 std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view protocol) {
@@ -144,14 +144,14 @@ std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view
     if (parity.empty() || parity == "n" || parity == "e" || parity == "o")
       serial["parity"] = parity == "e" ? "even" : parity == "o" ? "odd" : "none";
     else
-      out_.note(line_of(slave), "not carried over: the parity \"" + parity + "\"");
+      out_.note(line_of(slave), "not imported: the parity \"" + parity + "\"");
     serial["stop_bits"] = integer_at(slave, "stopbits").value_or(1);
     return links_.to(std::string(path), serial);
   }
   const std::string_view host = text_at(slave, "host");
   const auto port = integer_at(slave, "port");
   if (!host.empty() && port) return links_.to(std::string(host) + ":" + std::to_string(*port));
-  out_.note(line_of(slave), "the link is a placeholder: give it the right port");
+  out_.note(line_of(slave), "the link is a placeholder: set its port");
   return links_.to(placeholder_port(protocol));
 }
 
@@ -174,7 +174,7 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   const char table = table_of(function);
   std::string address = modbus_address(table, number);
   if (address.empty() || writes(function))
-    return leave_out("no function that reads, or no address");
+    return leave_out("it has no function that reads, or no address");
   const bool is_bit = table == '0' || table == '1';
   list_unread_keys(node, std::string(name),
                    {"tag", "type", "functionCode", "objectsCount", "address", "bit", "byteOrder",
@@ -182,7 +182,7 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   ImportedTag tag{line, {}};
   tag.keys["name"] = names.make(name, "tag", line, out_.notes);
   if (type == "bool" && !is_bit) {
-    if (registers != 1) return leave_out("bits of more than one register");
+    if (registers != 1) return leave_out("it has bits of more than one register");
     address += "." + std::to_string(integer_at(node, "bit").value_or(0));
   }
   tag.keys["address"] = literal(address);
@@ -193,7 +193,7 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   } else if (is_bit && registers > 1) {
     tag.keys["count"] = registers;
   } else if (!is_bit && registers > registers_of(type)) {
-    out_.note(line, "not carried over: objectsCount " + std::to_string(registers) + " of " +
+    out_.note(line, "not imported: objectsCount " + std::to_string(registers) + " of " +
                         std::string(name) + ": " + spelled + " is one value");
   }
   if (const std::string_view order = order_of(slave, &node);
@@ -228,7 +228,7 @@ void ThingsboardReader::read_publishing(const ConfigNode& slave, IntervalGroups&
   else if (kind == "ON_CHANGE_OR_REPORT_PERIOD" && period && *period > 0)
     groups.publish_on_change((*period + 999) / 1000);
   else
-    out_.note(line_of(slave), "not carried over: the reportStrategy \"" + std::string(kind) +
+    out_.note(line_of(slave), "not imported: the reportStrategy \"" + std::string(kind) +
                                   "\" of the slave " + std::string(text_at(slave, "deviceName")));
 }
 
@@ -307,7 +307,7 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
                             integer_at(node, "address").value_or(-1));
       if (!read.contains(place))
         out_.note(line_of(node), "left out: " + std::string(text_at(node, "tag")) + " of " +
-                                     std::string(list) + " belongs to nothing that is read");
+                                     std::string(list) + " belongs to no value that is read");
     }
   out_.devices.push_back(std::move(device));
 }
@@ -349,9 +349,9 @@ ImportResult import_thingsboard(std::string_view text, const ImportOptions& opti
   if (is_first_generation(file))
     return tl::unexpected(
         ImportFault{tree->line_of(file.find("server")->offset),
-                    "\"server\" with \"devices\" is of a gateway before version 3, and is not "
-                    "read: a gateway of "
-                    "version 3 writes modbus_new.json out of it when it starts; import that"});
+                    "\"server\" with \"devices\" is a file of a gateway before version 3, which is "
+                    "not supported. A gateway of version 3 converts it to modbus_new.json when it "
+                    "starts; import that file"});
   if (file.find("master") == nullptr) return tl::unexpected(ImportFault{0, "has no \"master\""});
   return ThingsboardReader(*tree, options).read();
 }

@@ -16,8 +16,8 @@ void raise_file_limit(std::size_t least) {
   limit.rlim_cur = limit.rlim_max;
   setrlimit(RLIMIT_NOFILE, &limit);
   if (limit.rlim_max > static_cast<rlim_t>(least)) return;
-  throw std::runtime_error("cannot begin: " + std::to_string(limit.rlim_max) +
-                           " open files are allowed, and it takes more than " +
+  throw std::runtime_error("cannot start: " + std::to_string(limit.rlim_max) +
+                           " open files are allowed, and the agent needs more than " +
                            std::to_string(least) +
                            "; raise the hard limit (LimitNOFILE of the service, ulimit -Hn)");
 }
@@ -30,8 +30,8 @@ void say_where_files_are_too_few(std::size_t needed) {
   log::error("agent", {{"open_files_allowed", std::to_string(limit.rlim_max)},
                        {"open_files_needed", std::to_string(needed)},
                        {"note",
-                        "not every link can be open: raise the hard limit (LimitNOFILE of the "
-                        "service, ulimits of a container, ulimit -Hn in a shell)"}});
+                        "too few open files for all links: raise the hard limit (LimitNOFILE of "
+                        "the service, ulimits of a container, ulimit -Hn in a shell)"}});
 }
 
 }  // namespace fxagent

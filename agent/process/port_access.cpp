@@ -163,13 +163,15 @@ bool is_in(gid_t group) {
 std::string no_permission(const std::string& path) {
   struct stat file {};
   constexpr mode_t kGroupMay = S_IRGRP | S_IWGRP;
-  if (::stat(path.c_str(), &file) != 0) return " (a directory on the way to it lets nobody pass)";
+  if (::stat(path.c_str(), &file) != 0) return " (this user may not enter a directory of the path)";
   const std::string group = group_name(file.st_gid);
   if ((file.st_mode & kGroupMay) != kGroupMay || file.st_gid == 0)
-    return " (its group may not open it: a udev rule can give it one, GROUP=\"dialout\", "
+    return " (its group may not open it: set group and mode by a udev rule, GROUP=\"dialout\", "
            "MODE=\"0660\")";
   if (is_in(file.st_gid))
-    return " (the group " + group + " may open it, and this user is in it: what else refuses?)";
+    return " (the group " + group +
+           " may open it, and this user is in it: look for another cause, such as AppArmor or the "
+           "container)";
   return " (it belongs to the group " + group + ": usermod -aG " + group + " " + user_name() +
          ", then log in again; for a service SupplementaryGroups=" + group +
          ", for a container --group-add " + std::to_string(file.st_gid) + ")";
@@ -177,9 +179,9 @@ std::string no_permission(const std::string& path) {
 
 std::string in_use(const std::string& path) {
   if (const auto holder = port_holder(path))
-    return " (another program has it: " + holder->program + ", pid " + std::to_string(holder->pid) +
-           ")";
-  return " (another program has it, as GX Works or another agent: as root, fuser -v " + path +
+    return " (another program uses it: " + holder->program + ", pid " +
+           std::to_string(holder->pid) + ")";
+  return " (another program uses it, such as GX Works or another agent: as root, fuser -v " + path +
          " names it)";
 }
 
@@ -224,7 +226,7 @@ std::string port_cure(const std::string& path, int error) {
     case EACCES:
       return no_permission(path);
     case EPERM:
-      return " (the unit or the container does not let it be used: DeviceAllow, --device)";
+      return " (the unit or the container does not allow this device: see DeviceAllow, --device)";
     case EBUSY:
     case EWOULDBLOCK:
       return in_use(path);

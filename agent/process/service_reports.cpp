@@ -46,7 +46,7 @@ void ServiceReports::notify_status(Time now) {
   status_at_ = now + kStatusEvery;
   std::string status = stands_still_.empty()
                            ? sources_.status()
-                           : stands_still_ + " stands still: the agent is to be started again";
+                           : stands_still_ + " hangs: systemd must restart the agent";
   // A repetition is needed because other parts send a status too, such as the outcome of a reload.
   if (status.empty() || (status == status_ && now < sent_at_ + kSameStatusEvery)) return;
   service_manager::notify_status(status);

@@ -55,7 +55,7 @@ std::string lacks(int threads, std::size_t bytes) {
   // Not earlier: while the threads exist, memory for these texts may be missing too.
   if (no_thread)
     return "only " + std::to_string(count) + " of " + std::to_string(threads) +
-           " threads more: " + no_thread.message() +
+           " more threads could be started: " + no_thread.message() +
            "; raise the limit of threads (TasksMax of the service, pids_limit of the container, "
            "ulimit -u) or of the address space (ulimit -v)";
   if (no_memory != 0)

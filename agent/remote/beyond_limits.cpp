@@ -38,8 +38,8 @@ void check_servers(const MqttConfig& local, const MqttConfig& wanted, ErrorList&
     if (own_authority && server.starts_with("mqtts://")) continue;
     errors.add({"/mqtt/servers/" + std::to_string(i), 0,
                 shown(server) +
-                    " would be shown the agent's password; remotely only mqtts:// servers "
-                    "may come, and where the local file has its own mqtt.tls.ca_file"});
+                    " would receive the agent's password; a remote config may only add "
+                    "mqtts:// servers, and only if the local file sets mqtt.tls.ca_file"});
   }
 }
 
@@ -70,8 +70,8 @@ void check_ports(const Config& local, const Config& wanted, ErrorList& errors) {
     if (!is_local)
       errors.add({"/links/" + std::to_string(i) + "/serial/path", 0,
                   shown(serial->path) +
-                      " is no name of a serial port (/dev/serial/by-id/…, /dev/ttyUSB0); "
-                      "remotely only such can be set, and those of the local file"});
+                      " is not the name of a serial port (/dev/serial/by-id/…, /dev/ttyUSB0); a "
+                      "remote config may only set such names, and paths of the local file"});
   }
 }
 
@@ -168,18 +168,17 @@ class DeviceLimits {
     for (const Span& span : device_.commands.allow)
       if (!is_covered(span, allow_))
         error("commands.allow with " + name_of(span) +
-              " is wider than the local file and its remote_allow" + why_not(span));
+              " goes beyond the local file and its remote_allow" + why_not(span));
     for (const TagConfig& tag : device_.tags)
       if (tag.writable && !is_open(tag)) check_tag(tag);
     const CommandRules& rules = device_.commands;
     const CommandRules limits = known_ != nullptr ? known_->commands : CommandRules{};
     if (rules.allow_run_stop && !limits.allow_run_stop && !remote_.run_stop)
-      error("commands.allow_run_stop is set, and the local file does not allow it");
+      error("commands.allow_run_stop is set, but the local file does not allow it");
     if (rules.max_expiry > limits.max_expiry)
       error("commands.max_expiry_s is longer than the local file's " +
             std::to_string(limits.max_expiry.count()));
-    if (!rules.verify && limits.verify)
-      error("commands.verify is off, and in the local file it is on");
+    if (!rules.verify && limits.verify) error("commands.verify is off, but on in the local file");
   }
 
  private:
@@ -198,8 +197,8 @@ class DeviceLimits {
   std::string why_not(const Span& span) const {
     if (!is_covered(span, local_only_)) return {};
     const std::string model = model_of(*device_.codec);
-    return ": this device is not in the local file as it stands here; it needs an entry with its "
-           "protocol and model, such as \"commands.allow: " +
+    return ": this device differs from that of the local file, or is not in it; remote_allow needs "
+           "an entry with its protocol and model, such as \"commands.allow: " +
            std::string(device_.protocol->name) +
            (device_.protocol->models.empty() ? "" : ' ' + (model.empty() ? "MODEL" : model)) +
            " RANGE\"";
@@ -214,17 +213,19 @@ class DeviceLimits {
   /// Checks a writable tag outside of the allowed ranges. It must be a writable tag of the same
   /// device in the local file, with the same name, address, type, scale and limits.
   void check_tag(const TagConfig& tag) {
-    const std::string may_not = "the tag " + std::string(tag.name) +
-                                " may be written, and the local file lets no command write there";
+    const std::string may_not =
+        "the tag " + std::string(tag.name) +
+        " may be written, but the local file does not let commands write there";
     if (known_ == nullptr)
       return error(may_not +
                    ": it has no device of this name with this protocol, these options and this "
                    "port or host");
     const auto same = std::ranges::find(known_->tags, tag.name, &TagConfig::name);
-    if (same == known_->tags.end()) return error(may_not + " under this name: it has no such tag");
-    if (!same->writable) return error(may_not + ": there its access is read");
+    if (same == known_->tags.end())
+      return error(may_not + " under this name: it does not have this tag");
+    if (!same->writable) return error(may_not + ": its access there is read");
     if (const std::string what = differences(*same, tag); !what.empty())
-      error(may_not + " in this way: another " + what);
+      error(may_not + " in this way: different " + what);
   }
 
   /// Returns the keys that differ, "min, scale"; empty if both tags allow the same writes.

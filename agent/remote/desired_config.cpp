@@ -26,7 +26,7 @@ constexpr std::array kKeys{"version"sv, "config"sv, "patch"sv, "by"sv};
 constexpr std::array kSecrets{"username"sv,     "password"sv,           "password_file"sv,
                               "password_env"sv, "allow_plain_secret"sv, "tls"sv};
 constexpr std::string_view kNeedsTheFile =
-    "cannot be set remotely: the local file and a restart of the agent change it";
+    "cannot be set remotely: change the local file and restart the agent";
 
 // ---- the shape of the document ------------------------------------------------------------------
 
@@ -59,7 +59,7 @@ class ShapeReader {
     const ConfigNode* patch = root.find("patch");
     if ((config == nullptr) == (patch == nullptr))
       error(root, config == nullptr ? "needs \"config\" or \"patch\""
-                                    : "has both \"config\" and \"patch\"; one of them says it all");
+                                    : "has both \"config\" and \"patch\": use only one");
     for (const ConfigNode* body : {config, patch})
       if (body != nullptr && body->kind != Kind::object) error(*body, "must be an object");
   }
@@ -86,7 +86,7 @@ class ShapeReader {
     std::set<std::string_view> seen;
     for (const ConfigNode& child : node.children) {
       if (node.kind == Kind::object && !seen.insert(child.key).second)
-        error(child, "the key stands here a second time");
+        error(child, "duplicate key");
       refuse_duplicates(child);
     }
   }
@@ -154,7 +154,7 @@ class Merger {
     const auto keys = config_section("");
     const bool is_key = std::ranges::find(keys, section, &ConfigKey::name) != keys.end();
     error("/" + escaped_token(section),
-          is_key ? std::string(kNeedsTheFile) : "is no section of a config");
+          is_key ? std::string(kNeedsTheFile) : "is not a section of a config");
   }
 
   void restrain(const std::string& section, std::string_view word, bool is_allowed) {
@@ -180,13 +180,14 @@ class Merger {
       const std::string pointer = "/mqtt/" + escaped_token(key);
       // Reject even an unchanged secret: the answer would show whether a guess is right.
       if (std::ranges::find(kSecrets, key) != kSecrets.end())
-        error(pointer, "cannot be set remotely, not even unchanged; leave it out");
+        error(pointer, "cannot be set remotely, not even unchanged: remove it");
       else if (key == "servers" && limits_.servers)
         refuse_variables(value, pointer);
       else if (differs(wanted, mqtt, key))
-        error(pointer, key == "servers" ? not_named("mqtt.servers")
-                                        : "differs from the local file, and of mqtt only servers "
-                                          "can be set remotely");
+        error(pointer,
+              key == "servers"
+                  ? not_named("mqtt.servers")
+                  : "differs from the local file; of mqtt only servers can be set remotely");
       if (key != "servers" || !limits_.servers) continue;
       if (wanted.contains(key))
         mqtt[key] = wanted[key];
@@ -200,10 +201,9 @@ class Merger {
     if (value.is_string() && names_variable(value.get_ref<const std::string&>())) {
       // Replace the text, so that no error shows whether the variable exists.
       next_[Json::json_pointer(pointer)] = "variable";
-      return error(
-          pointer,
-          "an environment variable may hold a secret and is not read in a remote config; a plain "
-          "${ is written $${");
+      return error(pointer,
+                   "a remote config cannot use environment variables, which may hold secrets; for "
+                   "a literal ${ write $${");
     }
     if (!value.is_structured()) return;
     for (const auto& [key, inner] : value.items())

@@ -25,7 +25,7 @@ std::optional<KeptConfig> kept_from(const OrderedJson& json) {
   KeptConfig kept;
   ReadDesired read = read_desired(json.at("document").get_ref<const std::string&>());
   if (!read.errors.empty() || read.desired.hash != json.at("hash").get_ref<const std::string&>())
-    throw std::runtime_error("a document in it is not the one that was kept");
+    throw std::runtime_error("a document in it does not match its hash");
   kept.document = std::move(read.desired);
   kept.since_ms = json.at("since").get<std::int64_t>();
   return kept;
@@ -45,10 +45,10 @@ std::string judge_last_run(KeptConfigs& kept, const std::string& boot, std::int6
   if (kept.judged && kept.stopped) {
     judge_again = std::exchange(kept.judged, {})->text;
   } else if (kept.judged) {  // so neither the config on trial nor the good one is to blame
-    roll_back(*std::exchange(kept.judged, {}), "the process ended while the config was judged");
+    roll_back(*std::exchange(kept.judged, {}), "the process ended during the check of the config");
   } else if (kept.trying && !kept.stopped) {
     roll_back(std::exchange(kept.trying, {})->document,
-              "the process ended while the config was on trial");
+              "the process ended during the trial of the config");
   } else if (kept.watched && kept.good && kept.boot == boot && ++kept.ends >= kMostEnds) {
     roll_back(std::exchange(kept.good, std::exchange(kept.before, {}))->document,
               "the process ended twice within an hour of its start while the config was in force");
@@ -83,7 +83,7 @@ tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text) 
   try {
     const OrderedJson json = OrderedJson::parse(text);
     if (json.at("format") != kFormat)
-      return tl::unexpected(std::string("it is of another version of the agent"));
+      return tl::unexpected(std::string("another version of the agent wrote it"));
     KeptConfigs kept;
     kept.agent = json.at("agent").get<std::string>();
     kept.good = kept_from(json.at("good"));
@@ -105,10 +105,10 @@ tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text) 
                           word(back, "why"), back.at("since").get<std::int64_t>()};
     return kept;
   } catch (const OrderedJson::parse_error& fault) {
-    return tl::unexpected("it is cut off or was changed: no JSON from byte " +
+    return tl::unexpected("it is truncated or was changed: not JSON from byte " +
                           std::to_string(fault.byte) + " on");
   } catch (const OrderedJson::exception&) {
-    return tl::unexpected(std::string("it was changed: a part is missing, or of another kind"));
+    return tl::unexpected(std::string("it was changed: a part is missing, or has the wrong type"));
   } catch (const std::exception& fault) {
     return tl::unexpected(std::string(fault.what()));
   }

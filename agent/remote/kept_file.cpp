@@ -30,14 +30,14 @@ std::string KeptFile::load() {
     return what + ": " + why;
   };
   const auto text = file_->read(kMaxKeptBytes);
-  if (!text) return leave_out("the kept config cannot be read and is left out", text.error());
+  if (!text) return leave_out("the kept config cannot be read and is ignored", text.error());
   if (!*text) return {};
   auto kept = kept_configs_from(**text);
-  if (!kept) return leave_out("the kept config is damaged and left out", kept.error());
+  if (!kept) return leave_out("the kept config is damaged and is ignored", kept.error());
   if (kept->agent == agent_)
     configs_ = std::move(*kept);
   else
-    log::warn("remote_config", {{"note", "the kept config is another agent's and left out"},
+    log::warn("remote_config", {{"note", "the kept config belongs to another agent and is ignored"},
                                 {"file", file_->path()},
                                 {"agent", log::excerpt(kept->agent)}});
   return {};
@@ -51,7 +51,7 @@ std::string KeptFile::judge_last_run(std::int64_t now_ms) {
 
 std::string KeptFile::save() {
   is_unsaved_ = false;
-  if (!file_) return "there is no store, and no STATE_DIRECTORY of systemd";
+  if (!file_) return "neither store.path nor systemd's STATE_DIRECTORY is set";
   configs_.agent = agent_;
   configs_.boot = boot_;
   configs_.watched = is_watched() && !configs_.trying;
@@ -70,15 +70,15 @@ void KeptFile::save_or_log(std::string_view what) {
   const std::string why = save();
   if (why.empty() || !file_) return;
   log::error("remote_config",
-             {{"note", std::string(what) + " cannot be kept on disk yet: a start before that goes "
-                                           "by what is there"},
+             {{"note", std::string(what) + " could not be saved to disk; the agent tries again. "
+                                           "Until then, a restart uses the earlier record"},
               {"reason", why}});
 }
 
 void KeptFile::end_judging() {
   if (!configs_.judged) return;
   configs_.judged.reset();
-  save_or_log("that the config was judged");
+  save_or_log("the end of the check");
 }
 
 void KeptFile::watch(const std::optional<KeptConfig>& in_force, SteadyTime now) {
@@ -96,7 +96,7 @@ void KeptFile::due(SteadyTime now) {
   if (!watched_until_ || now < *watched_until_) return;
   end_watch();
   configs_.ends = 0;
-  save_or_log("that the process went on with the config");
+  save_or_log("the proof that the config runs");
 }
 
 SteadyTime KeptFile::next_wake() const {
@@ -108,7 +108,7 @@ void KeptFile::stop() {
   if (!configs_.trying && !configs_.judged && !watched_until_ && !is_unsaved_) return;
   configs_.stopped = configs_.trying || configs_.judged;
   end_watch();
-  save_or_log("how the agent was stopped");
+  save_or_log("the stop of the agent");
 }
 
 void KeptFile::forget() {
@@ -124,7 +124,7 @@ bool KeptFile::forget_earlier_run() {
   if (!file_ || (left && !*left)) return false;
   // Do not touch the file of another agent that runs here.
   if (const std::string why = file_->lock(); !why.empty()) {
-    log::warn("remote_config", {{"note", "a kept config is left where it is"}, {"reason", why}});
+    log::warn("remote_config", {{"note", "a kept config was not removed"}, {"reason", why}});
     return false;
   }
   forget();

@@ -8,7 +8,7 @@
 namespace fxagent {
 
 ConfigErrors not_built(const std::exception& fault) {
-  return {{"", 0, std::string("cannot be taken over: ") + fault.what()}};
+  return {{"", 0, std::string("cannot be applied: ") + fault.what()}};
 }
 
 tl::expected<LocalConfig::Read, ConfigErrors> LocalConfig::read() const {

@@ -33,8 +33,8 @@ Next next_of(Next::Why why, Config config) {
 }
 
 constexpr const char* kCannotBeKept =
-    "cannot be kept on disk for a way back, and agent.remote_without_disk of the local file is not "
-    "set: ";
+    "cannot be saved to disk for a rollback, and the local file does not set "
+    "agent.remote_without_disk: ";
 
 /// Saves the document and then builds its config: if that crashes the process, the next start must
 /// find it on disk. Returns nullopt if the process is stopping.
@@ -64,11 +64,11 @@ ConfigErrors keep_on_trial(const KeptConfig& document, const LocalConfig& local,
     configs = before;
     return {{"", 0, kCannotBeKept + why}};
   }
-  log::warn("remote_config",
-            {{"note",
-              "the config is taken over and cannot be kept: after a crash nothing is known of it "
-              "(agent.remote_without_disk)"},
-             {"reason", why}});
+  log::warn(
+      "remote_config",
+      {{"note",
+        "the config is applied but cannot be saved: a crash loses it (agent.remote_without_disk)"},
+       {"reason", why}});
   return {};
 }
 
@@ -90,7 +90,7 @@ std::optional<Next> withdraw(const ConfigInForce& in_force, const LocalConfig& l
   kept.configs() = {};
   kept.end_watch();
   answer.clear_rejected();
-  kept.save_or_log("that the config was withdrawn");
+  kept.save_or_log("the withdrawal of the config");
   if (!next) answer.report(State::applied, {}, {}, now_ms);
   return next;
 }
@@ -165,11 +165,13 @@ void RemoteConfig::begin() {
   // The file on disk still records a stop, so the next process would take a crash for a stop and
   // resume the trial, again and again.
   in_force_.give_up();
-  log::error("remote_config",
-             {{"note", in_force_.is_given_up()
-                           ? "the trial cannot go on: the disk refuses"
-                           : "what the last run has come to cannot be kept on disk yet"},
-              {"reason", why}});
+  log::error(
+      "remote_config",
+      {{"note",
+        in_force_.is_given_up()
+            ? "the trial cannot continue: the disk refuses writes"
+            : "the outcome of the last run could not be saved to disk; the agent tries again"},
+       {"reason", why}});
 }
 
 // ---- documents ----------------------------------------------------------------------------------
@@ -217,7 +219,7 @@ std::optional<Next> RemoteConfig::hear(std::string_view payload, Moment now) {
 void RemoteConfig::refuse(const Next& next, const ConfigErrors& errors, Moment now) {
   if (next.why != Next::Why::desired) return;
   kept_.configs().trying = in_force_.is_on_trial() ? in_force_.document() : std::nullopt;
-  kept_.save_or_log("that the config was rejected");
+  kept_.save_or_log("the rejection of the config");
   answer_.report(State::rejected, next.document->document, errors, now.utc_ms);
 }
 
@@ -270,7 +272,7 @@ void RemoteConfig::accept(Next next, Moment now) {
       kept.good = in_force;
       kept.trying.reset();
       kept_.watch(in_force, now.steady);
-      return kept_.save_or_log("that the local file does not let the config in any more");
+      return kept_.save_or_log("the removal of a config that the local file no longer allows");
     case Next::Why::desired:
       in_force_.put_on_trial(std::move(next.document), std::move(next.servers), now.steady);
       kept_.end_watch();
@@ -282,7 +284,7 @@ void RemoteConfig::accept(Next next, Moment now) {
     case Next::Why::given_up:
       in_force_.put_in_force(std::move(next.document), std::move(next.servers));
       kept_.watch(in_force, now.steady);
-      if (kept_.is_watched()) kept_.save_or_log("that the config before is in force");
+      if (kept_.is_watched()) kept_.save_or_log("the return to the previous config");
       if (next.why == Next::Why::rolled_back) return answer_.report_rolled_back(*kept.rolled_back);
       return answer_.report_in_force(in_force, local_.since_ms());
   }
@@ -306,7 +308,7 @@ std::optional<Next> RemoteConfig::due(Moment now) {
     if (!kept.is_good(in_force)) kept.before = std::exchange(kept.good, in_force);
     kept.ends = 0;
     kept_.watch(kept.good, now.steady);
-    kept_.save_or_log("that the config is good");
+    kept_.save_or_log("the confirmation of the config");
     answer_.publish_again();
     if (held_.empty()) return std::nullopt;
     return hear(std::string(held_), now);
@@ -318,8 +320,9 @@ std::optional<Next> RemoteConfig::due(Moment now) {
   const DesiredConfig& document = in_force->document;
   if (!next) {
     in_force_.put_off(now.steady + kTryAgain);
-    log::error("remote_config", {{"note", "the config cannot be rolled back yet"},
-                                 {"reason", log::excerpt(text_of(next.error().front()))}});
+    log::error("remote_config",
+               {{"note", "the config could not be rolled back; the agent tries again"},
+                {"reason", log::excerpt(text_of(next.error().front()))}});
     answer_.report(State::applied, document, next.error(), in_force->since_ms);
     return std::nullopt;
   }

@@ -86,7 +86,7 @@ void Verifier::add(const Record& record) {
     // check_beginning() compares this with the hash in the `pruned` record.
     const std::size_t at = opening(record.number, "").size() - 2;
     if (record.text.size() > at) first_prev_ = record.text.substr(at, 64);
-    if (whole && !follows(first_prev_)) find(record.number, "it is another record in this place");
+    if (whole && !follows(first_prev_)) find(record.number, "it is a different record");
   } else if (record.number != last_ + 1) {
     find(last_ + 1, range(last_ + 1, record.number - 1));
   } else if (whole && !follows(to_text(last_hash_)) && !follows(to_text(last_digest_))) {
@@ -101,7 +101,7 @@ void Verifier::add(const Record& record) {
       pruned_up_to_ = up_to.get<std::uint64_t>();
       pruned_hash_ = hash.get<std::string>();
     } else {
-      find(record.number, "it is no record that this program writes");
+      find(record.number, "it is not a record that this program writes");
     }
   }
   if (published_ && published_->records == record.number) published_here_ = digest;
@@ -122,9 +122,9 @@ void Verifier::check_beginning() {
     find(pruned_up_to_ + 1,
          range(pruned_up_to_ + 1, first_ - 1) + ", and no record says that they were pruned");
   else if (pruned_up_to_ >= first_)
-    find(first_, "it is here, and a later record says that it was pruned");
+    find(first_, "it exists, although a later record says that it was pruned");
   else if (pruned_hash_ != first_prev_)
-    find(first_, "it does not follow the record that was pruned last");
+    find(first_, "it does not follow the last pruned record");
 }
 
 void Verifier::check_published(const Head& head) {
@@ -134,7 +134,7 @@ void Verifier::check_published(const Head& head) {
     return find(head.records + 1, "the head that was published counts " + at + " records");
   if (published_->records == 0 || published_->records < first_) return;  // pruned since
   if (published_here_ && *published_here_ == published_->hash) return;
-  find(published_->records, "it is not the one whose hash was published");
+  find(published_->records, "its hash is not the published one");
 }
 
 std::vector<Finding> Verifier::finish(const Head& head) {
@@ -142,11 +142,11 @@ std::vector<Finding> Verifier::finish(const Head& head) {
   if (last_ < head.records)
     find(last_ + 1, range(last_ + 1, head.records) + " at the end");
   else if (last_ > head.records)
-    find(head.records + 1, "the head kept apart ends before it");
+    find(head.records + 1, "the separately kept head ends before it");
   else if (count_ > 0 && !same(last_hash_, head.hash) && last_digest_ != head.hash)
-    find(last_, "it is not the one that the head kept apart names");
+    find(last_, "its hash is not that of the separately kept head");
   else if (count_ == 0 && head.hash != Digest{})
-    find(0, "the head kept apart names a record, and there is none");
+    find(0, "the separately kept head names a record, but there is none");
   check_published(head);
   return findings_;
 }

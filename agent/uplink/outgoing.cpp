@@ -36,7 +36,7 @@ std::uint64_t Outgoing::send(Sender& sender, Publication publication) {
     unsendable_.push_back(
         {id, kTopicNameInvalid, "not a topic: " + log::excerpt(publication.topic)});
   } else if (!fits(publication)) {
-    unsendable_.push_back({id, kPacketTooLarge, "larger than the broker takes"});
+    unsendable_.push_back({id, kPacketTooLarge, "larger than the broker accepts"});
   } else {
     handed_over_ = true;
     broker_.publish(std::move(publication));

@@ -69,8 +69,8 @@ void OwnTopics::follow_conflict(SteadyTime now) {
     log::error("identity_conflict",
                {{"other_boot", *other},
                 {"note",
-                 "another agent has the id of this one: commands are refused until it is gone; "
-                 "give each agent its own agent.id and client_id"}});
+                 "another agent has the same id: both refuse commands until one is gone; give each "
+                 "agent its own agent.id and client_id"}});
   else
     log::info("identity_conflict", {{"state", "over"}});
   if (!parts_.session.is_connected()) return;
@@ -84,12 +84,13 @@ void OwnTopics::follow_conflict(SteadyTime now) {
 /// MQTT 5 has a reason code for this; on 3.1.1 the broker acknowledges what it discards.
 void OwnTopics::warn_if_unheard() {
   if (identity_.take_unheard() && parts_.config.mqtt.version == 4)
-    log::warn("own_state_not_heard",
-              {{"topic", base_ + "/state"},
-               {"note",
-                "the broker acknowledges what the agent publishes and does not send its own state "
-                "back: its access rules may leave out this agent's user, and MQTT 3.1.1 cannot say "
-                "so: all samples may be lost; fxagent acl prints the rules that it needs"}});
+    log::warn(
+        "own_state_not_heard",
+        {{"topic", base_ + "/state"},
+         {"note",
+          "the broker acknowledges the agent's messages but does not send the agent's own state "
+          "back. Its access rules may not include this agent's user, which MQTT 3.1.1 cannot "
+          "report: all samples may be lost. fxagent acl prints the rules that the agent needs"}});
 }
 
 }  // namespace fxagent

@@ -37,7 +37,7 @@ done
 # One line per step, with the seconds since the start, so that nothing looks stuck.
 say() { printf '[%3d s] %s\n' "$SECONDS" "$*"; }
 
-say "installing what is missing (docker/packages.txt: build, demo)"
+say "installing missing packages (docker/packages.txt: build, demo)"
 "$root/docker/install.sh" build demo
 
 # An existing build directory keeps its options, and gets the simulator if it has none.
@@ -199,9 +199,9 @@ echo "broker on 127.0.0.1:$port, PLC on $dir/press1, base topic $base"
 until_second() {
   while [ $((SECONDS - start)) -lt "$1" ]; do
     [ -z "$seconds" ] || [ $((SECONDS - start)) -lt "$seconds" ] || return 0
-    kill -0 "$agent_pid" 2>/dev/null || give_up "the agent ended by itself"
-    kill -0 "$sim_pid" 2>/dev/null || give_up "the simulator ended by itself"
-    kill -0 "$broker_pid" 2>/dev/null || give_up "the broker ended by itself"
+    kill -0 "$agent_pid" 2>/dev/null || give_up "the agent ended unexpectedly"
+    kill -0 "$sim_pid" 2>/dev/null || give_up "the simulator ended unexpectedly"
+    kill -0 "$broker_pid" 2>/dev/null || give_up "the broker ended unexpectedly"
     sleep 0.2
   done
 }
@@ -210,7 +210,7 @@ for _ in $(seq 20); do
   saw_telemetry && break
   until_second $((SECONDS - start + 1))
 done
-saw_telemetry || give_up "no telemetry came within 20 s"
+saw_telemetry || give_up "no telemetry within 20 s"
 say "the first live values are here"
 
 # A short demo sends its commands early, because the results need time too.
@@ -228,7 +228,7 @@ if [ -z "$seconds" ]; then
 --------- try, in another terminal:
   mosquitto_sub -p $port -v -t '$base/#'
   mosquitto_pub -p $port -q 1 -t $press/command -m '{"id":"mine-1","op":"write","tag":"setpoint","value":70}'
-(every command needs an id of its own: an id that was seen before is answered DUPLICATE)
+(every command needs its own id: a used id gets the result DUPLICATE)
 or import config/node-red/flows.json into Node-RED: values, a trend, alarms and a set-point
 END
   while true; do until_second $((SECONDS - start + 3600)); done
@@ -245,7 +245,7 @@ next:
   $0
       the same until Ctrl-C, with commands to try
   $agent plan $root/config/agent.example.json
-      what a line can carry, and how soon a command is through
+      the load of a line, and how long a command takes
   README.md, Install
       put it on a machine with a PLC
 END

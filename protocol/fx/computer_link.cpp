@@ -73,11 +73,11 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
   const std::uint32_t format =
       number_option(options, "format", settings.ends_with_cr_lf ? 4 : 1, 1, 4);
   if (format != 1 && format != 4)
-    return refuse("format is 1 or 4: an FX has no format " + std::to_string(format));
+    return refuse("format must be 1 or 4: an FX has no format " + std::to_string(format));
   settings.ends_with_cr_lf = format == 4;
   const std::uint32_t wait =
       number_option(options, "message_wait_ms", settings.wait_tens * 10, 0, 150);
-  if (wait % 10 != 0) return refuse("message_wait_ms is a multiple of 10");
+  if (wait % 10 != 0) return refuse("message_wait_ms must be a multiple of 10");
   settings.wait_tens = wait / 10;
   if (const auto* flag = option<bool>(options, "sum_check")) settings.sum_check = *flag;
   if (const auto* flag = option<bool>(options, "acknowledge_data"))
@@ -177,7 +177,7 @@ Result<std::optional<Reply>> data_reply(const LinkSettings& settings, const Requ
       return garbled("sum " + as_text(given) + " given, " + hex_text(computed, 2) + " computed");
   }
   if (!ends_right(settings, frame))
-    return garbled("CR LF is missing behind the data: format 4 ends with it");
+    return garbled("CR LF is missing after the data: format 4 ends with it");
   auto image = image_of(request, frame.subspan(kHeader, chars));
   if (!image) return tl::make_unexpected(image.error());
   Reply reply;
@@ -196,7 +196,7 @@ Result<std::optional<Reply>> short_reply(const LinkSettings& settings, ByteView 
   if (rx.size() - at < length) return std::optional<Reply>{};
   const ByteView frame = rx.subspan(at, length);
   if (!ends_right(settings, frame))
-    return garbled("CR LF is missing behind ACK or NAK: format 4 ends with it");
+    return garbled("CR LF is missing after ACK or NAK: format 4 ends with it");
   Reply reply;
   reply.began = at;
   reply.consumed = at + length;
@@ -333,8 +333,8 @@ Request ComputerLink::run_request(bool run) const {
 }
 
 std::string ComputerLink::run_hint() const {
-  return "the PLC's RUN/STOP switch (and its RUN terminal) must be at STOP: only a PLC that was "
-         "set running over the link can be stopped over it";
+  return "the PLC's RUN/STOP switch (and its RUN terminal) must be at STOP: the link can only stop "
+         "a PLC that it set running";
 }
 
 RefusalMeaning ComputerLink::meaning_of(const Request& request, int device_code) const {

@@ -92,7 +92,7 @@ void LinkWalk::command(const Field& field) {
   const std::string name = as_text(take(field.digits, field.name));
   const auto* found = std::find_if(std::begin(kLinkCommands), std::end(kLinkCommands),
                                    [&](const LinkCommand& c) { return c.name == name; });
-  if (found == std::end(kLinkCommands)) return fault("'" + name + "' is no command of an FX");
+  if (found == std::end(kLinkCommands)) return fault("'" + name + "' is not a command of an FX");
   command_ = found;
   out_.operation = found->operation;
   out_.command = name;
@@ -133,7 +133,7 @@ void LinkWalk::sum() {
 }
 
 void LinkWalk::request() {
-  if (left() < 3) return fault("the request is cut short");
+  if (left() < 3) return fault("the request is truncated");
   walk(kRequest);
   if (good()) walk(command_->area);
   sum();
@@ -147,7 +147,7 @@ void LinkWalk::answer_data(ByteView data) {
   if (text.size() == 2 && is_hex(data) && !are_bits) {
     const std::string_view model = link_model(static_cast<int>(*number_in(form_, data)));
     out_.values.push_back(text);
-    show("answer to PC", model.empty() ? "a model not known here" : model);
+    show("answer to PC", model.empty() ? "an unknown model" : model);
   } else if (text.size() % 4 == 0 && is_hex(data)) {
     add_values(out_, form_, data, 4);
   } else if (are_bits) {
@@ -178,7 +178,7 @@ void LinkWalk::ack_or_nak(std::optional<Direction> direction) {
   const bool nak = frame_[0] == kNak;
   out_.operation = nak ? "nak" : "ack";
   if (left() != 0 && !(nak && left() == 2 && is_hex(left_)))
-    return fault("'" + as_text(left_) + "' does not belong behind " +
+    return fault("'" + as_text(left_) + "' must not follow " +
                  (nak ? "a NAK: its reason is two hex digits" : "an ACK"));
   const Direction sender = nak && left() == 0 ? Direction::request : Direction::reply;
   out_.direction = direction.value_or(sender);
@@ -234,7 +234,7 @@ Explanation explain_link_frame(Model model, ByteView bytes, std::optional<Direct
   const ByteView frame = bytes.first(bytes.size() - (ends_with_cr_lf ? 2 : 0));
   if (bytes[0] == kEot || bytes[0] == kCl) {
     if (frame.size() != 1) return wrong(out, "nothing follows EOT and CL");
-    out.fields.emplace_back("meaning", "every PLC begins anew and does not answer");
+    out.fields.emplace_back("meaning", "every PLC starts again and does not answer");
     return out;
   }
   if (!LinkWalk(out, frame, model).explain(direction)) return out;

@@ -200,7 +200,7 @@ Result<void> check_forbidden(const Span& span) {
     if (span.space == never.space && span.first_bit < never.end_bit() &&
         never.first_bit < span.end_bit())
       return refuse(
-          "M8034-M8037 and M8118 are never written by address; RUN and STOP go by run and stop");
+          "M8034-M8037 and M8118 cannot be written by address; use the commands run and stop");
   }
   return {};
 }
@@ -360,7 +360,8 @@ Result<Span> parse_range(Model model, std::string_view text) {
 }
 
 Result<void> check_range(Model model, const Span& span) {
-  if (span.space >= id(Space::tc)) return refuse(device_name(span) + " is not memory of an FX");
+  if (span.space >= id(Space::tc))
+    return refuse(device_name(span) + " is not in the memory of an FX");
   const auto space = static_cast<Space>(span.space);
   const DeviceKind& kind = kind_of(space);
   const auto runs = numbers_of(model, space);
@@ -387,9 +388,9 @@ Result<void> check_write(Model model, const Span& span) {
   if (kind.bits == 1) {
     if (span.bits != 1 && (span.first_bit % 8 != 0 || span.bits % 8 != 0))
       return refuse(device_name(span) + ": " + std::to_string(span.bits) +
-                    " bits do not fill whole bytes, a write would change the bits beside them");
+                    " bits do not fill whole bytes: a write would change the bits next to them");
   } else if (span.first_bit % kind.bits != 0 || span.bits % kind.bits != 0) {
-    return refuse(device_name(span) + ": only whole words are written");
+    return refuse(device_name(span) + ": only whole words can be written");
   }
   return {};
 }

@@ -29,16 +29,16 @@ std::string_view link_refusal(int code) {
     case 0x03:
       return "the PLC is set to another format or procedure (D8120)";
     case link::kNoDevice:
-      return "device does not exist or too many points";
+      return "the device does not exist, or too many points";
     case 0x07:
-      return "data that are not hex digits";
+      return "the data are not hex digits";
     case 0x0A:
     case 0x10:
       return "the PLC number is not FF";
     case 0x18:
       return "remote RUN or STOP is not possible";
     default:
-      return "a reason that the manual does not know";
+      return "a reason that the manual does not list";
   }
 }
 

@@ -150,7 +150,7 @@ Result<Bytes> encode_read(const LinkSettings& settings, const Read& read) {
     return framed(settings, read_command(read), area);
   }
   return fail(ErrorCode::unsupported, device_name(span) + ": " + std::to_string(span.bits) +
-                                          " bits are not read by " +
+                                          " bits cannot be read by " +
                                           std::string(read_command(read)) + " on this model");
 }
 

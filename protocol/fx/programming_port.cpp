@@ -156,8 +156,8 @@ bool switches_run(const Force& force) {
 
 tl::unexpected<Error> no_address(const Span& span) {
   return refuse(device_name(span) +
-                ": no document says where the programming port has the extension "
-                "registers R; the computer link reaches them");
+                ": no document gives the place of the extension registers R for the programming "
+                "port; use the computer link");
 }
 
 Span place_of(const Span& span) { return span; }
@@ -324,7 +324,7 @@ Result<Bytes> encode_read(const Settings& settings, const Read& read) {
     return framed(set == CommandSet::classic ? "0" : "E00", {{address, 4}, {span.bits / 8, 2}}, {});
   }
   return fail(ErrorCode::unsupported, device_name(span) + ": " + std::to_string(span.bits) +
-                                          " bits are not within reach of the " +
+                                          " bits cannot be reached with the " +
                                           (set == CommandSet::classic ? "classic" : "extended") +
                                           " command set on this model");
 }
@@ -356,7 +356,7 @@ Result<Bytes> encode_force(const Settings& settings, const Force& force) {
   const auto set = set_for(settings, span);
   if (!set) return tl::make_unexpected(set.error());
   const PortArea* area = area_of(map_of(settings.model, *set), static_cast<Space>(force.space));
-  if (!area->force) return refuse(device_name(span) + " is a word: only bits are forced");
+  if (!area->force) return refuse(device_name(span) + " is a word: only bits can be forced");
   const std::uint32_t address = (*area->force + force.bit) & 0xFFFF;
   // Low byte first, unlike the address in a read.
   const bool classic = *set == CommandSet::classic;

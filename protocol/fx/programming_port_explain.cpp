@@ -23,7 +23,7 @@ class RequestWalk final : public FrameWalk {
       : FrameWalk(out, NumberForm::digits, rest), set_(set), map_(map_of(model, set)) {}
 
   void address(const Field& field) {
-    if (left() < 6) return fault("the address or the byte count is cut short");
+    if (left() < 6) return fault("the address or the byte count is truncated");
     address_ = number(field);
     show(field.name, hex_text(address_, 4));
   }
@@ -50,7 +50,7 @@ class RequestWalk final : public FrameWalk {
   /// Its low byte comes first.
   void bit_address(const Field& field) {
     if (left() != field.digits)
-      return fault("a force has four digits of address, here are " + std::to_string(left()));
+      return fault("a force has four digits of address, not " + std::to_string(left()));
     const std::uint32_t low = number(2, field.name);
     const std::uint32_t address = number(2, field.name) << 8 | low;
     show(field.name, hex_text(address, 4));
@@ -138,7 +138,7 @@ Explanation explain_request(Model model, ByteView payload) {
         return text.starts_with(c.code) && (c.digits == 0 || c.digits == text.size());
       });
   if (known == std::end(kPortCommands))
-    return wrong(out, "'" + text + "' is no request of this protocol");
+    return wrong(out, "'" + text + "' is not a request of this protocol");
   out.operation = known->operation;
   out.command = std::string(known->code);
   out.fields.emplace_back("command", known->code);
@@ -205,8 +205,7 @@ Explanation explain_port_frame(Model model, ByteView frame, std::optional<Direct
   const auto length = static_cast<std::size_t>(etx - frame.begin());
   const std::size_t behind = frame.size() - length - 1;
   if (behind != 2)
-    return wrong(out,
-                 "two digits of sum follow ETX, here are " + std::to_string(behind) + " bytes");
+    return wrong(out, "two digits of sum follow ETX, not " + std::to_string(behind) + " bytes");
   if (model == Model::unknown) model = Model::fx3u;
   const ByteView payload = frame.subspan(1, length - 1);
   out = !direction                         ? likelier(model, payload)

@@ -380,8 +380,8 @@ Result<void> check_forbidden(const Span& span) {
   for (const NeverWritten& never : kNeverWritten)
     if (overlap(span, span_of(never.space, never.numbers)))
       return refuse(
-          "M8034-M8037, M8118 and SM8034-SM8037 are never written by address; RUN and STOP go by "
-          "run and stop");
+          "M8034-M8037, M8118 and SM8034-SM8037 cannot be written by address; use the commands run "
+          "and stop");
   return {};
 }
 
@@ -559,7 +559,8 @@ Result<Span> parse_range(Model model, std::string_view text) {
 }
 
 Result<void> check_range(Model model, const Span& span) {
-  if (span.space >= kSpaces) return refuse("space " + std::to_string(span.space) + " is no device");
+  if (span.space >= kSpaces)
+    return refuse("space " + std::to_string(span.space) + " is not a device");
   const auto space = static_cast<Space>(span.space);
   const DeviceKind& kind = kind_of(space);
   const auto numbers = numbers_of(model, space);
@@ -582,7 +583,7 @@ Result<void> check_write(Model model, const Span& span) {
   if (auto present = check_range(model, span); !present) return present;
   const DeviceKind& kind = kind_of(static_cast<Space>(span.space));
   if (span.first_bit % kind.bits != 0 || span.bits % kind.bits != 0)
-    return refuse(device_name(model, span) + ": only whole words are written");
+    return refuse(device_name(model, span) + ": only whole words can be written");
   return {};
 }
 

@@ -137,7 +137,7 @@ Result<ReadWay> way_of(const Dialect& dialect, const Read& read) {
   }
   return fail(ErrorCode::unsupported, device_name(dialect.model, span) + ": " +
                                           std::to_string(span.bits) +
-                                          " bits are not read in this way on this model");
+                                          " bits cannot be read in this way on this model");
 }
 
 std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space_id) {

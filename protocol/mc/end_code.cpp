@@ -30,16 +30,16 @@ constexpr std::string_view kTooMany = "too many points in one request";
 constexpr std::uint16_t kWriteInRun = 0x0055;
 
 constexpr std::array<EndCode, 49> kCodes = {{
-    {0x0050, Class::final, "the frame is not known: protocol mc-1e, mc-3e or mc-4e?"},
+    {0x0050, Class::final, "unknown frame: is protocol mc-1e, mc-3e or mc-4e right?"},
     {kWriteInRun, Class::final, {}},  // its text depends on the series
     {0x4013, Class::final, "not possible in this state of the CPU"},
-    {0x4030, Class::hole, "the device cannot be reached in this way"},
+    {0x4030, Class::hole, "the device cannot be accessed in this way"},
     {0x4031, Class::hole, "beyond the last device of the PLC's parameters"},
-    {0x4032, Class::hole, "the device cannot be reached in this way"},
+    {0x4032, Class::hole, "the device cannot be accessed in this way"},
     {0x4043, Class::final, "wrong content of the request"},
     {0x4080, Class::final, "wrong content of the request"},
-    {0x413E, Class::final, "the CPU does not have what was asked for"},
-    {0x414A, Class::final, "the CPU does not have what was asked for"},
+    {0x413E, Class::final, "the CPU does not have the requested item"},
+    {0x414A, Class::final, "the CPU does not have the requested item"},
     {0x7151, Class::final, "wrong format of the request"},
     {0x7153, Class::final, "the request is too long"},
     {0x7155, Class::final, "no monitor is registered"},
@@ -49,16 +49,17 @@ constexpr std::array<EndCode, 49> kCodes = {{
      "writing while the PLC runs is not allowed: set Online Change of the serial module to Enable"},
     {0x7168, Class::final, "not possible while the PLC runs"},
     {0x716D, Class::final, "wrong content of the request"},
-    {0x7E40, Class::final, "the command is not known to this PLC: is `model` right?"},
+    {0x7E40, Class::final, "this PLC does not have the command: is `model` right?"},
     {0x7E41, Class::hole, kTooMany},
     {0x7E42, Class::hole, kTooMany},
     {0x7E43, Class::hole, "no such device"},
-    {0x7E47, Class::busy, "the PLC is still at the request before"},
+    {0x7E47, Class::busy, "the PLC is still busy with the previous request"},
     {0x7E4F, Class::hole, "beyond the last device"},
     {0x7F20, Class::final, "characters that cannot be converted: is `format` that of the port?"},
     {0x7F21, Class::final, "the header is wrong: is `format` that of the port?"},
-    {0x7F22, Class::final, "command or device not known: is `model` right?"},
-    {0x7F23, Class::final, "ETX or CR LF is not where it belongs: is `format` that of the port?"},
+    {0x7F22, Class::final, "unknown command or device: is `model` right?"},
+    {0x7F23, Class::final,
+     "ETX or CR LF is missing or in the wrong place: is `format` that of the port?"},
     {0x7F24, Class::line, "the PLC found a wrong sum: is `sum_check` that of the port?"},
     {0x7F67, Class::line, "characters came too fast for the PLC (overrun)"},
     {0x7F69, Class::line, "the PLC found wrong parity"},
@@ -71,17 +72,18 @@ constexpr std::array<EndCode, 49> kCodes = {{
     {0xC054, Class::hole, kTooMany},
     {0xC056, Class::hole, "beyond the last device"},
     {0xC058, Class::final, "the length of the request does not fit its content"},
-    {0xC059, Class::final, "command or subcommand not known to this PLC: is `model` right?"},
+    {0xC059, Class::final, "this PLC does not have the command or subcommand: is `model` right?"},
     {0xC05B, Class::hole, "the CPU cannot reach this device"},
     {0xC05C, Class::final, "the request is not possible for this device"},
     {0xC05D, Class::final, "no monitor is registered"},
     {0xC05F, Class::final,
-     "not possible for the station asked: are network, pc, module_io and module_station right?"},
+     "not possible for the requested station: are network, pc, module_io and module_station "
+     "right?"},
     {0xC060, Class::final, "bits that are neither 0 nor 1"},
     {0xC061, Class::final,
-     "the length of the request does not fit its content, or its subcommand is not known: is "
-     "`model` right?"},
-    {0xC06F, Class::final, "binary where ASCII is set, or the other way: is `code` right?"},
+     "the length of the request does not fit its content, or this PLC does not have its "
+     "subcommand: is `model` right?"},
+    {0xC06F, Class::final, "binary although ASCII is set, or the reverse: is `code` right?"},
     {0x4A00, Class::route, "no way to this station: are network and pc right?"},
     {0x4B00, Class::relay, "a station on the way to this one had an error"},
 }};
@@ -125,14 +127,14 @@ std::string_view online_change(Series series) {
 std::string_view password(Series series) {
   switch (series) {
     case Series::q_l:
-      return "a remote password locks this port; take the port out of it in GX Works2 (Remote "
+      return "a remote password locks this port; exclude the port from it in GX Works2 (Remote "
              "Password)";
     case Series::iq_f:
     case Series::iq_r:
-      return "a remote password locks this port; take the port out of it in GX Works3 (Remote "
+      return "a remote password locks this port; exclude the port from it in GX Works3 (Remote "
              "Password)";
     default:
-      return "a remote password locks this port; take the port out of it in GX Works (Remote "
+      return "a remote password locks this port; exclude the port from it in GX Works (Remote "
              "Password)";
   }
 }
@@ -143,8 +145,8 @@ std::string_view words_of(std::uint16_t code, Series series) {
   if (is_route(code)) return find(0x4A00)->text;
   if (is_relay(code)) return find(0x4B00)->text;
   if (is_password(code)) return password(series);
-  if (is_from_cpu(code)) return "refused by the CPU; the error codes of its manual have the reason";
-  return "a reason that is not known here; the error codes of the PLC's manual have it";
+  if (is_from_cpu(code)) return "refused by the CPU; see the error codes in its manual";
+  return "an unknown reason; see the error codes in the PLC's manual";
 }
 
 }  // namespace

@@ -56,19 +56,19 @@ std::string why_foreign(bool numbered, Code code, ByteView bytes) {
   const std::string ours = numbered ? "4E" : "3E";
   const Subheader* same_code = subheader_in(code, bytes);
   if (same_code != nullptr)
-    return std::string("a ") + (same_code->numbered ? "4E" : "3E") + " frame, where " + ours +
-           " was expected: the protocol is mc-" + (same_code->numbered ? "4e" : "3e");
+    return std::string("a ") + (same_code->numbered ? "4E" : "3E") + " frame instead of " + ours +
+           ": the protocol is mc-" + (same_code->numbered ? "4e" : "3e");
   if (bytes.size() >= 4) {
     const bool ascii = code == Code::ascii;
     if (subheader_in(ascii ? Code::binary : Code::ascii, bytes) != nullptr)
       return std::string("an answer in ") + (ascii ? "binary" : "ASCII") +
-             " code: set `code` to that, it is the port's Communication Data Code";
+             " code: set `code` to that of the port (Communication Data Code)";
   }
   // A 1E port answers an unknown command 50 with 50 + 80h and end code 50.
   const auto first = number_at(code, bytes, 0, 1);
   const auto second = number_at(code, bytes, wire_size(code, 1), 1);
   if (first && second && (*first == 0xD0 || *first == 0xD4) && *second == 0x50)
-    return "an answer in a 1E frame: this port takes mc-1e";
+    return "an answer in a 1E frame: set protocol to mc-1e";
   return "subheader " + to_hex(bytes.first(std::min<std::size_t>(bytes.size(), 4))) +
          " is not one of " + ours;
 }
@@ -139,7 +139,7 @@ EthernetFrame ethernet_frame(bool numbered, Code code, ByteView rx, std::size_t 
   frame.route.module_station = static_cast<std::uint8_t>(next(1));
   const std::size_t length = next(2);
   if (!readable)
-    return wrong(rx, "the header " + to_hex(bytes.first(header)) + " is no hex digits");
+    return wrong(rx, "the header " + to_hex(bytes.first(header)) + " is not hex digits");
   if (length < wire_size(code, kEndCode) || length > wire_size(code, kLongest))
     return wrong(rx, "length " + std::to_string(length) +
                          " in the header: " + std::to_string(wire_size(code, kEndCode)) + " to " +

@@ -228,7 +228,7 @@ class SerialExplainer final {
   void framed(std::size_t begin, std::size_t end) {
     const ByteView rest = bytes_.subspan(begin, end - begin);
     const auto found = std::find(rest.begin(), rest.end(), kEtx);
-    if (found == rest.end()) return fault("no ETX behind the data");
+    if (found == rest.end()) return fault("no ETX after the data");
     const auto size = static_cast<std::size_t>(found - rest.begin());
     const std::size_t etx = begin + size;
     const std::size_t behind = end - etx - 1;

@@ -45,13 +45,13 @@ class MessageWalk final : public DeviceWalk {
     points_ = number(field.digits, "the number of points");
     out_.count = by_bits() ? points_ : devices_in(points_);
     show(field.name, std::to_string(points_) + (by_bits() ? " bits" : " words"));
-    if (points_ == 0) fault("a request for nothing");
+    if (points_ == 0) fault("a request for no points");
   }
   void data(const Field& /*field*/) {
     if (!by_bits()) return values(points_, 4, device_.bits);
     const ByteView wire = take(points_, "its data");
     if (good() && !add_bits(out_, form_, wire, points_))
-      fault("its data are " + to_hex(wire) + " where bits are 0 and 1");
+      fault("its data are " + to_hex(wire) + " but bits are 0 and 1");
   }
 
   // Two counts begin a request of several places: of words and double words, or of blocks of words
@@ -179,7 +179,7 @@ std::optional<FrameDevice> MessageWalk::device_in(ByteView wire) {
     if (space) number = digits_in(wire.subspan(letters), base_of(model_, *space));
   }
   if (!space || !number) {
-    fault("no device: " + data_text(form_, wire));
+    fault("not a device: " + data_text(form_, wire));
     return std::nullopt;
   }
   // An FX5 counts M8000 up among its M. No FX3 uses these frames.

@@ -83,7 +83,7 @@ Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& option
     const auto known = model_named(*name);
     if (!known || series_of(*known) == Series::fx3)
       return refuse("no model '" + *name + "' with this frame" +
-                    (known ? "; an FX3 speaks mc-1e" : ""));
+                    (known ? "; for an FX3 use mc-1e" : ""));
     settings.model = *known;
   }
   Route& route = settings.route;
@@ -102,7 +102,7 @@ Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& option
                                            settings.max_block_bytes);
   const std::uint32_t timer =
       number_option(options, "monitoring_timer_ms", settings.timer * kTimerStep, kTimerStep, 60000);
-  if (timer % kTimerStep != 0) return refuse("monitoring_timer_ms goes in steps of 250");
+  if (timer % kTimerStep != 0) return refuse("monitoring_timer_ms must be a multiple of 250");
   settings.timer = timer / kTimerStep;
   if (const auto* flag = option<bool>(options, "sum_check")) settings.sum_check = *flag;
   if (const auto* word = option<std::string>(options, "code"))

@@ -44,7 +44,7 @@ constexpr std::uint32_t kWordCost = 12;  // SH-080008: a word costs 12, a double
 constexpr std::uint32_t kDwordCost = 14;
 
 tl::unexpected<Error> cannot() {
-  return fail(ErrorCode::unsupported, "no frame carries these places together");
+  return fail(ErrorCode::unsupported, "these places do not fit in one frame");
 }
 
 std::uint32_t words_of(const Read& part) { return part.span.bits / 16; }
@@ -83,14 +83,14 @@ Result<void> check_gather(const Dialect& dialect, const Gather& gather) {
     if (!way) return tl::make_unexpected(way.error());
     if (part.gather == 0 || part.gather != way->gather ||
         part.gather != gather.parts.front().gather)
-      return refuse("no frame carries these places together");
+      return refuse("these places do not fit in one frame");
     bits += part.span.bits;
   }
   for (const GatherCommand& command : gathers(dialect))
     if (command.gather == gather.parts.front().gather && gather.parts.size() <= command.max_parts &&
         bits <= command.max_bits)
       return {};
-  return refuse(std::to_string(gather.parts.size()) + " places are more than one frame carries");
+  return refuse(std::to_string(gather.parts.size()) + " places do not fit in one frame");
 }
 
 /// One value of a random write.
@@ -344,7 +344,7 @@ Result<Bytes> encode_message(const Dialect& dialect, const Request& request) {
   if (const auto* force = std::get_if<Force>(&request)) {
     if (force->space < kSpaces && width_of(force->space) != 1)
       return refuse(device_name(dialect.model, {force->space, force->bit, 1}) +
-                    " is a word: only bits are forced");
+                    " is a word: only bits can be forced");
     return encode_write(dialect, write_of(*force));
   }
   if (const auto* control = std::get_if<Control>(&request))

@@ -107,7 +107,8 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
   const std::uint32_t timer =
       number_option(options, "monitoring_timer_ms", settings.monitoring_timer * 250,
                     kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
-  if (timer % kMonitoringUnitMs != 0) return refuse("monitoring_timer_ms goes in steps of 250");
+  if (timer % kMonitoringUnitMs != 0)
+    return refuse("monitoring_timer_ms must be a multiple of 250");
   settings.monitoring_timer = static_cast<std::uint16_t>(timer / kMonitoringUnitMs);
   return std::make_shared<const OneE>(settings);
 }
@@ -119,7 +120,8 @@ namespace {
 /// Errors: bad_request if 1E frames reach nothing of the space; unsupported if that depends on the
 /// model and the model is unknown.
 Result<void> check_reach(Model model, const Span& span) {
-  if (span.space >= kSpaces) return refuse("space " + std::to_string(span.space) + " is no device");
+  if (span.space >= kSpaces)
+    return refuse("space " + std::to_string(span.space) + " is not a device");
   const auto space = static_cast<Space>(span.space);
   const DeviceKind& kind = kind_of(space);
   // JY997D18101 9.3.2: an FX3 has no code for coils. Only an FX3 is known to have S.
@@ -128,10 +130,10 @@ Result<void> check_reach(Model model, const Span& span) {
     return refuse(device_name(model, span) + ": 1E frames do not reach " +
                   std::string(kind.letters) + (is_fx3(model) ? " of an FX3" : " of this model"));
   if (model == Model::unknown_fx3 && is_fx3_only(space))
-    return fail(ErrorCode::unsupported,
-                device_name(model, span) +
-                    " is reached once the model is known: another series has other "
-                    "devices there");
+    return fail(
+        ErrorCode::unsupported,
+        device_name(model, span) +
+            " can be accessed once the model is known: other series have other devices there");
   return {};
 }
 
@@ -338,7 +340,7 @@ Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const 
     return encode_control(settings_, *control);
   if (const auto* force = std::get_if<Force>(&request)) {
     if (force->space < kSpaces && width_of(force->space) != 1)
-      return refuse(name_of({force->space, force->bit, 1}) + " is a word: only bits are forced");
+      return refuse(name_of({force->space, force->bit, 1}) + " is a word: only bits can be forced");
     return encode_write(settings_, write_of(*force));
   }
   return fail(ErrorCode::unsupported, "1E frames have neither an enquiry nor scattered reads");
@@ -530,8 +532,8 @@ Request OneE::run_request(bool run) const {
 }
 
 std::string OneE::run_hint() const {
-  return "an FX3 starts and stops by this whatever its RUN/STOP switch says, unless it has an "
-         "error; an E71 module has no remote RUN and STOP in 1E frames";
+  return "an FX3 starts and stops by this command at any position of its RUN/STOP switch, unless "
+         "it has an error; an E71 module has no remote RUN and STOP in 1E frames";
 }
 
 }  // namespace fxagent::mc

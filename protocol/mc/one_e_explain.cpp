@@ -26,7 +26,7 @@ class Walk final : public DeviceWalk {
   }
   void zero(const Field& field) {
     if (number(field.digits, "its points") != 0)
-      fault("the byte behind the number of points is not 00");
+      fault("the byte after the number of points is not 00");
   }
 
   void bits_read(const Field& field) {
@@ -43,7 +43,7 @@ class Walk final : public DeviceWalk {
     if (!good()) return;
     const std::string_view name = model_coded(data[0]);
     out_.values.push_back(hex_text(data[0], 2));
-    show("model", name.empty() ? "one that is not known here" : name);
+    show("model", name.empty() ? "an unknown one" : name);
   }
 
  private:
@@ -112,7 +112,7 @@ std::optional<FrameDevice> Walk::device_in(ByteView wire) {
 
 void Walk::request(const KnownCommand& command) {
   if (command.operation == "other") show("meaning", command.meaning);
-  if (left() < 6) return fault("the request is cut short");
+  if (left() < 6) return fault("the request is truncated");
   walk(kRequestHead);
   walk(command.request);
   if (good() && left() != 0) fault(std::to_string(left_.size()) + " bytes are left over");
@@ -129,13 +129,13 @@ ByteView Walk::data_read(const Field& field) {
 void Walk::refusal(int end_code) {
   out_.operation = "nak";
   if (left_.size() != 0 && left_.size() != 2)
-    return fault("behind an end code come an abnormal code and 00, or nothing");
+    return fault("only an abnormal code and 00 may follow an end code");
   const auto abnormal = left_.empty() ? std::nullopt : std::optional<int>(left_[0]);
   show("reason", one_e::refusal(end_code, abnormal));
 }
 
 void Walk::answer(const KnownCommand& command) {
-  if (left() == 0) return fault("the answer is cut short");
+  if (left() == 0) return fault("the answer is truncated");
   const auto end_code = static_cast<int>(number(2, "its end code"));
   if (end_code != 0) return refusal(end_code);
   show("end code", "00, done");

@@ -79,7 +79,7 @@ std::string refusal(int end_code, std::optional<int> abnormal_code) {
   const auto words = [&]() -> std::string_view {
     switch (end_code) {
       case kCommandUnknown:
-        return "the PLC does not know this command";
+        return "the PLC does not have this command";
       case kNoAscii:
         return "the PLC is set to ASCII and cannot read this: `code` must be the communication "
                "data code that is set in the PLC";
@@ -91,7 +91,7 @@ std::string refusal(int end_code, std::optional<int> abnormal_code) {
       case kTooMany:
         return "too many points, or beyond the last device";
       case kNoHead:
-        return "no such device number, or not one that this command can begin with";
+        return "no such device number, or this command cannot begin with it";
       case kPcSilent:
         return "the PLC gave its Ethernet module no answer within the monitoring timer";
       case kWithReason:
@@ -99,7 +99,7 @@ std::string refusal(int end_code, std::optional<int> abnormal_code) {
         if (abnormal_code == kNoRemote) return "remote RUN or STOP is not possible";
         return "the Ethernet module cannot reach the PLC";
       default:
-        return "a reason that the manual does not know";
+        return "a reason that the manual does not list";
     }
   };
   std::string text = hex_text(static_cast<std::uint32_t>(end_code), 2);

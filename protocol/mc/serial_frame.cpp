@@ -177,7 +177,7 @@ class AsciiSearch final {
     const std::size_t whole = size + etx + tail_size(settings_);
     if (left() < whole) return SerialAnswer{};
     if (etx != 0 && rx_[at_ + size] != kEtx)
-      return garbled_answer("ETX is missing behind the answer");
+      return garbled_answer("ETX is missing after the answer");
     if (!has_tail(whole)) return no_tail();
     SerialAnswer answer;
     answer.state = state;
@@ -250,7 +250,7 @@ class AsciiSearch final {
            (rx_[at_ + whole - 2] == kCr && rx_[at_ + whole - 1] == kLf);
   }
   static SerialAnswer no_tail() {
-    return garbled_answer("CR LF is missing behind the answer: format 4 ends with it");
+    return garbled_answer("CR LF is missing after the answer: format 4 ends with it");
   }
 
   const SerialSettings& settings_;
@@ -271,7 +271,7 @@ std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::s
   const std::size_t length = *number_at(Code::binary, content, 0, kLength);
   if (length != content.size() - kLength)
     return garbled_answer("length " + std::to_string(length) + " given, " +
-                          std::to_string(content.size() - kLength) + " bytes came");
+                          std::to_string(content.size() - kLength) + " bytes received");
   const std::size_t mark = kLength + header.size();
   if (content.size() < mark + kMark || content[mark] != 0xFF || content[mark + 1] != 0xFF)
     return std::nullopt;  // echo of a request

@@ -194,13 +194,13 @@ void explain_pdu(Explanation& out, ByteView pdu, Direction direction) {
   const bool asks = direction == Direction::request;
   const bool refuses = (pdu[0] & kException) != 0;
   if (function == 0) {
-    wrong(out, "00 is no function");
+    wrong(out, "00 is not a function");
     return;
   }
   const Part& part = refuses ? kRefusal : asks ? what.request : what.reply;
   out.operation = part.operation;
   if (refuses && asks)
-    wrong(out, "an exception is an answer, no request");
+    wrong(out, "an exception is an answer, not a request");
   else
     PduWalk(out, pdu.subspan(1), what.space, what.most).explain(part.fields);
 }
@@ -221,7 +221,7 @@ Frame frame_in(Framing framing, ByteView bytes) {
   if (frame.error.empty())
     frame.error = !is_incomplete
                       ? std::to_string(bytes.size() - frame.end) + " bytes follow the frame"
-                  : framing == Framing::ascii ? "no frame from ':' to CR LF"
+                  : framing == Framing::ascii ? "there is no frame from ':' to CR LF"
                                               : "the frame is shorter than its header says";
   return frame;
 }

@@ -71,8 +71,8 @@ Result<TablePlace> parse_numbered(const std::string& quoted, std::string_view di
       break;
     default:
       return refuse(quoted +
-                    ": the first digit is 0 (coils), 1 (discrete inputs), 3 (input "
-                    "registers) or 4 (holding registers)");
+                    ": the first digit must be 0 (coils), 1 (discrete inputs), 3 (input registers) "
+                    "or 4 (holding registers)");
   }
   const auto number = number_in(digits.substr(1));
   if (!number || *number == 0 || *number > kNumbers)
@@ -109,7 +109,7 @@ Result<TablePlace> parse_place(std::string_view text, std::uint32_t base) {
     place->number = *number - base;
   }
   if (bit && width_of(place->space) == 1)
-    return refuse(quoted + ": only registers have bits, a coil is one");
+    return refuse(quoted + ": only registers have bits; a coil is a bit");
   place->bit = bit;
   return place;
 }
@@ -150,7 +150,7 @@ Result<std::shared_ptr<const Codec>> Modbus::make(Framing framing, const Options
     settings.allow_read_modify_write = *flag;
   if (framing != Framing::tcp && settings.unit > 247)
     return refuse(
-        "unit is 1 to 247 on a serial line, or 0 for a broadcast; 248 to 255 are reserved");
+        "unit must be 1 to 247 on a serial line, or 0 for a broadcast; 248 to 255 are reserved");
   return std::make_shared<const Modbus>(settings);
 }
 
@@ -192,7 +192,7 @@ Result<Span> Modbus::parse_range(std::string_view text) const {
   const std::string name(text);
   if (first->bit || last->bit)
     return refuse(name + ": a range goes from one whole coil or register to another");
-  if (first->space != last->space) return refuse(name + ": both ends must be of one table");
+  if (first->space != last->space) return refuse(name + ": both ends must be in one table");
   if (last->number < first->number) return refuse(name + ": the range ends before it begins");
   Span span = span_of_place(*first);
   span.bits *= last->number - first->number + 1;
@@ -200,7 +200,8 @@ Result<Span> Modbus::parse_range(std::string_view text) const {
 }
 
 Result<void> Modbus::check_range(const Span& span) const {
-  if (span.space >= kTables) return refuse("space " + std::to_string(span.space) + " is no table");
+  if (span.space >= kTables)
+    return refuse("space " + std::to_string(span.space) + " is not a table");
   const auto space = static_cast<Space>(span.space);
   const std::uint64_t end = std::uint64_t{kNumbers} * width_of(space);
   if (span.first_bit + std::uint64_t{span.bits} <= end) return {};
@@ -215,7 +216,7 @@ Result<void> Modbus::check_write(const Span& span) const {
     return refuse(name_of(span) + ": inputs cannot be written");
   const std::uint32_t width = width_of(static_cast<Space>(span.space));
   if (span.bits != 1 && (span.first_bit % width != 0 || span.bits % width != 0))
-    return refuse(name_of(span) + ": a single bit or whole registers are written");
+    return refuse(name_of(span) + ": only a single bit or whole registers can be written");
   return {};
 }
 
@@ -342,7 +343,7 @@ Result<std::optional<Reply>> decode_tcp(std::uint8_t unit, const Request& reques
     auto reply = decode_pdu(request, frame.pdu);
     if (!reply) return reply;
     if (!*reply)
-      return garbled("the answer is to another function, place or count: " + to_hex(frame.pdu));
+      return garbled("the answer is to another function, address or count: " + to_hex(frame.pdu));
     (*reply)->began = began;
     (*reply)->consumed = frame.end;
     return reply;
@@ -353,7 +354,7 @@ Result<std::optional<Reply>> decode_tcp(std::uint8_t unit, const Request& reques
 
 Result<Bytes> Modbus::encode(const Request& request, std::uint16_t tag) const {
   if (const auto* read = std::get_if<Read>(&request)) {
-    if (is_broadcast()) return fail(ErrorCode::unsupported, "nobody answers a broadcast");
+    if (is_broadcast()) return fail(ErrorCode::unsupported, "no unit answers a broadcast");
     if (read->span.bits > settings_.max_read * 16)
       return refuse("a read takes at most max_read, " + std::to_string(settings_.max_read) +
                     " registers");
@@ -369,7 +370,7 @@ Result<std::optional<Reply>> Modbus::decode(const Request& request, std::uint16_
                                             ByteView rx) const {
   const auto pdu = encode_pdu(request);
   if (!pdu) return tl::make_unexpected(pdu.error());
-  if (!expects_reply(request)) return fail(ErrorCode::unsupported, "nobody answers a broadcast");
+  if (!expects_reply(request)) return fail(ErrorCode::unsupported, "no unit answers a broadcast");
   switch (settings_.framing) {
     case Framing::rtu:
       return decode_rtu(settings_.unit, request, *pdu, rx);

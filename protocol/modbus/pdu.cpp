@@ -25,7 +25,7 @@ Result<Place> place_of(const Span& span) {
   if (span.space > id(Space::holding_register)) return cannot("no such table");
   const std::uint32_t width = width_of(static_cast<Space>(span.space));
   if (span.bits == 0 || span.first_bit % width != 0 || span.bits % width != 0)
-    return refuse("only whole registers are read and written");
+    return refuse("only whole registers can be read and written");
   const Place place{span.first_bit / width, span.bits / width};
   if (place.number >= kNumbers || place.count > kNumbers - place.number)
     return refuse("the numbers end at 65535");
@@ -212,7 +212,7 @@ Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu) {
   const std::size_t length = reply_length(request);
   if (pdu.size() != length)
     return fail(ErrorCode::bad_frame, "the answer to a write has " + std::to_string(pdu.size()) +
-                                          " bytes, not " + std::to_string(length));
+                                          " bytes instead of " + std::to_string(length));
   if (!std::equal(pdu.begin(), pdu.end(), sent->begin())) return std::optional<Reply>{};
   return std::optional<Reply>(Reply{});
 }
@@ -228,7 +228,7 @@ std::string_view exception_text(int device_code) {
     case 0x04:
       return "device failure";
     case 0x05:
-      return "acknowledged, still being carried out";
+      return "acknowledged, but still in progress";
     case 0x06:
       return "device busy";
     case 0x07:

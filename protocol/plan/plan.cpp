@@ -357,7 +357,7 @@ Result<Bytes> image_of(const Plan& plan, std::span<const Bytes> images, const Po
   for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r) {
     const Span& span = plan.reads[r].read.span;
     if (images[r].size() * 8 < span.bits)
-      return fail(ErrorCode::unsupported, point.address.text + " was read in part only");
+      return fail(ErrorCode::unsupported, point.address.text + " was only partly read");
     const std::uint32_t at = span.first_bit - base;
     whole.resize(std::max(whole.size(), (std::size_t{at} + span.bits + 7) / 8));
     insert_bits(whole, at, images[r], span.bits);
@@ -394,7 +394,8 @@ Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, 
   }
   std::uint32_t step = codec.addresses().max_write_bits(span->space);
   if (step == 0)
-    return fail(ErrorCode::bad_request, point.address.text + " is not written by this protocol");
+    return fail(ErrorCode::bad_request,
+                point.address.text + " cannot be written with this protocol");
   // Keep elements whole if a frame can hold one and an element consists of whole bytes.
   const std::uint32_t element = span->bits / point.count;
   if (element % 8 == 0 && element <= step) step -= step % element;

@@ -49,8 +49,8 @@ Result<Bytes> from_hex(std::string_view text) {
     }
   }
   if (high >= 0)
-    return fail(ErrorCode::bad_request,
-                "digit '" + std::string(1, kDigits[high]) + "' is left over: two make a byte");
+    return fail(ErrorCode::bad_request, "digit '" + std::string(1, kDigits[high]) +
+                                            "' is left over: a byte needs two hex digits");
   return bytes;
 }
 

@@ -90,10 +90,10 @@ Scalar without_quotes(const Point& point, const Scalar& scalar) {
 
 Result<void> check_kind(const Point& point, const Value& value) {
   if (value.is_array != point.is_array)
-    return refuse(point.is_array ? "an array is wanted" : "one value is wanted, not an array");
+    return refuse(point.is_array ? "an array is expected" : "one value is expected, not an array");
   if (value.items.size() != point.count)
     return refuse(std::to_string(value.items.size()) + " elements given, " +
-                  std::to_string(point.count) + " wanted");
+                  std::to_string(point.count) + " expected");
   for (const Scalar& scalar : value.items)
     if (auto kind = check_scalar(point, scalar); !kind) return kind;
   return {};

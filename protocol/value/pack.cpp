@@ -88,7 +88,7 @@ Packed pack_text(const Point& point, const Scalar& scalar, Bytes& image, std::si
   const auto characters = latin1_from_utf8(std::get<std::string>(scalar));
   if (characters->size() > point.length)
     return out_of_range("the text has " + std::to_string(characters->size()) +
-                        " characters, there is room for " + std::to_string(point.length));
+                        " characters, but there is room for " + std::to_string(point.length));
   for (std::size_t i = 0; i < characters->size(); ++i)
     image[bit / 8 + character_at(i, point.order)] = (*characters)[i];
   return {};

@@ -51,7 +51,7 @@ Result<DataType> data_type_from(std::string_view word) {
     if (known.text == word) return known.type;
     all += " " + std::string(known.text);
   }
-  return fail(ErrorCode::bad_request, "'" + std::string(word) + "' is not a type; they are" + all);
+  return fail(ErrorCode::bad_request, "'" + std::string(word) + "' is not a type; types are" + all);
 }
 
 Result<ByteOrder> byte_order_from(std::string_view word) {
@@ -61,7 +61,7 @@ Result<ByteOrder> byte_order_from(std::string_view word) {
   if (word == "DCBA") return ByteOrder::dcba;
   return fail(ErrorCode::bad_request,
               "'" + std::string(word) +
-                  "' is not an order; they are low_first high_first ABCD CDAB BADC DCBA");
+                  "' is not an order; orders are low_first high_first ABCD CDAB BADC DCBA");
 }
 
 std::string_view to_string(ByteOrder order) {
@@ -168,8 +168,8 @@ Result<Span> span_of(const Point& point) {
   const std::uint32_t bits = element_bits(point);
   if (bits == 0)
     return fail(ErrorCode::bad_request, point.address.text + " cannot be read as " +
-                                            std::string(to_string(point.type)) + "; its type is " +
-                                            types_of(point.address));
+                                            std::string(to_string(point.type)) +
+                                            "; its type must be " + types_of(point.address));
   const std::uint64_t total = std::uint64_t{bits} * point.count;
   if (point.address.span.first_bit + total > std::numeric_limits<std::uint32_t>::max())
     return fail(ErrorCode::bad_request, point.address.text + ": the array is too long");

@@ -22,7 +22,7 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]:-$0}")/../.." && pwd)
 
 impossible() {
-  echo "bare_machine: no bare root can be made here: $*" >&2
+  echo "bare_machine: cannot create a bare root here: $*" >&2
   exit 3
 }
 

@@ -377,7 +377,7 @@ class Scripts(unittest.TestCase):
         done = subprocess.run([*as_nobody, "bash", "-s", "--", "demo"], stdin=open(script), capture_output=True,
                               text=True, cwd="/")
         self.assertEqual((done.returncode, done.stdout), (3, ""), done.stderr)
-        self.assertIn("no bare root can be made here: only root can", done.stderr)
+        self.assertIn("cannot create a bare root here: only root can", done.stderr)
         done = subprocess.run([script, "everything"], capture_output=True, text=True)
         self.assertEqual(done.returncode, 2)
         self.assertIn("usage:", done.stderr)
@@ -573,7 +573,7 @@ class HealthCheck(unittest.TestCase):
     def test_another_program_is_not(self):
         status, text = self.check(os.getpid())
         self.assertEqual(status, 1)
-        self.assertIn("is no fxagent", text)
+        self.assertIn("is not fxagent", text)
 
     def test_a_config_that_became_wrong_is_not_healthy(self):
         with open(self.config, "w") as out:

@@ -265,7 +265,7 @@ def a_purge_keeps_what_an_installation_by_hand_uses(config):
     write(BY_HAND, "[Service]\n")
     before = rows()
     said = apt("purge", "fxagent")
-    assert "are kept for it" in said, said
+    assert "so /etc/fxagent and /var/lib/fxagent stay" in said, said
     assert (text_of(CONFIG), text_of(PASSWORD), rows()) == (config, "secret\n", before)
     assert sorted(os.listdir("/etc/fxagent")) == ["agent.json", "mqtt_password"]
     os.remove(BY_HAND)

@@ -37,8 +37,8 @@ TEST(Checklist, ModbusOnALineNamesUnitLineWiresEchoAndOtherMasters) {
   for (const char* protocol : {"modbus-rtu", "modbus-ascii"}) {
     const std::string text = text_of(protocol, {{"unit", std::int64_t{17}}}, serial(kFast));
     for (const char* part :
-         {"no answer on /dev/ttyUSB0. Check: has the device power", "`unit` (17)", "19200 baud 8O2",
-          "A and B", "set `echo`", "`rs485`", "another program, panel or master"})
+         {"no answer on /dev/ttyUSB0. Check: does the device have power", "`unit` (17)",
+          "19200 baud 8O2", "A and B", "set `echo`", "`rs485`", "another program, panel or master"})
       EXPECT_NAMES(text, part);
   }
   EXPECT_NAMES(text_of("modbus-rtu", {}, serial()), "RTU, not ASCII");
@@ -104,7 +104,7 @@ TEST(Checklist, McNamesCodeFormatStationAndARouteThatIsSet) {
 
 TEST(Checklist, SerialServerHasTheLine) {
   const std::string text = text_of("modbus-rtu", {}, tcp());
-  EXPECT_NAMES(text, "serial server's own line");
+  EXPECT_NAMES(text, "serial server's line");
   EXPECT_NAMES(text, "modbus-tcp");
   EXPECT_OMITS(text, "of this port");
 }

@@ -70,7 +70,7 @@ TEST(FrameWalk, AfterTheFirstFaultNothingMoreIsShown) {
   EXPECT_FALSE(out.ok);
   EXPECT_EQ(out.error, "the code is not hex digits: 58 33 30 30");
   EXPECT_EQ(out.fields, (Shown{{"unit", "18"}}));
-  EXPECT_EQ(error({kUnit, kCode}, NumberForm::low_first, hex("12 AB")), "the request is cut short");
+  EXPECT_EQ(error({kUnit, kCode}, NumberForm::low_first, hex("12 AB")), "the request is truncated");
 }
 
 TEST(FrameWalk, WordsOfABitDeviceAreItsBits) {
@@ -84,7 +84,7 @@ TEST(FrameWalk, WordsOfABitDeviceAreItsBits) {
   EXPECT_EQ(bits.values.back(), "1");
   EXPECT_EQ(walked(fields, NumberForm::high_first, hex("D3 01 12 34")).values, Values{"1234"});
   EXPECT_EQ(error(fields, NumberForm::digits, ascii("B3010000")),
-            "contacts of timers and counters are reached bit by bit only");
+            "contacts of timers and counters can only be accessed bit by bit");
 }
 
 // In text one point has 8 digits. In bytes it has two, the low word first.
@@ -129,11 +129,11 @@ TEST(FrameWalk, EveryItemIsShownByItsDevice) {
   EXPECT_EQ(out.count, 2U);
   EXPECT_EQ(out.fields, (Shown{{"points", "2"}, {"M1", "1"}, {"M7", "0"}}));
   EXPECT_EQ(error({kPoints, kBitItems}, NumberForm::low_first, hex("02 A1 01 A7")),
-            "only 1 of 2 points are there");
+            "only 1 of 2 points are present");
   EXPECT_EQ(error({kPoints, kBitItems}, NumberForm::digits, ascii("01D11")),
-            "'D1' is no device for this command");
+            "'D1' is not a device for this command");
   EXPECT_EQ(error({kPoints, kBitItems}, NumberForm::digits, ascii("01A12")),
-            "'2' is no value of M1");
+            "'2' is not a value of M1");
 }
 
 TEST(FrameWalk, ATextFollowsItsLength) {

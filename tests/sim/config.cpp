@@ -383,7 +383,7 @@ std::vector<PlcConfig> parse_config(const json& root) {
     auto plc = parse_plc(entry, where);
     const auto index = plcs.size();
     if (!names.try_emplace(plc.name, index).second)
-      fail(where + "/name", plc.name + " is there twice");
+      fail(where + "/name", plc.name + " occurs twice");
     plc.line_of = index;
     if (host) {
       plc.line_of = plcs[*host].line_of;

@@ -329,13 +329,13 @@ TEST(Config, RepeatCountsPortsOrAddresses) {
   EXPECT_EQ(units[3].modbus.unit, 4U);
   EXPECT_TRUE(units[3].line.gateway);
   EXPECT_TRUE(error_of(one(R"({"repeat": 2, "name": "p", "tcp": 0})"))
-                  .starts_with("/plcs/0/name: p is there twice"));
+                  .starts_with("/plcs/0/name: p occurs twice"));
 }
 
 TEST(Config, NoTwoPlcsShareANameOrALineWithoutAddresses) {
   const auto two = error_of_two;
   EXPECT_EQ(two(R"({"name": "p", "tcp": 0})", R"({"name": "p", "tcp": 0})"),
-            "/plcs/1/name: p is there twice");
+            "/plcs/1/name: p occurs twice");
   EXPECT_EQ(two(R"({"name": "p", "pty": "/tmp/a"})", R"({"name": "q", "pty": "/tmp/a"})"),
             "/plcs/1: q is on the line of p, but this protocol has no addresses");
   EXPECT_EQ(two(R"({"name": "p", "tcp": 5551})", R"({"name": "q", "tcp": 5551})"),

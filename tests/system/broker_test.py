@@ -452,22 +452,22 @@ class Secrets(PlantTest):
             self.stack.callback(broker.kill)
         tls = self.broker.port
         cases = [
-            ("broker_unreachable", f"mqtt://127.0.0.1:{closed}", {}, "nothing listens on this port"),
+            ("broker_unreachable", f"mqtt://127.0.0.1:{closed}", {}, "connection refused"),
             ("broker_unreachable", "mqtt://no-such-host.invalid", {}, "the host name is not known"),
             ("broker_unreachable", f"mqtt://127.0.0.1:{tls}", {}, "try mqtts://"),
             ("broker_unreachable", f"mqtts://127.0.0.1:{plain}", {"tls": {"ca_file": "ca.pem"}}, "try mqtt://"),
-            ("broker_unreachable", f"mqtt://127.0.0.1:{self.closing()}", {}, "without a word"),
+            ("broker_unreachable", f"mqtt://127.0.0.1:{self.closing()}", {}, "without an answer"),
             ("broker_unreachable", f"mqtt://127.0.0.1:{guarded.port}",
              {"username": "edge7", "password_file": secret}, "compare both with the broker's password file"),
             ("broker_unreachable", f"mqtt://127.0.0.1:{guarded.port}", {},
              "set mqtt.username and password_file"),
             ("publish_refused", f"mqtt://127.0.0.1:{ruled.port}", {}, "fxagent acl prints"),
             ("broker_unreachable", f"mqtts://127.0.0.1:{tls}", {"tls": {"ca_file": "other.pem"}},
-             "is not the authority that signed"),
+             "does not contain the authority that signed"),
             ("broker_unreachable", f"mqtts://127.0.0.1:{tls}", {}, "set mqtt.tls.ca_file"),
             ("broker_unreachable", f"mqtts://localhost:{tls}", {"tls": {"ca_file": "ca.pem"}},
              "is not for this host name"),
-            ("broker_lost", f"mqtt://127.0.0.1:{plain}", {}, "each needs its own agent.id, or mqtt.client_id"),
+            ("broker_lost", f"mqtt://127.0.0.1:{plain}", {}, "each needs its own agent.id or mqtt.client_id"),
         ]
         reasons = []
         for event, server, settings, cure in cases:

@@ -255,7 +255,7 @@ class Faults(PlantTest):
         fcntl.flock(other, fcntl.LOCK_EX)
         self.agent.write({**self.agent.config, "links": [self.serial()]})
         self.agent.start()
-        wait_for("the log", lambda: "another program has it: " in self.agent.logged())
+        wait_for("the log", lambda: "another program uses it: " in self.agent.logged())
         os.close(other)
         self.state("press1", "online", self.watcher.mark())
 
@@ -291,7 +291,7 @@ class OverTcp(PlantTest):
         self.start(plcs=[self.plc("other")], links=[self.link(server.getsockname()[1])],
                    devices=[device(timeout_ms=100)])
         wait_for("a second connection", lambda: len(accepted) >= 2)
-        self.assertIn("nobody answers", self.agent.logged())
+        self.assertIn("no answers on this connection", self.agent.logged())
         server.close()
         for connection in accepted:
             connection.close()

@@ -55,7 +55,7 @@ class Start(PlantTest):
             if end == "ended":
                 # 127: the loader could not even load the program, and reports that.
                 self.assertIn(process.returncode, (1, 127), text())
-                self.assertRegex(text(), "cannot begin: |error while loading|bad_alloc")
+                self.assertRegex(text(), "cannot start: |error while loading|bad_alloc")
                 return end
             process.send_signal(signal.SIGTERM)
             self.assertEqual(process.wait(STOP_S), 0, text())
@@ -271,7 +271,7 @@ class Watchdog(PlantTest):
         while self.told(0.01):  # messages sent earlier
             pass
         self.assertIsNone(self.told(3), "it was fed by a thread that stands still")
-        self.assertEqual(self.statuses[-1], f"{who} stands still: the agent is to be started again")
+        self.assertEqual(self.statuses[-1], f"{who} hangs: systemd must restart the agent")
         self.agent.process.kill()
         self.agent.process.wait()
         self.agent.process = None

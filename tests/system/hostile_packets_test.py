@@ -41,13 +41,13 @@ class HostilePackets(HostileCases):
                                                                      + b"\1"))),
                    "PUBACK": Script(publish=deed(lambda s, p: s.puback(p.identifier, 0, users))),
                    "DISCONNECT": Script(connect=welcome(lambda s: s.disconnect(0x98, users)))}
-        self.run_cases([(name, "5", script, {"says": "196608 are the most", "peak_mib": 60})
+        self.run_cases([(name, "5", script, {"says": "at most 196608", "peak_mib": 60})
                         for name, script in answers.items()])
 
     def test_a_message_before_connack_is_not_kept(self):
         flood = Script(connect=deed(lambda s, p: [s.publish(COMMAND, bytes(1 << 20)) for _ in range(3)]))
         self.run_cases([("messages before CONNACK", version, flood,
-                         {"says": "before it has answered CONNECT", "peak_mib": 60}) for version in BOTH])
+                         {"says": "before its answer to CONNECT", "peak_mib": 60}) for version in BOTH])
 
     def test_a_flood_with_qos_2_does_not_starve_commands(self):
         """Each is handled like one of QoS 1, and the commands in between get their results.

@@ -44,7 +44,7 @@ class Import(unittest.TestCase):
             self.assertEqual([t["name"] for t in config["devices"][0]["tags"]], ["d100", "running"], encoding)
             self.assertIn(f"{path}:2: \"温度\" is named d100", err)
             self.assertIn(f"{path}:4: left out: ", err)
-            self.assertIn("2 tags carried over, 1 of them changed, 1 left out", err)
+            self.assertIn("2 tags imported, 1 of them changed, 1 left out", err)
         kepware = ("Tag Name,Address,Data Type,Client Access,Scan Rate,Eng Units\n"
                    "\"T1\",\"400001\",Word,R/W,1000,\"°C\"\n").encode("cp1252")
         config, _ = self.imported("auto", self.file("k.csv", kepware), "--port", "192.0.2.9:502")
@@ -57,11 +57,11 @@ class Import(unittest.TestCase):
         nothing = self.file("n.csv", "Device Name,Comment\nP0,sub\n")
         status, out, err = self.run_agent("import", "gx", nothing)
         self.assertEqual((status, out), (1, ""))
-        self.assertIn("nothing could be carried over", err)
+        self.assertIn("nothing was imported", err)
         workbook = self.file("tags.xlsx", b"PK\x03\x04" + bytes(30))
         status, _, err = self.run_agent("import", "neuron", workbook)
         self.assertEqual(status, 2)
-        self.assertIn(f"{workbook}: is a zip file, as workbooks (.xlsx) are: save its sheet as CSV", err)
+        self.assertIn(f"{workbook}: is a zip file, perhaps a workbook (.xlsx): save its sheet as CSV", err)
         for arguments in (["gxx", nothing], ["gx", "/nowhere"], ["neuron", nothing], ["auto", self.file("x", "x")],
                           ["gx", nothing, "--protocol", "modbus-rtx"], ["gx", nothing, "--port", "COM1"],
                           ["gx", nothing, "--device", "A b"], ["gx"]):

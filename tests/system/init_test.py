@@ -85,11 +85,11 @@ class Init(PlantTest):
                              "--port", "192.0.2.1:502", "--read", "hr:0")
         self.assertEqual(done.returncode, 0, done.stderr)
         secret = os.path.join(self.place(), "mqtt_password")
-        self.assertIn(f"The password of anna at the broker goes into {secret} (mode 600, of ", done.stdout)
+        self.assertIn(f"The password of anna at the broker goes into {secret} (mode 600, owner ", done.stdout)
         self.assertEqual((os.stat(secret).st_mode & 0o777, os.stat(secret).st_size), (0o600, 0))
         # It ends with the output of check and plan, and the next command to run.
         config = os.path.join(self.place(), "agent.json")
-        heads = [f"fxagent check {config}", f"{config}: right: ", f"fxagent plan {config}", "link line1",
+        heads = [f"fxagent check {config}", f"{config}: valid: ", f"fxagent plan {config}", "link line1",
                  f"Next: fxagent check --online {config}"]
         places = [done.stdout.find("\n" + head) for head in heads]
         self.assertNotIn(-1, places, done.stdout)
@@ -119,12 +119,12 @@ class Init(PlantTest):
             for more in ([], ["--force"]):
                 done = self.run_init(self.place(), *answers, *more)
                 self.assertEqual((done.returncode, done.stderr),
-                                 (1, f"init: {path} is there and is no plain file: take it away\n"))
+                                 (1, f"init: {path} exists and is not a regular file: remove it\n"))
             os.remove(path)
         file = os.path.join(self.directory, "file")
         with open(file, "w"):
             pass
-        self.assertEqual(self.run_init(file, *answers).stderr, f"init: {file} is no directory\n")
+        self.assertEqual(self.run_init(file, *answers).stderr, f"init: {file} is not a directory\n")
 
     def test_the_packages_config_is_replaced_and_all_can_be_read(self):
         os.mkdir(self.place())
@@ -140,7 +140,7 @@ class Init(PlantTest):
         # Now the plant exists, which is reported before any question.
         done = self.run_init(self.place())
         self.assertEqual(done.returncode, 1)
-        self.assertIn("agent.json is there already", done.stderr)
+        self.assertIn("agent.json already exists", done.stderr)
 
     def test_without_a_terminal_what_is_missing_is_named(self):
         done = self.run_init(self.place(), "--broker", "mqtt://a")

@@ -92,7 +92,7 @@ class Metrics(PlantTest):
             self.ready()
             line = wait_for("the reason", lambda: re.search(r"error metrics state=down .*", self.agent.logged()))
             self.assertIn(f"127.0.0.1:{self.port}", line[0])
-            self.assertIn("another program has this address", line[0])
+            self.assertIn("another program uses this address", line[0])
         self.listening()
         self.assertEqual(get(self.port, "/healthz")[0], 200)
         self.assertEqual(self.agent.logged().count("state=down"), 1, "said once")

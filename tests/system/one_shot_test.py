@@ -100,7 +100,7 @@ class OneShots(PlantTest):
     def test_a_rounded_value_is_named_with_the_one_that_was_written(self):
         status, out, err = self.call("write", "level", "2.34")
         self.assertEqual(status, 0, out + err)
-        self.assertIn("rounded: 2.34 was asked for, 2.3 was written\n", err)
+        self.assertIn("rounded: 2.34 was requested, 2.3 was written\n", err)
         self.assertEqual(self.sim.get("meter", "hr:20"), 23)
         self.assertNotIn("rounded", self.call("write", "level", "2.4")[2])
 

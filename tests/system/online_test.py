@@ -49,7 +49,7 @@ class Online(PlantTest):
         status, said, _ = self.check()
         self.assertEqual(status, 4, said)
         self.assertIn("device meter on line2: answers, 1 of 2 tags read\n", said)
-        self.assertIn("  meter: beyond (hr:100): the device refuses to give it", said)
+        self.assertIn("  meter: beyond (hr:100): the device refuses to read it", said)
 
         # One PLC is silent and one port does not exist: 1, each with advice.
         self.sim.fault("press1", "dead")

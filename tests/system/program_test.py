@@ -87,13 +87,13 @@ class Programs(PlantTest):
         os.chmod(path, 0o644)
         status, _, errors = self.run_agent("check", path)
         self.assertEqual(status, 2)
-        self.assertIn("/mqtt/password: a password in clear", errors)
+        self.assertIn("/mqtt/password: a plain-text password", errors)
         os.chmod(path, 0o600)
         self.assertEqual(self.run_agent("check", path)[0], 0)
         path = self.config(mqtt={"servers": ["mqtt://u:hunter2@127.0.0.1:1"]})
         status, _, errors = self.run_agent("check", path)
         self.assertEqual(status, 2)
-        self.assertIn("must not carry a user or a password", errors)
+        self.assertIn("must not contain a user or a password", errors)
         self.assertNotIn("hunter2", errors)
 
     def test_decode_explains_frames_and_judges_their_sums(self):
@@ -239,12 +239,12 @@ class Programs(PlantTest):
         status, out, err = self.run_agent("plan", path)
         self.assertEqual((status, err), (0, ""))
         lines = [line.split() for line in out.splitlines()]
-        self.assertIn("busy 20.0 %; a command is through after 56.3 ms at the most", out)
+        self.assertIn("busy 20.0 %; a command takes at most 56.3 ms", out)
         self.assertIn(["press1/fast", "100", "19.8", "20", "4.2", "15.6", "0.0", "0.0", "0.0"],
                       lines)
         self.assertIn(["D100", "press1/fast", "2", "bytes", "19", "19.8"], lines)
         self.assertEqual(link["listening_ms"], 2 * 300)
-        self.assertIn("  listens for 600 ms before its first question\n", out)
+        self.assertIn("  listens for 600 ms before its first request\n", out)
         self.assertEqual(self.run_agent("plan", os.path.join(self.directory, "nothing"))[0], 2)
 
     def test_plan_of_100_words_and_64_bits_is_the_least_that_the_port_can_do(self):
@@ -253,7 +253,7 @@ class Programs(PlantTest):
         (link,) = self.plan(self.config(devices=[self.small(tags=tags)]))["links"]
         self.assertEqual(link["groups"][0]["line_ms"], 511.5)
         self.assertEqual(link["warnings"], [
-            "press1/fast asks for 100 ms; the link carries 513 ms or more: set interval_ms to 520"])
+            "press1/fast has an interval of 100 ms; the link needs 513 ms or more: set interval_ms to 520"])
         blocks = {trade["max_block_bytes"]: trade for trade in link["block_trade"]}
         self.assertEqual(sorted(blocks), [16, 32, 64, 254])
         self.assertEqual((blocks[64]["cycle_ms"], blocks[64]["command_bound_ms"]),
@@ -285,12 +285,12 @@ class Programs(PlantTest):
         self.assertGreater(after["busy_percent"], 100)
         self.assertGreater(after["command_bound_ms"], before["command_bound_ms"])
         self.assertEqual(before["warnings"], [])
-        self.assertTrue(any("press1/fast asks for 100 ms" in w for w in after["warnings"]))
+        self.assertTrue(any("press1/fast has an interval of 100 ms" in w for w in after["warnings"]))
         status, out, err = self.run_agent("plan", path, "--what-if", "press1 D500..D563@100")
         self.assertEqual((status, err), (0, ""))
         self.assertIn(["press1/fast,", "every", "100", "ms", "19.8", "ms", "317.7", "ms"],
                       [line.split() for line in out.splitlines()])
-        self.assertIn("warning after: press1/fast asks for 100 ms", out)
+        self.assertIn("warning after: press1/fast has an interval of 100 ms", out)
         for wrong, word in (("press9 D1@5", "no device press9"), ("press1 X8@5", "octal"),
                             ("press1 D5", "DEVICE FIRST..LAST@MS"),
                             ("press1 D5@x", "interval"), ("press1 D9..D5@5", "lower one first")):
@@ -375,7 +375,7 @@ class Programs(PlantTest):
         status, out, _ = self.run_agent("write", path, "press1", "temp", "1")
         self.assertEqual((status, out),
                          (2, "press1 write D100: REJECTED, not_writable: the tag's access is read; "
-                             "\"access\": \"read_write\" in the config lets commands write it\n"))
+                             "with \"access\": \"read_write\" in the config, commands may write it\n"))
 
     def test_a_misspelt_name_is_told_with_the_nearest(self):
         path = self.config()

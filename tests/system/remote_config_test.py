@@ -118,7 +118,7 @@ class RemoteConfig(ReloadTest):
             documents[what] = {
                 "templates": {"m": {"protocol": "modbus-tcp", "link": "a", "timeout_ms": 2000, "tags": tags}},
                 "devices": [{"template": "m", "name": f"e{i}-{{n}}", "n": n} for i, n in enumerate(ranges)]}
-        expected = {"values": "the most for a remote config", "devices": "a remote config may have 10000",
+        expected = {"values": "the limit for a remote config", "devices": "a remote config may have at most 10000",
                     "links": "more are not listed"}
         pid = self.agent.process.pid
         before = memory_kib(pid, "VmHWM")
@@ -308,7 +308,7 @@ class RemoteConfig(ReloadTest):
         self.write(config)
         self.hang_up()
         self.report("applied", "v2", since)
-        self.assertIn("cannot be kept", self.agent.logged())
+        self.assertIn("cannot be saved", self.agent.logged())
 
 
 if __name__ == "__main__":

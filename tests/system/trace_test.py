@@ -47,7 +47,7 @@ class Trace(TracedTest):
         self.assertGreaterEqual(float(told["after_ms"]), 1)  # turnaround_ms of the simulator
         for kind, what in (("nak", lambda f: f["says"] == "nak" and f["bytes"] == "15"),
                            ("wrong_sum", lambda f: "sum" in f["says"] and f["bytes"].startswith("02 45")),
-                           ("silent", lambda f: re.match(r"nothing came within 3\d\d ms$", f["says"]))):
+                           ("silent", lambda f: re.match(r"no bytes within 3\d\d ms$", f["says"]))):
             self.sim.fault("press1", kind, match="read", count=-1)
             self.shown(kind, lambda f, accept=what: f["way"] == "in" and accept(f))
             self.sim.ask(cmd="clear_faults")

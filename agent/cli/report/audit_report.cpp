@@ -88,7 +88,7 @@ std::string line_text(const Json& line) {
   const std::string frames = frames_text(at(line, "frames"));
   if (!frames.empty()) out += " | " + frames;
   if (const std::int64_t told = time_at(line, "acknowledged"); told != 0)
-    out += " | told " + utc_text(told);
+    out += " | acknowledged " + utc_text(told);
   else
     out += " | the broker has not acknowledged it";
   return out;
@@ -142,9 +142,11 @@ std::string note_text(const Json& note) {
   const std::string kind = text_of(note, "kind");
   if (kind == "config") return config_text(note);
   std::string out = utc_text(time_at(note, "ts")) + " the audit: ";
-  if (kind == "pruned") return out + "records up to " + plain(at(note, "up_to")) + " were let go";
-  if (kind == "begun") return out + "begun anew; the file before is " + plain(at(note, "after"));
-  if (kind == "lost") return out + plain(at(note, "records")) + " records found no room";
+  if (kind == "pruned") return out + "records up to " + plain(at(note, "up_to")) + " were removed";
+  if (kind == "begun")
+    return out + "started again; the file before it is " + plain(at(note, "after"));
+  if (kind == "lost")
+    return out + plain(at(note, "records")) + " records were dropped for lack of space";
   return out + plain(note);
 }
 

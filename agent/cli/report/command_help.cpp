@@ -16,9 +16,9 @@ constexpr std::string_view kProgram = R"(Examples:
   fxagent read /etc/fxagent/agent.json press1
   fxagent run /etc/fxagent/agent.json
 Signals:
-  SIGTERM, SIGINT  end; `run` stops as fxagent-run(1) says
-  SIGHUP           of `run`: read the config again
-  SIGUSR1          of `run`: switch the traces of all links on or off)";
+  SIGTERM, SIGINT  end; for `run` see fxagent-run(1)
+  SIGHUP           for `run`: read the config again
+  SIGUSR1          for `run`: switch the traces of all links on or off)";
 
 constexpr auto kFooters = std::to_array<std::pair<std::string_view, std::string_view>>({
     {"run", R"(Examples:
@@ -26,17 +26,17 @@ constexpr auto kFooters = std::to_array<std::pair<std::string_view, std::string_
   fxagent run agent.json --trace line1
 Signals:
   SIGTERM, SIGINT  stop: pending commands get their results, samples go to disk
-  SIGHUP           read the config again; a wrong file changes nothing
+  SIGHUP           read the config again; a file with errors changes nothing
   SIGUSR1          switch the traces of all links on or off)"},
     {"check", R"(Examples:
   fxagent check agent.json
   fxagent check --online agent.json
 Exit status:
-  0  the config is right; with --online, everything answers as it says
+  0  the config is valid; with --online, everything answers and matches the config
   1  --online: a link, a device or a broker does not answer
-  2  the call or the config is wrong
-  3  --online: another process has a link, which was left alone; the rest answers
-  4  --online: everything answers, and something not as the config says)"},
+  2  the arguments or the config are wrong
+  3  --online: another process uses a link, which was not checked; the rest answers
+  4  --online: everything answers, and something does not match the config)"},
     {"config", R"(Examples:
   fxagent config agent.json)"},
     {"plan", R"(Examples:

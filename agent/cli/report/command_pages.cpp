@@ -36,7 +36,7 @@ namespace {
 
 constexpr std::string_view kExitStatus = R"(.SH EXIT STATUS
 0: done. 1: the device refused or did not answer, the frame is bad, something is missing, or the agent could not
-run. 2: the call or the config was wrong.
+run. 2: the arguments or the config were wrong.
 )";
 constexpr std::string_view kFiles = R"(.SH FILES
 .TP
@@ -44,7 +44,7 @@ constexpr std::string_view kFiles = R"(.SH FILES
 The config of the service.
 .TP
 .I /var/lib/fxagent
-The store of the service: what waits for the broker, and the audit.
+The store of the service: samples and results that wait for the broker, and the audit.
 .TP
 .I /usr/share/doc/fxagent
 How to write a config (docs/config), to run the agent (docs/operate), its topics (docs/interface.md), and examples.

@@ -90,10 +90,10 @@ std::string said(const OnlineLink& link) {
     case LinkState::down:
       return "does not open";
     case LinkState::held:
-      return "left alone: " + link.holder->program + ", pid " + std::to_string(link.holder->pid) +
-             ", has it (" + std::string(word(link.holder->runs)) + ")";
+      return "not checked: " + link.holder->program + ", pid " + std::to_string(link.holder->pid) +
+             ", uses it (" + std::string(word(link.holder->runs)) + ")";
     default:
-      return "not opened: no device is on it";
+      return "not opened: it has no devices";
   }
 }
 
@@ -104,13 +104,14 @@ std::string said(const OnlineDevice& device, const DeviceConfig& config) {
     case DeviceState::not_asked:
       return "not asked";
     case DeviceState::broadcast:
-      return "broadcast: nobody answers";
+      return "broadcast: no unit answers";
     default:
       break;
   }
   std::string text = "answers";
   if (!device.model.empty()) text += ", " + device.model;
-  if (!device.model_configured.empty()) text += " where the config says " + device.model_configured;
+  if (!device.model_configured.empty())
+    text += " instead of the config's " + device.model_configured;
   if (device.run) text += *device.run ? ", RUN" : ", STOP";
   const std::size_t tags = config.tags.size();
   if (device.bad.empty())
@@ -122,7 +123,7 @@ std::string said(const OnlineDevice& device, const DeviceConfig& config) {
 
 std::string said(const OnlineBroker& broker) {
   if (!broker.connected) return "does not answer";
-  return broker.text.empty() ? "answers" : "answers, and refuses what the agent needs";
+  return broker.text.empty() ? "answers" : "answers, but refuses what the agent needs";
 }
 
 // ---- requests to a running agent ----------------------------------------------------------------
@@ -167,17 +168,16 @@ std::string names_of(const DeviceConfig& config, const std::vector<std::uint32_t
 std::string cure_of(BadReason reason) {
   switch (reason) {
     case BadReason::nak:
-      return "the device refuses to give it: is this its address, and does this model have it?";
+      return "the device refuses to read it: is the address right, and does this model have it?";
     case BadReason::unsupported:
-      return "this model cannot be asked for it by this protocol";
+      return "this protocol cannot read it from this model";
     case BadReason::bad_value:
-      return "what is there is no value of its type: is this its address, and the type that the "
-             "device has there?";
+      return "the bytes are not a value of its type: are the address and the type right?";
     case BadReason::bad_frame:
-      return "damaged answers: look at the cable, its ends and its shield, and whether another "
-             "master asks on this line";
+      return "damaged answers: check the cable, its ends and its shield, and look for another "
+             "master on this line";
     default:
-      return "no answer to this read, where others are answered";
+      return "no answer to this read, although the device answers others";
   }
 }
 
@@ -193,7 +193,7 @@ void add_link(std::vector<std::string>& to_do, const Config& config, const Onlin
     to_do.push_back(link.name + ": end " + end + ", or give the agent a port of its own");
   else
     to_do.push_back(link.name + ": end " + end +
-                    " for this check: a second connection may cut off the first");
+                    " for this check: a second connection may close the first");
 }
 
 void add_device(std::vector<std::string>& to_do, const Config& config,
@@ -206,8 +206,8 @@ void add_device(std::vector<std::string>& to_do, const Config& config,
     add(device.text.empty() ? device.reason : device.text);
   if (device.state != DeviceState::answers) return;
   if (!device.model_configured.empty())
-    add("the PLC is an " + device.model + " and the config says " + device.model_configured +
-        ": set \"model\": \"" + device.model + "\", or look whether this is the right PLC");
+    add("the PLC is an " + device.model + ", but the config says " + device.model_configured +
+        ": set \"model\": \"" + device.model + "\", or check that this is the right PLC");
   if (device.bad.empty() && !device.reason.empty())
     add(device.text.empty() ? device.reason : device.text);
   std::map<BadReason, std::vector<std::uint32_t>> bad;
@@ -409,7 +409,7 @@ std::string online_text(const Config& config, const OnlineFindings& findings) {
     line("broker " + broker.server + ": " + said(broker));
   const auto to_do = to_do_of(config, findings);
   if (to_do.empty()) {
-    line("All is well. Next: fxagent run " + findings.path);
+    line("Everything answers. Next: fxagent run " + findings.path);
     return out;
   }
   line("What to do:");

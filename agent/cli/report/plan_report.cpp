@@ -348,8 +348,8 @@ void judge_intervals(double asked, double fixed, LinkReport& report) {
     const double shortest = static_cast<double>(group.interval.count()) * asked / (1 - fixed);
     group.shortest_interval = milliseconds(static_cast<std::int64_t>(std::ceil(shortest)));
     if (asked + fixed <= 1) continue;
-    report.warnings.push_back(group.device + "/" + group.group + " asks for " +
-                              std::to_string(group.interval.count()) + " ms; the link carries " +
+    report.warnings.push_back(group.device + "/" + group.group + " has an interval of " +
+                              std::to_string(group.interval.count()) + " ms; the link needs " +
                               std::to_string(group.shortest_interval->count()) +
                               " ms or more: set interval_ms to " +
                               std::to_string(round_interval(*group.shortest_interval)));
@@ -384,11 +384,10 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
     shares.push_back(share_of(device, plan));
   }
   if (!known) {
-    report.warnings.emplace_back(
-        std::holds_alternative<UdpSettings>(link.channel)
-            ? "no times: over UDP there is no line whose speed could be given"
-            : "no times: the speed of this line is not known; give line_baud where a serial line "
-              "is behind it");
+    report.warnings.emplace_back(std::holds_alternative<UdpSettings>(link.channel)
+                                     ? "no times: UDP has no line speed"
+                                     : "no times: the speed of this line is not known; set "
+                                       "line_baud if a serial server connects it");
     return report;
   }
   report.busy_percent = 100 * (asked + fixed);
@@ -452,7 +451,7 @@ Result<WhatIf> parse_what_if(const std::string& what) {
   const char* end = number.data() + number.size();
   const auto [stop, error] = std::from_chars(number.data(), end, interval);
   if (error != std::errc{} || stop != end || interval < 0 || interval > kLongestInterval)
-    return refuse(what, "the interval behind @ is 0 to " + std::to_string(kLongestInterval) +
+    return refuse(what, "the interval after @ must be 0 to " + std::to_string(kLongestInterval) +
                             " ms, not \"" + number + "\"");
   out.interval = milliseconds(interval);
   const std::string places = text.substr(blank + 1, at - blank - 1);
@@ -486,7 +485,7 @@ Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& aske
   const bool alike = from.space == to.space && from.bits == to.bits && first->unit == last->unit;
   if (!alike || to.first_bit < from.first_bit || (to.first_bit - from.first_bit) % from.bits != 0)
     return refuse(what, asked.first + " and " + asked.last +
-                            " are no range: both ends lie in one area, the lower one first");
+                            " are not a range: both ends must be in one area, the lower one first");
   const Span whole{from.space, from.first_bit, to.end_bit() - from.first_bit};
   if (const auto inside = codec.addresses().check_range(whole); !inside)
     return refuse(what, inside.error().text);
@@ -503,7 +502,7 @@ Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& aske
   const Plan plan = make_plan(codec, points, LineCost{}, 0);
   if (!plan.unreachable.empty())
     return refuse(what, points[plan.unreachable.front()].address.text +
-                            " is out of reach of this device's commands");
+                            " cannot be reached with this protocol and model");
   return points;
 }
 
@@ -555,7 +554,7 @@ Result<void> add_what_if(Config& config, const std::string& what) {
         what, "there is no device " + asked->device + "; there are " + names_of(config.devices));
   const auto codec = widest(*device);
   if (codec->is_broadcast())
-    return refuse(what, device->name + " is a broadcast, and nobody answers one");
+    return refuse(what, device->name + " is a broadcast, and no unit answers one");
   const auto points = points_between(*codec, *asked, what);
   if (!points) return tl::make_unexpected(points.error());
   const std::uint32_t group = group_of(*device, asked->interval);

@@ -108,7 +108,7 @@ void StreamCheck::take(std::string_view topic, std::string_view payload, bool re
     fault.empty() ? take_sample(from, topic, sample) : malformed(fault);
   };
   const auto json = parsed(payload);
-  if (!json) return malformed("not JSON, or nested too deep");
+  if (!json) return malformed("not JSON, or nested too deeply");
   if (!place->is_history) return take_one(*json);
   const Json* rows = json->is_object() ? find(*json, "rows") : nullptr;
   if (rows == nullptr || !rows->is_array()) return malformed("history without rows");

@@ -25,8 +25,8 @@ constexpr std::array<std::string_view, 1> kConfigsIn{"config/desired"};
 /// Returns why `name` cannot be a user in an acl_file and a password_file; empty if it can.
 std::string_view user_fault(std::string_view name) {
   if (name.empty()) return "is empty";
-  if (name.front() == ' ' || name.back() == ' ') return "begins or ends with a blank";
-  if (name.find(':') != name.npos) return "has a colon, which ends the name in a password_file";
+  if (name.front() == ' ' || name.back() == ' ') return "begins or ends with a space";
+  if (name.find(':') != name.npos) return "has a colon, which is not allowed in a password_file";
   const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; };
   if (std::ranges::any_of(name, is_control)) return "has control characters";
   return {};
@@ -63,28 +63,29 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
   if (users.agent.empty()) users.agent = config.mqtt.username;
   if (users.agent.empty())
     return tl::unexpected(
-        std::string("mqtt.username is not set: give the agent's user with --agent (with "
+        std::string("mqtt.username is not set: name the agent's user with --agent (with "
                     "use_identity_as_username it is the common name of its certificate)"));
   if (const std::string faults = faults_of(users); !faults.empty()) return tl::unexpected(faults);
   if (!users.engineers.empty() && !config.remote.enabled)
     return tl::unexpected(std::string(
-        "--engineer names who sends configs over MQTT, and agent.remote_config is not set"));
+        "--engineer names a user who sends configs over MQTT, but agent.remote_config is not set"));
 
   const std::string base = config.base_topic();
   std::string out =
       "# Access to " + base + ", an acl_file of mosquitto made by `fxagent acl`. A user\n" +
-      "# who is not named here has no access. The files of several agents can be joined.\n\n"
+      "# who is not named here has no access. The files of several agents can be joined.\n"
+      "\n"
       "# The agent writes what it publishes. It reads the commands for its devices, and its own\n"
-      "# states and meta: to put them right where somebody else has written there, to notice "
-      "another\n"
-      "# agent with its id, and to clear those of devices that are no longer configured.\n"
+      "# states and meta: to restore them if another client overwrites them, to detect another "
+      "agent\n"
+      "# with its id, and to clear those of devices that are no longer configured.\n"
       "user " +
       users.agent + "\n";
   add(out, "write", base, kAgentWrites);
   add(out, "read", base, kAgentReads);
   const bool configs = config.remote.enabled;
   if (configs) {
-    out += "# It takes remote configs and answers them.\n";
+    out += "# It receives remote configs and reports on them.\n";
     add(out, "write", base, kConfigsOut);
     add(out, "read", base, kConfigsIn);
   }

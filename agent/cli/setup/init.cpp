@@ -153,7 +153,7 @@ std::string ask_port(const ProtocolInfo& protocol) {
 
 /// Returns an empty text if the agent is to read the model from the PLC.
 std::string ask_model(const ProtocolInfo& protocol) {
-  std::vector<Choice> choices{{std::string(kAutoModel), "the PLC is asked"}};
+  std::vector<Choice> choices{{std::string(kAutoModel), "the agent asks the PLC"}};
   for (const std::string_view model : protocol.models) choices.push_back({std::string(model), {}});
   const std::string answer = choose("Model, or its number", choices, choices.front().answer);
   return answer == kAutoModel ? std::string() : answer;
@@ -188,12 +188,12 @@ void ask_for(InitAnswers& answers) {
   settle(answers, [](InitAnswers& a) { a.device = ask("Name of the device", a.device); });
   if (answers.read.empty())
     settle(answers, [protocol](InitAnswers& a) {
-      a.read = ask_list("Addresses to read, with blanks between them",
+      a.read = ask_list("Addresses to read, separated by spaces",
                         std::string(example_address(*protocol)));
     });
   if (answers.write.empty())
     settle(answers, [](InitAnswers& a) {
-      a.write = ask_list("Addresses that may be written, too (none)", "");
+      a.write = ask_list("Addresses that may also be written (none)", "");
     });
 }
 
@@ -209,17 +209,17 @@ bool is_of_no_plant(const fs::path& path) {
 std::string in_the_way(const fs::path& directory, bool force) {
   std::error_code fault;
   if (fs::exists(directory, fault) && !fs::is_directory(directory, fault))
-    return directory.string() + " is no directory";
+    return directory.string() + " is not a directory";
   const auto names = init_file_names();
   for (const std::string& name : names) {
     const fs::path path = directory / name;
     if (!fs::exists(path, fault)) continue;
     // Opening a FIFO would block until the other end opens.
     if (!fs::is_regular_file(path, fault))
-      return path.string() + " is there and is no plain file: take it away";
+      return path.string() + " exists and is not a regular file: remove it";
     const bool is_config = name == names.front();
     if (!force && !(is_config && is_of_no_plant(path)))
-      return path.string() + " is there already; --force overwrites";
+      return path.string() + " already exists; --force overwrites it";
   }
   return {};
 }
@@ -244,9 +244,9 @@ tl::expected<std::string, std::string> keep_password(const MqttConfig& mqtt, boo
   const auto file = create_password_file(mqtt.password_file, password, "fxagent");
   if (!file) return tl::unexpected(file.error());
   const std::string whose = "The password of " + mqtt.username + " at the broker ";
-  if (!file->is_new) return whose + "is taken from " + mqtt.password_file;
+  if (!file->is_new) return whose + "is read from " + mqtt.password_file;
   return whose + (password.empty() ? "goes into " : "is in ") + mqtt.password_file +
-         " (mode 600, of " + file->owner + ")";
+         " (mode 600, owner " + file->owner + ")";
 }
 
 }  // namespace
@@ -260,8 +260,9 @@ int run_init(InitQuestion what) {
   const bool is_asked = !missing(what.answers).empty();
   if (is_asked) {
     if (::isatty(STDIN_FILENO) == 0)
-      return refused(
-          "init", "not on a terminal, so nobody can be asked; missing: " + missing(what.answers));
+      return refused("init",
+                     "standard input is not a terminal, so init cannot ask; missing options: " +
+                         missing(what.answers));
     if (const std::string faults = faults_in(what.answers); !faults.empty())
       return refused("init", faults);
     ask_for(what.answers);

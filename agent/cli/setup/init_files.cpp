@@ -75,8 +75,7 @@ std::string config_text(const InitAnswers& answers) {
 std::string drop_in_text(const InitAnswers& answers, const std::string& directory) {
   const std::string config = "/" + std::string(kConfig);
   const std::string place = std::string(kPlace) + config;
-  std::string text =
-      "# What this plant adds to fxagent.service. Put it where systemd looks for it:\n";
+  std::string text = "# Additions to fxagent.service for this plant. Install it with:\n";
   if (directory != kPlace)
     text += "#   install -D -m 644 " + directory + config + " " + place + "\n";
   text += "#   install -D -m 644 " + directory + "/" + std::string(kDropIn) +

@@ -49,41 +49,39 @@ SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, st
   const bool is_close = c == '}' || c == ']';
   if (c == '#' || is_comment(text.substr(at)))
     return {at, comments == Comments::refused
-                    ? "a comment, which only a config file may have: take it out"
+                    ? "a comment, which only a config file may have: remove it"
                 : c == '#' ? "a comment begins with // and not with #"
                            : "the comment that begins here has no closing */"};
-  if (c == '\'') return {at, "a single quote: JSON has double quotes (\") alone"};
+  if (c == '\'') return {at, "a single quote: JSON allows only double quotes (\")"};
   const bool is_end = read + 1 == text.size() && (read == at || text[read] != '"');
   if (c == '"' && (is_end || text[read] == '\n' || text[read] == '\r'))
-    return {at, "the string that begins here has no closing \" in its line"};
+    return {at, "the string that begins here has no closing \" on its line"};
   if (is_close && bracket != '\0' && bracket != (c == '}' ? '{' : '['))
     return {at, c == '}' ? "a ] is missing before this }" : "a } is missing before this ]",
             accepted.open.back()};
   if (is_key && !has_mark)
     return {end, is_close || c == ',' ? "a colon and a value are missing here"
-                                      : "a colon is missing here, behind the key"};
-  if (is_value && bracket == '\0')
-    return {at, "more text behind the end of the outermost brackets"};
+                                      : "a colon is missing here, after the key"};
+  if (is_value && bracket == '\0') return {at, "more text after the end of the outermost brackets"};
   if (is_value && !has_mark) {
     const bool is_glued = at == end && (is_letter(last) || is_digit(last));  // such as 0x1F
     const bool begins = c == '"' || c == '{' || c == '[' || c == '-' || is_letter(c) || is_digit(c);
-    if (begins && !is_glued) return {end, "a comma is missing here, before what follows"};
+    if (begins && !is_glued) return {end, "a comma is missing here"};
     return other;
   }
   // A key or a value was expected here.
   if (c == ',' && bracket != '\0')
     return {at, is_key ? "a value is missing before this comma"
-                       : "nothing stands before this comma: take it out"};
+                       : "there is nothing before this comma: remove it"};
   if (is_close && has_mark)
     return {at, is_key ? std::string("a value is missing before this ") + c
-                       : std::string("a comma stands before this ") + c + ": take the comma out"};
+                       : std::string("there is a comma before this ") + c + ": remove the comma"};
   if (bracket == '{' && !is_key) {
-    if (is_letter(c)) return {at, "the key lacks its quotes: write it as \"key\""};
-    if (is_digit(c) || is_sign(c)) return {at, "a key stands in double quotes (\")"};
+    if (is_letter(c)) return {at, "the key has no quotes: write \"key\""};
+    if (is_digit(c) || is_sign(c)) return {at, "a key needs double quotes (\")"};
   } else if (is_letter(c)) {
     return {at,
-            "a word that is none of JSON's, which are true, false and null: a text needs double "
-            "quotes (\")"};
+            "an unknown word. JSON has only true, false and null: a text needs double quotes (\")"};
   }
   return other;
 }

@@ -158,7 +158,7 @@ class TreeBuilder {
     if (++nodes > bounds_.nodes)
       end_ = "holds more than " + std::to_string(bounds_.nodes) + " JSON values";
     else if (bounds_.stop != nullptr && *bounds_.stop)
-      end_ = "was not read to its end";
+      end_ = "could not be read completely";
     return !end_.empty();
   }
 

@@ -20,7 +20,7 @@ struct Count {
 constexpr std::array kCounts{Count{&ConfigSize::links, "links"},
                              Count{&ConfigSize::devices, "devices"},
                              Count{&ConfigSize::groups, "groups"}, Count{&ConfigSize::tags, "tags"},
-                             Count{&ConfigSize::values, "values of tags"}};
+                             Count{&ConfigSize::values, "tag values"}};
 
 std::string mebibytes(std::uint64_t bytes) { return std::to_string(bytes >> 20) + " MiB"; }
 
@@ -70,12 +70,12 @@ std::string ConfigRoom::add(const ConfigSize& more) {
     if (size_.*member <= most) continue;
     is_full_ = true;
     return "with this there are " + std::to_string(size_.*member) + " " + std::string(name) + "; " +
-           std::string(limits_.whose) + " may have " + std::to_string(most) + " at the most";
+           std::string(limits_.whose) + " may have at most " + std::to_string(most);
   }
   if (size_.memory() <= limits_.memory) return {};
   is_full_ = true;
   return "with this the agent needs about " + mebibytes(size_.memory()) + " of memory; " +
-         std::string(limits_.whose) + " may need " + mebibytes(limits_.memory) + " at the most";
+         std::string(limits_.whose) + " may need at most " + mebibytes(limits_.memory);
 }
 
 }  // namespace fxagent

@@ -177,7 +177,7 @@ void DeviceReader::check_foreign_key(const ConfigNode& member) {
   for (const ProtocolInfo& info : catalog())
     if (option_named(info, member.key) != nullptr) owners.push_back(info.name);
   if (owners.empty()) return;  // unknown key, already reported
-  reader_.error_at_key(member, "is for " + one_of(owners) + "; in its place " +
+  reader_.error_at_key(member, "is for " + one_of(owners) + "; " +
                                    std::string(device_.protocol->name) + " may have " +
                                    one_of(option_keys(*device_.protocol)));
 }
@@ -290,9 +290,10 @@ void DeviceReader::outlast_device() {
   if (given == nullptr)
     device_.timeout += own;
   else if (device_.timeout <= own)
-    reader_.warn(*given, "timeout_ms is not longer than the " + std::to_string(own.count()) +
-                             " ms after which the device itself gives up and says why: that is "
-                             "not heard then; make the one longer or the other shorter");
+    reader_.warn(*given,
+                 "timeout_ms is not longer than the " + std::to_string(own.count()) +
+                     " ms after which the device itself gives up and reports why. The agent would "
+                     "miss that report: make timeout_ms longer or the device's time shorter");
 }
 
 // ---- groups -----------------------------------------------------------------------------------
@@ -349,7 +350,7 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
   if (name != default_group) {
     std::string text = "this device has no group \"" + name + "\"";
     if (groups_.empty())
-      text += "; it has no groups at all";
+      text += "; it has no groups";
     else if (reader_.may_suggest(node->offset))
       text += groups_.in_place_of(name);
     reader_.error(*node, std::move(text));
@@ -370,8 +371,8 @@ void DeviceReader::read_tags() {
   const auto nodes = entry_.tags(reader_);
   if (codec_ != nullptr && codec_->is_broadcast() && !nodes.empty())
     reader_.error(*node_.find("tags"),
-                  "a broadcast is never answered, so it can have no tags; what may be written to "
-                  "all units stands in commands/allow");
+                  "no unit answers a broadcast, so it cannot have tags; list what may be written "
+                  "to all units in commands/allow");
   if (!reader_.has_room(entry_.node(), {.tags = nodes.size()})) return;
   device_.tags.reserve(nodes.size());
   for (const ConfigNode* tag : nodes) {
@@ -435,14 +436,14 @@ void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> ty
   if (type == DataType::string && length == nullptr)
     reader_.error(node, "\"length\" is missing: a string needs its number of characters");
   if (type && type != DataType::string && length != nullptr)
-    reader_.error_at_key(*length, "is for strings; an array has a \"count\"");
+    reader_.error_at_key(*length, "is for strings; for an array use \"count\"");
 
   if (codec_ != nullptr) point.order = codec_->addresses().default_order();
   const ConfigKey word_order = word_order_key(device_.protocol);
   if (const auto index = reader_.choice(node, word_order)) {
     if (const auto order = byte_order_from(word_order.limits.words[*index])) point.order = *order;
     if (type == DataType::boolean)
-      reader_.error_at_key(*node.find("word_order"), "a bool has no words");
+      reader_.error_at_key(*node.find("word_order"), "a bool has no word order");
   }
 
   // Only numbers can be scaled; read_tag_units() reports this.
@@ -490,8 +491,8 @@ void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
     return way.first_bit <= span.first_bit && span.end_bit() <= way.end_bit;
   });
   if (!reached)
-    reader_.error(address, "out of reach of this device's commands, from " +
-                               codec_->addresses().name_of(span) + " to " +
+    reader_.error(address, "the protocol cannot reach " + codec_->addresses().name_of(span) +
+                               " to " +
                                codec_->addresses().name_of({span.space, span.end_bit() - 1, 1}));
 }
 
@@ -581,7 +582,7 @@ void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& 
   if (!index) {
     std::string text = "there is no link \"" + *name + "\"";
     if (links.empty())
-      text += "; there are no links at all";
+      text += "; the config has no links";
     else if (reader.may_suggest(given.offset))
       text += links.in_place_of(*name);
     reader.error(given, std::move(text));
@@ -597,13 +598,13 @@ void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& 
   if (link.protocol == nullptr) {
     link.protocol = &protocol;
   } else if (link.protocol != &protocol) {
-    reader.error(*node.find("protocol"), "one link speaks one protocol, and " +
+    reader.error(*node.find("protocol"), "all devices of a link use one protocol, and " +
                                              reader.place_of(*before) + " has " +
                                              std::string(link.protocol->name) +
-                                             " on this one; give this device another link");
+                                             " here; put this device on another link");
   } else if (!protocol.multidrop) {
     reader.warn(given, "the same PLC answers for this device and for " + reader.place_of(*before) +
-                           ": " + std::string(protocol.name) + " knows no stations");
+                           ": " + std::string(protocol.name) + " has no station numbers");
   }
 }
 

@@ -46,9 +46,9 @@ void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNo
     const ConfigNode* name = each.find("name");
     return name != nullptr ? "\"" + std::string(name->text) + "\"" : std::string("a link");
   };
-  reader.warn(node, called(link) + " goes to the same host and port as " + called(*first->second) +
+  reader.warn(node, called(link) + " has the same host and port as " + called(*first->second) +
                         " at " + reader.place_of(*first->second) +
-                        "; many devices and serial servers serve one connection only: put the "
+                        "; many devices and serial servers accept only one connection: put the "
                         "devices of both on one link");
 }
 
@@ -64,9 +64,8 @@ void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& 
     const bool has_port = colon != std::string::npos && colon == settings.host.rfind(':');
     if (has_port || settings.host.find_first_of(" /@") != std::string::npos)
       reader.error(*node.find("host"),
-                   "must be a host name or an address alone, found \"" + shown(settings.host) +
-                       "\"" +
-                       (has_port ? "; the number behind the colon belongs in \"port\"" : ""));
+                   "must be only a host name or an address, found \"" + shown(settings.host) +
+                       "\"" + (has_port ? "; the number after the colon belongs in \"port\"" : ""));
   }
   const auto number = reader.integer(node, port);
   settings.port = static_cast<std::uint16_t>(number.value_or(0));
@@ -92,7 +91,7 @@ void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode&
   }
   for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv, "line_baud"sv})
     if (const ConfigNode* stray = link.find(key))
-      reader.error_at_key(*stray, key == "line_baud" ? "is for tcp links; here it is serial/baud"
+      reader.error_at_key(*stray, key == "line_baud" ? "is for tcp links; use serial/baud here"
                                                      : "belongs inside \"serial\" here");
   config.channel = settings;
 }
@@ -108,7 +107,7 @@ void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& no
   if (link.find("line_baud") == nullptr)
     for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
       if (const ConfigNode* stray = link.find(key))
-        reader.error_at_key(*stray, "means something beside line_baud only");
+        reader.error_at_key(*stray, "has a meaning only together with line_baud");
   config.channel = settings;
 }
 
@@ -126,7 +125,7 @@ void read_udp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& no
   }
   for (const auto key : {"line_baud"sv, "data_bits"sv, "parity"sv, "stop_bits"sv})
     if (const ConfigNode* stray = link.find(key))
-      reader.error_at_key(*stray, "is for serial and tcp links; UDP has no line behind it");
+      reader.error_at_key(*stray, "is for serial and tcp links; a udp link has no serial line");
   config.channel = settings;
 }
 
@@ -204,7 +203,7 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     const bool has_serial = node.find("serial") != nullptr;
     const bool has_tcp = node.find("tcp") != nullptr;
     if (has_serial + has_tcp + (node.find("udp") != nullptr) != 1) {
-      reader.error(node, "needs either \"serial\", \"tcp\" or \"udp\"");
+      reader.error(node, "needs \"serial\", \"tcp\" or \"udp\"");
       continue;
     }
     facts.channel = has_serial ? LinkFacts::Channel::serial

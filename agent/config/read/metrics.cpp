@@ -35,8 +35,8 @@ tl::expected<MetricsConfig, std::string> unix_listen(std::string_view path) {
     return tl::unexpected(std::string("needs the whole path, as in unix:/run/fxagent/metrics"));
   if (path.size() >= sizeof(sockaddr_un::sun_path))
     return tl::unexpected("has a path of " + std::to_string(path.size()) +
-                          " bytes; a socket's has " +
-                          std::to_string(sizeof(sockaddr_un::sun_path) - 1) + " at the most");
+                          " bytes; the path of a socket may have at most " +
+                          std::to_string(sizeof(sockaddr_un::sun_path) - 1));
   MetricsConfig config;
   config.unix_path = path;
   return config;
@@ -56,11 +56,11 @@ tl::expected<MetricsConfig, std::string> listen_of(std::string_view text) {
   config.port = *port;
   if (config.address.empty())
     return tl::unexpected(
-        std::string("needs an address before the port: 127.0.0.1 for this "
-                    "machine alone, 0.0.0.0 for every network"));
+        std::string("needs an address before the port: 127.0.0.1 for this machine only, 0.0.0.0 "
+                    "for every network"));
   if (config.address == "localhost") config.address = "127.0.0.1";
   if (!is_address(in_brackets ? AF_INET6 : AF_INET, config.address))
-    return tl::unexpected(std::string(kListenForms) + "; names are not looked up");
+    return tl::unexpected(std::string(kListenForms) + "; a host name is not possible here");
   return config;
 }
 
@@ -82,8 +82,8 @@ std::optional<MetricsConfig> read_metrics(ConfigReader& reader, const ConfigNode
   }
   if (!is_loopback(*config))
     reader.warn(at,
-                "others than this machine reach it, and metrics have neither password nor TLS: "
-                "127.0.0.1 keeps them here");
+                "other machines can reach this address, and metrics have neither a password nor "
+                "TLS: 127.0.0.1 limits them to this machine");
   return *config;
 }
 

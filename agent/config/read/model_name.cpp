@@ -47,9 +47,9 @@ std::string_view model_meant(std::string_view said) {
 
 std::string model_is_not_reached(const ProtocolInfo& own, std::string_view model) {
   std::string text = std::string(own.name) + " does not reach " + (model == "Q" ? "a " : "an ") +
-                     std::string(model) + "; what does: " + protocols_of(model, own);
+                     std::string(model) + "; use " + protocols_of(model, own);
   if (model.starts_with("FX5"))
-    text += "; and modbus-tcp or modbus-rtu without \"model\", as its parameters say";
+    text += ", or modbus-tcp or modbus-rtu without \"model\" if its parameters enable that";
   return text;
 }
 

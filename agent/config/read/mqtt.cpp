@@ -27,7 +27,7 @@ tl::expected<std::string, std::string_view> normal_server(std::string_view serve
   server.remove_prefix(out.size());
   if (server.find('@') != server.npos)
     return tl::unexpected(
-        "must not carry a user or a password; they go into username and password_file"sv);
+        "must not contain a user or a password; put them into username and password_file"sv);
   std::size_t host_end = 0;
   if (server.starts_with('[')) {
     host_end = server.find(']');
@@ -44,7 +44,7 @@ tl::expected<std::string, std::string_view> normal_server(std::string_view serve
              c == '.' || c == '-' || c == '_';
     });
     if (!good)
-      return tl::unexpected("must be scheme, host and port alone, as in mqtt://broker:1883"sv);
+      return tl::unexpected("must be only scheme, host and port, as in mqtt://broker:1883"sv);
   }
   out += server.substr(0, host_end);
   server.remove_prefix(host_end);
@@ -66,10 +66,10 @@ void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
   tls.cert_file = reader.text(node, config_key("mqtt.tls.cert_file")).value_or("");
   tls.key_file = reader.text(node, config_key("mqtt.tls.key_file")).value_or("");
   if ((node.find("cert_file") == nullptr) != (node.find("key_file") == nullptr))
-    reader.error(node, "cert_file and key_file belong together");
+    reader.error(node, "needs both cert_file and key_file, or neither");
   const bool encrypted = std::ranges::any_of(
       mqtt.servers, [](const std::string& server) { return server.starts_with("mqtts://"); });
-  if (!encrypted) reader.warn(node, "has no effect, since no server is mqtts://");
+  if (!encrypted) reader.warn(node, "has no effect: no server is mqtts://");
   mqtt.tls = tls;
 }
 
@@ -89,24 +89,25 @@ void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqt
     const ConfigNode& at = *node.find("password");
     mqtt.password = secret->value;
     if (node.find("password_file") != nullptr || node.find("password_env") != nullptr)
-      reader.error(at, "password_file or password_env already says where the password is");
+      reader.error(
+          at, "password_file or password_env already names the password: use only one of them");
     else if (secret->in_clear && privacy == FilePrivacy::shared && !is_allowed)
-      reader.error(at,
-                   "a password in clear in a file that others can read: put it into password_file "
-                   "or password_env, or make this file private (chmod 600), or set "
-                   "allow_plain_secret");
+      reader.error(
+          at,
+          "a plain-text password in a file that others can read: put it into password_file or "
+          "password_env, or make this file private (chmod 600), or set allow_plain_secret");
     else if (secret->in_clear && privacy == FilePrivacy::shared)
-      reader.warn(at, "others can read this file, and with it the password");
+      reader.warn(at, "others can read this file and its password");
   }
   constexpr std::array sources{"password_file"sv, "password_env"sv, "password"sv};
   for (const auto key : sources) {
     const ConfigNode* password = node.find(key);
     if (password == nullptr) continue;
     if (mqtt.version == 4 && node.find("username") == nullptr)
-      reader.error(*password, "MQTT 3.1.1 knows no password without a username");
+      reader.error(*password, "MQTT 3.1.1 has no password without a username: set username");
     for (const std::string& server : mqtt.servers)
       if (server.starts_with("mqtt://") && !is_loopback(server))
-        reader.warn(*password, "it goes to " + server + " in clear; mqtts:// encrypts it");
+        reader.warn(*password, "it is sent to " + server + " unencrypted; mqtts:// encrypts it");
   }
 }
 
@@ -145,9 +146,7 @@ void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, Fil
   if (qos == nullptr || qos->number != 2)
     mqtt.qos = reader.integer_as<int>(node, config_key("mqtt.qos"));
   else
-    reader.error(
-        *qos,
-        "must be 0 or 1; repeats under 1 can be told by their seq, so 2 would only cost time");
+    reader.error(*qos, "must be 0 or 1; with 1 the seq shows repeats, and 2 would only cost time");
 }
 
 }  // namespace fxagent

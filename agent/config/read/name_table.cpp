@@ -11,8 +11,8 @@ bool NameTable::add(ConfigReader& reader, const std::string& name, const ConfigN
                     std::uint32_t index) {
   const auto [entry, fresh] = entries_.emplace(name, Entry{index, &node});
   if (!fresh)
-    reader.error(node,
-                 "\"" + name + "\" is already the name at " + reader.place_of(*entry->second.node));
+    reader.error(node, "\"" + name + "\" is already used as a name at " +
+                           reader.place_of(*entry->second.node));
   return fresh;
 }
 

@@ -156,7 +156,7 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKe
   for (const ConfigNode& child : node.children) {
     const auto [first, fresh] = seen.emplace(child.key, &child);
     if (!fresh) {
-      error_at_key(child, "the key stands here a second time; first in line " +
+      error_at_key(child, "duplicate key; the first one is in line " +
                               std::to_string(tree_.line_of(first->second->key_offset)));
       continue;
     }
@@ -252,7 +252,7 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
     return std::nullopt;
   }
   if (origin_ != nullptr && origin_->n.empty() && has_place_of_n(node.text)) {
-    error(node, "{n} stands here, and the device has no \"n\" to say what it is");
+    error(node, "{n} has no value: the device has no \"n\"");
     return std::nullopt;
   }
   std::string fault;
@@ -293,7 +293,7 @@ std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& paren
   if (!value)
     error(*node, is_variable ? fault
                              : "\"${\" must begin the name of an environment variable that is set; "
-                               "a plain one is written \"$${\"");
+                               "for a literal \"${\" write \"$${\"");
   else if (value->empty())
     error(*node, "must not be empty");
   else if (has_control(*value))
@@ -361,8 +361,8 @@ std::optional<std::string> ConfigReader::expand(std::string_view text, std::stri
         !std::ranges::all_of(variable, is_name_part)) {
       if (fault != nullptr)
         *fault =
-            "\"${\" must begin the name of an environment variable, as in ${NAME}; a plain one "
-            "is written \"$${\"";
+            "\"${\" must begin the name of an environment variable, as in ${NAME}; for a literal "
+            "\"${\" write \"$${\"";
       return std::nullopt;
     }
     const auto value = environment_(variable);

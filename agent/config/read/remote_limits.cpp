@@ -18,7 +18,7 @@ constexpr std::array kWords{"links"sv, "devices"sv, "mqtt.servers"sv, "commands.
 constexpr std::string_view kRange = "commands.allow:";
 constexpr std::string_view kForms =
     "links, devices, mqtt.servers, commands.allow_run_stop, or commands.allow: and a range of "
-    "addresses, with protocol and model before it for devices that this file does not have";
+    "addresses, after a protocol and a model for devices that are not in this file";
 
 std::string_view trimmed(std::string_view text) {
   const auto first = text.find_first_not_of(' ');
@@ -52,7 +52,8 @@ void read_range(ConfigReader& reader, const ConfigNode& item, std::string_view t
     entry.range = text;
     if (std::ranges::none_of(
             catalog(), [&](const ProtocolInfo& protocol) { return has_range(protocol, {}, text); }))
-      return reader.error(item, shown(entry.range) + " is no range of addresses of any protocol");
+      return reader.error(item,
+                          shown(entry.range) + " is not a range of addresses of any protocol");
   } else {
     if (!entry.protocol->models.empty()) {
       const std::string_view model = next_word(rest);
@@ -63,7 +64,7 @@ void read_range(ConfigReader& reader, const ConfigNode& item, std::string_view t
     }
     entry.range = rest;
     if (!has_range(*entry.protocol, entry.model, rest))
-      return reader.error(item, shown(entry.range) + " is no range of addresses of " +
+      return reader.error(item, shown(entry.range) + " is not a range of addresses of " +
                                     std::string(entry.protocol->name) +
                                     (entry.model.empty() ? "" : " " + entry.model));
   }
@@ -93,7 +94,7 @@ void read_word(ConfigReader& reader, const ConfigNode& item, const std::string& 
   } else if (word == "commands.allow") {
     reader.error(item, "needs the addresses, as in \"commands.allow: D300-D399\"");
   } else if (is_local_alone(word)) {
-    reader.error(item, shown(word) + " cannot be set remotely; what can is " + std::string(kForms));
+    reader.error(item, shown(word) + " cannot be set remotely; these can: " + std::string(kForms));
   } else {
     reader.error(item, "must be " + std::string(kForms) + did_you_mean(word, kWords));
   }
@@ -116,7 +117,7 @@ RemoteLimits read_remote_limits(ConfigReader& reader, const ConfigNode& agent) {
     if (const ConfigNode* stray = agent.find(key); stray != nullptr && !limits.enabled)
       reader.warn(*stray, "has no effect without \"remote_config\": true");
   if (given != nullptr && given->children.empty() && limits.enabled)
-    reader.warn(*given, "is empty: no remote config can change anything");
+    reader.warn(*given, "is empty: a remote config cannot change anything");
   return limits;
 }
 

@@ -35,13 +35,14 @@ TagStates read_states(ConfigReader& reader, const ConfigNode& tag, DataType type
     const auto value = whole_number(member.key);
     const auto label = reader.text(member);
     if (!value || (type == DataType::boolean && *value != 0 && *value != 1))
-      reader.error_at_key(member, std::string(type == DataType::boolean
-                                                  ? "the states of a bool are \"0\" and \"1\""
-                                                  : "a state is named by a whole number, as in "
-                                                    "{\"0\": \"idle\"}") +
-                                      ", found \"" + shown(member.key) + "\"");
+      reader.error_at_key(
+          member,
+          std::string(type == DataType::boolean
+                          ? "the states of a bool are \"0\" and \"1\""
+                          : "the key of a state must be a whole number, as in {\"0\": \"idle\"}") +
+              ", found \"" + shown(member.key) + "\"");
     else if (label && !states.emplace(*value, *label).second)
-      reader.error_at_key(member, "stands here a second time");
+      reader.error_at_key(member, "is a duplicate");
   }
   return {states.begin(), states.end()};
 }

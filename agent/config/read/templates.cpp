@@ -94,7 +94,8 @@ tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string
     const auto from = number_in(ends.first);
     const auto to = number_in(ends.last.value_or(ends.first));
     if (!from || !to) return tl::unexpected(wanted);
-    if (*from > *to) return tl::unexpected("the range " + std::string(part) + " goes backwards");
+    if (*from > *to)
+      return tl::unexpected("the range " + std::string(part) + " ends before it begins");
     if (*to - *from >= Templates::max_devices - list.size()) return tl::unexpected(too_many());
     const std::size_t width = ends.first.front() == '0' ? ends.first.size() : 0;
     for (std::size_t n = *from; n <= *to; ++n) list.push_back(padded(n, width));
@@ -162,7 +163,7 @@ Templates::Templates(ConfigReader& reader, const ConfigNode& top) : reader_(read
   for (const ConfigNode& node : list->children) {
     const auto [entry, fresh] = templates_.try_emplace(node.key, Template{DeviceLists(node)});
     if (!fresh) {
-      reader.error_at_key(node, "the template stands here a second time; first at " +
+      reader.error_at_key(node, "duplicate template; the first one is at " +
                                     reader.place_of(entry->second.lists.node()));
       continue;
     }
@@ -170,7 +171,7 @@ Templates::Templates(ConfigReader& reader, const ConfigNode& top) : reader_(read
       reader.error_at_key(
           node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node.key) + "\"");
     if (const ConfigNode* nested = node.find("template"))
-      reader.error_at_key(*nested, "a template cannot be made of another one");
+      reader.error_at_key(*nested, "a template cannot use another template");
     if (const ConfigNode* n = node.find("n"))
       reader.error_at_key(*n, "belongs to the device that uses the template");
     if (node.kind != Kind::object) reader.error(node, "must be an object with keys of a device");
@@ -186,7 +187,7 @@ Templates::Template* Templates::template_of(const ConfigNode& node, const Config
   }
   std::string text = "there is no template \"" + *name + "\"";
   if (templates_.empty()) {
-    text += "; there are no templates at all";
+    text += "; the config has no templates";
   } else if (reader_.may_suggest(given.offset)) {
     std::vector<std::string_view> names;
     names.reserve(templates_.size());
@@ -250,8 +251,8 @@ bool Templates::has_room(const ConfigNode& node, const Template* base,
   const ConfigLimits& limits = reader_.room().limits();
   if (bytes_ <= limits.written) return true;
   if (bytes_ - each * count <= limits.written)
-    reader_.error(node, "written out, the devices up to this one would be larger than " +
-                            std::to_string(limits.written >> 20) + " MiB, the most for " +
+    reader_.error(node, "without templates, the devices up to this one would be larger than " +
+                            std::to_string(limits.written >> 20) + " MiB, the limit for " +
                             std::string(limits.whose));
   return false;
 }
@@ -261,8 +262,8 @@ bool Templates::can_have_names(const DeviceEntry& entry) {
   if (entry.count() < 2 || name == nullptr || name->kind != Kind::string ||
       has_place_of_n(name->text))
     return true;
-  reader_.error(*name, "{n} must stand in the name: " + std::to_string(entry.count()) +
-                           " devices are made of the entry at " + reader_.place_of(entry.node()));
+  reader_.error(*name, "the name must contain {n}: " + std::to_string(entry.count()) +
+                           " devices come from the entry at " + reader_.place_of(entry.node()));
   return false;
 }
 

@@ -31,16 +31,17 @@ void warn_of_protocol(ConfigReader& reader, const ConfigNode& link, const Config
     std::string speeds;
     for (const int speed : protocol.speeds)
       speeds += (speeds.empty() ? "" : ", ") + std::to_string(speed);
-    reader.warn(at, std::to_string(line.baud) + " baud is not known of " +
-                        std::string(protocol.name) + ", whose speeds are " + speeds);
+    reader.warn(at, std::to_string(line.baud) + " baud is not a known speed of " +
+                        std::string(protocol.name) + "; its speeds are " + speeds);
   }
   const LineDefaults& only = protocol.line;
   const bool differs = line.data_bits != only.data_bits || line.parity != only.parity ||
                        line.stop_bits != only.stop_bits;
   if (protocol.one_line && differs)
-    reader.warn(link, "a line of " + std::string(protocol.name) +
-                          " has 7 data bits, even parity and 1 stop bit; nothing else is known of "
-                          "an FX");
+    reader.warn(
+        link,
+        "a line of " + std::string(protocol.name) +
+            " has 7 data bits, even parity and 1 stop bit; no FX is known to use other settings");
 }
 
 }  // namespace
@@ -55,7 +56,7 @@ void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfi
   if (within && *within < 2) {
     reader.warn(min != nullptr ? *min : *max,
                 std::string(*within == 0 ? "no value" : "only one value") +
-                    " of this tag lies within its limits: they " + values + " in steps of " +
+                    " of this tag is within its limits: its values " + values + " in steps of " +
                     spelled(range->step));
     return;
   }
@@ -67,12 +68,12 @@ void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfi
 void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupConfig& group) {
   if (group.max_silent >= group.interval) return;
   if (const ConfigNode* given = node.find("max_silent_s"))
-    reader.warn(*given, "shorter than interval_ms: every poll is published");
+    reader.warn(*given, "is shorter than interval_ms: every poll is published");
   else if (group.on_change)
     reader.warn(*node.find("publish"),
-                "has no effect: max_silent_s, which is " +
+                "has no effect: max_silent_s (by default " +
                     std::to_string(group.max_silent.count()) +
-                    " where it is not given, is shorter than interval_ms; every poll is published");
+                    ") is shorter than interval_ms, so every poll is published");
 }
 
 void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
@@ -95,8 +96,8 @@ void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
         model.empty() || protocol.most_speed == 0 ||
         std::ranges::find(protocol.fast_models, model) != protocol.fast_models.end();
     if (!is_fast && line.baud > protocol.most_speed && knows(protocol, line.baud))
-      reader.warn(at, device.name + " is an " + model + ", which goes to " +
-                          std::to_string(protocol.most_speed) + " baud at the most");
+      reader.warn(at, device.name + " is an " + model + ", whose highest speed is " +
+                          std::to_string(protocol.most_speed) + " baud");
   }
 }
 
@@ -111,7 +112,7 @@ void StationTable::add(ConfigReader& reader, const DeviceEntry& entry, const Dev
     const ConfigNode* given = entry.in_file(key);
     reader.warn(given != nullptr ? *given : entry.node(),
                 std::string(key) + " " + std::to_string(number) + " is that of " +
-                    reader.place_of(*first->second) + " on the same link: one and the same " +
+                    reader.place_of(*first->second) + " on the same link: the same device " +
                     "answers for both");
   }
 }

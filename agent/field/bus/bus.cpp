@@ -72,12 +72,12 @@ asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, boo
   };
   if (overheard_.doubt().findings() != findings || !quiet_behind) {
     overheard_.doubt().exchange_was_unclear();
-    make_garbled("more than one answer came, or another's: " + beginning_of(last_unexpected()));
+    make_garbled("several answers, or one to another request: " + beginning_of(last_unexpected()));
   } else if (doubted) {
     overheard_.doubt().exchange_was_clean(wire_.now());
     exchange.doubted = true;
     if (!exchange.is_data())
-      make_garbled("the answer is not believed: foreign bytes were on the line (" +
+      make_garbled("the answer does not count: unexpected bytes were on the line (" +
                    beginning_of(last_unexpected()) + ")");
   }
   if (!overheard_.doubt().is_doubted()) wire_.channel().believed();

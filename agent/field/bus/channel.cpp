@@ -18,7 +18,7 @@ constexpr milliseconds kQuietAfterOpen{50};
 constexpr milliseconds kLongestDrain{3000};
 constexpr std::size_t kReadChunk = 512;
 constexpr std::string_view kNeverSilent =
-    "bytes come without end (another master, noise, or wrong settings?)";
+    "bytes arrive without a pause (another master, noise, or wrong settings?)";
 
 }  // namespace
 

@@ -78,8 +78,8 @@ std::optional<UnexpectedBytes> other_settings(const DeviceConfig& device,
   if (has_sums != nullptr && may_have_sum && frame.checksum_given.has_value() != *has_sums)
     return UnexpectedBytes{
         Cause::other_settings,
-        (*has_sums ? "a frame without a sum: set sum_check to false, or the sum check in "
-                   : "a frame with a sum: set sum_check to true, or no sum check in ") +
+        (*has_sums ? "a frame without a sum: set sum_check to false, or enable the sum check in "
+                   : "a frame with a sum: set sum_check to true, or disable the sum check in ") +
             place};
   return std::nullopt;
 }
@@ -91,13 +91,12 @@ std::optional<UnexpectedBytes> own_frame(const DeviceConfig& device, const Codec
   if (auto other = other_settings(device, frame)) return other;
   if (frame.direction == Direction::request && !frame.ambiguous)
     return UnexpectedBytes{Cause::another_master,
-                           "a question" + whose(frame) + ", " + quoted(frame) +
-                               ": another master asks on this line; a line has one"};
-  return UnexpectedBytes{
-      Cause::another_master,
-      "a good answer" + whose(frame) + ", " + quoted(frame) +
-          ", not to this question: another station, another master, or an answer "
-          "that came late (timeout_ms)"};
+                           "a request" + whose(frame) + ", " + quoted(frame) +
+                               ": there is another master on this line, which may have only one"};
+  return UnexpectedBytes{Cause::another_master,
+                         "a valid answer" + whose(frame) + ", " + quoted(frame) +
+                             ", but not to this request: another station, another master, or a "
+                             "late answer (timeout_ms)"};
 }
 
 /// The bytes may be a valid frame of several protocols. A frame that names its station is
@@ -111,9 +110,10 @@ std::optional<UnexpectedBytes> frame_of_another(const DeviceConfig& device, Byte
     const Explanation frame = (*codec)->explain(heard, std::nullopt);
     const std::string of = whose(frame);
     if (!frame.ok || (found && of.empty())) continue;
-    found = UnexpectedBytes{Cause::other_protocol, "a good frame of " + std::string(other.name) +
-                                                       of + ", " + quoted(frame) +
-                                                       ": set protocol, or give each its own line"};
+    found =
+        UnexpectedBytes{Cause::other_protocol,
+                        "a valid frame of " + std::string(other.name) + of + ", " + quoted(frame) +
+                            ": set protocol, or put the devices on separate lines"};
     if (!of.empty()) break;
   }
   return found;
@@ -166,10 +166,9 @@ std::optional<UnexpectedBytes> zeros_among_text(ByteView heard) {
   const std::size_t good = count(heard, [](std::uint8_t b) { return is_text(b); });
   if (zeros == 0 || good == 0 || zeros + good != heard.size() || 4 * good < heard.size())
     return std::nullopt;
-  return UnexpectedBytes{
-      Cause::parity,
-      "text with 00 for each character of wrong parity: set parity and data_bits "
-      "as the device has them (8 bits without parity?)"};
+  return UnexpectedBytes{Cause::parity,
+                         "text with 00 for each character of wrong parity: set parity and "
+                         "data_bits to those of the device (8 bits without parity?)"};
 }
 
 /// Recognises a sender that is slower than the line: each of its bits is received several times.
@@ -177,8 +176,8 @@ std::optional<UnexpectedBytes> bits_in_groups(ByteView heard) {
   if (heard.size() < kFewBytes) return std::nullopt;
   if (all(heard, [](std::uint8_t b) { return b == 0; }))
     return UnexpectedBytes{Cause::speed,
-                           "characters with errors alone, which come as 00: compare baud with the "
-                           "device's, then the parity (odd?)"};
+                           "only characters with errors, which arrive as 00: compare baud with the "
+                           "device's, then parity (odd?)"};
   const auto in_fours = [](std::uint8_t b) {
     return b == 0 || b == 0x78 || b == 0x80 || b == 0xF8;
   };
@@ -188,18 +187,18 @@ std::optional<UnexpectedBytes> bits_in_groups(ByteView heard) {
   };
   const bool fours = all(heard, in_fours);
   if (!fours && !all(heard, in_pairs)) return std::nullopt;
-  return UnexpectedBytes{Cause::speed, std::string("bits that come in ") +
-                                           (fours ? "fours" : "pairs") +
-                                           ": the device is slower, set baud to " +
-                                           (fours ? "a quarter" : "half") + " of what it is"};
+  return UnexpectedBytes{
+      Cause::speed, std::string("bits that arrive in ") + (fours ? "fours" : "pairs") +
+                        ": the device is slower, set baud to " + (fours ? "a quarter" : "half") +
+                        " of its present value"};
 }
 
 std::optional<UnexpectedBytes> no_text(ByteView heard) {
   const std::size_t foreign = count(heard, [](std::uint8_t b) { return !is_text(b); });
   if (heard.size() < kFewBytes || 3 * foreign < heard.size()) return std::nullopt;
   return UnexpectedBytes{Cause::speed,
-                         "no text, which this protocol is: compare baud with the device's, then "
-                         "data_bits and parity; or another protocol"};
+                         "bytes that are not text, although the protocol is: compare baud with the "
+                         "device's, then data_bits and parity; or it is another protocol"};
 }
 
 }  // namespace
@@ -209,18 +208,18 @@ UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteV
   // Speed and parity do not exist over Ethernet.
   const bool is_on_line = device.protocol == nullptr || device.protocol->on_serial;
   UnexpectedBytes unknown{
-      Cause::unknown,
-      is_on_line ? "nothing that is known: noise, where it is rare; else compare baud, data_bits "
-                   "and parity of line and device, and look for another master"
-                 : "nothing that is known: does another service or protocol answer at this port? "
-                   "Compare protocol and its settings with the device's"};
+      Cause::unknown, is_on_line
+                          ? "nothing known: if it is rare, noise; otherwise compare baud, "
+                            "data_bits and parity of line and device, and look for another master"
+                          : "nothing known: does another service or protocol answer at this port? "
+                            "Compare protocol and its settings with the device's"};
   if (heard.empty()) return unknown;
   const bool returned = !asked.empty() && heard.size() >= asked.size() &&
                         std::equal(asked.begin(), asked.end(), heard.begin());
   if (returned)
     return {Cause::echo,
-            "the question itself, which the line returns (a two-wire adapter?): set "
-            "echo for its devices"};
+            "the request itself, which the line returns (a two-wire adapter?): set echo for its "
+            "devices"};
   if (auto frame = own_frame(device, codec, heard)) return *std::move(frame);
   if (auto other = frame_of_another(device, heard)) return *std::move(other);
   const bool is_text_line = is_on_line && codec.is_text();

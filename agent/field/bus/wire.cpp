@@ -217,7 +217,8 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
     if (!got) {
       const bool silent = got.error().code == ErrorCode::timeout;
       exchange.error = got.error().text;
-      if (silent && !rx_.empty()) exchange.error += "; what came is none: " + beginning_of(rx_);
+      if (silent && !rx_.empty())
+        exchange.error += "; these bytes are not one: " + beginning_of(rx_);
       if (echo_due && silent) exchange.error += "; not even the echo of the request came back";
       exchange.outcome = silent ? Exchange::Outcome::unanswered : Exchange::Outcome::link_down;
       if (silent) co_return;
@@ -248,13 +249,13 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
     auto decoded = codec.decode(request, tag_, rx_);
     if (!decoded || rx_.size() > kMaxReceived) {
       exchange.outcome = Exchange::Outcome::garbled;
-      exchange.error = decoded ? "no end of frame on a babbling line" : decoded.error().text;
+      exchange.error = decoded ? "bytes without an end of frame" : decoded.error().text;
       co_return;
     }
     const bool alone = *decoded && (*decoded)->began == 0 && (*decoded)->consumed == rx_.size();
     if (datagrams && *decoded && !alone) {
       exchange.outcome = Exchange::Outcome::garbled;
-      exchange.error = "a datagram with more in it than one answer";
+      exchange.error = "a datagram with more than one answer";
       co_return;
     }
     if (*decoded) {

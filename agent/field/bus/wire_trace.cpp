@@ -39,7 +39,7 @@ void WireTrace::answer(ByteView bytes, nanoseconds after) const {
 
 void WireTrace::no_answer(ByteView bytes, nanoseconds within, std::string why) const {
   if (why.empty())
-    why = (bytes.empty() ? "nothing came within " : "no whole answer within ") + whole_ms(within) +
+    why = (bytes.empty() ? "no bytes within " : "no complete answer within ") + whole_ms(within) +
           " ms";
   show(WireFrame::Way::in, bytes, within, std::move(why), Explained::no);
 }
@@ -57,7 +57,7 @@ void WireTrace::ended(const Exchange& exchange, ByteView bytes, SteadyTime now,
 }
 
 void WireTrace::unasked(ByteView bytes) const {
-  show(WireFrame::Way::in, bytes, nanoseconds(0), "nobody asked for these bytes", Explained::yes);
+  show(WireFrame::Way::in, bytes, nanoseconds(0), "unexpected bytes", Explained::yes);
 }
 
 void WireTrace::show(WireFrame::Way way, ByteView bytes, nanoseconds after, std::string note,

@@ -160,7 +160,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     if (effect == Effect::change) may_be_sent = co_await mark_started();
     if (!may_be_sent) {
       exchange.outcome = Exchange::Outcome::link_down;
-      exchange.error = "the disk of the store does not answer; nothing was sent";
+      exchange.error = "the store's disk does not respond; nothing was sent";
       co_return exchange;
     }
     exchange = co_await bus_.exchange(station_, request, not_after);

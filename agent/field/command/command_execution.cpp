@@ -82,14 +82,14 @@ bool was_carried_out(const TargetResult& target) {
 
 std::string elsewhere_text(const AdmittedTarget& target, const Value& read) {
   return target.point.address.text + " holds another value" + (read.is_array ? "" : " now") +
-         ": something else has set it since";
+         ": something else changed it after the write";
 }
 
 /// The answer behind the ACK may belong to this command, and the ACK to an earlier one.
 void set_doubtful_ack(TargetResult& out, const std::string& found) {
   out.plc = PlcAnswer::none;
   set(out, CommandStatus::unknown_outcome, Reason::bad_frame,
-      "acknowledged, but another answer came behind the ACK, and " + found);
+      "acknowledged, but another answer followed the ACK, and " + found);
 }
 
 Verification verification(const AdmittedTarget& target, const Bytes& image) {
@@ -183,7 +183,7 @@ void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exc
     set(out, CommandStatus::failed, Reason::nak, nak_text(exchange));
   } else if (exchange.outcome == Exchange::Outcome::expired) {
     const auto left = admitted_.deadline - Clock::now();
-    std::string detail = "its time had passed before it could be sent";
+    std::string detail = "the command expired before it could be sent";
     if (left.count() > 0 && admitted_.line_time)
       detail = "it takes " +
                std::to_string(std::chrono::ceil<milliseconds>(*admitted_.line_time).count()) +
@@ -267,7 +267,7 @@ asio::awaitable<bool> CommandExecution::read_first(const AdmittedTarget& target,
   out.verify = std::move(found);
   out.verify->match = false;
   set(out, CommandStatus::failed, Reason::expect_mismatch,
-      "nothing was written: the value is not the one expected");
+      "nothing was written: the value differs from expect");
   co_return false;
 }
 
@@ -277,8 +277,8 @@ asio::awaitable<void> CommandExecution::conclude(const AdmittedTarget& target, E
     co_await settle_unknown(target, exchange, out);
   } else if (station_.codec->is_broadcast()) {
     set(out, CommandStatus::unknown_outcome, Reason::broadcast,
-        std::string("nobody answers a broadcast") +
-            (has_padding(target.point) ? "; the other half of the last word was zeroed" : ""));
+        std::string("no device answers a broadcast") +
+            (has_padding(target.point) ? "; the other half of the last word was set to 0" : ""));
   } else {
     out.plc = PlcAnswer::ack;
     set(out, CommandStatus::succeeded, Reason::none, "");
@@ -366,7 +366,7 @@ asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, Tar
   out.verify = verification(target, *got.image);
   if (out.verify->match) co_return;
   if (wire_.findings() != findings) {
-    set_doubtful_ack(out, "another value is read back");
+    set_doubtful_ack(out, "the value read back differs");
     co_return;
   }
   set(out, CommandStatus::failed, Reason::verify_mismatch,
@@ -377,15 +377,14 @@ asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& tar
                                                        const Exchange& lost, TargetResult& out) {
   if (wire_.was_cut_off())
     set(out, CommandStatus::unknown_outcome, sharing_->why_stopping(),
-        why_not_sent(sharing_->why_stopping()) + "; no answer came until then");
+        why_not_sent(sharing_->why_stopping()) + "; there was no answer until then");
   else
     set(out, CommandStatus::unknown_outcome, reason_of(lost),
         lost.is_nak() ? nak_text(lost) : lost.error);
   // If the channel was lost, the outcome stays unknown. A channel closed to put it in order is
   // reopened.
   if (lost.outcome == Exchange::Outcome::link_down) co_return;
-  co_await read_outcome(
-      target, "no answer came, and the value read back is the one that was to be written", out);
+  co_await read_outcome(target, "no answer, but the value read back is the one to be written", out);
 }
 
 asio::awaitable<void> CommandExecution::read_outcome(const AdmittedTarget& target,
@@ -401,10 +400,9 @@ asio::awaitable<void> CommandExecution::settle_interrupted() {
     TargetResult out = fxagent::result_of(target);
     if (!result_.targets.empty()) co_await wire_.go_on(admitted_.targets.size() > 1);
     set(out, CommandStatus::unknown_outcome, Reason::interrupted, std::string(kInterrupted));
-    co_await read_outcome(target,
-                          "the agent ended while the command was under way; the value is the one "
-                          "that was to be written",
-                          out);
+    co_await read_outcome(
+        target, "the agent ended during the command; the value read back is the one to be written",
+        out);
     result_.targets.push_back(std::move(out));
   }
 }
@@ -453,13 +451,13 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
     set_doubtful_ack(out, std::string("the PLC is ") + (*state ? "running" : "stopped"));
   } else if (exchange.is_ack() && state) {
     set(out, CommandStatus::failed, Reason::verify_mismatch,
-        "acknowledged, and the PLC is still " + std::string(*state ? "running" : "stopped") + "; " +
+        "acknowledged, but the PLC is still " + std::string(*state ? "running" : "stopped") + "; " +
             hint);
   } else if (exchange.is_ack()) {
-    set(out, CommandStatus::succeeded, Reason::none, "acknowledged; the RUN state cannot be read");
+    set(out, CommandStatus::succeeded, Reason::none, "acknowledged; the run state cannot be read");
   } else if (wire_.was_cut_off()) {
     set(out, CommandStatus::unknown_outcome, sharing_->why_stopping(),
-        why_not_sent(sharing_->why_stopping()) + "; no answer came until then");
+        why_not_sent(sharing_->why_stopping()) + "; there was no answer until then");
   } else {
     set(out, CommandStatus::unknown_outcome, reason_of(exchange), exchange.error);
   }

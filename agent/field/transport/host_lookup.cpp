@@ -23,7 +23,7 @@ bool takes_from_others(int fd) {
 std::string why_failed(const asio::error_code& error) {
   if (error == asio::error::host_unreachable || error == asio::error::network_unreachable)
     return "no way to this address (" + error.message() +
-           "): is the device on, is the network up, and the address as it should be?";
+           "): is the device on, is the network up, and is the address right?";
   if (error == asio::error::no_descriptors)
     return error.message() + ": raise the limit of open files, LimitNOFILE of the unit";
   return error.message();
@@ -66,12 +66,11 @@ asio::awaitable<Result<std::vector<asio::ip::address>>> HostLookup::find(
   co_await lookup->over.async_wait(use_result);
   under_way_.reset();
   if (!lookup->answered)
-    co_return fail(ErrorCode::link_down, channel + ": the lookup of the name has no answer");
+    co_return fail(ErrorCode::link_down, channel + ": the name lookup got no answer");
   if (lookup->error)
     co_return fail(ErrorCode::link_down,
                    channel + ": the name is not found (" + lookup->error.message() +
-                       "): is it spelt as it should be, and does this machine's name server know "
-                       "it?");
+                       "): is it spelt correctly, and does this machine's name server know it?");
   if (lookup->found.empty())
     co_return fail(ErrorCode::link_down, channel + ": the name has no address");
   co_return std::move(lookup->found);

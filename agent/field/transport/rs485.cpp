@@ -10,7 +10,7 @@ namespace fxagent {
 namespace {
 
 constexpr auto kSwitchesItself =
-    "; leave rs485 out where the adapter switches by itself, else use one that does";
+    "; remove rs485 if the adapter switches on its own, otherwise use an adapter that does";
 
 }  // namespace
 
@@ -27,16 +27,17 @@ serial_rs485 kernel_settings(const Rs485& wish) {
 
 std::string not_taken(const serial_rs485& asked, const serial_rs485& got) {
   if ((got.flags & SER_RS485_ENABLED) == 0)
-    return std::string("does not switch the RS-485 direction though its driver takes the order") +
+    return std::string(
+               "does not switch the RS-485 direction although its driver accepts the request") +
            kSwitchesItself;
   constexpr auto kWay = SER_RS485_RTS_ON_SEND | SER_RS485_RTS_AFTER_SEND;
   if ((got.flags & kWay) != (asked.flags & kWay))
     return (asked.flags & SER_RS485_RTS_ON_SEND) != 0
                ? "cannot raise RTS while it sends; set rs485/rts_on_send to false"
-               : "cannot lower RTS while it sends; leave rs485/rts_on_send out";
+               : "cannot lower RTS while it sends; remove rs485/rts_on_send";
   const auto delay = [](const char* key, unsigned wanted, unsigned given) {
     return std::string("does not keep rs485/") + key + " " + std::to_string(wanted) +
-           ", its driver makes it " + std::to_string(given);
+           ", its driver changes it to " + std::to_string(given);
   };
   if (got.delay_rts_before_send != asked.delay_rts_before_send)
     return delay("delay_before_ms", asked.delay_rts_before_send, got.delay_rts_before_send);
@@ -51,7 +52,7 @@ std::string switch_direction(int fd, const Rs485& wish) {
   if (ioctl(fd, TIOCSRS485, &got) == 0) return not_taken(asked, got);
   if (errno == ENOTTY || errno == EOPNOTSUPP)
     return std::string(
-               "cannot switch the RS-485 direction: its driver has no way to (TIOCSRS485)") +
+               "cannot switch the RS-485 direction: its driver does not support it (TIOCSRS485)") +
            kSwitchesItself;
   return "does not switch the RS-485 direction: " + std::system_category().message(errno) +
          kSwitchesItself;

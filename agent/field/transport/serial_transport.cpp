@@ -89,7 +89,7 @@ class SerialTransport final : public Transport {
       } else {
         const int number = count == 0 ? ENODEV : errno;
         close();
-        return failed("has vanished", number);
+        return failed("has disappeared", number);
       }
     }
     return found;
@@ -133,15 +133,15 @@ class SerialTransport final : public Transport {
     line.c_ospeed = static_cast<speed_t>(settings_.baud);
     line.c_cc[VMIN] = 1;
     line.c_cc[VTIME] = 0;
-    if (ioctl(fd, TCSETS2, &line) != 0) return failed("does not take these settings", errno);
+    if (ioctl(fd, TCSETS2, &line) != 0) return failed("does not accept these settings", errno);
 
     termios2 got{};
-    if (ioctl(fd, TCGETS2, &got) != 0) return failed("does not tell its settings", errno);
+    if (ioctl(fd, TCGETS2, &got) != 0) return failed("does not report its settings", errno);
     constexpr tcflag_t kShape = CSIZE | PARENB | PARODD | CSTOPB;
     if ((got.c_cflag & kShape) != (line.c_cflag & kShape)) {
       if (!is_pty(fd))
         return fail(ErrorCode::link_down,
-                    settings_.path + " cannot do these data bits, parity or stop bits");
+                    settings_.path + " does not support these data bits, parity or stop bits");
       if (!std::exchange(told_of_pty_, true))
         log::info("serial",
                   {{"path", settings_.path}, {"note", "a pty keeps neither data bits nor parity"}});
@@ -169,8 +169,8 @@ class SerialTransport final : public Transport {
       log::info("serial", {{"path", settings_.path},
                            {"latency_timer_ms", timer},
                            {"note",
-                            "each exchange may take as much longer: a udev rule or root can "
-                            "write 1 to the adapter's latency_timer"}});
+                            "each exchange may take longer by this time: set the adapter's "
+                            "latency_timer to 1, by a udev rule or as root"}});
   }
 
   const SerialSettings settings_;

@@ -48,7 +48,7 @@ asio::awaitable<Transport::Written> write_all(Stream& stream, Deadline<Stream>& 
           co_await stream.async_write_some(asio::buffer(rest.data(), rest.size()), use_result);
     written.sent += count;
     if (!error) continue;
-    const std::string why = deadline.passed() ? "the line takes no more bytes" : error.message();
+    const std::string why = deadline.passed() ? "the line accepts no more bytes" : error.message();
     written.error = Error{ErrorCode::link_down, name + ": " + why};
     break;
   }

@@ -22,11 +22,11 @@ constexpr int kKeepAliveProbes = 3;
 
 std::string why_not_connected(const asio::error_code& error, bool is_late) {
   if (is_late)
-    return "no answer to the connection: is the device on, is this its address, and does every "
-           "firewall let the port through?";
+    return "no answer to the connection request: is the device on, is this its address, and does "
+           "every firewall allow the port?";
   if (error == asio::error::connection_refused)
-    return "nothing listens on this port (connection refused): is this the device's port, is it "
-           "opened in the device's settings, and for TCP?";
+    return "connection refused: is this the device's port, and is the port open in the device's "
+           "settings, for TCP?";
   return why_failed(error);
 }
 

@@ -64,8 +64,9 @@ class UdpTransport final : public Transport {
     asked_ = asked_ || count > 0;
     if (!error) co_return written;
     const bool is_late = error == asio::error::operation_aborted && deadline_.passed();
-    written.error = Error{ErrorCode::link_down,
-                          name_ + ": " + (is_late ? "the socket takes no more bytes" : why(error))};
+    written.error =
+        Error{ErrorCode::link_down,
+              name_ + ": " + (is_late ? "the socket accepts no more bytes" : why(error))};
     co_return written;
   }
 
@@ -152,10 +153,11 @@ class UdpTransport final : public Transport {
     if (!error) return {};
     close();
     return fail(ErrorCode::link_down,
-                is_taken ? name_ + ": another program has the local_port " +
-                               std::to_string(settings_.local_port) +
-                               ", or another agent; end it, or set another port here and there"
-                         : name_ + ": " + why(error));
+                is_taken
+                    ? name_ + ": another program uses the local_port " +
+                          std::to_string(settings_.local_port) +
+                          ", or another agent; end it, or set another port here and in the device"
+                    : name_ + ": " + why(error));
   }
 
   std::pair<asio::error_code, std::size_t> send(ByteView bytes) {
@@ -189,8 +191,8 @@ class UdpTransport final : public Transport {
 
   static std::string why(const asio::error_code& error) {
     if (error == asio::error::connection_refused)
-      return "nobody listens on this UDP port (ICMP port unreachable): "
-             "is it the device's port, and is that one set to UDP?";
+      return "the device has no such UDP port (ICMP port unreachable): is it the right port, and "
+             "is that port set to UDP?";
     return why_failed(error);
   }
 

@@ -12,14 +12,14 @@ bool DiskGuard::run(Work work, std::function<void()> late) {
   log::error("store", {{"state", "hangs"},
                        {"path", path_},
                        {"note",
-                        "the disk does not answer: samples wait in memory, and commands that write "
-                        "are refused until it does"}});
+                        "the disk does not respond: until it does, samples wait in memory and the "
+                        "agent refuses commands that write"}});
   return false;
 }
 
 void DiskGuard::resume(std::string_view state) {
   hangs_ = false;
-  log::info("store", {{"state", std::string(state)}, {"note", "the disk answers again"}});
+  log::info("store", {{"state", std::string(state)}, {"note", "the disk responds again"}});
   if (const auto late = std::exchange(late_, {})) late();
 }
 

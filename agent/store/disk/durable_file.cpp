@@ -59,7 +59,7 @@ class DurableFile::Lock final {
     if (!handle_.is_open())
       fault_ = why(directory);
     else if (::flock(handle_.get(), LOCK_EX | LOCK_NB) != 0)
-      fault_ = errno == EWOULDBLOCK ? directory + " is another agent's" : why(directory);
+      fault_ = errno == EWOULDBLOCK ? directory + " belongs to another agent" : why(directory);
   }
 
   const std::string& fault() const { return fault_; }

@@ -34,8 +34,9 @@ void migrate(SQLite::Database& database, std::span<const char* const> steps) {
   const std::int64_t newest = static_cast<std::int64_t>(steps.size());
   std::int64_t version = database.execAndGet("PRAGMA user_version").getInt64();
   if (version > newest)
-    throw SQLite::Exception("it is of a newer program: version " + std::to_string(version) +
-                                ", known up to " + std::to_string(newest),
+    throw SQLite::Exception("a newer version of the agent wrote it: format " +
+                                std::to_string(version) + ", this one reads up to " +
+                                std::to_string(newest),
                             SQLITE_SCHEMA);
   for (; version < newest; ++version) {
     SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
@@ -56,7 +57,7 @@ void check_schema(SQLite::Database& database, std::span<const char* const> steps
     each(
         found, [&](const SQLite::Statement& row) { is_there = text(row, 0) == text(part, 1); },
         name);
-    if (!is_there) throw SQLite::Exception(name + " is not as it was made", SQLITE_SCHEMA);
+    if (!is_there) throw SQLite::Exception(name + " was changed", SQLITE_SCHEMA);
   });
 }
 

@@ -51,7 +51,8 @@ constexpr const char* kSchema[] = {
 
 std::string why_not_opened(const std::string& path) {
   return path + ": " +
-         (errno == ELOOP ? "it is a symbolic link, which is not followed" : std::strerror(errno));
+         (errno == ELOOP ? "it is a symbolic link, which the agent does not follow"
+                         : std::strerror(errno));
 }
 
 /// Returns why another user could put a file or a link in the place of the store's; empty if none
@@ -62,7 +63,7 @@ std::string who_else_may_write(const std::string& directory) {
   if (!S_ISDIR(found.st_mode)) return {};  // opening a file in it reports this
   if (found.st_uid != ::geteuid() && found.st_uid != 0)
     return directory + " belongs to user " + std::to_string(found.st_uid) +
-           " and the agent runs as user " + std::to_string(::geteuid()) +
+           ", but the agent runs as user " + std::to_string(::geteuid()) +
            ": that user could replace the store's files; chown it to the agent's user";
   if ((found.st_mode & (S_IWGRP | S_IWOTH)) != 0 && (found.st_mode & S_ISVTX) == 0)
     return directory + " can be written by " +
@@ -76,10 +77,10 @@ std::string who_else_may_write(const std::string& directory) {
 std::string why_not_ours(int handle, const std::string& path) {
   struct stat found {};
   if (::fstat(handle, &found) != 0) return path + ": " + std::strerror(errno);
-  if (!S_ISREG(found.st_mode)) return path + " is not a plain file";
+  if (!S_ISREG(found.st_mode)) return path + " is not a regular file";
   if (found.st_uid != ::geteuid())
     return path + " belongs to user " + std::to_string(found.st_uid) + ", not to the agent's";
-  if (found.st_nlink > 1) return path + " has another name too (a hard link)";
+  if (found.st_nlink > 1) return path + " has a second name (a hard link)";
   return {};
 }
 
@@ -101,7 +102,7 @@ DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
-      fault_ = errno == EWOULDBLOCK ? directory + " is another agent's"
+      fault_ = errno == EWOULDBLOCK ? directory + " belongs to another agent"
                                     : path + ": " + std::strerror(errno);
       return;
     }

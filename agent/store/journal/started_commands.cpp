@@ -156,8 +156,8 @@ void StartedCommands::withdraw(const std::string& why) {
       "command_starts",
       {{"path", path_},
        {"reason", why},
-       {"note", is_withdrawn ? "after a crash every command of now counts as perhaps sent"
-                             : "delete this file: what it says of commands is not complete"}});
+       {"note", is_withdrawn ? "after a crash, every command from now on counts as possibly sent"
+                             : "delete this file: its record of commands is incomplete"}});
 }
 
 std::optional<StartedCommands::Head> StartedCommands::head_of_now(std::uint64_t floor) const {

@@ -64,11 +64,11 @@ void CommandIntake::take_some(SteadyTime now, std::int64_t utc_ms) {
 
 void CommandIntake::hold(const Pressure& pressure, SteadyTime now) {
   if (dropped_ != 0 && now >= drop_logged_at_ + kLogDropsEvery) {
-    log::error("messages_dropped",
-               {{"count", std::to_string(std::exchange(dropped_, 0))},
-                {"note",
-                 "more commands came with QoS 0 than can be answered; with QoS 1 the "
-                 "broker waits"}});
+    log::error(
+        "messages_dropped",
+        {{"count", std::to_string(std::exchange(dropped_, 0))},
+         {"note",
+          "more QoS 0 commands arrived than the agent can answer; with QoS 1 the broker waits"}});
     drop_logged_at_ = now;
   }
   holding_ = pressure.is_on && (is_full() || pressure.results_are_full);

@@ -21,8 +21,7 @@ namespace fxagent {
 namespace {
 
 constexpr const char* kNoAnswer =
-    "no answer from this address: is it the broker's, and does every firewall let the port "
-    "through?";
+    "no answer from this address: is it the broker's, and does every firewall allow the port?";
 
 /// Reason of a TLS failure on this Paho thread; empty: none recorded. Paho's own error handler
 /// cannot be used: in C++ 1.2 it gets a pointer to options that are destroyed when connect()
@@ -56,7 +55,7 @@ std::string reason_text(int code) {
 std::string_view connack_text(int code) {
   switch (code) {
     case 1:
-      return "the broker does not speak this MQTT version";
+      return "the broker does not support this MQTT version";
     case 2:
       return "client identifier rejected";
     case 3:
@@ -71,7 +70,8 @@ std::string_view connack_text(int code) {
 }
 
 constexpr std::string_view kAccessCure =
-    ": its access rules leave out this agent's user; fxagent acl prints those that it needs";
+    ": its access rules do not allow this for the agent's user; fxagent acl prints the rules that "
+    "the agent needs";
 
 /// Returns advice on the refusal of a topic; empty: none.
 std::string_view cure_of_access(int code) {
@@ -87,36 +87,34 @@ std::string_view cure_of_refusal(int code, const MqttConfig& config) {
       return ": set mqtt.version to 3.1.1";
     case 2:
     case MQTTREASONCODE_CLIENT_IDENTIFIER_NOT_VALID:
-      return ": set mqtt.client_id to one that the broker takes";
+      return ": set mqtt.client_id to one that the broker accepts";
     case 4:
     case 5:
     case MQTTREASONCODE_BAD_USER_NAME_OR_PASSWORD:
     case MQTTREASONCODE_NOT_AUTHORIZED:
       return config.username.empty()
-                 ? ": the broker wants a user: set mqtt.username and password_file"
-                 : ": the broker does not take mqtt.username with this password: compare both with "
-                   "the broker's password file";
+                 ? ": the broker requires a user: set mqtt.username and password_file"
+                 : ": the broker does not accept mqtt.username with this password: compare both "
+                   "with the broker's password file";
     case 3:
     case MQTTREASONCODE_SERVER_UNAVAILABLE:
     case MQTTREASONCODE_SERVER_BUSY:
-      return ": the broker takes nobody at the moment; the agent tries again: what does the "
-             "broker's "
-             "own log say?";
+      return ": the broker refuses connections for now; the agent retries. See the broker's log";
     case MQTTREASONCODE_BANNED:
-      return ": the broker has locked this client out: end that in the broker (its list of banned "
-             "clients, by client id, user or address)";
+      return ": the broker has banned this client: remove it from the broker's ban list (by client "
+             "id, user or address)";
     case MQTTREASONCODE_PACKET_TOO_LARGE:
-      return ": the broker takes no packet as large as the agent's last will: raise its largest "
-             "packet size";
+      return ": the agent's last will is larger than the broker's maximum packet size: raise that";
     case MQTTREASONCODE_QUOTA_EXCEEDED:
-      return ": the broker's limit for this user or for all clients is used up: raise it, or end "
-             "clients that nobody needs";
+      return ": the broker's limit for this user or for all clients is reached: raise it, or stop "
+             "unneeded clients";
     case MQTTREASONCODE_USE_ANOTHER_SERVER:
     case MQTTREASONCODE_SERVER_MOVED:
-      return ": the broker sends its clients elsewhere: put the right address into mqtt.servers";
+      return ": the broker refers its clients to another server: put that address into "
+             "mqtt.servers";
     case MQTTREASONCODE_CONNECTION_RATE_EXCEEDED:
-      return ": too many connections in a short time: the agent tries again; raise the broker's "
-             "limit where that stays so";
+      return ": too many connections in a short time; the agent retries. If this persists, raise "
+             "the broker's limit";
     default:
       return {};
   }
@@ -131,7 +129,7 @@ std::string distrust(long code, const MqttConfig& config) {
   const bool own = config.tls && !config.tls->ca_file.empty();
   return text +
          (own ? ": mqtt.tls.ca_file " + config.tls->ca_file +
-                    " is not the authority that signed the server's certificate"
+                    " does not contain the authority that signed the server's certificate"
               : ": set mqtt.tls.ca_file to the authority that signed the server's certificate");
 }
 
@@ -139,9 +137,9 @@ std::string distrust(long code, const MqttConfig& config) {
 std::string refused_packet() {
   const RefusedPacket refused = take_refused_packet();
   if (refused.bytes == 0) return {};
-  if (refused.most == 0) return "the server sends a message before it has answered CONNECT";
-  return "the broker sent a packet of " + std::to_string(refused.bytes) + " bytes, " +
-         std::to_string(refused.most) + " are the most that is read";
+  if (refused.most == 0) return "the server sent a message before its answer to CONNECT";
+  return "the broker sent a packet of " + std::to_string(refused.bytes) +
+         " bytes; the agent reads at most " + std::to_string(refused.most);
 }
 
 }  // namespace
@@ -163,8 +161,8 @@ std::string disconnect_text(const mqtt::properties& properties, int code) {
   std::string text = "the broker said: " + (code == 0 ? "normal disconnection" : reason_text(code));
   if (code == kSessionTakenOver)
     text +=
-        " (another client has connected with this agent's client id: give each its own agent.id, "
-        "or mqtt.client_id)";
+        " (another client connected with this agent's client id: give each its own agent.id or "
+        "mqtt.client_id)";
   using Code = mqtt::property::code;
   if (properties.contains(Code::REASON_STRING))
     text += ": " + log::excerpt(mqtt::get<std::string>(properties, Code::REASON_STRING));
@@ -173,8 +171,8 @@ std::string disconnect_text(const mqtt::properties& properties, int code) {
 
 std::string closed_text() {
   if (std::string refused = refused_packet(); !refused.empty()) return refused;
-  return "connection closed: the broker was stopped, the network failed, or another client has "
-         "come with this agent's client id (each needs its own agent.id, or mqtt.client_id)";
+  return "connection closed: the broker was stopped, the network failed, or another client "
+         "connected with this agent's client id (each needs its own agent.id or mqtt.client_id)";
 }
 
 std::string refusal_text(int reason_code) {
@@ -203,13 +201,12 @@ std::string FailureText::of_connect(const mqtt::token& token,
   const ConnectFaults faults = connect_faults(since);
   if (faults.lookup != 0)
     return std::string("the host name is not known (") + gai_strerror(faults.lookup) +
-           "): is it spelt as it should be, and does this machine's name server know it?";
+           "): is it spelt correctly, and does this machine's name server know it?";
   if (faults.socket == ECONNREFUSED)
-    return "nothing listens on this port (connection refused): is the broker running, and is "
-           "this its port?";
+    return "connection refused: is the broker running, and is this its port?";
   if (faults.socket != 0)
     return std::string("no way to this address (") + std::strerror(faults.socket) +
-           "): is the network up, and the address as it should be?";
+           "): is the network up, and is the address right?";
   return tls_ ? of_tls(faults, since) : of_plain(faults, since);
 }
 
@@ -217,14 +214,14 @@ std::string FailureText::of_tls(const ConnectFaults& faults,
                                 std::chrono::steady_clock::time_point since) const {
   if (faults.certificate != X509_V_OK) return distrust(faults.certificate, config_);
   if (faults.handshake_endless)
-    return "the server's TLS handshake does not end: " + std::to_string(kMaxHandshake) +
-           " bytes of it are the most that is read: is this the broker's port?";
+    return "the server's TLS handshake does not end within " + std::to_string(kMaxHandshake) +
+           " bytes: is this the broker's port?";
   if (faults.handshake_cut)
     return "the server ends the TLS handshake, as a port without TLS does: try mqtt://, or the "
-           "port that has TLS";
+           "port with TLS";
   if (faults.other_host)
-    return "TLS: the server's certificate is not for this host name: connect by a name that is "
-           "in it, or have it issued for this one";
+    return "TLS: the server's certificate is not for this host name: use a host name that is in "
+           "the certificate, or have it issued for this one";
   if (!tls_reason.empty() && !tls_reason.starts_with(kNoWords))
     return "TLS: " + tls_reason +
            (tls_reason.find("certificate required") == std::string::npos
@@ -239,25 +236,22 @@ std::string FailureText::cut_after_handshake() const {
   const std::string text = "the server ends the connection after the TLS handshake: ";
   const bool has_own = config_.tls && !config_.tls->cert_file.empty();
   return has_own ? text +
-                       "it may not take the certificate of mqtt.tls.cert_file: is it one of "
-                       "an authority that the broker knows, and still valid?"
-                 : text + "it may want a certificate: set mqtt.tls.cert_file and key_file";
+                       "it may not accept the certificate of mqtt.tls.cert_file: is it still "
+                       "valid, and does the broker trust its authority?"
+                 : text + "it may require a certificate: set mqtt.tls.cert_file and key_file";
 }
 
 std::string FailureText::of_plain(const ConnectFaults& faults,
                                   std::chrono::steady_clock::time_point since) const {
   if (last_closed_by_peer() < since && !faults.speaks_tls) return kNoAnswer;
   if (faults.speaks_tls)
-    return "the server answers by TLS: this is a port with TLS; try mqtts://, or the port "
-           "without "
-           "TLS";
+    return "the server answers with TLS: try mqtts://, or the port without TLS";
   if (faults.was_reset)
-    return "the server cuts the connection off before a word of MQTT: is it a broker's port, and "
-           "does it take this machine's address? Where it is a port with TLS try mqtts://";
-  const std::string closed =
-      "somebody answers at this address and closes the connection without a word";
+    return "the server closes the connection before any MQTT packet: is this a broker's port, and "
+           "does the broker accept this machine's address? If it is a port with TLS, try mqtts://";
+  const std::string closed = "the server accepts the connection and closes it without an answer";
   return version_ == MQTTVERSION_5
-             ? closed + "; a broker that does not know MQTT 5 does so: try \"version\": \"3.1.1\""
+             ? closed + "; a broker without MQTT 5 does so: try \"version\": \"3.1.1\""
              : closed + ": is it an MQTT broker?";
 }
 

@@ -178,7 +178,7 @@ void PahoBroker::publish(Publication publication) {
     if (connection_) connection_->publish(std::move(publication));
   } catch (const mqtt::exception& error) {
     if (is_disconnected(error.get_return_code()))
-      return connection_->post_lost("disconnected when a message was to be published");
+      return connection_->post_lost("disconnected before the message was published");
     inbox_->post(connections_, DeliveryFailed{id, 0, error.what()});
   }
 }
@@ -188,7 +188,7 @@ void PahoBroker::subscribe(Subscription subscription) {
     if (connection_) connection_->subscribe(subscription);
   } catch (const mqtt::exception& error) {
     if (is_disconnected(error.get_return_code()))
-      return connection_->post_lost("disconnected when a subscription was asked for");
+      return connection_->post_lost("disconnected before the subscription");
     inbox_->post(connections_, Subscribed{subscription.filter, false, error.what()});
   }
 }

@@ -55,7 +55,7 @@ std::string filter_of(const mqtt::token& token) {
 }
 
 Subscribed subscribed(const mqtt::token& token) {
-  Subscribed event{filter_of(token), false, "a SUBACK without a word on it"};
+  Subscribed event{filter_of(token), false, "a SUBACK without a reason code"};
   // A named object, because it owns what get_reason_codes() returns.
   const mqtt::subscribe_response response = token.get_subscribe_response();
   const auto& codes = response.get_reason_codes();
@@ -71,7 +71,7 @@ Subscribed subscribed(const mqtt::token& token) {
   else if (code >= 0x80 && code <= 0xFF)
     event.text = refusal_text(code);
   else
-    event.text = "a SUBACK that does not fit what was asked";
+    event.text = "a SUBACK that does not match the request";
   return event;
 }
 

@@ -33,11 +33,11 @@ std::string why_unreadable(const std::string& path) {
 }
 
 std::string why_no_key(const std::string& path, bool has_passphrase) {
-  return shown(path) +
-         (has_passphrase ? ": the key has a passphrase, and nobody could type it: store it without "
-                           "one (openssl pkey), mode 600"
-                         : ": there is no private key in PEM form in it (-----BEGIN PRIVATE "
-                           "KEY-----)");
+  return shown(path) + (has_passphrase
+                            ? ": the key has a passphrase, which the agent cannot enter: store it "
+                              "without one (openssl pkey), mode 600"
+                            : ": there is no private key in PEM form in it (-----BEGIN PRIVATE "
+                              "KEY-----)");
 }
 
 constexpr const char* kNoCertificate =

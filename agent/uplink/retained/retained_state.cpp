@@ -102,9 +102,10 @@ void RetainedState::pump(SteadyTime now) {
     if (current->second > now) continue;
     due_.try_emplace(current->first);
     if (logged_.insert(current->first).second)
-      log::warn("retained_state_overwritten",
-                {{"topic", publication_of(current->first, now).topic},
-                 {"note", "somebody else published there; ours is published again"}});
+      log::warn(
+          "retained_state_overwritten",
+          {{"topic", publication_of(current->first, now).topic},
+           {"note", "another client published there; the agent publishes its own state again"}});
     repairs_.erase(current);
   }
   for (auto next = due_.begin(); next != due_.end() && outgoing_.has_room();) {

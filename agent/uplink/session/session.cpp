@@ -100,7 +100,7 @@ void Session::connect_anew(SteadyTime now) {
   log::warn(
       "broker_sends_too_far_ahead",
       {{"server", connects_.server()},
-       {"note", "PUBACKs come late behind messages; connecting anew with Receive Maximum 1"}});
+       {"note", "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1"}});
   receive_maximum_ = 1;
   broker_.disconnect();
   end(now);

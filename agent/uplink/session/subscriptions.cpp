@@ -132,7 +132,7 @@ void Subscriptions::pause_commands(SteadyTime now) {
   paused_ = true;
   suback_by_.reset();
   ask_again_at_ = now + kCatchUp;
-  not_heard_why_ = "more commands come than can be answered";
+  not_heard_why_ = "more commands arrive than the agent can answer";
   changed_();
   broker_.unsubscribe(commands_filter_);
   log::error("commands_paused", {{"reason", *not_heard_why_}});

@@ -69,7 +69,7 @@ std::string commands(const AgentStatus& status) {
   std::string text = std::to_string(all) + (all == 1 ? " command" : " commands");
   if (unknown > 0) text += ", " + std::to_string(unknown) + " UNKNOWN_OUTCOME";
   if (!status.broker.not_heard_why.empty())
-    text += ", none is heard: " + status.broker.not_heard_why;
+    text += ", none are received: " + status.broker.not_heard_why;
   return text;
 }
 
@@ -78,18 +78,18 @@ std::string commands(const AgentStatus& status) {
 std::string status_line(const AgentStatus& status) {
   std::string line;
   if (const auto& reload = status.config_status.last_reload; reload && reload->state == "rejected")
-    line += "the config file is wrong (" + std::to_string(reload->errors_in_all) +
-            (reload->errors_in_all == 1 ? " error" : " errors") + ") and not in force; ";
+    line += "the config file has " + std::to_string(reload->errors_in_all) +
+            (reload->errors_in_all == 1 ? " error" : " errors") + " and is not in force; ";
   if (!status.conflict.empty())
-    line += "another agent (boot " + status.conflict + ") has the id of this one; ";
+    line += "another agent (boot " + status.conflict + ") has the same id; ";
   line += links(status) + ", " + devices(status) + "; " + broker(status.broker);
   const std::uint64_t waiting = status.samples.stored;  // the others are about to be sent
   line += "; " + std::to_string(waiting) + (waiting == 1 ? " sample waits" : " samples wait");
   if (status.samples.dropped > 0)
     line += ", " + std::to_string(status.samples.dropped) + " dropped";
   if (!status.config->store.path.empty() && status.store_state == "memory")
-    line += ", in memory: the disk refuses";
-  if (status.store_state == "hangs") line += ", in memory: the disk does not answer";
+    line += ", in memory: the disk refuses writes";
+  if (status.store_state == "hangs") line += ", in memory: the disk does not respond";
   return line + "; " + commands(status);
 }
 

@@ -240,7 +240,7 @@ TEST(AuditReport, RecordsOfACommandBecomeOneLine) {
   EXPECT_EQ(
       lines[0].text,
       "2026-09-21T14:13:20.001Z press1 b7e1 by \"anna\": write setpoint D200 = 50: SUCCEEDED, "
-      "ACK, read back 50 | > 05 < 06 | told 2026-09-21T14:13:20.000Z");
+      "ACK, read back 50 | > 05 < 06 | acknowledged 2026-09-21T14:13:20.000Z");
   EXPECT_EQ(nlohmann::json::parse(lines[1].json)["status"], "REJECTED");
 }
 

@@ -517,7 +517,7 @@ TEST_F(CommandAdmissionTest, OfTenThousandIdsTheOldestIsKnownWithoutItsResult) {
   EXPECT_EQ(oldest.status, CommandStatus::duplicate);
   EXPECT_FALSE(oldest.first);
   EXPECT_FALSE(oldest.first_number);
-  EXPECT_NE(oldest.detail.find("not kept"), std::string::npos);
+  EXPECT_NE(oldest.detail.find("no longer kept"), std::string::npos);
   EXPECT_TRUE(answered(write("id1")).first);
 }
 
@@ -900,7 +900,7 @@ TEST_F(CommandAdmissionTest, BroadcastCannotBeExpectedToHoldAValue) {
   const auto& result = std::get<CommandResult>(decision);
   EXPECT_EQ(result.status, CommandStatus::rejected);
   EXPECT_EQ(result.reason, Reason::bad_value);
-  EXPECT_EQ(result.detail, "expect: nobody answers a broadcast, so nothing can be compared");
+  EXPECT_EQ(result.detail, "expect: no device answers a broadcast, so there is nothing to compare");
 }
 
 // ---- lists -------------------------------------------------------------------------------------

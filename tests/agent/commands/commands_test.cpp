@@ -201,10 +201,9 @@ TEST_F(CommandsTest, FirstResultThatTheDiskDoesNotGiveIsNotSaidToBeLost) {
   const auto taken = results();
   ASSERT_EQ(taken.size(), 1U);
   EXPECT_EQ(taken[0]["status"], "DUPLICATE");
-  EXPECT_EQ(
-      taken[0]["detail"],
-      "the disk of the store does not answer, so the first result cannot be read; the command "
-      "is not repeated");
+  EXPECT_EQ(taken[0]["detail"],
+            "the store's disk does not respond, so the first result cannot be read; the command is "
+            "not repeated");
 }
 
 TEST_F(CommandsTest, WithoutAJournalFirstResultsAreRememberedHere) {
@@ -241,7 +240,7 @@ TEST_F(CommandsTest, FirstResultThatIsLostIsSaidToBeLost) {
     EXPECT_EQ(result["status"], "DUPLICATE");
     EXPECT_EQ(result["first"], nullptr);
     EXPECT_EQ(result["detail"],
-              "the first result is not in the journal any more; the command is not repeated");
+              "the first result is no longer in the journal; the command is not repeated");
   }
 }
 

@@ -206,10 +206,10 @@ TEST(ConfigDifference, IdentityAndStoreNeedARestartAndAreNamed) {
                                           {"/store/audit_max_age_h", "9"}}) {
     // The client id depends on the agent's id; a change would be a second finding.
     const auto errors = needs_restart(running(), good(changed(pointer, value)));
-    expect_error(errors, pointer, {"restart", "in force is"});
+    expect_error(errors, pointer, {"restart", "until then it is"});
   }
   expect_error(needs_restart(running(), good(changed("/metrics", R"({"listen": "[::1]:9465"})"))),
-               "/metrics/listen", {"restart", "the address of the start"});
+               "/metrics/listen", {"restart", "the address at the start"});
   EXPECT_TRUE(needs_restart(running(), running()).empty());
 }
 

@@ -223,7 +223,7 @@ TEST(Config, PasswordThatLeavesTheMachineInClearIsAWarning) {
     return good(with_mqtt({{"servers", {server}}, {"password_env", "P"}}));
   };
   for (const char* server : {"mqtt://a", "mqtt://192.0.2.1:1883", "mqtt://[2001:db8::1]"})
-    EXPECT_TRUE(warns(config(server), {"/mqtt/password_env", "in clear", "mqtts://"})) << server;
+    EXPECT_TRUE(warns(config(server), {"/mqtt/password_env", "unencrypted", "mqtts://"})) << server;
   for (const char* server :
        {"mqtts://a", "mqtt://127.0.0.1", "mqtt://localhost:1884", "mqtt://[::1]"})
     EXPECT_TRUE(config(server).warnings.empty()) << server;
@@ -233,7 +233,7 @@ TEST(Config, KeyGivenTwiceIsAnErrorThatNamesBothLines) {
   const auto errors = errors_of(
       "{\"agent\": {\"id\": \"a\",\n \"id\": \"b\"},\n"
       " \"mqtt\": {\"servers\": [\"mqtt://a\"]}, \"links\": [], \"devices\": []}");
-  expect_error(errors, "/agent/id", {"second time", "line 1"});
+  expect_error(errors, "/agent/id", {"duplicate", "line 1"});
   EXPECT_EQ(errors[0].line, 2);
 }
 

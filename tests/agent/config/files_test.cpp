@@ -75,7 +75,7 @@ TEST_F(ConfigFiles, PipeInPlaceOfTheFileHoldsNobody) {
   ASSERT_TRUE(came_back);
   const auto text = read.get();
   ASSERT_FALSE(text);
-  expect_error(text.error(), "", {"pipe", "nobody writes"});
+  expect_error(text.error(), "", {"pipe", "no program writes"});
 }
 
 TEST_F(ConfigFiles, PipeThatIsWrittenIsRead) {

@@ -177,7 +177,7 @@ TEST(DeviceState, PlcOfAnotherModelThanTheConfigsIsOnlineAndSaysSo) {
   EXPECT_EQ(other->status.state, State::online);
   EXPECT_EQ(other->status.model, "FX2N");
   EXPECT_EQ(other->status.model_configured, "FX3U");
-  EXPECT_NE(other->status.reason_text.find("the PLC is an FX2N, the config says FX3U"),
+  EXPECT_NE(other->status.reason_text.find("the PLC is an FX2N, but the config says FX3U"),
             std::string::npos);
   state.fell_silent();
   EXPECT_TRUE(state.compares_model()) << "another PLC may answer next";

@@ -48,7 +48,8 @@ TEST(ListeningSocket, AddressThatIsTakenIsSaidWithTheCure) {
 TEST(ListeningSocket, AddressOfAnotherMachineIsSaidWithTheCure) {
   const auto made = ListeningSocket::open(tcp("192.0.2.7", 0));
   ASSERT_FALSE(made.has_value());
-  EXPECT_NE(made.error().text.find("no such address"), std::string::npos) << made.error().text;
+  EXPECT_NE(made.error().text.find("does not have this address"), std::string::npos)
+      << made.error().text;
 }
 
 TEST_F(UnixSocket, IsForTheUserAndTheGroupAndGoesWithItsOwner) {
@@ -90,7 +91,7 @@ TEST_F(UnixSocket, DirectoryThatIsNotThereIsSaidWithTheCure) {
   config_.unix_path = scratch_.path("none/metrics");
   const auto made = ListeningSocket::open(config_);
   ASSERT_FALSE(made.has_value());
-  EXPECT_NE(made.error().text.find("make the directory"), std::string::npos) << made.error().text;
+  EXPECT_NE(made.error().text.find("create the directory"), std::string::npos) << made.error().text;
 }
 
 }  // namespace

@@ -77,10 +77,10 @@ TEST(Readiness, EachThingThatIsMissingIsNamed) {
   status.broker = {"mqtt://one:1883", false, false};
   EXPECT_EQ(why(readiness_of(&status, kMade)), "broker: no connection to mqtt://one:1883");
   status.broker = {"mqtt://one:1883", true, false, "not authorised"};
-  EXPECT_EQ(why(readiness_of(&status, kMade)), "commands are not heard: not authorised");
+  EXPECT_EQ(why(readiness_of(&status, kMade)), "commands are not received: not authorised");
   status.broker.not_heard_why.clear();
   EXPECT_EQ(why(readiness_of(&status, kMade)),
-            "commands are not heard: the broker has not confirmed yet");
+            "commands are not received: the broker has not confirmed yet");
   status.broker.subscribed = true;
   status.conflict = "0badcafe";
   EXPECT_EQ(why(readiness_of(&status, kMade)),

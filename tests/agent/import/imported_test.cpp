@@ -52,11 +52,11 @@ TEST(NameMaker, TellsWhatIsLost) {
   EXPECT_EQ(names.make("温度", "d100", 7, notes), "d100");
   ASSERT_EQ(notes.size(), 1U);
   EXPECT_EQ(notes[0].line, 7);
-  EXPECT_EQ(notes[0].text, "\"温度\" is named d100: a name has a-z, 0-9, _ and - only");
+  EXPECT_EQ(notes[0].text, "\"温度\" is named d100: a name has only a-z, 0-9, _ and -");
   EXPECT_EQ(names.make("Temp °C", "d1", 8, notes), "temp_c");
   EXPECT_EQ(names.make("temp_c", "d1", 9, notes), "temp_c_2");
   EXPECT_EQ(names.make("TEMP_C", "d1", 9, notes), "temp_c_3");
-  EXPECT_NE(notes.back().text.find("the name was taken"), std::string::npos);
+  EXPECT_NE(notes.back().text.find("the name was already used"), std::string::npos);
   EXPECT_EQ(names.make(std::string(70, 'x'), "d1", 9, notes).size(), 64U);
   EXPECT_EQ(names.make(std::string(70, 'x'), "d1", 9, notes).size(), 64U);
 }
@@ -129,7 +129,7 @@ TEST(FinishedImport, ATagThatCanOnlyBeReadStaysWithoutItsAccess) {
   const auto outcome = finish(press({bit}));
   EXPECT_EQ(outcome.tags, 1U);
   ASSERT_EQ(outcome.notes.size(), 1U);
-  EXPECT_TRUE(outcome.notes[0].text.starts_with("not carried over: the access of \"bit\": "))
+  EXPECT_TRUE(outcome.notes[0].text.starts_with("not imported: the access of \"bit\": "))
       << outcome.notes[0].text;
 }
 
@@ -166,8 +166,8 @@ TEST(FinishedImport, AnOddNumberOfALinkOrDeviceCostsNoOther) {
   EXPECT_FALSE(config["devices"][0].contains("timeout_ms"));
   EXPECT_FALSE(config["devices"][0]["groups"][0].contains("interval_ms"));
   for (const char* what :
-       {"not carried over: baud of line1: ", "left out: the device unit300: unit ",
-        "not carried over: timeout_ms of unit3: ", "not carried over: interval_ms of unit3: "})
+       {"not imported: baud of line1: ", "left out: the device unit300: unit ",
+        "not imported: timeout_ms of unit3: ", "not imported: interval_ms of unit3: "})
     EXPECT_NE(notes.find(what), std::string::npos) << what << "\n" << notes;
 }
 

@@ -66,11 +66,11 @@ TEST(Kepware, WhatCannotBeCarriedOverIsTold) {
   EXPECT_EQ(out.config["devices"][0]["tags"].size(), 1U) << all_of(out.notes);
   EXPECT_EQ(notes_with(out, {"2: left out", "Char"}), 1);
   EXPECT_EQ(notes_with(out, {"3: left out", "square root"}), 1);
-  EXPECT_EQ(notes_with(out, {"4: not carried over", "write only"}), 1);
-  EXPECT_EQ(notes_with(out, {"4: not carried over", "clamping"}), 1);
+  EXPECT_EQ(notes_with(out, {"4: not imported", "write only"}), 1);
+  EXPECT_EQ(notes_with(out, {"4: not imported", "clamping"}), 1);
   EXPECT_EQ(out.config["devices"][0]["tags"][0].value("description", ""), "the pump");
   EXPECT_EQ(notes_with(out, {"5: left out", "H400004"}), 1) << all_of(out.notes);
-  EXPECT_EQ(notes_with(out, {"6: left out", "no range"}), 1);
+  EXPECT_EQ(notes_with(out, {"6: left out", "empty range"}), 1);
 }
 
 TEST(Kepware, ValuesOfFourRegistersHaveTheirType) {

@@ -50,7 +50,7 @@ TEST(Neuron, NodesWithGroupsAndTags) {
       << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][1]["name"], "line_1_2");
   EXPECT_EQ(made.config["devices"][1]["unit"], 2);
-  EXPECT_EQ(notes_with(made, {"not carried over: the access of \"power\""}), 1);
+  EXPECT_EQ(notes_with(made, {"not imported: the access of \"power\""}), 1);
   EXPECT_EQ(notes_with(made, {"left out: Bytes has the type 14"}), 1);
   EXPECT_EQ(notes_with(made, {"left out: Wrong has the address \"400040\""}), 1);
   EXPECT_EQ(made.config["devices"][1]["tags"][0].value("description", ""), "second unit");
@@ -66,10 +66,9 @@ TEST(Neuron, NoSettingIsDroppedInSilence) {
   ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][0]["gap_ms"], 20);
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["unit"], "bar");
-  EXPECT_EQ(notes_with(made, {"not carried over: max_retries of the node n"}), 1)
-      << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"not carried over: precision of t"}), 1);
-  EXPECT_EQ(notes_with(made, {"not carried over"}), 2) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not imported: max_retries of the node n"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not imported: precision of t"}), 1);
+  EXPECT_EQ(notes_with(made, {"not imported"}), 2) << all_of(made.notes);
 }
 
 // The order of the node for 64 bits is a setting of its own, and "#BL" of a tag goes before it.
@@ -148,7 +147,7 @@ TEST(Neuron, TheNodesByteOrderIsThatOfTagsWithoutOne) {
     EXPECT_EQ(device["tags"][3]["word_order"], "high_first");
   }
   const Made made = made_of(rtu_with("\"endianess\": 7"), import_neuron);
-  EXPECT_EQ(notes_with(made, {"not carried over: endianess 7"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not imported: endianess 7"}), 1) << all_of(made.notes);
 }
 
 TEST(Neuron, TheSerialLineIsWhatItsCodesMean) {
@@ -168,8 +167,8 @@ TEST(Neuron, TheSerialLineIsWhatItsCodesMean) {
   EXPECT_EQ(serial_of(R"(, "baud": 3, "parity": 1)")["parity"], "odd");
   const Made made =
       made_of(rtu_with(R"("device": "/dev/ttyS1", "baud": 99, "parity": 3)"), import_neuron);
-  EXPECT_EQ(notes_with(made, {"not carried over: baud 99"}), 1) << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"not carried over: parity 3"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not imported: baud 99"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not imported: parity 3"}), 1) << all_of(made.notes);
   EXPECT_FALSE(made.config["links"][0]["serial"].contains("baud"));
 }
 
@@ -274,7 +273,8 @@ TEST(Neuron, ASheetWithoutSlavesAsksForTheProtocol) {
   constexpr const char* kDevices = "name,address,attribute,type\nspeed,D100,Read,INT16\n";
   const auto asked = import_neuron(kDevices, {});
   ASSERT_FALSE(asked);
-  EXPECT_NE(asked.error().text.find("--protocol mc-3e"), std::string::npos) << asked.error().text;
+  EXPECT_NE(asked.error().text.find("--protocol to mc-3e"), std::string::npos)
+      << asked.error().text;
   const Made made = made_of(kDevices, import_neuron, {"", "mc-3e", "FX5U", "192.0.2.7:5000"});
   ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "D100");

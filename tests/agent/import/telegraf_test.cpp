@@ -47,7 +47,7 @@ TEST(Telegraf, StyleOfRegisters) {
     {"name":"energy","address":"hr:5","type":"uint32","word_order":"CDAB","scale":0.001,"group":"every_5000_ms"},
     {"name":"ph","address":"ir:1","type":"float32","word_order":"ABCD","group":"every_5000_ms"}
   ])"));
-  EXPECT_EQ(notes_with(made, {"14: left out: torn: its addresses are not in a row"}), 1)
+  EXPECT_EQ(notes_with(made, {"14: left out: torn: its addresses are not consecutive"}), 1)
       << all_of(made.notes);
   EXPECT_EQ(notes_with(made, {"15: left out: half", "FLOAT16-IEEE"}), 1);
   EXPECT_EQ(notes_with(made, {"left out: inputs.cpu"}), 1);
@@ -123,9 +123,9 @@ TEST(Telegraf, StyleOfRequests) {
   EXPECT_EQ(made.config["devices"][0]["tags"], json::parse(R"([
     {"name":"voltage","address":"hr:0","type":"int16","word_order":"DCBA","scale":0.1,"group":"every_500_ms"},
     {"name":"energy","address":"hr:5","type":"float32","word_order":"DCBA","group":"every_500_ms"}])"));
-  EXPECT_EQ(notes_with(made, {"17: not carried over: the measurement \"W\" of 1 field"}), 1)
+  EXPECT_EQ(notes_with(made, {"17: not imported: the measurement \"W\" of 1 field"}), 1)
       << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"not carried over: the tags of the request"}), 1);
+  EXPECT_EQ(notes_with(made, {"not imported: the tags of the request"}), 1);
 }
 
 TEST(Telegraf, StyleOfMetrics) {
@@ -182,12 +182,11 @@ TEST(Telegraf, NoSettingIsDroppedInSilence) {
   ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][0]["timeout_ms"], 2000);
   EXPECT_EQ(made.config["devices"][0]["gap_ms"], 30);
-  EXPECT_EQ(notes_with(
-                made, {"not carried over: busy_retries, tags, workarounds of inputs.modbus \"m\""}),
-            1)
+  EXPECT_EQ(
+      notes_with(made, {"not imported: busy_retries, tags, workarounds of inputs.modbus \"m\""}), 1)
       << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"not carried over: output of a"}), 1);
-  EXPECT_EQ(notes_with(made, {"not carried over"}), 2) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not imported: output of a"}), 1);
+  EXPECT_EQ(notes_with(made, {"not imported"}), 2) << all_of(made.notes);
 }
 
 TEST(Telegraf, NumbersBeyondAllMeasureCostOneTagAtMost) {
@@ -277,8 +276,8 @@ TEST(Telegraf, OneLineAMeasurementAndACountAtTheEnd) {
     {name="g", data_type="INT16", address=[70000]}]
 )");
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 5U) << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"5: not carried over: the measurement \"power\" of 2 fields"}), 1);
-  EXPECT_EQ(notes_with(made, {"7: not carried over: the measurement \"heat\" of 1 field"}), 1);
+  EXPECT_EQ(notes_with(made, {"5: not imported: the measurement \"power\" of 2 fields"}), 1);
+  EXPECT_EQ(notes_with(made, {"7: not imported: the measurement \"heat\" of 1 field"}), 1);
   EXPECT_EQ(notes_with(made, {"measurement"}), 2) << all_of(made.notes);
   EXPECT_EQ(made.changed, 4U);
   EXPECT_EQ(made.left_out, 2U);
@@ -329,7 +328,7 @@ TEST(Telegraf, IntervalsInAllUnits) {
 /// Returns the line reported for text that is nested too deeply; 0 if none.
 int deep_line(const std::string& text) {
   const auto read = import_telegraf(text, {});
-  if (read || read.error().text.find("over 32 levels") == std::string::npos) return 0;
+  if (read || read.error().text.find("more than 32 levels") == std::string::npos) return 0;
   return read.error().line;
 }
 

@@ -40,7 +40,7 @@ TEST(Thingsboard, ASlaveOverTcp) {
     {"name":"words","address":"hr:40","type":"uint16","group":"every_1000_ms"}
   ])"));
   EXPECT_EQ(notes_with(made, {"left out: byte", "8int"}), 1) << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"left out: reset of rpc belongs to nothing that is read"}), 1);
+  EXPECT_EQ(notes_with(made, {"left out: reset of rpc belongs to no value that is read"}), 1);
   EXPECT_EQ(notes_with(made, {"left out: \"slave\""}), 1);
 }
 
@@ -78,13 +78,12 @@ TEST(Thingsboard, NoSettingIsDroppedInSilence) {
   ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][0]["timeout_ms"], 3500);
   EXPECT_EQ(made.config["devices"][0]["gap_ms"], 20);
-  EXPECT_EQ(notes_with(
-                made, {"not carried over: retries, connectAttemptTimeMs, security of the slave d"}),
-            1)
+  EXPECT_EQ(
+      notes_with(made, {"not imported: retries, connectAttemptTimeMs, security of the slave d"}), 1)
       << all_of(made.notes);
-  EXPECT_EQ(notes_with(made, {"not carried over: min, reportStrategy of a"}), 1);
-  EXPECT_EQ(notes_with(made, {"not carried over: name of the file"}), 1);
-  EXPECT_EQ(notes_with(made, {"not carried over"}), 3) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"not imported: min, reportStrategy of a"}), 1);
+  EXPECT_EQ(notes_with(made, {"not imported: name of the file"}), 1);
+  EXPECT_EQ(notes_with(made, {"not imported"}), 3) << all_of(made.notes);
 }
 
 TEST(Thingsboard, SlavesOnOneSerialLine) {
@@ -223,7 +222,7 @@ TEST(Thingsboard, WhatIsSentOnChangeIsPublishedSo) {
             on_change);
   const Made other = made_of(slaves_with(R"(, "reportStrategy": {"type": "ON_REPORT_PERIOD"})"),
                              import_thingsboard);
-  EXPECT_EQ(notes_with(other, {"not carried over: the reportStrategy \"ON_REPORT_PERIOD\""}), 1);
+  EXPECT_EQ(notes_with(other, {"not imported: the reportStrategy \"ON_REPORT_PERIOD\""}), 1);
 }
 
 TEST(Thingsboard, EachFunctionThatWritesMakesItsTagWritable) {

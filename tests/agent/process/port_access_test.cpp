@@ -51,7 +51,7 @@ TEST_F(PortAccess, WhoHasItOpenIsFoundByWhateverNameItWasOpened) {
     EXPECT_EQ(holder->pid, other.pid());
     EXPECT_TRUE(holder->program.starts_with("core_test")) << holder->program;
   }
-  EXPECT_EQ(port_cure(port, EBUSY), " (another program has it: " + port_holder(port)->program +
+  EXPECT_EQ(port_cure(port, EBUSY), " (another program uses it: " + port_holder(port)->program +
                                         ", pid " + std::to_string(other.pid()) + ")");
   EXPECT_EQ(port_cure(port, EWOULDBLOCK), port_cure(port, EBUSY));
 }
@@ -112,8 +112,8 @@ TEST_F(PortAccess, WhoHasLockedItIsFoundByTheLock) {
 
 TEST_F(PortAccess, WhoCannotBeSeenCanBeLookedFor) {
   EXPECT_EQ(port_cure(port, EBUSY),
-            " (another program has it, as GX Works or another agent: as root, fuser -v " + port +
-                " names it)");
+            " (another program uses it, such as GX Works or another agent: as root, fuser -v " +
+                port + " names it)");
 }
 
 TEST_F(PortAccess, NoPermissionNamesTheGroupToJoin) {

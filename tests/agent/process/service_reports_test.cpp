@@ -103,7 +103,7 @@ TEST_F(ServiceReportsTest, AThreadThatStandsStillFeedsNobodyAndIsNamed) {
     EXPECT_LE(told.size(), 5U) << "once a minute";
     told.erase(std::ranges::unique(told).begin(), told.end());
     EXPECT_EQ(told, Texts{std::string("STATUS=") + (stuck == &field ? "field" : "uplink") +
-                          " stands still: the agent is to be started again"});
+                          " hangs: systemd must restart the agent"});
     *stuck = true;
     const Texts after = told_until(420s);
     EXPECT_GE(fed(after), 6U) << "it goes on again";

@@ -134,7 +134,7 @@ TEST_F(RemoteConfigAfterGoodV1, AProcessThatEndsInTheTrialIsRolledBack) {
   plant.hear(plant.with_retries("v2", 8));
   plant.start();
   EXPECT_EQ(plant.retries(), 7);
-  EXPECT_EQ(plant.said(), "rolled_back \"v2\": the process ended while the config was on trial");
+  EXPECT_EQ(plant.said(), "rolled_back \"v2\": the process ended during the trial of the config");
   EXPECT_TRUE(plant.remote().take_news());
   plant.start();
   EXPECT_EQ(plant.said().substr(0, 11), "rolled_back");
@@ -302,7 +302,7 @@ TEST_F(RemoteConfigAfterGoodV1, OneThatEndsTheProcessWhileItIsJudgedIsNotTriedAg
   document["by"] = "ann";
   plant.end_while_judging(document);
   EXPECT_EQ(plant.retries(), 7);
-  EXPECT_EQ(plant.said(), "rolled_back \"v2\": the process ended while the config was judged");
+  EXPECT_EQ(plant.said(), "rolled_back \"v2\": the process ended during the check of the config");
   EXPECT_EQ(plant.remote().report().desired.by, "ann");
   EXPECT_FALSE(plant.hear(document));
   plant.start();

@@ -124,7 +124,7 @@ TEST_F(RemoteEndsTest, AnEndInATrialIsNotThatOfTheGoodOne) {
     plant.hear(plant.with_retries("next", retries));
     plant.start();
     EXPECT_EQ(plant.said(),
-              "rolled_back \"next\": the process ended while the config was on trial");
+              "rolled_back \"next\": the process ended during the trial of the config");
     EXPECT_EQ(plant.retries(), 7);
   }
 }
@@ -170,7 +170,7 @@ TEST_F(RemoteEndsTest, OneThatAStopFindsInJudgingIsJudgedByTheNextProcess) {
 TEST_F(RemoteEndsTest, AStopInJudgingIsGoodForOneStart) {
   plant.stop_while_judging(plant.with_retries("v1", 7));
   plant.end_while_judging(plant.with_retries("v1", 7));
-  EXPECT_EQ(plant.said(), "rolled_back \"v1\": the process ended while the config was judged");
+  EXPECT_EQ(plant.said(), "rolled_back \"v1\": the process ended during the check of the config");
   EXPECT_FALSE(plant.pass(0s));
 }
 

@@ -44,18 +44,19 @@ TEST(RemoteSize, WhatExpandsBeyondAMachineIsRejectedWithTheLimit) {
   junk["config"]["templates"]["m"]["x"] = std::string(9000, 'x');
   const Attack attacks[] = {
       {"arrays in one device", many("1", large),
-       "/templates/m/tags/7: with this there are 524280 values of tags; a remote config may have "
-       "500000 at the most"},
+       "/templates/m/tags/7: with this there are 524280 tag values; a remote config may have "
+       "at most 500000"},
       {"arrays in many devices", many("1-1000", json::array({tag("t", 1000)})),
-       "/devices/0: with this there are 1000000 values of tags; a remote config may have 500000"},
-      {"texts", many("1-3000", text), "/devices/0: with this there are 600000 values of tags"},
+       "/devices/0: with this there are 1000000 tag values; a remote config may have at most "
+       "500000"},
+      {"texts", many("1-3000", text), "/devices/0: with this there are 600000 tag values"},
       {"tags of many devices", many("1-9000", twelve),
-       "/devices/0: with this there are 108000 tags; a remote config may have 100000 at the most"},
+       "/devices/0: with this there are 108000 tags; a remote config may have at most 100000"},
       {"memory", many("1-10000", json::array({tag("a", 40), tag("b", 9)})),
        "/devices/0: with this the agent needs about "},
       {"a long text in a template", junk,
-       "/devices/0: written out, the devices up to this one would be larger than 16 MiB, the most "
-       "for a remote config"},
+       "/devices/0: without templates, the devices up to this one would be larger than 16 MiB, the "
+       "limit for a remote config"},
   };
   Plant plant;
   for (const Attack& attack : attacks) {

@@ -813,7 +813,7 @@ TEST_F(PublisherFloodTest, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOf
   bench.settle();
   const auto states = bench.broker.on(kBase + "/state");
   ASSERT_EQ(states.size(), 2U) << "once not heard, once heard";
-  EXPECT_EQ(json::parse(states[0])["reason"], "more commands come than can be answered");
+  EXPECT_EQ(json::parse(states[0])["reason"], "more commands arrive than the agent can answer");
   EXPECT_FALSE(json::parse(states[1]).contains("reason"));
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U);
 }

@@ -135,7 +135,7 @@ TEST(LinkExplanation, DataAreWordsBitsAModelOrAText) {
   EXPECT_EQ(field(summed("\x02"
                          "00FF8D\x03"),
                   "answer to PC"),
-            "a model not known here");
+            "an unknown model");
   EXPECT_EQ(field(summed("\x02"
                          "00FF05ABXYE\x03"),
                   "answer to TT"),
@@ -166,7 +166,7 @@ TEST(LinkExplanation, AnAckMayComeFromEitherSide) {
       "\x15"
       "00FF06");
   EXPECT_EQ(nak.operation, "nak");
-  EXPECT_EQ(field(nak, "reason"), "06, device does not exist or too many points");
+  EXPECT_EQ(field(nak, "reason"), "06, the device does not exist, or too many points");
   EXPECT_EQ(explain("\x15"
                     "00FF")
                 .direction,
@@ -200,13 +200,13 @@ TEST(LinkExplanation, WhatIsWrongIsSaid) {
             "station and PLC number are four hex digits");
   EXPECT_EQ(error("\x05"
                   "00FFBR"),
-            "the request is cut short");
+            "the request is truncated");
   EXPECT_EQ(error("\x05"
                   "00F1RR0"),
             "the PLC number of an FX is FF");
   EXPECT_EQ(error("\x05"
                   "00FFJR0"),
-            "'JR' is no command of an FX");
+            "'JR' is not a command of an FX");
   EXPECT_EQ(error("\x05"
                   "00FFRRX"),
             "the message wait is not a hex digit");
@@ -218,19 +218,19 @@ TEST(LinkExplanation, WhatIsWrongIsSaid) {
             "1 characters are left over; a sum has two");
   EXPECT_EQ(error("\x05"
                   "00FFBR0X008001"),
-            "'X0080' is no device of 5 characters on this model");
+            "'X0080' is not a device of 5 characters on this model");
   EXPECT_EQ(error("\x05"
                   "00FFBR0T012301"),
-            "'T0123' is no device of 5 characters on this model");
+            "'T0123' is not a device of 5 characters on this model");
   EXPECT_EQ(error("\x05"
                   "00FFBR0X00"),
-            "the request is cut short");
+            "the request is truncated");
   EXPECT_EQ(error("\x05"
                   "00FFBR0D012301"),
             "D123 is a word, not a bit");
   EXPECT_EQ(error("\x05"
                   "00FFWR0TS12301"),
-            "contacts of timers and counters are reached bit by bit only");
+            "contacts of timers and counters can only be accessed bit by bit");
   EXPECT_EQ(error("\x05"
                   "00FFWR0D012300"),
             "the number of points is not two hex digits from 01 up");
@@ -242,16 +242,16 @@ TEST(LinkExplanation, WhatIsWrongIsSaid) {
             "the data are not 0 and 1");
   EXPECT_EQ(error("\x05"
                   "00FFBT002M01231"),
-            "only 1 of 2 points are there");
+            "only 1 of 2 points are present");
   EXPECT_EQ(error("\x05"
                   "00FFBT001D01231"),
-            "'D0123' is no device for this command");
+            "'D0123' is not a device for this command");
   EXPECT_EQ(error("\x05"
                   "00FFWT001CN20012345678"),
-            "'CN200' is no device for this command");
+            "'CN200' is not a device for this command");
   EXPECT_EQ(error("\x05"
                   "00FFBT001M01232"),
-            "'2' is no value of M123");
+            "'2' is not a value of M123");
   EXPECT_EQ(error("\x05"
                   "FFFFGW02"),
             "the flag is neither 0 nor 1");
@@ -267,7 +267,7 @@ TEST(LinkExplanation, WhatIsWrongIsSaid) {
             "there are no data");
   EXPECT_EQ(error("\x06"
                   "00FF00"),
-            "'00' does not belong behind an ACK");
+            "'00' must not follow an ACK");
   EXPECT_EQ(error("\x04"
                   "00"),
             "nothing follows EOT and CL");

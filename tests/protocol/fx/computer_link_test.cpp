@@ -268,7 +268,8 @@ TEST(ComputerLink, HalfBytesAndWhatStopsThePlcAreNotWritten) {
             std::string::npos);
   EXPECT_NE(sent(station(), Force{id(Space::d), 5, true}).find("only bits are forced"),
             std::string::npos);
-  EXPECT_NE(sent(station(), Force{id(Space::tc), 5, true}).find("not memory"), std::string::npos);
+  EXPECT_NE(sent(station(), Force{id(Space::tc), 5, true}).find("not in the memory"),
+            std::string::npos);
   EXPECT_NE(sent(station(), Force{id(Space::m), 7680, true}).find("does not exist"),
             std::string::npos);
   EXPECT_EQ(station().encode(Enquire{}, 0).error().code, ErrorCode::unsupported);
@@ -505,7 +506,7 @@ TEST(ComputerLink, ARefusalTellsItsReason) {
   const Reply reply = good(kNakFrame);
   EXPECT_EQ(reply.kind, Reply::Kind::nak);
   EXPECT_EQ(reply.device_code, 6);
-  EXPECT_EQ(reply.text, "nak 06: device does not exist or too many points");
+  EXPECT_EQ(reply.text, "nak 06: the device does not exist, or too many points");
   EXPECT_TRUE(reply.closing.empty());
   EXPECT_EQ(good("\x15"
                  "00ff0a",

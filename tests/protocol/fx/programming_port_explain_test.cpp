@@ -161,8 +161,8 @@ TEST(Explanation, WhatIsNotAFrameSaysWhy) {
   EXPECT_EQ(bytes(""), "no bytes");
   EXPECT_EQ(bytes("30 31"), "the frame does not begin with STX (02)");
   EXPECT_EQ(bytes("02 30 31"), "there is no ETX (03)");
-  EXPECT_EQ(bytes("02 30 31 03 36"), "two digits of sum follow ETX, here are 1 bytes");
-  EXPECT_EQ(bytes("02 30 31 03 36 34 30"), "two digits of sum follow ETX, here are 3 bytes");
+  EXPECT_EQ(bytes("02 30 31 03 36"), "two digits of sum follow ETX, not 1 bytes");
+  EXPECT_EQ(bytes("02 30 31 03 36 34 30"), "two digits of sum follow ETX, not 3 bytes");
   EXPECT_EQ(bytes("02 30 31 03 36 35"), "sum 65 given, 64 computed");
   EXPECT_EQ(bytes("02 30 31 03 36 47"), "sum 36 47 given, 64 computed");
   EXPECT_EQ(error(explain("")), "the payload is not hex digits");
@@ -172,15 +172,15 @@ TEST(Explanation, WhatIsNotAFrameSaysWhy) {
 }
 
 TEST(Explanation, ARequestThatContradictsItselfSaysWhere) {
-  EXPECT_EQ(error(explain("010F6")), "the address or the byte count is cut short");
+  EXPECT_EQ(error(explain("010F6")), "the address or the byte count is truncated");
   EXPECT_EQ(error(explain("110F60434")), "2 data digits follow, 8 expected");
   EXPECT_EQ(error(explain("010F60400")), "2 data digits follow, 0 expected");
   EXPECT_EQ(error(explain("010F600")), "a byte count of 0");
   const auto request = [](std::string_view payload) {
     return error(explain(payload, Model::unknown, Direction::request));
   };
-  EXPECT_EQ(request("7000"), "a force has four digits of address, here are 3");
-  EXPECT_EQ(request("2"), "'2' is no request of this protocol");
+  EXPECT_EQ(request("7000"), "a force has four digits of address, not 3");
+  EXPECT_EQ(request("2"), "'2' is not a request of this protocol");
   EXPECT_EQ(error(explain("012", Model::unknown, Direction::reply)),
             "an odd number of digits (3); data are two for each byte");
 }

@@ -74,7 +74,7 @@ TEST(McExplain, AnAnswerIsItsDataOrItsReason) {
       told(Frame::e3, hex("D0 00 00 FF FF 03 00 0B 00 59 C0 01 02 E0 03 00 01 04 02 00"));
   EXPECT_EQ(nak.operation, "nak");
   EXPECT_EQ(nak.values, std::vector<std::string>{"C059"});
-  EXPECT_NE(meaning(nak, "reason").find("not known to this PLC"), std::string::npos);
+  EXPECT_NE(meaning(nak, "reason").find("does not have the command"), std::string::npos);
   EXPECT_EQ(meaning(nak, "refused by"), "network 1, PC 02, module I/O 03E0, station 00");
   EXPECT_EQ(meaning(nak, "refused command"), "0401, subcommand 0002");
   const Explanation part = told(Frame::e3, hex("D0 00 00 FF FF 03 00 04 00 59 C0 01 02"));
@@ -105,7 +105,7 @@ TEST(McExplain, WhatIsWrongWithAFrameIsSaid) {
       {Frame::e3, hex("50 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 64 00 00 87 01 00"),
        "no device"},
       {Frame::e3, hex("50 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 64 00 00 A8 00 00"),
-       "a request for nothing"},
+       "a request for no points"},
       {Frame::e3, hex("50 00 00 FF FF 03 00 0D 00 10 00 01 04 00 00 64 00 00 A8 01 00 00"),
        "1 characters more"},
       {Frame::e3, hex("50 00 00 FF FF 03 00 0C 00 10 00 01 14 00 00 64 00 00 A8 01 00"),

@@ -193,7 +193,7 @@ TEST(McSerial, Format5DoublesEvery10AndFindsItsFramesAgain) {
   expect_says(fault(mc, word,
                     hex("10 02 0F 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 "
                         "10 10 10 10 10 03 32 36")),
-              "length 15 given, 14 bytes came");
+              "length 15 given, 14 bytes received");
   expect_says(fault(mc, word,
                     hex("10 02 10 10 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 "
                         "01 02 03 04 10 03 31 31")),

@@ -461,8 +461,7 @@ TEST(McRefusals, TextsNameTheSettingToLookAt) {
   expect_says(end_code_text(0x4B02, Series::iq_f), "on the way");
   expect_says(end_code_text(0x4123, Series::iq_f), "refused by the CPU");
   expect_says(end_code_text(0x7F24, Series::iq_f), "sum_check");
-  expect_says(end_code_text(0x1234, Series::iq_f),
-              "end code 1234: a reason that is not known here");
+  expect_says(end_code_text(0x1234, Series::iq_f), "end code 1234: an unknown reason");
 }
 
 TEST(McRefusals, TextsNameTheToolAndTheSettingOfThatModel) {

@@ -84,7 +84,7 @@ TEST(OneEExplanation, ValuesOfWritesAndAnswersAreShown) {
   EXPECT_EQ(explain_text("8100829D553E").values, (Values{"829D", "553E"}));
   EXPECT_EQ(explain("80 00 10 10").values, (Values{"1", "0", "1", "0"}));
   EXPECT_EQ(field(explain("95 00 F4 00"), "model"), "FX3G");
-  EXPECT_EQ(field(explain("95 00 A3 00"), "model"), "one that is not known here");
+  EXPECT_EQ(field(explain("95 00 A3 00"), "model"), "an unknown one");
 }
 
 TEST(OneEExplanation, ARefusalHasItsReason) {
@@ -107,28 +107,27 @@ TEST(OneEExplanation, WhatIsWrongIsSaid) {
   for (const Row& row : std::vector<Row>{
            {"", "no bytes"},
            {"06", "06 is neither a command of a 1E frame nor its answer"},
-           {"01 FF 0A", "the request is cut short"},
-           {"01 FF 0A 00 64 00", "the request is cut short"},
+           {"01 FF 0A", "the request is truncated"},
+           {"01 FF 0A 00 64 00", "the request is truncated"},
            {"01 FF 0A 00 64 00 00 00 21 44 01 00", "there is no device with this code"},
-           {"01 FF 0A 00 64 00 00 00 20 44 01 01",
-            "the byte behind the number of points is not 00"},
+           {"01 FF 0A 00 64 00 00 00 20 44 01 01", "the byte after the number of points is not 00"},
            {"01 FF 0A 00 64 00 00 00 20 44 00 00", "the number of points is 0"},
            {"00 FF 0A 00 64 00 00 00 20 44 01 00", "D100 is a word, not a bit"},
            {"01 FF 0A 00 64 00 00 00 20 44 01 00 00", "1 bytes are left over"},
            {"03 FF 0A 00 64 00 00 00 20 44 02 00 34 12", "2 bytes of data given, 4 expected"},
            {"02 FF 0A 00 64 00 00 00 20 4D 01 00 30", "the data are not bits"},
-           {"04 FF 0A 00 02 00 32 00 00 00 20 4D 01", "only 1 of 2 points are there"},
-           {"04 FF 0A 00 01 00 32 00 00 00 20 4D 02", "02 is no value of M50"},
-           {"04 FF 0A 00 01 00 32 00 00 00 20 44 01", "D50 is no device for this command"},
-           {"05 FF 0A 00 01 00 C8 00 00 00 4E 43 01 00", "CN200 is no device for this command"},
+           {"04 FF 0A 00 02 00 32 00 00 00 20 4D 01", "only 1 of 2 points are present"},
+           {"04 FF 0A 00 01 00 32 00 00 00 20 4D 02", "02 is not a value of M50"},
+           {"04 FF 0A 00 01 00 32 00 00 00 20 44 01", "D50 is not a device for this command"},
+           {"05 FF 0A 00 01 00 C8 00 00 00 4E 43 01 00", "CN200 is not a device for this command"},
            {"16 FF 0A 00 04 41", "the text is shorter than its length says"},
-           {"16 FF 0A 00", "the request is cut short"},
-           {"81", "the answer is cut short"},
+           {"16 FF 0A 00", "the request is truncated"},
+           {"81", "the answer is truncated"},
            {"81 00", "there are no data"},
            {"81 00 12", "an odd count of bytes cannot be words"},
            {"83 00 12", "nothing follows the end code of a write"},
            {"80 00 22", "the data are not bits"},
-           {"81 57 01", "behind an end code come an abnormal code and 00, or nothing"}}) {
+           {"81 57 01", "only an abnormal code and 00 may follow an end code"}}) {
     const auto out = explain(row.frame);
     EXPECT_FALSE(out.ok) << row.frame;
     EXPECT_EQ(out.error.value_or(""), row.error) << row.frame;

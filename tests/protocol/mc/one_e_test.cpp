@@ -263,7 +263,7 @@ TEST(OneE, WholeWordsOfBitsGoBy03AndOthersBy02) {
   EXPECT_EQ(sent(plc(), Write{span("TS0", 16), {0x01, 0x80}}),
             "02 FF 0A 00 00 00 00 00 53 54 10 00 10 00 00 00 00 00 00 01");
   EXPECT_EQ(sent(plc(), Force{id(Space::y), 15, true}), "02 FF 0A 00 0F 00 00 00 20 59 01 00 10");
-  EXPECT_EQ(sent(plc(), Force{id(Space::d), 15, true}), "D0 is a word: only bits are forced");
+  EXPECT_EQ(sent(plc(), Force{id(Space::d), 15, true}), "D0 is a word: only bits can be forced");
 }
 
 TEST(OneE, OneFrameCarries80BitsOrTenWords) {
@@ -553,7 +553,7 @@ TEST(OneE, IsMadeFromItsOptions) {
   EXPECT_EQ(model_of(**plain), "");
   EXPECT_EQ(to_hex(*(*plain)->encode(Control{Control::Kind::stop}, 0)), "14 FF 10 00");
   EXPECT_EQ(OneE::make({{"monitoring_timer_ms", std::int64_t{1100}}}).error().text,
-            "monitoring_timer_ms goes in steps of 250");
+            "monitoring_timer_ms must be a multiple of 250");
   EXPECT_EQ(OneE::make({{"model", std::string("FX5U")}}).error().text,
             "model 'FX5U' has no 1E frames");
   EXPECT_FALSE(OneE::make({{"model", std::string("FX1N")}}));

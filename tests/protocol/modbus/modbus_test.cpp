@@ -665,7 +665,7 @@ TEST(ModbusExplain, SaysWhatIsWrong) {
       std::string::npos);
   EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 06 FF 03 FF FF 00 02", request).find("65535"),
             std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 03 FF 83 02", request).find("no request"),
+  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 03 FF 83 02", request).find("not a request"),
             std::string::npos);
   EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 04 FF 83 02 00", reply).find("2 belong"),
             std::string::npos);

@@ -342,7 +342,7 @@ TEST(Plan, AnArrayLongerThanAFrameGetsConsecutiveReadsAndComesBackWhole) {
   images[2].clear();
   const auto torn = value_of(plan, images, points[0], 0);
   ASSERT_FALSE(torn);
-  EXPECT_NE(torn.error().text.find("in part only"), std::string::npos);
+  EXPECT_NE(torn.error().text.find("only partly read"), std::string::npos);
 }
 
 TEST(Plan, AValueIsNeverTakenFromAReadThatEndsBeforeIt) {

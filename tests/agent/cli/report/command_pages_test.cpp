@@ -83,8 +83,9 @@ TEST(CommandHelp, PagesOfTheProgramAndOfCheckHaveWhatOthersDoNot) {
   EXPECT_EQ(count(program, ".SH EXIT STATUS\n0: done."), 1) << program;
   const std::string check = man_page(app, app.get_subcommand("check"), "1");
   EXPECT_EQ(count(check, ".SH EXIT STATUS\n"), 1) << check;
-  EXPECT_EQ(count(check, "\n3  \\-\\-online: another process has a link"), 1) << check;
-  EXPECT_EQ(count(check, "\n4  \\-\\-online: everything answers, and something not"), 1) << check;
+  EXPECT_EQ(count(check, "\n3  \\-\\-online: another process uses a link"), 1) << check;
+  EXPECT_EQ(count(check, "\n4  \\-\\-online: everything answers, and something does not"), 1)
+      << check;
 }
 
 TEST_F(CommandPagesTest, ConfigPageHasKeysOfTheTableAndOfTheProtocols) {

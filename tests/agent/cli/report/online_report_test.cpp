@@ -91,11 +91,11 @@ TEST_F(OnlineReport, HasALineForEachLinkDeviceAndBrokerAndTheNextCall) {
   EXPECT_EQ(text(),
             "link line1, place: open\n"
             "link line2, place: open\n"
-            "link line3, place: not opened: no device is on it\n"
+            "link line3, place: not opened: it has no devices\n"
             "device press1 on line1: answers, FX3U, RUN, 3 tags read\n"
             "device meter on line2: answers, 1 tag read\n"
             "broker mqtts://broker.example:8883: answers\n"
-            "All is well. Next: fxagent run agent.json\n");
+            "Everything answers. Next: fxagent run agent.json\n");
   EXPECT_EQ(status(), 0);
 }
 
@@ -151,7 +151,7 @@ TEST_F(OnlineReport, TagsThatAreRefusedAreNamedTogetherWithTheCure) {
   EXPECT_NE(said.find("device press1 on line1: answers, FX3U, RUN, 1 of 3 tags read\n"),
             std::string::npos)
       << said;
-  EXPECT_NE(said.find("  press1: temp (D100), speed (D101): the device refuses to give it"),
+  EXPECT_NE(said.find("  press1: temp (D100), speed (D101): the device refuses to read it"),
             std::string::npos)
       << said;
   EXPECT_EQ(status(), 4);
@@ -178,10 +178,11 @@ TEST_F(OnlineReport, AnotherModelIsNamedWithBothAndStopIsANote) {
   EXPECT_EQ(status(), 0) << "it answers";
   findings.devices[0].model_configured = "FX3G";
   said = online_text(config, findings);
-  EXPECT_NE(said.find("answers, FX3U where the config says FX3G, STOP"), std::string::npos) << said;
-  EXPECT_NE(said.find("  press1: the PLC is an FX3U and the config says FX3G: set \"model\": "
-                      "\"FX3U\""),
-            std::string::npos)
+  EXPECT_NE(said.find("answers, FX3U instead of the config's FX3G, STOP"), std::string::npos)
+      << said;
+  EXPECT_NE(
+      said.find("  press1: the PLC is an FX3U, but the config says FX3G: set \"model\": \"FX3U\""),
+      std::string::npos)
       << said;
   EXPECT_EQ(status(), 4);
 }
@@ -198,7 +199,7 @@ TEST_F(OnlineReport, TheTextsAndTheConfiguredModelAreThoseOfTheState) {
   status.reason_text = "is `unit` 1 its own address?";
   devices.take(status);
   const std::string said = text();
-  EXPECT_NE(said.find("FX3U where the config says FX3G"), std::string::npos) << said;
+  EXPECT_NE(said.find("FX3U instead of the config's FX3G"), std::string::npos) << said;
   EXPECT_NE(said.find("  meter: is `unit` 1 its own address?\n"), std::string::npos) << said;
 }
 
@@ -213,9 +214,10 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
   meter_answers();
   EXPECT_TRUE(devices.settled()) << "nobody waits for who was not asked";
   const std::string said = text();
-  EXPECT_NE(said.find("link line1, place: left alone: fxagent, pid 4711, has it (the agent of this "
-                      "config)\n"),
-            std::string::npos)
+  EXPECT_NE(
+      said.find("link line1, place: not checked: fxagent, pid 4711, uses it (the agent of this "
+                "config)\n"),
+      std::string::npos)
       << said;
   EXPECT_NE(said.find("device press1 on line1: not asked\n"), std::string::npos);
   EXPECT_NE(said.find("with -u and -P of a user who may send commands: mosquitto_rr -h "
@@ -233,7 +235,7 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
   EXPECT_NE(online_text(config, findings).find("  line2: end fxagent (pid 8) for this check: "),
             std::string::npos)
       << "a device of TCP has no other port to give";
-  EXPECT_EQ(request_to(config, 2, "check-1"), "") << "no device is on it";
+  EXPECT_EQ(request_to(config, 2, "check-1"), "") << "it has no devices";
 }
 
 TEST(OnlineHints, AGoodFloatThatIsPlainInAnotherWordOrderIsNamedAndStillGood) {

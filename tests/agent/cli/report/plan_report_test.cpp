@@ -220,7 +220,7 @@ TEST(PlanReport, AnOverloadNamesTheIntervalThatFits) {
   ASSERT_EQ(links[0].warnings.size(), 1U);
   // 511.5 ms, plus 17 characters for M8000 every 10 s.
   EXPECT_EQ(links[0].warnings[0],
-            "p/g asks for 400 ms; the link carries 513 ms or more: set interval_ms to 520");
+            "p/g has an interval of 400 ms; the link needs 513 ms or more: set interval_ms to 520");
   // The named interval is sufficient; a slightly shorter one is not.
   config.devices[0].groups[0].interval = *links[0].groups[0].shortest_interval;
   EXPECT_LE(*plan_links(config)[0].busy_percent, 100.0);
@@ -300,11 +300,11 @@ TEST(PlanReport, AWrongWhatIfIsNamedAndChangesNothing) {
   const std::map<std::string, std::string> wrong = {
       {"q D1@5", "there is no device q; there are p"},
       {"p X8@5", "octal"},
-      {"p D9..D5@5", "D9 and D5 are no range"},
-      {"p D5..M9@5", "D5 and M9 are no range"},
-      {"p D7990..D8005@5", "are no range"},
-      {"p K4M0..K4M40@5", "are no range"},
-      {"p D5@-1", "the interval behind @ is 0 to 86400000 ms"},
+      {"p D9..D5@5", "D9 and D5 are not a range"},
+      {"p D5..M9@5", "D5 and M9 are not a range"},
+      {"p D7990..D8005@5", "are not a range"},
+      {"p K4M0..K4M40@5", "are not a range"},
+      {"p D5@-1", "the interval after @ must be 0 to 86400000 ms"},
       {"p D5@86400001", "not \"86400001\""},
       {"p D5@", "not \"\""},
       {"p D5", "DEVICE FIRST..LAST@MS"},
@@ -322,7 +322,8 @@ TEST(PlanReport, AWrongWhatIfIsNamedAndChangesNothing) {
       kSerial, plc(R"({"name":"d","address":"D0","group":"g"})", R"(,"command_set":"classic")"));
   const auto far = add_what_if(classic, "p D1020..D1030@1000");
   ASSERT_FALSE(far);
-  EXPECT_NE(far.error().text.find("D1024 is out of reach"), std::string::npos) << far.error().text;
+  EXPECT_NE(far.error().text.find("D1024 cannot be reached"), std::string::npos)
+      << far.error().text;
 }
 
 TEST(PlanReport, OverloadsAreTheWarningsOfThePlanAboutIntervals) {
@@ -340,7 +341,8 @@ TEST(PlanReport, OverloadsAreTheWarningsOfThePlanAboutIntervals) {
     for (const std::string& warning : link.warnings) planned.push_back(link.name + ": " + warning);
   EXPECT_EQ(overloads(config), planned);
   ASSERT_EQ(planned.size(), 2U);
-  EXPECT_TRUE(planned[0].starts_with("l: p/g asks for 500 ms; the link carries ")) << planned[0];
+  EXPECT_TRUE(planned[0].starts_with("l: p/g has an interval of 500 ms; the link needs "))
+      << planned[0];
   EXPECT_NE(planned[1].find(": set interval_ms to "), std::string::npos) << planned[1];
 }
 

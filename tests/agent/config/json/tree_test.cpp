@@ -239,10 +239,11 @@ TEST(ConfigTree, FaultBehindCommentsHasItsPlace) {
     std::string_view says;
   };
   for (const Case& c :
-       {Case{"// one\n{\"a\": 1, /* two\n */ }", "line 3, column 5: a comma stands before this }"},
+       {Case{"// one\n{\"a\": 1, /* two\n */ }",
+             "line 3, column 5: there is a comma before this }"},
         {"{\"a\": 1 // one\n /* two */ \"b\": 2}", "line 1, column 8: a comma is missing here"},
         {"{\"a\" /* : */\n 1}", "line 1, column 5: a colon is missing here"},
-        {"{} // end\n{}", "line 2, column 1: more text behind the end"},
+        {"{} // end\n{}", "line 2, column 1: more text after the end"},
         {"{ // \"\n 'a': 1}", "line 2, column 2: a single quote"},
         {"{\"a\": \"b,\n // \"\n}", "line 1, column 7: the string that begins here has no closing"},
         {"{\"devices\": [{\"tags\": [1 // ,\n 2]}]}", "line 1, column 25: a comma is missing here"},

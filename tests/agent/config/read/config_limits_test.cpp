@@ -59,18 +59,18 @@ TEST(ConfigLimits, WhatAllEntriesMakeIsCounted) {
   };
   EXPECT_EQ(first_error(plant_of({5, 5})), "");
   begins(plant_of({5, 6}),
-         "/devices/1: with this there are 11 devices; this file may have 10 at the most");
+         "/devices/1: with this there are 11 devices; this file may have at most 10");
   EXPECT_EQ(first_error(plant_of({5, 5}, tags(4))), "");
   begins(plant_of({5, 3, 1}, tags(5)),
-         "/devices/2: with this there are 45 tags; this file may have 40 at the most");
+         "/devices/2: with this there are 45 tags; this file may have at most 40");
   EXPECT_EQ(first_error(plant_of({2, 1}, groups(2))), "");
   begins(plant_of({2, 2}, groups(2)),
-         "/devices/1: with this there are 8 groups; this file may have 6 at the most");
+         "/devices/1: with this there are 8 groups; this file may have at most 6");
   EXPECT_EQ(first_error(plant_of({2, 3}, tags(2, 10))), "");
   begins(plant_of({2, 4}, tags(2, 10)),
-         "/devices/1: with this there are 120 values of tags; this file may have 100 at the most");
+         "/devices/1: with this there are 120 tag values; this file may have at most 100");
   begins(plant_of({9}, tags(5)),
-         "/devices/0: with this there are 45 tags; this file may have 40 at the most");
+         "/devices/0: with this there are 45 tags; this file may have at most 40");
 }
 
 TEST(ConfigLimits, DevicesOfDifferentSizesAreCountedAsTheyAre) {
@@ -99,11 +99,11 @@ TEST(ConfigLimits, WhatEntriesWouldBeWrittenOutIsAddedUp) {
   ConfigLimits limits = kSmall;
   limits.written = 10'000;
   const json more = {{"x", std::string(1000, 'x')}};
-  EXPECT_EQ(first_error(plant_of({4}, more), limits).find("written out"), std::string::npos);
+  EXPECT_EQ(first_error(plant_of({4}, more), limits).find("without templates"), std::string::npos);
   const auto config =
       parse_config(plant_of({4, 4}, more).dump(), environment(), FilePrivacy::shared, {limits});
   ASSERT_FALSE(config.has_value());
-  EXPECT_NE(listed(config.error()).find("written out, the devices up to this one"),
+  EXPECT_NE(listed(config.error()).find("without templates, the devices up to this one"),
             std::string::npos);
 }
 

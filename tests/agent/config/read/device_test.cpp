@@ -153,17 +153,16 @@ TEST(ConfigDevice, ModelOfAnotherProtocolIsSentToThatOne) {
     std::string model;
     std::string cure;
   };
-  for (const Case& c :
-       {Case{"mc-3e", "FX3U", "mc-3e does not reach an FX3U; what does: mc-1e"},
-        Case{"mc-3e", "fx3uc", "does not reach an FX3UC; what does: mc-1e"},
-        Case{"mc-4e", "FX3GE", "what does: mc-1e"},
-        Case{"mc-1e", "FX2NC", "what does: fx-programming-port or fx-computer-link"},
-        Case{"mc-1e", "iQ-R", "what does: mc-3e or mc-4e"},
-        Case{"fx-programming-port", "Q",
-             "does not reach a Q; what does: mc-1e, mc-3e or mc-4e over "
-             "Ethernet, mc-3c or mc-4c on a serial line"},
-        Case{"fx-programming-port", "R04CPU", "does not reach an iQ-R; what does: mc-3e"},
-        Case{"fx-programming-port", "Q03UDE", "does not reach a Q; what does: mc-1e"}})
+  for (const Case& c : {Case{"mc-3e", "FX3U", "mc-3e does not reach an FX3U; use mc-1e"},
+                        Case{"mc-3e", "fx3uc", "does not reach an FX3UC; use mc-1e"},
+                        Case{"mc-4e", "FX3GE", "use mc-1e"},
+                        Case{"mc-1e", "FX2NC", "use fx-programming-port or fx-computer-link"},
+                        Case{"mc-1e", "iQ-R", "use mc-3e or mc-4e"},
+                        Case{"fx-programming-port", "Q",
+                             "does not reach a Q; use mc-1e, mc-3e or mc-4e over "
+                             "Ethernet, mc-3c or mc-4c on a serial line"},
+                        Case{"fx-programming-port", "R04CPU", "does not reach an iQ-R; use mc-3e"},
+                        Case{"fx-programming-port", "Q03UDE", "does not reach a Q; use mc-1e"}})
     EXPECT_NE(text_for(c.protocol, c.model).find(c.cure), std::string::npos)
         << c.model << ": " << text_for(c.protocol, c.model);
   for (const auto& [protocol, model, meant] :
@@ -336,7 +335,7 @@ TEST(ConfigDevice, StatesAreNamedByWholeNumbers) {
   expect_error(with("int16", R"({"1.5": "idle"})"), place + "/1.5", {"whole number"});
   std::string twice = with("int16", R"({"1": "run"})");
   twice.replace(twice.find("\"run\""), 5, R"("run", "1": "stop")");
-  expect_error(twice, place + "/1", {"second time"});
+  expect_error(twice, place + "/1", {"duplicate"});
   expect_error(with("int16", R"({"1": ""})"), place + "/1", {"empty"});
   expect_error(with("int16", R"({"1": 1})"), place + "/1", {"string"});
   expect_error(with("int16", R"("idle")"), place, {"object"});
@@ -505,7 +504,7 @@ TEST(ConfigDevice, AddressOutOfReachOfTheCommandSetIsRefused) {
   plant["devices"][0]["tags"][0]["address"] = "D1023";
   good(plant.dump());
   plant["devices"][0]["tags"][0]["address"] = "D1024";
-  expect_error(plant.dump(), "/devices/0/tags/0/address", {"out of reach", "D1024"});
+  expect_error(plant.dump(), "/devices/0/tags/0/address", {"the protocol cannot reach", "D1024"});
 }
 
 TEST(ConfigDevice, LengthIsForStringsAndStringsNeedIt) {

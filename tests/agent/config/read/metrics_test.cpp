@@ -44,7 +44,7 @@ TEST(MetricsConfig, WhatIsNoAddressSaysWhatOneLooksLike) {
   for (const std::string listen : {"9464", "127.0.0.1", "[::1", "[]:9464", "::1:9464"})
     expect_error(with_listen(listen), place, {"127.0.0.1:9464", "[::1]:9464", "unix:/"});
   expect_error(with_listen("plc.example:9464"), place,
-               {"127.0.0.1:9464", "names are not looked up"});
+               {"127.0.0.1:9464", "a host name is not possible here"});
   expect_error(with_listen(":9464"), place, {"needs an address", "127.0.0.1", "0.0.0.0"});
   for (const std::string listen : {"127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:x", "127.0.0.1:-1"})
     expect_error(with_listen(listen), place, {"port from 0 to 65535"});

@@ -48,22 +48,22 @@ TEST(RemoteLimits, WhatNeverComesIsRefusedWithWhatMay) {
     const char* said;
   };
   for (const Case& each : std::vector<Case>{
-           {"mqtt", "cannot be set remotely; what can is links, devices"},
+           {"mqtt", "cannot be set remotely; these can: links, devices"},
            {"mqtt.password", "cannot be set remotely"},
            {"store.path", "cannot be set remotely"},
            {"agent.remote_allow", "cannot be set remotely"},
            {"metrics", "cannot be set remotely"},
            {"device", "did you mean devices?"},
            {"commands.allow", "needs the addresses, as in"},
-           {"commands.allow: ", "is no range of addresses"},
-           {"commands.allow: D99999999", "is no range of addresses"},
-           {"commands.allow: Q100", "is no range of addresses"},
+           {"commands.allow: ", "is not a range of addresses"},
+           {"commands.allow: D99999999", "is not a range of addresses"},
+           {"commands.allow: Q100", "is not a range of addresses"},
            {"commands.allow: mc-3e", "needs a model of mc-3e after the protocol, FX5U"},
            {"commands.allow: mc-3e Y0-Y17", "needs a model of mc-3e"},
            {"commands.allow: mc-3e auto Y0-Y17", "needs a model of mc-3e"},
-           {"commands.allow: mc-3e FX5U", "is no range of addresses of mc-3e FX5U"},
-           {"commands.allow: mc-3e FX5U Y18", "is no range of addresses of mc-3e FX5U"},
-           {"commands.allow: modbus-tcp D5", "is no range of addresses of modbus-tcp"},
+           {"commands.allow: mc-3e FX5U", "is not a range of addresses of mc-3e FX5U"},
+           {"commands.allow: mc-3e FX5U Y18", "is not a range of addresses of mc-3e FX5U"},
+           {"commands.allow: modbus-tcp D5", "is not a range of addresses of modbus-tcp"},
            {"templates", "must be links, devices"},
        }) {
     const auto errors = errors_of(with_allow("[\"" + std::string(each.word) + "\"]"));

@@ -256,7 +256,7 @@ TEST(Templates, AnErrorOfTheDeviceNamesItsTemplate) {
 
 TEST(Templates, TheFirstNumberThatIsWrongIsNamed) {
   expect_error(with("/devices/0/n", R"("245-250")"), "/devices/0/unit",
-               {"unit is 1 to 247", "{n} being 248", "and for 2 others"});
+               {"unit must be 1 to 247", "{n} being 248", "and for 2 others"});
   expect_error(with("/devices/0/n", R"("256-260")"), "/devices/0/unit",
                {"must be an integer from 0 to 255, found the string \"{n}\"", "{n} being 256",
                 "and for 4 others"});
@@ -287,7 +287,7 @@ TEST(Templates, AnUnknownOneNamesTheNearest) {
                {"there is no template \"metre\"; did you mean meter?"});
   json plant = meters();
   plant.erase("templates");
-  expect_error(plant.dump(), "/devices/0/template", {"there are no templates at all"});
+  expect_error(plant.dump(), "/devices/0/template", {"the config has no templates"});
 }
 
 TEST(Templates, AnUnusedOneIsAWarningAndItsKeysAreChecked) {
@@ -300,7 +300,7 @@ TEST(Templates, AnUnusedOneIsAWarningAndItsKeysAreChecked) {
 
 TEST(Templates, TheyDoNotNest) {
   expect_error(with("/templates/meter/template", R"("pump")"), "/templates/meter/template",
-               {"cannot be made of another one"});
+               {"cannot use another template"});
   expect_error(with("/templates/meter/n", R"("1-2")"), "/templates/meter/n",
                {"belongs to the device that uses the template"});
 }
@@ -319,7 +319,7 @@ TEST(Templates, WhatIsNoTemplateIsRefused) {
 TEST(Templates, OneNameTwice) {
   expect_error(R"({"agent": {"id": "a"}, "mqtt": {"servers": ["mqtt://a"]}, "links": [],
                    "devices": [], "templates": {"m": {}, "m": {}}})",
-               "/templates/m", {"stands here a second time", "/templates/m (line 2)"});
+               "/templates/m", {"duplicate template", "/templates/m (line 2)"});
 }
 
 TEST(Templates, NThatIsNoneIsRefused) {
@@ -332,7 +332,8 @@ TEST(Templates, NThatIsNoneIsRefused) {
   }
   expect_error(with("/devices/0/n", R"("north")"), "/devices/0/n",
                {"must be a range such as \"1-40\"", "found \"north\""});
-  expect_error(with("/devices/0/n", R"("5-3")"), "/devices/0/n", {"range 5-3 goes backwards"});
+  expect_error(with("/devices/0/n", R"("5-3")"), "/devices/0/n",
+               {"range 5-3 ends before it begins"});
   expect_error(with("/devices/0/n", "[]"), "/devices/0/n", {"at least one"});
   expect_error(with("/devices/0/n", R"(["a", "B", "c"])"), "/devices/0/n/1",
                {"must be an integer or a name"});
@@ -375,7 +376,7 @@ TEST(Templates, PlacesOfNCountAsLongAsTheNamesAre) {
 
 TEST(Templates, TheNameNeedsN) {
   expect_error(with("/devices/0/name", R"("meter")"), "/devices/0/name",
-               {"{n} must stand in the name: 40 devices are made of the entry at /devices/0"});
+               {"the name must contain {n}: 40 devices come from the entry at /devices/0"});
 }
 
 TEST(Templates, NThatIsNotGivenIsMissed) {
@@ -384,7 +385,7 @@ TEST(Templates, NThatIsNotGivenIsMissed) {
   const auto errors = errors_of(plant.dump());
   ASSERT_EQ(errors.size(), 3U) << listed(errors);  // in allow, the name and the unit
   EXPECT_EQ(errors[2].pointer, "/templates/meter/commands/allow/0");
-  EXPECT_NE(errors[2].text.find("{n} stands here, and the device has no \"n\""), std::string::npos);
+  EXPECT_NE(errors[2].text.find("{n} has no value: the device has no \"n\""), std::string::npos);
 }
 
 TEST(Templates, ANameIsNoNumber) {
@@ -398,7 +399,7 @@ TEST(Templates, ANameIsNoNumber) {
 TEST(Templates, KeysTwiceAndUnknownKeysAreFoundInBoth) {
   std::string text = meters().dump();
   text.replace(text.find("\"timeout_ms\":300"), 16, "\"timeout_ms\":300,\"timeout_ms\":301");
-  expect_error(text, "/templates/meter/timeout_ms", {"second time"});
+  expect_error(text, "/templates/meter/timeout_ms", {"duplicate"});
   expect_error(with("/templates/meter/colour", "1"), "/templates/meter/colour", {"unknown key"});
   expect_error(with("/devices/0/colour", "1"), "/devices/0/colour", {"unknown key"});
 }
@@ -409,7 +410,7 @@ TEST(Templates, OneDeviceNameFromTwoEntries) {
   const auto errors = errors_of(plant.dump());
   ASSERT_EQ(errors.size(), 1U) << listed(errors);
   EXPECT_EQ(errors[0].pointer, "/devices/1/name");
-  EXPECT_NE(errors[0].text.find("is already the name at /devices/0/name"), std::string::npos);
+  EXPECT_NE(errors[0].text.find("is already used as a name at /devices/0/name"), std::string::npos);
 }
 
 TEST(Templates, NoErrorTellsWhatTheEnvironmentHas) {

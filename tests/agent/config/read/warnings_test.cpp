@@ -70,17 +70,17 @@ TEST(ConfigWarnings, LimitBeyondWhatTheTypeHoldsHasNoEffect) {
 
 TEST(ConfigWarnings, LimitsThatLeaveOneValueOrNoneSaySo) {
   EXPECT_EQ(of_tag(R"("scale": 10, "min": 1, "max": 9)"),
-            "no value of this tag lies within its limits: they go from -327680 to 327670 in steps "
-            "of 10");
-  EXPECT_EQ(of_tag(R"("scale": 10, "min": 1, "max": 11)"),
-            "only one value of this tag lies within its limits: they go from -327680 to 327670 in "
+            "no value of this tag is within its limits: its values go from -327680 to 327670 in "
             "steps of 10");
+  EXPECT_EQ(of_tag(R"("scale": 10, "min": 1, "max": 11)"),
+            "only one value of this tag is within its limits: its values go from -327680 to 327670 "
+            "in steps of 10");
   EXPECT_EQ(of_tag(R"("min": 40000)"),
-            "no value of this tag lies within its limits: they go from -32768 to 32767 in steps "
-            "of 1");
+            "no value of this tag is within its limits: its values go from -32768 to 32767 in "
+            "steps of 1");
   EXPECT_EQ(of_tag(R"("max": -40000)"),
-            "no value of this tag lies within its limits: they go from -32768 to 32767 in steps "
-            "of 1");
+            "no value of this tag is within its limits: its values go from -32768 to 32767 in "
+            "steps of 1");
   EXPECT_EQ(of_tag(R"("type": "float32", "min": 0.1, "max": 0.2)"), "");
 }
 
@@ -95,11 +95,11 @@ TEST(ConfigWarnings, SilenceShorterThanTheIntervalHasNoEffect) {
   EXPECT_EQ(of_group(R"({"name": "fast", "interval_ms": 5000, "max_silent_s": 5})"), "");
   const auto given = of_group(R"({"name": "fast", "interval_ms": 5001, "max_silent_s": 5})");
   EXPECT_TRUE(given.starts_with("/devices/0/groups/0/max_silent_s (line ")) << given;
-  EXPECT_NE(given.find("shorter than interval_ms: every poll is published"), std::string::npos);
+  EXPECT_NE(given.find("is shorter than interval_ms: every poll is published"), std::string::npos);
   const auto fallback =
       of_group(R"({"name": "fast", "interval_ms": 61000, "publish": "on_change"})");
   EXPECT_TRUE(fallback.starts_with("/devices/0/groups/0/publish (line ")) << fallback;
-  EXPECT_NE(fallback.find("max_silent_s, which is 60"), std::string::npos) << fallback;
+  EXPECT_NE(fallback.find("max_silent_s (by default 60"), std::string::npos) << fallback;
   EXPECT_EQ(of_group(R"({"name": "fast", "interval_ms": 61000})"), "");
 }
 
@@ -152,8 +152,8 @@ TEST(ConfigWarnings, SpeedThatNoDocumentOfTheProtocolKnowsIsToldWithThoseItDoes)
   auto found = of_line(R"("baud":4800)", "fx-programming-port", R"(,"model":"FX2N")");
   ASSERT_EQ(found.size(), 1U);
   EXPECT_NE(found[0].find("/links/0/serial/baud"), std::string::npos) << found[0];
-  EXPECT_NE(found[0].find("4800 baud is not known of fx-programming-port, whose speeds are 9600, "
-                          "19200, 38400, 57600, 115200"),
+  EXPECT_NE(found[0].find("4800 baud is not a known speed of fx-programming-port; its speeds are "
+                          "9600, 19200, 38400, 57600, 115200"),
             std::string::npos)
       << found[0];
   found = of_line(R"("baud":115200)", "fx-computer-link", R"(,"model":"FX3U")");
@@ -165,7 +165,7 @@ TEST(ConfigWarnings, SpeedThatTheModelDoesNotReachIsTold) {
   for (const char* protocol : {"fx-programming-port", "fx-computer-link"}) {
     const auto found = of_line(R"("baud":38400)", protocol, R"(,"model":"FX2N")");
     ASSERT_EQ(found.size(), 1U) << protocol;
-    EXPECT_NE(found[0].find("press1 is an FX2N, which goes to 19200 baud at the most"),
+    EXPECT_NE(found[0].find("press1 is an FX2N, whose highest speed is 19200 baud"),
               std::string::npos)
         << found[0];
   }

@@ -211,7 +211,7 @@ TEST(UnexpectedBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
     }
   }
   const auto with_sum = guess(port(1, false), format_1);
-  EXPECT_NE(with_sum.text.find("or no sum check in the parameters"), std::string::npos)
+  EXPECT_NE(with_sum.text.find("or disable the sum check in the parameters"), std::string::npos)
       << with_sum.text;
   EXPECT_NE(with_sum.text.find("485 Serial Port"), std::string::npos) << with_sum.text;
   EXPECT_EQ(with_sum.text.find("D8120"), std::string::npos) << with_sum.text;
@@ -235,7 +235,7 @@ TEST(UnexpectedBytes, ACutOrSpoiltAnswerOfAnMcPortIsNoFxPlc) {
     }
   }
   const auto other = guess(device_of("mc-3c", {{"model", "Q"}}), k4cData);
-  EXPECT_NE(other.text.find("a good frame of mc-4c"), std::string::npos) << other.text;
+  EXPECT_NE(other.text.find("a valid frame of mc-4c"), std::string::npos) << other.text;
 }
 
 TEST(UnexpectedBytes, StxAndTextMayBeAnyProtocolWhoseFramesBeginSo) {
@@ -254,7 +254,7 @@ TEST(UnexpectedBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
     for (const Bytes& heard : {zeros, cut, high}) {
       const auto found = guess(device, heard);
       EXPECT_EQ(found.cause, Cause::unknown) << protocol << " " << to_hex(heard) << found.text;
-      for (const char* word : {"baud", "parity", "no text", "fx-"})
+      for (const char* word : {"baud", "parity", "not text", "fx-"})
         EXPECT_EQ(found.text.find(word), std::string::npos) << protocol << ": " << found.text;
       EXPECT_NE(found.text.find("protocol"), std::string::npos) << found.text;
     }

@@ -93,7 +93,7 @@ TEST_F(WireTraceTest, SilenceIsToldWithItsTime) {
   wire->expect(kReadD100).silence();
   trace();
   EXPECT_EQ(read_d100(),
-            (Lines{kAsked, kFrame + "in after_ms=* says=\"nothing came within 1000 ms\""}));
+            (Lines{kAsked, kFrame + "in after_ms=* says=\"no bytes within 1000 ms\""}));
 }
 
 TEST_F(WireTraceTest, ABadFrameIsToldWithWhatIsWrong) {
@@ -111,8 +111,10 @@ TEST_F(WireTraceTest, ABadFrameIsToldWithWhatIsWrong) {
 TEST_F(WireTraceTest, HalfAnAnswerIsShown) {
   wire->expect(kReadD100).give({0x02, '3'}).silence();
   trace();
-  EXPECT_EQ(read_d100(), (Lines{kAsked, kFrame + "in bytes=\"02 33\" after_ms=* says=\"no whole "
-                                                 "answer within 1000 ms\""}));
+  EXPECT_EQ(
+      read_d100(),
+      (Lines{kAsked,
+             kFrame + "in bytes=\"02 33\" after_ms=* says=\"no complete answer within 1000 ms\""}));
 }
 
 TEST_F(WireTraceTest, BytesThatNobodyAskedForAreShown) {
@@ -121,12 +123,9 @@ TEST_F(WireTraceTest, BytesThatNobodyAskedForAreShown) {
   const Lines lines = read_d100();
   ASSERT_EQ(lines.size(), 4U);
   // From open(), where no device is addressed.
-  EXPECT_EQ(lines[0],
-            "trace frame link=line1 way=in bytes=7F says=\"nobody asked for these bytes\"");
+  EXPECT_EQ(lines[0], "trace frame link=line1 way=in bytes=7F says=\"unexpected bytes\"");
   EXPECT_EQ(lines[1], kAsked);
-  EXPECT_EQ(
-      std::ranges::count(lines, kFrame + "in bytes=15 says=\"nobody asked for these bytes; nak\""),
-      1)
+  EXPECT_EQ(std::ranges::count(lines, kFrame + "in bytes=15 says=\"unexpected bytes; nak\""), 1)
       << lines[2] << '\n'
       << lines[3];
 }

@@ -83,7 +83,7 @@ TEST_F(CommandExchangesTest, BytesThatAreNoAnswerAreToldWithWhatTheyLookLike) {
   wire->expect(kWrite50).give(kWrite50).silence();
   const Exchange exchange = send(false);
   EXPECT_EQ(exchange.outcome, Exchange::Outcome::unanswered);
-  EXPECT_NE(exchange.error.find("; it looks like the question itself, which the line returns"),
+  EXPECT_NE(exchange.error.find("; it looks like the request itself, which the line returns"),
             std::string::npos)
       << exchange.error;
 }
@@ -184,9 +184,10 @@ TEST_F(CommandExchangesTest, UnitBehindAGatewayThatDoesNotAnswerIsToldWithWhatTo
     return run_on(io, exchanges->read_point(target, SteadyTime::max())).last.reply.text;
   };
   const std::string silent = read("00 01", " 00 00 00 03 01 83 0B");
-  EXPECT_NE(silent.find("\": the gateway 192.0.2.10:502 answers, the device behind it does not. "
-                        "Check: "),
-            std::string::npos)
+  EXPECT_NE(
+      silent.find(
+          "\": the gateway 192.0.2.10:502 answers, but the device behind it does not. Check: "),
+      std::string::npos)
       << silent;
   EXPECT_EQ(read("00 02", " 00 00 00 03 01 83 02").find("Check: "), std::string::npos)
       << "the device's own refusal";

@@ -220,7 +220,7 @@ TEST_F(UdpTransportTest, PortWhereNobodyListensIsLinkDownInWords) {
   open_well(*transport);
   EXPECT_FALSE(write(*transport, "question").error) << "it left; what becomes of it is told later";
   const std::string told = read(*transport);
-  EXPECT_EQ(told.find(place + ": nobody listens on this UDP port"), 0U) << told;
+  EXPECT_EQ(told.find(place + ": the device has no such UDP port"), 0U) << told;
   // The refusal of the first request arrives with the next one, which was not sent.
   EXPECT_FALSE(write(*transport, "question").error);
   run_until(io, [&] { return !transport->discard_input().has_value(); });

@@ -587,7 +587,7 @@ TEST_P(PahoBrokerVersion, ServerThatClosesBeforeItsConnackHasAnsweredAllTheSame)
   client->connect(0, kReceiveMaximum);
   const std::string text = client.next<ConnectFailed>().text;
   server.join();
-  EXPECT_TRUE(text.starts_with("somebody answers at this address and closes")) << text;
+  EXPECT_TRUE(text.starts_with("the server accepts the connection and closes it")) << text;
   EXPECT_EQ(text.find("try \"version\": \"3.1.1\"") != text.npos, GetParam() == 5) << text;
 }
 
@@ -599,7 +599,7 @@ TEST_P(PahoBrokerVersion, ServerThatResetsTheConnectionIsNamed) {
   config.keep_alive = 77s;
   const std::string text = Client(config).refusal();
   server.join();
-  EXPECT_TRUE(text.starts_with("the server cuts the connection off before a word of MQTT")) << text;
+  EXPECT_TRUE(text.starts_with("the server closes the connection before any MQTT packet")) << text;
   const std::size_t at = connect.find("MQTT") + 6;  // behind it version, flags, keep alive
   ASSERT_LT(at + 1, connect.size());
   EXPECT_EQ(connect.substr(at, 2), std::string("\0\x4d", 2)) << "keep_alive of the config";
@@ -610,7 +610,7 @@ TEST(PahoBroker, ServerThatAnswersWithATlsAlertIsSaidToSpeakTls) {
   std::thread server = answer_first_packet(listener, {"\x15\x03\x01\x00\x02\x02\x46", 7});
   const std::string text = Client(settings(listener.url())).refusal();
   server.join();
-  EXPECT_NE(text.find("this is a port with TLS; try mqtts://"), std::string::npos) << text;
+  EXPECT_NE(text.find("answers with TLS: try mqtts://"), std::string::npos) << text;
 }
 
 TEST(PahoBroker, EveryRefusalOfAConnectHasACure) {
@@ -629,12 +629,12 @@ TEST_P(PahoBrokerVersion, EveryWayNotToGetThroughHasATextOfItsOwn) {
     return Client(settings(server, GetParam())).refusal();
   };
   const std::string port = std::to_string(test::free_port());
-  EXPECT_TRUE(refusal("mqtt://127.0.0.1:" + port).starts_with("nothing listens on this port"));
-  EXPECT_TRUE(refusal("mqtts://127.0.0.1:" + port).starts_with("nothing listens on this port"));
+  EXPECT_TRUE(refusal("mqtt://127.0.0.1:" + port).starts_with("connection refused"));
+  EXPECT_TRUE(refusal("mqtts://127.0.0.1:" + port).starts_with("connection refused"));
   const std::string unknown = refusal("mqtt://no-such-host.invalid:1883");
   EXPECT_TRUE(unknown.starts_with("the host name is not known (")) << unknown;
   // The diagnosis of one attempt must not affect the next.
-  EXPECT_TRUE(refusal("mqtt://127.0.0.1:" + port).starts_with("nothing listens on this port"));
+  EXPECT_TRUE(refusal("mqtt://127.0.0.1:" + port).starts_with("connection refused"));
 }
 
 TEST_P(PahoBrokerVersion, WrongPasswordAndMissingUserNameTheKeysToSet) {
@@ -646,7 +646,8 @@ TEST_P(PahoBrokerVersion, WrongPasswordAndMissingUserNameTheKeysToSet) {
   config.username = "edge7";
   config.password = "left";
   const std::string text = Client(config).refusal();
-  EXPECT_NE(text.find("does not take mqtt.username with this password"), std::string::npos) << text;
+  EXPECT_NE(text.find("does not accept mqtt.username with this password"), std::string::npos)
+      << text;
 }
 
 TEST(PahoBroker, SessionTakenOverNamesTheClientId) {
@@ -654,7 +655,7 @@ TEST(PahoBroker, SessionTakenOverNamesTheClientId) {
   Client client(settings(server.url()));
   client.connect();
   const Lost lost = client.next<Lost>();
-  EXPECT_NE(lost.text.find("Session taken over (another client has connected"), std::string::npos)
+  EXPECT_NE(lost.text.find("Session taken over (another client connected"), std::string::npos)
       << lost.text;
 }
 
@@ -668,7 +669,7 @@ TEST_P(PahoBrokerVersion, CloseWithoutAWordNamesTheClientIdToo) {
   Client second(config);
   second.connect();
   const Lost lost = first.next<Lost>();
-  EXPECT_NE(lost.text.find("another client has come with this agent's client id"),
+  EXPECT_NE(lost.text.find("another client connected with this agent's client id"),
             std::string::npos)
       << lost.text;
 }
@@ -790,8 +791,9 @@ TEST_F(PahoBrokerTls, WrongAuthorityReadsAsSuch) {
   const std::string text =
       Client(tls(mosquitto.url("mqtts", "localhost"), "other-ca.pem")).refusal();
   EXPECT_NE(text.find("certificate verify failed"), std::string::npos) << text;
-  EXPECT_NE(text.find("mqtt.tls.ca_file " + file("other-ca.pem") + " is not the authority"),
-            std::string::npos)
+  EXPECT_NE(
+      text.find("mqtt.tls.ca_file " + file("other-ca.pem") + " does not contain the authority"),
+      std::string::npos)
       << text;
   const std::string by_system = Client(settings(mosquitto.url("mqtts", "localhost"))).refusal();
   EXPECT_NE(by_system.find("set mqtt.tls.ca_file to the authority"), std::string::npos)
@@ -813,9 +815,7 @@ TEST_F(PahoBrokerTls, PortOfTheOtherKindIsSaidWithTheSchemeToTry) {
 TEST_F(PahoBrokerTls, CertificateOfAnotherHostIsRefused) {
   const Mosquitto mosquitto(*directory_, listener());
   const std::string text = Client(tls(mosquitto.url("mqtts", "127.0.0.1"), "ca.pem")).refusal();
-  EXPECT_NE(text.find("is not for this host name: connect by a name that is in it"),
-            std::string::npos)
-      << text;
+  EXPECT_NE(text.find("is not for this host name: use a host name"), std::string::npos) << text;
 }
 
 TEST_F(PahoBrokerTls, CertificateOfAnAddressIsNotSaidToBeOfAnotherHost) {

@@ -105,9 +105,9 @@ TEST(StatusLine, TellsWhatElseIsWrong) {
   plant.status.conflict = "9f3c21aa";
   plant.status.broker.not_heard_why = "Not authorized";
   EXPECT_EQ(plant.line(),
-            "another agent (boot 9f3c21aa) has the id of this one; links 2 of 2 up, devices 4 of 4 "
-            "online; broker connected; 120 samples wait, 7 dropped, in memory: the disk refuses; "
-            "17 commands, none is heard: Not authorized");
+            "another agent (boot 9f3c21aa) has the same id; links 2 of 2 up, devices 4 of 4 "
+            "online; broker connected; 120 samples wait, 7 dropped, in memory: the disk refuses "
+            "writes; 17 commands, none are received: Not authorized");
 }
 
 TEST(StatusLine, TellsThatTheFileIsWrongAndLeavesOutVacantPlaces) {
@@ -115,7 +115,7 @@ TEST(StatusLine, TellsThatTheFileIsWrongAndLeavesOutVacantPlaces) {
   plant.config.devices[1].name.clear();
   plant.status.config_status.last_reload = {.state = "rejected", .errors = {}, .errors_in_all = 2};
   EXPECT_EQ(plant.line(),
-            "the config file is wrong (2 errors) and not in force; links 2 of 2 up, devices 3 of 3 "
+            "the config file has 2 errors and is not in force; links 2 of 2 up, devices 3 of 3 "
             "online; broker connected; 0 samples wait; 17 commands");
   plant.status.config_status.last_reload->state = "applied";
   EXPECT_TRUE(plant.line().starts_with("links 2 of 2 up")) << plant.line();
