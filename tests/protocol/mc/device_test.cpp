@@ -385,8 +385,8 @@ TEST(McDeviceRange, CoversBothEndsAndSaysWhatIsWrong) {
   expect_says(refused("D0.1"), "plain device");
   expect_says(refused("M100-"), "the forms are");
   expect_says(refused("D0-D8000"), "does not exist");
-  expect_says(refused("M8030-M8040", Model::fx3u), "never written");
-  expect_says(refused("SM8037"), "never written");
+  expect_says(refused("M8030-M8040", Model::fx3u), "cannot be written by address");
+  expect_says(refused("SM8037"), "cannot be written by address");
 }
 
 TEST(McDeviceRange, SpansThatRunPastTheLastDeviceAreNamed) {
