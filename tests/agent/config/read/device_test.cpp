@@ -555,11 +555,11 @@ TEST(ConfigDevice, WhatCannotBeWrittenIsNotReadWrite) {
   struct Case {
     const char *address, *words;
   };
-  for (const Case& c :
-       {Case{"D100.F", "can only be read"}, Case{"K1M0", "whole bytes"},
-        Case{"K4M4", "whole bytes"}, Case{"M8034", "cannot be written by address"},
-        Case{"M8037", "never written"}, Case{"M8118", "cannot be written by address"},
-        Case{"K2M8032", "never written"}}) {
+  for (const Case& c : {Case{"D100.F", "can only be read"}, Case{"K1M0", "whole bytes"},
+                        Case{"K4M4", "whole bytes"}, Case{"M8034", "cannot be written by address"},
+                        Case{"M8037", "cannot be written by address"},
+                        Case{"M8118", "cannot be written by address"},
+                        Case{"K2M8032", "cannot be written by address"}}) {
     const std::string tag = R"({"name": "t", "address": ")" + std::string(c.address) + "\"";
     good(with_tag(tag + "}"));
     expect_error(with_tag(tag + R"(, "access": "read_write"})"), "/devices/0/tags/0/access",
