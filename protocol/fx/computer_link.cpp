@@ -411,7 +411,7 @@ Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/
   if (const auto* force = std::get_if<Force>(&request)) {
     if (force->space < id(Space::tc) && !is_bit_space(force->space))
       return refuse(device_name({force->space, force->bit, 1}) +
-                    " is a word: only bits are forced");
+                    " is a word: only bits can be forced");
     return encode_write(write_of(*force));
   }
   if (const auto* control = std::get_if<Control>(&request)) {
