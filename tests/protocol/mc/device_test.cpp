@@ -141,10 +141,10 @@ TEST(McDevice, ARefusedTypeOfALongCounterNamesThoseThatItHas) {
   point.address = address(Model::fx5u, "LCN5");
   point.type = DataType::float32;
   EXPECT_EQ(span_of(point).error().text,
-            "LCN5 cannot be read as float32; its type is uint32 or int32");
+            "LCN5 cannot be read as float32; its type must be uint32 or int32");
   point.address = address(Model::fx5u, "LZ0");
   EXPECT_EQ(span_of(point).error().text,
-            "LZ0 cannot be read as float32; its type is int32 or uint32");
+            "LZ0 cannot be read as float32; its type must be int32 or uint32");
 }
 
 TEST(McDevice, XAndYAreOctalOnFxHexadecimalElsewhereAndUnknownUntilTheModelIs) {
