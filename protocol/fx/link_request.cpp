@@ -268,7 +268,7 @@ Result<Bytes> encode(const LinkSettings& settings, const Request& request) {
   if (const auto* force = std::get_if<Force>(&request)) {
     if (force->space < id(Space::tc) && !is_bit_space(force->space))
       return refuse(device_name({force->space, force->bit, 1}) +
-                    " is a word: only bits are forced");
+                    " is a word: only bits can be forced");
     return encode_write(settings, write_of(*force));
   }
   if (const auto* control = std::get_if<Control>(&request)) {

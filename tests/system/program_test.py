@@ -189,7 +189,7 @@ class Programs(PlantTest):
     def test_check_says_what_is_right_and_warns_of_files_that_are_missing(self):
         status, out, errors = self.run_agent("check", self.config())
         self.assertEqual(status, 0)
-        self.assertIn("right", out)
+        self.assertIn("valid", out)
         self.assertIn("/links/0/serial/path", errors)  # no simulator runs, so the pty does not exist
 
     def test_secrets_appear_nowhere(self):

@@ -257,7 +257,7 @@ TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
             "before the records press1 z: (no op): no result is recorded | the "
             "broker has not acknowledged it");
   EXPECT_TRUE(nlohmann::json::parse(lines[0].json)["refused_by_broker"]);
-  EXPECT_NE(lines[1].text.find("records up to 3 were let go"), std::string::npos);
+  EXPECT_NE(lines[1].text.find("records up to 3 were removed"), std::string::npos);
   EXPECT_EQ(nlohmann::json::parse(lines[2].json)["received"], kNow + 1);
   EXPECT_EQ(nlohmann::json::parse(lines[3].json)["status"], nullptr);
 }

@@ -500,9 +500,10 @@ TEST(Config, LineSettingsOutOfRangeAreRefused) {
 }
 
 TEST(Config, LinkIsEitherSerialOrTcpOrUdp) {
-  expect_error(changed("/links/0/tcp", R"({"host": "b", "port": 1})"), "/links/0", {"either"});
+  expect_error(changed("/links/0/tcp", R"({"host": "b", "port": 1})"), "/links/0",
+               {"needs", "udp"});
   expect_error(changed("/links/1/udp", R"({"host": "b", "port": 1})"), "/links/1", {"\"udp\""});
-  expect_error(without("/links/0/serial"), "/links/0", {"either"});
+  expect_error(without("/links/0/serial"), "/links/0", {"needs", "udp"});
 }
 
 TEST(Config, LineKeysBelongToTheirKindOfLink) {

@@ -164,7 +164,7 @@ TEST(ConfigModbus, AllowTakesRangesOfOneTable) {
 
 TEST(ConfigModbus, ABroadcastHasNoTagsAndMayHaveCommands) {
   expect_modbus_error("/devices/0/unit", "0", "/devices/0/tags",
-                      {"broadcast", "no tags", "commands/allow"});
+                      {"broadcast", "cannot have tags", "commands/allow"});
   json plant = plant_with("/devices/0/unit", "0");
   plant["devices"][0].erase("tags");
   const Config config = good(plant.dump());

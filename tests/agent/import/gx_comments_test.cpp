@@ -85,7 +85,7 @@ TEST(GxComments, DevicesThatAConfigLacksAreNamedWithTheirLine) {
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 1U);
   EXPECT_EQ(notes_with(made, {"2: left out", "P10"}), 1) << all_of(made.notes);
   EXPECT_EQ(notes_with(made, {"3: left out", "X8"}), 1);
-  EXPECT_EQ(notes_with(made, {"5: left out", "???", "is no device"}), 1);
+  EXPECT_EQ(notes_with(made, {"5: left out", "???", "is not a device"}), 1);
 }
 
 TEST(GxComments, AFileWithoutAHeadHasDevicesAtLeast) {

@@ -187,7 +187,7 @@ TEST(BeyondLimits, NoNamedRangeIsForABroadcast) {
                                {"unit", 0},
                                {"commands", {{"allow", {"hr:0-hr:9"}}}}});
   const auto said = [&] { return listed(beyond_limits(good(local.dump()), good(wanted.dump()))); };
-  EXPECT_NE(said().find("all: commands.allow with hr:0 to hr:9 is wider"), std::string::npos)
+  EXPECT_NE(said().find("all: commands.allow with hr:0 to hr:9 goes beyond"), std::string::npos)
       << said();
   wanted["devices"].back()["unit"] = 1;
   EXPECT_EQ(said(), "");

@@ -105,7 +105,7 @@ TEST(LinkExplanation, ExtensionRegistersAreNamedInSevenCharactersOnly) {
        {"00FFWR0R000002", "00FFWW0R0000011234", "00FFWT001R00001234"}) {
     const auto out = summed("\x05" + std::string(text));
     EXPECT_FALSE(out.ok) << text;
-    EXPECT_NE(out.error.value_or("").find("'R0000' is no device"), std::string::npos)
+    EXPECT_NE(out.error.value_or("").find("'R0000' is not a device"), std::string::npos)
         << out.error.value_or("");
   }
   const auto read = summed(

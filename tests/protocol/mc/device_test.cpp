@@ -141,10 +141,10 @@ TEST(McDevice, ARefusedTypeOfALongCounterNamesThoseThatItHas) {
   point.address = address(Model::fx5u, "LCN5");
   point.type = DataType::float32;
   EXPECT_EQ(span_of(point).error().text,
-            "LCN5 cannot be read as float32; its type is uint32 or int32");
+            "LCN5 cannot be read as float32; its type must be uint32 or int32");
   point.address = address(Model::fx5u, "LZ0");
   EXPECT_EQ(span_of(point).error().text,
-            "LZ0 cannot be read as float32; its type is int32 or uint32");
+            "LZ0 cannot be read as float32; its type must be int32 or uint32");
 }
 
 TEST(McDevice, XAndYAreOctalOnFxHexadecimalElsewhereAndUnknownUntilTheModelIs) {
@@ -385,8 +385,8 @@ TEST(McDeviceRange, CoversBothEndsAndSaysWhatIsWrong) {
   expect_says(refused("D0.1"), "plain device");
   expect_says(refused("M100-"), "the forms are");
   expect_says(refused("D0-D8000"), "does not exist");
-  expect_says(refused("M8030-M8040", Model::fx3u), "never written");
-  expect_says(refused("SM8037"), "never written");
+  expect_says(refused("M8030-M8040", Model::fx3u), "cannot be written by address");
+  expect_says(refused("SM8037"), "cannot be written by address");
 }
 
 TEST(McDeviceRange, SpansThatRunPastTheLastDeviceAreNamed) {

@@ -229,7 +229,7 @@ TEST(McMessages, WritesTakeExactlyTheirBits) {
   expect_says(why_not(mc, Write{{kD, 8, 16}, {1, 2}}), "whole words");
   expect_says(why_not(mc, Write{{kD, 0, 32}, {1, 2}}), "32 bits with 2 bytes");
   expect_says(why_not(mc, Write{{kD, 7999 * 16, 32}, {1, 2, 3, 4}}), "does not exist");
-  expect_says(why_not(mc, Write{{id(Space::sm), 8037, 1}, {1}}), "never written");
+  expect_says(why_not(mc, Write{{id(Space::sm), 8037, 1}, {1}}), "cannot be written by address");
   expect_says(why_not(mc, Enquire{}), "no enquiry");
   expect_says(why_not(mc, Control{Control::Kind::reset}), "no reset");
 }
@@ -281,7 +281,7 @@ TEST(McMessages, RandomReadsAndBlocksHaveTheirOwnLimits) {
   EXPECT_EQ(codec(Frame::e3, Model::unknown).gathers().size(), 1U);
   Gather both = gather(1, kRandomWay, kRandomRead);
   both.parts.push_back({{kD, 0, 16}, kBlockWay, kBlockRead});
-  expect_says(why_not(fx5, both), "no frame carries");
+  expect_says(why_not(fx5, both), "do not fit in one frame");
   expect_says(why_not(fx5, Gather{}), "nothing");
   const Request contact = Gather{{Read{{id(Space::ts), 0, 16}, kRandomWay, kRandomRead}}};
   EXPECT_FALSE(fx5.encode(contact, 1));
@@ -613,7 +613,7 @@ TEST(McOptions, RouteAndTimerGoIntoTheFrame) {
   options["monitoring_timer_ms"] = std::int64_t{1100};
   const auto odd = Mc::make(Frame::e3, options);
   ASSERT_FALSE(odd);
-  expect_says(odd.error().text, "steps of 250");
+  expect_says(odd.error().text, "multiple of 250");
   EXPECT_FALSE(Mc::make(Frame::e3, {{"model", std::string("FX9")}}));
   const auto fx3 = Mc::make(Frame::e3, {{"model", std::string("FX3U")}});
   ASSERT_FALSE(fx3);

@@ -130,7 +130,7 @@ TEST(Point, TakesOnlyTheTypesOfItsUnit) {
 TEST(Point, ARefusedTypeNamesTheRightOne) {
   const auto span = span_of(group_point(8, DataType::int16));
   ASSERT_FALSE(span);
-  EXPECT_EQ(span.error().text, "K8M0 cannot be read as int16; its type is int32");
+  EXPECT_EQ(span.error().text, "K8M0 cannot be read as int16; its type must be int32");
 }
 
 TEST(Point, OccupiesAllItsElements) {

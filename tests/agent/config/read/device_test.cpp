@@ -555,10 +555,11 @@ TEST(ConfigDevice, WhatCannotBeWrittenIsNotReadWrite) {
   struct Case {
     const char *address, *words;
   };
-  for (const Case& c :
-       {Case{"D100.F", "can only be read"}, Case{"K1M0", "whole bytes"},
-        Case{"K4M4", "whole bytes"}, Case{"M8034", "never written"}, Case{"M8037", "never written"},
-        Case{"M8118", "never written"}, Case{"K2M8032", "never written"}}) {
+  for (const Case& c : {Case{"D100.F", "can only be read"}, Case{"K1M0", "whole bytes"},
+                        Case{"K4M4", "whole bytes"}, Case{"M8034", "cannot be written by address"},
+                        Case{"M8037", "cannot be written by address"},
+                        Case{"M8118", "cannot be written by address"},
+                        Case{"K2M8032", "cannot be written by address"}}) {
     const std::string tag = R"({"name": "t", "address": ")" + std::string(c.address) + "\"";
     good(with_tag(tag + "}"));
     expect_error(with_tag(tag + R"(, "access": "read_write"})"), "/devices/0/tags/0/access",
@@ -588,7 +589,7 @@ TEST(ConfigDevice, AllowListIsSortedAndMerged) {
 TEST(ConfigDevice, AllowListOverDevicesThatAreNeverWrittenIsRefused) {
   for (const auto* range : {"M8034", "M8037", "M8118", "M8000-M8255", "M8030-M8034", "M8037-M8040"})
     expect_error(with_commands(R"({"allow": ["D0", ")" + std::string(range) + "\"]}"),
-                 "/devices/0/commands/allow/1", {"never written"});
+                 "/devices/0/commands/allow/1", {"cannot be written by address"});
   good(with_commands(R"({"allow": ["M8000-M8033", "M8038-M8117", "M8119"]})"));
 }
 

@@ -754,7 +754,7 @@ TEST_F(BusTest, FloodBetweenTwoQuestionsClosesTheChannel) {
   const Exchange flooded = read("D100");
   EXPECT_EQ(flooded.outcome, Outcome::link_down);
   EXPECT_FALSE(flooded.sent);
-  EXPECT_NE(flooded.error.find("without end"), std::string::npos) << flooded.error;
+  EXPECT_NE(flooded.error.find("without a pause"), std::string::npos) << flooded.error;
   EXPECT_FALSE(line->is_open());
   EXPECT_TRUE(line->channel().never_silent());
 }
@@ -775,7 +775,7 @@ TEST_F(BusTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
   const auto opened = run_on(io, line->open());
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().code, ErrorCode::link_down);
-  EXPECT_NE(opened.error().text.find("without end"), std::string::npos);
+  EXPECT_NE(opened.error().text.find("without a pause"), std::string::npos);
   EXPECT_TRUE(line->channel().never_silent());
   wire->refuse_open("the port is gone");
   EXPECT_FALSE(run_on(io, line->open()));
