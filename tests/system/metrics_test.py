@@ -106,7 +106,7 @@ class Metrics(PlantTest):
         self.agent.config["metrics"]["listen"] = "unix:" + path
         self.agent.write(self.agent.config)
         self.agent.start()
-        wait_for("the socket", lambda: os.path.exists(path))
+        wait_for("the socket", lambda: f"state=listening listen=unix:{path}" in self.agent.logged())
         with socket.socket(socket.AF_UNIX) as connection:
             connection.settimeout(PATIENCE)
             connection.connect(path)
