@@ -87,7 +87,7 @@ class Audit(PlantTest):
         self.assertEqual((status, len(text.splitlines())), (0, 6), text)
         self.assertRegex(text.splitlines()[0],
                          r"^\d{4}-\d\d-\d\dT[\d:.]+Z press1 w1 by \"anna\": write D300 = 17: "
-                         r"SUCCEEDED, ACK, read back 17 \| > [0-9A-F ]+ < 06 .* \| told ")
+                         r"SUCCEEDED, ACK, read back 17 \| > [0-9A-F ]+ < 06 .* \| acknowledged ")
         self.assertNotIn("\x1b", text)
         self.assertEqual(self.lines("--since", str(written["received"] + 1))[0]["status"],
                          "DUPLICATE")

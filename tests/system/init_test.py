@@ -145,7 +145,7 @@ class Init(PlantTest):
     def test_without_a_terminal_what_is_missing_is_named(self):
         done = self.run_init(self.place(), "--broker", "mqtt://a")
         self.assertEqual((done.returncode, done.stdout), (2, ""))
-        self.assertIn("missing: --protocol --port --read", done.stderr)
+        self.assertIn("missing options: --protocol --port --read", done.stderr)
         self.assertFalse(os.path.exists(self.place()))
         done = self.run_init(self.place(), "--broker", "mqtt://a", "--protocol", "modbus-rtu", "--port", "COM1",
                              "--read", "hr:0")

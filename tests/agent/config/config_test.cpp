@@ -561,7 +561,7 @@ TEST(Config, UdpLinkThatCannotBeIsAnError) {
   expect_error(udp(R"("host": "a", "port": 1, "local_port": 0)"), "/links/2/udp/local_port",
                {"1 to 65535"});
   expect_error(udp(R"("host": "a", "port": 1)", R"(, "line_baud": 9600)"), "/links/2/line_baud",
-               {"UDP"});
+               {"udp"});
 }
 
 TEST(Config, UdpIsListenedToOnlyWhereALateAnswerCouldCome) {

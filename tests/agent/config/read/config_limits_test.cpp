@@ -77,7 +77,7 @@ TEST(ConfigLimits, DevicesOfDifferentSizesAreCountedAsTheyAre) {
   json plant = plant_of({2}, tags(1));
   plant["templates"]["m"]["tags"][0]["count"] = "{n}";
   plant["devices"][0]["n"] = json::array({1, 100});
-  EXPECT_EQ(first_error(plant).find("/templates/m/tags/0: with this there are 101 values"), 0u)
+  EXPECT_EQ(first_error(plant).find("/templates/m/tags/0: with this there are 101 tag values"), 0u)
       << first_error(plant);
 }
 
