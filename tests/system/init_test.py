@@ -180,7 +180,7 @@ class Init(PlantTest):
         status, said = self.talk(["--broker", "mqtt://a"], [
             ("Name of this agent", "edge9"), ("User", "anna"), ("Protocol", "modbus-xyz"), ("Protocol", "modbus-rtu"),
             ("Port", "/dev/ttyUSB7"), ("Unit", "x"), ("Unit", "17"), ("Name of the device", "meter3"),
-            ("Addresses to read", "a=hr:1 hr:2"), ("may be written", ""), ("Password of anna", "secret")])
+            ("Addresses to read", "a=hr:1 hr:2"), ("may also be written", ""), ("Password of anna", "secret")])
         self.assertEqual(status, 0)
         made = self.made()
         self.assertEqual(made["agent"]["id"], "edge9")
@@ -195,7 +195,7 @@ class Init(PlantTest):
     def test_a_menu_takes_numbers(self):
         status, said = self.talk(["--broker", "mqtt://a"], [
             ("Name of this agent", ""), ("User", ""), ("Protocol", "1"), ("Port", "/dev/ttyUSB0"), ("Model", "2"),
-            ("Name of the device", ""), ("Addresses to read", "D100"), ("may be written", "")])
+            ("Name of the device", ""), ("Addresses to read", "D100"), ("may also be written", "")])
         self.assertEqual(status, 0)
         menu = dict(re.findall(r"^ +(\d+)  (\S+)", said.replace("\r", ""), re.MULTILINE))
         device = self.made()["devices"][0]
@@ -208,8 +208,8 @@ class Init(PlantTest):
             ("Name of this agent", "My Edge"), ("Name of this agent", "edge9"), ("Broker", "127.0.0.1"),
             ("Broker", "mqtt://127.0.0.1"), ("User", ""), ("Protocol", "modbus-tcp"), ("Port", "foo"),
             ("Port", "192.0.2.1:502"), ("Unit", ""), ("Name of the device", "A B"), ("Name of the device", "meter"),
-            ("Addresses to read", "D100"), ("Addresses to read", "hr:1"), ("may be written", "ir:1"),
-            ("may be written", "hr:2")])
+            ("Addresses to read", "D100"), ("Addresses to read", "hr:1"), ("may also be written", "ir:1"),
+            ("may also be written", "hr:2")])
         self.assertEqual(status, 0)
         for fault in ("--id: ", "--broker: must begin with mqtt://", "--port must be", "--device: ", "--read D100: ",
                       "--write ir:1: "):
