@@ -77,7 +77,7 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   status.model_configured = is_other_model ? model_configured_ : "";
   if (is_other_model && status.reason_text.empty())
     status.reason_text = "the PLC is an " + model_ + ", but the config says " + model_configured_ +
-                         ": set model to that, or to auto";
+                         ": set model to " + model_ + ", or to auto";
   const bool other_state = starting_ || status.state != reported_.state;
   if (!other_state && status.reason == reported_.reason &&
       status.reason_text == reported_.reason_text && status.model == reported_.model &&

@@ -248,10 +248,11 @@ void FieldLinks::begin_one(std::deque<ToBegin>::iterator which) {
     make_worker(next.link, next.devices, last_seq_);
     spawn(next.link);
   } catch (const std::exception& error) {  // no thread for name lookups, or no memory
-    log::error("link", {{"link", config_->links[next.link].name},
-                        {"state", "not begun"},
-                        {"reason", error.what()},
-                        {"note", "the agent refuses its commands until it is restarted"}});
+    log::error("link",
+               {{"link", config_->links[next.link].name},
+                {"state", "not begun"},
+                {"reason", error.what()},
+                {"note", "the agent refuses commands for this link until the agent is restarted"}});
     const std::lock_guard lock(places_mutex_);
     if (!places_[next.link].runs) places_[next.link].worker.reset();
   }

@@ -201,11 +201,12 @@ void Poller::note_load() {
   overloaded_ = !overloaded_;
   const std::string percent = std::to_string(static_cast<int>(100 * load + 0.5));
   if (overloaded_)
-    log::warn("link", {{"link", link_.name},
-                       {"load_percent", percent},
-                       {"note",
-                        "the groups need more time than the line has; the agent polls all of them "
-                        "less often, in proportion: see fxagent plan"}});
+    log::warn("link",
+              {{"link", link_.name},
+               {"load_percent", percent},
+               {"note",
+                "the groups ask for more than the line carries; the agent polls all of them "
+                "less often, in proportion: see fxagent plan"}});
   else
     log::info("link", {{"link", link_.name}, {"load_percent", percent}});
 }

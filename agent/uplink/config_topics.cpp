@@ -21,7 +21,7 @@ void ConfigTopics::report(std::string text, std::string audit) {
   if (!audit.empty() && store_ != nullptr) store_->journal().note(std::move(audit));
 }
 
-Publication ConfigTopics::reported() {
+Publication ConfigTopics::take_report() {
   Publication publication;
   publication.topic = topic_;
   publication.payload = report_.value_or("");

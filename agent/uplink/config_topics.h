@@ -35,7 +35,7 @@ class ConfigTopics final {
   /// record; empty: none.
   void report(std::string text, std::string audit);
   /// Returns the report to publish.
-  Publication reported();
+  Publication take_report();
 
   /// Passes a document to the listener, if remote configs are on.
   void hear(const std::string& payload) const;

@@ -50,7 +50,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
                    publication.retain = Retain::yes;
                    return publication;
                  },
-                 [this] { return configs_.reported(); }}),
+                 [this] { return configs_.take_report(); }}),
       results_(config, commands, outgoing_, backoff_, utc_ms_),
       spool_(store, settings_.backlog_bytes, dropped_),
       refused_(backoff_),
@@ -71,8 +71,6 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
                   settings_.boot) {
   subscriptions_.hear_configs(config.remote.enabled);
 }
-
-Publisher::~Publisher() = default;
 
 SteadyTime Publisher::step(SteadyTime now) {
   if (!started_) {

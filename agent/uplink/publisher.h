@@ -1,7 +1,8 @@
 // The uplink loop. Sends what the field produces to the broker, or stores it, and passes incoming
-// commands to Commands. Its parts do the work: Session keeps the connection; RetainedState,
-// ResultDelivery and SampleDelivery publish; OwnTopics and CommandIntake receive; Outgoing holds
-// the window that all publications share; Shutdown has the steps of a clean stop. The Publisher
+// commands to Commands. Its parts do the work: Session and Subscriptions keep the
+// connection; RetainedState, ResultDelivery, SampleDelivery and HistoryDelivery publish; OwnTopics
+// and CommandIntake receive; Outgoing holds the window that all publications share; LateRecovery
+// has commands of earlier runs, Shutdown the steps of a clean stop. The Publisher
 // sets their order: results, then states, then live samples, and the backlog in between.
 #pragma once
 
@@ -74,7 +75,6 @@ class Publisher final {
   Publisher(Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
             Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store = nullptr,
             NumberAbove number_above = {}, AskCounters ask_counters = {});
-  ~Publisher();
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
 

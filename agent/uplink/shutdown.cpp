@@ -15,7 +15,6 @@ constexpr std::chrono::seconds kCloseFor{1};
 }  // namespace
 
 void Shutdown::begin(SteadyTime now) {
-  if (has_begun()) return;
   phase_ = Phase::draining;
   deadline_ = now + kDrainFor;
   parts_.farewell.withdraw();  // one for a broker that we leave, if any

@@ -40,7 +40,7 @@ class Shutdown final {
   };
   explicit Shutdown(Parts parts) : parts_(parts) {}
 
-  /// Begins. No effect if it has begun already.
+  /// Begins. Call once.
   void begin(SteadyTime now);
   /// Takes the next step if it is due. Call at the end of each step of the uplink.
   void step(SteadyTime now);

@@ -17,11 +17,6 @@ void patch(Bytes& image, const Span& place, const Span& written, const Bytes& pa
 
 }  // namespace
 
-void CycleReads::use(Plan plan) {
-  plan_ = std::move(plan);
-  begin();
-}
-
 void CycleReads::begin() {
   images_.assign(plan_.reads.size(), {});
   failures_.assign(plan_.reads.size(), std::nullopt);

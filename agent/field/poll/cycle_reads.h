@@ -15,8 +15,8 @@ namespace fxagent {
 class CycleReads final {
  public:
   const Plan& plan() const { return plan_; }
-  /// Begins a cycle that reads by `plan`.
-  void use(Plan plan);
+  /// Sets the plan of the cycles from the next begin() on.
+  void use(Plan plan) { plan_ = std::move(plan); }
   /// Begins a cycle: discards all answers.
   void begin();
 

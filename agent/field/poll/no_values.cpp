@@ -33,7 +33,6 @@ void NoValues::note_none(std::uint32_t tag, const Point& point, const Read& read
 
 void NoValues::note_value(std::uint32_t tag, const Point& point, const Value& value,
                           const Read& read) {
-  if (point.type != DataType::float32 && point.type != DataType::float64) return;
   const auto is_odd = [](const Scalar& item) { return is_absurd(number_of(item).value_or(0)); };
   const auto odd = std::ranges::find_if(value.items, is_odd);
   if (odd == value.items.end() || odd_orders_.contains(tag)) return;

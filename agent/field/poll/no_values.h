@@ -30,7 +30,7 @@ class NoValues final {
   /// Records that the bytes of `tag` are no value of `point`. It is returned again after it was a
   /// value for 1 minute.
   void note_none(std::uint32_t tag, const Point& point, const Read& read, SteadyTime now);
-  /// Checks the word order of a value.
+  /// Checks the word order of a float.
   void note_value(std::uint32_t tag, const Point& point, const Value& value, const Read& read);
   /// Returns and clears the tags that were found.
   std::vector<NoValue> take() { return std::exchange(found_, {}); }

@@ -4,6 +4,11 @@
 #include <utility>
 
 namespace fxagent {
+namespace {
+
+bool is_float(DataType type) { return type == DataType::float32 || type == DataType::float64; }
+
+}  // namespace
 
 PollCycle::PollCycle(const DeviceConfig& device, std::uint32_t group)
     : device_(device), group_(group), report_(device, group) {}
@@ -110,7 +115,7 @@ void PollCycle::check_value(std::size_t index, const TagReading& reading, Steady
   const auto read = [&](const Point& other) { return reads_.value_of(index, other); };
   if (reading.bad == BadReason::bad_value)
     no_values_.note_none(reading.tag, point, read, now);
-  else if (!reading.bad && !reads_.failure_of(index))
+  else if (!reading.bad && is_float(point.type) && !reads_.failure_of(index))
     no_values_.note_value(reading.tag, point, reading.value, read);
 }
 

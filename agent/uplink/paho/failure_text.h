@@ -21,7 +21,8 @@ inline constexpr std::chrono::seconds kPahoConnectTimeout{10};
 /// a list in memory that is never read, which is a sixth of its cost per message. Levels above
 /// ERROR would not prevent it.
 void trace_errors_alone() noexcept;
-/// Makes each of Paho's threads record its TLS failures, until trace_errors_alone().
+/// Makes each of Paho's threads record all its TLS failures; after trace_errors_alone(), only
+/// errors.
 void trace_tls_failures() noexcept;
 /// Forgets the TLS failure that the calling thread has recorded. Otherwise the next failed connect
 /// would give it as its reason.
