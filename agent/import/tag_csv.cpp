@@ -133,6 +133,9 @@ void TagCsvReader::take_section(const CsvRow& row) {
       out_.links.push_back(std::move(object));
       return;
     }
+    for (const std::string_view key : {"groups", "tags"})
+      if (object.contains(key) && !object[std::string(key)].is_array())
+        return out_.note(row.line, "left out: " + std::string(key) + " must be an array");
     const std::string name(text_at(tree->root(), "name"));
     if (children_at(tree->root(), "tags").empty()) devices_.try_emplace(name, out_.devices.size());
     ImportedDevice device{name, std::move(object)};
@@ -142,8 +145,9 @@ void TagCsvReader::take_section(const CsvRow& row) {
     return;
   }
   const std::string name(row.at(0).substr(1));
-  if (name == "links" || name == "devices" ||
-      !out_.sections.emplace(name, JsonObject::parse(json)).second)
+  if (name == "links" || name == "devices")
+    out_.note(row.line, "left out: " + name + " have a row each, #link or #device");
+  else if (!out_.sections.emplace(name, JsonObject::parse(json)).second)
     out_.note(row.line, "left out: the second " + name);
 }
 

@@ -24,6 +24,12 @@ std::size_t next_token(std::string_view text, std::size_t at, Comments comments)
   }
 }
 
+/// True if the character at `at` is a quote without a backslash that escapes it.
+bool is_quote(std::string_view text, std::size_t at) {
+  const std::size_t backslashes = at - (text.substr(0, at).find_last_not_of('\\') + 1);
+  return text[at] == '"' && backslashes % 2 == 0;
+}
+
 }  // namespace
 
 SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, std::size_t read,
@@ -53,7 +59,7 @@ SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, st
                 : c == '#' ? "a comment begins with // and not with #"
                            : "the comment that begins here has no closing */"};
   if (c == '\'') return {at, "a single quote: JSON allows only double quotes (\")"};
-  const bool is_end = read + 1 == text.size() && (read == at || text[read] != '"');
+  const bool is_end = read + 1 == text.size() && (read == at || !is_quote(text, read));
   if (c == '"' && (is_end || text[read] == '\n' || text[read] == '\r'))
     return {at, "the string that begins here has no closing \" on its line"};
   if (is_close && bracket != '\0' && bracket != (c == '}' ? '{' : '['))

@@ -92,7 +92,7 @@ std::optional<UnexpectedBytes> own_frame(const DeviceConfig& device, const Codec
   if (frame.direction == Direction::request && !frame.ambiguous)
     return UnexpectedBytes{Cause::another_master,
                            "a request" + whose(frame) + ", " + quoted(frame) +
-                               ": there is another master on this line, which may have only one"};
+                               ": another master sends on this line; a line may have only one"};
   return UnexpectedBytes{Cause::another_master,
                          "a valid answer" + whose(frame) + ", " + quoted(frame) +
                              ", but not to this request: another station, another master, or a "

@@ -204,5 +204,14 @@ TEST(TagCsv, BrokenJsonIsTold) {
   EXPECT_EQ(notes_with(made, {"3: left out", "not JSON"}), 1);
 }
 
+TEST(TagCsv, ARowThatCannotBeASectionIsTold) {
+  std::string csv = export_csv(small_plant().dump());
+  csv += "#device,\"{\"\"name\"\": \"\"p\"\", \"\"tags\"\": 5}\"\n#links,[]\n";
+  const Made made = made_of(csv, import_tag_csv);
+  EXPECT_EQ(notes_with(made, {"left out: tags must be an array"}), 1) << all_of(made.notes);
+  EXPECT_EQ(notes_with(made, {"left out: links have a row each, #link or #device"}), 1);
+  EXPECT_EQ(made.config, small_plant());
+}
+
 }  // namespace
 }  // namespace fxagent

@@ -57,6 +57,7 @@ TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
       Case{"{\"a\" = 1}", "column 5: a colon is missing here"},
       Case{"{}}", "column 3: more text after the end"},
       Case{"{\"a\": \"b,\n \"c\": 1}", "column 7: the string that begins here has no closing"},
+      Case{"{\"a\": \"b\\\"", "column 7: the string that begins here has no closing"},
       Case{"{\"a\": [1, 2}", "column 12: a ] is missing before this }"},
       Case{"[{\"a\": 1]", "column 9: a } is missing before this ]"},
       Case{"{}\n{}", "line 2, column 1: more text after the end"},
