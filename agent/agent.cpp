@@ -15,7 +15,7 @@
 #include "agent/commands/recovery.h"
 #include "agent/field/field.h"
 #include "agent/field/transport/host_lookup.h"
-#include "agent/http/metrics_server.h"
+#include "agent/http/web_server.h"
 #include "agent/log/log.h"
 #include "agent/outbox.h"
 #include "agent/process/file_limit.h"
@@ -89,7 +89,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
                const std::vector<std::uint32_t>& traced) {
   raise_file_limit(kFilesNotForLinks);
   say_where_files_are_too_few(files_needed(config));
-  const auto served_at = config.metrics;
+  const auto served_at = config.http;
   auto in_force = std::make_shared<const Config>(config);
   std::random_device random;
   PublisherSettings settings;
@@ -139,8 +139,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     ThreadProgress library("MQTTAsync_");
     run_uplink(publisher, outbox, stop, [&] { report_alive(library, signs); });
   });
-  auto metrics = served_at ? std::make_unique<MetricsServer>(*served_at, publisher.board())
-                           : std::unique_ptr<MetricsServer>();
+  auto metrics = served_at ? std::make_unique<WebServer>(*served_at, publisher.board())
+                           : std::unique_ptr<WebServer>();
   service_manager::notify_ready();
 
   const auto ask = [&] {

@@ -17,7 +17,7 @@
 #include "agent/config/log_warnings.h"
 #include "agent/failpoint.h"
 #include "agent/field/transport/host_lookup.h"
-#include "agent/http/metrics_server.h"
+#include "agent/http/web_server.h"
 #include "agent/log/log.h"
 #include "agent/process/file_limit.h"
 #include "agent/process/service_manager.h"
@@ -45,7 +45,7 @@ std::size_t files_needed(const Config& config) {
   const auto links = std::ranges::count_if(
       config.links, [](const LinkConfig& link) { return !link.name.empty(); });
   return static_cast<std::size_t>(links) + static_cast<std::size_t>(kFilesNotForLinks) +
-         (config.metrics ? MetricsServer::kMostFiles : 0);
+         (config.http ? WebServer::kMostFiles : 0);
 }
 
 /// Completion of a change by field and uplink. Shared with the calls that pass through them, which

@@ -89,7 +89,7 @@ set(allowed
   "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"
   "^agent/uplink/paho/[^ ]+ (mqtt/|MQTT)"
   "^agent/remote/kept_file\\.h agent/store/disk/durable_file\\.h$"
-  "^agent/config/read/metrics\\.cpp (arpa/inet|sys/un)\\.h$"
+  "^agent/config/read/http\\.cpp (arpa/inet|sys/un)\\.h$"
   "^agent/config/source\\.cpp poll\\.h$"
   "^agent/http/[^ ]+ agent/http/"
   "^agent/http/http_library\\.h microhttpd\\.h$"

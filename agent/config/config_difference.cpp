@@ -172,8 +172,9 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
             std::to_string(is.audit_max_bytes));
   must_stay("/store/audit_max_age_h", is.audit_max_age == next.audit_max_age,
             std::to_string(is.audit_max_age.count()));
-  must_stay("/metrics/listen", running.metrics == wanted.metrics,
-            running.metrics ? "the address at the start" : "no metrics");
+  const std::optional<HttpConfig>& server = wanted.http ? wanted.http : running.http;
+  must_stay(server && server->page ? "/http/listen" : "/metrics/listen", running.http == wanted.http,
+            running.http ? "the address at the start" : "no HTTP server");
   return errors;
 }
 

@@ -108,8 +108,11 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"", "store", object, {}, None{},
      "Disk for samples while the broker is unreachable, and for ids of commands. Without it "
      "samples and ids are in memory, and a restart loses both."},
+    {"", "http", object, {}, None{},
+     "The page for people, with Prometheus' metrics and probes. Without it and `metrics` the "
+     "agent does not listen."},
     {"", "metrics", object, {}, None{},
-     "HTTP address for Prometheus and probes. Without it the agent does not listen."},
+     "HTTP address for Prometheus and probes alone, without the page. Not together with `http`."},
     {"", "links", array, {}, Required{},
      "Connections to the devices: serial ports, TCP connections and UDP ports."},
     {"", "templates", object, {}, None{},
@@ -179,6 +182,15 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "count for `max_bytes`."},
     {"store", "audit_max_age_h", integer, {1, 876000}, 8760,
      "Hours; the agent removes older records of the audit."},
+
+    {"http", "listen", text, {}, Required{},
+     "`127.0.0.1:8080`, `[::1]:8080` or `unix:/run/fxagent/http`. Serves the page at `/`, and "
+     "`/metrics`, `/healthz` and `/readyz`, without password and TLS. Whoever reaches the address "
+     "sees every value. Port 0: any free port; the log names it."},
+    {"http", "hosts", array, {}, None{},
+     "Names by which browsers reach the page, such as `edge7.plant.example`, if it is behind a "
+     "proxy or has a name. Addresses and `localhost` need no entry. A request for another name is "
+     "refused, so that no web site can read the page through a visitor's browser."},
 
     {"metrics", "listen", text, {}, Required{},
      "`127.0.0.1:9464`, `[::1]:9464` or `unix:/run/fxagent/metrics`. Serves `/metrics`, "

@@ -7,7 +7,7 @@
 #include "agent/config/keys.h"
 #include "agent/config/read/device.h"
 #include "agent/config/read/links.h"
-#include "agent/config/read/metrics.h"
+#include "agent/config/read/http.h"
 #include "agent/config/read/mqtt.h"
 #include "agent/config/read/reader.h"
 #include "agent/config/read/remote_limits.h"
@@ -64,8 +64,7 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
     reader.warn(top,
                 "no store: samples are lost while the broker is unreachable, and a restart loses "
                 "the ids of commands");
-  if (const ConfigNode* metrics = reader.object(top, config_key("metrics")))
-    config.metrics = read_metrics(reader, *metrics);
+  config.http = read_http(reader, top);
   Links links;
   const ConfigNode* link_array = reader.array(top, config_key("links"));
   if (link_array != nullptr) links = read_links(reader, *link_array, config);

@@ -198,12 +198,14 @@ struct StoreConfig {
   friend bool operator==(const StoreConfig&, const StoreConfig&) = default;
 };
 
-/// Address that serves metrics.
-struct MetricsConfig {
+/// Address of the HTTP server: `http.listen`, or `metrics.listen` without the page.
+struct HttpConfig {
   std::string address;     ///< IPv4 or IPv6, without brackets; empty: use `unix_path`
   std::uint16_t port = 0;  ///< 0: any free port
   std::string unix_path;   ///< absolute
-  friend bool operator==(const MetricsConfig&, const MetricsConfig&) = default;
+  bool page = false;       ///< serves the page and its data, too
+  std::vector<std::string> hosts;  ///< more names by which a browser may call the page
+  friend bool operator==(const HttpConfig&, const HttpConfig&) = default;
 };
 
 /// One `commands.allow:` entry of `agent.remote_allow`.
@@ -242,7 +244,7 @@ struct Config {
   RemoteLimits remote;
   MqttConfig mqtt;
   StoreConfig store;
-  std::optional<MetricsConfig> metrics;  ///< nullopt: the agent serves no metrics
+  std::optional<HttpConfig> http;  ///< nullopt: the agent has no HTTP server
   SharedVector<LinkConfig> links;
   /// After a reload, unchanged devices are shared with the previous config.
   SharedList<DeviceConfig> devices;

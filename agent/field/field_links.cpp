@@ -146,7 +146,7 @@ void FieldLinks::report() {
   FieldHealth health;
   health.links.resize(config_->links.size());
   health.devices.resize(config_->devices.size());
-  if (config_->metrics) health.durations.resize(config_->links.size());
+  if (config_->http) health.durations.resize(config_->links.size());
   for (const Place& place : places_)
     if (place.worker) place.worker->report(health);
   health.ended_collected = ended_collected_;

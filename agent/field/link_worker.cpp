@@ -69,7 +69,7 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       commands_(executor, config_, bus_, scheduler_, devices_, state_, poller_, outbox),
       idle_(executor),
       counting_since_(Clock::now()) {
-  if (config.metrics) bus_.counters().durations = std::make_unique<LinkDurations>();
+  if (config.http) bus_.counters().durations = std::make_unique<LinkDurations>();
   milliseconds spread = kSpread;
   for (const std::uint32_t device : devices)
     for (const GroupConfig& group : config.devices[device].groups)

@@ -26,6 +26,8 @@ std::optional<HttpLibrary> load() {
                      find(library, "MHD_get_timeout", found.get_timeout) &&
                      find(library, "MHD_get_daemon_info", found.get_daemon_info) &&
                      find(library, "MHD_get_connection_info", found.get_connection_info) &&
+                     find(library, "MHD_lookup_connection_value", found.lookup_connection_value) &&
+                     find(library, "MHD_get_connection_values", found.get_connection_values) &&
                      find(library, "MHD_create_response_from_buffer_with_free_callback_cls",
                           found.create_response) &&
                      find(library, "MHD_add_response_header", found.add_response_header) &&

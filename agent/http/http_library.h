@@ -14,6 +14,8 @@ struct HttpLibrary {
   decltype(&MHD_get_timeout) get_timeout;
   decltype(&MHD_get_daemon_info) get_daemon_info;
   decltype(&MHD_get_connection_info) get_connection_info;
+  decltype(&MHD_lookup_connection_value) lookup_connection_value;
+  decltype(&MHD_get_connection_values) get_connection_values;
   decltype(&MHD_create_response_from_buffer_with_free_callback_cls) create_response;
   decltype(&MHD_add_response_header) add_response_header;
   decltype(&MHD_queue_response) queue_response;

@@ -3,10 +3,12 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <array>
 #include <string>
 #include <utility>
 
 #include "agent/http/http_library.h"
+#include "agent/json_writer.h"
 
 namespace fxagent {
 namespace {
@@ -14,6 +16,17 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr MHD_UNSIGNED_LONG_LONG kMostWaitMs = 60'000;
+
+/// Sent with every answer. The browser runs only our own scripts and styles, connects nowhere else,
+/// and asks before it reuses a copy.
+constexpr std::array kHeaders{
+    std::pair("Content-Security-Policy",
+              "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+              "img-src data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'; "
+              "require-trusted-types-for 'script'"),
+    std::pair("X-Content-Type-Options", "nosniff"), std::pair("Referrer-Policy", "no-referrer"),
+    std::pair("Cross-Origin-Resource-Policy", "same-origin"),
+    std::pair("Cache-Control", "no-cache")};
 
 /// Reference to the body, owned by the response that sends it.
 using SharedBody = std::shared_ptr<const std::string>;
@@ -31,6 +44,9 @@ MHD_Result send(MHD_Connection* connection, const HttpAnswer& answer) {
   }
   http.add_response_header(response, MHD_HTTP_HEADER_CONTENT_TYPE, answer.type);
   http.add_response_header(response, MHD_HTTP_HEADER_CONNECTION, "close");
+  for (const auto& [name, value] : kHeaders) http.add_response_header(response, name, value);
+  if (!answer.etag.empty())
+    http.add_response_header(response, MHD_HTTP_HEADER_ETAG, answer.etag.c_str());
   if (answer.status == MHD_HTTP_METHOD_NOT_ALLOWED)
     http.add_response_header(response, MHD_HTTP_HEADER_ALLOW, "GET, HEAD");
   const MHD_Result queued = http.queue_response(connection, answer.status, response);
@@ -38,13 +54,26 @@ MHD_Result send(MHD_Connection* connection, const HttpAnswer& answer) {
   return queued;
 }
 
-bool is_known(std::string_view method) {
-  return method == MHD_HTTP_METHOD_GET || method == MHD_HTTP_METHOD_HEAD;
+std::string_view view_of(const char* text) { return text == nullptr ? std::string_view() : text; }
+
+MHD_Result take_argument(void* arguments, MHD_ValueKind /*kind*/, const char* name,
+                         const char* value) noexcept {
+  static_cast<decltype(HttpRequest::arguments)*>(arguments)->emplace(name, view_of(value));
+  return MHD_YES;
 }
 
-HttpAnswer not_allowed() {
-  return {MHD_HTTP_METHOD_NOT_ALLOWED, kJson,
-          std::make_shared<const std::string>("{\"error\":\"only GET and HEAD\"}\n")};
+HttpRequest request_of(MHD_Connection* connection, const char* path) {
+  const HttpLibrary& http = *http_library();
+  const auto header = [&](const char* name) {
+    return view_of(http.lookup_connection_value(connection, MHD_HEADER_KIND, name));
+  };
+  HttpRequest request{path, header(MHD_HTTP_HEADER_HOST), header(MHD_HTTP_HEADER_IF_NONE_MATCH)};
+  http.get_connection_values(connection, MHD_GET_ARGUMENT_KIND, &take_argument, &request.arguments);
+  return request;
+}
+
+bool is_known(std::string_view method) {
+  return method == MHD_HTTP_METHOD_GET || method == MHD_HTTP_METHOD_HEAD;
 }
 
 }  // namespace
@@ -56,8 +85,9 @@ struct HttpServer::Callbacks {
                             std::size_t* /*upload_size*/, void** /*of_request*/) noexcept {
     auto* const self = static_cast<HttpServer*>(server);
     self->answered(connection);
-    if (!is_known(method)) return send(connection, not_allowed());
-    return send(connection, self->answer_(path));
+    if (!is_known(method))
+      return send(connection, refusal(MHD_HTTP_METHOD_NOT_ALLOWED, "only GET and HEAD"));
+    return send(connection, self->answer_(request_of(connection, path)));
   }
   static void connection(void* server, MHD_Connection* connection, void** /*of_connection*/,
                          MHD_ConnectionNotificationCode what) noexcept {
@@ -68,6 +98,12 @@ struct HttpServer::Callbacks {
       self->ended(connection);
   }
 };
+
+HttpAnswer refusal(unsigned status, std::string_view why) {
+  json::Writer out;
+  out.begin_object().key("error").string(why).end_object();
+  return {status, kJson, std::make_shared<const std::string>(out.take() + "\n"), {}};
+}
 
 Result<std::unique_ptr<HttpServer>> HttpServer::start(ListeningSocket socket, Answer answer) {
   const HttpLibrary* const http = http_library();

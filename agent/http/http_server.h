@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <list>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -22,13 +23,29 @@ struct MHD_Daemon;
 namespace fxagent {
 
 inline constexpr const char* kJson = "application/json";
+inline constexpr unsigned kOk = 200;
+inline constexpr unsigned kNotModified = 304;
+inline constexpr unsigned kNotFound = 404;
+
+/// The parts of a request that answers depend on. The views are valid during the call.
+struct HttpRequest {
+  std::string_view path;           ///< decoded, without the query
+  std::string_view host;           ///< Host, as sent; empty: none
+  std::string_view if_none_match;  ///< If-None-Match; empty: none
+  /// Decoded arguments of the query; of an argument given twice, the first.
+  std::map<std::string_view, std::string_view> arguments{};
+};
 
 struct HttpAnswer {
   unsigned status = 200;
   const char* type = "";  ///< Content-Type; a literal
   /// Shared by all connections that are being sent the same body.
   std::shared_ptr<const std::string> body;
+  std::string etag{};  ///< ETag with its quotes; empty: none
 };
+
+/// Returns an answer with `why` as JSON: {"error": "..."}.
+HttpAnswer refusal(unsigned status, std::string_view why);
 
 class HttpServer final {
  public:
@@ -49,8 +66,8 @@ class HttpServer final {
     std::uint64_t unanswered = 0;  ///< silent, gone, or without a valid request
   };
 
-  /// Answers GET and HEAD of a path, without its query. Must not throw.
-  using Answer = std::function<HttpAnswer(std::string_view path)>;
+  /// Answers GET and HEAD. Must not throw.
+  using Answer = std::function<HttpAnswer(const HttpRequest& request)>;
 
   /// Takes over the socket. Errors: link_down if the library is missing or does not start.
   static Result<std::unique_ptr<HttpServer>> start(ListeningSocket socket, Answer answer);

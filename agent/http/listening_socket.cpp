@@ -48,9 +48,9 @@ std::string cure_of(int error) {
   switch (error) {
     case EADDRINUSE:
       return "; another program uses this address: end it, or set another address in "
-             "metrics.listen";
+             "`listen`";
     case EADDRNOTAVAIL:
-      return "; this machine does not have this address now: set one of its own in metrics.listen";
+      return "; this machine does not have this address now: set one of its own in `listen`";
     case EACCES:
     case EPERM:
       return "; the agent's user may not use it: set a port from 1024, or a directory that the "
@@ -68,7 +68,7 @@ tl::unexpected<Error> refused(const std::string& address, int error) {
 
 }  // namespace
 
-Result<ListeningSocket> ListeningSocket::open(const MetricsConfig& config) {
+Result<ListeningSocket> ListeningSocket::open(const HttpConfig& config) {
   return config.unix_path.empty() ? open_tcp(config) : open_unix(config.unix_path);
 }
 
@@ -94,7 +94,7 @@ Result<ListeningSocket> ListeningSocket::open_unix(const std::string& path) {
   return made;
 }
 
-Result<ListeningSocket> ListeningSocket::open_tcp(const MetricsConfig& config) {
+Result<ListeningSocket> ListeningSocket::open_tcp(const HttpConfig& config) {
   const bool is_ipv6 = config.address.find(':') != config.address.npos;
   const std::string host = is_ipv6 ? "[" + config.address + "]" : config.address;
   const auto named = [&](in_port_t port) { return host + ":" + std::to_string(ntohs(port)); };

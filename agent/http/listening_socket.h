@@ -14,7 +14,7 @@ class ListeningSocket final {
   /// Opens the socket. Replaces the file of a Unix socket if no program listens on it any more.
   /// Errors: link_down, with the remedy: the address is in use, not on this machine, or not
   /// permitted.
-  static Result<ListeningSocket> open(const MetricsConfig& config);
+  static Result<ListeningSocket> open(const HttpConfig& config);
 
   ListeningSocket(ListeningSocket&& other) noexcept
       : file_(std::exchange(other.file_, -1)),
@@ -36,7 +36,7 @@ class ListeningSocket final {
   explicit ListeningSocket(int file) : file_(file) {}
 
   static Result<ListeningSocket> open_unix(const std::string& path);
-  static Result<ListeningSocket> open_tcp(const MetricsConfig& config);
+  static Result<ListeningSocket> open_tcp(const HttpConfig& config);
 
   int file_;
   std::string address_;

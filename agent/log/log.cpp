@@ -14,6 +14,7 @@
 #include "agent/log/journal_stream.h"
 #include "agent/log/log_repeats.h"
 #include "agent/log/log_writer.h"
+#include "agent/log/recent_events.h"
 #include "agent/text.h"
 
 namespace fxagent::log {
@@ -219,6 +220,7 @@ void write_and_end() {
 bool is_written(Level level) { return level >= least_level.load(std::memory_order_relaxed); }
 
 void write(Level level, std::string_view event, std::initializer_list<Field> fields) {
+  keep(level, event, {fields.begin(), fields.size()});
   if (is_written(level))
     out().write(level, body_of(event, {fields.begin(), fields.size()}, kMostValueBytes));
 }

@@ -210,6 +210,8 @@ TEST(ConfigDifference, IdentityAndStoreNeedARestartAndAreNamed) {
   }
   expect_error(needs_restart(running(), good(changed("/metrics", R"({"listen": "[::1]:9465"})"))),
                "/metrics/listen", {"restart", "the address at the start"});
+  expect_error(needs_restart(good(without("/metrics")), running()), "/metrics/listen",
+               {"restart", "no HTTP server"});
   EXPECT_TRUE(needs_restart(running(), running()).empty());
 }
 
@@ -229,7 +231,7 @@ TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
   const std::set<std::string> keys_taken_over{"agent.remote_config", "agent.remote_allow",
                                               "agent.remote_without_disk"};
   const std::set<std::string> restart{
-      "metrics.listen",       "agent.id",        "agent.root", "store.path",
+      "metrics.listen", "http.listen", "http.hosts",      "agent.id",        "agent.root", "store.path",
       "store.max_bytes",      "store.max_age_h", "store.sync", "store.audit_max_bytes",
       "store.audit_max_age_h"};
   for (const ConfigKey& key : config_keys::kAll) {

@@ -300,7 +300,7 @@ std::uint64_t total(const DurationHistogram& histogram) {
 }
 
 TEST_F(LinkWorkerTest, DurationsAreCountedWhereTheConfigAsksForMetrics) {
-  config.metrics.emplace();
+  config.http.emplace();
   start();
   wait([&] { return plc.count("read 10C8 2") >= 20; });
   FieldHealth health;

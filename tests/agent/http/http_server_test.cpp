@@ -22,13 +22,13 @@ using namespace std::chrono_literals;
 class HttpServerTest : public testing::Test {
  protected:
   void SetUp() override {
-    MetricsConfig config;
+    HttpConfig config;
     config.unix_path = scratch_.path("http");
     path_ = config.unix_path;
     auto socket = ListeningSocket::open(config);
     ASSERT_TRUE(socket.has_value()) << socket.error().text;
-    auto server = HttpServer::start(std::move(*socket), [this](std::string_view path) {
-      asked_.emplace_back(path);
+    auto server = HttpServer::start(std::move(*socket), [this](const HttpRequest& request) {
+      asked_.emplace_back(request.path);
       return HttpAnswer{200, "text/plain", body_};
     });
     ASSERT_TRUE(server.has_value()) << server.error().text;
@@ -62,7 +62,7 @@ constexpr std::string_view kGet = "GET /metrics HTTP/1.1\r\nHost: a\r\n\r\n";
 
 // The next server waits for the path. Its file must outlive the end of the one before.
 TEST_F(HttpServerTest, PathIsLeftToTheNextServer) {
-  MetricsConfig config;
+  HttpConfig config;
   config.unix_path = path_;
   for (int i = 0; i < 200; ++i) {
     std::optional<ListeningSocket> next;
@@ -74,7 +74,7 @@ TEST_F(HttpServerTest, PathIsLeftToTheNextServer) {
     waiting.join();
     ASSERT_TRUE(std::filesystem::exists(path_)) << "after " << i << " servers";
     auto server =
-        HttpServer::start(std::move(*next), [](std::string_view) { return HttpAnswer{}; });
+        HttpServer::start(std::move(*next), [](const HttpRequest&) { return HttpAnswer{}; });
     ASSERT_TRUE(server.has_value());
     server_ = std::move(*server);
   }

@@ -13,8 +13,8 @@
 namespace fxagent {
 namespace {
 
-MetricsConfig tcp(const std::string& address, std::uint16_t port) {
-  MetricsConfig config;
+HttpConfig tcp(const std::string& address, std::uint16_t port) {
+  HttpConfig config;
   config.address = address;
   config.port = port;
   return config;
@@ -25,7 +25,7 @@ class UnixSocket : public testing::Test {
   void SetUp() override { config_.unix_path = scratch_.path("metrics"); }
 
   const test::Scratch scratch_;
-  MetricsConfig config_;
+  HttpConfig config_;
 };
 
 TEST(ListeningSocket, FreePortIsNamed) {

@@ -1,4 +1,4 @@
-#include "agent/config/read/metrics.h"
+#include "agent/config/read/http.h"
 
 #include <arpa/inet.h>
 #include <sys/un.h>
@@ -30,26 +30,26 @@ std::optional<std::uint16_t> port_of(std::string_view text) {
   return port;
 }
 
-tl::expected<MetricsConfig, std::string> unix_listen(std::string_view path) {
+tl::expected<HttpConfig, std::string> unix_listen(std::string_view path) {
   if (!path.starts_with('/'))
     return tl::unexpected(std::string("needs the whole path, as in unix:/run/fxagent/metrics"));
   if (path.size() >= sizeof(sockaddr_un::sun_path))
     return tl::unexpected("has a path of " + std::to_string(path.size()) +
                           " bytes; the path of a socket may have at most " +
                           std::to_string(sizeof(sockaddr_un::sun_path) - 1));
-  MetricsConfig config;
+  HttpConfig config;
   config.unix_path = path;
   return config;
 }
 
-tl::expected<MetricsConfig, std::string> listen_of(std::string_view text) {
+tl::expected<HttpConfig, std::string> listen_of(std::string_view text) {
   constexpr std::string_view scheme = "unix:";
   if (text.starts_with(scheme)) return unix_listen(text.substr(scheme.size()));
   const std::size_t colon = text.rfind(':');
   const bool in_brackets = text.starts_with('[');
   if (colon == text.npos || (in_brackets && (colon < 3 || text[colon - 1] != ']')))
     return tl::unexpected(std::string(kListenForms));
-  MetricsConfig config;
+  HttpConfig config;
   config.address = in_brackets ? text.substr(1, colon - 2) : text.substr(0, colon);
   const auto port = port_of(text.substr(colon + 1));
   if (!port) return tl::unexpected(std::string("needs a port from 0 to 65535 after the address"));
@@ -64,15 +64,31 @@ tl::expected<MetricsConfig, std::string> listen_of(std::string_view text) {
   return config;
 }
 
-bool is_loopback(const MetricsConfig& config) {
+bool is_loopback(const HttpConfig& config) {
   return !config.unix_path.empty() || config.address.starts_with("127.") || config.address == "::1";
 }
 
-}  // namespace
+/// Reads the names by which browsers may call the page.
+std::vector<std::string> read_hosts(ConfigReader& reader, const ConfigNode& node) {
+  std::vector<std::string> hosts;
+  const ConfigNode* list = reader.array(node, config_key("http.hosts"));
+  if (list == nullptr) return hosts;
+  for (const ConfigNode& item : list->children) {
+    const auto host = reader.text(item);
+    if (!host) continue;
+    if (host->empty() || host->find_first_of("/: \t") != host->npos)
+      reader.error(item,
+                   "must be a name alone, without scheme and port, as in edge7.plant.example");
+    else
+      hosts.push_back(*host);
+  }
+  return hosts;
+}
 
-std::optional<MetricsConfig> read_metrics(ConfigReader& reader, const ConfigNode& node) {
-  reader.check_object(node, config_section("metrics"));
-  const auto text = reader.text(node, config_key("metrics.listen"));
+/// Reads `listen` of the section at `node`; `key` is its key.
+std::optional<HttpConfig> read_listen(ConfigReader& reader, const ConfigNode& node,
+                                      const ConfigKey& key, std::string_view open_to_all) {
+  const auto text = reader.text(node, key);
   if (!text) return std::nullopt;
   const ConfigNode& at = *node.find("listen");
   const auto config = listen_of(*text);
@@ -81,10 +97,32 @@ std::optional<MetricsConfig> read_metrics(ConfigReader& reader, const ConfigNode
     return std::nullopt;
   }
   if (!is_loopback(*config))
-    reader.warn(at,
-                "other machines can reach this address, and metrics have neither a password nor "
-                "TLS: 127.0.0.1 limits them to this machine");
+    reader.warn(at, "other machines can reach this address, and " + std::string(open_to_all) +
+                        " neither a password nor TLS: 127.0.0.1 limits them to this machine");
   return *config;
+}
+
+}  // namespace
+
+std::optional<HttpConfig> read_http(ConfigReader& reader, const ConfigNode& top) {
+  const ConfigNode* page = reader.object(top, config_key("http"));
+  const ConfigNode* metrics = reader.object(top, config_key("metrics"));
+  if (metrics != nullptr) reader.check_object(*metrics, config_section("metrics"));
+  if (page == nullptr)
+    return metrics == nullptr
+               ? std::nullopt
+               : read_listen(reader, *metrics, config_key("metrics.listen"), "metrics have");
+  if (metrics != nullptr)
+    reader.error(*metrics,
+                 "stands beside \"http\", which serves the metrics, too: remove this one");
+  reader.check_object(*page, config_section("http"));
+  auto config =
+      read_listen(reader, *page, config_key("http.listen"), "the page and the metrics have");
+  const auto hosts = read_hosts(reader, *page);
+  if (!config) return std::nullopt;
+  config->page = true;
+  config->hosts = hosts;
+  return config;
 }
 
 }  // namespace fxagent

@@ -1,6 +1,7 @@
-#include "agent/http/metrics_server.h"
+#include "agent/http/web_server.h"
 
 #include <poll.h>
+#include <strings.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
@@ -11,8 +12,11 @@
 
 #include "agent/http/exposition.h"
 #include "agent/http/listening_socket.h"
+#include "agent/http/page_files.h"
 #include "agent/http/probe.h"
+#include "agent/json_writer.h"
 #include "agent/log/log.h"
+#include "agent/log/recent_events.h"
 #include "agent/without_signals.h"
 
 namespace fxagent {
@@ -22,21 +26,26 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr const char* kExposition = "text/plain; version=0.0.4; charset=utf-8";
-constexpr unsigned kOk = 200;
-constexpr unsigned kNotFound = 404;
+constexpr unsigned kMisdirected = 421;
 constexpr unsigned kUnavailable = 503;
 
-constexpr const char* kNote = "the agent continues without metrics";
+constexpr const char* kNote = "the agent continues without its HTTP server";
 
 HttpAnswer answer_of(Probe probe) {
-  return {probe.good ? kOk : kUnavailable, kJson,
-          std::make_shared<const std::string>(std::move(probe.json))};
+  return {probe.good ? kOk : kUnavailable,
+          kJson,
+          std::make_shared<const std::string>(std::move(probe.json)),
+          {}};
 }
 
 }  // namespace
 
-MetricsServer::MetricsServer(MetricsConfig config, StatusBoard& board)
+WebServer::WebServer(HttpConfig config, StatusBoard& board)
     : config_(std::move(config)), board_(board), end_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  if (config_.page) {
+    board_.want_values();
+    log::keep_events();
+  }
   try {
     if (end_ < 0) throw std::system_error(errno, std::generic_category(), "no eventfd");
     const WithoutSignals quiet;
@@ -46,7 +55,7 @@ MetricsServer::MetricsServer(MetricsConfig config, StatusBoard& board)
   }
 }
 
-MetricsServer::~MetricsServer() {
+WebServer::~WebServer() {
   if (thread_.joinable()) {
     ::eventfd_write(end_, 1);
     thread_.join();
@@ -54,7 +63,7 @@ MetricsServer::~MetricsServer() {
   if (end_ >= 0) ::close(end_);
 }
 
-void MetricsServer::work() {
+void WebServer::work() {
   std::string told;
   while (true) {
     if (const auto server = started(told)) return serve(*server);
@@ -62,12 +71,12 @@ void MetricsServer::work() {
   }
 }
 
-std::unique_ptr<HttpServer> MetricsServer::started(std::string& told) {
+std::unique_ptr<HttpServer> WebServer::started(std::string& told) {
   auto socket = ListeningSocket::open(config_);
   std::string address = socket ? socket->address() : "";
   auto server = std::move(socket).and_then([this](ListeningSocket&& listening) {
     return HttpServer::start(std::move(listening),
-                             [this](std::string_view path) { return answer(path); });
+                             [this](const HttpRequest& request) { return answer(request); });
   });
   if (server) {
     log::info("metrics", {{"state", "listening"}, {"listen", address}});
@@ -82,13 +91,13 @@ std::unique_ptr<HttpServer> MetricsServer::started(std::string& told) {
   return nullptr;
 }
 
-void MetricsServer::serve(HttpServer& server) {
+void WebServer::serve(HttpServer& server) {
   server_ = &server;
   while (wait(server.file(), server.run(Clock::now()))) {
   }
 }
 
-bool MetricsServer::wait(int file, SteadyTime until) const {
+bool WebServer::wait(int file, SteadyTime until) const {
   const auto left = std::chrono::ceil<milliseconds>(until - Clock::now());
   const int timeout =
       until == SteadyTime::max()
@@ -99,16 +108,47 @@ bool MetricsServer::wait(int file, SteadyTime until) const {
   return files[0].revents == 0;
 }
 
-HttpAnswer MetricsServer::answer(std::string_view path) {
+HttpAnswer WebServer::answer(const HttpRequest& request) {
+  const std::string_view path = request.path;
   if (path == "/metrics") return metrics();
   if (path == "/healthz") return answer_of(health_of(status().get(), Clock::now()));
   if (path == "/readyz") return answer_of(readiness_of(status().get(), Clock::now()));
-  static const auto none = std::make_shared<const std::string>(
-      "{\"error\":\"there are /metrics, /healthz and /readyz\"}\n");
-  return {kNotFound, kJson, none};
+  if (config_.page) return page(request);
+  return refusal(kNotFound, "there are /metrics, /healthz and /readyz");
 }
 
-HttpAnswer MetricsServer::metrics() {
+HttpAnswer WebServer::page(const HttpRequest& request) {
+  if (!is_our_name(request.host))
+    return refusal(kMisdirected,
+                   "this name is not known here: call the page by its address, or add the name to "
+                   "http.hosts of the config");
+  if (const PageFile* file = page_file(request.path)) {
+    if (request.if_none_match == file->etag)
+      return {kNotModified, file->type, std::make_shared<const std::string>(), file->etag};
+    return {kOk, file->type, std::make_shared<const std::string>(file->body), file->etag};
+  }
+  if (!request.path.starts_with("/api/"))
+    return refusal(kNotFound, "there are the page at /, /metrics, /healthz and /readyz");
+  auto now_here = status();
+  if (is_stale(now_here.get(), Clock::now()))
+    return answer_of(health_of(now_here.get(), Clock::now()));
+  return api_.answer(request, std::move(now_here));
+}
+
+bool WebServer::is_our_name(std::string_view host) const {
+  // The port, if any: behind the last colon, and behind the bracket of an IPv6 address.
+  const std::size_t colon = host.rfind(':');
+  if (colon != host.npos && host.find(']', colon) == host.npos) host = host.substr(0, colon);
+  if (host.starts_with('[')) return true;
+  const bool is_ipv4 =
+      !host.empty() && host.find_first_not_of("0123456789.") == std::string_view::npos;
+  const auto is_host = [host](std::string_view name) {
+    return name.size() == host.size() && ::strncasecmp(name.data(), host.data(), name.size()) == 0;
+  };
+  return is_ipv4 || is_host("localhost") || std::ranges::any_of(config_.hosts, is_host);
+}
+
+HttpAnswer WebServer::metrics() {
   const auto now_here = status();
   // Old numbers would look like new ones.
   if (is_stale(now_here.get(), Clock::now()))
@@ -117,10 +157,10 @@ HttpAnswer MetricsServer::metrics() {
     text_ = std::make_shared<const std::string>(exposition(*now_here, server_->closed()));
     shown_ = now_here;
   }
-  return {kOk, kExposition, text_};
+  return {kOk, kExposition, text_, {}};
 }
 
-std::shared_ptr<const AgentStatus> MetricsServer::status() {
+std::shared_ptr<const AgentStatus> WebServer::status() {
   const auto now = Clock::now();
   const auto patience = now < ask_again_ ? milliseconds(0) : kPatience;
   auto newest = board_.read(now, patience);

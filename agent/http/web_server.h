@@ -1,6 +1,6 @@
-// Serves /metrics, /healthz and /readyz at the configured address, on its own thread. Reads only
-// the status board, so it cannot hold up the agent. If the address is not available, logs why and
-// tries again every 5 s.
+// Serves the page with its data, /metrics, /healthz and /readyz at the configured address, on its
+// own thread. Reads only the status board and the kept log events, so it cannot hold up the agent.
+// If the address is not available, logs why and tries again every 5 s.
 #pragma once
 
 #include <chrono>
@@ -12,11 +12,12 @@
 
 #include "agent/config/model.h"
 #include "agent/http/http_server.h"
+#include "agent/http/page_api.h"
 #include "agent/status_board.h"
 
 namespace fxagent {
 
-class MetricsServer final {
+class WebServer final {
  public:
   /// Time between two attempts to open the address.
   static constexpr std::chrono::seconds kRetry{5};
@@ -24,12 +25,12 @@ class MetricsServer final {
   static constexpr std::size_t kMostFiles = HttpServer::kMostConnections + 4;
 
   /// Starts the thread. `board` outlives this object. If no thread can be started, logs that and
-  /// serves nothing.
-  MetricsServer(MetricsConfig config, StatusBoard& board);
+  /// serves nothing. For the page, the agent keeps last values and log events from this call on.
+  WebServer(HttpConfig config, StatusBoard& board);
   /// Ends the thread within kPatience.
-  ~MetricsServer();
-  MetricsServer(const MetricsServer&) = delete;
-  MetricsServer& operator=(const MetricsServer&) = delete;
+  ~WebServer();
+  WebServer(const WebServer&) = delete;
+  WebServer& operator=(const WebServer&) = delete;
 
  private:
   /// Longest wait for a fresh status. If it runs out, requests of the next second do not wait.
@@ -42,11 +43,15 @@ class MetricsServer final {
   /// Returns true when `file` is readable, or at `until`. Returns false when the thread must end.
   bool wait(int file, SteadyTime until) const;
 
-  HttpAnswer answer(std::string_view path);
+  HttpAnswer answer(const HttpRequest& request);
   HttpAnswer metrics();
+  HttpAnswer page(const HttpRequest& request);
+  /// True if a browser may call the page by this Host: an address, `localhost` or a name of the
+  /// config. A web site that makes its own name mean our address (DNS rebinding) is refused.
+  bool is_our_name(std::string_view host) const;
   std::shared_ptr<const AgentStatus> status();
 
-  const MetricsConfig config_;
+  const HttpConfig config_;
   StatusBoard& board_;
   const int end_;  ///< readable when the thread must end
   // Used by the thread only.
@@ -54,6 +59,7 @@ class MetricsServer final {
   const HttpServer* server_ = nullptr;        ///< null until it serves
   std::shared_ptr<const AgentStatus> shown_;  ///< the status that `text_` shows
   std::shared_ptr<const std::string> text_;
+  PageApi api_;
   std::thread thread_;
 };
 

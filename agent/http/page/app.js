@@ -1,0 +1,57 @@
+// Asks once a second, and shows the view that the address names.
+import {el, show} from './dom.js';
+import {data, refresh, want} from './data.js';
+import {clock, since} from './words.js';
+import {now} from './now.js';
+import {values} from './values.js';
+import {lines} from './lines.js';
+import {commands, config} from './lists.js';
+
+const views = {now, values, lines, commands, config};
+const main = document.getElementById('view');
+const pulse = document.getElementById('pulse');
+let view = null;
+
+function open() {
+  const [name, ...rest] = decodeURIComponent(location.hash.slice(1)).split('/');
+  const chosen = views[name] ? name : 'now';
+  for (const link of document.querySelectorAll('nav a'))
+    link.hash === `#${chosen}` ? link.setAttribute('aria-current', 'page') : link.removeAttribute('aria-current');
+  want.groups.clear();
+  want.link = null;
+  view = views[chosen](main, rest.join('/'));
+  view.draw();
+}
+
+function draw() {
+  if (data.config) {
+    document.getElementById('agent').textContent = data.config.agent;
+    document.getElementById('base').textContent = data.config.base;
+    const worst = data.problems[0]?.severity;
+    document.title = `${worst === 'bad' ? '■ ' : worst ? '▲ ' : ''}${data.config.agent} – fxagent`;
+  }
+  pulse.classList.toggle('lost', data.lost !== '');
+  const text = data.lost ? `The agent does not answer: ${data.lost}` + (data.heard ? `. Last heard ${clock(data.heard)}` : '')
+    : `as of ${clock(data.ts)}, running for ${since(0, data.uptime * 1000)}`;
+  // Announced only if the connection changes, not every second.
+  pulse.setAttribute('aria-live', data.lost ? 'assertive' : 'off');
+  show(pulse, text, () => el('span', {}, text));
+  view.draw();
+}
+
+async function turn() {
+  if (!document.hidden) {
+    await refresh();
+    if (data.config) draw();
+    else pulse.textContent = `The agent does not answer: ${data.lost}`;
+  }
+  setTimeout(turn, 1000);
+}
+
+addEventListener('hashchange', () => { open(); refresh().then(draw); main.focus(); });
+document.addEventListener('visibilitychange', () => { if (!document.hidden) refresh().then(() => data.config && draw()); });
+await refresh();
+if (!data.config) pulse.textContent = `The agent does not answer: ${data.lost}`;
+open();
+if (data.config) draw();
+setTimeout(turn, 1000);

@@ -1,0 +1,82 @@
+// What the agent says: the config once, then every second what has changed.
+export const data = {
+  config: null, now: 0, valuesNow: 0, lastEvent: 0, ts: 0, uptime: 0,
+  problems: [], problemsInAll: 0, works: '', broker: null, samples: null, store: null, commands: {}, configState: null,
+  lastCommands: [], links: [], link: null, devices: new Map(), events: [], values: new Map(), history: new Map(),
+  lost: '', heard: 0,
+};
+
+// The groups and the link that the view in front needs.
+export const want = {groups: new Set(), link: null};
+
+const KEPT_EVENTS = 2000;
+const KEPT_POINTS = 900;
+let asked = '';
+
+async function get(path) {
+  const answer = await fetch(path, {signal: AbortSignal.timeout(5000)});
+  if (answer.status === 304) return null;
+  const body = await answer.json();
+  if (!answer.ok) throw new Error(body.error ?? (body.why ?? []).join('; ') ?? String(answer.status));
+  return body;
+}
+
+export const plan = (link) => get(`/api/plan?link=${link}`);
+
+async function takeConfig() {
+  data.config = await get('/api/config');
+  Object.assign(data, {now: 0, valuesNow: 0, devices: new Map(), values: new Map(), history: new Map()});
+}
+
+function keepHistory(group, index, reading) {
+  const [value, ts, bad] = reading;
+  if (bad || ts === null || (typeof value !== 'number' && typeof value !== 'boolean')) return;
+  const key = `${group}.${index}`;
+  let points = data.history.get(key);
+  if (!points) data.history.set(key, points = []);
+  if (points.length && points[points.length - 1][0] === ts) return;
+  points.push([ts, Number(value)]);
+  if (points.length > KEPT_POINTS) points.shift();
+}
+
+function take(news) {
+  for (const [d, device] of Object.entries(news.devices)) data.devices.set(Number(d), device);
+  for (const [group, readings] of Object.entries(news.values)) {
+    data.values.set(group, readings);
+    readings.forEach((reading, index) => reading && keepHistory(group, index, reading));
+  }
+  for (const event of news.events) {
+    const last = data.events[data.events.length - 1];
+    // An equal event in a row comes again with its count.
+    if (last && event.count > 1 && last.event === event.event && last.text === event.text) data.events.pop();
+    data.events.push(event);
+    data.lastEvent = event.n;
+  }
+  data.events.splice(0, data.events.length - KEPT_EVENTS);
+  Object.assign(data, {
+    now: news.now, valuesNow: news.now, ts: news.ts, uptime: news.uptime_s, problems: news.problems,
+    problemsInAll: news.problems_in_all, works: news.works, broker: news.broker, samples: news.samples, store: news.store,
+    commands: news.commands, configState: news.config, lastCommands: news.last_commands, links: news.links,
+    link: news.link ?? null,
+  });
+}
+
+export async function refresh() {
+  try {
+    if (!data.config) await takeConfig();
+    const groups = [...want.groups].slice(0, 200).join(',');
+    if (groups !== asked) { asked = groups; data.valuesNow = 0; }
+    const news = await get(`/api/changes?since=${data.now}&values=${data.valuesNow}&events=${data.lastEvent}` +
+      (groups ? `&groups=${groups}` : '') + (want.link === null ? '' : `&link=${want.link}`));
+    if (news && (news.boot !== data.config.boot || news.hash !== data.config.hash)) {
+      if (news.boot !== data.config.boot) Object.assign(data, {events: [], lastEvent: 0});
+      data.config = null;
+      return await refresh();
+    }
+    if (news) take(news);
+    data.lost = '';
+    data.heard = Date.now();
+  } catch (fault) {
+    data.lost = fault.name === 'TimeoutError' ? 'no answer within 5 s' : fault instanceof TypeError ? 'no connection' : fault.message;
+  }
+}

@@ -1,0 +1,102 @@
+// Each link: whose milliseconds the wire spends, its counters, and its devices.
+import {el, facts, show, state, svg, table} from './dom.js';
+import {data, plan, want} from './data.js';
+import {clock, kindOf, ms, since} from './words.js';
+
+// A link is as good as its devices. Without any, its port counts.
+function stateOf(l) {
+  const states = devicesOf(l).map(([d]) => data.devices.get(d));
+  if (states.some((device) => device?.reason === 'link_down')) return ['bad', 'down'];
+  if (!data.links[l]) return ['idle', 'starting'];
+  if (states.some((device) => device?.state === 'offline')) return ['warn', 'up, a device is silent'];
+  return data.links[l][0] || states.some((device) => device?.state === 'online') ? ['ok', 'up'] : ['idle', 'closed'];
+}
+
+const devicesOf = (l) => data.config.devices.map((device, d) => [d, device]).filter(([, device]) => device?.link === l);
+
+function bar(l, groups) {
+  // The share of each group: its line time per cycle, divided by its interval.
+  const parts = groups.map((one) => {
+    const group = data.config.devices[one.d].groups[one.g];
+    return {...one, name: `${data.config.devices[one.d].name} ${group.name}`, interval: group.interval_ms,
+      share: one.ms === null || !group.interval_ms ? null : one.ms / group.interval_ms};
+  });
+  const sum = parts.reduce((total, part) => total + (part.share ?? 0), 0);
+  let at = 0;
+  const scale = 1000 / Math.max(1, sum);
+  const drawn = sum > 0 ? svg('svg', {class: 'bar', viewBox: '0 0 1000 28', preserveAspectRatio: 'none', role: 'img',
+    'aria-label': `Planned load of the line: ${Math.round(sum * 100)} %`},
+  ...parts.map((part) => {
+    const width = (part.share ?? 0) * scale;
+    const rect = svg('rect', {x: at, width, height: 28, class: at / scale + width / scale > 1.0001 ? 'over' : null}, svg('title', {}, `${part.name}: ${Math.round((part.share ?? 0) * 100)} %`));
+    at += width;
+    return rect;
+  })) : null;
+  return [
+    el('p', {class: 'small soft'}, sum > 1 ? `The poll intervals ask for ${Math.round(sum * 100)} % of the line: every group is polled less often.`
+      : sum > 0 ? `The polls take ${Math.round(sum * 100)} % of the line time.` : 'The speed of the line is not known, so the plan has no times.'),
+    drawn,
+    table(['group', {name: 'interval', number: true}, {name: 'exchanges', number: true}, {name: 'line time', number: true}, {name: 'share', number: true}],
+      parts.map((part) => el('tr', {}, el('td', {}, part.name), el('td', {class: 'number'}, part.interval ? `${part.interval} ms` : 'as fast as possible'),
+        el('td', {class: 'number'}, String(part.exchanges)), el('td', {class: 'number'}, part.ms === null ? '–' : `${part.ms.toFixed(1)} ms`),
+        el('td', {class: 'number'}, part.share === null ? '–' : `${(part.share * 100).toFixed(1)} %`))))];
+}
+
+function counters(link) {
+  return [facts([['exchanges', String(link.exchanges)], ['no answer', String(link.timeouts)], ['refused', String(link.naks)],
+    ['damaged answers', String(link.bad_frames)], ['unexpected bytes', String(link.unexpected_bytes)],
+    ['response time', `${ms(link.p50)}, p99 ${ms(link.p99)}`]]),
+  table(['device', {name: 'polls', number: true}, {name: 'skipped', number: true}, {name: 'late, p50', number: true}, {name: 'late, p99', number: true}],
+    link.devices.map((one) => el('tr', {}, el('td', {}, data.config.devices[one.d].name), el('td', {class: 'number'}, String(one.polls)),
+      el('td', {class: 'number'}, String(one.missed)), el('td', {class: 'number'}, ms(one.late_p50)), el('td', {class: 'number'}, ms(one.late_p99)))))];
+}
+
+function devices(l) {
+  return table(['device', 'state', 'since', 'model', 'what to check'], devicesOf(l).map(([d, device]) => {
+    const now = data.devices.get(d);
+    return el('tr', {}, el('td', {}, device.name), el('td', {}, state(kindOf(now?.state), now?.state ?? 'starting')),
+      el('td', {class: 'time'}, now ? `${clock(now.since)} (${since(now.since, data.ts)})` : ''),
+      el('td', {}, (now?.model || device.model) + (now?.run === false ? ', STOP' : now?.run ? ', RUN' : '')),
+      el('td', {class: 'text'}, now?.reason ? `${now.reason}: ${now.cure}` : ''));
+  }));
+}
+
+export function lines(main, given) {
+  const list = el('div', {});
+  const detail = el('div', {});
+  const planned = el('div', {});
+  const counted = el('div', {});
+  const named = el('div', {});
+  let chosen = null;
+  main.replaceChildren(el('h1', {}, 'Lines'), list, detail);
+
+  function choose(l) {
+    chosen = l;
+    want.link = l;
+    planned.replaceChildren();
+    planned.shownKey = undefined;
+    detail.replaceChildren(el('h2', {}, data.config.links[l].name), el('p', {class: 'soft'}, data.config.links[l].wire), named, planned, counted);
+    plan(l).then((found) => { if (chosen === l) planned.replaceChildren(...bar(l, found.groups).filter(Boolean)); },
+      (fault) => planned.replaceChildren(el('p', {}, `The plan could not be had: ${fault.message}`)));
+    draw();
+  }
+
+  function draw() {
+    if (!data.config) return;
+    const all = data.config.links.map((link, l) => [l, link]).filter(([, link]) => link);
+    const rows = all.map(([l, link]) => [l, link, stateOf(l), data.links[l]]);
+    if (chosen === null && all.length) {
+      const wanted = all.find(([, link]) => link.name === given) ?? all[0];
+      return choose(wanted[0]);
+    }
+    show(list, JSON.stringify([chosen, rows]), () => table(['link', 'state', 'wire', {name: 'busy', number: true}, {name: 'asked for', number: true}],
+      rows.map(([l, link, [kind, word], counts]) => el('tr', {},
+        el('td', {}, el('a', {href: `#lines/${encodeURIComponent(link.name)}`, 'aria-current': l === chosen && 'true'}, link.name)),
+        el('td', {}, state(kind, word)), el('td', {class: 'text soft small'}, link.wire),
+        el('td', {class: 'number'}, counts ? `${counts[2]} %` : '–'), el('td', {class: 'number'}, counts ? `${counts[3]} %` : '–')))));
+    if (chosen === null) return;
+    show(named, JSON.stringify([devicesOf(chosen).map(([d]) => data.devices.get(d)), Math.floor(data.ts / 10000)]), () => devices(chosen));
+    if (data.link?.l === chosen) show(counted, JSON.stringify(data.link), () => [el('h2', {}, 'Since the start'), ...counters(data.link)]);
+  }
+  return {draw};
+}

@@ -1,0 +1,335 @@
+#include "agent/http/page_api.h"
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "agent/config/model.h"
+#include "agent/http/page_config.h"
+#include "agent/http/page_verdict.h"
+#include "agent/json_writer.h"
+#include "agent/log/recent_events.h"
+
+namespace fxagent {
+namespace {
+
+using json::Writer;
+
+constexpr unsigned kBadRequest = 400;
+constexpr std::size_t kMostProblems = 50;
+
+HttpAnswer json_answer(unsigned status, std::string text) {
+  return {status, kJson, std::make_shared<const std::string>(std::move(text)), {}};
+}
+
+std::optional<std::uint64_t> number_of(std::string_view text) {
+  std::uint64_t number = 0;
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (fault != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return number;
+}
+
+template <class T>
+const T* at(const std::vector<T>& list, std::size_t index) {
+  return index < list.size() ? &list[index] : nullptr;
+}
+
+std::string_view word_of(log::Level level) {
+  return level == log::Level::info ? "info" : level == log::Level::warn ? "warn" : "error";
+}
+
+void write_verdict(Writer& out, const AgentStatus& status) {
+  const Verdict verdict = verdict_of(status);
+  out.key("problems").begin_array();
+  for (std::size_t i = 0; i < std::min(verdict.problems.size(), kMostProblems); ++i) {
+    const Problem& problem = verdict.problems[i];
+    out.begin_object().key("severity").string(to_string(problem.severity));
+    out.key("place").string(problem.place).key("text").string(problem.text);
+    out.key("cure").string(problem.cure).key("since").integer(problem.since_ms).end_object();
+  }
+  out.end_array();
+  out.key("problems_in_all").integer(std::uint64_t{verdict.problems.size()});
+  out.key("works").string(verdict.works);
+}
+
+void write_agent(Writer& out, const AgentStatus& status) {
+  const BrokerStatus& broker = status.broker;
+  out.key("broker").begin_object().key("server").string(broker.server);
+  out.key("connected").boolean(broker.connected).key("since").integer(broker.since_ms);
+  out.end_object();
+  const SampleCounts& samples = status.samples;
+  out.key("samples").begin_object().key("collected").integer(samples.collected);
+  out.key("acknowledged").integer(samples.acknowledged).key("dropped").integer(samples.dropped);
+  out.key("waiting").integer(samples.queued + samples.in_flight + samples.stored).end_object();
+  out.key("store").begin_object().key("state").string(status.store_state);
+  out.key("bytes").integer(status.store_bytes).key("hours_left");
+  status.hours_left ? out.number(*status.hours_left) : out.null();
+  out.end_object();
+  out.key("commands").begin_object();
+  for (const auto& [outcome, count] : status.commands) out.key(to_string(outcome)).integer(count);
+  out.end_object();
+  const ConfigStatus& config = status.config_status;
+  out.key("config").begin_object().key("since").integer(config.since_ms).key("reload");
+  if (const auto& reload = config.last_reload) {
+    out.begin_object().key("state").string(reload->state).key("ts").integer(reload->ts_ms);
+    out.key("errors").begin_array();
+    for (const std::string& error : reload->errors) out.string(error);
+    out.end_array().end_object();
+  } else {
+    out.null();
+  }
+  out.key("remote");
+  config.remote ? out.begin_object()
+                      .key("version")
+                      .string(config.remote->version)
+                      .key("state")
+                      .string(config.remote->state)
+                      .end_object()
+                : out.null();
+  out.end_object();
+}
+
+void write_commands(Writer& out, const AgentStatus& status) {
+  out.key("last_commands").begin_array();
+  for (const LastCommand& command : status.last_commands) {
+    out.begin_object().key("device").string(command.device).key("id").string(command.id);
+    out.key("op").string(command.op).key("status").string(to_string(command.status));
+    out.key("reason").string(to_string(command.reason)).key("ts").integer(command.ts_ms);
+    out.end_object();
+  }
+  out.end_array();
+}
+
+void write_links(Writer& out, const AgentStatus& status) {
+  out.key("links").begin_array();
+  for (std::size_t l = 0; l < status.config->links.size(); ++l) {
+    const LinkHealth* link = at(status.field->links, l);
+    if (link == nullptr || status.config->links[l].is_vacant()) {
+      out.null();
+      continue;
+    }
+    // An array, since there may be many: open, doubted, percent busy, percent of load.
+    out.begin_array().integer(std::int64_t{link->open ? 1 : 0});
+    out.integer(std::int64_t{link->doubted ? 1 : 0});
+    out.integer(static_cast<std::int64_t>(link->busy_percent));
+    out.integer(static_cast<std::int64_t>(link->load_percent)).end_array();
+  }
+  out.end_array();
+}
+
+/// Returns the members of /api/changes that do not depend on the request, with a comma behind each.
+std::string overview_of(const AgentStatus& status) {
+  Writer out;
+  out.begin_object();
+  write_verdict(out, status);
+  write_agent(out, status);
+  write_commands(out, status);
+  write_links(out, status);
+  out.end_object();
+  const std::string whole = out.take();
+  return whole.substr(1, whole.size() - 2) + ",";
+}
+
+void write_device(Writer& out, const DeviceStatus& device) {
+  out.begin_object().key("state").string(to_string(device.state));
+  out.key("reason").string(device.reason).key("cure").string(device.reason_text);
+  out.key("since").integer(device.since_ms).key("model").string(device.model).key("run");
+  device.run ? out.boolean(*device.run) : out.null();
+  out.end_object();
+}
+
+/// Writes the values of a group in the order of its tags: value, time, reason if bad, since when.
+void write_values(Writer& out, const DeviceConfig& device, std::size_t group,
+                  const GroupValues& values) {
+  const auto by_tag = values.by_tag();
+  out.begin_array();
+  for (const TagConfig& tag : device.tags) {
+    if (tag.group != group) continue;
+    const auto found = by_tag.find(std::string_view(tag.name));
+    if (found == by_tag.end()) {
+      out.null();
+      continue;
+    }
+    const LastValue& last = found->second;
+    const bool is_single = last.type == DataType::float32 && !last.scaled;
+    out.begin_array();
+    write_value(out, last.value, is_single ? json::Precision::single : json::Precision::full);
+    last.ts_ms ? out.integer(*last.ts_ms) : out.null();
+    if (last.bad) out.string(to_string(*last.bad)).integer(last.bad_since_ms);
+    out.end_array();
+  }
+  out.end_array();
+}
+
+void write_link(Writer& out, const AgentStatus& status, std::size_t link) {
+  const LinkHealth* health = at(status.field->links, link);
+  if (health == nullptr) return;
+  out.key("link").begin_object().key("l").integer(std::uint64_t{link});
+  out.key("exchanges").integer(health->exchanges).key("timeouts").integer(health->timeouts);
+  out.key("naks").integer(health->naks).key("bad_frames").integer(health->bad_frames);
+  out.key("unexpected_bytes").integer(health->unexpected_bytes);
+  out.key("doubts").integer(health->doubts);
+  out.key("p50").number(health->turnaround_ms.p50).key("p99").number(health->turnaround_ms.p99);
+  out.key("devices").begin_array();
+  for (std::size_t d = 0; d < status.config->devices.size(); ++d) {
+    const DeviceConfig& device = status.config->devices[d];
+    const DeviceHealth* counts = at(status.field->devices, d);
+    if (device.is_vacant() || device.link != link || counts == nullptr) continue;
+    out.begin_object().key("d").integer(std::uint64_t{d}).key("polls").integer(counts->polls);
+    out.key("missed").integer(counts->missed).key("late_p50").number(counts->late_ms.p50);
+    out.key("late_p99").number(counts->late_ms.p99).end_object();
+  }
+  out.end_array().end_object();
+}
+
+void write_events(Writer& out, std::uint64_t after) {
+  out.key("events").begin_array();
+  for (const log::Event& event : log::events_after(after, PageApi::kMostEvents)) {
+    out.begin_object().key("n").integer(event.number).key("ts").integer(event.ts_ms);
+    out.key("level").string(word_of(event.level)).key("event").string(event.name);
+    out.key("text").string(event.text).key("count").integer(event.count).end_object();
+  }
+  out.end_array();
+}
+
+}  // namespace
+
+/// The arguments of /api/changes.
+struct PageApi::Asked {
+  std::uint64_t since = 0;  ///< the last snapshot that the page has
+  /// The snapshot of its values. Below `since` if it now asks for other groups than before.
+  std::uint64_t values = 0;
+  std::uint64_t events = 0;  ///< the last event that it has
+  std::optional<std::size_t> link;
+  std::vector<std::pair<std::size_t, std::size_t>> groups;  ///< device and group
+
+  /// Returns nullopt if an argument is wrong.
+  static std::optional<Asked> from(const HttpRequest& request) {
+    Asked asked;
+    const auto number = [&](std::string_view name, auto& into) {
+      const auto given = request.arguments.find(name);
+      if (given == request.arguments.end()) return true;
+      const auto value = number_of(given->second);
+      if (value) into = *value;
+      return value.has_value();
+    };
+    if (!number("since", asked.since) || !number("values", asked.values) ||
+        !number("events", asked.events) || !number("link", asked.link))
+      return std::nullopt;
+    const auto given = request.arguments.find("groups");
+    std::string_view rest = given == request.arguments.end() ? std::string_view() : given->second;
+    while (!rest.empty()) {
+      const std::string_view one = rest.substr(0, rest.find(','));
+      rest.remove_prefix(std::min(rest.size(), one.size() + 1));
+      const std::size_t dot = one.find('.');
+      const auto device = number_of(one.substr(0, dot));
+      const auto group = dot == one.npos ? std::nullopt : number_of(one.substr(dot + 1));
+      if (!device || !group || asked.groups.size() == kMostGroups) return std::nullopt;
+      asked.groups.emplace_back(*device, *group);
+    }
+    return asked;
+  }
+};
+
+HttpAnswer PageApi::answer(const HttpRequest& request, std::shared_ptr<const AgentStatus> status) {
+  take(std::move(status));
+  if (request.path == "/api/config") return config(request);
+  if (request.path != "/api/changes" && request.path != "/api/plan")
+    return refusal(kNotFound, "there are /api/config, /api/plan and /api/changes");
+  const auto asked = Asked::from(request);
+  if (!asked)
+    return refusal(
+        kBadRequest,
+        "since, values, events and link are numbers; groups is a list as in 0.0,0.1, of at most "
+        "200");
+  if (request.path == "/api/changes") return changes(*asked);
+  const auto& links = status_->config->links;
+  if (!asked->link || *asked->link >= links.size() || links[*asked->link].is_vacant())
+    return refusal(kNotFound, "there is no such link");
+  return json_answer(kOk, page_plan(*status_->config, *asked->link));
+}
+
+/// Takes over a newer status and notes what has changed. Parts that did not change share their
+/// objects with the previous status.
+void PageApi::take(std::shared_ptr<const AgentStatus> status) {
+  if (status == status_) return;
+  const auto before = std::exchange(status_, std::move(status));
+  ++snapshot_;
+  const bool is_anew = before == nullptr || before->config != status_->config;
+  if (is_anew) changed_ = {};
+  changed_.devices.resize(status_->config->devices.size(), snapshot_);
+  changed_.groups.resize(status_->config->devices.size());
+  for (std::size_t d = 0; d < changed_.devices.size(); ++d) {
+    const auto* now = at(status_->devices, d);
+    const auto* old = is_anew ? nullptr : at(before->devices, d);
+    if (now != nullptr && (old == nullptr || *now != *old)) changed_.devices[d] = snapshot_;
+    const auto* groups = at(status_->values, d);
+    const auto* old_groups = is_anew ? nullptr : at(before->values, d);
+    if (groups == nullptr) continue;
+    changed_.groups[d].resize(groups->size(), snapshot_);
+    for (std::size_t g = 0; g < groups->size(); ++g) {
+      const auto* values = old_groups == nullptr ? nullptr : at(*old_groups, g);
+      if (values == nullptr || *values != (*groups)[g]) changed_.groups[d][g] = snapshot_;
+    }
+  }
+  overview_ = overview_of(*status_);
+}
+
+HttpAnswer PageApi::config(const HttpRequest& request) {
+  const std::string etag = "\"" + status_->config->hash + "-" + status_->boot + "\"";
+  if (request.if_none_match == etag) {
+    HttpAnswer same = json_answer(kNotModified, "");
+    same.etag = etag;
+    return same;
+  }
+  if (config_of_ != status_->config) {
+    config_text_ = std::make_shared<const std::string>(page_config(*status_));
+    config_of_ = status_->config;
+  }
+  return {kOk, kJson, config_text_, etag};
+}
+
+HttpAnswer PageApi::changes(const Asked& asked) {
+  if (asked.since == snapshot_ && (asked.values == snapshot_ || asked.groups.empty()))
+    return json_answer(kNotModified, "");
+  return json_answer(kOk, changes_text(asked));
+}
+
+std::string PageApi::changes_text(const Asked& asked) const {
+  const AgentStatus& status = *status_;
+  // A number above ours is of another run.
+  const auto known = [this](std::uint64_t number) { return number > snapshot_ ? 0 : number; };
+  const std::uint64_t since = known(asked.since);
+  const std::uint64_t values_since = known(asked.values);
+  Writer out(overview_.size() + 4096);
+  out.begin_object().key("now").integer(snapshot_).key("boot").string(status.boot);
+  out.key("hash").string(status.config->hash).key("ts").integer(status.ts_ms);
+  out.key("uptime_s").integer(std::int64_t{status.uptime.count()});
+  out.key("devices").begin_object();
+  for (std::size_t d = 0; d < changed_.devices.size(); ++d) {
+    const auto* device = at(status.devices, d);
+    if (changed_.devices[d] <= since || device == nullptr || *device == nullptr) continue;
+    out.key(std::to_string(d));
+    write_device(out, **device);
+  }
+  out.end_object();
+  out.key("values").begin_object();
+  for (const auto& [d, g] : asked.groups) {
+    const auto* groups = at(status.values, d);
+    const auto* values = groups == nullptr ? nullptr : at(*groups, g);
+    if (values == nullptr || *values == nullptr || changed_.groups[d][g] <= values_since) continue;
+    out.key(std::to_string(d) + "." + std::to_string(g));
+    write_values(out, status.config->devices[d], g, **values);
+  }
+  out.end_object();
+  if (asked.link) write_link(out, status, *asked.link);
+  write_events(out, asked.events);
+  out.end_object();
+  std::string text = out.take();
+  text.insert(1, overview_);
+  return text;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,47 @@
+// The data of the page: /api/config, /api/plan and /api/changes, made from successive statuses of
+// the agent. The interface belongs to the page of the same version; it is not for other programs.
+// The thread of the HTTP server.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "agent/http/http_server.h"
+#include "agent/status.h"
+
+namespace fxagent {
+
+class PageApi final {
+ public:
+  /// Most groups and events in one answer.
+  static constexpr std::size_t kMostGroups = 200;
+  static constexpr std::size_t kMostEvents = 300;
+
+  /// Answers a request for a path below /api/, from `status`, which is not null. 404 if there is no
+  /// such path, 400 if an argument is wrong.
+  HttpAnswer answer(const HttpRequest& request, std::shared_ptr<const AgentStatus> status);
+
+ private:
+  /// Numbers of the snapshot in which a part last changed. Snapshots are counted from 1.
+  struct Changed {
+    std::vector<std::uint64_t> devices;
+    std::vector<std::vector<std::uint64_t>> groups;
+  };
+  struct Asked;
+
+  void take(std::shared_ptr<const AgentStatus> status);
+  HttpAnswer config(const HttpRequest& request);
+  HttpAnswer changes(const Asked& asked);
+  std::string changes_text(const Asked& asked) const;
+
+  std::shared_ptr<const AgentStatus> status_;
+  std::uint64_t snapshot_ = 0;
+  Changed changed_;
+  std::string overview_;  ///< members of /api/changes that are the same for all pages
+  std::shared_ptr<const Config> config_of_;
+  std::shared_ptr<const std::string> config_text_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,33 @@
+// Says in words what is wrong with the plant now, and what still works: the first thing on the
+// page. Pure; any thread.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "agent/status.h"
+
+namespace fxagent {
+
+enum class Severity : std::uint8_t { ok, warn, bad };
+std::string_view to_string(Severity severity);
+
+/// One thing that is wrong.
+struct Problem {
+  Severity severity = Severity::warn;
+  std::string place;          ///< "device press4", "broker"; empty: the agent
+  std::string text;           ///< one sentence: what is wrong
+  std::string cure;           ///< what to check or to do
+  std::int64_t since_ms = 0;  ///< 0: unknown
+};
+
+struct Verdict {
+  std::vector<Problem> problems;  ///< the worst first, then the oldest
+  std::string works;              ///< what works: "3 of 4 devices answer; the broker has ..."
+};
+
+/// Returns the verdict on a status with its config.
+Verdict verdict_of(const AgentStatus& status);
+
+}  // namespace fxagent

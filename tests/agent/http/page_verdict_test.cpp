@@ -1,0 +1,107 @@
+#include "agent/http/page_verdict.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/agent/http/made_up_status.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+
+AgentStatus well() {
+  AgentStatus status = made_up_status();
+  DeviceStatus online;
+  online.state = DeviceStatus::State::online;
+  status.devices = {std::make_shared<const DeviceStatus>(online),
+                    std::make_shared<const DeviceStatus>(online)};
+  status.refused = {"", ""};
+  return status;
+}
+
+std::shared_ptr<const DeviceStatus> in_state(DeviceStatus::State state, const std::string& reason,
+                                             std::int64_t since_ms) {
+  DeviceStatus device;
+  device.state = state;
+  device.reason = reason;
+  device.reason_text = "check the cable";
+  device.since_ms = since_ms;
+  return std::make_shared<const DeviceStatus>(device);
+}
+
+TEST(PageVerdict, NothingIsWrongIfEverythingWorks) {
+  const Verdict verdict = verdict_of(well());
+  EXPECT_TRUE(verdict.problems.empty());
+  EXPECT_EQ(verdict.works, "2 of 2 devices answer; the broker is connected");
+}
+
+TEST(PageVerdict, ASilentDeviceIsNamedWithItsTimeAndCure) {
+  AgentStatus status = well();
+  status.devices[1] = in_state(DeviceStatus::State::offline, "timeout", 1790000000000);
+  const Verdict verdict = verdict_of(status);
+  ASSERT_EQ(verdict.problems.size(), 1U);
+  const Problem& problem = verdict.problems[0];
+  EXPECT_EQ(problem.severity, Severity::bad);
+  EXPECT_EQ(problem.place, "device press2");
+  EXPECT_EQ(problem.text, "press2 does not answer (timeout)");
+  EXPECT_EQ(problem.cure, "check the cable");
+  EXPECT_EQ(problem.since_ms, 1790000000000);
+  EXPECT_EQ(verdict.works, "1 of 2 devices answers; the broker is connected");
+}
+
+TEST(PageVerdict, ADeviceThatStartsIsNoFault) {
+  AgentStatus status = well();
+  status.devices[0] = in_state(DeviceStatus::State::offline, "starting", 5);
+  status.devices[1] = in_state(DeviceStatus::State::degraded, "nak", 6);
+  for (const Problem& problem : verdict_of(status).problems)
+    EXPECT_EQ(problem.severity, Severity::warn) << problem.text;
+}
+
+TEST(PageVerdict, TheWorstComesFirstThenTheOldest) {
+  AgentStatus status = well();
+  status.devices[0] = in_state(DeviceStatus::State::degraded, "nak", 1);
+  status.devices[1] = in_state(DeviceStatus::State::offline, "timeout", 30);
+  status.broker.connected = false;
+  status.broker.why = "connection refused";
+  status.broker.since_ms = 20;
+  const Verdict verdict = verdict_of(status);
+  ASSERT_EQ(verdict.problems.size(), 3U);
+  EXPECT_EQ(verdict.problems[0].text, "No connection to mqtt://one:1883: connection refused");
+  EXPECT_EQ(verdict.problems[1].place, "device press2");
+  EXPECT_EQ(verdict.problems[2].place, "device press1");
+  EXPECT_NE(verdict.works.find("wait for the broker on disk"), std::string::npos) << verdict.works;
+}
+
+TEST(PageVerdict, EachOtherFaultHasItsSentenceAndCure) {
+  struct Case {
+    void (*make)(AgentStatus&);
+    std::string text;
+  };
+  for (const Case& each : {
+           Case{[](AgentStatus& s) { s.conflict = "0badc0de"; }, "same id"},
+           Case{[](AgentStatus& s) { s.broker.not_heard_why = "not authorised"; },
+                "not authorised"},
+           Case{[](AgentStatus& s) { s.store_state = "memory"; }, "cannot be written"},
+           Case{[](AgentStatus& s) { s.store_state = "hangs"; }, "does not respond"},
+           Case{[](AgentStatus& s) { s.store_set_aside = "fxagent.db.bad"; }, "fxagent.db.bad"},
+           Case{[](AgentStatus& s) {
+                  s.refused = {"0x87", ""};
+                },
+                "0x87"},
+           Case{[](AgentStatus& s) {
+                  s.config_status.last_reload = {"rejected", 5, {"/links/0: no"}, 1};
+                },
+                "/links/0: no"},
+       }) {
+    AgentStatus status = well();
+    each.make(status);
+    const Verdict verdict = verdict_of(status);
+    ASSERT_EQ(verdict.problems.size(), 1U) << each.text;
+    EXPECT_NE(verdict.problems[0].text.find(each.text), std::string::npos)
+        << verdict.problems[0].text;
+    EXPECT_FALSE(verdict.problems[0].cure.empty());
+  }
+}
+
+}  // namespace
+}  // namespace fxagent
