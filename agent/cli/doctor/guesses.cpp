@@ -65,6 +65,9 @@ std::vector<std::int64_t> station_guesses(const ProtocolInfo& protocol, std::int
   for (const OptionSpec& option : protocol.options) {
     if (option.key != "station" && option.key != "unit") continue;
     const bool is_unit = option.key == "unit";
+    // A device of Modbus TCP without a bus behind it answers 255 or 0.
+    if (is_unit && !protocol.on_serial)
+      for (const std::int64_t usual : {255, 1, 0}) add_once(guesses, usual);
     const std::int64_t first = is_unit ? 1 : option.min;  // 0 is a broadcast
     const std::int64_t last = is_unit ? kLastModbusUnit : option.max;
     for (std::int64_t each = first; each <= last; ++each) add_once(guesses, each);

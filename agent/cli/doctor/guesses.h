@@ -18,7 +18,8 @@ std::vector<LineDefaults> line_guesses(const ProtocolInfo& protocol, const LineD
 /// Returns the option that is the address of a device on its bus, "station" or "unit"; empty if the
 /// protocol has neither.
 std::string_view station_key(const ProtocolInfo& protocol);
-/// Returns every address of a device, `own` first, then from the lowest.
+/// Returns every address of a device, `own` first, then from the lowest. On
+/// Modbus TCP 255, 1 and 0 precede the others.
 std::vector<std::int64_t> station_guesses(const ProtocolInfo& protocol, std::int64_t own);
 
 }  // namespace fxagent

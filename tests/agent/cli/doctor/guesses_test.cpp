@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <vector>
+
 namespace fxagent {
 namespace {
 
@@ -34,6 +37,13 @@ TEST(Guesses, OwnStationComesFirstAndABroadcastNever) {
   EXPECT_EQ(units[0], 7);
   EXPECT_EQ(units[1], 1);
   EXPECT_EQ(station_guesses(*find_protocol("fx-computer-link"), 3).size(), 16U);
+}
+
+TEST(Guesses, ModbusTcpTriesTheUnitsOfADeviceWithoutABusFirst) {
+  const auto units = station_guesses(*find_protocol("modbus-tcp"), 9);
+  ASSERT_GE(units.size(), 4U);
+  EXPECT_EQ(std::vector<std::int64_t>(units.begin(), units.begin() + 4),
+            (std::vector<std::int64_t>{9, 255, 1, 0}));
 }
 
 }  // namespace
