@@ -1,5 +1,5 @@
 // Command line: run · check · config · plan · read · write · force-on · force-off · audit · decode
-// · verify-stream · acl · import · export · init · schema. Contains no other logic.
+// · doctor · scan · verify-stream · acl · import · export · init · schema. Contains no other logic.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -19,6 +19,7 @@
 #include "agent/cli/audit.h"
 #include "agent/cli/check.h"
 #include "agent/cli/decode.h"
+#include "agent/cli/doctor/doctor.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/import.h"
 #include "agent/cli/one_shot.h"
@@ -376,6 +377,25 @@ int dispatch(int argc, char** argv) {
 
   CheckQuestion check;
   add_check(app, path, check, action);
+
+  DoctorQuestion doctor;
+  CLI::App* doctor_command =
+      app.add_subcommand("doctor", "Find out why a device does not answer as the config says");
+  doctor_command->add_option("CONFIG", path, "Config file")->required();
+  doctor_command->add_option("--fix", doctor.fix,
+                             "Write a copy of the config with the changes to this new file");
+  doctor_command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_doctor(*config, path, doctor) : kWrong;
+    };
+  });
+
+  std::string port;
+  CLI::App* scan_command =
+      app.add_subcommand("scan", "Find what answers on a serial port, without a config");
+  scan_command->add_option("PORT", port, "/dev/ttyUSB0")->required();
+  scan_command->callback([&] { action = [&] { return run_scan(port); }; });
 
   CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");
   config_command->add_option("CONFIG", path, "Config file")->required();

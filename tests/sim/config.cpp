@@ -72,6 +72,11 @@ LineSettings parse_line(const json& plc, Protocol protocol, const std::string& w
     fail(where + "/data_bits", "modbus-rtu takes 8");
   line.bits_per_character =
       static_cast<unsigned>(1 + data_bits + (parity == "none" ? 0 : 1) + stop_bits);
+  line.parity = parity;
+  line.two_stop_bits = stop_bits == 2;
+  line.strict = flag(plc, "strict_line", false, where);
+  if (line.strict && (line.pty.empty() || line.baud == 0))
+    fail(where + "/strict_line", "needs a \"pty\" and a \"baud\" other than 0");
   line.gateway = flag(plc, "gateway", false, where);
   line.connections = static_cast<unsigned>(number(plc, "connections", 0, 0, 1000, where));
   return line;
@@ -195,7 +200,7 @@ void parse_memory(const json& memory, PlcConfig& plc, const std::string& where) 
 Keys keys_of(Protocol protocol) {
   Keys keys = {"name",      "protocol", "pty",        "tcp",           "with",      "baud",
                "data_bits", "parity",   "stop_bits",  "turnaround_ms", "jitter_ms", "seed",
-               "plant",     "run",      "run_switch", "memory",        "faults"};
+               "plant",     "run",      "run_switch", "memory",        "faults",    "strict_line"};
   const auto add = [&keys](std::initializer_list<std::string_view> more) {
     keys.insert(keys.end(), more);
   };
@@ -331,7 +336,7 @@ json repetition(json entry, std::size_t n) {
 void join_line(json& entry, const json& host) {
   for (const auto* key :
        {"protocol", "pty", "tcp", "udp", "udp_peer_port", "connections", "baud", "data_bits",
-        "parity", "stop_bits", "gateway", "format", "sum_check", "code"})
+        "parity", "stop_bits", "strict_line", "gateway", "format", "sum_check", "code"})
     if (!entry.contains(key) && host.contains(key)) entry[key] = host[key];
 }
 

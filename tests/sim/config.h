@@ -33,7 +33,10 @@ struct LineSettings {
   std::string listen = "127.0.0.1";  // address of the TCP listener
   unsigned baud = 9600;              // 0: unlimited
   unsigned bits_per_character = 10;  // start, data, parity and stop
-  bool gateway = false;              // answers nobody_there() when no station replies
+  bool strict = false;               // pty: deaf to a client with other speed, parity or stop bits
+  std::string parity = "even";       // even, odd or none
+  bool two_stop_bits = false;
+  bool gateway = false;  // answers nobody_there() when no station replies
 };
 
 /// The time a station takes before it answers.

@@ -181,6 +181,9 @@ asio::awaitable<void> Line::receive(SessionPtr session) {
     const auto size = co_await session->stream.async_read_some(
         asio::buffer(buffer), redirect_error(use_awaitable, error));
     if (error) break;
+    if (settings_.strict && pty_ &&
+        !pty_->client_is_set_to(settings_.baud, settings_.parity, settings_.two_stop_bits))
+      continue;
     // All bytes from the client are here at once. On the wire each takes its time, after the bytes
     // that are still being transmitted.
     received_until_ = std::max(received_until_, Clock::now());

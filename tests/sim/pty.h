@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 namespace fxsim {
 
@@ -18,6 +19,9 @@ class Pty final {
   Pty& operator=(const Pty&) = delete;
 
   int master() const { return master_; }
+  /// True if the client's end is set to this speed, parity and number of stop bits. A terminal
+  /// keeps them all except the number of data bits; of parity it keeps INPCK and PARODD.
+  bool client_is_set_to(unsigned baud, std::string_view parity, bool two_stop_bits) const;
   /// Readable when a client has opened or closed its end.
   int watch() const { return watch_; }
   /// Call when watch() is readable, and before answering a request. After a client has closed,

@@ -37,6 +37,21 @@ Exit status:
   2  the arguments or the config are wrong
   3  --online: another process uses a link, which was not checked; the rest answers
   4  --online: everything answers, and something does not match the config)"},
+    {"doctor", R"(Examples:
+  fxagent doctor agent.json
+  fxagent doctor agent.json --fix fixed.json
+Exit status:
+  0  everything answers as the config says
+  1  a link or a device does not answer, or the copy could not be written
+  2  the arguments or the config are wrong
+  3  another process uses a link, which was not examined
+  4  something does not match the config)"},
+    {"scan", R"(Examples:
+  fxagent scan /dev/ttyUSB0
+Exit status:
+  0  something answers
+  1  nothing answers, or the port could not be opened
+  3  another process uses the port)"},
     {"config", R"(Examples:
   fxagent config agent.json)"},
     {"plan", R"(Examples:

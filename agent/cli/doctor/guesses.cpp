@@ -1,0 +1,78 @@
+#include "agent/cli/doctor/guesses.h"
+
+#include <algorithm>
+#include <array>
+
+namespace fxagent {
+namespace {
+
+constexpr std::array kLikelySpeeds{9600, 19200, 38400, 115200, 57600, 4800, 2400, 1200};
+constexpr std::int64_t kLastModbusUnit = 247;
+
+template <class Item>
+void add_once(std::vector<Item>& list, const Item& item) {
+  if (std::ranges::find(list, item) == list.end()) list.push_back(item);
+}
+
+/// Returns the shapes of a character, likeliest first. Their speed is that of `usual`.
+std::vector<LineDefaults> shapes_of(const ProtocolInfo& protocol) {
+  const LineDefaults& usual = protocol.line;
+  std::vector<LineDefaults> shapes{usual};
+  if (protocol.one_line) return shapes;
+  for (const int bits : {usual.data_bits, usual.data_bits == 7 ? 8 : 7}) {
+    const int least = protocol.least_data_bits == 0 ? usual.data_bits : protocol.least_data_bits;
+    if (bits < least) continue;
+    for (const Parity parity : {Parity::even, Parity::none, Parity::odd})
+      add_once(shapes, LineDefaults{usual.baud, bits, parity, 1});
+    add_once(shapes, LineDefaults{usual.baud, bits, Parity::none, 2});
+  }
+  return shapes;
+}
+
+}  // namespace
+
+bool operator==(const LineDefaults& one, const LineDefaults& other) {
+  return one.baud == other.baud && one.data_bits == other.data_bits && one.parity == other.parity &&
+         one.stop_bits == other.stop_bits;
+}
+
+std::vector<LineDefaults> line_guesses(const ProtocolInfo& protocol, const LineDefaults& own) {
+  std::vector<LineDefaults> guesses{own};
+  const auto shapes = shapes_of(protocol);
+  for (LineDefaults shape : shapes) {
+    shape.baud = own.baud;
+    add_once(guesses, shape);
+  }
+  for (const int baud : kLikelySpeeds) {
+    const auto& known = protocol.speeds;
+    if (!known.empty() && std::ranges::find(known, baud) == known.end()) continue;
+    for (LineDefaults shape : shapes) {
+      shape.baud = baud;
+      add_once(guesses, shape);
+    }
+  }
+  return guesses;
+}
+
+std::string_view station_key(const ProtocolInfo& protocol) {
+  for (const OptionSpec& option : protocol.options)
+    if (option.key == "station" || option.key == "unit") return option.key;
+  return {};
+}
+
+std::vector<std::int64_t> station_guesses(const ProtocolInfo& protocol, std::int64_t own) {
+  std::vector<std::int64_t> guesses{own};
+  for (const OptionSpec& option : protocol.options) {
+    if (option.key != "station" && option.key != "unit") continue;
+    const bool is_unit = option.key == "unit";
+    // A device of Modbus TCP without a bus behind it answers 255 or 0.
+    if (is_unit && !protocol.on_serial)
+      for (const std::int64_t usual : {255, 1, 0}) add_once(guesses, usual);
+    const std::int64_t first = is_unit ? 1 : option.min;  // 0 is a broadcast
+    const std::int64_t last = is_unit ? kLastModbusUnit : option.max;
+    for (std::int64_t each = first; each <= last; ++each) add_once(guesses, each);
+  }
+  return guesses;
+}
+
+}  // namespace fxagent
