@@ -20,6 +20,7 @@ cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DFXAGEN
 if [ -z "${BUILD_TARGETS:-}" ]; then
   "$root/tests/npm.sh" "$root/tests/system/peers/node" "$build/npm/peers"
   "$root/tests/npm.sh" "$root/tests/system/peers/node-red" "$build/npm/node-red"
+  "$root/tests/npm.sh" "$root/tests/system/peers/browser" "$build/npm/browser"
 fi
 # shellcheck disable=SC2086 # several targets
 cmake --build "$build" ${BUILD_TARGETS:+--target $BUILD_TARGETS}

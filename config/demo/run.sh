@@ -4,7 +4,7 @@
 # Installs missing packages (only then as root), builds the agent and the simulator, and starts
 #   mosquitto  a broker on port 1883 of the loopback, or on another free port, with its own configuration,
 #   fxsim      an FX3U with an oven and a conveyor on a pseudo terminal, paced at 9600 baud,
-#   fxagent    with agent.json of this directory.
+#   fxagent    with agent.json of this directory, and its page for a browser.
 # Prints the agent's messages as they arrive, one per line. After some seconds it sends three commands to the PLC
 # (stop the conveyor, start it, a new setpoint) and prints their results.
 #
@@ -187,12 +187,18 @@ tail -n +1 -f --pid="$viewer_pid" "$dir/messages" | jq --unbuffered -r "$readabl
 printer_pid=$!
 
 mkdir "$dir/store"
-DEMO_PORT=$port DEMO_STORE=$dir/store DEMO_SERIAL=$dir/press1 \
+# The page: on port 8080 if that is free, otherwise on any free port (0).
+http=8080
+! is_open "$http" || http=0
+DEMO_PORT=$port DEMO_STORE=$dir/store DEMO_SERIAL=$dir/press1 DEMO_HTTP=$http \
   "$agent" run "$here/agent.json" >"$dir/agent.out" 2>"$dir/agent.log" &
 agent_pid=$!
 start=$SECONDS
 
+await grep -q 'metrics state=listening' "$dir/agent.log" || give_up "the page did not start"
+page=http://$(sed -n 's/.*metrics state=listening listen=//p' "$dir/agent.log" | head -n 1)/
 echo "broker on 127.0.0.1:$port, PLC on $dir/press1, base topic $base"
+echo "the page: $page"
 [ -n "$seconds" ] || echo "Ctrl-C ends it"
 
 # Sleeps until the given second after the start, or to the end; fails when a part has died.
@@ -225,7 +231,7 @@ order '{"id":"demo-3","op":"write","tag":"setpoint","value":60,"by":"demo"}'
 if [ -z "$seconds" ]; then
   until_second $((first + 6))
   cat <<END
---------- try, in another terminal:
+--------- open $page in a browser, or try in another terminal:
   mosquitto_sub -p $port -v -t '$base/#'
   mosquitto_pub -p $port -q 1 -t $press/command -m '{"id":"mine-1","op":"write","tag":"setpoint","value":70}'
 (every command needs its own id: a used id gets the result DUPLICATE)

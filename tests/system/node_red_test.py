@@ -40,11 +40,11 @@ class NodeRed(PlantTest):
         with open(os.path.join(CONFIG, "demo", "agent.json")) as text:
             config = json.loads(text.read().replace("${DEMO_PORT}", str(self.broker.port))
                                 .replace("${DEMO_STORE}", os.path.join(self.directory, "store"))
-                                .replace("${DEMO_SERIAL}", self.pty("press1")))
+                                .replace("${DEMO_SERIAL}", self.pty("press1")).replace("${DEMO_HTTP}", "0"))
         config["devices"][0]["groups"][0]["interval_ms"] = 50
         config["devices"][0]["timeout_ms"] = 300
         self.metrics = free_port()
-        config["metrics"] = {"listen": f"127.0.0.1:{self.metrics}"}
+        config["http"] = {"listen": f"127.0.0.1:{self.metrics}"}
         self.agent = Agent(self.directory, config)
         self.agent.start()
 

@@ -48,6 +48,10 @@ constexpr std::array kRules{
     Rules{"mqtt.tls",
           R"({"dependencies": {"cert_file": ["key_file"], "key_file": ["cert_file"]}})"},
     Rules{
+        "http.listen",
+        R"({"pattern": "^(([0-9.]+|localhost|\\[[0-9A-Fa-f:.]+\\]):[0-9]{1,5}|unix:/[^\\u0000-\\u001f\\u007f]{1,106}|.*\\$\\{.*)$"})"},
+    Rules{"http.hosts", R"({"items": {"type": "string", "pattern": "^[^/: ]+$|\\$\\{"}})"},
+    Rules{
         "metrics.listen",
         R"({"pattern": "^(([0-9.]+|localhost|\\[[0-9A-Fa-f:.]+\\]):[0-9]{1,5}|unix:/[^\\u0000-\\u001f\\u007f]{1,106}|.*\\$\\{.*)$"})"},
     Rules{"links[]",
