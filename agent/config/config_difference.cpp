@@ -173,7 +173,8 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
   must_stay("/store/audit_max_age_h", is.audit_max_age == next.audit_max_age,
             std::to_string(is.audit_max_age.count()));
   const std::optional<HttpConfig>& server = wanted.http ? wanted.http : running.http;
-  must_stay(server && server->page ? "/http/listen" : "/metrics/listen", running.http == wanted.http,
+  must_stay(server && server->page ? "/http/listen" : "/metrics/listen",
+            running.http == wanted.http,
             running.http ? "the address at the start" : "no HTTP server");
   return errors;
 }

@@ -200,10 +200,10 @@ struct StoreConfig {
 
 /// Address of the HTTP server: `http.listen`, or `metrics.listen` without the page.
 struct HttpConfig {
-  std::string address;     ///< IPv4 or IPv6, without brackets; empty: use `unix_path`
-  std::uint16_t port = 0;  ///< 0: any free port
-  std::string unix_path;   ///< absolute
-  bool page = false;       ///< serves the page and its data, too
+  std::string address;             ///< IPv4 or IPv6, without brackets; empty: use `unix_path`
+  std::uint16_t port = 0;          ///< 0: any free port
+  std::string unix_path;           ///< absolute
+  bool page = false;               ///< serves the page and its data, too
   std::vector<std::string> hosts;  ///< more names by which a browser may call the page
   friend bool operator==(const HttpConfig&, const HttpConfig&) = default;
 };

@@ -19,7 +19,7 @@ picture() {
     printf '{"until": "document.querySelectorAll(\\".row\\").length > 3"}\n'
     printf '{"click": ".row:nth-of-type(2) input"}\n{"click": ".row:nth-of-type(3) input"}\n'
     # A curve begins when the page opens.
-    printf '{"click": "button"}\n{"until": "(document.querySelector(\\".plot path\\")?.getAttribute(\\"d\\").match(/L/g) ?? []).length > 40"}\n'
+    printf '{"click": "button"}\n{"until": "(document.querySelector(\\".plot path\\")?.getAttribute(\\"d\\").match(/L/g) ?? []).length > 24"}\n'
   elif [ "$2" = lines ]; then
     printf '{"until": "document.body.innerText.includes(\\"Since the start\\")"}\n'
   fi

@@ -34,7 +34,7 @@ function bar(l, groups) {
   })) : null;
   return [
     el('p', {class: 'small soft'}, sum > 1 ? `The poll intervals ask for ${Math.round(sum * 100)} % of the line: every group is polled less often.`
-      : sum > 0 ? `The polls take ${Math.round(sum * 100)} % of the line time.` : 'The speed of the line is not known, so the plan has no times.'),
+      : sum > 0 ? `As planned with the configured turnaround, the polls take ${Math.round(sum * 100)} % of the line time.` : 'The speed of the line is not known, so the plan has no times.'),
     drawn,
     table(['group', {name: 'interval', number: true}, {name: 'exchanges', number: true}, {name: 'line time', number: true}, {name: 'share', number: true}],
       parts.map((part) => el('tr', {}, el('td', {}, part.name), el('td', {class: 'number'}, part.interval ? `${part.interval} ms` : 'as fast as possible'),

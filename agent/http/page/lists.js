@@ -14,7 +14,7 @@ export function commands(main) {
       const counts = Object.entries(data.commands);
       if (data.lastCommands.length === 0) return el('p', {class: 'soft'}, 'No command has arrived since the agent started.');
       return [facts(counts.map(([status, count]) => [status, String(count)])),
-        el('p', {class: 'soft small'}, `The newest ${data.lastCommands.length}. Each command and its result is in the audit: fxagent audit show.`),
+        el('p', {class: 'soft small'}, `The newest ${data.lastCommands.length}. Each command and its result is in the audit: fxagent audit.`),
         table(['time', 'result', 'device', 'what', 'id', 'reason'], data.lastCommands.toReversed().map((one) => el('tr', {},
           el('td', {class: 'time'}, clock(one.ts)), el('td', {}, state(KIND[one.status] ?? 'idle', one.status)), el('td', {}, one.device),
           el('td', {}, one.op || '–'), el('td', {class: 'text'}, one.id || '–'), el('td', {class: 'text'}, one.reason))))];

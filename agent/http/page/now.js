@@ -31,13 +31,18 @@ function verdict() {
 function numbers() {
   const hours = data.store?.hours_left;
   return facts([
-    ['samples acknowledged', String(data.samples.acknowledged)],
+    ['acknowledged', String(data.samples.acknowledged)],
     ['samples waiting', String(data.samples.waiting)],
     ['samples dropped', String(data.samples.dropped)],
     ['commands', String(Object.values(data.commands).reduce((sum, count) => sum + count, 0))],
-    ['store', data.store.state ? `${bytes(data.store.bytes)}${hours === null ? '' : `, room for ${since(0, hours * 3600000)}`}` : 'none'],
+    ['in the store', data.store.state ? bytes(data.store.bytes) : 'no store'],
+    ['store has room for', hours === null ? '–' : since(0, hours * 3600000)],
   ]);
 }
+
+// A command as an event: the log has none of them.
+const eventOf = (one) => ({ts: one.ts, level: one.status === 'SUCCEEDED' ? 'info' : 'warn', event: 'command', count: 1,
+  text: `${one.device} ${one.op} ${one.status} ${one.reason} id=${one.id}`});
 
 export function now(main) {
   const top = el('div', {});
@@ -52,11 +57,11 @@ export function now(main) {
     show(top, JSON.stringify([data.problems, data.works, Math.floor(data.ts / 1000)]), verdict);
     show(below, JSON.stringify([data.samples, data.store, data.commands]), numbers);
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const found = data.events.filter((event) => {
+    const found = [...data.events, ...data.lastCommands.map(eventOf)].sort((a, b) => a.ts - b.ts).filter((event) => {
       const text = `${event.event} ${event.text}`.toLowerCase();
       return words.every((word) => text.includes(word));
     });
-    show(list, `${found.length} ${found[found.length - 1]?.n} ${words}`, () => found.length === 0
+    show(list, JSON.stringify([found.length, found[found.length - 1]?.ts, data.lastEvent, words]), () => found.length === 0
       ? el('p', {class: 'soft'}, words.length ? 'No event contains these words.' : 'No events since the agent started.')
       : table(['time', 'event', 'what'], found.slice(-SHOWN).reverse().map((event) => el('tr', {},
         el('td', {class: 'time'}, clock(event.ts)),

@@ -1,0 +1,133 @@
+#!/usr/bin/python3
+"""CPU of the agent with 0, 1, 10 and 100 open pages at 1,000 Modbus TCP devices of 100 registers, polled once a second:
+    FXAGENT=build-bench/agent/fxagent FXSIM=build-bench/tests/sim/fxsim tests/bench/pages.py [--devices N] [--seconds N]
+A page asks /api/changes once a second, with the values of twelve groups, as a browser with the view Values does. The pages run
+in another process; only the agent's CPU is counted, by /proc. Then it prints the memory of the agent without and with the page.
+"""
+
+import argparse
+import http.client
+import json
+import multiprocessing
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from ports import free_port
+
+TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def cpu_s(pid):
+    with open(f"/proc/{pid}/stat") as stat:
+        fields = stat.read().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS
+
+
+def memory_mib(pid):
+    with open(f"/proc/{pid}/status") as status:
+        return int(next(line for line in status if line.startswith("VmRSS")).split()[1]) / 1024
+
+
+def page(port, groups, late, end):
+    """One open page. Puts the longest wait for an answer into `late`."""
+    now = values = events = 0
+    while not end.wait(1):
+        began = time.monotonic()
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+        connection.request("GET", f"/api/changes?since={now}&values={values}&events={events}&groups={groups}")
+        answer = connection.getresponse()
+        body = answer.read()
+        connection.close()
+        if answer.status == 200:
+            news = json.loads(body)
+            now = values = news["now"]
+            events = max([events] + [event["n"] for event in news["events"]])
+        late.append(time.monotonic() - began)
+
+
+def pages(count, port, devices, seconds, out):
+    end, late = threading.Event(), []
+    threads = []
+    for n in range(count):
+        groups = ",".join(f"{(n * 12 + i) % devices}.0" for i in range(12))
+        threads.append(threading.Thread(target=page, args=(port, groups, late, end)))
+        threads[-1].start()
+        time.sleep(1 / count)
+    time.sleep(seconds)
+    end.set()
+    for thread in threads:
+        thread.join()
+    late.sort()
+    out.put((len(late), late[len(late) // 2], late[-1]))
+
+
+def start(directory, broker, first, devices, http_port):
+    config = {"agent": {"id": "bench"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker}"]},
+              "links": [{"name": f"l{n}", "tcp": {"host": "127.0.0.1", "port": first + n}} for n in range(devices)],
+              "devices": [{"name": f"d{n}", "link": f"l{n}", "protocol": "modbus-tcp",
+                           "tags": [{"name": f"t{t}", "address": f"hr:{t}", "type": "int16"} for t in range(100)]}
+                          for n in range(devices)]}
+    if http_port:
+        config["http"] = {"listen": f"127.0.0.1:{http_port}"}
+    path = os.path.join(directory, "agent.json")
+    with open(path, "w") as out:
+        json.dump(config, out)
+    child = subprocess.Popen([os.environ["FXAGENT"], "run", path], stderr=subprocess.DEVNULL)
+    time.sleep(8)  # a measurement begins when the first polls are spread over the second
+    return child
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--devices", type=int, default=1000)
+    parser.add_argument("--seconds", type=int, default=15)
+    given = parser.parse_args()
+    children = []
+    with tempfile.TemporaryDirectory() as directory:
+        try:
+            broker, http_port, first = free_port(), free_port(), 21000
+            with open(os.path.join(directory, "broker.conf"), "w") as out:
+                out.write(f"listener {broker} 127.0.0.1\nallow_anonymous true\n")
+            children.append(subprocess.Popen(["/usr/sbin/mosquitto", "-c", out.name], stderr=subprocess.DEVNULL))
+            with open(os.path.join(directory, "sim.json"), "w") as out:
+                json.dump({"plcs": [{"name": "d{}", "protocol": "modbus-tcp", "tcp": first, "repeat": given.devices,
+                                     "plant": "counter"}]}, out)
+            children.append(subprocess.Popen([os.environ["FXSIM"], "--config", out.name, "--seconds", "600"],
+                                             stdout=subprocess.DEVNULL))
+            time.sleep(3)
+            without = start(directory, broker, first, given.devices, 0)
+            before = cpu_s(without.pid)
+            time.sleep(given.seconds)
+            print(f"no http: {100 * (cpu_s(without.pid) - before) / given.seconds:.1f} % CPU, "
+                  f"{memory_mib(without.pid):.1f} MiB")
+            without.terminate()
+            without.wait()
+            agent = start(directory, broker, first, given.devices, http_port)
+            children.append(agent)
+            for count in (0, 1, 10, 100):
+                asked = (0, 0, 0)
+                before, began = cpu_s(agent.pid), time.monotonic()
+                if count:
+                    out = multiprocessing.Queue()
+                    other = multiprocessing.Process(target=pages, args=(count, http_port, given.devices, given.seconds, out))
+                    other.start()
+                    asked = out.get()
+                    other.join()
+                else:
+                    time.sleep(given.seconds)
+                used = 100 * (cpu_s(agent.pid) - before) / (time.monotonic() - began)
+                print(f"{count} pages: {used:.1f} % CPU, {memory_mib(agent.pid):.1f} MiB, {asked[0]} answers, "
+                      f"p50 {1000 * asked[1]:.1f} ms, longest {1000 * asked[2]:.1f} ms")
+        finally:
+            for child in reversed(children):
+                child.terminate()
+                child.wait()
+
+
+if __name__ == "__main__":
+    main()
