@@ -208,16 +208,19 @@ struct PageApi::Asked {
   /// Returns nullopt if an argument is wrong.
   static std::optional<Asked> from(const HttpRequest& request) {
     Asked asked;
-    const auto number = [&](std::string_view name, auto& into) {
+    bool is_good = true;
+    const auto number = [&](std::string_view name) -> std::optional<std::uint64_t> {
       const auto given = request.arguments.find(name);
-      if (given == request.arguments.end()) return true;
+      if (given == request.arguments.end()) return std::nullopt;
       const auto value = number_of(given->second);
-      if (value) into = *value;
-      return value.has_value();
+      is_good = is_good && value.has_value();
+      return value;
     };
-    if (!number("since", asked.since) || !number("values", asked.values) ||
-        !number("events", asked.events) || !number("link", asked.link))
-      return std::nullopt;
+    asked.since = number("since").value_or(0);
+    asked.values = number("values").value_or(0);
+    asked.events = number("events").value_or(0);
+    asked.link = number("link");
+    if (!is_good) return std::nullopt;
     const auto given = request.arguments.find("groups");
     std::string_view rest = given == request.arguments.end() ? std::string_view() : given->second;
     while (!rest.empty()) {

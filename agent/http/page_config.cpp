@@ -77,7 +77,7 @@ void write_device(Writer& out, const DeviceConfig& device) {
     const AddressSpace& addresses = device.codec->addresses();
     const std::string first = addresses.name_of({span.space, span.first_bit, 1});
     const std::string last = addresses.name_of({span.space, span.end_bit() - 1, 1});
-    out.string(first == last ? first : first + "-" + last);
+    out.string(first == last ? first : std::string(first).append("-").append(last));
   }
   out.end_array().end_object();
 }

@@ -1,7 +1,6 @@
 #include "agent/http/web_server.h"
 
 #include <poll.h>
-#include <strings.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
@@ -142,8 +141,9 @@ bool WebServer::is_our_name(std::string_view host) const {
   if (host.starts_with('[')) return true;
   const bool is_ipv4 =
       !host.empty() && host.find_first_not_of("0123456789.") == std::string_view::npos;
-  const auto is_host = [host](std::string_view name) {
-    return name.size() == host.size() && ::strncasecmp(name.data(), host.data(), name.size()) == 0;
+  const auto small = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; };
+  const auto is_host = [&](std::string_view name) {
+    return std::ranges::equal(name, host, {}, small, small);
   };
   return is_ipv4 || is_host("localhost") || std::ranges::any_of(config_.hosts, is_host);
 }
