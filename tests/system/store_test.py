@@ -75,7 +75,8 @@ class StoreLife(PlantTest):
         self.start_stored("always")
         self.data()
         self.broker_away()
-        self.poll_on(30)
+        # The newest polls may not be on disk yet: their answers or samples are still on their way.
+        self.poll_on(35)
         self.kill()
         self.broker_back()
         self.agent.start()
