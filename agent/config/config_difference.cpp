@@ -174,6 +174,8 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
             std::to_string(is.audit_max_age.count()));
   must_stay("/metrics/listen", running.metrics == wanted.metrics,
             running.metrics ? "the address at the start" : "no metrics");
+  must_stay("/recorder", running.recorder == wanted.recorder,
+            running.recorder ? "the recorder of the start" : "no recorder");
   return errors;
 }
 

@@ -229,9 +229,10 @@ TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
   const std::set<std::string> keys_taken_over{"agent.remote_config", "agent.remote_allow",
                                               "agent.remote_without_disk"};
   const std::set<std::string> restart{
-      "metrics.listen",       "agent.id",        "agent.root", "store.path",
-      "store.max_bytes",      "store.max_age_h", "store.sync", "store.audit_max_bytes",
-      "store.audit_max_age_h"};
+      "metrics.listen",        "agent.id",        "agent.root",          "store.path",
+      "store.max_bytes",       "store.max_age_h", "store.sync",          "store.audit_max_bytes",
+      "store.audit_max_age_h", "recorder.path",   "recorder.link_bytes", "recorder.files",
+      "recorder.max_bytes"};
   for (const ConfigKey& key : config_keys::kAll) {
     const std::string section(key.section);
     if (section.empty()) continue;
