@@ -23,6 +23,7 @@
 #include "agent/process/service_manager.h"
 #include "agent/process/service_reports.h"
 #include "agent/process/thread_progress.h"
+#include "agent/recorder/flight_recorder.h"
 #include "agent/reload.h"
 #include "agent/store/guarded_store.h"
 #include "agent/store/samples/first_numbers.h"
@@ -76,6 +77,19 @@ void report_alive(ThreadProgress& library, Heartbeats& signs) {
                             {"note", "a thread of the MQTT library hangs"}});
 }
 
+/// Starts the flight recorder; nullptr if the config has none.
+std::unique_ptr<FlightRecorder> make_recorder(const Config& config) {
+  if (!config.recorder) return nullptr;
+  FlightRecorder::Settings settings;
+  settings.directory = config.recorder->path;
+  settings.ring_bytes = ring_bytes(*config.recorder, config.links.size());
+  settings.most_files = config.recorder->files;
+  settings.most_bytes = config.recorder->max_bytes;
+  settings.agent = config.id;
+  settings.version = FXAGENT_VERSION;
+  return std::make_unique<FlightRecorder>(std::move(settings));
+}
+
 /// Returns the current status in one line; empty if there is none yet.
 std::string current_status(StatusBoard& board) {
   const auto status = board.read(std::chrono::steady_clock::now(), kStatusWithin);
@@ -106,7 +120,9 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   const auto guarded = store
                            ? std::make_unique<GuardedStore>(*store, [&outbox] { outbox.notify(); })
                            : std::unique_ptr<GuardedStore>();
-  Field field(config, outbox, first_numbers(config, store.get(), utc_now()));
+  const auto recorder = make_recorder(config);
+  Field field(config, outbox, first_numbers(config, store.get(), utc_now()), Polling::on,
+              recorder.get());
   Commands commands(
       config, [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); },
       guarded ? &guarded->journal() : nullptr);
@@ -131,6 +147,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   watchdog.begin("the start");
   field.trace(traced);
   field.switch_traces_at(SIGUSR1);
+  if (recorder) field.call_at(SIGUSR2, [&recorder] { recorder->asked(); });
   remote.begin();
   field.start();
   Heartbeats signs;

@@ -15,6 +15,11 @@ inline std::int64_t utc_ms(std::chrono::system_clock::time_point t) {
   return std::chrono::duration_cast<std::chrono::milliseconds>(t.time_since_epoch()).count();
 }
 
+/// Converts a system clock reading to microseconds UTC since 1970.
+inline std::int64_t utc_us(std::chrono::system_clock::time_point t) {
+  return std::chrono::duration_cast<std::chrono::microseconds>(t.time_since_epoch()).count();
+}
+
 /// Returns the duration in whole milliseconds, rounded.
 inline std::string whole_ms(std::chrono::nanoseconds duration) {
   return std::to_string(std::chrono::round<std::chrono::milliseconds>(duration).count());

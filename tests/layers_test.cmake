@@ -63,6 +63,8 @@ forbid("^agent/remote/" "^agent/(commands|field|uplink|cli|agent)[/.]"
 forbid("^agent/remote/" "^agent/store/" "of agent/store/ agent/remote/ sees durable_file.h only")
 forbid("^agent/(config|commands|field|import|http|store|uplink|log|process)/" "^agent/remote/"
        "only agent/cli/, agent/agent.cpp and agent/reload.cpp see agent/remote/")
+forbid("^agent/recorder/" "^agent/(commands|config|field|http|import|remote|store|uplink|cli|agent)[/.]"
+       "agent/recorder/ sees protocol, the log and the durable file of the store")
 forbid("^agent/http/" "^agent/(commands|field|store|uplink|cli|agent)[/.]"
        "agent/http/ sees the status, config and the log")
 forbid("^agent/[a-z_]+/" "^agent/http/" "nothing but agent/agent.cpp sees agent/http/")
@@ -91,6 +93,7 @@ set(allowed
   "^agent/remote/kept_file\\.h agent/store/disk/durable_file\\.h$"
   "^agent/config/read/http\\.cpp (arpa/inet|sys/un)\\.h$"
   "^agent/config/source\\.cpp poll\\.h$"
+  "^agent/recorder/recording_files\\.cpp agent/store/disk/(durable|store)_file\\.h$"
   "^agent/http/[^ ]+ agent/http/"
   "^agent/http/http_library\\.h microhttpd\\.h$"
   "^agent/http/exposition\\.cpp prometheus/")

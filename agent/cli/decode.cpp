@@ -5,34 +5,11 @@
 #include <nlohmann/json.hpp>
 
 #include "agent/cli/exit_status.h"
+#include "agent/cli/report/explanation_json.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {
 namespace {
-
-nlohmann::ordered_json to_json(const Explanation& frame) {
-  nlohmann::ordered_json out;
-  const auto put = [&](const char* key, const auto& value) {
-    if (value) out[key] = *value;
-  };
-  out["ok"] = frame.ok;
-  out["direction"] = frame.direction == Direction::request ? "request" : "reply";
-  out["ambiguous"] = frame.ambiguous;
-  out["operation"] = frame.operation;
-  put("command", frame.command);
-  put("command_set", frame.command_set);
-  put("device", frame.device);
-  put("count", frame.count);
-  if (!frame.values.empty()) out["values"] = frame.values;
-  if (frame.checksum_given || frame.checksum_computed) {
-    auto& sum = out["checksum"] = nlohmann::ordered_json::object();
-    if (frame.checksum_given) sum["given"] = *frame.checksum_given;
-    if (frame.checksum_computed) sum["computed"] = *frame.checksum_computed;
-  }
-  out["error"] = nullptr;
-  put("error", frame.error);
-  return out;
-}
 
 void print(const Explanation& frame) {
   std::size_t width = 0;
@@ -69,7 +46,7 @@ int run_decode(const DecodeQuestion& question) {
   if (!codec) return refused("", codec.error().text);
   const Explanation explanation = (*codec)->explain(*frame, question.direction);
   if (question.as_json)
-    std::cout << to_json(explanation).dump() << '\n';
+    std::cout << explanation_json(explanation).dump() << '\n';
   else
     print(explanation);
   return explanation.ok ? kDone : kFailed;

@@ -1,5 +1,6 @@
 // Command line: run · check · config · plan · read · write · force-on · force-off · audit · decode
-// · doctor · scan · verify-stream · acl · import · export · init · schema. Contains no other logic.
+// · doctor · scan · record · replay · verify-stream · acl · import · export · init · schema.
+// Contains no other logic.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -24,6 +25,7 @@
 #include "agent/cli/import.h"
 #include "agent/cli/one_shot.h"
 #include "agent/cli/plan.h"
+#include "agent/cli/record.h"
 #include "agent/cli/report/command_help.h"
 #include "agent/cli/report/command_pages.h"
 #include "agent/cli/report/schema.h"
@@ -47,9 +49,9 @@ namespace {
 
 using namespace fxagent;
 
-// Threads: watchdog, log, field and its name lookups, uplink, reload, three of the store and two of
-// the MQTT library.
-constexpr int kThreads = 11;
+// Threads: watchdog, log, field and its name lookups, recorder, uplink, reload, three of the store
+// and two of the MQTT library.
+constexpr int kThreads = 12;
 constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
 /// Prints the config with all devices expanded.
@@ -110,6 +112,7 @@ int run(const RunCall& call) {
   log::set_format(*log::format_from(call.log_format));
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGUSR1, SIG_IGN);  // until the field uses it to switch traces
+  std::signal(SIGUSR2, SIG_IGN);  // and this one to ask for recordings
   std::signal(SIGHUP, SIG_IGN);
   // A file at its size limit counts as a disk that rejects writes; it must not end the process.
   std::signal(SIGXFSZ, SIG_IGN);
@@ -268,6 +271,29 @@ void add_audit(CLI::App& app, std::string& path, AuditQuestion& what,
       return config ? run_audit(*config, what) : kWrong;
     };
   });
+}
+
+void add_record(CLI::App& app, std::string& path, RecordQuestion& what,
+                std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("record", "Ask the running agent to write its newest frames to files");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_option("--link", what.links, "Only this link; repeatable")->expected(1)->take_all();
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_record(*config, what) : kWrong;
+    };
+  });
+}
+
+void add_replay(CLI::App& app, ReplayQuestion& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("replay", "Explain every frame of a recording");
+  command->add_option("FILE", what.path, "Recording of the flight recorder")->required();
+  auto* json = command->add_flag("--json", what.as_json, "Print JSON, one object a frame");
+  command->add_option("--pcapng", what.pcapng, "Write a capture for Wireshark to this file")
+      ->excludes(json);
+  command->callback([&] { action = [&] { return run_replay(what); }; });
 }
 
 void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<int()>& action) {
@@ -430,6 +456,11 @@ int dispatch(int argc, char** argv) {
 
   VerifyStream verify_stream;
   add_verify_stream(app, path, verify_stream, action);
+
+  RecordQuestion record;
+  add_record(app, path, record, action);
+  ReplayQuestion replay;
+  add_replay(app, replay, action);
 
   AclQuestion acl;
   add_acl(app, path, acl, action);

@@ -176,6 +176,8 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
   must_stay(server && server->page ? "/http/listen" : "/metrics/listen",
             running.http == wanted.http,
             running.http ? "the address at the start" : "no HTTP server");
+  must_stay("/recorder", running.recorder == wanted.recorder,
+            running.recorder ? "the recorder of the start" : "no recorder");
   return errors;
 }
 

@@ -94,6 +94,7 @@ inline constexpr ConfigKey::Limits kBaud{50, 4'000'000};
 inline constexpr ConfigKey::Limits kBits{7, 8};
 inline constexpr ConfigKey::Limits kStopBits{1, 2};
 inline constexpr ConfigKey::Limits kBytes{65536, std::int64_t{1} << 53};
+inline constexpr ConfigKey::Limits kRingBytes{4096, std::int64_t{16} << 20};
 inline constexpr ConfigKey::Limits kMilliseconds{0, 60000};
 inline constexpr ConfigKey::Limits kElements{1, 65535};
 inline constexpr ConfigKey::Limits kExpiry{1, 604'800};  // a week
@@ -113,6 +114,9 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "agent does not listen."},
     {"", "metrics", object, {}, None{},
      "HTTP address for Prometheus and probes alone, without the page. Not together with `http`."},
+    {"", "recorder", object, {}, None{},
+     "Flight recorder: the newest frames of each link, written to disk at an anomaly or when "
+     "asked. Without it the agent records no frames."},
     {"", "links", array, {}, Required{},
      "Connections to the devices: serial ports, TCP connections and UDP ports."},
     {"", "templates", object, {}, None{},
@@ -196,6 +200,17 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "`127.0.0.1:9464`, `[::1]:9464` or `unix:/run/fxagent/metrics`. Serves `/metrics`, "
      "`/healthz` and `/readyz`, without password and TLS. Port 0: any free port; the log names "
      "it."},
+
+    {"recorder", "path", path, {}, Required{},
+     "A directory for the recordings. The agent makes it if it does not exist. Two agents must not "
+     "share it."},
+    {"recorder", "link_bytes", integer, kRingBytes, Rule{"262144, or an equal share of 16 MiB"},
+     "Memory for the frames of each link, in bytes. The default gives all links together at most "
+     "16 MiB, and each link at least 4096 bytes."},
+    {"recorder", "files", integer, {1, 10000}, 20,
+     "Number of recordings. The agent deletes the oldest."},
+    {"recorder", "max_bytes", integer, kBytes, 32 << 20,
+     "Bytes for the recordings. The agent deletes the oldest."},
 
     {"links[]", "name", name, {}, Required{}, "Name of the link, unique in the file."},
     {"links[]", "serial", object, {}, None{},

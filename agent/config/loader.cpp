@@ -17,6 +17,9 @@ namespace fxagent {
 namespace {
 
 constexpr std::size_t kHashBytes = 8;
+// The text of a frame is at most this many times as long as its place in the ring.
+constexpr std::uint64_t kTextOfRing = 4;
+constexpr std::uint64_t kMostRings = std::uint64_t{64} << 20;
 
 /// Returns why `root` cannot be a topic prefix; empty if it can.
 std::string_view root_fault(std::string_view root) {
@@ -50,6 +53,30 @@ void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store
       reader.integer_as<std::chrono::hours>(node, config_key("store.audit_max_age_h"));
 }
 
+std::optional<RecorderConfig> read_recorder(ConfigReader& reader, const ConfigNode& node) {
+  reader.check_object(node, config_section("recorder"));
+  const auto path = reader.text(node, config_key("recorder.path"));
+  RecorderConfig recorder;
+  if (const auto bytes = reader.integer(node, config_key("recorder.link_bytes")))
+    recorder.link_bytes = static_cast<std::uint64_t>(*bytes);
+  recorder.files = reader.integer_as<std::size_t>(node, config_key("recorder.files"));
+  recorder.max_bytes = reader.integer_as<std::uint64_t>(node, config_key("recorder.max_bytes"));
+  if (!path) return std::nullopt;
+  recorder.path = *path;
+  return recorder;
+}
+
+/// Checks the recorder against the number of links.
+void finish_recorder(ConfigReader& reader, const ConfigNode& node, const Config& config) {
+  const std::uint64_t ring = ring_bytes(*config.recorder, config.links.size());
+  if (config.recorder->max_bytes / kTextOfRing < ring)
+    reader.error(node, "max_bytes must be at least " + std::to_string(kTextOfRing) +
+                           " times link_bytes: one recording of a full link needs that much");
+  if (ring * config.links.size() > kMostRings)
+    reader.error(node, "link_bytes must be lower: all links together would use more than " +
+                           std::to_string(kMostRings >> 20) + " MiB of memory");
+}
+
 Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
   Config config;
   if (!reader.check_object(top, config_section(""))) return config;
@@ -65,6 +92,8 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
                 "no store: samples are lost while the broker is unreachable, and a restart loses "
                 "the ids of commands");
   config.http = read_http(reader, top);
+  const ConfigNode* recorder = reader.object(top, config_key("recorder"));
+  if (recorder != nullptr) config.recorder = read_recorder(reader, *recorder);
   Links links;
   const ConfigNode* link_array = reader.array(top, config_key("links"));
   if (link_array != nullptr) links = read_links(reader, *link_array, config);
@@ -74,6 +103,7 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
   set_silences(config);
+  if (config.recorder) finish_recorder(reader, *recorder, config);
   if (const auto memory = reader.room().size().memory(); memory > kMuchMemory)
     reader.warn(top,
                 "the agent needs about " + std::to_string(memory >> 20) +

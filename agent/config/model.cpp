@@ -1,5 +1,6 @@
 #include "agent/config/model.h"
 
+#include <algorithm>
 #include <tuple>
 
 namespace fxagent {
@@ -23,6 +24,14 @@ bool operator==(const DeviceConfig& a, const DeviceConfig& b) {
   const bool same_codec =
       a.options == b.options || (a.options && b.options && *a.options == *b.options);
   return settings(a) == settings(b) && same_codec;
+}
+
+std::size_t ring_bytes(const RecorderConfig& recorder, std::size_t links) {
+  if (recorder.link_bytes) return static_cast<std::size_t>(*recorder.link_bytes);
+  constexpr std::size_t kMost = std::size_t{256} << 10;
+  constexpr std::size_t kLeast = 4096;
+  constexpr std::size_t kOfAllLinks = std::size_t{16} << 20;
+  return std::clamp(kOfAllLinks / std::max<std::size_t>(links, 1), kLeast, kMost);
 }
 
 }  // namespace fxagent

@@ -208,6 +208,16 @@ struct HttpConfig {
   friend bool operator==(const HttpConfig&, const HttpConfig&) = default;
 };
 
+struct RecorderConfig {
+  std::string path;                           ///< directory of the recordings
+  std::optional<std::uint64_t> link_bytes{};  ///< nullopt: as ring_bytes() says
+  std::size_t files = static_cast<std::size_t>(config_key("recorder.files").number());
+  std::uint64_t max_bytes = static_cast<std::uint64_t>(config_key("recorder.max_bytes").number());
+  friend bool operator==(const RecorderConfig&, const RecorderConfig&) = default;
+};
+/// Returns the memory of each link's frames, in bytes, with so many links.
+std::size_t ring_bytes(const RecorderConfig& recorder, std::size_t links);
+
 /// One `commands.allow:` entry of `agent.remote_allow`.
 struct RemoteRange {
   /// nullptr: the entry is for devices of the local file. Otherwise it is for every device of this
@@ -244,7 +254,8 @@ struct Config {
   RemoteLimits remote;
   MqttConfig mqtt;
   StoreConfig store;
-  std::optional<HttpConfig> http;  ///< nullopt: the agent has no HTTP server
+  std::optional<HttpConfig> http;          ///< nullopt: the agent has no HTTP server
+  std::optional<RecorderConfig> recorder;  ///< nullopt: the agent records no frames
   SharedVector<LinkConfig> links;
   /// After a reload, unchanged devices are shared with the previous config.
   SharedList<DeviceConfig> devices;

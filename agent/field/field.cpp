@@ -23,8 +23,8 @@ constexpr std::chrono::seconds kReportEvery{5};
 /// The thread, and everything that runs on it.
 struct Field::Thread {
   Thread(const Config& config, Outbox& to, const std::vector<std::uint64_t>& last_seq,
-         Polling polling)
-      : outbox(to), report_timer(io), links(io, config, to, last_seq, polling) {}
+         Polling polling, FlightRecorder* recorder)
+      : outbox(to), report_timer(io), links(io, config, to, last_seq, polling, recorder) {}
 
   void report_later() {
     report_timer.expires_after(kReportEvery);
@@ -35,11 +35,12 @@ struct Field::Thread {
     });
   }
 
-  void await_trace_switch() {
-    trace_switch->async_wait([this](const asio::error_code& cancelled, int) {
+  /// Calls `act` at each of the signals. Both must outlive the thread.
+  static void await(asio::signal_set& signals, const std::function<void()>& act) {
+    signals.async_wait([&signals, &act](const asio::error_code& cancelled, int) {
       if (cancelled) return;
-      links.switch_traces();
-      await_trace_switch();
+      act();
+      await(signals, act);
     });
   }
 
@@ -48,14 +49,17 @@ struct Field::Thread {
   asio::steady_timer report_timer;
   FieldLinks links;
   std::optional<asio::signal_set> trace_switch;
+  std::function<void()> switch_traces = [this] { links.switch_traces(); };
+  std::optional<asio::signal_set> call;
+  std::function<void()> called;
   std::mutex end;
   bool is_over = false;  ///< under `end`: the thread has ended, and submit() answers at once
   std::thread thread;
 };
 
 Field::Field(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
-             Polling polling)
-    : field_(std::make_unique<Thread>(config, outbox, last_seq, polling)) {}
+             Polling polling, FlightRecorder* recorder)
+    : field_(std::make_unique<Thread>(config, outbox, last_seq, polling, recorder)) {}
 
 Field::~Field() { stop(); }
 
@@ -63,7 +67,13 @@ void Field::trace(const std::vector<std::uint32_t>& links) { field_->links.trace
 
 void Field::switch_traces_at(int signal) {
   field_->trace_switch.emplace(field_->io, signal);
-  field_->await_trace_switch();
+  Thread::await(*field_->trace_switch, field_->switch_traces);
+}
+
+void Field::call_at(int signal, std::function<void()> act) {
+  field_->called = std::move(act);
+  field_->call.emplace(field_->io, signal);
+  Thread::await(*field_->call, field_->called);
 }
 
 void Field::start() {
@@ -115,6 +125,7 @@ void Field::stop() {
     field->report_timer.cancel();
     asio::error_code ignored;
     if (field->trace_switch) field->trace_switch->cancel(ignored);
+    if (field->call) field->call->cancel(ignored);
     // Ends the thread, even if an abandoned name lookup is still running.
     field->links.stop([field] { field->io.stop(); });
   });

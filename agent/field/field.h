@@ -11,6 +11,7 @@
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
 #include "agent/outbox.h"
+#include "agent/recorder/flight_recorder.h"
 
 namespace fxagent {
 
@@ -23,8 +24,9 @@ class Field final {
 
   /// `outbox` must outlive the field; `config` is copied. Nothing runs yet. `last_seq` has the
   /// sequence number of each device's newest sample; a missing entry counts as 0.
+  /// `recorder` must outlive the field; nullptr: frames are not recorded.
   Field(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
-        Polling polling = Polling::on);
+        Polling polling = Polling::on, FlightRecorder* recorder = nullptr);
   /// Calls stop() unless it was called.
   ~Field();
 
@@ -33,6 +35,8 @@ class Field final {
   /// Makes `signal` switch the traces of all links: off if any is traced, otherwise on. asio
   /// installs its handler for the signal. Call before start().
   void switch_traces_at(int signal);
+  /// Calls `act` on the field thread at each `signal`, as above. Call before start(), at most once.
+  void call_at(int signal, std::function<void()> act);
   /// Starts the thread. Throws std::system_error if that fails.
   void start();
   /// Continues sequence numbers above these, by device. Any thread.

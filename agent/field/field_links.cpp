@@ -40,8 +40,13 @@ void report_end(const std::exception_ptr& bug, const std::string& link) {
 }  // namespace
 
 FieldLinks::FieldLinks(asio::io_context& io, const Config& config, Outbox& outbox,
-                       const std::vector<std::uint64_t>& last_seq, Polling polling)
-    : config_(std::make_shared<const Config>(config)), outbox_(outbox), polling_(polling), io_(io) {
+                       const std::vector<std::uint64_t>& last_seq, Polling polling,
+                       FlightRecorder* recorder)
+    : config_(std::make_shared<const Config>(config)),
+      outbox_(outbox),
+      polling_(polling),
+      recorder_(recorder),
+      io_(io) {
   const auto devices = devices_by_link(*config_);
   places_.resize(config_->links.size());
   for (std::uint32_t i = 0; i < config_->links.size(); ++i)
@@ -81,7 +86,7 @@ void FieldLinks::make_worker(std::uint32_t link, const std::vector<std::uint32_t
                              const std::vector<std::uint64_t>& last_seq) {
   auto worker = std::make_unique<LinkWorker>(
       io_.get_executor(), *config_, link, devices, outbox_,
-      transport_for(io_.get_executor(), config_->links[link]), last_seq, polling_);
+      transport_for(io_.get_executor(), config_->links[link]), last_seq, polling_, recorder_);
   const std::string& name = config_->links[link].name;
   if (traces_all_ || traced_.contains(name)) worker->trace(true);
   const std::lock_guard lock(places_mutex_);

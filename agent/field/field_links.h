@@ -27,10 +27,11 @@ class FieldLinks final {
  public:
   using Done = std::function<void()>;
 
-  /// `io` and `outbox` must outlive it; `config` is copied. Nothing runs yet. `last_seq` and
-  /// `polling` as in Field.
+  /// `io` and `outbox` must outlive it; `config` is copied. Nothing runs yet. `last_seq`,
+  /// `polling` and `recorder` as in Field.
   FieldLinks(asio::io_context& io, const Config& config, Outbox& outbox,
-             const std::vector<std::uint64_t>& last_seq, Polling polling);
+             const std::vector<std::uint64_t>& last_seq, Polling polling,
+             FlightRecorder* recorder = nullptr);
   FieldLinks(const FieldLinks&) = delete;
   FieldLinks& operator=(const FieldLinks&) = delete;
 
@@ -93,6 +94,7 @@ class FieldLinks final {
   std::shared_ptr<const Config> config_;
   Outbox& outbox_;
   const Polling polling_;
+  FlightRecorder* const recorder_;
   asio::io_context& io_;
   /// Changed on the field thread only. Other threads read names and workers under places_mutex_.
   std::vector<Place> places_;

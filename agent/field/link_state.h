@@ -45,6 +45,11 @@ class LinkState final {
   /// closed after a silence, this is not a loss, and it is reopened at once.
   void look();
 
+  /// True if the log reports the link as up.
+  bool is_up() const { return logged_up_; }
+  /// Returns why it went down last.
+  const std::string& why_down() const { return why_down_; }
+
   /// Records an answer of the device, even a refusal.
   void answered(LinkDevice& device);
   /// Records a request that the device left unanswered. Closes a TCP connection or UDP port on

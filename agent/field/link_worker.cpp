@@ -57,18 +57,21 @@ std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config) {
 LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
                        std::span<const std::uint32_t> devices, Outbox& outbox,
                        std::unique_ptr<Transport> transport,
-                       std::span<const std::uint64_t> last_seq, Polling polling)
+                       std::span<const std::uint64_t> last_seq, Polling polling,
+                       FlightRecorder* recorder)
     : config_(config.links[link]),
       link_(link),
       polling_(polling),
       outbox_(outbox),
       bus_(executor, std::move(transport), config_.char_time, config_.listening),
+      recorder_(recorder, config_),
       scheduler_(config_.poll_share),
       state_(config_, link, config.links.size(), bus_, scheduler_, devices_, outbox),
       poller_(config_, bus_, scheduler_, devices_, state_, outbox),
-      commands_(executor, config_, bus_, scheduler_, devices_, state_, poller_, outbox),
+      commands_(executor, config_, bus_, scheduler_, devices_, state_, poller_, outbox, recorder_),
       idle_(executor),
       counting_since_(Clock::now()) {
+  trace(false);
   if (config.http) bus_.counters().durations = std::make_unique<LinkDurations>();
   milliseconds spread = kSpread;
   for (const std::uint32_t device : devices)
@@ -98,6 +101,7 @@ LinkWorker::Device& LinkWorker::add_device(const Config& config, std::uint32_t i
                                            std::span<const std::uint64_t> last_seq) {
   auto device = std::make_unique<Device>(config.devices.shared(index), index);
   device->station.wiring = wiring_of(config_, device->config);
+  device->station.recorded_as = recorder_.number(device->config);
   device->id = scheduler_.add_device(device->config.retries + 1, {});
   if (index < last_seq.size()) device->seq = last_seq[index];
   DeviceStatus status = device->state.reported();
@@ -206,6 +210,7 @@ asio::awaitable<void> LinkWorker::serve() {
   while (!state_.is_stopping()) {
     let_leave();
     state_.look();
+    recorder_.look(bus_.counters().bad_frames, state_.is_up(), state_.why_down());
     const auto now = Clock::now();
     if (!bus_.is_open() && now >= state_.next_open()) {
       co_await open_line();
@@ -258,7 +263,9 @@ asio::awaitable<void> LinkWorker::open_line() {
 }
 
 void LinkWorker::trace(bool on) {
-  bus_.trace_to(on ? std::make_unique<WireTrace>(config_.name) : nullptr);
+  if (!on && recorder_.ring() == nullptr) return bus_.trace_to(nullptr);
+  bus_.trace_to(std::make_unique<WireTrace>(
+      config_.name, on ? WireTrace::Log::yes : WireTrace::Log::no, recorder_.ring()));
 }
 
 void LinkWorker::report(FieldHealth& health) {

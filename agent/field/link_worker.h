@@ -21,6 +21,7 @@
 #include "agent/field/command/link_commands.h"
 #include "agent/field/field.h"
 #include "agent/field/link_device.h"
+#include "agent/field/link_recorder.h"
 #include "agent/field/link_state.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/poller.h"
@@ -44,11 +45,12 @@ class LinkWorker final {
  public:
   /// `outbox` and the devices of `config` must outlive the worker. `link` is an index in
   /// Config::links; `devices` is its entry of devices_by_link(). `last_seq` has the newest sequence
-  /// number of each device; a missing entry counts as 0.
+  /// number of each device; a missing entry counts as 0. `recorder` must outlive the worker;
+  /// nullptr: frames are not recorded.
   LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
              std::span<const std::uint32_t> devices, Outbox& outbox,
              std::unique_ptr<Transport> transport, std::span<const std::uint64_t> last_seq,
-             Polling polling);
+             Polling polling, FlightRecorder* recorder = nullptr);
   LinkWorker(const LinkWorker&) = delete;
   LinkWorker& operator=(const LinkWorker&) = delete;
   ~LinkWorker();
@@ -117,6 +119,7 @@ class LinkWorker final {
   const Polling polling_;
   Outbox& outbox_;
   Bus bus_;
+  LinkRecorder recorder_;
   PollScheduler scheduler_;
   LinkDevices devices_;
   LinkState state_;

@@ -432,6 +432,7 @@ std::vector<PlcConfig> parse_config(const json& root) {
 }
 
 std::unique_ptr<Personality> make_personality(const PlcConfig& plc) {
+  if (plc.recording) return std::make_unique<RecordedDevice>(plc.recording);
   if (is_modbus(plc.protocol)) return std::make_unique<Modbus>(plc.protocol, plc.modbus);
   if (plc.protocol == Protocol::mc_1e) return std::make_unique<McOneE>(plc.mc);
   if (is_mc_ethernet(plc.protocol)) return std::make_unique<McEthernet>(plc.protocol, plc.mc);

@@ -14,6 +14,7 @@
 #include "tests/sim/mc.h"
 #include "tests/sim/modbus.h"
 #include "tests/sim/model.h"
+#include "tests/sim/recorded.h"
 
 namespace fxsim {
 
@@ -61,6 +62,7 @@ struct PlcConfig {
   bool run_switch = true;
   std::vector<std::pair<Device, std::uint32_t>> memory;
   std::vector<Fault> faults;
+  std::shared_ptr<const Recording> recording;  // answers in place of the protocol, if not null
 };
 
 /// Parses {"plcs": [...]} and expands repetitions. Throws ConfigError at the first mistake.

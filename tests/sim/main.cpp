@@ -11,7 +11,8 @@
 
 namespace {
 
-std::vector<fxsim::PlcConfig> load(const std::string& file, const std::vector<std::string>& forms) {
+std::vector<fxsim::PlcConfig> load(const std::string& file, const std::vector<std::string>& forms,
+                                   const std::string& from) {
   auto root = nlohmann::json{{"plcs", nlohmann::json::array()}};
   if (!file.empty()) {
     std::ifstream stream(file);
@@ -25,7 +26,27 @@ std::vector<fxsim::PlcConfig> load(const std::string& file, const std::vector<st
   if (!root.is_object() || !root.contains("plcs") || !root["plcs"].is_array())
     throw fxsim::ConfigError("/plcs: an array of PLCs is expected");
   for (const auto& form : forms) root["plcs"].push_back(fxsim::plc_from_short_form(form));
+  if (root["plcs"].empty() && !from.empty()) return {};
   return fxsim::parse_config(root);
+}
+
+/// Returns the line of a recording as a PLC. `at`: "pty=PATH", "tcp=PORT" or "udp=PORT"; empty: a
+/// free TCP or UDP port.
+fxsim::PlcConfig recorded(const std::string& file, const std::string& at) {
+  const auto recording = std::make_shared<fxsim::Recording>(fxsim::read_recording(file));
+  std::string place = at;
+  if (place.empty()) {
+    if (recording->wire.starts_with("serial"))
+      throw fxsim::ConfigError(
+          "--at: the recording is of a serial line; give pty=PATH or tcp=PORT");
+    place = recording->wire.starts_with("udp") ? "udp=0" : "tcp=0";
+  }
+  const nlohmann::json form =
+      fxsim::plc_from_short_form("name=" + recording->link + ",model=FX3U,baud=0," + place);
+  auto plc = fxsim::parse_config(nlohmann::json{{"plcs", nlohmann::json::array({form})}}).front();
+  plc.response.turnaround = std::chrono::milliseconds(0);  // the recording has its own
+  plc.recording = recording;
+  return plc;
 }
 
 }  // namespace
@@ -44,6 +65,12 @@ int main(int argc, char** argv) {
                  "(or tcp=PORT or udp=PORT, 0 for any free one)")
       ->expected(1)
       ->take_all();
+  std::string from;
+  std::string at;
+  auto* from_option = app.add_option(
+      "--from", from, "Recording of fxagent: answer each of its requests as it was answered");
+  app.add_option("--at", at, "Where to play it: pty=PATH, tcp=PORT or udp=PORT")
+      ->needs(from_option);
   std::string listen = "127.0.0.1";
   app.add_option("--listen", listen, "Address of the TCP and UDP ports (127.0.0.1); 0.0.0.0: all")
       ->check(CLI::ValidIPV4);
@@ -57,7 +84,11 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   try {
-    auto plcs = load(config, forms);
+    auto plcs = load(config, forms, from);
+    if (!from.empty()) {
+      plcs.push_back(recorded(from, at));
+      plcs.back().line_of = plcs.size() - 1;
+    }
     for (auto& plc : plcs) plc.line.listen = listen;
     if (limit->count() > 0)
       options.lifetime = std::chrono::duration_cast<std::chrono::milliseconds>(

@@ -18,7 +18,8 @@ constexpr std::string_view kProgram = R"(Examples:
 Signals:
   SIGTERM, SIGINT  end; for `run` see fxagent-run(1)
   SIGHUP           for `run`: read the config again
-  SIGUSR1          for `run`: switch the traces of all links on or off)";
+  SIGUSR1          for `run`: switch the traces of all links on or off
+  SIGUSR2          for `run`: write a recording of each link)";
 
 constexpr auto kFooters = std::to_array<std::pair<std::string_view, std::string_view>>({
     {"run", R"(Examples:
@@ -27,7 +28,8 @@ constexpr auto kFooters = std::to_array<std::pair<std::string_view, std::string_
 Signals:
   SIGTERM, SIGINT  stop: pending commands get their results, samples go to disk
   SIGHUP           read the config again; a file with errors changes nothing
-  SIGUSR1          switch the traces of all links on or off)"},
+  SIGUSR1          switch the traces of all links on or off
+  SIGUSR2          write a recording of each link, if the config has a recorder)"},
     {"check", R"(Examples:
   fxagent check agent.json
   fxagent check --online agent.json
@@ -69,6 +71,16 @@ Exit status:
   fxagent force-off agent.json press1 M100)"},
     {"verify-stream", R"(Examples:
   fxagent verify-stream agent.json --seconds 600)"},
+    {"record", R"(Examples:
+  sudo -u fxagent fxagent record /etc/fxagent/agent.json
+  fxagent record agent.json --link line1
+Exit status:
+  0  the agent wrote the recordings; their paths are on standard output
+  1  no agent answers, or it could not write
+  2  the arguments or the config are wrong)"},
+    {"replay", R"(Examples:
+  fxagent replay 2026-11-26T18-00-00.123456Z-line1.fxrec
+  fxagent replay line1.fxrec --pcapng line1.pcapng)"},
     {"acl", R"(Examples:
   fxagent acl agent.json --operator anna --viewer display)"},
     {"audit", R"(Examples:

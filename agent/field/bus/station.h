@@ -9,6 +9,7 @@
 #include "agent/command_message.h"
 #include "agent/config/model.h"
 #include "agent/config/wiring.h"
+#include "agent/recorder/frame_ring.h"
 #include "protocol/codec.h"
 
 namespace fxagent {
@@ -25,7 +26,8 @@ struct Station {
   bool echo = false;               ///< the line echoes what is sent
   Wiring wiring;                   ///< for error texts
   std::uint32_t handshake_in = 0;  ///< Channel::session() of its last answered enquiry; 0: none
-  FrameTrace* trace = nullptr;     ///< receives every frame of a command; null for polls
+  std::uint16_t recorded_as = kNoDevice;  ///< FrameRing::number() of the device
+  FrameTrace* trace = nullptr;            ///< receives every frame of a command; null for polls
 };
 
 }  // namespace fxagent

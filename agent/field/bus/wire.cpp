@@ -68,7 +68,7 @@ asio::awaitable<Result<void>> Wire::open(nanoseconds listening) {
   if (channel_.session() == 0 && transport.has_datagrams() && !transport.can_renew())
     tag_ = static_cast<std::uint16_t>(std::random_device()());
   const Channel::Heard heard = co_await channel_.open(listening);
-  if (trace_ && !heard.bytes.empty()) trace_->unasked(heard.bytes);
+  if (trace_ && !heard.bytes.empty()) trace_->unasked(heard.bytes, now());
   if (!heard.error) co_return Result<void>{};
   if (channel_.never_silent() && !heard.bytes.empty()) overheard_.keep(heard.bytes);
   co_return tl::unexpected<Error>(*heard.error);
@@ -80,7 +80,7 @@ void Wire::close() noexcept {
 }
 
 void Wire::begin(const Station& station) {
-  if (trace_) trace_->speak_to(station.device, station.codec);
+  if (trace_) trace_->speak_to(station);
 }
 
 bool Wire::look(const Codec& codec, Exchange& failed) {
@@ -110,7 +110,7 @@ asio::awaitable<bool> Wire::drain(const Codec& codec, SteadyTime until, nanoseco
 
 void Wire::note_unexpected(const Codec& codec, ByteView bytes) {
   if (bytes.empty()) return;
-  if (trace_) trace_->unasked(bytes.first(std::min(bytes.size(), Overheard::kMostJudged)));
+  if (trace_) trace_->unasked(bytes.first(std::min(bytes.size(), Overheard::kMostJudged)), now());
   counters_.unexpected_bytes += overheard_.judge(codec, bytes, now());
 }
 
@@ -152,7 +152,7 @@ asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& stat
   if (station.trace != nullptr) failpoint("frame_sent");
   const ByteView left = ByteView(*frame).first(std::min(written.sent, frame->size()));
   trace(WireFrame::Way::out, left);
-  if (trace_) trace_->out(left);
+  if (trace_) trace_->out(left, exchange.began);
   if (written.error) {
     channel_.lose();
     exchange.outcome = Exchange::Outcome::link_down;
@@ -172,7 +172,6 @@ asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& stat
       exchange.heard = rx_;
       exchange.asked = *frame;
     }
-    if (trace_) trace_->ended(exchange, rx_, now(), deadline);
   } else {
     // No answer comes. The exchange ends when the last byte has left the wire, not when the kernel
     // has accepted it.
@@ -183,9 +182,11 @@ asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& stat
     not_before_ = now() + codec.pause_after(request);
   }
   exchange.ended = last_activity_ = now();
+  if (trace_ && codec.expects_reply(request))
+    trace_->ended(exchange, rx_, exchange.ended, deadline);
   if (!exchange.reply.closing.empty()) {
     trace(WireFrame::Way::out, exchange.reply.closing);
-    if (trace_) trace_->out(exchange.reply.closing);
+    if (trace_) trace_->out(exchange.reply.closing, exchange.ended);
     last_activity_ += char_time_ * static_cast<int>(exchange.reply.closing.size());
     co_await close_exchange(channel_.transport(), overheard_.echo(), exchange.reply.closing,
                             station.echo || overheard_.echo().is_found(),

@@ -50,9 +50,9 @@ class Wire final {
   /// request.
   void close() noexcept;
 
-  /// Passes each frame to `trace`; null: tracing is off.
+  /// Passes each frame to `trace`; null: frames are neither logged nor recorded.
   void trace_to(std::unique_ptr<WireTrace> trace) { trace_ = std::move(trace); }
-  bool is_traced() const { return trace_ != nullptr; }
+  bool is_traced() const { return trace_ != nullptr && trace_->logs(); }
   /// Sets the station of the following frames, for the trace.
   void begin(const Station& station);
 
@@ -94,7 +94,7 @@ class Wire final {
   SteadyTime last_activity_{};  ///< last byte in either direction, as far as known
   SteadyTime not_before_{};     ///< end of a broadcast's turnaround delay
   Bytes rx_;
-  std::unique_ptr<WireTrace> trace_;  ///< null: tracing is off
+  std::unique_ptr<WireTrace> trace_;  ///< null: frames are neither logged nor recorded
   Counters counters_;
 };
 

@@ -11,6 +11,7 @@ namespace fxagent {
 namespace {
 
 using std::chrono::nanoseconds;
+using Way = RecordedFrame::Way;
 
 // Size of a log line without its bytes, each of which takes three characters.
 constexpr std::size_t kLineBytes = 192;
@@ -24,54 +25,61 @@ std::string ms_text(nanoseconds duration) {
 
 }  // namespace
 
-void WireTrace::speak_to(std::string_view device, std::shared_ptr<const Codec> codec) {
-  device_ = device;
-  codec_ = std::move(codec);
+void WireTrace::speak_to(const Station& station) {
+  recorded_as_ = station.recorded_as;
+  if (!logs_) return;
+  device_ = station.device;
+  codec_ = station.codec;
 }
 
-void WireTrace::out(ByteView bytes) const {
-  show(WireFrame::Way::out, bytes, nanoseconds(0), {}, Explained::yes);
+void WireTrace::out(ByteView bytes, SteadyTime at) const {
+  take(Way::out, bytes, at, nanoseconds(0), {});
 }
 
-void WireTrace::answer(ByteView bytes, nanoseconds after) const {
-  show(WireFrame::Way::in, bytes, after, {}, Explained::yes);
+void WireTrace::answer(ByteView bytes, SteadyTime at, nanoseconds after) const {
+  take(Way::in, bytes, at, after, {});
 }
 
-void WireTrace::no_answer(ByteView bytes, nanoseconds within, std::string why) const {
+void WireTrace::no_answer(ByteView bytes, SteadyTime at, nanoseconds within,
+                          std::string why) const {
   if (why.empty())
     why = (bytes.empty() ? "no bytes within " : "no complete answer within ") + whole_ms(within) +
           " ms";
-  show(WireFrame::Way::in, bytes, within, std::move(why), Explained::no);
+  take(Way::failed, bytes, at, within, std::move(why));
 }
 
 void WireTrace::ended(const Exchange& exchange, ByteView bytes, SteadyTime now,
                       SteadyTime deadline) const {
   if (exchange.has_answer()) {
     const std::size_t size = exchange.reply.consumed - exchange.reply.began;
-    answer(bytes.subspan(exchange.reply.began, size), now - exchange.began);
+    answer(bytes.subspan(exchange.reply.began, size), now, now - exchange.began);
   } else if (exchange.outcome == Exchange::Outcome::unanswered) {
-    no_answer(bytes, deadline - exchange.began, {});
+    no_answer(bytes, now, deadline - exchange.began, {});
   } else {
-    no_answer(bytes, now - exchange.began, exchange.error);
+    no_answer(bytes, now, now - exchange.began, exchange.error);
   }
 }
 
-void WireTrace::unasked(ByteView bytes) const {
-  show(WireFrame::Way::in, bytes, nanoseconds(0), "unexpected bytes", Explained::yes);
+void WireTrace::unasked(ByteView bytes, SteadyTime at) const {
+  take(Way::unasked, bytes, at, nanoseconds(0), {});
 }
 
-void WireTrace::show(WireFrame::Way way, ByteView bytes, nanoseconds after, std::string note,
-                     Explained explained) const {
-  auto make = [link = link_, device = device_,
-               codec = explained == Explained::yes ? codec_ : nullptr,
+void WireTrace::take(Way way, ByteView bytes, SteadyTime at, nanoseconds after,
+                     std::string note) const {
+  if (ring_) ring_->add(way, recorded_as_, at, after, bytes, note);
+  if (logs_) log(way, bytes, after, way == Way::unasked ? "unexpected bytes" : std::move(note));
+}
+
+void WireTrace::log(Way way, ByteView bytes, nanoseconds after, std::string note) const {
+  auto make = [link = link_, device = device_, codec = way == Way::failed ? nullptr : codec_,
                copy = Bytes(bytes.begin(), bytes.end()), way, after, said = std::move(note)] {
     std::string says = said;
     if (codec) {
-      const auto direction = way == WireFrame::Way::out ? Direction::request : Direction::reply;
+      const auto direction = way == Way::out ? Direction::request : Direction::reply;
       const std::string meaning = summary(codec->explain(copy, direction));
       says += (says.empty() ? "" : "; ") + meaning;
     }
-    const std::string way_word = way == WireFrame::Way::out ? "out" : "in";
+    const std::string way_word = way == Way::out ? "out" : "in";
     log::Fields fields{{"link", link}};
     if (!device.empty()) fields.emplace_back("device", device);
     fields.emplace_back("way", way_word);

@@ -1,6 +1,6 @@
-// Logs the frames of one link as they pass: time, direction, bytes and meaning. For an engineer
-// with a serial problem; exists only while the link is traced. The log thread explains the frames,
-// so that a trace delays no poll. Field thread.
+// Takes the frames of one link as they pass. A trace logs time, direction, bytes and meaning for an
+// engineer with a serial problem; the log thread explains the frames, so that it delays no poll.
+// The flight recorder's ring keeps the bytes alone. Field thread.
 #pragma once
 
 #include <chrono>
@@ -9,8 +9,9 @@
 #include <string>
 #include <string_view>
 
-#include "agent/command_message.h"
 #include "agent/field/bus/exchange.h"
+#include "agent/field/bus/station.h"
+#include "agent/recorder/frame_ring.h"
 #include "agent/steady_time.h"
 #include "protocol/codec.h"
 #include "protocol/value/bytes.h"
@@ -19,32 +20,44 @@ namespace fxagent {
 
 class WireTrace final {
  public:
-  /// `link`: its name in the config.
-  explicit WireTrace(std::string link) : link_(std::move(link)) {}
+  /// Controls whether the frames are also logged.
+  enum class Log : std::uint8_t { yes, no };
 
-  /// Sets the device of the following frames; its codec explains them.
-  void speak_to(std::string_view device, std::shared_ptr<const Codec> codec);
+  /// `link`: its name in the config. `ring`: the flight recorder's; nullptr if it is off.
+  explicit WireTrace(std::string link, Log log = Log::yes,
+                     std::shared_ptr<FrameRing> ring = nullptr)
+      : link_(std::move(link)), logs_(log == Log::yes), ring_(std::move(ring)) {}
 
-  /// Logs the bytes that left the agent.
-  void out(ByteView bytes) const;
-  /// Logs an answer; `after` is the time since the first byte of its request left.
-  void answer(ByteView bytes, std::chrono::nanoseconds after) const;
-  /// Logs a missing answer: `bytes`, possibly none, came within that time. `why` says what is
+  bool logs() const { return logs_; }
+
+  /// Sets the device of the following frames; the log explains them with its codec.
+  void speak_to(const Station& station);
+
+  /// Takes the bytes that left the agent at `at`.
+  void out(ByteView bytes, SteadyTime at) const;
+  /// Takes an answer; `after` is the time since the first byte of its request left.
+  void answer(ByteView bytes, SteadyTime at, std::chrono::nanoseconds after) const;
+  /// Takes a missing answer: `bytes`, possibly none, came within that time. `why` says what is
   /// wrong; empty: the answer is missing or incomplete.
-  void no_answer(ByteView bytes, std::chrono::nanoseconds within, std::string why) const;
-  /// Logs how the wait for an answer ended at `now`: by the answer, which is part of `bytes`, or
+  void no_answer(ByteView bytes, SteadyTime at, std::chrono::nanoseconds within,
+                 std::string why) const;
+  /// Takes how the wait for an answer ended at `now`: by the answer, which is part of `bytes`, or
   /// without it. `deadline` is that of the answer.
   void ended(const Exchange& exchange, ByteView bytes, SteadyTime now, SteadyTime deadline) const;
-  /// Logs bytes that came when no answer was due, or around one.
-  void unasked(ByteView bytes) const;
+  /// Takes bytes that came when no answer was due, or around one.
+  void unasked(ByteView bytes, SteadyTime at) const;
 
  private:
-  /// Controls whether the log line explains the bytes, after `note`.
-  enum class Explained : std::uint8_t { yes, no };
-  void show(WireFrame::Way way, ByteView bytes, std::chrono::nanoseconds after, std::string note,
-            Explained explained) const;
+  void take(RecordedFrame::Way way, ByteView bytes, SteadyTime at, std::chrono::nanoseconds after,
+            std::string note) const;
+  void log(RecordedFrame::Way way, ByteView bytes, std::chrono::nanoseconds after,
+           std::string note) const;
 
   const std::string link_;
+  const bool logs_;
+  /// Owned by the link and by the recorder while it writes a file.
+  const std::shared_ptr<FrameRing> ring_;
+  std::uint16_t recorded_as_ = kNoDevice;  ///< index of the device in the ring
   std::string device_;
   /// Owned by the device and by frames waiting to be explained: the log thread may hold the last
   /// reference.

@@ -49,7 +49,7 @@ bool without_effect(const TargetResult& outcome) {
 
 LinkCommands::LinkCommands(asio::any_io_executor executor, const LinkConfig& link, Bus& bus,
                            PollScheduler& scheduler, const LinkDevices& devices, LinkState& state,
-                           Poller& poller, Outbox& outbox)
+                           Poller& poller, Outbox& outbox, LinkRecorder& recorder)
     : executor_(std::move(executor)),
       link_(link),
       bus_(bus),
@@ -57,7 +57,8 @@ LinkCommands::LinkCommands(asio::any_io_executor executor, const LinkConfig& lin
       devices_(devices),
       state_(state),
       poller_(poller),
-      outbox_(outbox) {}
+      outbox_(outbox),
+      recorder_(recorder) {}
 
 void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
   WaitingCommand command;
@@ -93,6 +94,7 @@ void LinkCommands::answer_running(std::string_view why) {
     for (const AdmittedTarget& target : running.admitted.targets)
       if (!target.requests.empty())
         poller_.overwritten(*running.device, *span_of(target.point), nullptr, BadReason::link_down);
+    recorder_.ended(result, running.device->config.name);
     outbox_.push(std::move(result));
   }
   running_.clear();
@@ -254,6 +256,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   if (admitted.run_request && result.status == CommandStatus::succeeded)
     device.state.set_run(admitted.command.op == Op::run);
   result.frames = std::move(trace);
+  recorder_.ended(result, device.config.name);
   outbox_.push(std::move(result));
   running_.pop_back();
   state_.update(device);

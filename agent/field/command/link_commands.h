@@ -15,6 +15,7 @@
 #include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/link_device.h"
+#include "agent/field/link_recorder.h"
 #include "agent/field/link_state.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/poller.h"
@@ -34,7 +35,7 @@ class LinkCommands final {
   /// All arguments must outlive it.
   LinkCommands(asio::any_io_executor executor, const LinkConfig& link, Bus& bus,
                PollScheduler& scheduler, const LinkDevices& devices, LinkState& state,
-               Poller& poller, Outbox& outbox);
+               Poller& poller, Outbox& outbox, LinkRecorder& recorder);
   LinkCommands(const LinkCommands&) = delete;
   LinkCommands& operator=(const LinkCommands&) = delete;
 
@@ -77,6 +78,7 @@ class LinkCommands final {
   LinkState& state_;
   Poller& poller_;
   Outbox& outbox_;
+  LinkRecorder& recorder_;
   std::list<WaitingCommand> waiting_;
   /// The running command, then the command between two of its parts, and so on.
   std::list<WaitingCommand> running_;

@@ -13,6 +13,7 @@
 
 #include "agent/steady_time.h"
 #include "protocol/value/point.h"
+#include "protocol/value/value.h"
 
 namespace fxagent {
 

@@ -230,12 +230,21 @@ TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
                                                   "devices[].commands"};
   const std::set<std::string> keys_taken_over{"agent.remote_config", "agent.remote_allow",
                                               "agent.remote_without_disk"};
-  const std::set<std::string> restart{"metrics.listen",       "http.listen",
-                                      "http.hosts",           "agent.id",
-                                      "agent.root",           "store.path",
-                                      "store.max_bytes",      "store.max_age_h",
-                                      "store.sync",           "store.audit_max_bytes",
-                                      "store.audit_max_age_h"};
+  const std::set<std::string> restart{"metrics.listen",
+                                      "http.listen",
+                                      "http.hosts",
+                                      "agent.id",
+                                      "agent.root",
+                                      "store.path",
+                                      "store.max_bytes",
+                                      "store.max_age_h",
+                                      "store.sync",
+                                      "store.audit_max_bytes",
+                                      "store.audit_max_age_h",
+                                      "recorder.path",
+                                      "recorder.link_bytes",
+                                      "recorder.files",
+                                      "recorder.max_bytes"};
   for (const ConfigKey& key : config_keys::kAll) {
     const std::string section(key.section);
     if (section.empty()) continue;

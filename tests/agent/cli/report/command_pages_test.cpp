@@ -67,9 +67,10 @@ TEST_F(CommandPagesTest, FooterBecomesSections) {
 
 TEST(CommandHelp, PagesOfTheProgramAndOfCheckHaveWhatOthersDoNot) {
   CLI::App app{"fxagent: agent", "fxagent"};
-  for (const char* name : {"run", "check", "doctor", "scan", "config", "plan", "read", "write",
-                           "force-on", "force-off", "verify-stream", "acl", "audit", "import",
-                           "export", "init", "schema", "decode"})
+  for (const char* name :
+       {"run",    "check",    "doctor",    "scan",          "config", "plan",  "read",
+        "write",  "force-on", "force-off", "verify-stream", "acl",    "audit", "import",
+        "export", "init",     "schema",    "decode",        "record", "replay"})
     app.add_subcommand(name, "Does it");
   add_footers(app);
   const auto count = [](const std::string& page, const std::string& part) {

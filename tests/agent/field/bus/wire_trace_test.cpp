@@ -133,7 +133,7 @@ TEST_F(WireTraceTest, BytesThatNobodyAskedForAreShown) {
 TEST_F(WireTraceTest, LongFramesAreShownWhole) {
   const WireTrace trace("line1");
   testing::internal::CaptureStderr();
-  trace.unasked(Bytes(600, 0x55));
+  trace.unasked(Bytes(600, 0x55), SteadyTime());
   EXPECT_GT(testing::internal::GetCapturedStderr().size(), 1800U);
 }
 
@@ -144,12 +144,53 @@ TEST_F(WireTraceTest, WhatWaitsToBeExplainedKeepsItsCodecAndNothingLonger) {
   testing::internal::CaptureStderr();
   {
     WireTrace trace("line1");
-    trace.speak_to("press1", std::move(codec));
-    trace.out(kReadD100);
+    station.codec = std::move(codec);
+    trace.speak_to(station);
+    station.codec = nullptr;
+    trace.out(kReadD100, SteadyTime());
     EXPECT_FALSE(kept.expired());
   }
   testing::internal::GetCapturedStderr();
   EXPECT_TRUE(kept.expired());
+}
+
+class RingTest : public WireTraceTest {
+ protected:
+  using Frames = std::vector<std::pair<RecordedFrame::Way, Bytes>>;
+
+  RingTest() {
+    station.recorded_as = ring->number({"press1", "fx-programming-port", {}});
+    line->trace_to(std::make_unique<WireTrace>("line1", WireTrace::Log::no, ring));
+  }
+  Frames recorded() {
+    Frames frames;
+    for (const RecordedFrame& frame : ring->frames().frames) {
+      EXPECT_EQ(frame.device, station.recorded_as);
+      EXPECT_GT(frame.at_us, 0);
+      frames.emplace_back(frame.way, frame.bytes);
+    }
+    return frames;
+  }
+
+  const std::shared_ptr<FrameRing> ring = std::make_shared<FrameRing>(FrameRing::kLeastBytes);
+};
+
+TEST_F(RingTest, HasWhatATraceShowsAndTheLogHasNothing) {
+  wire->expect(kReadD100).give(joined(word_frame(1), kNak));
+  EXPECT_EQ(read_d100(), Lines{});
+  EXPECT_FALSE(line->is_traced());
+  EXPECT_EQ(recorded(), (Frames{{RecordedFrame::Way::out, kReadD100},
+                                {RecordedFrame::Way::unasked, kNak},
+                                {RecordedFrame::Way::in, word_frame(1)}}));
+}
+
+TEST_F(RingTest, HasSilenceWithItsReason) {
+  wire->expect(kReadD100).silence();
+  EXPECT_EQ(read_d100(), Lines{});
+  EXPECT_EQ(recorded(),
+            (Frames{{RecordedFrame::Way::out, kReadD100}, {RecordedFrame::Way::failed, {}}}));
+  EXPECT_EQ(ring->frames().frames.back().note, "no bytes within 1000 ms");
+  EXPECT_EQ(ring->frames().frames.back().after, milliseconds(1000));
 }
 
 }  // namespace

@@ -55,7 +55,7 @@ class LinkCommandsTest : public ::testing::Test {
     state = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
     poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
     commands = std::make_unique<LinkCommands>(io.get_executor(), config.links[0], *bus, scheduler,
-                                              devices, *state, *poller, outbox);
+                                              devices, *state, *poller, outbox, recorder);
     devices.push_back(std::make_unique<LinkDevice>(config.devices[0], 0));
     devices[0]->id = scheduler.add_device(3, {});
     poller->add_groups(*devices[0], nanoseconds(0));
@@ -139,6 +139,7 @@ class LinkCommandsTest : public ::testing::Test {
   std::unique_ptr<Bus> bus;
   std::unique_ptr<LinkState> state;
   std::unique_ptr<Poller> poller;
+  LinkRecorder recorder{nullptr, config.links[0]};
   std::unique_ptr<LinkCommands> commands;
   std::vector<CommandResult> results;
   std::vector<Telemetry> telemetry;

@@ -1,0 +1,119 @@
+#include "agent/recorder/frame_ring.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace fxagent {
+namespace {
+
+/// Precedes the bytes and the note of each frame in the ring.
+struct Head {
+  SteadyTime at{};
+  std::int64_t after_ns = 0;
+  std::uint32_t bytes = 0;
+  std::uint16_t note = 0;
+  std::uint16_t device = 0;
+  RecordedFrame::Way way{};
+  bool is_cut = false;
+
+  std::size_t size() const { return sizeof(Head) + bytes + note; }
+};
+
+}  // namespace
+
+FrameRing::FrameRing(std::size_t bytes)
+    : capacity_(std::max(bytes, kLeastBytes)), memory_(new std::uint8_t[capacity_]) {}
+
+std::uint16_t FrameRing::number(const RecordedDevice& device) {
+  const std::lock_guard lock(mutex_);
+  const auto known = std::ranges::find(devices_, device);
+  if (known == devices_.end()) {
+    if (devices_.size() >= kNoDevice) return kNoDevice;
+    devices_.push_back(device);
+    return static_cast<std::uint16_t>(devices_.size() - 1);
+  }
+  return static_cast<std::uint16_t>(known - devices_.begin());
+}
+
+void FrameRing::put(const void* from, std::size_t size) noexcept {
+  const auto* source = static_cast<const std::uint8_t*>(from);
+  const std::size_t at = behind(begin_, used_);
+  const std::size_t first = std::min(size, capacity_ - at);
+  if (first > 0) std::memcpy(memory_.get() + at, source, first);
+  if (size > first) std::memcpy(memory_.get(), source + first, size - first);
+  used_ += size;
+}
+
+void FrameRing::take(void* into, std::size_t at, std::size_t size) const noexcept {
+  auto* target = static_cast<std::uint8_t*>(into);
+  const std::size_t first = std::min(size, capacity_ - at);
+  if (first > 0) std::memcpy(target, memory_.get() + at, first);
+  if (size > first) std::memcpy(target + first, memory_.get(), size - first);
+}
+
+void FrameRing::add(RecordedFrame::Way way, std::uint16_t device, SteadyTime at,
+                    std::chrono::nanoseconds after, ByteView bytes,
+                    std::string_view note) noexcept {
+  const ByteView kept = bytes.first(std::min(bytes.size(), capacity_ / 4));
+  note = note.substr(0, kMostNote);
+  Head head;
+  head.at = at;
+  head.after_ns = after.count();
+  head.bytes = static_cast<std::uint32_t>(kept.size());
+  head.note = static_cast<std::uint16_t>(note.size());
+  head.device = device;
+  head.way = way;
+  head.is_cut = kept.size() < bytes.size();
+  const std::lock_guard lock(mutex_);
+  while (capacity_ - used_ < head.size()) {
+    Head oldest;
+    take(&oldest, begin_, sizeof oldest);
+    begin_ = behind(begin_, oldest.size());
+    used_ -= oldest.size();
+    ++first_;
+  }
+  put(&head, sizeof head);
+  put(kept.data(), kept.size());
+  put(note.data(), note.size());
+  ++next_;
+}
+
+RecordedFrames FrameRing::frames(std::uint64_t since, std::size_t most) const {
+  RecordedFrames out;
+  std::vector<std::uint8_t> copy;
+  std::uint64_t number = 0;
+  const auto utc = std::chrono::system_clock::now();
+  const auto steady = std::chrono::steady_clock::now();
+  {
+    const std::lock_guard lock(mutex_);
+    out.next = next_;
+    out.devices = devices_;
+    number = first_;
+    if (since >= next_) return out;
+    copy.resize(used_);
+    take(copy.data(), begin_, used_);
+  }
+  const std::uint64_t in_ring = out.next - number;
+  std::uint64_t from = std::max(since, number);
+  if (in_ring > most) from = std::max(from, out.next - most);
+  out.frames.reserve(static_cast<std::size_t>(out.next - from));
+  for (std::size_t at = 0; at < copy.size(); ++number) {
+    Head head;
+    std::memcpy(&head, copy.data() + at, sizeof head);
+    const std::uint8_t* bytes = copy.data() + at + sizeof head;
+    at += head.size();
+    if (number < from) continue;
+    RecordedFrame& frame = out.frames.emplace_back();
+    frame.way = head.way;
+    frame.at_us = utc_us(
+        utc + std::chrono::duration_cast<std::chrono::system_clock::duration>(head.at - steady));
+    frame.after = std::chrono::nanoseconds(head.after_ns);
+    frame.device = head.device;
+    frame.bytes.assign(bytes, bytes + head.bytes);
+    frame.note.assign(bytes + head.bytes, bytes + head.bytes + head.note);
+    if (head.is_cut) frame.note += frame.note.empty() ? "cut" : "; cut";
+  }
+  return out;
+}
+
+}  // namespace fxagent
