@@ -40,8 +40,7 @@ std::string_view word_of(log::Level level) {
   return level == log::Level::info ? "info" : level == log::Level::warn ? "warn" : "error";
 }
 
-void write_verdict(Writer& out, const AgentStatus& status) {
-  const Verdict verdict = verdict_of(status);
+void write_verdict(Writer& out, const Verdict& verdict) {
   out.key("problems").begin_array();
   for (std::size_t i = 0; i < std::min(verdict.problems.size(), kMostProblems); ++i) {
     const Problem& problem = verdict.problems[i];
@@ -120,10 +119,10 @@ void write_links(Writer& out, const AgentStatus& status) {
 }
 
 /// Returns the members of /api/changes that do not depend on the request, with a comma behind each.
-std::string overview_of(const AgentStatus& status) {
+std::string overview_of(const AgentStatus& status, std::int64_t dropped_ms) {
   Writer out;
   out.begin_object();
-  write_verdict(out, status);
+  write_verdict(out, verdict_of(status, dropped_ms));
   write_agent(out, status);
   write_commands(out, status);
   write_links(out, status);
@@ -277,7 +276,9 @@ void PageApi::take(std::shared_ptr<const AgentStatus> status) {
       if (values == nullptr || *values != (*groups)[g]) changed_.groups[d][g] = snapshot_;
     }
   }
-  overview_ = overview_of(*status_);
+  if (status_->samples.dropped > (before == nullptr ? 0 : before->samples.dropped))
+    dropped_ms_ = status_->ts_ms;
+  overview_ = overview_of(*status_, dropped_ms_);
 }
 
 HttpAnswer PageApi::config(const HttpRequest& request) {
@@ -295,7 +296,8 @@ HttpAnswer PageApi::config(const HttpRequest& request) {
 }
 
 HttpAnswer PageApi::changes(const Asked& asked) {
-  if (asked.since == snapshot_ && (asked.values == snapshot_ || asked.groups.empty()))
+  if (asked.since == snapshot_ && (asked.values == snapshot_ || asked.groups.empty()) &&
+      !asked.link && log::events_after(asked.events, 1).empty())
     return json_answer(kNotModified, "");
   return json_answer(kOk, changes_text(asked));
 }

@@ -39,7 +39,8 @@ class PageApi final {
   std::shared_ptr<const AgentStatus> status_;
   std::uint64_t snapshot_ = 0;
   Changed changed_;
-  std::string overview_;  ///< members of /api/changes that are the same for all pages
+  std::int64_t dropped_ms_ = 0;  ///< when a status first had more dropped samples; 0: never
+  std::string overview_;         ///< members of /api/changes that are the same for all pages
   std::shared_ptr<const Config> config_of_;
   std::shared_ptr<const std::string> config_text_;
 };

@@ -10,20 +10,32 @@ namespace {
 
 using State = DeviceStatus::State;
 
+constexpr double kFullLoad = 100;
+constexpr std::int64_t kDropCountsMs = 3'600'000;
+// A clock before this day was never set: 2025-01-01.
+constexpr std::int64_t kFirstSetMs = 1'735'689'600'000;
+
 /// Returns the number with its noun: "1 device", "3 devices".
-std::string counted(std::size_t count, const std::string& noun) {
+std::string counted(std::uint64_t count, const std::string& noun) {
   return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
 }
 
 class Examination final {
  public:
-  explicit Examination(const AgentStatus& status) : status_(status), config_(*status.config) {}
+  Examination(const AgentStatus& status, std::int64_t dropped_ms)
+      : status_(status), config_(*status.config), dropped_ms_(dropped_ms) {}
 
   Verdict verdict() {
     broker();
     store();
+    samples();
     config();
     devices();
+    for (std::size_t l = 0; l < config_.links.size(); ++l)
+      if (!config_.links[l].is_vacant()) link(l);
+    if (status_.ts_ms < kFirstSetMs)
+      add(Severity::bad, "", "The clock of this machine is not set; samples have wrong times",
+          "Set the clock, and run chrony or systemd-timesyncd to keep it right.", 0);
     std::ranges::stable_sort(problems_, [](const Problem& one, const Problem& other) {
       return one.severity != other.severity ? one.severity > other.severity
                                             : one.since_ms < other.since_ms;
@@ -81,23 +93,30 @@ class Examination final {
         reload->ts_ms);
   }
 
+  void samples() {
+    if (dropped_ms_ == 0 || status_.ts_ms - dropped_ms_ > kDropCountsMs) return;
+    add(Severity::bad, "store",
+        counted(status_.samples.dropped, "sample") + " were dropped since the start",
+        config_.store.path.empty()
+            ? "Add a `store` to the config, so that samples wait on disk for the broker."
+            : "Make store.max_bytes larger, or find in the events why the broker takes too few.",
+        dropped_ms_);
+  }
+
+  /// Counts the devices, and reports what is wrong with one whose link has others that answer.
   void devices() {
+    links_.resize(config_.links.size());
     for (std::size_t d = 0; d < config_.devices.size(); ++d) {
       const DeviceConfig& device = config_.devices[d];
       if (device.is_vacant()) continue;
       ++devices_;
       const DeviceStatus* state = d < status_.devices.size() ? status_.devices[d].get() : nullptr;
-      if (state == nullptr || state->state == State::online) {
-        online_ += state == nullptr ? 0U : 1U;
-      } else {
-        const bool is_offline = state->state == State::offline;
-        if (!is_offline) ++online_;
-        add(is_offline && state->reason != "starting" ? Severity::bad : Severity::warn,
-            "device " + device.name,
-            device.name + (is_offline ? " does not answer" : " answers in part") +
-                (state->reason.empty() ? "" : " (" + state->reason + ")"),
-            state->reason_text, state->since_ms);
-      }
+      Link& link = links_.at(device.link);
+      ++link.devices;
+      if (state != nullptr && state->state != State::offline) ++online_;
+      if (state != nullptr && state->state != State::online) link.wrong.push_back(d);
+      if (state != nullptr && state->state == State::offline && state->reason != "starting")
+        ++link.silent;
       if (d < status_.refused.size() && !status_.refused[d].empty())
         add(Severity::bad, "device " + device.name,
             "The broker refuses the samples of " + device.name + " with " + status_.refused[d],
@@ -107,20 +126,77 @@ class Examination final {
     }
   }
 
+  void device(std::size_t index) {
+    const std::string& name = config_.devices[index].name;
+    const DeviceStatus& state = *status_.devices[index];
+    const bool is_offline = state.state == State::offline;
+    add(is_offline && state.reason != "starting" ? Severity::bad : Severity::warn, "device " + name,
+        name + (is_offline ? " does not answer" : " answers in part") +
+            (state.reason.empty() ? "" : " (" + state.reason + ")"),
+        state.reason_text, state.since_ms);
+  }
+
+  /// Devices that fall silent together have one cause: it is reported once.
+  void link(std::size_t index) {
+    const Link& link = links_[index];
+    const std::string& name = config_.links[index].name;
+    const std::string place = "link " + name;
+    const auto state_of = [&](std::size_t d) -> const DeviceStatus& { return *status_.devices[d]; };
+    const bool is_down = link.silent > 0 && std::ranges::all_of(link.wrong, [&](std::size_t d) {
+                           return state_of(d).reason == "link_down";
+                         });
+    if (link.silent > 0 && link.silent == link.devices && (is_down || link.silent > 1)) {
+      const std::size_t first = *std::ranges::min_element(
+          link.wrong, {}, [&](std::size_t d) { return state_of(d).since_ms; });
+      const std::string whom =
+          link.devices == 1 ? config_.devices[first].name : counted(link.devices, "device");
+      add(Severity::bad, place,
+          is_down ? name + " is down, and " + whom + " cannot be reached"
+                  : "None of the " + whom + " on " + name + " answers",
+          state_of(first).reason_text, state_of(first).since_ms);
+    } else {
+      for (const std::size_t d : link.wrong) device(d);
+    }
+    if (index >= status_.field->links.size()) return;
+    const LinkHealth& health = status_.field->links[index];
+    if (health.doubted)
+      add(Severity::warn, place, "Bytes that belong to no answer arrive on " + name,
+          "Check for a second master, two devices with one station number, and the earth of the "
+          "shield.",
+          0);
+    if (health.load_percent > kFullLoad)
+      add(Severity::warn, place,
+          "The polls of " + name + " need " +
+              std::to_string(static_cast<std::int64_t>(health.load_percent)) +
+              " % of the line, so groups are read less often than configured",
+          "Raise interval_ms of its largest groups, which the view Lines shows, or the baud rate.",
+          0);
+  }
+
   std::string works() const {
     std::string text = std::to_string(online_) + " of " + counted(devices_, "device") +
                        (online_ == 1 ? " answers" : " answer");
-    text += status_.broker.connected ? "; the broker is connected" : "";
-    const std::uint64_t waiting = status_.samples.stored + status_.samples.queued;
-    if (!status_.broker.connected && waiting > 0)
-      text += "; " + counted(waiting, "sample") + " wait for the broker" +
-              (status_.store_state == "disk" ? " on disk" : " in memory");
+    if (status_.broker.connected) return text + "; the broker is connected";
+    const SampleCounts& samples = status_.samples;
+    const std::uint64_t waiting = samples.stored + samples.queued + samples.in_flight;
+    if (waiting > 0) text += "; " + counted(waiting, "sample") + " kept for the broker";
+    if (samples.stored > 0 && status_.store_state == "disk")
+      text += ", " + std::to_string(samples.stored) + " of them on disk";
     return text;
   }
 
+  /// The devices of a link.
+  struct Link {
+    std::size_t devices = 0;
+    std::size_t silent = 0;            ///< offline, and not only starting
+    std::vector<std::size_t> wrong{};  ///< not online
+  };
+
   const AgentStatus& status_;
   const Config& config_;
+  const std::int64_t dropped_ms_;
   std::vector<Problem> problems_;
+  std::vector<Link> links_;  ///< by index in Config::links
   std::size_t devices_ = 0;
   std::size_t online_ = 0;
 };
@@ -139,6 +215,8 @@ std::string_view to_string(Severity severity) {
   return "bad";
 }
 
-Verdict verdict_of(const AgentStatus& status) { return Examination(status).verdict(); }
+Verdict verdict_of(const AgentStatus& status, std::int64_t dropped_ms) {
+  return Examination(status, dropped_ms).verdict();
+}
 
 }  // namespace fxagent

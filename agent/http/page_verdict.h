@@ -16,7 +16,7 @@ std::string_view to_string(Severity severity);
 /// One thing that is wrong.
 struct Problem {
   Severity severity = Severity::warn;
-  std::string place;          ///< "device press4", "broker"; empty: the agent
+  std::string place;          ///< "device press4", "link line1", "broker"; empty: the agent
   std::string text;           ///< one sentence: what is wrong
   std::string cure;           ///< what to check or to do
   std::int64_t since_ms = 0;  ///< 0: unknown
@@ -27,7 +27,8 @@ struct Verdict {
   std::string works;              ///< what works: "3 of 4 devices answer; the broker has ..."
 };
 
-/// Returns the verdict on a status with its config.
-Verdict verdict_of(const AgentStatus& status);
+/// Returns the verdict on a status with its config. `dropped_ms` is when samples were last dropped;
+/// it counts for an hour. 0: never.
+Verdict verdict_of(const AgentStatus& status, std::int64_t dropped_ms = 0);
 
 }  // namespace fxagent

@@ -16,6 +16,9 @@ AgentStatus well() {
   status.devices = {std::make_shared<const DeviceStatus>(online),
                     std::make_shared<const DeviceStatus>(online)};
   status.refused = {"", ""};
+  FieldHealth field = made_up_field();
+  field.links[0].load_percent = 80;
+  status.field = std::make_shared<const FieldHealth>(field);
   return status;
 }
 
@@ -69,7 +72,36 @@ TEST(PageVerdict, TheWorstComesFirstThenTheOldest) {
   EXPECT_EQ(verdict.problems[0].text, "No connection to mqtt://one:1883: connection refused");
   EXPECT_EQ(verdict.problems[1].place, "device press2");
   EXPECT_EQ(verdict.problems[2].place, "device press1");
-  EXPECT_NE(verdict.works.find("wait for the broker on disk"), std::string::npos) << verdict.works;
+  EXPECT_EQ(verdict.works,
+            "1 of 2 devices answers; 6 samples kept for the broker, 3 of them on disk");
+}
+
+TEST(PageVerdict, OneLostPortIsOneProblem) {
+  AgentStatus status = well();
+  status.devices[0] = in_state(DeviceStatus::State::offline, "link_down", 30);
+  status.devices[1] = in_state(DeviceStatus::State::offline, "link_down", 20);
+  const Verdict verdict = verdict_of(status);
+  ASSERT_EQ(verdict.problems.size(), 1U);
+  EXPECT_EQ(verdict.problems[0].place, "link line1");
+  EXPECT_EQ(verdict.problems[0].text, "line1 is down, and 2 devices cannot be reached");
+  EXPECT_EQ(verdict.problems[0].cure, "check the cable");
+  EXPECT_EQ(verdict.problems[0].since_ms, 20);
+}
+
+TEST(PageVerdict, DevicesThatFallSilentTogetherAreOneProblem) {
+  AgentStatus status = well();
+  status.devices[0] = in_state(DeviceStatus::State::offline, "timeout", 30);
+  status.devices[1] = in_state(DeviceStatus::State::offline, "timeout", 20);
+  const Verdict verdict = verdict_of(status);
+  ASSERT_EQ(verdict.problems.size(), 1U);
+  EXPECT_EQ(verdict.problems[0].text, "None of the 2 devices on line1 answers");
+}
+
+TEST(PageVerdict, DroppedSamplesCountForAnHour) {
+  AgentStatus status = well();
+  status.samples.dropped = 3;
+  ASSERT_EQ(verdict_of(status, status.ts_ms - 3'600'000).problems.size(), 1U);
+  EXPECT_TRUE(verdict_of(status, status.ts_ms - 3'600'001).problems.empty());
 }
 
 TEST(PageVerdict, EachOtherFaultHasItsSentenceAndCure) {
@@ -88,6 +120,19 @@ TEST(PageVerdict, EachOtherFaultHasItsSentenceAndCure) {
                   s.refused = {"0x87", ""};
                 },
                 "0x87"},
+           Case{[](AgentStatus& s) { s.ts_ms = 5; }, "clock"},
+           Case{[](AgentStatus& s) {
+                  FieldHealth field = *s.field;
+                  field.links[0].load_percent = 125;
+                  s.field = std::make_shared<const FieldHealth>(field);
+                },
+                "need 125 % of the line"},
+           Case{[](AgentStatus& s) {
+                  FieldHealth field = *s.field;
+                  field.links[0].doubted = true;
+                  s.field = std::make_shared<const FieldHealth>(field);
+                },
+                "belong to no answer"},
            Case{[](AgentStatus& s) {
                   s.config_status.last_reload = {"rejected", 5, {"/links/0: no"}, 1};
                 },
