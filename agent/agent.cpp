@@ -17,6 +17,7 @@
 #include "agent/field/transport/host_lookup.h"
 #include "agent/http/web_server.h"
 #include "agent/log/log.h"
+#include "agent/order.h"
 #include "agent/outbox.h"
 #include "agent/process/file_limit.h"
 #include "agent/process/heartbeats.h"
@@ -156,8 +157,14 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     ThreadProgress library("MQTTAsync_");
     run_uplink(publisher, outbox, stop, [&] { report_alive(library, signs); });
   });
-  auto metrics = served_at ? std::make_unique<WebServer>(*served_at, publisher.board())
-                           : std::unique_ptr<WebServer>();
+  const auto place = [&](Order order) {
+    outbox.ask([&publisher, order = std::move(order)](SteadyTime now) mutable {
+      publisher.take_order(std::move(order), now);
+    });
+  };
+  auto metrics =
+      served_at ? std::make_unique<WebServer>(*served_at, publisher.board(), place, recorder.get())
+                : std::unique_ptr<WebServer>();
   service_manager::notify_ready();
 
   const auto ask = [&] {

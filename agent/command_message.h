@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -110,6 +111,9 @@ struct MessageProperties {
   std::optional<std::chrono::seconds> message_expiry;  ///< MQTT 5; counts from `received`
   std::string response_topic;                          ///< MQTT 5; empty: none
   Bytes correlation;
+  std::string sender;  ///< as the agent knows it; empty: only what the command's `by` says
+  /// Gets the result as JSON when it is known, once. Empty: nobody asks beside MQTT.
+  std::function<void(const std::string& result)> tell;
 };
 
 struct Command : MessageProperties {
@@ -130,6 +134,10 @@ struct Command : MessageProperties {
   /// Set for the command line's `read`, which may read addresses outside the allow list.
   bool any_address = false;
 };
+/// Returns who sent the command, as well as it is known; empty: it names nobody.
+inline const std::string& sender_of(const Command& command) {
+  return command.sender.empty() ? command.by : command.sender;
+}
 
 /// Returns the approximate memory of a command, in bytes.
 std::size_t memory_of(const Command& command);
@@ -214,10 +222,12 @@ struct CommandResult {
   /// Result of the first command; null if it must be read from the journal.
   std::shared_ptr<const CommandResult> first;
 
-  // The next three are not part of the remembered result.
+  // The rest is not part of the remembered result.
   std::string response_topic;
   Bytes correlation;
-  FrameTrace frames;  ///< only for a command that was carried out
+  std::function<void(const std::string& result)> tell;  ///< as in MessageProperties
+  std::string by;                                       ///< sender_of() its command
+  FrameTrace frames;                                    ///< only for a command that was carried out
 };
 
 }  // namespace fxagent

@@ -79,9 +79,17 @@ struct LastCommand {
   std::string device;  ///< device name; the config may no longer contain it
   std::string id;      ///< empty if no id could be read
   std::string op;      ///< as received
+  std::string by;      ///< sender; empty: the command names none
+  std::string target;  ///< tag or address of the first target
+  Value value{};       ///< of the first target
+  std::size_t targets = 0;
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;
-  std::int64_t ts_ms = 0;  ///< when the result was known
+  std::string detail{};
+  std::int64_t ts_ms = 0;            ///< when the result was known
+  std::chrono::nanoseconds took{0};  ///< in the queue and on the wire
+  std::optional<std::chrono::nanoseconds> bound{};
+  FrameTrace frames{};
 };
 /// Number of last commands kept for the whole agent.
 inline constexpr std::size_t kLastCommands = 16;
@@ -144,7 +152,8 @@ struct AgentStatus {
   std::map<CommandStatus, std::uint64_t> commands;
   /// Time from the arrival of each executed command to the hand-over of its result to MQTT.
   DurationHistogram command_durations;
-  std::vector<LastCommand> last_commands;  ///< the newest last; at most kLastCommands
+  /// The newest last; at most kLastCommands.
+  std::vector<std::shared_ptr<const LastCommand>> last_commands;
   /// "disk"; "memory" if there is no disk store or it rejects writes; "hangs" if it does not
   /// respond.
   std::string store_state;

@@ -98,12 +98,14 @@ std::optional<Refusal> check_expiry(const Command& command, const CommandRules& 
                     " s) ahead of this agent's clock: one of the clocks is wrong");
 }
 
-/// Prepares a result for the memory of ids, if there is no journal. Topic and correlation are not
-/// needed any more, and can be 64 KiB of the sender's data.
+/// Prepares a result for the memory of ids, if there is no journal. Whoever asked has it then, and
+/// topic and correlation can be 64 KiB of the sender's data.
 std::shared_ptr<const CommandResult> kept(CommandResult result) {
   result.response_topic.clear();
   result.response_topic.shrink_to_fit();
   result.correlation = {};
+  result.tell = nullptr;
+  result.by = {};
   result.frames = {};
   return std::make_shared<const CommandResult>(std::move(result));
 }

@@ -38,6 +38,29 @@ bool is_remembered(const CommandResult& result) {
   return !result.id.empty() && !result.dry_run && result.status != CommandStatus::duplicate;
 }
 
+LastCommand last_command(const std::string& device, const CommandResult& result,
+                         std::int64_t utc_ms) {
+  LastCommand last;
+  last.device = device;
+  last.id = result.id;
+  last.op = result.op;
+  last.by = result.by;
+  last.targets = result.targets.size();
+  if (!result.targets.empty()) {
+    const TargetResult& first = result.targets.front();
+    last.target = first.tag.empty() ? first.address : first.tag;
+    if (first.value) last.value = *first.value;
+  }
+  last.status = result.status;
+  last.reason = result.reason;
+  last.detail = result.detail;
+  last.ts_ms = utc_ms;
+  last.took = result.queue + result.wire;
+  last.bound = result.bound;
+  last.frames = result.frames;
+  return last;
+}
+
 }  // namespace
 
 Commands::Commands(const Config& config, Submit submit, CommandJournal* journal)
@@ -151,6 +174,7 @@ void Commands::refuse_unknown(const std::string& device, std::string_view payloa
   message.text = result_text(result);
   message.response_topic = std::move(result.response_topic);
   message.correlation = std::move(result.correlation);
+  message.tell = std::move(result.tell);
   results_.push_back(std::move(message));
 }
 
@@ -162,7 +186,7 @@ audit::Receipt Commands::receipt_of(const Command& command, std::string_view top
   receipt.topic = topic;
   receipt.payload = payload.substr(0, kPayloadKept);
   receipt.payload_bytes = payload.size();
-  receipt.by = command.by;
+  receipt.by = sender_of(command);
   receipt.retained = command.retained;
   receipt.received_ms = command.received_ms;
   return receipt;
@@ -265,7 +289,7 @@ void Commands::take_result(CommandResult result, const std::optional<audit::Rece
   ++counts_[result.status];
   if (result.recorded.empty()) {
     last_.push_back(
-        {name_of(result.device), result.id, result.op, result.status, result.reason, utc_ms});
+        std::make_shared<const LastCommand>(last_command(name_of(result.device), result, utc_ms)));
     if (last_.size() > kLastCommands) last_.pop_front();
   }
   find_first(result);
@@ -282,6 +306,7 @@ void Commands::take_result(CommandResult result, const std::optional<audit::Rece
   message.journaled = journal_ != nullptr && message.is_first;
   message.response_topic = std::move(result.response_topic);
   message.correlation = std::move(result.correlation);
+  message.tell = std::move(result.tell);
   if (journal_ != nullptr && !message.recorded) {
     JournalEntry entry;
     entry.device = message.device;

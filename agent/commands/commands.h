@@ -45,6 +45,7 @@ struct ResultMessage {
   std::optional<std::chrono::nanoseconds> total;
   std::string response_topic;
   Bytes correlation;
+  std::function<void(const std::string& result)> tell;  ///< as in MessageProperties
 };
 /// Approximate bytes in memory.
 inline std::size_t bytes_of(const ResultMessage& result) {
@@ -106,7 +107,7 @@ class Commands final {
   /// Number of results by status, since the start.
   const std::map<CommandStatus, std::uint64_t>& counts() const { return counts_; }
   /// Newest results of this run, newest last.
-  const std::deque<LastCommand>& last() const { return last_; }
+  const std::deque<std::shared_ptr<const LastCommand>>& last() const { return last_; }
 
  private:
   struct Device {
@@ -160,7 +161,7 @@ class Commands final {
   /// acknowledgement.
   std::deque<std::pair<std::uint64_t, std::chrono::nanoseconds>> totals_;
   std::map<CommandStatus, std::uint64_t> counts_;
-  std::deque<LastCommand> last_;
+  std::deque<std::shared_ptr<const LastCommand>> last_;
 };
 
 }  // namespace fxagent

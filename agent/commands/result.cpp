@@ -17,6 +17,8 @@ CommandResult result_of(const Command& command) {
   result.received = command.received;
   result.response_topic = command.response_topic;
   result.correlation = command.correlation;
+  result.tell = command.tell;
+  result.by = sender_of(command);
   for (const CommandTarget& target : command.targets) {
     TargetResult out;
     out.tag = target.tag;

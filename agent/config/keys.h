@@ -195,6 +195,11 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "Names by which browsers reach the page, such as `edge7.plant.example`, if it is behind a "
      "proxy or has a name. Addresses and `localhost` need no entry. A request for another name is "
      "refused, so that no web site can read the page through a visitor's browser."},
+    {"http", "token_file", path, {}, None{},
+     "File with the tokens of those who may send commands from the page; without it the page is "
+     "read-only. Each line is `NAME TOKEN`; the audit shows `page:NAME`. A line may also be a "
+     "`TOKEN` alone: then NAME is what the command's `by` says. Only with an address that no other "
+     "machine can reach, since a token must not travel without TLS."},
 
     {"metrics", "listen", text, {}, Required{},
      "`127.0.0.1:9464`, `[::1]:9464` or `unix:/run/fxagent/metrics`. Serves `/metrics`, "

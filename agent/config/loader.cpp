@@ -162,6 +162,7 @@ tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::
   };
   resolve(config->store.path);
   resolve(config->mqtt.password_file);
+  if (config->http) resolve(config->http->token_file);
   if (config->mqtt.tls) {
     resolve(config->mqtt.tls->ca_file);
     resolve(config->mqtt.tls->cert_file);

@@ -92,6 +92,7 @@ ConfigErrors check_files(const Config& config) {
   else if (!mqtt.password_env.empty() && !process_environment(mqtt.password_env))
     missing.push_back({"/mqtt/password_env", 0,
                        "the environment variable " + shown(mqtt.password_env) + " is not set"});
+  if (config.http) must_be_readable("/http/token_file", config.http->token_file);
   if (!config.store.path.empty() && !can_be_made(config.store.path))
     missing.push_back({"/store/path", 0, shown(config.store.path) + " cannot be written"});
   return missing;
@@ -108,6 +109,7 @@ ConfigErrors exposed_secrets(const Config& config) {
   };
   if (config.mqtt.tls) look("/mqtt/tls/key_file", config.mqtt.tls->key_file);
   look("/mqtt/password_file", config.mqtt.password_file);
+  if (config.http) look("/http/token_file", config.http->token_file);
   return exposed;
 }
 

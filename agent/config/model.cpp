@@ -1,7 +1,9 @@
 #include "agent/config/model.h"
 
 #include <algorithm>
+#include <string_view>
 #include <tuple>
+#include <variant>
 
 namespace fxagent {
 
@@ -24,6 +26,19 @@ bool operator==(const DeviceConfig& a, const DeviceConfig& b) {
   const bool same_codec =
       a.options == b.options || (a.options && b.options && *a.options == *b.options);
   return settings(a) == settings(b) && same_codec;
+}
+
+std::string channel_text(const LinkConfig& link) {
+  if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) {
+    constexpr std::string_view kParities = "NEO";  // as in Parity
+    return "serial " + serial->path + " " + std::to_string(serial->baud) + " " +
+           std::to_string(serial->data_bits) + kParities[static_cast<std::size_t>(serial->parity)] +
+           std::to_string(serial->stop_bits);
+  }
+  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
+    return "udp " + udp->host + ":" + std::to_string(udp->port);
+  const auto& tcp = std::get<TcpSettings>(link.channel);
+  return "tcp " + tcp.host + ":" + std::to_string(tcp.port);
 }
 
 std::size_t ring_bytes(const RecorderConfig& recorder, std::size_t links) {

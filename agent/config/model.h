@@ -77,6 +77,8 @@ struct LinkConfig {
   bool is_vacant() const { return name.empty(); }
   friend bool operator==(const LinkConfig&, const LinkConfig&) = default;
 };
+/// Returns "serial /dev/ttyUSB0 9600 7E1", "tcp 10.0.0.7:502" or "udp 10.0.0.7:5007".
+std::string channel_text(const LinkConfig& link);
 
 struct GroupConfig {
   std::string name;
@@ -205,6 +207,7 @@ struct HttpConfig {
   std::string unix_path;           ///< absolute
   bool page = false;               ///< serves the page and its data, too
   std::vector<std::string> hosts;  ///< more names by which a browser may call the page
+  std::string token_file;          ///< who may send commands from the page; empty: nobody
   friend bool operator==(const HttpConfig&, const HttpConfig&) = default;
 };
 

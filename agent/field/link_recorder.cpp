@@ -1,31 +1,13 @@
 #include "agent/field/link_recorder.h"
 
 #include <chrono>
-#include <variant>
 
 #include "agent/steady_time.h"
 
 namespace fxagent {
-namespace {
-
-std::string wire_text(const LinkConfig& link) {
-  if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) {
-    constexpr std::string_view kParities = "NEO";  // as in Parity
-    return "serial " + serial->path + " " + std::to_string(serial->baud) + " " +
-           std::to_string(serial->data_bits) + kParities[static_cast<std::size_t>(serial->parity)] +
-           std::to_string(serial->stop_bits);
-  }
-  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
-    return "udp " + udp->host + ":" + std::to_string(udp->port);
-  const auto& tcp = std::get<TcpSettings>(link.channel);
-  return "tcp " + tcp.host + ":" + std::to_string(tcp.port);
-}
-
-}  // namespace
-
 LinkRecorder::LinkRecorder(FlightRecorder* recorder, const LinkConfig& link)
     : recorder_(recorder), link_(link) {
-  if (recorder_ != nullptr) ring_ = recorder_->new_ring(link.name, wire_text(link));
+  if (recorder_ != nullptr) ring_ = recorder_->new_ring(link.name, channel_text(link));
 }
 
 std::uint16_t LinkRecorder::number(const DeviceConfig& device) {

@@ -32,7 +32,9 @@ std::optional<HttpLibrary> load() {
                           found.create_response) &&
                      find(library, "MHD_add_response_header", found.add_response_header) &&
                      find(library, "MHD_queue_response", found.queue_response) &&
-                     find(library, "MHD_destroy_response", found.destroy_response);
+                     find(library, "MHD_destroy_response", found.destroy_response) &&
+                     find(library, "MHD_suspend_connection", found.suspend_connection) &&
+                     find(library, "MHD_resume_connection", found.resume_connection);
   return whole ? std::optional(found) : std::nullopt;
 }
 

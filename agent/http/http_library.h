@@ -20,6 +20,8 @@ struct HttpLibrary {
   decltype(&MHD_add_response_header) add_response_header;
   decltype(&MHD_queue_response) queue_response;
   decltype(&MHD_destroy_response) destroy_response;
+  decltype(&MHD_suspend_connection) suspend_connection;
+  decltype(&MHD_resume_connection) resume_connection;
 };
 
 /// Returns null if the library is not installed, or not the version that this program was built

@@ -16,6 +16,8 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr MHD_UNSIGNED_LONG_LONG kMostWaitMs = 60'000;
+constexpr unsigned kGatewayTimeout = 504;
+constexpr int kLastRuns = 10;  // enough to send a short answer
 
 /// Sent with every answer. The browser runs only our own scripts and styles, connects nowhere else,
 /// and asks before it reuses a copy.
@@ -47,7 +49,7 @@ MHD_Result send(MHD_Connection* connection, const HttpAnswer& answer) {
   for (const auto& [name, value] : kHeaders) http.add_response_header(response, name, value);
   if (!answer.etag.empty())
     http.add_response_header(response, MHD_HTTP_HEADER_ETAG, answer.etag.c_str());
-  if (answer.status == MHD_HTTP_METHOD_NOT_ALLOWED)
+  if (answer.status == kNotAllowed)
     http.add_response_header(response, MHD_HTTP_HEADER_ALLOW, "GET, HEAD");
   const MHD_Result queued = http.queue_response(connection, answer.status, response);
   http.destroy_response(response);
@@ -68,6 +70,10 @@ HttpRequest request_of(MHD_Connection* connection, const char* path) {
     return view_of(http.lookup_connection_value(connection, MHD_HEADER_KIND, name));
   };
   HttpRequest request{path, header(MHD_HTTP_HEADER_HOST), header(MHD_HTTP_HEADER_IF_NONE_MATCH)};
+  request.content_type = header(MHD_HTTP_HEADER_CONTENT_TYPE);
+  request.authorization = header(MHD_HTTP_HEADER_AUTHORIZATION);
+  request.origin = header(MHD_HTTP_HEADER_ORIGIN);
+  request.fetch_site = header("Sec-Fetch-Site");
   http.get_connection_values(connection, MHD_GET_ARGUMENT_KIND, &take_argument, &request.arguments);
   return request;
 }
@@ -81,13 +87,25 @@ bool is_known(std::string_view method) {
 /// Callbacks of the library, with the server as their first argument. The server's thread only.
 struct HttpServer::Callbacks {
   static MHD_Result request(void* server, MHD_Connection* connection, const char* path,
-                            const char* method, const char* /*version*/, const char* /*upload*/,
-                            std::size_t* /*upload_size*/, void** /*of_request*/) noexcept {
+                            const char* method, const char* /*version*/, const char* upload,
+                            std::size_t* upload_size, void** /*of_request*/) noexcept {
     auto* const self = static_cast<HttpServer*>(server);
-    self->answered(connection);
-    if (!is_known(method))
-      return send(connection, refusal(MHD_HTTP_METHOD_NOT_ALLOWED, "only GET and HEAD"));
-    return send(connection, self->answer_(request_of(connection, path)));
+    Open* const open = self->open_of(connection);
+    if (open == nullptr) return MHD_NO;
+    const bool is_post = std::string_view(method) == MHD_HTTP_METHOD_POST && self->most_body_ > 0;
+    if (!is_known(method) && !is_post) {
+      open->is_answered = true;
+      return send(connection, refusal(kNotAllowed, "only GET and HEAD"));
+    }
+    // The library calls once for the headers, for each part of the body, and at its end.
+    if (is_post && !std::exchange(open->has_begun, true)) return MHD_YES;
+    if (*upload_size > 0) {
+      const std::size_t room = self->most_body_ + 1 - open->body.size();
+      open->body.append(upload, std::min(*upload_size, room));
+      *upload_size = 0;
+      return MHD_YES;
+    }
+    return static_cast<MHD_Result>(self->answer(*open, path, is_post));
   }
   static void connection(void* server, MHD_Connection* connection, void** /*of_connection*/,
                          MHD_ConnectionNotificationCode what) noexcept {
@@ -105,16 +123,18 @@ HttpAnswer refusal(unsigned status, std::string_view why) {
   return {status, kJson, std::make_shared<const std::string>(out.take() + "\n"), {}};
 }
 
-Result<std::unique_ptr<HttpServer>> HttpServer::start(ListeningSocket socket, Answer answer) {
+Result<std::unique_ptr<HttpServer>> HttpServer::start(ListeningSocket socket, Answer answer,
+                                                      std::size_t most_body) {
   const HttpLibrary* const http = http_library();
   if (http == nullptr)
     return fail(ErrorCode::link_down,
                 "libmicrohttpd.so.12 could not be loaded; install the package libmicrohttpd12");
-  std::unique_ptr<HttpServer> server(new HttpServer(std::move(socket), std::move(answer)));
+  std::unique_ptr<HttpServer> server(
+      new HttpServer(std::move(socket), std::move(answer), most_body));
   // No thread of its own: run() is its loop.
   server->daemon_ = http->start_daemon(
-      MHD_USE_EPOLL, 0, nullptr, nullptr, &Callbacks::request, server.get(),
-      MHD_OPTION_LISTEN_SOCKET, static_cast<MHD_socket>(server->socket_.take_file()),
+      MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr, &Callbacks::request,
+      server.get(), MHD_OPTION_LISTEN_SOCKET, static_cast<MHD_socket>(server->socket_.take_file()),
       MHD_OPTION_CONNECTION_LIMIT, kMostConnections, MHD_OPTION_PER_IP_CONNECTION_LIMIT,
       kMostOfOneAddress, MHD_OPTION_CONNECTION_MEMORY_LIMIT, kMostHeaderBytes,
       MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(kLongestSilence.count()),
@@ -126,20 +146,28 @@ Result<std::unique_ptr<HttpServer>> HttpServer::start(ListeningSocket socket, An
   return server;
 }
 
-HttpServer::HttpServer(ListeningSocket socket, Answer answer)
-    : socket_(std::move(socket)), answer_(std::move(answer)) {}
+HttpServer::HttpServer(ListeningSocket socket, Answer answer, std::size_t most_body)
+    : socket_(std::move(socket)), answer_(std::move(answer)), most_body_(most_body) {}
 
 HttpServer::~HttpServer() {
   socket_.remove_path();
-  if (daemon_ != nullptr) http_library()->stop_daemon(daemon_);
+  if (daemon_ == nullptr) return;
+  // The library cannot stop while connections are suspended.
+  for (Open& open : open_)
+    if (open.waits) finish(open.number, refusal(kUnavailable, "the agent is stopping"));
+  for (int i = 0; i < kLastRuns; ++i) http_library()->run(daemon_);
+  http_library()->stop_daemon(daemon_);
 }
 
 SteadyTime HttpServer::run(SteadyTime now) {
   const HttpLibrary& http = *http_library();
   now_ = now;
   for (Open& open : open_) {
-    if (now - open.since < kLongestConnection) break;
-    shut(open, closed_.slow);
+    if (now < end_of(open)) continue;
+    if (open.waits)
+      finish(open.number, refusal(kGatewayTimeout, "there is no result yet"));
+    else
+      shut(open, closed_.slow);
   }
   http.run(daemon_);
   MHD_UNSIGNED_LONG_LONG silence_ms = 0;
@@ -148,17 +176,55 @@ SteadyTime HttpServer::run(SteadyTime now) {
     wake = now + milliseconds(std::min<MHD_UNSIGNED_LONG_LONG>(silence_ms, kMostWaitMs));
   // Connections past their limit were shut and need no wake-up.
   for (const Open& open : open_)
-    if (const SteadyTime end = open.since + kLongestConnection; end > now)
-      return std::min(wake, end);
+    if (const SteadyTime end = end_of(open); end > now) wake = std::min(wake, end);
   return wake;
 }
 
 void HttpServer::began(MHD_Connection* connection) {
   if (open_.size() >= kCrowded) {
-    const auto slowest = std::ranges::find(open_, false, &Open::is_shut);
+    const auto slowest =
+        std::ranges::find_if(open_, [](const Open& open) { return !open.is_shut && !open.waits; });
     if (slowest != open_.end()) shut(*slowest, closed_.crowded);
   }
-  open_.push_back({connection, now_});
+  open_.push_back({connection, now_, ++last_number_});
+}
+
+HttpServer::Open* HttpServer::open_of(MHD_Connection* connection) {
+  const auto found = std::ranges::find(open_, connection, &Open::connection);
+  return found == open_.end() ? nullptr : &*found;
+}
+
+int HttpServer::answer(Open& open, const char* path, bool is_post) {
+  if (!open.answer && open.body.size() > most_body_)
+    open.answer = refusal(MHD_HTTP_CONTENT_TOO_LARGE, "the body is too long");
+  if (!open.answer) {
+    HttpRequest request = request_of(open.connection, path);
+    request.is_post = is_post;
+    request.body = open.body;
+    request.number = open.number;
+    open.answer = answer_(request);
+  }
+  if (!open.answer) {
+    open.waits = true;
+    ++waiting_;
+    http_library()->suspend_connection(open.connection);
+    return MHD_YES;
+  }
+  open.is_answered = true;
+  return send(open.connection, *std::exchange(open.answer, std::nullopt));
+}
+
+void HttpServer::finish(std::uint64_t number, HttpAnswer answer) {
+  const auto open = std::ranges::find(open_, number, &Open::number);
+  if (open == open_.end() || !std::exchange(open->waits, false)) return;
+  --waiting_;
+  open->since = now_;  // the time to send it begins now
+  open->answer = std::move(answer);
+  http_library()->resume_connection(open->connection);
+}
+
+SteadyTime HttpServer::end_of(const Open& open) {
+  return open.since + (open.waits ? kLongestWait : kLongestConnection);
 }
 
 void HttpServer::ended(MHD_Connection* connection) {
@@ -166,11 +232,6 @@ void HttpServer::ended(MHD_Connection* connection) {
   if (found == open_.end()) return;
   if (!found->is_shut && !found->is_answered) ++closed_.unanswered;
   open_.erase(found);
-}
-
-void HttpServer::answered(MHD_Connection* connection) {
-  const auto found = std::ranges::find(open_, connection, &Open::connection);
-  if (found != open_.end()) found->is_answered = true;
 }
 
 /// The library then finds the connection ended, and removes it.

@@ -1,6 +1,6 @@
-// A small HTTP server for GET and HEAD, on libmicrohttpd (http_library.h). Limits connections,
-// memory and time, whatever clients do. Answers one request per connection. One thread, which
-// drives it: see run().
+// A small HTTP server for GET, HEAD and short POSTs, on libmicrohttpd (http_library.h). Limits
+// connections, memory and time, whatever clients do. Answers one request per connection. One
+// thread, which drives it: see run().
 #pragma once
 
 #include <chrono>
@@ -10,6 +10,7 @@
 #include <list>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -25,7 +26,10 @@ namespace fxagent {
 inline constexpr const char* kJson = "application/json";
 inline constexpr unsigned kOk = 200;
 inline constexpr unsigned kNotModified = 304;
+inline constexpr unsigned kBadRequest = 400;
 inline constexpr unsigned kNotFound = 404;
+inline constexpr unsigned kNotAllowed = 405;
+inline constexpr unsigned kUnavailable = 503;
 
 /// The parts of a request that answers depend on. The views are valid during the call.
 struct HttpRequest {
@@ -34,6 +38,14 @@ struct HttpRequest {
   std::string_view if_none_match;  ///< If-None-Match; empty: none
   /// Decoded arguments of the query; of an argument given twice, the first.
   std::map<std::string_view, std::string_view> arguments{};
+  // The rest is for POST.
+  bool is_post = false;
+  std::string_view body{};
+  std::string_view content_type{};
+  std::string_view authorization{};
+  std::string_view origin{};      ///< Origin; empty: none, so no browser sent it
+  std::string_view fetch_site{};  ///< Sec-Fetch-Site; empty: none
+  std::uint64_t number = 0;       ///< for HttpServer::finish()
 };
 
 struct HttpAnswer {
@@ -58,6 +70,9 @@ class HttpServer final {
   /// Longest time from accept to the last byte of the answer, and longest silence in between.
   static constexpr std::chrono::seconds kLongestConnection{10};
   static constexpr std::chrono::seconds kLongestSilence{5};
+  /// Requests whose answer comes later, at most, and the longest wait for one.
+  static constexpr std::size_t kMostWaiting = 16;
+  static constexpr std::chrono::seconds kLongestWait{120};
 
   /// Connections that were closed before they had their answer, since the start.
   struct Closed {
@@ -66,11 +81,14 @@ class HttpServer final {
     std::uint64_t unanswered = 0;  ///< silent, gone, or without a valid request
   };
 
-  /// Answers GET and HEAD. Must not throw.
-  using Answer = std::function<HttpAnswer(const HttpRequest& request)>;
+  /// Must not throw. nullopt: finish() gives the answer later.
+  using Answer = std::function<std::optional<HttpAnswer>(const HttpRequest& request)>;
 
-  /// Takes over the socket. Errors: link_down if the library is missing or does not start.
-  static Result<std::unique_ptr<HttpServer>> start(ListeningSocket socket, Answer answer);
+  /// Takes over the socket. A POST with a longer body than `most_body` gets 413; with 0 every POST
+  /// gets 405. Errors: link_down if the library is missing or does not start.
+  static Result<std::unique_ptr<HttpServer>> start(ListeningSocket socket, Answer answer,
+                                                   std::size_t most_body = 0);
+  /// Answers 503 to the requests that wait.
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
@@ -79,31 +97,47 @@ class HttpServer final {
   /// if file() becomes readable.
   SteadyTime run(SteadyTime now);
   int file() const { return file_; }
+  /// Answers the request of this number, if its client still waits. Call run() next.
+  void finish(std::uint64_t number, HttpAnswer answer);
+  /// True if no more answers can come later.
+  bool is_full() const { return waiting_ >= kMostWaiting; }
   const Closed& closed() const { return closed_; }
 
  private:
   struct Open {
     MHD_Connection* connection = nullptr;
     SteadyTime since{};
+    std::uint64_t number = 0;
     bool is_shut = false;  ///< shut down; the library will notice
     bool is_answered = false;
+    bool has_begun = false;              ///< its headers have come
+    bool waits = false;                  ///< its answer comes later
+    std::string body{};                  ///< of a POST; at most one byte too long
+    std::optional<HttpAnswer> answer{};  ///< came later
   };
   struct Callbacks;
 
-  HttpServer(ListeningSocket socket, Answer answer);
+  HttpServer(ListeningSocket socket, Answer answer, std::size_t most_body);
 
   void began(MHD_Connection* connection);
-  void answered(MHD_Connection* connection);
+  /// Returns nullptr for a connection that is gone.
+  Open* open_of(MHD_Connection* connection);
   void ended(MHD_Connection* connection);
+  /// Answers a whole request, or lets it wait.
+  int answer(Open& open, const char* path, bool is_post);
+  static SteadyTime end_of(const Open& open);
   /// Shuts a connection down and counts it, once.
   static void shut(Open& open, std::uint64_t& count);
 
   ListeningSocket socket_;  ///< owns a Unix socket's path; the library owns the file
   const Answer answer_;
+  const std::size_t most_body_;
   MHD_Daemon* daemon_ = nullptr;
   int file_ = -1;
   SteadyTime now_{};      ///< of the last run()
   std::list<Open> open_;  ///< oldest first
+  std::size_t waiting_ = 0;
+  std::uint64_t last_number_ = 0;
   Closed closed_;
 };
 

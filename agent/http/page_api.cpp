@@ -1,6 +1,7 @@
 #include "agent/http/page_api.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <optional>
 #include <string_view>
@@ -8,6 +9,7 @@
 
 #include "agent/config/model.h"
 #include "agent/http/page_config.h"
+#include "agent/http/page_frames.h"
 #include "agent/http/page_verdict.h"
 #include "agent/json_writer.h"
 #include "agent/log/recent_events.h"
@@ -16,8 +18,8 @@ namespace fxagent {
 namespace {
 
 using json::Writer;
+using namespace std::literals;
 
-constexpr unsigned kBadRequest = 400;
 constexpr std::size_t kMostProblems = 50;
 
 HttpAnswer json_answer(unsigned status, std::string text) {
@@ -92,11 +94,24 @@ void write_agent(Writer& out, const AgentStatus& status) {
 
 void write_commands(Writer& out, const AgentStatus& status) {
   out.key("last_commands").begin_array();
-  for (const LastCommand& command : status.last_commands) {
+  for (const auto& last : status.last_commands) {
+    const LastCommand& command = *last;
     out.begin_object().key("device").string(command.device).key("id").string(command.id);
     out.key("op").string(command.op).key("status").string(to_string(command.status));
     out.key("reason").string(to_string(command.reason)).key("ts").integer(command.ts_ms);
-    out.end_object();
+    out.key("by").string(command.by).key("target").string(command.target);
+    out.key("targets").integer(std::uint64_t{command.targets}).key("value");
+    write_value(out, command.value);
+    out.key("detail").string(command.detail).key("took_ms").milliseconds(command.took);
+    out.key("bound_ms");
+    command.bound ? out.milliseconds(*command.bound) : out.null();
+    out.key("frames").begin_array();
+    for (const WireFrame& frame : command.frames.frames())
+      out.begin_array()
+          .string(frame.way == WireFrame::Way::out ? "out" : "in")
+          .string(to_hex(frame.bytes))
+          .end_array();
+    out.end_array().end_object();
   }
   out.end_array();
 }
@@ -238,8 +253,11 @@ struct PageApi::Asked {
 HttpAnswer PageApi::answer(const HttpRequest& request, std::shared_ptr<const AgentStatus> status) {
   take(std::move(status));
   if (request.path == "/api/config") return config(request);
-  if (request.path != "/api/changes" && request.path != "/api/plan")
-    return refusal(kNotFound, "there are /api/config, /api/plan and /api/changes");
+  constexpr std::array kOthers{"/api/changes"sv, "/api/plan"sv, "/api/frames"sv};
+  if (std::ranges::find(kOthers, request.path) == kOthers.end())
+    return refusal(kNotFound,
+                   "there are /api/config, /api/plan, /api/frames, /api/changes and, for POST, "
+                   "/api/command");
   const auto asked = Asked::from(request);
   if (!asked)
     return refusal(
@@ -250,6 +268,7 @@ HttpAnswer PageApi::answer(const HttpRequest& request, std::shared_ptr<const Age
   const auto& links = status_->config->links;
   if (!asked->link || *asked->link >= links.size() || links[*asked->link].is_vacant())
     return refusal(kNotFound, "there is no such link");
+  if (request.path == "/api/frames") return frames(links[*asked->link].name, asked->since);
   return json_answer(kOk, page_plan(*status_->config, *asked->link));
 }
 
@@ -293,6 +312,14 @@ HttpAnswer PageApi::config(const HttpRequest& request) {
     config_of_ = status_->config;
   }
   return {kOk, kJson, config_text_, etag};
+}
+
+HttpAnswer PageApi::frames(const std::string& link, std::uint64_t since) const {
+  const auto ring = recorder_ == nullptr ? nullptr : recorder_->ring_of(link);
+  if (!ring)
+    return refusal(kNotFound,
+                   "frames are not kept; a section \"recorder\" in the config keeps them");
+  return json_answer(kOk, page_frames(*ring, since));
 }
 
 HttpAnswer PageApi::changes(const Asked& asked) {

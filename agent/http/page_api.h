@@ -1,6 +1,6 @@
-// The data of the page: /api/config, /api/plan and /api/changes, made from successive statuses of
-// the agent. The interface belongs to the page of the same version; it is not for other programs.
-// The thread of the HTTP server.
+// The data of the page: /api/config, /api/plan, /api/frames and /api/changes, made from successive
+// statuses of the agent. The interface belongs to the page of the same version; it is not for other
+// programs. The thread of the HTTP server.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "agent/http/http_server.h"
+#include "agent/recorder/flight_recorder.h"
 #include "agent/status.h"
 
 namespace fxagent {
@@ -18,6 +19,9 @@ class PageApi final {
   /// Most groups and events in one answer.
   static constexpr std::size_t kMostGroups = 200;
   static constexpr std::size_t kMostEvents = 300;
+
+  /// `recorder` outlives it; nullptr: it is off.
+  explicit PageApi(const FlightRecorder* recorder = nullptr) : recorder_(recorder) {}
 
   /// Answers a request for a path below /api/, from `status`, which is not null. 404 if there is no
   /// such path, 400 if an argument is wrong.
@@ -33,9 +37,11 @@ class PageApi final {
 
   void take(std::shared_ptr<const AgentStatus> status);
   HttpAnswer config(const HttpRequest& request);
+  HttpAnswer frames(const std::string& link, std::uint64_t since) const;
   HttpAnswer changes(const Asked& asked);
   std::string changes_text(const Asked& asked) const;
 
+  const FlightRecorder* const recorder_;
   std::shared_ptr<const AgentStatus> status_;
   std::uint64_t snapshot_ = 0;
   Changed changed_;

@@ -1,7 +1,6 @@
 #include "agent/http/page_config.h"
 
 #include <chrono>
-#include <type_traits>
 #include <variant>
 #include <vector>
 
@@ -13,27 +12,6 @@ namespace fxagent {
 namespace {
 
 using json::Writer;
-
-char letter(Parity parity) {
-  return parity == Parity::none ? 'N' : parity == Parity::even ? 'E' : 'O';
-}
-
-/// Returns "/dev/ttyUSB0 9600 7E1" or "tcp 10.0.0.7:502".
-std::string wire_of(const LinkConfig& link) {
-  return std::visit(
-      [](const auto& channel) -> std::string {
-        using Channel = std::decay_t<decltype(channel)>;
-        if constexpr (std::is_same_v<Channel, SerialSettings>) {
-          return channel.path + " " + std::to_string(channel.baud) + " " +
-                 std::to_string(channel.data_bits) + letter(channel.parity) +
-                 std::to_string(channel.stop_bits);
-        } else {
-          const bool is_tcp = std::is_same_v<Channel, TcpSettings>;
-          return (is_tcp ? "tcp " : "udp ") + channel.host + ":" + std::to_string(channel.port);
-        }
-      },
-      link.channel);
-}
 
 std::string model_of(const DeviceConfig& device) {
   if (device.options == nullptr) return {};
@@ -95,13 +73,15 @@ std::string page_config(const AgentStatus& status) {
   for (const std::string& server : config.mqtt.servers) out.string(server);
   out.end_array();
   out.key("store").word(config.store.path);
+  out.key("commands").boolean(config.http && !config.http->token_file.empty());
+  out.key("frames").boolean(config.recorder.has_value());
   out.key("links").begin_array();
   for (const LinkConfig& link : config.links) {
     if (link.is_vacant()) {
       out.null();
       continue;
     }
-    out.begin_object().key("name").string(link.name).key("wire").string(wire_of(link));
+    out.begin_object().key("name").string(link.name).key("wire").string(channel_text(link));
     out.end_object();
   }
   out.end_array().key("devices").begin_array();

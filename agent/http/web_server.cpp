@@ -26,7 +26,6 @@ using std::chrono::milliseconds;
 
 constexpr const char* kExposition = "text/plain; version=0.0.4; charset=utf-8";
 constexpr unsigned kMisdirected = 421;
-constexpr unsigned kUnavailable = 503;
 
 constexpr const char* kNote = "the agent continues without its HTTP server";
 
@@ -37,10 +36,21 @@ HttpAnswer answer_of(Probe probe) {
           {}};
 }
 
+HttpAnswer wrong_name() {
+  return refusal(kMisdirected,
+                 "this name is not known here: call the page by its address, or add the name to "
+                 "http.hosts of the config");
+}
+
 }  // namespace
 
-WebServer::WebServer(HttpConfig config, StatusBoard& board)
-    : config_(std::move(config)), board_(board), end_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+WebServer::WebServer(HttpConfig config, StatusBoard& board, std::function<void(Order)> place,
+                     const FlightRecorder* recorder)
+    : config_(std::move(config)),
+      board_(board),
+      end_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
+      api_(recorder),
+      orders_(config_.token_file, std::move(place)) {
   if (config_.page) {
     board_.want_values();
     log::keep_events();
@@ -74,8 +84,9 @@ std::unique_ptr<HttpServer> WebServer::started(std::string& told) {
   auto socket = ListeningSocket::open(config_);
   std::string address = socket ? socket->address() : "";
   auto server = std::move(socket).and_then([this](ListeningSocket&& listening) {
-    return HttpServer::start(std::move(listening),
-                             [this](const HttpRequest& request) { return answer(request); });
+    return HttpServer::start(
+        std::move(listening), [this](const HttpRequest& request) { return answer(request); },
+        config_.page ? PageOrders::kMostBytes : 0);
   });
   if (server) {
     log::info("metrics", {{"state", "listening"}, {"listen", address}});
@@ -92,8 +103,9 @@ std::unique_ptr<HttpServer> WebServer::started(std::string& told) {
 
 void WebServer::serve(HttpServer& server) {
   server_ = &server;
-  while (wait(server.file(), server.run(Clock::now()))) {
-  }
+  while (wait(server.file(), server.run(Clock::now())))
+    for (const PageOrders::Result& result : orders_.take_results())
+      server.finish(result.number, {kOk, kJson, std::make_shared<const std::string>(result.text)});
 }
 
 bool WebServer::wait(int file, SteadyTime until) const {
@@ -102,13 +114,15 @@ bool WebServer::wait(int file, SteadyTime until) const {
       until == SteadyTime::max()
           ? -1
           : static_cast<int>(std::clamp(left, milliseconds(0), milliseconds(60'000)).count());
-  std::array<pollfd, 2> files{pollfd{end_, POLLIN, 0}, pollfd{file, POLLIN, 0}};
+  std::array<pollfd, 3> files{pollfd{end_, POLLIN, 0}, pollfd{file, POLLIN, 0},
+                              pollfd{orders_.file(), POLLIN, 0}};
   ::poll(files.data(), files.size(), timeout);
   return files[0].revents == 0;
 }
 
-HttpAnswer WebServer::answer(const HttpRequest& request) {
+std::optional<HttpAnswer> WebServer::answer(const HttpRequest& request) {
   const std::string_view path = request.path;
+  if (request.is_post) return command(request);
   if (path == "/metrics") return metrics();
   if (path == "/healthz") return answer_of(health_of(status().get(), Clock::now()));
   if (path == "/readyz") return answer_of(readiness_of(status().get(), Clock::now()));
@@ -116,11 +130,15 @@ HttpAnswer WebServer::answer(const HttpRequest& request) {
   return refusal(kNotFound, "there are /metrics, /healthz and /readyz");
 }
 
+std::optional<HttpAnswer> WebServer::command(const HttpRequest& request) {
+  if (request.path != "/api/command") return refusal(kNotAllowed, "only GET and HEAD");
+  if (!is_our_name(request.host)) return wrong_name();
+  if (server_->is_full()) return refusal(kUnavailable, "too many commands wait for their result");
+  return orders_.place(request);
+}
+
 HttpAnswer WebServer::page(const HttpRequest& request) {
-  if (!is_our_name(request.host))
-    return refusal(kMisdirected,
-                   "this name is not known here: call the page by its address, or add the name to "
-                   "http.hosts of the config");
+  if (!is_our_name(request.host)) return wrong_name();
   if (const PageFile* file = page_file(request.path)) {
     if (request.if_none_match == file->etag)
       return {kNotModified, file->type, std::make_shared<const std::string>(), file->etag};

@@ -1,11 +1,14 @@
 // Serves the page with its data, /metrics, /healthz and /readyz at the configured address, on its
-// own thread. Reads only the status board and the kept log events, so it cannot hold up the agent.
+// own thread. Reads only the status board and the kept log events, and passes commands on without
+// waiting, so it cannot hold up the agent.
 // If the address is not available, logs why and tries again every 5 s.
 #pragma once
 
 #include <chrono>
 #include <cstddef>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -13,6 +16,7 @@
 #include "agent/config/model.h"
 #include "agent/http/http_server.h"
 #include "agent/http/page_api.h"
+#include "agent/http/page_orders.h"
 #include "agent/status_board.h"
 
 namespace fxagent {
@@ -26,7 +30,9 @@ class WebServer final {
 
   /// Starts the thread. `board` outlives this object. If no thread can be started, logs that and
   /// serves nothing. For the page, the agent keeps last values and log events from this call on.
-  WebServer(HttpConfig config, StatusBoard& board);
+  /// `place` as for PageOrders, `recorder` as for PageApi.
+  WebServer(HttpConfig config, StatusBoard& board, std::function<void(Order)> place = {},
+            const FlightRecorder* recorder = nullptr);
   /// Ends the thread within kPatience.
   ~WebServer();
   WebServer(const WebServer&) = delete;
@@ -40,12 +46,14 @@ class WebServer final {
   /// Returns null if the server does not start. `told` is the last reason that was logged.
   std::unique_ptr<HttpServer> started(std::string& told);
   void serve(HttpServer& server);
-  /// Returns true when `file` is readable, or at `until`. Returns false when the thread must end.
+  /// Returns true when `file` is readable, when a command has its result, or at `until`. Returns
+  /// false when the thread must end.
   bool wait(int file, SteadyTime until) const;
 
-  HttpAnswer answer(const HttpRequest& request);
+  std::optional<HttpAnswer> answer(const HttpRequest& request);
   HttpAnswer metrics();
   HttpAnswer page(const HttpRequest& request);
+  std::optional<HttpAnswer> command(const HttpRequest& request);
   /// True if a browser may call the page by this Host: an address, `localhost` or a name of the
   /// config. A web site that makes its own name mean our address (DNS rebinding) is refused.
   bool is_our_name(std::string_view host) const;
@@ -56,10 +64,11 @@ class WebServer final {
   const int end_;  ///< readable when the thread must end
   // Used by the thread only.
   SteadyTime ask_again_{};
-  const HttpServer* server_ = nullptr;        ///< null until it serves
+  HttpServer* server_ = nullptr;              ///< null until it serves
   std::shared_ptr<const AgentStatus> shown_;  ///< the status that `text_` shows
   std::shared_ptr<const std::string> text_;
   PageApi api_;
+  PageOrders orders_;
   std::thread thread_;
 };
 

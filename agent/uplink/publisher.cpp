@@ -159,7 +159,18 @@ void Publisher::take_commands(SteadyTime now) {
   late_.recover_joined(now);
   if (outbox_.refuses_commands()) commands_.close();
   intake_.take_some(now, utc_ms_());
-  for (ResultMessage& result : commands_.take_results()) results_.add(std::move(result));
+  for (ResultMessage& result : commands_.take_results()) results_.add(std::move(result), now);
+}
+
+void Publisher::take_order(Order order, SteadyTime now) {
+  Message message;
+  message.topic = config_.base_topic() + "/" + order.device + "/command";
+  message.payload = std::move(order.payload);
+  message.received = now;
+  message.received_ms = utc_ms_();
+  message.sender = std::move(order.sender);
+  message.tell = std::move(order.tell);
+  intake_.add(std::move(message), std::move(order.device), false);
 }
 
 // ---- connection ---------------------------------------------------------------------------------

@@ -18,6 +18,7 @@
 #include "agent/commands/commands.h"
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
+#include "agent/order.h"
 #include "agent/outbox.h"
 #include "agent/status.h"
 #include "agent/status_board.h"
@@ -104,6 +105,9 @@ class Publisher final {
   std::optional<std::vector<std::uint64_t>> change(const ConfigChange& change, SteadyTime now);
   /// Sets the config status that health reports.
   void set_config_status(ConfigStatus status, SteadyTime now);
+
+  /// Takes a command that did not come over MQTT. Its result goes there, too.
+  void take_order(Order order, SteadyTime now);
 
   /// The topics of remote configs; valid for the publisher's lifetime.
   ConfigTopics& configs() { return configs_; }

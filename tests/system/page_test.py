@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import subprocess
+import threading
 import unittest
 
 from plant import PATIENCE, PlantTest, device, free_port, wait_for
@@ -19,19 +20,19 @@ SCRIPT = "<img src=x onerror=alert(1)><script>alert(1)</script>"
 class PagePlant(PlantTest):
     """press1 on a pty, and press2 on a TCP port of the simulator."""
 
-    def begin(self, many=0, **more):
+    def begin(self, many=0, http_more=None, **more):
         self.port = free_port()
         tcp = free_port()
         tags = [{"name": "temp", "address": "D100", "type": "int16", "scale": 0.1, "unit": "°C", "description": SCRIPT},
                 {"name": "evil", "address": "D101", "type": "int16", "unit": SCRIPT},
-                {"name": "total", "address": "D110", "type": "int32"}]
+                {"name": "total", "address": "D110", "type": "int32", "writable": True}]
         tags += [{"name": f"t{n}", "address": f"D{200 + n % 500}", "type": "int16"} for n in range(many)]
         groups = [{"name": "default", "interval_ms": 200}]
         devices = [device(tags=tags, groups=groups, timeout_ms=300),
                    device("press2", "line2", tags=tags[:3], groups=groups, timeout_ms=300)]
         links = [self.serial(), {"name": "line2", "tcp": {"host": "127.0.0.1", "port": tcp}}]
         self.start(devices=devices, links=links, plcs=[self.plc(baud=0), {"name": "press2", "tcp": tcp}],
-                   http={"listen": f"127.0.0.1:{self.port}"}, **more)
+                   http={"listen": f"127.0.0.1:{self.port}"} | (http_more or {}), **more)
         self.listening()
 
     def listening(self):
@@ -124,6 +125,139 @@ class PageData(PagePlant):
         news = self.until("both online", lambda news: len(news["devices"]) == 2)
         later = self.changes(since=news["now"], values=news["now"], events=news["events"][-1]["n"])
         self.assertEqual((later or {"devices": {}})["devices"], {})
+
+
+class Orders(PagePlant):
+    """Commands from the page: POST /api/command."""
+
+    TOKEN = "0123456789abcdef"
+
+    def begin(self, **more):
+        token_file = os.path.join(self.directory, "token")
+        with open(token_file, "w") as out:
+            os.chmod(token_file, 0o600)
+            out.write(f"anna {self.TOKEN}\n")
+        super().begin(http_more={"token_file": token_file}, store={"path": os.path.join(self.directory, "store.db")}, **more)
+
+    def post(self, command, token=TOKEN, **headers):
+        """Returns status and body as JSON."""
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)) as connection:
+            headers = {"Content-Type": "application/json", "Authorization": f"Bearer {token}"} | headers
+            connection.request("POST", "/api/command", json.dumps(command), headers)
+            answer = connection.getresponse()
+            return answer.status, json.loads(answer.read())
+
+    def write(self, value, id="w1", **more):
+        return {"device": "press1", "id": id, "op": "write", "tag": "total", "value": value} | more
+
+    def ready(self):
+        super().ready()
+        self.until("all well", lambda news: news["works"].startswith("2 of 2") and news["broker"]["connected"])
+
+    def test_a_command_has_one_result_here_and_on_mqtt(self):
+        self.begin()
+        self.ready()
+        status, result = self.post(self.write(70000, by="eve"))
+        self.assertEqual((status, result["status"]), (200, "SUCCEEDED"), result)
+        self.assertEqual(result["id"], "w1")
+        self.assertGreaterEqual(result["total_ms"], 0)
+        self.assertEqual((self.sim.get("press1", "D110"), self.sim.get("press1", "D111")), (70000 & 0xFFFF, 1))
+        same = wait_for("the result on MQTT", lambda: [one for one in self.client.results() if one["id"] == "w1"])
+        self.assertEqual([{**one, "total_ms": 0} for one in same], [{**result, "total_ms": 0}])
+        last = self.until("the command", lambda news: news["last_commands"])["last_commands"][-1]
+        self.assertEqual((last["by"], last["target"], last["value"]), ("page:anna", "total", 70000))
+        self.assertTrue(last["frames"])
+        audit = subprocess.run([os.environ["FXAGENT"], "audit", self.agent.config_path, "--json"], stdout=subprocess.PIPE,
+                               text=True, check=True)
+        self.assertIn("page:anna", audit.stdout)
+        self.assertNotIn(self.TOKEN, audit.stdout + self.agent.logged())
+
+    def test_a_repeated_command_is_not_carried_out(self):
+        self.begin()
+        self.ready()
+        self.assertEqual(self.post(self.write(1))[1]["status"], "SUCCEEDED")
+        self.sim.set("press1", "D110", 5)
+        self.assertEqual(self.post(self.write(1))[1]["status"], "DUPLICATE")
+        self.assertEqual(self.sim.get("press1", "D110"), 5)
+
+    def test_what_admission_refuses_is_refused_here(self):
+        self.begin()
+        self.ready()
+        for change, reason in (({"device": "nobody"}, "unknown_device"), ({"tag": "none"}, "unknown_tag"), ({"value": "x"}, "bad_value"),
+                               ({"op": "explode"}, "bad_op")):
+            status, result = self.post(self.write(1, id=reason, **{}) | change)
+            self.assertEqual((status, result["status"], result["reason"]), (200, "REJECTED", reason), result)
+
+    def test_a_silent_plc_has_its_honest_result(self):
+        self.begin()
+        self.ready()
+        self.sim.fault("press1", "drop", count=100000)
+        status, result = self.post(self.write(1))
+        self.assertEqual(status, 200)
+        self.assertIn(result["status"], ("UNKNOWN_OUTCOME", "FAILED"), result)
+
+    def test_the_page_commands_while_the_broker_is_away(self):
+        self.begin()
+        self.ready()
+        self.broker.kill()
+        self.until("the fault", lambda news: not news["broker"]["connected"])
+        self.assertEqual(self.post(self.write(77))[1]["status"], "SUCCEEDED")
+        self.assertEqual(self.sim.get("press1", "D110"), 77)
+
+    def test_strangers_and_other_sites_reach_nothing(self):
+        self.begin()
+        self.ready()
+        here = f"127.0.0.1:{self.port}"
+        for headers, status in (({"Authorization": "Bearer wrong"}, 401), ({"Authorization": ""}, 401), ({"Origin": "http://evil.example"}, 403),
+                                ({"Origin": f"http://{here}", "Sec-Fetch-Site": "cross-site"}, 403), ({"Content-Type": "text/plain"}, 415),
+                                ({"Host": "evil.example"}, 421)):
+            self.assertEqual(self.post(self.write(666), **headers)[0], status, headers)
+        self.assertEqual(self.post([1])[0], 400)
+        self.assertEqual(self.post(self.write(1, note="x" * 70000))[0], 413)
+        self.assertEqual(self.sim.get("press1", "D110"), 0)
+        self.assertEqual(self.changes(since=0)["last_commands"], [])
+        self.assertEqual(self.post(self.write(1), Origin=f"http://{here}", **{"Sec-Fetch-Site": "same-origin"})[1]["status"], "SUCCEEDED")
+
+    def test_an_agent_that_stops_leaves_nobody_waiting(self):
+        self.begin()
+        self.ready()
+        self.sim.fault("press1", "drop", count=100000)
+        answers = []
+        asking = threading.Thread(target=lambda: answers.append(self.post(self.write(1))))
+        asking.start()
+        wait_for("the write on the wire", lambda: self.sim.ask(cmd="stats", plc="press1").get("writes", 1) or True)
+        self.agent.stop()
+        asking.join(PATIENCE)
+        self.assertFalse(asking.is_alive())
+        self.assertIn(answers[0][0], (200, 503), answers)
+
+    def test_without_a_token_file_the_page_is_read_only(self):
+        PagePlant.begin(self)
+        status, body = self.post(self.write(1))
+        self.assertEqual(status, 403)
+        self.assertIn("http.token_file", body["error"])
+
+
+class Frames(PagePlant):
+    def test_frames_are_explained(self):
+        self.begin(recorder={"path": os.path.join(self.directory, "recordings")})
+        self.until("values", lambda news: news["values"], groups="0.0")
+        status, body = self.get("/api/frames?link=0&since=0")
+        self.assertEqual(status, 200)
+        first = json.loads(body)
+        out = next(frame for frame in first["frames"] if frame["way"] == "out" and frame["fields"])
+        self.assertEqual(out["device"], "press1")
+        self.assertTrue(out["says"])
+        self.assertEqual(len(bytes.fromhex(out["hex"])) > 4, True)
+        later = json.loads(self.get(f"/api/frames?link=0&since={first['next']}")[1])
+        self.assertGreaterEqual(later["next"], first["next"])
+        self.assertLessEqual(len(later["frames"]), later["next"] - first["next"])
+
+    def test_without_a_recorder_the_cure_is_named(self):
+        self.begin()
+        status, body = self.get("/api/frames?link=0&since=0")
+        self.assertEqual(status, 404)
+        self.assertIn("recorder", body)
 
 
 @unittest.skipUnless(os.path.exists(CHROMIUM), "there is no " + CHROMIUM)

@@ -119,7 +119,15 @@ std::optional<HttpConfig> read_http(ConfigReader& reader, const ConfigNode& top)
   auto config =
       read_listen(reader, *page, config_key("http.listen"), "the page and the metrics have");
   const auto hosts = read_hosts(reader, *page);
+  const auto token_file = reader.text(*page, config_key("http.token_file"));
   if (!config) return std::nullopt;
+  if (token_file && !is_loopback(*config))
+    reader.error(
+        *page->find("token_file"),
+        "needs a listen address that no other machine can reach, such as 127.0.0.1:8080 or "
+        "a Unix socket, and a proxy with TLS before it: a token must not travel in plain "
+        "text");
+  config->token_file = token_file.value_or("");
   config->page = true;
   config->hosts = hosts;
   return config;

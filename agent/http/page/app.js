@@ -5,7 +5,8 @@ import {clock, since} from './words.js';
 import {now} from './now.js';
 import {values} from './values.js';
 import {lines} from './lines.js';
-import {commands, config} from './lists.js';
+import {commands} from './commands.js';
+import {config} from './config.js';
 
 const views = {now, values, lines, commands, config};
 const main = document.getElementById('view');
@@ -19,6 +20,7 @@ function open() {
     link.hash === `#${chosen}` ? link.setAttribute('aria-current', 'page') : link.removeAttribute('aria-current');
   want.groups.clear();
   want.link = null;
+  view?.stop?.();
   view = views[chosen](main, rest.join('/'));
   view.draw();
 }

@@ -21,6 +21,15 @@ async function get(path) {
   return body;
 }
 
+// Sends a command and returns its result.
+export async function send(body, token) {
+  const answer = await fetch('/api/command', {method: 'POST', body, headers: {'Content-Type': 'application/json', Authorization: `Bearer ${token}`}});
+  const result = await answer.json();
+  if (!answer.ok) throw new Error(result.error);
+  return result;
+}
+
+export const frames = (link, since) => get(`/api/frames?link=${link}&since=${since}`);
 export const plan = (link) => get(`/api/plan?link=${link}`);
 
 async function takeConfig() {

@@ -1,6 +1,7 @@
 // Each link: whose milliseconds the wire spends, its counters, and its devices.
 import {el, facts, show, state, svg, table} from './dom.js';
 import {data, plan, want} from './data.js';
+import {trace} from './frames.js';
 import {clock, kindOf, ms, since} from './words.js';
 
 // A link is as good as its devices. Without any, its port counts.
@@ -68,6 +69,7 @@ export function lines(main, given) {
   const counted = el('div', {});
   const named = el('div', {});
   let chosen = null;
+  let wire = null;
   main.replaceChildren(el('h1', {}, 'Lines'), list, detail);
 
   function choose(l) {
@@ -75,7 +77,9 @@ export function lines(main, given) {
     want.link = l;
     planned.replaceChildren();
     planned.shownKey = undefined;
-    detail.replaceChildren(el('h2', {}, data.config.links[l].name), el('p', {class: 'soft'}, data.config.links[l].wire), named, planned, counted);
+    wire?.stop();
+    wire = trace(l);
+    detail.replaceChildren(el('h2', {}, data.config.links[l].name), el('p', {class: 'soft'}, data.config.links[l].wire), named, planned, counted, wire.node);
     plan(l).then((found) => { if (chosen === l) planned.replaceChildren(...bar(l, found.groups).filter(Boolean)); },
       (fault) => planned.replaceChildren(el('p', {}, `The plan could not be had: ${fault.message}`)));
     draw();
@@ -98,5 +102,5 @@ export function lines(main, given) {
     show(named, JSON.stringify([devicesOf(chosen).map(([d]) => data.devices.get(d)), Math.floor(data.ts / 10000)]), () => devices(chosen));
     if (data.link?.l === chosen) show(counted, JSON.stringify(data.link), () => [el('h2', {}, 'Since the start'), ...counters(data.link)]);
   }
-  return {draw};
+  return {draw, stop: () => wire?.stop()};
 }

@@ -33,7 +33,9 @@ ResultDelivery::ResultDelivery(const Config& config, Commands& commands, Outgoin
       backoff_(backoff),
       utc_ms_(std::move(utc_ms)) {}
 
-void ResultDelivery::add(ResultMessage result) {
+void ResultDelivery::add(ResultMessage result, SteadyTime now) {
+  if (result.tell) result.tell(with_total(result.text, now - result.received));
+  result.tell = nullptr;
   const std::string& device = result.device;
   Pending pending;
   pending.copies.push_back({.topic = base_ + "/" + device + "/result"});

@@ -29,7 +29,7 @@ class ResultDelivery final : public Outgoing::Sender {
   ResultDelivery(const Config& config, Commands& commands, Outgoing& outgoing,
                  JitteredBackoff& backoff, UtcClock utc_ms);
 
-  void add(ResultMessage result);
+  void add(ResultMessage result, SteadyTime now);
   /// Sends results for which there is room. `heard` is the count of messages received so far, if
   /// some are held back. True: some were sent, and the window is too small to share, so samples go
   /// first next time.

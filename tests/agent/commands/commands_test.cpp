@@ -429,19 +429,19 @@ TEST_F(CommandsTest, LastOnesAreKnownWithWhatBecameOfThem) {
   finish("a");
   const auto& last = commands().last();
   ASSERT_EQ(last.size(), 2U);
-  EXPECT_EQ(last[0].device, "press2");
-  EXPECT_EQ(last[0].id, "b");
-  EXPECT_EQ(last[0].op, "write");
-  EXPECT_EQ(last[0].status, CommandStatus::rejected);
-  EXPECT_EQ(last[0].reason, Reason::unknown_tag);
-  EXPECT_EQ(last[0].ts_ms, kNow);
-  EXPECT_EQ(last[1].device, "press1");
-  EXPECT_EQ(last[1].id, "a");
-  EXPECT_EQ(last[1].status, CommandStatus::succeeded);
-  EXPECT_EQ(last[1].reason, Reason::none);
+  EXPECT_EQ(last[0]->device, "press2");
+  EXPECT_EQ(last[0]->id, "b");
+  EXPECT_EQ(last[0]->op, "write");
+  EXPECT_EQ(last[0]->status, CommandStatus::rejected);
+  EXPECT_EQ(last[0]->reason, Reason::unknown_tag);
+  EXPECT_EQ(last[0]->ts_ms, kNow);
+  EXPECT_EQ(last[1]->device, "press1");
+  EXPECT_EQ(last[1]->id, "a");
+  EXPECT_EQ(last[1]->status, CommandStatus::succeeded);
+  EXPECT_EQ(last[1]->reason, Reason::none);
   for (int i = 0; i < 20; ++i) receive("no json");
   EXPECT_EQ(last.size(), kLastCommands);
-  EXPECT_EQ(last.front().reason, Reason::bad_json);
+  EXPECT_EQ(last.front()->reason, Reason::bad_json);
 }
 
 TEST_F(CommandsTest, ResultThatAnEarlierRunGaveIsNoLastOne) {

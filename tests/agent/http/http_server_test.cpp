@@ -224,5 +224,143 @@ TEST_F(HttpServerTest, OneBodyIsSharedByAllWhoAreSentIt) {
   EXPECT_EQ(body_.use_count(), 11);
 }
 
+// ---- POST ---------------------------------------------------------------------------------------
+
+class HttpPostTest : public testing::Test {
+ protected:
+  static constexpr std::size_t kMostBody = 100;
+
+  void SetUp() override {
+    HttpConfig config;
+    config.unix_path = scratch_.path("http");
+    auto socket = ListeningSocket::open(config);
+    ASSERT_TRUE(socket.has_value()) << socket.error().text;
+    auto server = HttpServer::start(
+        std::move(*socket),
+        [this](const HttpRequest& request) -> std::optional<HttpAnswer> {
+          bodies_.emplace_back(request.body);
+          last_ = request.number;
+          if (request.path == "/later") return std::nullopt;
+          return HttpAnswer{200, "text/plain", std::make_shared<const std::string>("now")};
+        },
+        kMostBody);
+    ASSERT_TRUE(server.has_value()) << server.error().text;
+    server_ = std::move(*server);
+  }
+
+  void run() {
+    for (int i = 0; i < 50; ++i) server_->run(now_);
+  }
+  HttpClient post(const std::string& path, const std::string& body) {
+    HttpClient made(scratch_.path("http"));
+    EXPECT_TRUE(made.connected());
+    run();
+    made.send("POST " + path + " HTTP/1.1\r\nHost: a\r\nContent-Length: " +
+              std::to_string(body.size()) + "\r\n\r\n");
+    run();
+    made.send(body);
+    run();
+    return made;
+  }
+  static HttpAnswer late() {
+    return {200, "text/plain", std::make_shared<const std::string>("late")};
+  }
+
+  const Scratch scratch_;
+  SteadyTime now_{1h};
+  std::vector<std::string> bodies_;
+  std::uint64_t last_ = 0;
+  std::unique_ptr<HttpServer> server_;
+};
+
+TEST_F(HttpPostTest, BodyIsPassedOn) {
+  HttpClient one = post("/now", "a body");
+  EXPECT_EQ(one.status(), 200);
+  EXPECT_EQ(one.body(), "now");
+  EXPECT_EQ(bodies_, std::vector<std::string>{"a body"});
+  EXPECT_EQ(post("/now", std::string(kMostBody, 'x')).status(), 200);
+}
+
+TEST_F(HttpPostTest, TooLongABodyIsRefused) {
+  HttpClient one = post("/now", std::string(kMostBody + 1, 'x'));
+  EXPECT_EQ(one.status(), 413);
+  EXPECT_EQ(post("/now", std::string(100'000, 'x')).status(), 413);
+  EXPECT_TRUE(bodies_.empty());
+}
+
+TEST_F(HttpPostTest, BodyThatDoesNotEndIsClosed) {
+  HttpClient one(scratch_.path("http"));
+  run();
+  one.send("POST /now HTTP/1.1\r\nHost: a\r\nContent-Length: 50\r\n\r\nabc");
+  run();
+  now_ += HttpServer::kLongestConnection;
+  run();
+  EXPECT_TRUE(one.closed());
+  EXPECT_EQ(server_->closed().slow, 1U);
+  EXPECT_TRUE(bodies_.empty());
+}
+
+TEST_F(HttpPostTest, AnswerMayComeLater) {
+  HttpClient one = post("/later", "x");
+  now_ += HttpServer::kLongestConnection * 2;
+  run();
+  EXPECT_EQ(one.heard(), "");
+  EXPECT_FALSE(one.closed());
+  server_->finish(last_, late());
+  run();
+  EXPECT_EQ(one.body(), "late");
+  EXPECT_TRUE(one.closed());
+  EXPECT_EQ(server_->closed().slow, 0U);
+  EXPECT_EQ(bodies_.size(), 1U);
+  server_->finish(last_, late());  // nobody waits
+}
+
+TEST_F(HttpPostTest, WaitHasAnEnd) {
+  HttpClient one = post("/later", "x");
+  now_ += HttpServer::kLongestWait;
+  run();
+  EXPECT_EQ(one.status(), 504);
+}
+
+TEST_F(HttpPostTest, EndOfTheServerIsToldToThoseThatWait) {
+  HttpClient one = post("/later", "x");
+  server_.reset();
+  EXPECT_EQ(one.status(), 503);
+}
+
+TEST_F(HttpPostTest, CrowdClosesNoneThatWait) {
+  HttpClient one = post("/later", "x");
+  const std::uint64_t number = last_;
+  std::vector<HttpClient> crowd;
+  for (std::size_t i = 0; i < HttpServer::kCrowded; ++i) {
+    crowd.emplace_back(scratch_.path("http"));
+    run();
+  }
+  EXPECT_TRUE(crowd.front().closed());
+  server_->finish(number, late());
+  run();
+  EXPECT_EQ(one.body(), "late");
+}
+
+TEST_F(HttpPostTest, FullWhenManyWait) {
+  std::vector<HttpClient> waiting;
+  for (std::size_t i = 0; i < HttpServer::kMostWaiting; ++i) {
+    EXPECT_FALSE(server_->is_full());
+    waiting.push_back(post("/later", "x"));
+  }
+  EXPECT_TRUE(server_->is_full());
+  server_->finish(last_, late());
+  EXPECT_FALSE(server_->is_full());
+}
+
+TEST_F(HttpPostTest, ClientThatLeavesWhileItWaitsIsForgotten) {
+  { HttpClient one = post("/later", "x"); }
+  run();
+  server_->finish(last_, late());
+  run();
+  EXPECT_FALSE(server_->is_full());
+  EXPECT_EQ(post("/now", "y").status(), 200);
+}
+
 }  // namespace
 }  // namespace fxagent

@@ -79,7 +79,7 @@ TEST_F(PageApiTest, ConfigHasLinksDevicesAndTagsAndNoSecret) {
   const json config = json::parse(*answer.body);
   EXPECT_EQ(config["hash"], "fed4");
   EXPECT_EQ(config["base"], "fx/plant-a/edge7");
-  EXPECT_EQ(config["links"][0]["wire"], " 9600 7E1");
+  EXPECT_EQ(config["links"][0]["wire"], "serial  9600 7E1");
   const json& press = config["devices"][0];
   EXPECT_EQ(press["protocol"], "fx-programming-port");
   EXPECT_EQ(press["groups"][0]["tags"][0], json::parse(R"(["temp","D100","int16","°C",0,""])"));
@@ -115,7 +115,12 @@ TEST_F(PageApiTest, FirstAnswerHasEverythingAndTheNextOnlyChanges) {
   EXPECT_EQ(first["samples"]["waiting"], 6);
   EXPECT_EQ(first["links"][0], json::parse("[1,0,82,125]"));
   const std::string now = std::to_string(first["now"].get<int>());
-  EXPECT_EQ(ask("/api/changes", {{"since", now}, {"values", now}, {"groups", "0.0"}}).status, 304U);
+  const std::string events =
+      std::to_string(first["events"].empty() ? 0 : first["events"].back()["n"].get<int>());
+  EXPECT_EQ(ask("/api/changes",
+                {{"since", now}, {"values", now}, {"events", events}, {"groups", "0.0"}})
+                .status,
+            304U);
 
   status_.devices[0] = std::make_shared<const DeviceStatus>(offline(0, "link_down"));
   publish();

@@ -1,27 +1,7 @@
-// The newest commands, and the config in force.
-import {card, el, facts, pairs, show, state, table} from './dom.js';
+// The config in force.
+import {card, el, pairs, show, state, table} from './dom.js';
 import {data} from './data.js';
 import {clock, since} from './words.js';
-
-const KIND = {SUCCEEDED: 'ok', PARTIAL: 'warn', UNKNOWN_OUTCOME: 'warn', FAILED: 'bad', REJECTED: 'idle', EXPIRED: 'idle', DUPLICATE: 'idle'};
-
-export function commands(main) {
-  const list = el('div', {});
-  main.replaceChildren(el('h1', {}, 'Commands'), list);
-  function draw() {
-    if (!data.config) return;
-    show(list, JSON.stringify([data.commands, data.lastCommands]), () => {
-      const counts = Object.entries(data.commands);
-      if (data.lastCommands.length === 0) return el('p', {class: 'soft'}, 'No command has arrived since the agent started.');
-      return [facts(counts.map(([status, count]) => [status, String(count)])),
-        el('p', {class: 'soft small'}, `The newest ${data.lastCommands.length}. Each command and its result is in the audit: fxagent audit.`),
-        table(['time', 'result', 'device', 'what', 'id', 'reason'], data.lastCommands.toReversed().map((one) => el('tr', {},
-          el('td', {class: 'time'}, clock(one.ts)), el('td', {}, state(KIND[one.status] ?? 'idle', one.status)), el('td', {}, one.device),
-          el('td', {}, one.op || '–'), el('td', {class: 'text'}, one.id || '–'), el('td', {class: 'text'}, one.reason))))];
-    });
-  }
-  return {draw};
-}
 
 function device(one) {
   return el('details', {}, el('summary', {}, one.name, el('span', {class: 'soft'}, ` ${one.protocol} ${one.model}`)),

@@ -1,0 +1,107 @@
+// The newest commands, and a form that sends one.
+import {card, el, facts, show, state, table} from './dom.js';
+import {data, send} from './data.js';
+import {clock, ms, value} from './words.js';
+
+const KIND = {SUCCEEDED: 'ok', PARTIAL: 'warn', UNKNOWN_OUTCOME: 'warn', FAILED: 'bad', REJECTED: 'idle', EXPIRED: 'idle', DUPLICATE: 'idle'};
+const OPS = {write: 'write', force_on: 'force on', force_off: 'force off', read: 'read'};
+// Kept until the page is closed, and nowhere else.
+let token = '';
+
+const field = (name, input) => el('label', {}, el('span', {class: 'small soft'}, name), input);
+const says = (one) => [one.reason, one.detail].filter(Boolean).join(': ');
+const newId = () => [...crypto.getRandomValues(new Uint8Array(8))].map((byte) => byte.toString(16).padStart(2, '0')).join('');
+
+// Numbers stay as they are typed: JavaScript would round the large ones.
+function asJson(text, type) {
+  if (type?.endsWith(']')) return `[${text.split(/[\s,]+/).filter(Boolean).map((one) => asJson(one)).join(',')}]`;
+  if (/^(-?\d+(\.\d+)?([eE][+-]?\d+)?|true|false)$/.test(text) && !type?.startsWith('string')) return text;
+  if (type === 'bool' && /^(on|off)$/.test(text)) return String(text === 'on');
+  return JSON.stringify(text);
+}
+
+function asks(dialog, question) {
+  const yes = el('button', {class: 'main', value: 'yes'}, 'Send');
+  dialog.replaceChildren(el('form', {method: 'dialog'}, el('h2', {}, question), el('p', {}, `Plant ${data.config.agent}`),
+    el('p', {class: 'tools'}, yes, el('button', {value: 'no'}, 'Cancel'))));
+  dialog.returnValue = 'no';
+  dialog.showModal();
+  return new Promise((done) => dialog.addEventListener('close', () => done(dialog.returnValue === 'yes'), {once: true}));
+}
+
+function order() {
+  const devices = data.config.devices.filter(Boolean);
+  const device = el('select', {}, devices.map((one) => el('option', {value: one.name}, one.name)));
+  const op = el('select', {}, Object.entries(OPS).map(([word, text]) => el('option', {value: word}, text)));
+  const names = el('datalist', {id: 'targets'});
+  const target = el('input', {list: 'targets', required: true, autocomplete: 'off', placeholder: 'tag or address'});
+  const given = el('input', {autocomplete: 'off'});
+  const secret = el('input', {type: 'password', required: true, autocomplete: 'off', value: token});
+  const button = el('button', {class: 'main'}, 'Send…');
+  const outcome = el('div', {role: 'status'});
+  const dialog = el('dialog', {'aria-label': 'Send this command?'});
+  const tags = () => devices.find((one) => one.name === device.value).groups.flatMap((group) => group.tags);
+
+  function offer() {
+    const wanted = tags().filter(([, , , , writable]) => writable || op.value === 'read').slice(0, 500);
+    names.replaceChildren(...wanted.map(([name, address]) => el('option', {value: name}, address)));
+    given.disabled = op.value !== 'write';
+    given.required = op.value === 'write';
+  }
+  device.addEventListener('change', offer);
+  op.addEventListener('change', offer);
+  offer();
+
+  async function submit(event) {
+    event.preventDefault();
+    token = secret.value;
+    const tag = tags().find(([name]) => name === target.value);
+    const command = {device: device.value, id: `page-${newId()}`, op: op.value, [tag ? 'tag' : 'address']: target.value};
+    const what = op.value === 'write' ? `Write ${given.value} to ${target.value}` : `${OPS[op.value][0].toUpperCase()}${OPS[op.value].slice(1)}: ${target.value}`;
+    let body = JSON.stringify(command);
+    if (op.value === 'write') body = `${body.slice(0, -1)},"value":${asJson(given.value.trim(), tag?.[2])}}`;
+    if (!await asks(dialog, `${what} of ${device.value}?`)) return;
+    button.disabled = true;
+    outcome.replaceChildren(el('p', {class: 'soft'}, 'Sent. The result comes from the PLC.'));
+    try {
+      const result = await send(body, token);
+      const target = result.targets?.[0] ?? result;
+      outcome.replaceChildren(el('p', {}, state(KIND[result.status] ?? 'idle', result.status), ' ', says(result),
+        result.status === 'SUCCEEDED' && target.value !== undefined && target.value !== null ? ` ${value(target.value)}` : ''));
+    } catch (fault) {
+      outcome.replaceChildren(el('p', {}, state('warn', 'no result'), ` ${fault.message}. If the list below does not show command ${command.id}, it did not arrive.`));
+    }
+    button.disabled = false;
+  }
+
+  return card(el('h2', {}, 'Send a command'), el('form', {class: 'order', onsubmit: submit}, field('device', device), field('operation', op), field('target', target),
+    field('value', given), field('token', secret), button), names, outcome, dialog);
+}
+
+function row(one) {
+  const target = one.targets > 1 ? `${one.target} and ${one.targets - 1} more` : one.target;
+  const frames = one.frames.length
+    ? el('details', {}, el('summary', {}, `${one.frames.length} frames`), el('pre', {}, one.frames.map(([way, hex]) => `${way} ${hex}`).join('\n'))) : null;
+  return el('tr', {}, el('td', {class: 'time'}, clock(one.ts)), el('td', {}, state(KIND[one.status] ?? 'idle', one.status)), el('td', {}, one.device),
+    el('td', {class: 'text'}, `${OPS[one.op] ?? one.op} ${target}`, one.value === null ? '' : ` = ${value(one.value)}`),
+    el('td', {}, one.by || '–'), el('td', {class: 'number'}, one.bound_ms === null ? '–' : `${ms(one.took_ms)} of ${ms(one.bound_ms)}`),
+    el('td', {class: 'text'}, says(one), frames, el('div', {class: 'small soft'}, one.id)));
+}
+
+export function commands(main) {
+  const form = el('div', {});
+  const list = el('div', {});
+  main.replaceChildren(el('h1', {}, 'Commands'), form, list);
+  function draw() {
+    if (!data.config) return;
+    show(form, data.config.hash, () => data.config.commands ? order()
+      : el('p', {class: 'soft'}, 'This page is read-only. http.token_file in the config allows commands.'));
+    show(list, JSON.stringify([data.commands, data.lastCommands]), () => {
+      if (data.lastCommands.length === 0) return el('p', {class: 'soft'}, 'No command has arrived since the agent started.');
+      return [facts(Object.entries(data.commands).map(([status, count]) => [status, String(count)])),
+        el('p', {class: 'soft small'}, `The newest ${data.lastCommands.length}. Each command and its result is in the audit: fxagent audit.`),
+        table(['time', 'result', 'device', 'what', 'by', {name: 'time, bound', number: true}, 'answer'], data.lastCommands.toReversed().map(row))];
+    });
+  }
+  return {draw};
+}

@@ -1,0 +1,154 @@
+#include "agent/http/page_orders.h"
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <sstream>
+#include <string_view>
+#include <utility>
+
+#include "agent/log/log.h"
+
+namespace fxagent {
+namespace {
+
+constexpr unsigned kUnauthorized = 401;
+constexpr unsigned kForbidden = 403;
+constexpr unsigned kUnsupportedType = 415;
+constexpr std::string_view kBearer = "Bearer ";
+constexpr std::size_t kLongestName = 64;
+constexpr std::chrono::seconds kLogEvery{10};
+
+/// Takes the same time wherever the texts differ.
+bool same(std::string_view one, std::string_view other) {
+  unsigned difference = one.size() == other.size() ? 0 : 1;
+  for (std::size_t i = 0; i < std::min(one.size(), other.size()); ++i)
+    difference |= static_cast<unsigned>(one[i] ^ other[i]);
+  return difference == 0;
+}
+
+/// Finds the token in the file. Each line is "NAME TOKEN" or "TOKEN"; # begins a comment. Returns
+/// the name, which may be empty; nullopt: the file has no such token.
+std::optional<std::string> name_of(std::string_view token, std::istream& file) {
+  std::optional<std::string> found;
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line);
+    std::string name;
+    std::string known;
+    words >> name >> known;
+    if (name.empty() || name.starts_with('#')) continue;
+    if (known.empty()) std::swap(name, known);
+    if (same(known, token)) found = name;
+  }
+  return found;
+}
+
+/// Returns the token of an Authorization; empty if it has none.
+std::string_view token_of(std::string_view authorization) {
+  if (!authorization.starts_with(kBearer)) return {};
+  authorization.remove_prefix(kBearer.size());
+  return authorization.substr(0, authorization.find_last_not_of(' ') + 1);
+}
+
+/// True if the request comes from the page itself or from no browser: browsers name the origin of
+/// every POST. The port belongs to the origin.
+bool is_own_origin(const HttpRequest& request) {
+  if (!request.fetch_site.empty() && request.fetch_site != "same-origin") return false;
+  if (request.origin.empty()) return true;
+  const std::size_t scheme = request.origin.find("://");
+  return scheme != request.origin.npos && request.origin.substr(scheme + 3) == request.host;
+}
+
+/// A form of another site cannot send this type without asking first.
+bool is_json(std::string_view type) {
+  const std::string_view name = type.substr(0, type.find(';'));
+  return name.substr(0, name.find_last_not_of(' ') + 1) == kJson;
+}
+
+}  // namespace
+
+/// Results on their way to the server's thread.
+struct PageOrders::Inbox {
+  const int file = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  std::mutex mutex{};
+  std::vector<Result> results{};  ///< under the mutex
+
+  Inbox() = default;
+  Inbox(const Inbox&) = delete;
+  Inbox& operator=(const Inbox&) = delete;
+  ~Inbox() {
+    if (file >= 0) ::close(file);
+  }
+};
+
+PageOrders::PageOrders(std::string token_file, std::function<void(Order)> place)
+    : token_file_(std::move(token_file)),
+      place_(std::move(place)),
+      inbox_(std::make_shared<Inbox>()) {}
+
+PageOrders::~PageOrders() = default;
+
+std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
+  if (token_file_.empty())
+    return refusal(kForbidden,
+                   "this page is read-only; http.token_file of the config allows "
+                   "commands");
+  if (!is_own_origin(request))
+    return refusal(kForbidden,
+                   "a command may come only from the page itself, not from another "
+                   "site");
+  if (!is_json(request.content_type))
+    return refusal(kUnsupportedType, "Content-Type must be application/json");
+  std::ifstream file(token_file_);
+  if (!file) {
+    log::error("page", {{"token_file", token_file_}, {"reason", "cannot be read"}});
+    return refusal(kUnavailable, "http.token_file cannot be read; the log names it");
+  }
+  const std::string_view token = token_of(request.authorization);
+  const auto name = token.empty() ? std::nullopt : name_of(token, file);
+  if (!name) {
+    if (const auto now = std::chrono::steady_clock::now(); now >= logs_again_) {
+      log::warn("page", {{"command", "refused"}, {"reason", "no valid token"}});
+      logs_again_ = now + kLogEvery;
+    }
+    return refusal(kUnauthorized, "Authorization must be Bearer and a token of http.token_file");
+  }
+  const auto body = nlohmann::json::parse(request.body, nullptr, /*allow_exceptions=*/false);
+  const auto text = [&body](const char* key) -> std::string {
+    const auto member = body.is_object() ? body.find(key) : body.end();
+    return member != body.end() && member->is_string() ? member->get<std::string>() : "";
+  };
+  const std::string device = text("device");
+  if (device.empty())
+    return refusal(kBadRequest,
+                   "the body must be a command as JSON, with the name of its device "
+                   "in \"device\"");
+  Order order;
+  order.device = device;
+  order.payload = request.body;
+  order.sender = "page:" + (name->empty() ? text("by").substr(0, kLongestName) : *name);
+  order.tell = [inbox = inbox_, number = request.number](const std::string& result) {
+    const std::lock_guard lock(inbox->mutex);
+    inbox->results.push_back({number, result + "\n"});
+    ::eventfd_write(inbox->file, 1);
+  };
+  place_(std::move(order));
+  return std::nullopt;
+}
+
+std::vector<PageOrders::Result> PageOrders::take_results() {
+  const std::lock_guard lock(inbox_->mutex);
+  eventfd_t count = 0;
+  ::eventfd_read(inbox_->file, &count);
+  return std::exchange(inbox_->results, {});
+}
+
+int PageOrders::file() const { return inbox_->file; }
+
+}  // namespace fxagent

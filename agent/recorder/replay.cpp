@@ -1,0 +1,48 @@
+#include "agent/recorder/replay.h"
+
+#include <array>
+#include <utility>
+
+#include "agent/text.h"
+#include "protocol/catalog.h"
+#include "protocol/explanation.h"
+
+namespace fxagent {
+
+using Way = RecordedFrame::Way;
+
+std::string_view to_string(Way way) {
+  constexpr std::array<std::string_view, 4> kWords{"out", "in", "failed", "unasked"};
+  return kWords[static_cast<std::size_t>(way)];
+}
+
+Replay::Replay(Recording recording) : recording_(std::move(recording)) {
+  for (const RecordedDevice& device : recording_.devices) {
+    const ProtocolInfo* protocol = find_protocol(device.protocol);
+    auto codec = protocol == nullptr ? Result<std::shared_ptr<const Codec>>(nullptr)
+                                     : protocol->make(device.options);
+    codecs_.push_back(codec ? std::move(*codec) : nullptr);
+  }
+}
+
+std::optional<Explanation> Replay::explain(const RecordedFrame& frame) const {
+  if (frame.bytes.empty() || frame.device >= codecs_.size() || !codecs_[frame.device])
+    return std::nullopt;
+  return codecs_[frame.device]->explain(
+      frame.bytes, frame.way == Way::out ? Direction::request : Direction::reply);
+}
+
+const std::string& Replay::device_of(const RecordedFrame& frame) const {
+  static const std::string none;
+  return frame.device < recording_.devices.size() ? recording_.devices[frame.device].name : none;
+}
+
+std::string meaning_of(const Replay& replay, const RecordedFrame& frame) {
+  std::string meaning = frame.note;
+  if (meaning.empty() && frame.way == Way::unasked) meaning = "unexpected bytes";
+  if (const auto explanation = replay.explain(frame))
+    meaning += (meaning.empty() ? "" : "; ") + summary(*explanation);
+  return escaped(meaning, Escape::message);
+}
+
+}  // namespace fxagent

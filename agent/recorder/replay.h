@@ -1,0 +1,36 @@
+// Explains the frames of a recording with the codecs of its devices.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/recorder/recording.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+/// A recording and the codecs of its devices.
+class Replay final {
+ public:
+  explicit Replay(Recording recording);
+
+  const Recording& recording() const { return recording_; }
+  /// Explains the frame. nullopt without bytes or without a device.
+  std::optional<Explanation> explain(const RecordedFrame& frame) const;
+  /// Returns the name of the frame's device; empty if it has none.
+  const std::string& device_of(const RecordedFrame& frame) const;
+
+ private:
+  Recording recording_;
+  std::vector<std::shared_ptr<const Codec>> codecs_;
+};
+
+/// Returns "out", "in", "failed" or "unasked".
+std::string_view to_string(RecordedFrame::Way way);
+/// Returns the note and the meaning of a frame in one line.
+std::string meaning_of(const Replay& replay, const RecordedFrame& frame);
+
+}  // namespace fxagent

@@ -1,0 +1,150 @@
+#include "agent/http/page_orders.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tests/support/scratch.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+
+constexpr std::string_view kCommand =
+    R"({"device":"press1","id":"a","op":"read","tag":"temp","by":"eve"})";
+
+class PageOrdersTest : public testing::Test {
+ protected:
+  PageOrdersTest() {
+    std::ofstream file(scratch_.path("token"));
+    file << "# people\n\nanna  0123456789abcdef\nsecret-without-name\r\n";
+  }
+
+  PageOrders& orders() {
+    if (!orders_)
+      orders_.emplace(scratch_.path("token"),
+                      [this](Order order) { placed_.push_back(std::move(order)); });
+    return *orders_;
+  }
+  static HttpRequest request() {
+    HttpRequest request;
+    request.host = "127.0.0.1:8080";
+    request.is_post = true;
+    request.body = kCommand;
+    request.content_type = "application/json";
+    request.authorization = "Bearer 0123456789abcdef";
+    request.origin = "http://127.0.0.1:8080";
+    request.fetch_site = "same-origin";
+    request.number = 7;
+    return request;
+  }
+  /// Returns the status of the refusal; 0: the command was placed.
+  unsigned refused(const HttpRequest& of) {
+    const auto answer = orders().place(of);
+    return answer ? answer->status : 0;
+  }
+
+  const Scratch scratch_;
+  std::vector<Order> placed_;
+  std::optional<PageOrders> orders_;
+};
+
+TEST_F(PageOrdersTest, CommandIsPlacedAndItsResultComesBack) {
+  ASSERT_EQ(refused(request()), 0U);
+  ASSERT_EQ(placed_.size(), 1U);
+  EXPECT_EQ(placed_[0].device, "press1");
+  EXPECT_EQ(placed_[0].payload, kCommand);
+  EXPECT_EQ(placed_[0].sender, "page:anna");
+  EXPECT_TRUE(orders().take_results().empty());
+  placed_[0].tell("{}");
+  const auto results = orders().take_results();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].number, 7U);
+  EXPECT_EQ(results[0].text, "{}\n");
+  EXPECT_TRUE(orders().take_results().empty());
+}
+
+TEST_F(PageOrdersTest, ResultMayComeAfterTheEnd) {
+  ASSERT_EQ(refused(request()), 0U);
+  orders_.reset();
+  placed_[0].tell("{}");
+}
+
+TEST_F(PageOrdersTest, TokenWithoutNameLeavesTheNameToTheCommand) {
+  HttpRequest one = request();
+  one.authorization = "Bearer secret-without-name";
+  ASSERT_EQ(refused(one), 0U);
+  EXPECT_EQ(placed_[0].sender, "page:eve");
+}
+
+TEST_F(PageOrdersTest, WithoutATokenFileThePageIsReadOnly) {
+  PageOrders none("", [](const Order&) { FAIL(); });
+  EXPECT_EQ(none.place(request())->status, 403U);
+}
+
+TEST_F(PageOrdersTest, UnreadableTokenFileRefusesAll) {
+  PageOrders none(scratch_.path("missing"), [](const Order&) { FAIL(); });
+  EXPECT_EQ(none.place(request())->status, 503U);
+}
+
+TEST_F(PageOrdersTest, OnlyAWholeTokenCounts) {
+  for (const std::string_view given :
+       {"", "Bearer", "Bearer ", "Bearer 0123456789abcde", "Bearer 0123456789abcdef0",
+        "bearer 0123456789abcdef", "Basic 0123456789abcdef", "Bearer anna", "Bearer #",
+        "Bearer anna 0123456789abcdef", "0123456789abcdef"}) {
+    HttpRequest one = request();
+    one.authorization = given;
+    EXPECT_EQ(refused(one), 401U) << given;
+  }
+}
+
+TEST_F(PageOrdersTest, OtherSitesAreRefused) {
+  for (const std::string_view origin :
+       {"http://evil.example", "http://127.0.0.1:9999", "http://127.0.0.1", "null",
+        "http://127.0.0.1:8080.evil.example", "127.0.0.1:8080"}) {
+    HttpRequest one = request();
+    one.origin = origin;
+    EXPECT_EQ(refused(one), 403U) << origin;
+  }
+  for (const std::string_view site : {"cross-site", "same-site", "none"}) {
+    HttpRequest one = request();
+    one.fetch_site = site;
+    EXPECT_EQ(refused(one), 403U) << site;
+  }
+  HttpRequest script = request();  // curl sends neither
+  script.origin = "";
+  script.fetch_site = "";
+  EXPECT_EQ(refused(script), 0U);
+}
+
+TEST_F(PageOrdersTest, FormsAreRefused) {
+  for (const std::string_view type : {"", "text/plain", "application/x-www-form-urlencoded",
+                                      "multipart/form-data; boundary=application/json"}) {
+    HttpRequest one = request();
+    one.content_type = type;
+    EXPECT_EQ(refused(one), 415U) << type;
+  }
+  HttpRequest one = request();
+  one.content_type = "application/json; charset=utf-8";
+  EXPECT_EQ(refused(one), 0U);
+}
+
+TEST_F(PageOrdersTest, BodyMustNameItsDevice) {
+  const std::string deep(60'000, '[');
+  for (const std::string_view body :
+       {std::string_view(""), std::string_view("[]"), std::string_view("{"),
+        std::string_view(R"({"id":"a"})"), std::string_view(R"({"device":7})"),
+        std::string_view(R"({"device":""})"), std::string_view(deep)}) {
+    HttpRequest one = request();
+    one.body = body;
+    EXPECT_EQ(refused(one), 400U) << body.substr(0, 20);
+  }
+  EXPECT_TRUE(placed_.empty());
+}
+
+}  // namespace
+}  // namespace fxagent
