@@ -71,6 +71,39 @@ bool is_json(std::string_view type) {
   return name.substr(0, name.find_last_not_of(' ') + 1) == kJson;
 }
 
+/// Removes the member `device` from a valid JSON object, in which it is a string. Everything else
+/// stays as it was sent, for the checks of a command. A second `device` stays, too, and is refused.
+std::string without_device(std::string_view text) {
+  constexpr std::string_view kKey = "\"device\"";
+  const auto end_of_string = [text](std::size_t at) {
+    while (text[++at] != '"')
+      if (text[at] == '\\') ++at;
+    return at + 1;
+  };
+  std::size_t comma = text.npos;  // before the member
+  int depth = 0;
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    const char c = text[at];
+    depth += c == '{' || c == '[' ? 1 : c == '}' || c == ']' ? -1 : 0;
+    if (c == ',' && depth == 1) comma = at;
+    if (c != '"') continue;
+    std::size_t end = end_of_string(at);
+    const std::size_t next = text.find_first_not_of(" \t\r\n", end);
+    if (depth != 1 || text.substr(at, end - at) != kKey || text[next] != ':') {
+      at = end - 1;
+      continue;
+    }
+    end = end_of_string(text.find('"', next));
+    const std::size_t follows = text.find_first_not_of(" \t\r\n", end);
+    if (comma != text.npos)
+      at = comma;
+    else if (text[follows] == ',')
+      end = follows + 1;
+    return std::string(text.substr(0, at)).append(text.substr(end));
+  }
+  return std::string(text);
+}
+
 }  // namespace
 
 /// Results on their way to the server's thread.
@@ -131,7 +164,7 @@ std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
                    "in \"device\"");
   Order order;
   order.device = device;
-  order.payload = request.body;
+  order.payload = without_device(request.body);
   order.sender = "page:" + (name->empty() ? text("by").substr(0, kLongestName) : *name);
   order.tell = [inbox = inbox_, number = request.number](const std::string& result) {
     const std::lock_guard lock(inbox->mutex);

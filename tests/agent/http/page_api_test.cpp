@@ -117,10 +117,10 @@ TEST_F(PageApiTest, FirstAnswerHasEverythingAndTheNextOnlyChanges) {
   const std::string now = std::to_string(first["now"].get<int>());
   const std::string events =
       std::to_string(first["events"].empty() ? 0 : first["events"].back()["n"].get<int>());
-  EXPECT_EQ(ask("/api/changes",
-                {{"since", now}, {"values", now}, {"events", events}, {"groups", "0.0"}})
-                .status,
-            304U);
+  EXPECT_EQ(
+      ask("/api/changes", {{"since", now}, {"values", now}, {"events", events}, {"groups", "0.0"}})
+          .status,
+      304U);
 
   status_.devices[0] = std::make_shared<const DeviceStatus>(offline(0, "link_down"));
   publish();

@@ -57,7 +57,7 @@ TEST_F(PageOrdersTest, CommandIsPlacedAndItsResultComesBack) {
   ASSERT_EQ(refused(request()), 0U);
   ASSERT_EQ(placed_.size(), 1U);
   EXPECT_EQ(placed_[0].device, "press1");
-  EXPECT_EQ(placed_[0].payload, kCommand);
+  EXPECT_EQ(placed_[0].payload, R"({"id":"a","op":"read","tag":"temp","by":"eve"})");
   EXPECT_EQ(placed_[0].sender, "page:anna");
   EXPECT_TRUE(orders().take_results().empty());
   placed_[0].tell("{}");
@@ -131,6 +131,26 @@ TEST_F(PageOrdersTest, FormsAreRefused) {
   HttpRequest one = request();
   one.content_type = "application/json; charset=utf-8";
   EXPECT_EQ(refused(one), 0U);
+}
+
+TEST_F(PageOrdersTest, OnlyTheDeviceIsTakenOutOfTheCommand) {
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {R"({"device":"a"})", "{}"},
+      {R"({ "device" : "a" , "id":"x"})", R"({  "id":"x"})"},
+      {R"({"id":"x" , "device":"a"})", R"({"id":"x" })"},
+      {R"({"id":"device","device":"a\"}b","op":["device",{"device":"b"}]})",
+       R"({"id":"device","op":["device",{"device":"b"}]})"},
+      {R"({"value":1e3,"device":"a","value":9007199254740993})",
+       R"({"value":1e3,"value":9007199254740993})"},
+      {R"({"device":"a","device":"b"})", R"({"device":"b"})"},
+      {"{\"\\u0064evice\":\"a\"}", "{\"\\u0064evice\":\"a\"}"},
+  };
+  for (const auto& [body, payload] : cases) {
+    HttpRequest one = request();
+    one.body = body;
+    ASSERT_EQ(refused(one), 0U) << body;
+    EXPECT_EQ(placed_.back().payload, payload);
+  }
 }
 
 TEST_F(PageOrdersTest, BodyMustNameItsDevice) {
