@@ -126,7 +126,13 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
               recorder.get());
   Commands commands(
       config, [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); },
-      guarded ? &guarded->journal() : nullptr);
+      guarded ? &guarded->journal() : nullptr,
+      [&field, &outbox](const std::string& link, std::chrono::minutes time, const std::string& text,
+                        std::function<void(Reason)> told) {
+        field.yield(link, time, text, [&outbox, told = std::move(told)](Reason why) {
+          outbox.ask([told, why](SteadyTime) { told(why); });
+        });
+      });
   if (guarded) {
     const auto now = std::chrono::steady_clock::now();
     commands.restore(recover(config, guarded->journal(), utc_now(), now), now, utc_now());

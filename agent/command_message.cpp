@@ -96,6 +96,8 @@ std::string_view to_string(Reason reason) {
       return "shutting_down";
     case Reason::reloading:
       return "reloading";
+    case Reason::yielded:
+      return "yielded";
     case Reason::store_unavailable:
       return "store_unavailable";
     case Reason::interrupted:

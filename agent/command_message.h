@@ -77,6 +77,7 @@ enum class Reason : std::uint8_t {
   broadcast,
   shutting_down,
   reloading,
+  yielded,
   store_unavailable,
   interrupted,
 };

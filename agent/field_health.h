@@ -15,7 +15,8 @@ struct Percentiles {
 };
 
 struct LinkHealth {
-  bool open = false;  ///< at present
+  bool open = false;     ///< at present
+  bool yielded = false;  ///< to another program, at present
   std::uint64_t exchanges = 0;
   std::uint64_t timeouts = 0;
   std::uint64_t naks = 0;

@@ -24,6 +24,8 @@ std::string_view to_string(DeviceStatus::State state) {
   switch (state) {
     case DeviceStatus::State::offline:
       return "offline";
+    case DeviceStatus::State::yielded:
+      return "yielded";
     case DeviceStatus::State::degraded:
       return "degraded";
     case DeviceStatus::State::online:

@@ -43,7 +43,8 @@ struct Telemetry {
 };
 
 struct DeviceStatus {
-  enum class State : std::uint8_t { offline, degraded, online };
+  /// yielded: the link's port is free for another program, on command.
+  enum class State : std::uint8_t { offline, yielded, degraded, online };
   std::uint32_t device = 0;
   State state = State::offline;
   std::int64_t since_ms = 0;

@@ -5,6 +5,7 @@
 #include <utility>
 #include <variant>
 
+#include "agent/calendar.h"
 #include "agent/commands/parse.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
@@ -17,7 +18,8 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr std::size_t kPayloadKept = 65536;  // bytes; no command is longer
-constexpr std::size_t kTotalsKept = 1000;    // more than wait for the journal
+constexpr std::size_t kLinkIdsKept = 1000;
+constexpr std::size_t kTotalsKept = 1000;  // more than wait for the journal
 
 /// Returns why a command for a device that is not in the config is refused. A fault of the message
 /// itself goes first, as everywhere.
@@ -36,6 +38,30 @@ Refusal refusal_of_unknown(const Command& command, const Config& config,
 
 bool is_remembered(const CommandResult& result) {
   return !result.id.empty() && !result.dry_run && result.status != CommandStatus::duplicate;
+}
+
+/// Returns for whom the port is free, and until when.
+std::string yield_text(const Command& command, std::chrono::minutes time, std::int64_t utc_ms) {
+  if (time.count() == 0) return "the agent has the port again";
+  const std::string& by = sender_of(command);
+  return "the port is free for another program until " +
+         utc_text(utc_ms + milliseconds(time).count()) +
+         (by.empty() ? "" : ", as " + by + " asked");
+}
+
+/// Returns the message of a result, without its place in the journal. Takes over what only the
+/// message needs.
+ResultMessage message_of(const std::string& device, CommandResult& result) {
+  ResultMessage message;
+  message.device = device;
+  message.number = result.number;
+  message.id = result.id;
+  message.received = result.received;
+  message.text = result_text(result);
+  message.response_topic = std::move(result.response_topic);
+  message.correlation = std::move(result.correlation);
+  message.tell = std::move(result.tell);
+  return message;
 }
 
 LastCommand last_command(const std::string& device, const CommandResult& result,
@@ -63,8 +89,8 @@ LastCommand last_command(const std::string& device, const CommandResult& result,
 
 }  // namespace
 
-Commands::Commands(const Config& config, Submit submit, CommandJournal* journal)
-    : config_(config), submit_(std::move(submit)), journal_(journal) {
+Commands::Commands(const Config& config, Submit submit, CommandJournal* journal, Yield yield)
+    : config_(config), submit_(std::move(submit)), yield_(std::move(yield)), journal_(journal) {
   devices_.resize(config.devices.size());
   for (std::uint32_t i = 0; i < devices_.size(); ++i)
     if (!config.devices[i].is_vacant()) open(i);
@@ -145,7 +171,7 @@ void Commands::receive(std::uint32_t device, std::string_view topic, std::string
   std::optional<audit::Receipt> receipt;
   if (journal_ != nullptr) {
     command.number = journal_->next_command_number();
-    receipt = receipt_of(command, topic, payload);
+    receipt = receipt_of(command, name_of(device), topic, payload);
   }
   failpoint("command_received");
   Device& to = device_at(device);
@@ -167,22 +193,72 @@ void Commands::refuse_unknown(const std::string& device, std::string_view payloa
   CommandResult result = result_of(command);
   set_outcome(result, CommandStatus::rejected, why.reason, std::move(why.detail));
   ++counts_[result.status];
-  ResultMessage message;
-  message.device = device;
-  message.id = result.id;
-  message.received = result.received;
-  message.text = result_text(result);
-  message.response_topic = std::move(result.response_topic);
-  message.correlation = std::move(result.correlation);
-  message.tell = std::move(result.tell);
-  results_.push_back(std::move(message));
+  results_.push_back(message_of(device, result));
 }
 
-audit::Receipt Commands::receipt_of(const Command& command, std::string_view topic,
-                                    std::string_view payload) const {
+const LinkConfig* Commands::link_named(std::string_view name) const {
+  const auto link = std::ranges::find(config_.links, name, &LinkConfig::name);
+  return link == config_.links.end() || device_named(name) ? nullptr : &*link;
+}
+
+std::optional<Refusal> Commands::refusal_for_link(const LinkConfig& link, const Command& command,
+                                                  SteadyTime now, std::int64_t utc_ms) const {
+  if (command.refusal && command.refusal->reason < Reason::duplicate_id) return *command.refusal;
+  if (std::ranges::find(link_ids_, link.name + " " + command.id) != link_ids_.end())
+    return Refusal{Reason::duplicate_id, "the command has come before and is not repeated"};
+  if (command.retained)
+    return Refusal{Reason::retained, "a retained command may be old: publish without retain"};
+  if (command.refusal) return *command.refusal;
+  if (!link.allow_yield || !yield_)
+    return Refusal{Reason::not_allowed, "allow_yield of link " + link.name + " is not set"};
+  const bool is_late = command.message_expiry && now - command.received >= *command.message_expiry;
+  if (is_late || (command.expires_ms && utc_ms >= *command.expires_ms))
+    return Refusal{Reason::expired, "it came too late"};
+  if (!conflict_.empty())
+    return Refusal{Reason::conflict, "another agent has the same id, boot " + conflict_};
+  if (closed_) return Refusal{Reason::shutting_down, why_not_sent(Reason::shutting_down)};
+  return std::nullopt;
+}
+
+void Commands::receive_for_link(const LinkConfig& link, std::string_view topic,
+                                std::string_view payload, MessageProperties properties,
+                                SteadyTime now, std::int64_t utc_ms) {
+  auto [command, time] = parse_link_command(payload);
+  static_cast<MessageProperties&>(command) = std::move(properties);
+  if (journal_ != nullptr) command.number = journal_->next_command_number();
+  auto finish = [this, name = link.name, receipt = receipt_of(command, link.name, topic, payload),
+                 result = result_of(command),
+                 utc_ms](CommandStatus status, Reason reason, std::string detail) mutable {
+    set_outcome(result, status, reason, std::move(detail));
+    ++counts_[status];
+    note_last(name, result, utc_ms);
+    ResultMessage message = message_of(name, result);
+    if (journal_ != nullptr) journal_->note(audit::answered(receipt, message.text, utc_ms));
+    results_.push_back(std::move(message));
+  };
+  if (auto refusal = refusal_for_link(link, command, now, utc_ms)) {
+    const Reason why = refusal->reason;
+    return finish(why == Reason::duplicate_id ? CommandStatus::duplicate
+                  : why == Reason::expired    ? CommandStatus::expired
+                                              : CommandStatus::rejected,
+                  why, std::move(refusal->detail));
+  }
+  if (!command.id.empty()) {
+    link_ids_.push_back(link.name + " " + command.id);
+    if (link_ids_.size() > kLinkIdsKept) link_ids_.pop_front();
+  }
+  const std::string text = yield_text(command, time, utc_ms);
+  yield_(link.name, time, text, [finish, text](Reason why) mutable {
+    if (why == Reason::none) return finish(CommandStatus::succeeded, why, text);
+    finish(CommandStatus::failed, why, why_not_sent(why));
+  });
+}
+
+audit::Receipt Commands::receipt_of(const Command& command, const std::string& device,
+                                    std::string_view topic, std::string_view payload) {
   audit::Receipt receipt;
   receipt.number = command.number;
-  receipt.device = name_of(command.device);
+  receipt.device = device;
   receipt.topic = topic;
   receipt.payload = payload.substr(0, kPayloadKept);
   receipt.payload_bytes = payload.size();
@@ -284,29 +360,23 @@ void Commands::finish(CommandResult result, std::int64_t utc_ms) {
   take_result(std::move(result), {}, utc_ms);
 }
 
+void Commands::note_last(const std::string& device, const CommandResult& result,
+                         std::int64_t utc_ms) {
+  last_.push_back(std::make_shared<const LastCommand>(last_command(device, result, utc_ms)));
+  if (last_.size() > kLastCommands) last_.pop_front();
+}
+
 void Commands::take_result(CommandResult result, const std::optional<audit::Receipt>& receipt,
                            std::int64_t utc_ms) {
   ++counts_[result.status];
-  if (result.recorded.empty()) {
-    last_.push_back(
-        std::make_shared<const LastCommand>(last_command(name_of(result.device), result, utc_ms)));
-    if (last_.size() > kLastCommands) last_.pop_front();
-  }
+  if (result.recorded.empty()) note_last(name_of(result.device), result, utc_ms);
   find_first(result);
   failpoint("result_taken");
-  ResultMessage message;
-  message.device = name_of(result.device);
-  message.number = result.number;
-  message.id = result.id;
-  message.received = result.received;
+  ResultMessage message = message_of(name_of(result.device), result);
   message.sent = result.attempts > 0;
   message.recorded = !result.recorded.empty();
-  message.text = result_text(result);
   message.is_first = is_remembered(result);
   message.journaled = journal_ != nullptr && message.is_first;
-  message.response_topic = std::move(result.response_topic);
-  message.correlation = std::move(result.correlation);
-  message.tell = std::move(result.tell);
   if (journal_ != nullptr && !message.recorded) {
     JournalEntry entry;
     entry.device = message.device;

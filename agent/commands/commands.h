@@ -56,11 +56,15 @@ inline std::size_t bytes_of(const ResultMessage& result) {
 class Commands final {
  public:
   using Submit = std::function<void(AdmittedCommand)>;
+  /// Yields the port of a link as Field::yield(). `told` is called once, on the uplink thread.
+  using Yield = std::function<void(const std::string& link, std::chrono::minutes time,
+                                   const std::string& text, std::function<void(Reason)> told)>;
 
   /// `config` and `journal` outlive it. The config may change between begin_change() and change().
   /// `submit` hands a command to the field and must not block; its result comes back through
-  /// finish(), exactly once. `journal` null: there is none.
-  Commands(const Config& config, Submit submit, CommandJournal* journal = nullptr);
+  /// finish(), exactly once. `journal` null: there is none. `yield` empty: no link yields.
+  Commands(const Config& config, Submit submit, CommandJournal* journal = nullptr,
+           Yield yield = {});
 
   /// Returns the index of a device by its name; nullopt if there is none.
   std::optional<std::uint32_t> device_named(std::string_view name) const;
@@ -79,6 +83,11 @@ class Commands final {
   /// take_results() now or later. An admitted command goes to the field with hand_over().
   void receive(std::uint32_t device, std::string_view topic, std::string_view payload,
                MessageProperties properties, SteadyTime now, std::int64_t utc_ms);
+  /// Returns the link of this name; nullptr if there is none, or if a device has the name.
+  const LinkConfig* link_named(std::string_view name) const;
+  /// Takes a message on the command topic of a link. There is one result for it.
+  void receive_for_link(const LinkConfig& link, std::string_view topic, std::string_view payload,
+                        MessageProperties properties, SteadyTime now, std::int64_t utc_ms);
   /// Takes a message on the command topic of a device that is not in the config. There is one
   /// result for it, too: REJECTED. Neither the command nor its id is remembered.
   void refuse_unknown(const std::string& device, std::string_view payload,
@@ -131,19 +140,24 @@ class Commands final {
   void open(std::uint32_t index);
   void list_names();
 
-  audit::Receipt receipt_of(const Command& command, std::string_view topic,
-                            std::string_view payload) const;
+  /// Returns why the command for the link is not carried out; nullopt: it is.
+  std::optional<Refusal> refusal_for_link(const LinkConfig& link, const Command& command,
+                                          SteadyTime now, std::int64_t utc_ms) const;
+  static audit::Receipt receipt_of(const Command& command, const std::string& device,
+                                   std::string_view topic, std::string_view payload);
   void journal_later(const AdmittedCommand& admitted, std::optional<audit::Receipt> receipt,
                      std::int64_t utc_ms);
   /// `receipt`: of its command, if that is not in the audit yet.
   void take_result(CommandResult result, const std::optional<audit::Receipt>& receipt,
                    std::int64_t utc_ms);
+  void note_last(const std::string& device, const CommandResult& result, std::int64_t utc_ms);
   void find_first(CommandResult& result);
   std::optional<std::chrono::nanoseconds> total_of(std::uint64_t number) const;
   void record_results();
 
   const Config& config_;
   const Submit submit_;
+  const Yield yield_;
   CommandJournal* const journal_;
   const std::shared_ptr<PendingBudget> room_ = std::make_shared<PendingBudget>();
   std::vector<std::unique_ptr<Device>> devices_;  ///< by index in Config::devices; null: vacant
@@ -151,6 +165,7 @@ class Commands final {
   /// Devices that are no longer in the config, by name. Their ids stay known as long as the
   /// contract says, in case they come back.
   std::map<std::string, std::unique_ptr<Device>, std::less<>> departed_;
+  std::deque<std::string> link_ids_;  ///< "link id" of the newest commands for links
   bool closed_ = false;
   std::string conflict_;
   std::vector<AdmittedCommand> admitted_;

@@ -314,34 +314,33 @@ std::string why_no_json(std::string_view payload) {
   return tree ? "not JSON" : tree.error().text;
 }
 
-}  // namespace
-
-Command parse_command(std::string_view payload) {
-  Command command;
+/// Reads the text as one object. Adds what is wrong with its form; what of it can be read is in
+/// `command`. nullopt: there is no object.
+std::optional<Json> read_object(std::string_view payload, Command& command, Faults& faults) {
   if (payload.size() > kMaxCommandBytes) {
-    command.refusal = Refusal{Reason::too_large, "more than 65536 bytes"};
+    faults.add(Reason::too_large, "more than 65536 bytes");
     IdReader reader;
     Json::sax_parse(payload, &reader);
-    if (Faults faults; reader.id()) read_id({{"id", *reader.id()}}, command, faults);
-    return command;
+    Faults of_id;
+    if (reader.id()) read_id({{"id", *reader.id()}}, command, of_id);
+    return std::nullopt;
   }
   Watch watch;
   // With a callback, the parser searches the whole parent at the end of each object and array:
   // 21,000 of them took a second. A text with too many is refused anyway and parsed without it.
   const bool too_many = structures_in(payload) > kMaxStructures;
-  const Json json = too_many ? Json::parse(payload, nullptr, /*allow_exceptions=*/false)
-                             : Json::parse(
-                                   payload.begin(), payload.end(),
-                                   [&watch](int, Json::parse_event_t event, Json& parsed) {
-                                     return watch(event, parsed);
-                                   },
-                                   /*allow_exceptions=*/false);
+  Json json = too_many ? Json::parse(payload, nullptr, /*allow_exceptions=*/false)
+                       : Json::parse(
+                             payload.begin(), payload.end(),
+                             [&watch](int, Json::parse_event_t event, Json& parsed) {
+                               return watch(event, parsed);
+                             },
+                             /*allow_exceptions=*/false);
   if (json.is_discarded() || !json.is_object()) {
-    command.refusal = Refusal{Reason::bad_json, json.is_discarded() ? why_no_json(payload)
-                                                                    : "a command is a JSON object"};
-    return command;
+    faults.add(Reason::bad_json,
+               json.is_discarded() ? why_no_json(payload) : "a command is a JSON object");
+    return std::nullopt;
   }
-  Faults faults;
   // The parser takes a NUL for the end of the text.
   if (payload.find('\0') != std::string_view::npos)
     faults.add(Reason::bad_json,
@@ -350,13 +349,55 @@ Command parse_command(std::string_view payload) {
   if (too_many) faults.add(Reason::bad_json, "more objects and arrays than a command may have");
   if (json.contains("status"))
     faults.add(Reason::bad_json, "key 'status' belongs to a result: this is not a command");
-  read_id(json, command, faults);
-  read_op(json, command, faults);
-  check_keys(json, command.op, faults);
-  read_targets(json, command, faults);
-  read_conditions(json, command, faults);
+  return json;
+}
+
+}  // namespace
+
+Command parse_command(std::string_view payload) {
+  Command command;
+  Faults faults;
+  if (const auto json = read_object(payload, command, faults)) {
+    read_id(*json, command, faults);
+    read_op(*json, command, faults);
+    check_keys(*json, command.op, faults);
+    read_targets(*json, command, faults);
+    read_conditions(*json, command, faults);
+  }
   command.refusal = faults.first();
   return command;
+}
+
+LinkCommand parse_link_command(std::string_view payload) {
+  LinkCommand out;
+  Command& command = out.command;
+  Faults faults;
+  if (const auto json = read_object(payload, command, faults)) {
+    if (given(*json, "id") != nullptr) read_id(*json, command, faults);
+    read_conditions(*json, command, faults);
+    const Json* op = given(*json, "op");
+    if (op != nullptr && op->is_string())
+      command.op_text = op->get<std::string>().substr(0, kMaxOpKept);
+    const bool yields = command.op_text == "yield";
+    if (!yields && command.op_text != "resume")
+      faults.add(Reason::bad_op, "a link knows the ops yield and resume");
+    for (const auto& [key, value] : json->items()) {
+      const bool is_known = key == "id" || key == "op" || key == "by" || key == "expires" ||
+                            (key == "minutes" && yields);
+      if (!is_known && !value.is_null())
+        faults.add(Reason::bad_json, "unknown key " + in_quotes(key));
+    }
+    const Json* minutes = given(*json, "minutes");
+    if (minutes != nullptr && minutes->is_number_integer() && *minutes >= 1 &&
+        *minutes <= kLongestYield.count())
+      out.time = std::chrono::minutes(minutes->get<int>());
+    else if (minutes != nullptr)
+      faults.add(Reason::out_of_range, "minutes must be a whole number from 1 to " +
+                                           std::to_string(kLongestYield.count()));
+    if (!yields) out.time = std::chrono::minutes(0);
+  }
+  command.refusal = faults.first();
+  return out;
 }
 
 }  // namespace fxagent

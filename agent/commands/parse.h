@@ -1,6 +1,7 @@
 // Parses commands as they come on a topic. Pure, any thread.
 #pragma once
 
+#include <chrono>
 #include <string_view>
 
 #include "agent/command_message.h"
@@ -11,5 +12,15 @@ namespace fxagent {
 /// order of checks. Everything that could be read anyway is filled in, above all the id. The caller
 /// sets device, retained, times and MQTT 5 properties.
 Command parse_command(std::string_view payload);
+
+/// A command for a link: `yield` or `resume`.
+struct LinkCommand {
+  Command command{};              ///< its id may be empty: the id is optional
+  std::chrono::minutes time{15};  ///< how long the port is yielded; 0: resume
+};
+/// Longest yield: a shift and a half.
+inline constexpr std::chrono::minutes kLongestYield{720};
+/// Parses a command for a link as parse_command().
+LinkCommand parse_link_command(std::string_view payload);
 
 }  // namespace fxagent

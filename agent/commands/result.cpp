@@ -48,6 +48,7 @@ TargetResult result_of(const AdmittedTarget& target) {
 }
 
 std::string why_not_sent(Reason reason) {
+  if (reason == Reason::yielded) return "the link has yielded its port to another program";
   return reason == Reason::reloading ? "the config of the device is being changed"
                                      : "the agent is stopping";
 }
@@ -57,7 +58,8 @@ CommandResult not_sent(const AdmittedCommand& admitted, Reason why) {
   if (admitted.interrupted)
     set_interrupted(result);
   else
-    set_outcome(result, CommandStatus::failed, why, why_not_sent(why) + "; nothing was sent");
+    set_outcome(result, why == Reason::yielded ? CommandStatus::rejected : CommandStatus::failed,
+                why, why_not_sent(why) + "; nothing was sent");
   return result;
 }
 

@@ -237,6 +237,9 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
     {"links[]", "poll_share_percent", integer, {0, 90}, 20,
      "Share of the line time that polls keep while commands flood the line, in percent. A "
      "smaller share makes commands faster. With 0 commands can stop the polls."},
+    {"links[]", "allow_yield", boolean, {}, false,
+     "Whether a command on the link's topic may free the port for another program, such as GX "
+     "Works, for a while."},
 
     {"links[].serial", "path", path, {}, Required{},
      "The port, preferably by its name in `/dev/serial/by-id/`. Only one link can have a port."},

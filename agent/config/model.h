@@ -73,6 +73,7 @@ struct LinkConfig {
   std::chrono::milliseconds listening{0};
   /// Share of line time reserved for polls while commands flood the line; 0 … 0.9.
   double poll_share = static_cast<double>(config_key("links[].poll_share_percent").number()) / 100;
+  bool allow_yield = false;  ///< a command may free the port for another program
 
   bool is_vacant() const { return name.empty(); }
   friend bool operator==(const LinkConfig&, const LinkConfig&) = default;

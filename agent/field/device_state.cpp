@@ -53,7 +53,12 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   status.state = DeviceStatus::State::online;
   status.reason.clear();
   status.reason_text.clear();
-  if (!facts.bus_open) {
+  if (!facts.yielded.empty()) {
+    status.state = DeviceStatus::State::yielded;
+    status.reason = "yielded";
+    status.reason_text = facts.yielded;
+    status.run.reset();
+  } else if (!facts.bus_open) {
     status.state = DeviceStatus::State::offline;
     status.reason = facts.never_silent ? "never_silent" : to_string(BadReason::link_down);
     status.reason_text = facts.why_offline;

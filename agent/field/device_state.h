@@ -18,6 +18,7 @@ class DeviceState final {
     bool bus_open = false;
     bool never_silent = false;  ///< the bus was closed because it never fell silent
     bool silent = false;        ///< too many consecutive exchanges had no answer
+    std::string yielded{};      ///< until when the port is another program's; empty: it is ours
     std::string why_offline{};  ///< why the bus is closed or the device is silent, for people
     std::optional<BadReason> first_bad;  ///< of its tags, from their last cycles
   };

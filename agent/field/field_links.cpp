@@ -122,6 +122,26 @@ void FieldLinks::take(AdmittedCommand admitted) {
   worker->submit(std::move(admitted));
 }
 
+LinkWorker* FieldLinks::worker_of(const std::string& link) {
+  const auto place = std::ranges::find_if(places_, [&](const Place& each) {
+    return each.worker && !each.ends && each.runs && each.name == link;
+  });
+  return place == places_.end() ? nullptr : place->worker.get();
+}
+
+void FieldLinks::yield(const std::string& link, SteadyTime until, const std::string& text,
+                       LinkWorker::Told told) {
+  LinkWorker* worker = worker_of(link);
+  if (worker == nullptr) return told(stopping_ ? Reason::shutting_down : Reason::reloading);
+  worker->yield(until, text, std::move(told));
+}
+
+void FieldLinks::take_back(const std::string& link, LinkWorker::Told told) {
+  LinkWorker* worker = worker_of(link);
+  if (worker == nullptr) return told(stopping_ ? Reason::shutting_down : Reason::reloading);
+  worker->take_back(std::move(told));
+}
+
 void FieldLinks::number_above(const std::vector<std::uint64_t>& last_seq) {
   for (std::uint32_t i = 0; i < last_seq.size() && i < config_->devices.size(); ++i) {
     const DeviceConfig& device = config_->devices[i];

@@ -173,6 +173,23 @@ void LinkState::go_down(std::string why, std::string_view note) {
   }
 }
 
+void LinkState::yielded(const std::string& text) {
+  if (std::exchange(yielded_, text) == text) return;
+  was_open_ = is_left_ = false;
+  log::info("link", {{"link", config_.name}, {"state", "yielded"}, {"note", text}});
+  for (const auto& device : devices_) {
+    device->state.fell_silent();
+    update(*device);
+  }
+}
+
+void LinkState::taken_back() {
+  yielded_.clear();
+  was_down_ = true;  // all is read at once when it is open
+  next_open_ = Clock::now();
+  log::info("link", {{"link", config_.name}, {"state", "taken_back"}});
+}
+
 void LinkState::look() {
   if (bus_.channel().closed_after_silence() && was_open_)
     next_open_ = Clock::now();
@@ -232,6 +249,7 @@ void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
 
 void LinkState::update(LinkDevice& device) {
   DeviceState::Facts facts;
+  facts.yielded = yielded_;
   facts.silent = is_silent(device);
   const bool opens_again = was_open_ && bus_.channel().closed_after_silence();
   facts.bus_open = bus_.is_open() || opens_again || (is_left_ && facts.silent);

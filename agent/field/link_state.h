@@ -45,6 +45,13 @@ class LinkState final {
   /// closed after a silence, this is not a loss, and it is reopened at once.
   void look();
 
+  /// Records that the bus was closed for another program. `text` says until when. What follows is
+  /// no fault, until taken_back().
+  void yielded(const std::string& text);
+  /// The bus may be opened again, at once.
+  void taken_back();
+  bool is_yielded() const { return !yielded_.empty(); }
+
   /// True if the log reports the link as up.
   bool is_up() const { return logged_up_; }
   /// Returns why it went down last.
@@ -98,6 +105,7 @@ class LinkState final {
   bool is_vain_ = false;      ///< the previous session had no answer
   bool was_refused_ = false;  ///< and its peer ended it
   int unanswered_in_a_row_ = 0;
+  std::string yielded_;                 ///< empty: the port is ours
   Reason why_stopping_ = Reason::none;  ///< none: not stopping
 };
 

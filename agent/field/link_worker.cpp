@@ -93,6 +93,7 @@ void LinkWorker::submit(AdmittedCommand admitted) {
   if (device == nullptr) return outbox_.push(not_sent(admitted, Reason::reloading));
   if (state_.is_stopping()) return outbox_.push(not_sent(admitted, state_.why_stopping()));
   if (device->leaves_by) return outbox_.push(not_sent(admitted, Reason::reloading));
+  if (yields_until_) return outbox_.push(not_sent(admitted, Reason::yielded));
   commands_.add(std::move(admitted), *device);
   idle_.cancel();
 }
@@ -196,6 +197,7 @@ asio::awaitable<void> LinkWorker::run() {
   stop_timer_.reset();
   for (const WaitingCommand& waiting : commands_.take_waiting())
     outbox_.push(not_sent(waiting.admitted, state_.why_stopping()));
+  answer_yields(state_.why_stopping());
   let_leave();
   ended_ = true;
 }
@@ -209,6 +211,10 @@ void LinkWorker::answer_after_fault(const std::string& what) {
 asio::awaitable<void> LinkWorker::serve() {
   while (!state_.is_stopping()) {
     let_leave();
+    if (yields_until_) {
+      co_await be_away();
+      continue;
+    }
     state_.look();
     recorder_.look(bus_.counters().bad_frames, state_.is_up(), state_.why_down());
     const auto now = Clock::now();
@@ -233,6 +239,42 @@ asio::awaitable<void> LinkWorker::serve() {
         break;
     }
   }
+}
+
+void LinkWorker::yield(SteadyTime until, std::string text, Told told) {
+  yields_until_ = until;
+  yield_text_ = std::move(text);
+  yields_told_.push_back(std::move(told));
+  for (const WaitingCommand& waiting : commands_.take_waiting())
+    outbox_.push(not_sent(waiting.admitted, Reason::yielded));
+  idle_.cancel();
+}
+
+void LinkWorker::take_back(Told told) {
+  if (yields_until_) yields_until_ = SteadyTime{};
+  yields_told_.push_back(std::move(told));
+  idle_.cancel();
+  if (!yields_until_) answer_yields(Reason::none);
+}
+
+asio::awaitable<void> LinkWorker::be_away() {
+  if (Clock::now() < *yields_until_) {
+    bus_.close();
+    if (state_.is_stopping()) co_return;
+    state_.yielded(yield_text_);
+    answer_yields(Reason::none);
+    co_await idle_until(*yields_until_);
+    co_return;
+  }
+  yields_until_.reset();
+  state_.taken_back();
+  answer_yields(Reason::none);
+  co_await open_line();
+  scheduler_.forget_until(Clock::now());
+}
+
+void LinkWorker::answer_yields(Reason why) {
+  for (const Told& told : std::exchange(yields_told_, {})) told(why);
 }
 
 void LinkWorker::stop(Reason why) {
@@ -273,6 +315,7 @@ void LinkWorker::report(FieldHealth& health) {
   Wire::Counters& counters = bus_.counters();
   LinkHealth& link = health.links[link_];
   link.open = bus_.is_open();
+  link.yielded = state_.is_yielded();
   link.exchanges = counters.exchanges;
   link.timeouts = counters.timeouts;
   link.naks = counters.naks;

@@ -80,6 +80,14 @@ class LinkWorker final {
   /// Returns the final numbers of its devices. Call after run() has ended.
   std::vector<DepartedDevice> departed() const;
 
+  /// Says what has become of a yield() or take_back(): Reason::none if it was done.
+  using Told = std::function<void(Reason)>;
+  /// Closes the port for another program as soon as nothing is on the wire, until `until`. Commands
+  /// that wait or come then get REJECTED yielded. `text` says who wanted it and until when.
+  void yield(SteadyTime until, std::string text, Told told);
+  /// Ends the yield at once.
+  void take_back(Told told);
+
   /// Ends run() within 3 s: cuts a poll short and answers waiting commands with FAILED `why`, which
   /// is shutting_down or reloading. A running command writes nothing more; its exchange on the wire
   /// and its read-back have 2.5 s.
@@ -108,6 +116,9 @@ class LinkWorker final {
   void let_leave();
 
   asio::awaitable<void> serve();
+  /// Leaves the port to another program for the time of the yield.
+  asio::awaitable<void> be_away();
+  void answer_yields(Reason why);
   /// After a bug: answers the running commands and closes the bus, so that the link begins anew.
   void answer_after_fault(const std::string& what);
 
@@ -132,6 +143,10 @@ class LinkWorker final {
   std::unique_ptr<asio::steady_timer> stop_timer_;  ///< set by stop()
   bool on_the_wire_ = false;  ///< a command or a poll is running: no device may leave
   std::vector<Leave> leaves_;
+  /// Until when the port is another program's. In the past, it is taken back.
+  std::optional<SteadyTime> yields_until_;
+  std::string yield_text_;
+  std::vector<Told> yields_told_;  ///< not called yet
   std::atomic<bool> ended_ = false;
 };
 

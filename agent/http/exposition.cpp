@@ -266,7 +266,7 @@ class Page final {
       };
     };
     of_each_device("fxagent_device_up", kGauge, "1 if the device answers.",
-                   whether([](State state) { return state != State::offline; }));
+                   whether([](State state) { return state >= State::degraded; }));
     of_each_device("fxagent_device_degraded", kGauge,
                    "1 if the device answers but a tag is bad or its model is not known.",
                    whether([](State state) { return state == State::degraded; }));

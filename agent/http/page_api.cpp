@@ -124,11 +124,12 @@ void write_links(Writer& out, const AgentStatus& status) {
       out.null();
       continue;
     }
-    // An array, since there may be many: open, doubted, percent busy, percent of load.
+    // An array, since there may be many: open, doubted, percent busy, percent of load, yielded.
     out.begin_array().integer(std::int64_t{link->open ? 1 : 0});
     out.integer(std::int64_t{link->doubted ? 1 : 0});
     out.integer(static_cast<std::int64_t>(link->busy_percent));
-    out.integer(static_cast<std::int64_t>(link->load_percent)).end_array();
+    out.integer(static_cast<std::int64_t>(link->load_percent));
+    out.integer(std::int64_t{link->yielded ? 1 : 0}).end_array();
   }
   out.end_array();
 }

@@ -82,6 +82,7 @@ std::string page_config(const AgentStatus& status) {
       continue;
     }
     out.begin_object().key("name").string(link.name).key("wire").string(channel_text(link));
+    out.key("yields").boolean(link.allow_yield);
     out.end_object();
   }
   out.end_array().key("devices").begin_array();

@@ -113,7 +113,7 @@ class Examination final {
       const DeviceStatus* state = d < status_.devices.size() ? status_.devices[d].get() : nullptr;
       Link& link = links_.at(device.link);
       ++link.devices;
-      if (state != nullptr && state->state != State::offline) ++online_;
+      if (state != nullptr && state->state >= State::degraded) ++online_;
       if (state != nullptr && state->state != State::online) link.wrong.push_back(d);
       if (state != nullptr && state->state == State::offline && state->reason != "starting")
         ++link.silent;
@@ -142,6 +142,12 @@ class Examination final {
     const std::string& name = config_.links[index].name;
     const std::string place = "link " + name;
     const auto state_of = [&](std::size_t d) -> const DeviceStatus& { return *status_.devices[d]; };
+    const auto yielded = std::ranges::find(link.wrong, State::yielded,
+                                           [&](std::size_t d) { return state_of(d).state; });
+    if (yielded != link.wrong.end())
+      return add(Severity::warn, place, name + " is not read: " + state_of(*yielded).reason_text,
+                 "The agent takes the port back by itself, or at once with the command resume.",
+                 state_of(*yielded).since_ms);
     const bool is_down = link.silent > 0 && std::ranges::all_of(link.wrong, [&](std::size_t d) {
                            return state_of(d).reason == "link_down";
                          });

@@ -22,7 +22,8 @@ void OwnTopics::hear(const Message& message, SteadyTime now) {
 }
 
 void OwnTopics::hear_command(const Message& message, std::string_view name) {
-  const bool is_known = parts_.commands.device_named(name).has_value();
+  const bool is_known =
+      parts_.commands.device_named(name) || parts_.commands.link_named(name) != nullptr;
   if (!is_known) log::warn("command_for_unknown_device", {{"topic", log::excerpt(message.topic)}});
   if (is_known || may_be_a_device(name))
     parts_.intake.add(message, std::string(name), parts_.results.is_full());

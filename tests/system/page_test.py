@@ -20,7 +20,7 @@ SCRIPT = "<img src=x onerror=alert(1)><script>alert(1)</script>"
 class PagePlant(PlantTest):
     """press1 on a pty, and press2 on a TCP port of the simulator."""
 
-    def begin(self, many=0, http_more=None, **more):
+    def begin(self, many=0, http_more=None, yields=False, **more):
         self.port = free_port()
         tcp = free_port()
         tags = [{"name": "temp", "address": "D100", "type": "int16", "scale": 0.1, "unit": "°C", "description": SCRIPT},
@@ -30,7 +30,7 @@ class PagePlant(PlantTest):
         groups = [{"name": "default", "interval_ms": 200}]
         devices = [device(tags=tags, groups=groups, timeout_ms=300),
                    device("press2", "line2", tags=tags[:3], groups=groups, timeout_ms=300)]
-        links = [self.serial(), {"name": "line2", "tcp": {"host": "127.0.0.1", "port": tcp}}]
+        links = [self.serial() | {"allow_yield": yields}, {"name": "line2", "tcp": {"host": "127.0.0.1", "port": tcp}}]
         self.start(devices=devices, links=links, plcs=[self.plc(baud=0), {"name": "press2", "tcp": tcp}],
                    http={"listen": f"127.0.0.1:{self.port}"} | (http_more or {}), **more)
         self.listening()
@@ -182,6 +182,14 @@ class Orders(PagePlant):
         self.assertEqual(self.post(self.write(1))[1]["status"], "DUPLICATE")
         self.assertEqual(self.sim.get("press1", "D110"), 5)
 
+    def test_a_silent_device_is_named_with_what_to_check(self):
+        self.begin()
+        self.ready()
+        self.sim.fault("press2", "silent", count=100000)
+        news = self.until("the fault", lambda news: news["problems"] and "does not answer (timeout)" in news["problems"][0]["text"])
+        self.assertEqual(news["problems"][0]["place"], "device press2")
+        self.assertTrue(news["problems"][0]["cure"])
+
     def test_what_admission_refuses_is_refused_here(self):
         self.begin()
         self.ready()
@@ -193,7 +201,7 @@ class Orders(PagePlant):
     def test_a_silent_plc_has_its_honest_result(self):
         self.begin()
         self.ready()
-        self.sim.fault("press1", "drop", count=100000)
+        self.sim.fault("press1", "silent", count=100000)
         status, result = self.post(self.write(1))
         self.assertEqual(status, 200)
         self.assertIn(result["status"], ("UNKNOWN_OUTCOME", "FAILED"), result)
@@ -223,7 +231,7 @@ class Orders(PagePlant):
     def test_an_agent_that_stops_leaves_nobody_waiting(self):
         self.begin(recorder={"path": os.path.join(self.directory, "recordings")})
         self.ready()
-        self.sim.fault("press1", "drop", count=100000)
+        self.sim.fault("press1", "silent", count=100000)
         answers = []
         asking = threading.Thread(target=lambda: answers.append(self.post(self.write(1))))
         asking.start()
@@ -234,6 +242,16 @@ class Orders(PagePlant):
         asking.join(PATIENCE)
         self.assertFalse(asking.is_alive())
         self.assertIn(answers[0][0], (200, 503), answers)
+
+    def test_the_port_is_freed_and_taken_back(self):
+        self.begin(yields=True)
+        self.ready()
+        self.assertEqual(self.post({"device": "line1", "op": "yield", "minutes": 15})[1]["status"], "SUCCEEDED")
+        news = self.until("the yield", lambda news: news["links"][0][4] == 1 and news["problems"])
+        self.assertIn("page:anna", news["problems"][0]["text"])
+        self.assertEqual(self.post(self.write(1))[1]["reason"], "yielded")
+        self.assertEqual(self.post({"device": "line1", "op": "resume"})[1]["status"], "SUCCEEDED")
+        self.until("the end", lambda news: not news["problems"])
 
     def test_without_a_token_file_the_page_is_read_only(self):
         PagePlant.begin(self)
@@ -364,26 +382,27 @@ class Browser(PagePlant):
         token_file = os.path.join(self.directory, "token")
         with open(token_file, "w") as out:
             out.write("anna 0123456789abcdef\n")
-        self.begin(http_more={"token_file": token_file}, recorder={"path": os.path.join(self.directory, "recordings")})
+        self.begin(http_more={"token_file": token_file}, recorder={"path": os.path.join(self.directory, "recordings")}, yields=True)
         self.ready()
         self.browse()
         self.open("commands")
         self.see("Send a command")
         self.assertEqual(self.do(axe=True), [])
-        for number, text in ((3, "total"), (4, "421"), (5, "wrong")):
+        for number, text in ((3, "total"), (4, "421")):
             self.do(fill=f"label:nth-of-type({number}) input", text=text)
         self.do(press="Enter")
         self.see("Write 421 to total of press1?")
         self.assertEqual(self.do(axe=True), [])
-        self.do(click="dialog button[value=no]")
-        self.do(until="!document.querySelector('dialog').open")
+        self.do(press="Escape")
+        self.do(until="!document.querySelector('dialog')")
         self.do(click="form.order button")
-        self.do(click="dialog button[value=yes]")
+        self.do(fill="dialog input", text="wrong")
+        self.do(click="dialog button.main")
         self.see("Authorization must be Bearer", allowed=("401",))
         self.assertEqual(self.sim.get("press1", "D110"), 0)
-        self.do(fill="label:nth-of-type(5) input", text="0123456789abcdef", allowed=("401",))
-        self.do(click="form.order button")
-        self.do(click="dialog button[value=yes]")
+        self.do(click="form.order button", allowed=("401",))
+        self.do(fill="dialog input", text="0123456789abcdef")
+        self.do(click="dialog button.main")
         self.see("SUCCEEDED")
         self.see("page:anna")
         self.assertEqual(self.sim.get("press1", "D110"), 421)
@@ -393,6 +412,12 @@ class Browser(PagePlant):
         self.assertEqual(self.do(axe=True), [])
         self.do(click=".frame:last-child summary")
         self.do(until="document.querySelector('.frame[open] pre')")
+        self.do(click="text=Free the port for 15 minutes")
+        self.see("Free the port of line1 for 15 minutes?")
+        self.do(fill="dialog input", text="0123456789abcdef")
+        self.do(click="dialog button.main")
+        self.see("Take the port back")
+        self.see("yielded")
 
     def test_keyboard_alone_is_enough(self):
         self.begin()

@@ -214,8 +214,15 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     if (udp != nullptr) read_udp(reader, node, *udp, hosts, link);
     link.poll_share =
         reader.integer_as<double>(node, config_key("links[].poll_share_percent")) / 100.0;
+    link.allow_yield = reader.boolean(node, config_key("links[].allow_yield"));
   }
   return links;
+}
+
+bool has_device(const Config& config, const std::string& name) {
+  return std::ranges::any_of(std::as_const(config).devices, [&](const DeviceConfig& device) {
+    return !device.is_vacant() && device.name == name;
+  });
 }
 
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
@@ -227,6 +234,10 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     LinkConfig& link = config.links[i];
     const LinkFacts& facts = links.facts[i];
     if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
+    if (link.allow_yield && has_device(config, link.name))
+      reader.error(*array.children[i].find("allow_yield"),
+                   "needs another name for the link: device " + link.name +
+                       " has the same one, and so the same topic for commands");
     const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
     const SerialSettings line = line_settings(links.lines[i], defaults);
     if (facts.protocol != nullptr)

@@ -52,6 +52,14 @@ nanoseconds GroupSchedule::read_at_once(SteadyTime from) {
   return 2 * usual_;
 }
 
+void GroupSchedule::forget_until(SteadyTime now) {
+  running_ = false;
+  if (due_ >= now) return;
+  due_ = interval_.count() == 0
+             ? now
+             : due_ + (now - due_ + interval_ - nanoseconds(1)) / interval_ * interval_;
+}
+
 std::uint64_t GroupSchedule::begin(SteadyTime now, double load) {
   std::uint64_t missed = 0;
   if (is_due_by_interval(now)) {

@@ -39,6 +39,9 @@ class GroupSchedule final {
   /// another group may follow, so that half of the line is left to others.
   std::chrono::nanoseconds read_at_once(SteadyTime from);
 
+  /// See PollScheduler::forget_until().
+  void forget_until(SteadyTime now);
+
   bool is_running() const { return running_; }
   /// Returns the index of the running cycle's next exchange.
   std::uint32_t exchange() const { return exchange_; }

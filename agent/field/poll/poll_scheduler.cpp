@@ -91,6 +91,10 @@ PollScheduler::Job PollScheduler::next(SteadyTime now) {
   return job;
 }
 
+void PollScheduler::forget_until(SteadyTime now) {
+  for (Group& group : groups_) group.schedule.forget_until(now);
+}
+
 SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {
   for (Group& group : groups_)
     if (group.device == device && !group.gone) from += group.schedule.read_at_once(from);

@@ -89,6 +89,9 @@ class PollScheduler final {
   /// being read. The intervals stay as they are. The cycles are spread so that half of the line is
   /// left to others. Returns when those of another device may follow.
   SteadyTime read_at_once(DeviceId device, SteadyTime from);
+  /// Ends the running cycles, and forgets the polls that were due until now: nothing was to be
+  /// read. Groups are read again when they are next due.
+  void forget_until(SteadyTime now);
   /// Returns when the next cycle of the group is due by its interval.
   SteadyTime next_due(GroupId group) const { return groups_[group].schedule.next_due(); }
 

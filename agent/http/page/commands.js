@@ -1,16 +1,14 @@
 // The newest commands, and a form that sends one.
 import {card, el, facts, show, state, table} from './dom.js';
-import {data, send} from './data.js';
+import {data} from './data.js';
+import {newId, order} from './order.js';
 import {clock, ms, value} from './words.js';
 
 const KIND = {SUCCEEDED: 'ok', PARTIAL: 'warn', UNKNOWN_OUTCOME: 'warn', FAILED: 'bad', REJECTED: 'idle', EXPIRED: 'idle', DUPLICATE: 'idle'};
 const OPS = {write: 'write', force_on: 'force on', force_off: 'force off', read: 'read'};
-// Kept until the page is closed, and nowhere else.
-let token = '';
 
-const field = (name, input) => el('label', {}, el('span', {class: 'small soft'}, name), input);
+const field = (name, input) => el('label', {class: 'field'}, el('span', {class: 'small soft'}, name), input);
 const says = (one) => [one.reason, one.detail].filter(Boolean).join(': ');
-const newId = () => [...crypto.getRandomValues(new Uint8Array(8))].map((byte) => byte.toString(16).padStart(2, '0')).join('');
 
 // Numbers stay as they are typed: JavaScript would round the large ones.
 function asJson(text, type) {
@@ -20,26 +18,15 @@ function asJson(text, type) {
   return JSON.stringify(text);
 }
 
-function asks(dialog, question) {
-  const yes = el('button', {class: 'main', value: 'yes'}, 'Send');
-  dialog.replaceChildren(el('form', {method: 'dialog'}, el('h2', {}, question), el('p', {}, `Plant ${data.config.agent}`),
-    el('p', {class: 'tools'}, yes, el('button', {value: 'no'}, 'Cancel'))));
-  dialog.returnValue = 'no';
-  dialog.showModal();
-  return new Promise((done) => dialog.addEventListener('close', () => done(dialog.returnValue === 'yes'), {once: true}));
-}
-
-function order() {
+function commandForm() {
   const devices = data.config.devices.filter(Boolean);
   const device = el('select', {}, devices.map((one) => el('option', {value: one.name}, one.name)));
   const op = el('select', {}, Object.entries(OPS).map(([word, text]) => el('option', {value: word}, text)));
   const names = el('datalist', {id: 'targets'});
   const target = el('input', {list: 'targets', required: true, autocomplete: 'off', placeholder: 'tag or address'});
   const given = el('input', {autocomplete: 'off'});
-  const secret = el('input', {type: 'password', required: true, autocomplete: 'off', value: token});
   const button = el('button', {class: 'main'}, 'Send…');
   const outcome = el('div', {role: 'status'});
-  const dialog = el('dialog', {'aria-label': 'Send this command?'});
   const tags = () => devices.find((one) => one.name === device.value).groups.flatMap((group) => group.tags);
 
   function offer() {
@@ -54,17 +41,18 @@ function order() {
 
   async function submit(event) {
     event.preventDefault();
-    token = secret.value;
     const tag = tags().find(([name]) => name === target.value);
-    const command = {device: device.value, id: `page-${newId()}`, op: op.value, [tag ? 'tag' : 'address']: target.value};
+    const command = {device: device.value, id: newId(), op: op.value, [tag ? 'tag' : 'address']: target.value};
     const what = op.value === 'write' ? `Write ${given.value} to ${target.value}` : `${OPS[op.value][0].toUpperCase()}${OPS[op.value].slice(1)}: ${target.value}`;
     let body = JSON.stringify(command);
     if (op.value === 'write') body = `${body.slice(0, -1)},"value":${asJson(given.value.trim(), tag?.[2])}}`;
-    if (!await asks(dialog, `${what} of ${device.value}?`)) return;
-    button.disabled = true;
-    outcome.replaceChildren(el('p', {class: 'soft'}, 'Sent. The result comes from the PLC.'));
+    const begins = () => {
+      button.disabled = true;
+      outcome.replaceChildren(el('p', {class: 'soft'}, 'Sent. The result comes from the PLC.'));
+    };
     try {
-      const result = await send(body, token);
+      const result = await order(body, `${what} of ${device.value}?`, begins);
+      if (!result) return;
       const target = result.targets?.[0] ?? result;
       outcome.replaceChildren(el('p', {}, state(KIND[result.status] ?? 'idle', result.status), ' ', says(result),
         result.status === 'SUCCEEDED' && target.value !== undefined && target.value !== null ? ` ${value(target.value)}` : ''));
@@ -75,7 +63,7 @@ function order() {
   }
 
   return card(el('h2', {}, 'Send a command'), el('form', {class: 'order', onsubmit: submit}, field('device', device), field('operation', op), field('target', target),
-    field('value', given), field('token', secret), button), names, outcome, dialog);
+    field('value', given), button), names, outcome);
 }
 
 function row(one) {
@@ -94,7 +82,7 @@ export function commands(main) {
   main.replaceChildren(el('h1', {}, 'Commands'), form, list);
   function draw() {
     if (!data.config) return;
-    show(form, data.config.hash, () => data.config.commands ? order()
+    show(form, data.config.hash, () => data.config.commands ? commandForm()
       : el('p', {class: 'soft'}, 'This page is read-only. http.token_file in the config allows commands.'));
     show(list, JSON.stringify([data.commands, data.lastCommands]), () => {
       if (data.lastCommands.length === 0) return el('p', {class: 'soft'}, 'No command has arrived since the agent started.');

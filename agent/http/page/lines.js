@@ -2,6 +2,7 @@
 import {el, facts, show, state, svg, table} from './dom.js';
 import {data, plan, want} from './data.js';
 import {trace} from './frames.js';
+import {newId, order} from './order.js';
 import {clock, kindOf, ms, since} from './words.js';
 
 // A link is as good as its devices. Without any, its port counts.
@@ -9,6 +10,7 @@ function stateOf(l) {
   const states = devicesOf(l).map(([d]) => data.devices.get(d));
   if (states.some((device) => device?.reason === 'link_down')) return ['bad', 'down'];
   if (!data.links[l]) return ['idle', 'starting'];
+  if (data.links[l][4]) return ['warn', 'yielded'];
   if (states.some((device) => device?.state === 'offline')) return ['warn', 'up, a device is silent'];
   return data.links[l][0] || states.some((device) => device?.state === 'online') ? ['ok', 'up'] : ['idle', 'closed'];
 }
@@ -62,12 +64,32 @@ function devices(l) {
   }));
 }
 
+// Frees the port for GX Works, and takes it back.
+function sharing(l) {
+  const link = data.config.links[l];
+  if (!link.yields || !data.config.commands) return null;
+  const outcome = el('span', {role: 'status'});
+  async function ask(command, question) {
+    try {
+      const result = await order(JSON.stringify({device: link.name, id: newId(), ...command}), question);
+      if (result) outcome.textContent = result.status === 'SUCCEEDED' ? '' : `${result.status} ${result.reason}: ${result.detail}`;
+    } catch (fault) {
+      outcome.textContent = fault.message;
+    }
+  }
+  const button = data.links[l]?.[4]
+    ? el('button', {onclick: () => ask({op: 'resume'}, `Take back the port of ${link.name}?`)}, 'Take the port back')
+    : el('button', {onclick: () => ask({op: 'yield', minutes: 15}, `Free the port of ${link.name} for 15 minutes? Nothing is read meanwhile.`)}, 'Free the port for 15 minutes');
+  return el('p', {class: 'tools'}, button, outcome);
+}
+
 export function lines(main, given) {
   const list = el('div', {});
   const detail = el('div', {});
   const planned = el('div', {});
   const counted = el('div', {});
   const named = el('div', {});
+  const shared = el('div', {});
   let chosen = null;
   let wire = null;
   main.replaceChildren(el('h1', {}, 'Lines'), list, detail);
@@ -79,7 +101,7 @@ export function lines(main, given) {
     planned.shownKey = undefined;
     wire?.stop();
     wire = trace(l);
-    detail.replaceChildren(el('h2', {}, data.config.links[l].name), el('p', {class: 'soft'}, data.config.links[l].wire), named, planned, counted, wire.node);
+    detail.replaceChildren(el('h2', {}, data.config.links[l].name), el('p', {class: 'soft'}, data.config.links[l].wire), shared, named, planned, counted, wire.node);
     plan(l).then((found) => { if (chosen === l) planned.replaceChildren(...bar(l, found.groups).filter(Boolean)); },
       (fault) => planned.replaceChildren(el('p', {}, `The plan could not be had: ${fault.message}`)));
     draw();
@@ -99,6 +121,7 @@ export function lines(main, given) {
         el('td', {}, state(kind, word)), el('td', {class: 'text soft small'}, link.wire),
         el('td', {class: 'number'}, counts ? `${counts[2]} %` : '–'), el('td', {class: 'number'}, counts ? `${counts[3]} %` : '–')))));
     if (chosen === null) return;
+    show(shared, JSON.stringify([chosen, data.links[chosen]?.[4]]), () => sharing(chosen) ?? []);
     show(named, JSON.stringify([devicesOf(chosen).map(([d]) => data.devices.get(d)), Math.floor(data.ts / 10000)]), () => devices(chosen));
     if (data.link?.l === chosen) show(counted, JSON.stringify(data.link), () => [el('h2', {}, 'Since the start'), ...counters(data.link)]);
   }

@@ -33,4 +33,4 @@ export const ms = (number) => `${number.toFixed(number < 10 ? 1 : 0)} ms`;
 export const many = (count, noun) => `${count} ${noun}${count === 1 ? '' : 's'}`;
 
 // The kind of mark of a device's state.
-export const kindOf = (word) => ({online: 'ok', degraded: 'warn', offline: 'bad'})[word] ?? 'idle';
+export const kindOf = (word) => ({online: 'ok', degraded: 'warn', yielded: 'warn', offline: 'bad'})[word] ?? 'idle';

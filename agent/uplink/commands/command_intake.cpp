@@ -56,6 +56,9 @@ void CommandIntake::take_some(SteadyTime now, std::int64_t utc_ms) {
     if (const auto device = commands_.device_named(name))
       commands_.receive(*device, message.topic, message.payload, std::move(properties), now,
                         utc_ms);
+    else if (const LinkConfig* link = commands_.link_named(name))
+      commands_.receive_for_link(*link, message.topic, message.payload, std::move(properties), now,
+                                 utc_ms);
     else
       commands_.refuse_unknown(name, message.payload, std::move(properties));
   }

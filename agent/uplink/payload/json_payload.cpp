@@ -211,6 +211,7 @@ std::string health(const AgentStatus& status, const Config& config) {
     out.key("naks").integer(link.naks).key("bad_frames").integer(link.bad_frames);
     out.key("unexpected_bytes").integer(link.unexpected_bytes);
     out.key("doubts").integer(link.doubts).key("doubted").boolean(link.doubted);
+    out.key("yielded").boolean(link.yielded);
     out.key("busy_percent").number(link.busy_percent);
     out.key("load_percent").number(link.load_percent);
     write_percentiles(out, "turnaround_ms", link.turnaround_ms);

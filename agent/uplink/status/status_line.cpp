@@ -23,6 +23,10 @@ std::string counted(const std::string& what, std::size_t of, const std::string& 
   return others.empty() ? text : text + ")";
 }
 
+bool is_yielded(const AgentStatus& status, std::size_t link) {
+  return link < status.field->links.size() && status.field->links[link].yielded;
+}
+
 std::string links(const AgentStatus& status) {
   const auto& links = status.config->links;
   std::size_t all = 0;
@@ -30,7 +34,9 @@ std::string links(const AgentStatus& status) {
   for (std::size_t i = 0; i < links.size(); ++i) {
     if (links[i].is_vacant()) continue;
     ++all;
-    if (i >= status.field->links.size() || !status.field->links[i].open)
+    if (is_yielded(status, i))
+      down.push_back(links[i].name + " yielded");
+    else if (i >= status.field->links.size() || !status.field->links[i].open)
       down.push_back(links[i].name + " down");
   }
   return counted("links", all, "up", down);
