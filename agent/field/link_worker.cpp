@@ -242,6 +242,7 @@ asio::awaitable<void> LinkWorker::serve() {
 }
 
 void LinkWorker::yield(SteadyTime until, std::string text, Told told) {
+  if (state_.is_stopping()) return told(state_.why_stopping());
   yields_until_ = until;
   yield_text_ = std::move(text);
   yields_told_.push_back(std::move(told));
@@ -251,6 +252,7 @@ void LinkWorker::yield(SteadyTime until, std::string text, Told told) {
 }
 
 void LinkWorker::take_back(Told told) {
+  if (state_.is_stopping()) return told(state_.why_stopping());
   if (yields_until_) yields_until_ = SteadyTime{};
   yields_told_.push_back(std::move(told));
   idle_.cancel();

@@ -3,7 +3,7 @@
 #   config/demo/run.sh [--seconds N]
 # Installs missing packages (only then as root), builds the agent and the simulator, and starts
 #   mosquitto  a broker on port 1883 of the loopback, or on another free port, with its own configuration,
-#   fxsim      an FX3U with an oven and a conveyor on a pseudo terminal, paced at 9600 baud,
+#   fxsim      two FX3U with an oven and a conveyor and a Modbus meter, on pseudo terminals paced at 9600 baud,
 #   fxagent    with agent.json of this directory, and its page for a browser.
 # Prints the agent's messages as they arrive, one per line. After some seconds it sends three commands to the PLC
 # (stop the conveyor, start it, a new setpoint) and prints their results.
@@ -68,7 +68,7 @@ sim=$build/tests/sim/fxsim
 broker=$(PATH=$PATH:/usr/sbin command -v mosquitto)
 
 dir=$(mktemp -d)
-agent_pid='' viewer_pid='' printer_pid='' sim_pid='' broker_pid=''
+meter_pid='' agent_pid='' viewer_pid='' printer_pid='' sim_pid='' broker_pid=''
 
 # Ends a child by its id and waits for it; kills it after 10 s.
 stop() {
@@ -85,7 +85,7 @@ stop() {
 clean_up() {
   trap '' INT TERM
   # The agent first, so that its last messages still reach the broker and the viewer.
-  for pid in $agent_pid $viewer_pid $sim_pid $broker_pid; do stop "$pid"; done
+  for pid in $agent_pid $viewer_pid $sim_pid $meter_pid $broker_pid; do stop "$pid"; done
   [ -z "$printer_pid" ] || wait "$printer_pid" 2>/dev/null || true
   rm -rf "$dir"
 }
@@ -175,8 +175,16 @@ order() {
 
 say "starting a broker, a simulated PLC and the agent"
 start_broker
-"$sim" --plc "name=press1,model=FX3U,pty=$dir/press1,baud=9600,plant=demo" >"$dir/sim.ready" 2>"$dir/sim.log" &
+"$sim" --plc "name=press1,model=FX3U,pty=$dir/press1,baud=9600,plant=demo" \
+  --plc "name=press2,protocol=fx-computer-link,model=FX3U,pty=$dir/press2,baud=9600,plant=demo" >"$dir/sim.ready" 2>"$dir/sim.log" &
 sim_pid=$!
+# The meter has a simulator of its own, so that its cable can be pulled.
+start_meter() {
+  "$sim" --plc "name=meter,protocol=modbus-rtu,pty=$dir/meter,baud=9600,plant=counter" >"$dir/meter.ready" 2>"$dir/meter.log" &
+  meter_pid=$!
+  await grep -q '"ready":true' "$dir/meter.ready" || give_up "the simulator of the meter did not start"
+}
+start_meter
 await grep -q '"ready":true' "$dir/sim.ready" || give_up "the simulator did not start"
 
 : >"$dir/messages"  # must exist before either of the two opens it
@@ -187,10 +195,13 @@ tail -n +1 -f --pid="$viewer_pid" "$dir/messages" | jq --unbuffered -r "$readabl
 printer_pid=$!
 
 mkdir "$dir/store"
+# A token for commands from the page.
+token=$(od -An -N8 -tx1 /dev/urandom | tr -d ' \n')
+(umask 077 && echo "demo $token" >"$dir/token")
 # The page: on port 8080 if that is free, otherwise on any free port (0).
 http=8080
 ! is_open "$http" || http=0
-DEMO_PORT=$port DEMO_STORE=$dir/store DEMO_SERIAL=$dir/press1 DEMO_HTTP=$http \
+DEMO_PORT=$port DEMO_DIR=$dir DEMO_HTTP=$http \
   "$agent" run "$here/agent.json" >"$dir/agent.out" 2>"$dir/agent.log" &
 agent_pid=$!
 start=$SECONDS
@@ -198,7 +209,7 @@ start=$SECONDS
 await grep -q 'metrics state=listening' "$dir/agent.log" || give_up "the page did not start"
 page=http://$(sed -n 's/.*metrics state=listening listen=//p' "$dir/agent.log" | head -n 1)/
 echo "broker on 127.0.0.1:$port, PLC on $dir/press1, base topic $base"
-echo "the page: $page"
+echo "the page: $page (commands from it need the token $token)"
 [ -n "$seconds" ] || echo "Ctrl-C ends it"
 
 # Sleeps until the given second after the start, or to the end; fails when a part has died.
@@ -237,7 +248,13 @@ if [ -z "$seconds" ]; then
 (every command needs its own id: a used id gets the result DUPLICATE)
 or import config/node-red/flows.json into Node-RED: values, a trend, alarms and a set-point
 END
-  while true; do until_second $((SECONDS - start + 3600)); done
+  while true; do
+    until_second $((SECONDS - start + 100))
+    echo "--------- the cable of the meter is pulled for 20 s"
+    stop "$meter_pid"
+    until_second $((SECONDS - start + 20))
+    start_meter
+  done
 fi
 until_second "$seconds"
 

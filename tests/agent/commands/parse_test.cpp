@@ -397,5 +397,50 @@ TEST(ParseCommand, PlaceThatNobodyCanMeanIsCutOff) {
   EXPECT_LE(parsed.targets.at(0).tag.size(), 128U);
 }
 
+// ---- commands for a link ------------------------------------------------------------------------
+
+TEST(ParseLinkCommand, YieldAndResume) {
+  const LinkCommand yield =
+      parse_link_command(R"({"id":"y","op":"yield","minutes":720,"by":"anna","expires":5})");
+  EXPECT_FALSE(yield.command.refusal);
+  EXPECT_EQ(yield.command.id, "y");
+  EXPECT_EQ(yield.command.op_text, "yield");
+  EXPECT_EQ(yield.command.by, "anna");
+  EXPECT_EQ(yield.command.expires_ms, 5);
+  EXPECT_EQ(yield.time.count(), 720);
+  EXPECT_EQ(parse_link_command(R"({"op":"yield"})").time.count(), 15);
+  EXPECT_EQ(parse_link_command(R"({"op":"yield","minutes":null})").time.count(), 15);
+  const LinkCommand resume = parse_link_command(R"({"op":"resume"})");
+  EXPECT_FALSE(resume.command.refusal);
+  EXPECT_EQ(resume.time.count(), 0);
+}
+
+TEST(ParseLinkCommand, FirstFaultIsNamed) {
+  const std::vector<std::pair<std::string, Reason>> cases{
+      {"", Reason::bad_json},
+      {"[]", Reason::bad_json},
+      {R"({"op":"yield","op":"resume"})", Reason::bad_json},
+      {R"({"op":"yield","value":1})", Reason::bad_json},
+      {R"({"op":"resume","minutes":1})", Reason::bad_json},
+      {R"({"op":"yield","id":""})", Reason::missing_id},
+      {R"({"op":"write"})", Reason::bad_op},
+      {R"({"op":7})", Reason::bad_op},
+      {"{}", Reason::bad_op},
+      {R"({"op":"yield","minutes":0})", Reason::out_of_range},
+      {R"({"op":"yield","minutes":721})", Reason::out_of_range},
+      {R"({"op":"yield","minutes":18446744073709551615})", Reason::out_of_range},
+      {R"({"op":"yield","minutes":-1})", Reason::out_of_range},
+      {R"({"op":"yield","minutes":1.5})", Reason::out_of_range},
+      {R"({"op":"yield","minutes":true})", Reason::out_of_range},
+      {std::string(65537, ' '), Reason::too_large},
+  };
+  for (const auto& [text, reason] : cases) {
+    const LinkCommand parsed = parse_link_command(text);
+    ASSERT_TRUE(parsed.command.refusal) << text.substr(0, 60);
+    EXPECT_EQ(parsed.command.refusal->reason, reason) << text.substr(0, 60);
+    EXPECT_FALSE(parsed.command.refusal->detail.empty());
+  }
+}
+
 }  // namespace
 }  // namespace fxagent

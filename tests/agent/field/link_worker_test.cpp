@@ -1446,5 +1446,36 @@ TEST_F(LinkWorkerChangeTest, StopInTheMiddleAnswersWhoWaitsForTheLeave) {
   EXPECT_EQ(left.size(), 1U);
 }
 
+TEST_F(LinkWorkerTest, PortThatWasYieldedIsTakenBackWhenItsTimeIsOver) {
+  config.devices[0].groups[0].interval = milliseconds(5);
+  add_setpoint();
+  start();
+  wait_for_state(State::online, "");
+  std::vector<Reason> told;
+  const auto tell = [&](Reason why) { told.push_back(why); };
+  worker->yield(std::chrono::steady_clock::now() + milliseconds(100), "for GX Works", tell);
+  wait_for_state(State::yielded, "yielded");
+  EXPECT_EQ(told, std::vector<Reason>{Reason::none});
+  const std::size_t asked = plc.asked().size();
+  submit(write_setpoint("b7e1"));
+  wait([&] { return !results.empty(); });
+  EXPECT_EQ(results[0].status, CommandStatus::rejected);
+  EXPECT_EQ(results[0].reason, Reason::yielded);
+  EXPECT_EQ(plc.asked().size(), asked);
+  wait_for_state(State::online, "");
+  EXPECT_GT(plc.asked().size(), asked);
+}
+
+TEST_F(LinkWorkerTest, YieldThatIsStoppedIsAnswered) {
+  start();
+  wait_for_state(State::online, "");
+  std::vector<Reason> told;
+  worker->yield(SteadyTime::max(), "for GX Works", [&](Reason why) { told.push_back(why); });
+  stop();
+  EXPECT_EQ(told.size(), 1U);
+  worker->take_back([&](Reason why) { told.push_back(why); });
+  EXPECT_EQ(told.back(), Reason::shutting_down);
+}
+
 }  // namespace
 }  // namespace fxagent::test

@@ -607,5 +607,22 @@ TEST(PollScheduler, DeviceThatIsRemovedIsPolledNoMoreAndItsPlacesServeAnother) {
   EXPECT_EQ(scheduler.device(stays).counters().missed, 0U);
 }
 
+TEST(PollScheduler, TimeThatIsForgottenIsNotMissed) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, {});
+  const auto group = scheduler.add_group(device, milliseconds(100), 2, at(0));
+  PollScheduler::Job job = scheduler.next(at(0));
+  ASSERT_EQ(job.kind, PollScheduler::Job::Kind::poll);
+  EXPECT_FALSE(scheduler.step_done(job.poll)) << "one exchange is left";
+  scheduler.forget_until(at(60'050));
+  EXPECT_EQ(scheduler.next_due(group), at(60'100)) << "on the same grid as before";
+  EXPECT_EQ(scheduler.next(at(60'050)).kind, PollScheduler::Job::Kind::wait);
+  job = scheduler.next(at(60'100));
+  ASSERT_EQ(job.kind, PollScheduler::Job::Kind::poll);
+  EXPECT_TRUE(job.poll.starts_cycle);
+  EXPECT_EQ(job.poll.exchange, 0U);
+  EXPECT_EQ(scheduler.device(device).counters().missed, 0U);
+}
+
 }  // namespace
 }  // namespace fxagent::test
