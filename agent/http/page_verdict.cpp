@@ -145,7 +145,7 @@ class Examination final {
     const auto yielded = std::ranges::find(link.wrong, State::yielded,
                                            [&](std::size_t d) { return state_of(d).state; });
     if (yielded != link.wrong.end())
-      return add(Severity::warn, place, name + " is not read: " + state_of(*yielded).reason_text,
+      return add(Severity::warn, place, "Link " + name + " is not read: " + state_of(*yielded).reason_text,
                  "The agent takes the port back by itself, or at once with the command resume.",
                  state_of(*yielded).since_ms);
     const bool is_down = link.silent > 0 && std::ranges::all_of(link.wrong, [&](std::size_t d) {
@@ -157,7 +157,7 @@ class Examination final {
       const std::string whom =
           link.devices == 1 ? config_.devices[first].name : counted(link.devices, "device");
       add(Severity::bad, place,
-          is_down ? name + " is down, and " + whom + " cannot be reached"
+          is_down ? "Link " + name + " is down, and " + whom + " cannot be reached"
                   : "None of the " + whom + " on " + name + " answers",
           state_of(first).reason_text, state_of(first).since_ms);
     } else {

@@ -217,7 +217,8 @@ TEST(ContractExamples, EachIsThereOnceAndNoBlockIsWithoutAName) {
   const std::set<std::string> wanted = words_of(
       "sample sample_bad history agent_state_online agent_state_offline device_state meta health "
       "command_write command_force command_list command_run command_read command_force_list "
-      "result_ack result_rejected result_list result_partial result_duplicate desired reported");
+      "result_ack result_rejected result_list result_partial result_duplicate desired reported "
+      "yield");
   std::set<std::string> found;
   for (const auto& [name, text] : examples()) found.insert(name);
   EXPECT_EQ(found, wanted);
@@ -239,6 +240,12 @@ TEST(ContractExamples, ParserTakesEveryCommand) {
     EXPECT_EQ(command.is_list, name.ends_with("_list")) << name;
   }
   EXPECT_EQ(commands, 6U);
+}
+
+TEST(ContractExamples, ParserTakesTheCommandForALink) {
+  const LinkCommand parsed = parse_link_command(examples().at("yield"));
+  EXPECT_FALSE(parsed.command.refusal);
+  EXPECT_EQ(parsed.time, 15min);
 }
 
 TEST(ContractExamples, SamplesHaveTheKeysOfTheProgram) {

@@ -81,7 +81,7 @@ class Start(PlantTest):
                 os.setuid(NOBODY_ELSE)
             return limit
         os.chmod(self.sim.control, 0o777)
-        ends = [self.tries_under(limited_to(count)) for count in range(1, 13)]
+        ends = [self.tries_under(limited_to(count)) for count in range(1, 14)]
         self.assertEqual(ends[0], "ended")
         self.assertEqual(ends[-1], "runs")
         self.assertEqual(sorted(ends), ends, "a larger limit never makes it worse")

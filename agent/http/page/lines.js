@@ -86,7 +86,7 @@ function sharing(l) {
 export function lines(main, given) {
   const list = el('div', {});
   const detail = el('div', {});
-  const planned = el('div', {});
+  const planned = el('div', {class: 'planned'});
   const counted = el('div', {});
   const named = el('div', {});
   const shared = el('div', {});

@@ -233,6 +233,7 @@ TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
   const std::set<std::string> restart{"metrics.listen",
                                       "http.listen",
                                       "http.hosts",
+                                      "http.token_file",
                                       "agent.id",
                                       "agent.root",
                                       "store.path",

@@ -113,7 +113,7 @@ TEST_F(PageApiTest, FirstAnswerHasEverythingAndTheNextOnlyChanges) {
   EXPECT_EQ(first["values"]["0.0"],
             json::parse(R"([[21,4000],null,[7,5000,"timeout",6000],null,null])"));
   EXPECT_EQ(first["samples"]["waiting"], 6);
-  EXPECT_EQ(first["links"][0], json::parse("[1,0,82,125]"));
+  EXPECT_EQ(first["links"][0], json::parse("[1,0,82,125,0]"));
   const std::string now = std::to_string(first["now"].get<int>());
   const std::string events =
       std::to_string(first["events"].empty() ? 0 : first["events"].back()["n"].get<int>());

@@ -83,7 +83,7 @@ TEST(PageVerdict, OneLostPortIsOneProblem) {
   const Verdict verdict = verdict_of(status);
   ASSERT_EQ(verdict.problems.size(), 1U);
   EXPECT_EQ(verdict.problems[0].place, "link line1");
-  EXPECT_EQ(verdict.problems[0].text, "line1 is down, and 2 devices cannot be reached");
+  EXPECT_EQ(verdict.problems[0].text, "Link line1 is down, and 2 devices cannot be reached");
   EXPECT_EQ(verdict.problems[0].cure, "check the cable");
   EXPECT_EQ(verdict.problems[0].since_ms, 20);
 }
