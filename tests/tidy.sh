@@ -1,6 +1,6 @@
 #!/bin/bash
 # Runs clang-tidy with the checks of .clang-tidy on the files without coroutines and libraries: protocol/, the files
-# in agent/ itself, its commands/, config/, import/, http/ and remote/, and the pure units of field/.
+# in agent/ itself, its commands/, config/, import/, http/, recorder/ and remote/, and the pure units of field/.
 #   tests/tidy.sh [FILE...]      only these files
 # On coroutines clang-tidy does not terminate. BUILD_DIR: the configured directory with the compile commands,
 # build-tidy by default; nothing is built. The last line counts files; exit status 0 only if there are no findings.
@@ -19,7 +19,7 @@ fi
 files=("$@")
 if [ ${#files[@]} -eq 0 ]; then
   mapfile -t files < <(git ls-files 'protocol/*.cpp' 'agent/commands/*.cpp' 'agent/config/*.cpp' 'agent/import/*.cpp' \
-    'agent/http/*.cpp' 'agent/remote/*.cpp' ':(glob)agent/*.cpp' ':!agent/agent.cpp' \
+    'agent/http/*.cpp' 'agent/recorder/*.cpp' 'agent/remote/*.cpp' ':(glob)agent/*.cpp' ':!agent/agent.cpp' \
     agent/field/poll/{group_schedule,hole_map,line_share,poll_scheduler,report_by_exception}.cpp \
     agent/field/bus/{bus_doubt,echo,late_answers,overheard}.cpp agent/field/reconnect_policy.cpp)
 fi

@@ -17,6 +17,7 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/replay_report.h"
 #include "agent/config/config_error.h"
+#include "agent/config/json/tree.h"
 #include "agent/config/suggestions.h"
 #include "agent/recorder/recording_files.h"
 

@@ -153,7 +153,7 @@ HttpServer::~HttpServer() {
   socket_.remove_path();
   if (daemon_ == nullptr) return;
   // The library cannot stop while connections are suspended.
-  for (Open& open : open_)
+  for (const Open& open : open_)
     if (open.waits) finish(open.number, refusal(kUnavailable, "the agent is stopping"));
   for (int i = 0; i < kLastRuns; ++i) http_library()->run(daemon_);
   http_library()->stop_daemon(daemon_);

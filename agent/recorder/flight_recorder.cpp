@@ -125,7 +125,7 @@ void FlightRecorder::write_asked() {
     const std::lock_guard lock(mutex_);
     for (const auto& each : links_)
       if (names.empty() || std::ranges::find(names, each.first) != names.end())
-        links.push_back(each);
+        links.emplace_back(each);
   }
   // Files of earlier links would be deleted again.
   if (links.size() > settings_.most_files) {

@@ -128,7 +128,7 @@ class Reader final {
                    ": take a file that the recorder wrote");
     for (; !text.empty(); ++line_) {
       const std::size_t end = std::min(text.find('\n'), text.size());
-      std::string why = take(text.substr(0, end));
+      const std::string why = take(text.substr(0, end));
       if (!why.empty()) return Fault("line " + std::to_string(line_) + ": " + why);
       text.remove_prefix(std::min(text.size(), end + 1));
     }

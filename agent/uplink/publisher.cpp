@@ -5,6 +5,9 @@
 #include <utility>
 #include <variant>
 
+#include "agent/commands/parse.h"
+#include "agent/commands/result.h"
+#include "agent/commands/result_text.h"
 #include "agent/store/samples/first_numbers.h"
 #include "agent/uplink/payload/json_payload.h"
 
@@ -163,6 +166,13 @@ void Publisher::take_commands(SteadyTime now) {
 }
 
 void Publisher::take_order(Order order, SteadyTime now) {
+  // The broker may be away for days: results must not fill the memory.
+  if (results_.is_full()) {
+    CommandResult result = result_of(parse_command(order.payload));
+    set_outcome(result, CommandStatus::rejected, Reason::queue_full,
+                "too many results wait for the broker; nothing was sent");
+    return order.tell(result_text(result));
+  }
   Message message;
   message.topic = config_.base_topic() + "/" + order.device + "/command";
   message.payload = std::move(order.payload);

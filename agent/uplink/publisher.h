@@ -106,7 +106,8 @@ class Publisher final {
   /// Sets the config status that health reports.
   void set_config_status(ConfigStatus status, SteadyTime now);
 
-  /// Takes a command that did not come over MQTT. Its result goes there, too.
+  /// Takes a command that did not come over MQTT. Its result goes there, too; but if too many
+  /// results wait for the broker, the command is rejected, and only its sender learns of it.
   void take_order(Order order, SteadyTime now);
 
   /// The topics of remote configs; valid for the publisher's lifetime.

@@ -214,6 +214,18 @@ class Orders(PagePlant):
         self.assertEqual(self.post(self.write(77))[1]["status"], "SUCCEEDED")
         self.assertEqual(self.sim.get("press1", "D110"), 77)
 
+    def test_results_for_a_broker_that_is_away_are_bounded(self):
+        self.begin()
+        self.ready()
+        self.broker.kill()
+        self.until("the fault", lambda news: not news["broker"]["connected"])
+        reasons = [self.post(self.write(1, id=f"w{number}", tag="none"))[1]["reason"] for number in range(202)]
+        self.assertEqual(reasons, ["unknown_tag"] * 200 + ["queue_full"] * 2)
+        self.broker.start()
+        self.assertEqual(self.result("w199")["reason"], "unknown_tag")
+        wait_for("room", lambda: self.post(self.write(77, id=self.next_id()))[1]["status"] == "SUCCEEDED")
+        self.assertEqual(self.results("w200"), [])
+
     def test_strangers_and_other_sites_reach_nothing(self):
         self.begin()
         self.ready()
