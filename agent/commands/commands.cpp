@@ -203,12 +203,12 @@ const LinkConfig* Commands::link_named(std::string_view name) const {
 
 std::optional<Refusal> Commands::refusal_for_link(const LinkConfig& link, const Command& command,
                                                   SteadyTime now, std::int64_t utc_ms) const {
-  if (command.refusal && command.refusal->reason < Reason::duplicate_id) return *command.refusal;
+  if (command.refusal && command.refusal->reason < Reason::duplicate_id) return command.refusal;
   if (std::ranges::find(link_ids_, link.name + " " + command.id) != link_ids_.end())
     return Refusal{Reason::duplicate_id, "the command has come before and is not repeated"};
   if (command.retained)
     return Refusal{Reason::retained, "a retained command may be old: publish without retain"};
-  if (command.refusal) return *command.refusal;
+  if (command.refusal) return command.refusal;
   if (!link.allow_yield || !yield_)
     return Refusal{Reason::not_allowed, "allow_yield of link " + link.name + " is not set"};
   const bool is_late = command.message_expiry && now - command.received >= *command.message_expiry;

@@ -145,7 +145,8 @@ class Examination final {
     const auto yielded = std::ranges::find(link.wrong, State::yielded,
                                            [&](std::size_t d) { return state_of(d).state; });
     if (yielded != link.wrong.end())
-      return add(Severity::warn, place, "Link " + name + " is not read: " + state_of(*yielded).reason_text,
+      return add(Severity::warn, place,
+                 "Link " + name + " is not read: " + state_of(*yielded).reason_text,
                  "The agent takes the port back by itself, or at once with the command resume.",
                  state_of(*yielded).since_ms);
     const bool is_down = link.silent > 0 && std::ranges::all_of(link.wrong, [&](std::size_t d) {

@@ -179,6 +179,12 @@ void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t i
   }
 }
 
+bool has_device(const Config& config, const std::string& name) {
+  return std::ranges::any_of(std::as_const(config).devices, [&](const DeviceConfig& device) {
+    return !device.is_vacant() && device.name == name;
+  });
+}
+
 }  // namespace
 
 Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) {
@@ -217,12 +223,6 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     link.allow_yield = reader.boolean(node, config_key("links[].allow_yield"));
   }
   return links;
-}
-
-bool has_device(const Config& config, const std::string& name) {
-  return std::ranges::any_of(std::as_const(config).devices, [&](const DeviceConfig& device) {
-    return !device.is_vacant() && device.name == name;
-  });
 }
 
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
