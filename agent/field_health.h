@@ -1,7 +1,9 @@
 // Counters of the field, for health and metrics.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "agent/duration_histogram.h"
@@ -27,6 +29,8 @@ struct LinkHealth {
   double busy_percent = 0;
   double load_percent = 0;  ///< load of the bus that the poll intervals ask for; may exceed 100
   Percentiles turnaround_ms;
+  std::string last_error{};  ///< in words: the last missing or damaged answer, or NAK; empty: none
+  std::int64_t last_error_ms = 0;
 };
 
 struct DeviceHealth {
@@ -35,6 +39,8 @@ struct DeviceHealth {
   Percentiles late_ms;
   std::uint64_t collected = 0;   ///< samples taken, including suppressed ones
   std::uint64_t suppressed = 0;  ///< samples not reported because on_change found no change
+  /// Smoothed time between two polls, by index in DeviceConfig::groups; 0: not known.
+  std::vector<std::chrono::milliseconds> reached{};
 };
 
 /// Duration histograms of one link since the start, for metrics.

@@ -255,7 +255,8 @@ bool Reload::apply(Config config) {
   }
   const auto began = std::chrono::steady_clock::now();
   const auto shared = std::make_shared<const ConfigChange>(std::move(change));
-  log::info("config", {{"state", "applying"}, {"change", to_string(*shared, *running_)}});
+  const std::string what = to_string(*shared, *running_);
+  log::info("config", {{"state", "applying"}, {"change", what}});
   turn_->begin();
   if (stopping_) return false;
   // Order: the uplink stops using the parts that end, the field ends them, the uplink forgets them,
@@ -278,6 +279,7 @@ bool Reload::apply(Config config) {
   running_ = {shared, &shared->config};
   status_.hash = running_->hash;
   status_.since_ms = utc_now();
+  status_.change = what;
   const auto took = std::chrono::duration_cast<std::chrono::milliseconds>(
       std::chrono::steady_clock::now() - began);
   log::info(

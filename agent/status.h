@@ -120,6 +120,7 @@ struct ConfigStatus {
   };
   std::string hash;  ///< of the config text, as in Config
   std::int64_t since_ms = 0;
+  std::string change;                 ///< what was different when it came; empty: it is the first
   std::optional<Reload> last_reload;  ///< nullopt: no reload yet
   std::optional<Remote> remote;       ///< nullopt: remote config is not allowed
 };

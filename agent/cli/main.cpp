@@ -278,7 +278,7 @@ void add_record(CLI::App& app, std::string& path, RecordQuestion& what,
   CLI::App* command =
       app.add_subcommand("record", "Ask the running agent to write its newest frames to files");
   command->add_option("CONFIG", path, "Config file")->required();
-  command->add_option("--link", what.links, "Only this link; repeatable")->expected(1)->take_all();
+  command->add_option("LINK", what.links, "Only these links");
   command->callback([&] {
     action = [&] {
       const auto config = loaded(path);

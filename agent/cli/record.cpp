@@ -36,7 +36,7 @@ std::string unknown_link(const Config& config, const std::vector<std::string>& w
   for (const LinkConfig& link : config.links) names.push_back(link.name);
   for (const std::string& name : wanted)
     if (std::ranges::find(names, name) == names.end())
-      return "--link: there is no link " + shown(name) + did_you_mean(name, names);
+      return "there is no link " + shown(name) + did_you_mean(name, names);
   return {};
 }
 

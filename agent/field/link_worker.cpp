@@ -334,6 +334,8 @@ void LinkWorker::report(FieldHealth& health) {
     counting_since_ = now;
   }
   link.load_percent = 100.0 * scheduler_.load();
+  link.last_error = counters.last_error;
+  link.last_error_ms = counters.last_error_ms;
   link.turnaround_ms = counters.turnaround_ms.percentiles();
   if (counters.durations) health.durations[link_] = *counters.durations;
   for (const auto& device : devices_) {
@@ -343,6 +345,10 @@ void LinkWorker::report(FieldHealth& health) {
     out.late_ms = device->late_ms.percentiles();
     out.collected = device->collected;
     out.suppressed = device->suppressed;
+    out.reached.assign(device->config.groups.size(), {});
+    for (const auto& group : device->groups)
+      out.reached[group->cycle.group()] =
+          std::chrono::duration_cast<milliseconds>(scheduler_.reached(group->id));
   }
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <chrono>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -72,7 +73,8 @@ void write_agent(Writer& out, const AgentStatus& status) {
   for (const auto& [outcome, count] : status.commands) out.key(to_string(outcome)).integer(count);
   out.end_object();
   const ConfigStatus& config = status.config_status;
-  out.key("config").begin_object().key("since").integer(config.since_ms).key("reload");
+  out.key("config").begin_object().key("since").integer(config.since_ms);
+  out.key("change").string(config.change).key("reload");
   if (const auto& reload = config.last_reload) {
     out.begin_object().key("state").string(reload->state).key("ts").integer(reload->ts_ms);
     out.key("errors").begin_array();
@@ -186,6 +188,8 @@ void write_link(Writer& out, const AgentStatus& status, std::size_t link) {
   out.key("naks").integer(health->naks).key("bad_frames").integer(health->bad_frames);
   out.key("unexpected_bytes").integer(health->unexpected_bytes);
   out.key("doubts").integer(health->doubts);
+  out.key("last_error").string(health->last_error);
+  out.key("last_error_ts").integer(health->last_error_ms);
   out.key("p50").number(health->turnaround_ms.p50).key("p99").number(health->turnaround_ms.p99);
   out.key("devices").begin_array();
   for (std::size_t d = 0; d < status.config->devices.size(); ++d) {
@@ -194,7 +198,12 @@ void write_link(Writer& out, const AgentStatus& status, std::size_t link) {
     if (device.is_vacant() || device.link != link || counts == nullptr) continue;
     out.begin_object().key("d").integer(std::uint64_t{d}).key("polls").integer(counts->polls);
     out.key("missed").integer(counts->missed).key("late_p50").number(counts->late_ms.p50);
-    out.key("late_p99").number(counts->late_ms.p99).end_object();
+    out.key("late_p99").number(counts->late_ms.p99).key("dropped");
+    const std::uint64_t* dropped = at(status.dropped, d);
+    out.integer(dropped == nullptr ? 0 : *dropped).key("reached_ms").begin_array();
+    for (const std::chrono::milliseconds reached : counts->reached)
+      out.integer(std::int64_t{reached.count()});
+    out.end_array().end_object();
   }
   out.end_array().end_object();
 }

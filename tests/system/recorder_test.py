@@ -74,10 +74,10 @@ class Recorder(Recorded):
                    [device(), device("press2", "line2")],
                    [self.serial(), self.serial("line2", "press2")])
         self.state("press2", "online")
-        [path] = self.asked("--link", "line2")
+        [path] = self.asked("line2")
         self.assertTrue(path.endswith("-line2.fxrec"))
         self.assertEqual(len(self.asked()), 2)
-        self.assertIn("did you mean line2", self.run_agent("record", self.agent.path, "--link", "lin2",
+        self.assertIn("did you mean line2", self.run_agent("record", self.agent.path, "lin2",
                                                            status=2))
 
     def test_without_an_agent_or_a_recorder_the_cure_is_named(self):

@@ -73,7 +73,7 @@ Exit status:
   fxagent verify-stream agent.json --seconds 600)"},
     {"record", R"(Examples:
   sudo -u fxagent fxagent record /etc/fxagent/agent.json
-  fxagent record agent.json --link line1
+  fxagent record agent.json line1
 Exit status:
   0  the agent wrote the recordings; their paths are on standard output
   1  no agent answers, or it could not write

@@ -282,19 +282,28 @@ void Wire::note_around_answer(const Codec& codec, const Bytes& sent, const Reply
   note_unexpected(codec, behind);
 }
 
+void Wire::note_error(const Station& station, const Exchange& exchange) {
+  counters_.last_error = station.device;
+  counters_.last_error += ": " + (exchange.is_nak() ? exchange.reply.text : exchange.error);
+  counters_.last_error_ms = exchange.ended_ms;
+}
+
 void Wire::note_outcome(const Station& station, const Request& request, const Exchange& exchange) {
   const Codec& codec = *station.codec;
   Recovery recovery = Recovery::none;
   switch (exchange.outcome) {
     case Exchange::Outcome::answered:
-      if (exchange.is_nak()) ++counters_.naks;
-      return;
+      if (!exchange.is_nak()) return;
+      ++counters_.naks;
+      return note_error(station, exchange);
     case Exchange::Outcome::unanswered:
       ++counters_.timeouts;
+      note_error(station, exchange);
       recovery = codec.after_silence();
       break;
     case Exchange::Outcome::garbled:
       ++counters_.bad_frames;
+      note_error(station, exchange);
       recovery = codec.after_nonsense();
       break;
     case Exchange::Outcome::link_down:

@@ -37,6 +37,9 @@ class Wire final {
     std::uint64_t unexpected_bytes = 0;  ///< received when no answer was due, or around one
     std::chrono::nanoseconds busy{0};    ///< in exchanges and in the silence before them
     PercentileWindow turnaround_ms;
+    std::string
+        last_error{};  ///< "press1: ...", the last answer that was missing, damaged or a NAK
+    std::int64_t last_error_ms = 0;
     std::unique_ptr<LinkDurations> durations;  ///< null: metrics are off
   };
 
@@ -80,6 +83,7 @@ class Wire final {
   void note_unexpected(const Codec& codec, ByteView bytes);
   /// Judges the bytes before and after an answer. With `shows_echo` they show whether the line
   /// echoes requests.
+  void note_error(const Station& station, const Exchange& exchange);
   void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply,
                           bool shows_echo);
   /// Counts the outcome. Without an answer, closes the channel or records that one may come late.

@@ -22,6 +22,11 @@ nanoseconds period(nanoseconds interval) {
   return interval.count() > 0 ? interval : nanoseconds(kPeriodOfFreeRunning);
 }
 
+/// Returns `usual` moved towards `next`. 0: nothing was measured before.
+nanoseconds smoothed(nanoseconds usual, nanoseconds next) {
+  return usual.count() == 0 ? next : usual + (next - usual) / kSmoothing;
+}
+
 }  // namespace
 
 GroupSchedule::GroupSchedule(milliseconds interval, std::uint32_t exchanges, SteadyTime first_due,
@@ -54,6 +59,7 @@ nanoseconds GroupSchedule::read_at_once(SteadyTime from) {
 
 void GroupSchedule::forget_until(SteadyTime now) {
   running_ = false;
+  began_.reset();
   if (due_ >= now) return;
   due_ = interval_.count() == 0
              ? now
@@ -72,6 +78,8 @@ std::uint64_t GroupSchedule::begin(SteadyTime now, double load) {
     deadline_ = now + kPeriodOfFreeRunning;
     due_ = now;
   }
+  if (began_) reached_ = smoothed(reached_, now - *began_);
+  began_ = now;
   at_once_.reset();
   running_ = true;
   exchange_ = 0;
@@ -114,10 +122,7 @@ bool GroupSchedule::step_done(std::uint32_t exchange) {
   if (exchange_ < exchanges_) return false;
   running_ = false;
   if (extended_) return true;
-  if (usual_.count() == 0)
-    usual_ = used_;
-  else
-    usual_ += (used_ - usual_) / kSmoothing;
+  usual_ = smoothed(usual_, used_);
   return true;
 }
 

@@ -42,6 +42,9 @@ class GroupSchedule final {
   /// See PollScheduler::forget_until().
   void forget_until(SteadyTime now);
 
+  /// See PollScheduler::reached().
+  std::chrono::nanoseconds reached() const { return reached_; }
+
   bool is_running() const { return running_; }
   /// Returns the index of the running cycle's next exchange.
   std::uint32_t exchange() const { return exchange_; }
@@ -84,7 +87,9 @@ class GroupSchedule final {
   std::chrono::nanoseconds used_{0};   ///< line time of the running cycle
   std::chrono::nanoseconds usual_{0};  ///< line time of a whole cycle, smoothed; 0: none has ended
   double polls_owed_ = 0;              ///< below 1: misses of stretched intervals, not yet counted
-  bool off_grid_ = false;              ///< stretched intervals have moved it off the common grid
+  std::optional<SteadyTime> began_{};  ///< the last cycle
+  std::chrono::nanoseconds reached_{0};  ///< time between two cycles, smoothed; 0: not known
+  bool off_grid_ = false;                ///< stretched intervals have moved it off the common grid
 };
 
 }  // namespace fxagent

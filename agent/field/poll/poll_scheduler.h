@@ -95,6 +95,11 @@ class PollScheduler final {
   /// Returns when the next cycle of the group is due by its interval.
   SteadyTime next_due(GroupId group) const { return groups_[group].schedule.next_due(); }
 
+  /// Returns the smoothed time between the last polls of the group; 0: there were not two yet.
+  std::chrono::nanoseconds reached(GroupId group) const {
+    return groups_[group].schedule.reached();
+  }
+
   /// Records line time used by a command; the polls' share depends on it.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);
   /// Records line time used by an exchange of a group. Also measures the line time of its cycles.

@@ -23,6 +23,7 @@ export function config(main) {
       pairs([['since', `${clock(now.since)} (${since(now.since, data.ts)})`], ['hash', in_force.hash], ['agent', `fxagent ${in_force.version}`], ['topics', in_force.base],
         ['brokers', in_force.servers.join(', ')], ['store', in_force.store ?? 'none'],
         ['last reload', now.reload ? `${now.reload.state} at ${clock(now.reload.ts)}` : 'none since the start'],
+        ['last change', now.change || 'none since the start'],
         ['remote config', now.remote ? `${now.remote.state} ${now.remote.version}` : 'not allowed']]),
       now.reload?.errors.length ? el('ul', {}, now.reload.errors.map((error) => el('li', {}, error))) : null,
       in_force.warnings.length ? [el('p', {}, state('warn', 'warnings')), el('ul', {}, in_force.warnings.map((warning) => el('li', {}, warning)))] : null));

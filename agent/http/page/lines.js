@@ -49,9 +49,16 @@ function counters(link) {
   return [facts([['exchanges', String(link.exchanges)], ['no answer', String(link.timeouts)], ['refused', String(link.naks)],
     ['damaged answers', String(link.bad_frames)], ['unexpected bytes', String(link.unexpected_bytes)],
     ['response time', `${ms(link.p50)}, p99 ${ms(link.p99)}`]]),
-  table(['device', {name: 'polls', number: true}, {name: 'skipped', number: true}, {name: 'late, p50', number: true}, {name: 'late, p99', number: true}],
+  link.last_error ? el('p', {}, state('warn', 'last error'), ` ${clock(link.last_error_ts)} ${link.last_error}`) : null,
+  table(['group', {name: 'asked', number: true}, {name: 'reached', number: true}], link.devices.flatMap((one) => {
+    const device = data.config.devices[one.d];
+    return device.groups.map((group, g) => el('tr', {}, el('td', {}, `${device.name} ${group.name}`),
+      el('td', {class: 'number'}, group.interval_ms ? `${group.interval_ms} ms` : 'as fast as possible'),
+      el('td', {class: 'number'}, one.reached_ms[g] ? `${one.reached_ms[g]} ms` : '–')));
+  })),
+  table(['device', {name: 'polls', number: true}, {name: 'skipped', number: true}, {name: 'late, p50', number: true}, {name: 'late, p99', number: true}, {name: 'samples dropped', number: true}],
     link.devices.map((one) => el('tr', {}, el('td', {}, data.config.devices[one.d].name), el('td', {class: 'number'}, String(one.polls)),
-      el('td', {class: 'number'}, String(one.missed)), el('td', {class: 'number'}, ms(one.late_p50)), el('td', {class: 'number'}, ms(one.late_p99)))))];
+      el('td', {class: 'number'}, String(one.missed)), el('td', {class: 'number'}, ms(one.late_p50)), el('td', {class: 'number'}, ms(one.late_p99)), el('td', {class: 'number'}, String(one.dropped)))))].filter(Boolean);
 }
 
 function devices(l) {

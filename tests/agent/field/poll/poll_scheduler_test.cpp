@@ -624,5 +624,22 @@ TEST(PollScheduler, TimeThatIsForgottenIsNotMissed) {
   EXPECT_EQ(scheduler.device(device).counters().missed, 0U);
 }
 
+TEST(PollScheduler, ReachedIntervalIsMeasured) {
+  PollScheduler scheduler;
+  const auto device = scheduler.add_device(3, {});
+  const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
+  for (const int ms : {0, 100, 200}) {
+    const PollScheduler::Job job = scheduler.next(at(ms));
+    ASSERT_EQ(job.kind, PollScheduler::Job::Kind::poll);
+    scheduler.step_done(job.poll);
+  }
+  EXPECT_EQ(scheduler.reached(group), milliseconds(100));
+  scheduler.step_done(scheduler.next(at(500)).poll);
+  EXPECT_EQ(scheduler.reached(group), milliseconds(125)) << "smoothed over eight";
+  scheduler.forget_until(at(60'000));
+  scheduler.step_done(scheduler.next(at(60'000)).poll);
+  EXPECT_EQ(scheduler.reached(group), milliseconds(125)) << "not of the time that does not count";
+}
+
 }  // namespace
 }  // namespace fxagent::test
