@@ -5,6 +5,8 @@
 #include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
+#include <asio/steady_timer.hpp>
+#include <asio/use_awaitable.hpp>
 #include <exception>
 #include <utility>
 
@@ -17,6 +19,7 @@ namespace fxagent {
 namespace {
 
 constexpr std::chrono::seconds kOpening{3};
+constexpr std::size_t kMostBytes = 4096;  // longer than any answer with its echo
 
 bool is_question(const Request& request) {
   const auto* control = std::get_if<Control>(&request);
@@ -36,8 +39,11 @@ std::unique_ptr<Transport> transport_of(const asio::any_io_executor& executor,
 }  // namespace
 
 struct LineProbe::Line {
-  explicit Line(const LinkConfig& link)
-      : transport(transport_of(io.get_executor(), link)), char_time(link.char_time) {}
+  Line(const LinkConfig& link, std::chrono::milliseconds least_gap)
+      : transport(transport_of(io.get_executor(), link)),
+        char_time(link.char_time),
+        gap(least_gap),
+        rest(io) {}
 
   /// Runs a coroutine to its end.
   void run(asio::awaitable<void> work) {
@@ -55,10 +61,19 @@ struct LineProbe::Line {
   }
   asio::awaitable<void> ask(const Codec& codec, const Request& request,
                             std::chrono::milliseconds timeout, ProbeAnswer& answer);
+  /// Waits until the line has been silent as long as a request needs.
+  asio::awaitable<void> wait_for_silence(const Codec& codec) {
+    rest.expires_at(quiet_since +
+                    std::max<std::chrono::nanoseconds>(gap, codec.quiet_before(char_time)));
+    co_await rest.async_wait(asio::use_awaitable);
+  }
 
   asio::io_context io{1};
   std::unique_ptr<Transport> transport;
   std::chrono::nanoseconds char_time;
+  std::chrono::nanoseconds gap;
+  asio::steady_timer rest;
+  SteadyTime quiet_since{};  ///< end of the last exchange
   std::uint16_t tag = 0;
 };
 
@@ -71,6 +86,7 @@ asio::awaitable<void> LineProbe::Line::ask(const Codec& codec, const Request& re
   };
   const auto frame = codec.encode(request, ++tag);
   if (!frame) co_return end(Kind::garbled, frame.error().text);
+  co_await wait_for_silence(codec);
   if (const auto old = transport->discard_input(); !old)
     co_return end(Kind::down, old.error().text);
   const auto length = codec.line_length(request);
@@ -84,8 +100,9 @@ asio::awaitable<void> LineProbe::Line::ask(const Codec& codec, const Request& re
   std::array<std::uint8_t, 512> part{};
   for (;;) {
     const auto count = co_await transport->read_some(part, deadline);
-    const bool is_over = !count;
-    if (is_over && count.error().code != ErrorCode::timeout)
+    // A sender that never pauses is no answer.
+    const bool is_over = !count || rx.size() > kMostBytes || transport->now() > deadline;
+    if (!count && count.error().code != ErrorCode::timeout)
       co_return end(Kind::down, count.error().text);
     if (count)
       rx.insert(rx.end(), part.begin(), part.begin() + static_cast<std::ptrdiff_t>(*count));
@@ -100,8 +117,9 @@ asio::awaitable<void> LineProbe::Line::ask(const Codec& codec, const Request& re
     const auto reply =
         rx.empty() ? Result<std::optional<Reply>>{std::nullopt} : codec.decode(request, tag, rx);
     if (reply && *reply) {
-      answer.turnaround = std::chrono::duration_cast<std::chrono::milliseconds>(
-          std::max(transport->now() - began, SteadyTime::duration{0}));
+      answer.turnaround = std::chrono::duration_cast<std::chrono::milliseconds>(std::max(
+          transport->now() - began - char_time * (length.reply_chars + length.more_reply_chars),
+          SteadyTime::duration{0}));
       answer.image = (*reply)->image;
       answer.device_code = (*reply)->device_code;
       if (!(*reply)->closing.empty()) co_await transport->write((*reply)->closing, deadline);
@@ -112,7 +130,8 @@ asio::awaitable<void> LineProbe::Line::ask(const Codec& codec, const Request& re
   }
 }
 
-LineProbe::LineProbe(const LinkConfig& link) : line_(std::make_unique<Line>(link)) {}
+LineProbe::LineProbe(const LinkConfig& link, std::chrono::milliseconds gap)
+    : line_(std::make_unique<Line>(link, gap)) {}
 LineProbe::~LineProbe() = default;
 
 Result<void> LineProbe::open() {
@@ -130,6 +149,7 @@ ProbeAnswer LineProbe::ask(const Codec& codec, const Request& request,
     return answer;
   }
   line_->run(line_->ask(codec, request, timeout, answer));
+  line_->quiet_since = std::chrono::steady_clock::now();
   return answer;
 }
 

@@ -20,26 +20,28 @@ struct ProbeAnswer {
     garbled,  ///< bytes that are no answer
     down,     ///< the link is not open
   } kind = Kind::silent;
-  Bytes image{};                            ///< data
-  int device_code = 0;                      ///< refused
-  std::string text{};                       ///< refused, garbled, down: the reason
-  bool echo = false;                        ///< the request came back before the answer
-  std::chrono::milliseconds turnaround{0};  ///< from the end of the request to the last byte
+  Bytes image{};        ///< data
+  int device_code = 0;  ///< refused
+  std::string text{};   ///< refused, garbled, down: the reason
+  bool echo = false;    ///< the request came back before the answer
+  /// From the end of the request to the end of the answer, without the time of its characters.
+  std::chrono::milliseconds turnaround{0};
 
   bool is_answered() const { return kind == Kind::data || kind == Kind::refused; }
 };
 
 class LineProbe final {
  public:
-  /// The link is closed at first.
-  explicit LineProbe(const LinkConfig& link);
+  /// The link is closed at first. `gap` is the least silence before a request.
+  explicit LineProbe(const LinkConfig& link, std::chrono::milliseconds gap = {});
   ~LineProbe();
   LineProbe(const LineProbe&) = delete;
   LineProbe& operator=(const LineProbe&) = delete;
 
   /// Opens the link, within 3 s. Error: link_down, with the place and the remedy.
   Result<void> open();
-  /// Sends one request and waits for its answer, for `timeout` beyond the time of the characters.
+  /// Sends one request, after the silence that device and protocol need, and waits for its answer,
+  /// for `timeout` beyond the time of the characters.
   /// Recognises an echo whatever the config says. A request that is no question is not sent.
   ProbeAnswer ask(const Codec& codec, const Request& request, std::chrono::milliseconds timeout);
 

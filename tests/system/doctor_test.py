@@ -1,11 +1,14 @@
 """`doctor` on plants whose config is wrong in one place: the finding, its key, and a copy that works. `scan`."""
 
+import contextlib
 import json
 import os
+import socket
 import subprocess
+import threading
 import unittest
 
-from plant import FXAGENT, PlantTest, device
+from plant import FXAGENT, PlantTest, device, free_port
 
 
 class Doctor(PlantTest):
@@ -14,12 +17,12 @@ class Doctor(PlantTest):
                               stdin=subprocess.DEVNULL)
         return done.returncode, done.stdout, done.stderr
 
-    def write(self, one_device, **serial):
+    def write(self, *devices, **serial):
         path = os.path.join(self.directory, "config.json")
         with open(path, "w") as out:
             json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
                        "links": [{"name": "line1", "serial": {"path": self.pty("press1"), **serial}}],
-                       "devices": [one_device]}, out)
+                       "devices": devices}, out)
         return path
 
     def rtu(self, **more):
@@ -28,6 +31,9 @@ class Doctor(PlantTest):
     def meter(self, **more):
         return {"name": "meter", "link": "line1", "protocol": "modbus-rtu", "timeout_ms": 300,
                 "tags": [{"name": "level", "address": "hr:0", "type": "float32"}], **more}
+
+    def station(self, station, **more):
+        return device(protocol="fx-computer-link", station=station, timeout_ms=200) | more
 
     def assert_finds(self, path, finding, key):
         """The doctor reports the key, leaves the config alone, and is content with its copy."""
@@ -47,23 +53,22 @@ class Doctor(PlantTest):
         return fixed
 
     def test_wrong_parity(self):
-        self.start_sim([self.rtu( baud=9600, parity="none", strict_line=True)])
+        self.start_sim([self.rtu(baud=9600, parity="none", strict_line=True)])
         fixed = self.assert_finds(self.write(self.meter()), "answers at 9600 baud 8N1",
                                   '/links/0/serial/parity = "none"')
         self.assertEqual(self.call("read", fixed, "meter", "hr:0")[0], 0)
 
     def test_wrong_unit(self):
-        self.start_sim([self.rtu( unit=3)])
+        self.start_sim([self.rtu(unit=3)])
         self.assert_finds(self.write(self.meter()), "unit 3 answers", "/devices/0/unit = 3")
 
     def test_echo(self):
-        self.start_sim([self.rtu(
-                                 faults=[{"kind": "echo", "count": -1}])])
+        self.start_sim([self.rtu(faults=[{"kind": "echo", "count": -1}])])
         self.assert_finds(self.write(self.meter()), "the line returns what is sent", "/devices/0/echo = true")
 
     def test_swapped_words(self):
         # 230.5 is 4366 8000, low word first.
-        self.start_sim([self.rtu( memory={"hr:0": [0x8000, 0x4366]})])
+        self.start_sim([self.rtu(memory={"hr:0": [0x8000, 0x4366]})])
         self.assert_finds(self.write(self.meter()), "CDAB 230.5", '/devices/0/tags/0/word_order = "CDAB"')
 
     def test_wrong_model(self):
@@ -79,7 +84,7 @@ class Doctor(PlantTest):
             holder.communicate("")
         self.assertEqual(status, 3, said)
         self.assertIn("another program uses the port: ", said)
-        self.assertIn("config: /links/0/serial/path = ", said)
+        self.assertIn("If this is the wrong port, correct /links/0/serial/path", said)
 
     def test_never_replaces_a_file(self):
         self.start_sim([self.plc("press1", model="FX2N")])
@@ -87,6 +92,56 @@ class Doctor(PlantTest):
         status, _, errors = self.call("doctor", path, "--fix", path)
         self.assertEqual(status, 1)
         self.assertIn("cannot be written", errors)
+
+    def test_a_line_that_is_right_for_others_stays(self):
+        self.start_sim([self.plc(protocol="fx-computer-link", baud=9600, strict_line=True)])
+        path = self.write(self.station(0), self.station(9, name="gone"))
+        status, said, errors = self.call("doctor", path, "--fix", path + ".fixed")
+        self.assertEqual(status, 1, said + errors)
+        self.assertIn("gone: no answer; trying", errors)
+        self.assertNotIn("config: ", said)
+        self.assertFalse(os.path.exists(path + ".fixed"))
+
+    def test_two_silent_devices_are_not_given_one_unit(self):
+        self.start_sim([self.plc(protocol="fx-computer-link", station=5)])
+        path = self.write(self.station(1), self.station(2, name="second"))
+        status, said, errors = self.call("doctor", path, "--fix", path + ".fixed")
+        self.assertEqual(status, 1, said + errors)
+        self.assertEqual(said.count("station = 5"), 1)
+        self.assertIn("with 1 of 1 changes", said)
+
+    def test_lost_answers_are_a_fault(self):
+        self.start_sim([self.rtu()])
+        self.sim.fault("press1", "silent", every=4, count=1)
+        status, said, errors = self.call("doctor", self.write(self.meter()))
+        self.assertEqual(status, 1, said + errors)
+        self.assertIn("answers 4 of 5 requests", said)
+
+    def test_the_copy_is_checked_before_the_search(self):
+        path = self.write(self.meter())
+        for fixed in (path, os.path.join(self.directory, "no", "where.json")):
+            status, said, errors = self.call("doctor", path, "--fix", fixed)
+            self.assertEqual((status, said), (1, ""), errors)
+            self.assertIn("cannot be written", errors)
+
+    def test_a_sender_that_never_pauses_has_an_end(self):
+        port = free_port()
+        with socket.create_server(("127.0.0.1", port)) as server:
+            def flood():
+                with contextlib.suppress(OSError):
+                    while True:
+                        with server.accept()[0] as connection, contextlib.suppress(OSError):
+                            while True:
+                                connection.sendall(b"\xff" * 65536)
+            threading.Thread(target=flood, daemon=True).start()
+            path = os.path.join(self.directory, "config.json")
+            with open(path, "w") as out:
+                json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
+                           "links": [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}],
+                           "devices": [self.meter(protocol="mc-3e", model="FX5U", tags=[{"name": "level", "address": "D0"}])]}, out)
+            status, said, errors = self.call("doctor", path)
+            server.shutdown(socket.SHUT_RDWR)
+        self.assertEqual(status, 1, said + errors)
 
     def test_scan_prints_a_section_that_works(self):
         self.start_sim([self.plc("press1", baud=9600, strict_line=True)])

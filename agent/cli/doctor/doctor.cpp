@@ -5,11 +5,10 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <fstream>
+#include <filesystem>
 #include <iostream>
 #include <optional>
 #include <system_error>
@@ -20,10 +19,11 @@
 #include "agent/cli/doctor/guesses.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/read_report.h"
+#include "agent/config/keys.h"
 #include "agent/config/loader.h"
 #include "agent/config/source.h"
+#include "agent/config/wiring.h"
 #include "agent/field/line_probe.h"
-#include "agent/line_time.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
 #include "protocol/checklist.h"
@@ -39,19 +39,17 @@ using std::chrono::milliseconds;
 constexpr int kHeld = 3;
 constexpr int kDiffers = 4;
 constexpr milliseconds kGuessTimeout{250};
+constexpr milliseconds kLikelyTimeout{1000};  // of the first guesses, for a slow device
+constexpr std::size_t kLikelyGuesses = 4;
 constexpr milliseconds kPatience{2000};  // a device slower than its configured timeout is found
 constexpr int kMeasurements = 5;
 constexpr std::uint32_t kWordBits = 16;
-constexpr std::array kParityWords{"none", "even", "odd"};  // the order of Parity
+// A guess has this many characters, request and answer together, at most; and greet() may ask
+// twice.
+constexpr int kGuessCharacters = 120;
 
-std::string quoted(const std::string& word) { return "\"" + word + "\""; }
-
-std::string place_of(const LinkConfig& link) {
-  if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) return serial->path;
-  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
-    return "udp " + udp->host + ":" + std::to_string(udp->port);
-  const auto& tcp = std::get<TcpSettings>(link.channel);
-  return tcp.host + ":" + std::to_string(tcp.port);
+std::string word_of(Parity parity) {
+  return std::string(config_keys::kParities[static_cast<std::size_t>(parity)]);
 }
 
 LineDefaults line_of(const SerialSettings& serial) {
@@ -86,6 +84,14 @@ ProbeAnswer greet(LineProbe& probe, const Codec& codec, milliseconds timeout) {
   return probe.ask(codec, *first_question(codec), timeout);
 }
 
+milliseconds longest(const DeviceConfig& device) { return std::max(kPatience, device.timeout); }
+
+/// Returns the timeout of a guess: the likely ones have that of the device.
+milliseconds patience(const DeviceConfig& device, std::size_t guess) {
+  return guess < kLikelyGuesses ? std::clamp(device.timeout, kGuessTimeout, kLikelyTimeout)
+                                : kGuessTimeout;
+}
+
 bool is_there(const ProbeAnswer& answer, const Codec& codec) {
   return answer.is_answered() && !codec.is_from_gateway(answer.device_code);
 }
@@ -101,8 +107,15 @@ class Doctor final {
     return kDone;
   }
   const std::vector<KeyChange>& changes() const { return changes_; }
+  /// Returns how many of the changes are of entries of the file.
+  std::size_t writable() const { return written_; }
 
  private:
+  struct Patient {
+    const DeviceConfig* device;
+    ProbeAnswer answer;  ///< its first one, at the settings of the config
+  };
+
   void note(const std::string& text) { std::cout << "  " << text << '\n'; }
   void fault(int status, const std::string& text) {
     statuses_.push_back(status);
@@ -112,70 +125,133 @@ class Doctor final {
     const auto pointer = pointer_of(text_, change);
     const std::string key = pointer ? *pointer : change.name + ": " + change.key;
     note("  config: " + key + " = " + change.value +
-         (pointer ? "" : "  (change it by hand: a template or n makes this entry)"));
+         (pointer ? ""
+                  : "  (change it by hand: the file has no entry of this name; a template, n or a "
+                    "variable makes it)"));
+    written_ += pointer ? 1U : 0U;
     changes_.push_back(std::move(change));
   }
 
   void examine_link(std::uint32_t index) {
     LinkConfig link = config_.links[index];
-    std::cout << "link " << link.name << ", " << place_of(link) << '\n';
+    if (link.is_vacant()) return;
+    std::cout << "link " << link.name << ", " << channel_text(link) << '\n';
     const auto* serial = std::get_if<SerialSettings>(&link.channel);
     if (const auto holder = serial == nullptr ? std::nullopt : port_holder(serial->path)) {
       fault(kHeld, "another program uses the port: " + holder->program + ", pid " +
-                       std::to_string(holder->pid) + ". End it, or correct the path.");
-      return change({"links", link.name, "", "serial/path", quoted(serial->path)});
+                       std::to_string(holder->pid));
+      const auto pointer = pointer_of(text_, {"links", link.name, "", "serial/path", ""});
+      return note("  End it. If this is the wrong port, correct " +
+                  pointer.value_or("the path of " + link.name));
     }
+    std::vector<Patient> patients;
     for (const DeviceConfig& device : config_.devices)
-      if (device.link == index) examine_device(link, device);
+      if (device.link == index && !device.is_vacant()) patients.push_back({&device, {}});
+    // A speed at which any device answers is right for the link.
+    bool line_is_right = false;
+    for (auto& [device, answer] : patients) {
+      if (!first_question(*device->codec)) continue;
+      LineProbe probe(link, device->gap);
+      if (const auto opened = probe.open(); !opened) return fault(kFailed, opened.error().text);
+      answer = greet(probe, *device->codec, longest(*device));
+      line_is_right = line_is_right || is_there(answer, *device->codec);
+    }
+    for (const auto& [device, answer] : patients) {
+      examine_device(link, line_is_right, *device, answer);
+      if (line_is_right || !first_question(*device->codec) || device == patients.back().device)
+        continue;
+      return note("The other devices of this link are not examined: nothing answers on it.");
+    }
   }
 
-  /// Updates `link` if the device answers at another speed or parity.
-  void examine_device(LinkConfig& link, const DeviceConfig& device) {
+  /// Changes `link` if the device answers at another speed or parity and no other device at those
+  /// of the config. `answer` is its first one.
+  void examine_device(LinkConfig& link, bool& line_is_right, const DeviceConfig& device,
+                      ProbeAnswer answer) {
     std::cout << "device " << device.name << '\n';
     if (!first_question(*device.codec)) return note("a broadcast: no device answers");
     std::shared_ptr<const Codec> codec = device.codec;
-    auto probe = std::make_unique<LineProbe>(link);
-    if (const auto opened = probe->open(); !opened) return fault(kFailed, opened.error().text);
-    ProbeAnswer answer = greet(*probe, *codec, std::max(kPatience, device.timeout));
-    if (!is_there(answer, *codec)) {
-      probe.reset();  // the port cannot be open twice
-      if (!find_line(link, device) && !find_station(link, device, codec))
-        return fault(kFailed, answer.text.empty() ? "no answer, whatever speed, parity or address"
-                                                  : answer.text);
-      probe = std::make_unique<LineProbe>(link);
-      if (const auto opened = probe->open(); !opened) return fault(kFailed, opened.error().text);
-      answer = greet(*probe, *codec, std::max(kPatience, device.timeout));
-    }
+    LinkConfig line = link;
+    if (!is_there(answer, *codec) && !find(link, line_is_right, line, device, codec))
+      return fault(kFailed, why_silent(link, device, answer));
+    LineProbe probe(line, device.gap);
+    if (const auto opened = probe.open(); !opened) return fault(kFailed, opened.error().text);
+    if (!is_there(answer, *codec)) answer = greet(probe, *codec, longest(device));
+    if (!is_there(answer, *codec))
+      return fault(kFailed, "answers now and then: the last question had no answer");
     judge_echo(device, answer);
-    judge_time(*probe, device, *codec);
-    judge_model(*probe, device, codec);
-    judge_state(*probe, *codec);
-    judge_orders(*probe, device, *codec);
+    judge_time(probe, device, *codec);
+    judge_model(probe, device, codec);
+    judge_state(probe, device, *codec);
+    judge_orders(probe, device, *codec);
   }
 
-  bool find_line(LinkConfig& link, const DeviceConfig& device) {
-    const auto* serial = std::get_if<SerialSettings>(&link.channel);
-    if (serial == nullptr) return false;
-    const LineDefaults own = line_of(*serial);
-    for (const LineDefaults& guess : line_guesses(*device.protocol, own)) {
-      const LinkConfig other = with_line(link, guess);
-      LineProbe probe(other);
-      if (!probe.open() || !is_there(greet(probe, *device.codec, kGuessTimeout), *device.codec))
-        continue;
-      if (guess == own) return true;
-      fault(kDiffers, "answers at " + to_string(guess) + ", not at " + to_string(own));
-      const auto differs = [&](bool is, const std::string& key, const std::string& value) {
-        if (is) change({"links", link.name, "", "serial/" + key, value});
-      };
-      differs(guess.baud != own.baud, "baud", std::to_string(guess.baud));
-      differs(guess.data_bits != own.data_bits, "data_bits", std::to_string(guess.data_bits));
-      differs(guess.parity != own.parity, "parity",
-              quoted(kParityWords[static_cast<std::size_t>(guess.parity)]));
-      differs(guess.stop_bits != own.stop_bits, "stop_bits", std::to_string(guess.stop_bits));
-      link = other;
+  /// Finds a silent device at another line, which goes into `line`, or at another address. True if
+  /// it answers.
+  bool find(LinkConfig& link, bool& line_is_right, LinkConfig& line, const DeviceConfig& device,
+            std::shared_ptr<const Codec>& codec) {
+    // If other devices answer, a wrong address is likelier than another speed.
+    if (line_is_right && find_station(link, device, codec)) return true;
+    if (const auto found = find_line(link, device)) {
+      line = *found;
+      if (line != link) name_line(link, line, line_is_right);
+      if (!std::exchange(line_is_right, true)) link = line;
       return true;
     }
-    return false;
+    if (line_is_right || !find_station(link, device, codec)) return false;
+    line_is_right = true;
+    return true;
+  }
+
+  std::string why_silent(const LinkConfig& link, const DeviceConfig& device,
+                         const ProbeAnswer& answer) const {
+    const std::string why = answer.text.empty() ? "no answer" : answer.text;
+    const bool is_serial = std::holds_alternative<SerialSettings>(link.channel);
+    const bool has_station = !station_key(*device.protocol).empty();
+    std::string tried = is_serial ? "other speeds and parities" : "";
+    if (has_station) tried += (tried.empty() ? "" : " and ") + std::string("other addresses");
+    return why + (tried.empty() ? "" : "; " + tried + " had none within 250 ms either") + ". " +
+           checklist_of(device, *device.codec, wiring_of(link, device), Answers::none);
+  }
+
+  /// Returns the link with the line at which the device answers; nullopt if there is none.
+  std::optional<LinkConfig> find_line(const LinkConfig& link, const DeviceConfig& device) {
+    const auto* serial = std::get_if<SerialSettings>(&link.channel);
+    if (serial == nullptr) return std::nullopt;
+    const auto guesses = line_guesses(*device.protocol, line_of(*serial));
+    say_how_long(guesses.size(), device, "speeds and parities");
+    for (std::size_t i = 0; i < guesses.size(); ++i) {
+      LinkConfig other = with_line(link, guesses[i]);
+      LineProbe probe(other, device.gap);
+      if (probe.open() && is_there(greet(probe, *device.codec, patience(device, i)), *device.codec))
+        return other;
+    }
+    return std::nullopt;
+  }
+
+  static void say_how_long(std::size_t guesses, const DeviceConfig& device, const char* what) {
+    const auto likely = std::min(guesses, kLikelyGuesses);
+    const auto most = 2 * (likely * patience(device, 0) + (guesses - likely) * kGuessTimeout);
+    std::cerr << device.name << ": no answer; trying " << guesses << ' ' << what << ", at most "
+              << std::chrono::duration_cast<std::chrono::seconds>(most).count() + 1 << " s\n";
+  }
+
+  /// Reports the line at which a device answers. If others answer as the config says, the device is
+  /// wrong and not the config.
+  void name_line(const LinkConfig& link, const LinkConfig& other, bool others_answer) {
+    const LineDefaults is = line_of(std::get<SerialSettings>(link.channel));
+    const LineDefaults found = line_of(std::get<SerialSettings>(other.channel));
+    if (others_answer)
+      return fault(kDiffers, "answers at " + to_string(found) + "; other devices of the link at " +
+                                 to_string(is) + ": set this device to that");
+    fault(kDiffers, "answers at " + to_string(found) + ", not at " + to_string(is));
+    const auto differs = [&](bool differ, const std::string& key, const std::string& value) {
+      if (differ) change({"links", link.name, "", "serial/" + key, value});
+    };
+    differs(found.baud != is.baud, "baud", std::to_string(found.baud));
+    differs(found.data_bits != is.data_bits, "data_bits", std::to_string(found.data_bits));
+    differs(found.parity != is.parity, "parity", json_string(word_of(found.parity)));
+    differs(found.stop_bits != is.stop_bits, "stop_bits", std::to_string(found.stop_bits));
   }
 
   /// Sets `codec` to that of the address which answers.
@@ -183,18 +259,31 @@ class Doctor final {
                     std::shared_ptr<const Codec>& codec) {
     const std::string key(station_key(*device.protocol));
     const auto* own = option<std::int64_t>(*device.options, key);
-    LineProbe probe(link);
-    if (own == nullptr || !probe.open()) return false;
-    for (const std::int64_t guess : station_guesses(*device.protocol, *own)) {
-      const bool is_taken = std::ranges::any_of(config_.devices, [&](const DeviceConfig& other) {
-        const auto* its = option<std::int64_t>(*other.options, key);
-        return &other != &device && other.link == device.link && its != nullptr && *its == guess;
-      });
+    auto probe = std::make_unique<LineProbe>(link, device.gap);
+    if (own == nullptr || !probe->open()) return false;
+    const auto guesses = station_guesses(*device.protocol, *own);
+    say_how_long(guesses.size(), device, "addresses");
+    for (std::size_t i = 0; i < guesses.size(); ++i) {
+      const std::int64_t guess = guesses[i];
+      const bool is_taken =
+          std::ranges::find(stations_, std::pair(device.link, guess)) != stations_.end() ||
+          std::ranges::any_of(config_.devices, [&](const DeviceConfig& other) {
+            if (other.is_vacant() || &other == &device || other.link != device.link) return false;
+            const auto* its = option<std::int64_t>(*other.options, key);
+            return its != nullptr && *its == guess;
+          });
       Options options = *device.options;
       options[key] = guess;
       const auto made = device.protocol->make(options);
-      if (is_taken || !made || !is_there(greet(probe, **made, kGuessTimeout), **made)) continue;
+      if (is_taken || !made) continue;
+      const ProbeAnswer answer = greet(*probe, **made, patience(device, i));
+      if (answer.kind == ProbeAnswer::Kind::down) {  // some close the connection at a wrong unit
+        probe = std::make_unique<LineProbe>(link, device.gap);
+        if (!probe->open()) return false;
+      }
+      if (!is_there(answer, **made)) continue;
       codec = *made;
+      stations_.emplace_back(device.link, guess);
       if (guess == *own) return true;
       fault(kDiffers, key + " " + std::to_string(guess) + " answers, and " + key + " " +
                           std::to_string(*own) + " does not");
@@ -212,11 +301,17 @@ class Doctor final {
 
   void judge_time(LineProbe& probe, const DeviceConfig& device, const Codec& codec) {
     milliseconds slowest{0};
+    int answers = 0;
     for (int i = 0; i < kMeasurements; ++i) {
-      const auto answer =
-          probe.ask(codec, *first_question(codec), std::max(kPatience, device.timeout));
-      if (answer.is_answered()) slowest = std::max(slowest, answer.turnaround);
+      const auto answer = probe.ask(codec, *first_question(codec), longest(device));
+      if (!answer.is_answered()) continue;
+      slowest = std::max(slowest, answer.turnaround);
+      ++answers;
     }
+    if (answers < kMeasurements)
+      return fault(kFailed, "answers " + std::to_string(answers) + " of " +
+                                std::to_string(kMeasurements) +
+                                " requests: check the wiring, the termination and gap_ms");
     note("answers within " + std::to_string(slowest.count()) + " ms (timeout_ms " +
          std::to_string(device.timeout.count()) + ")");
     if (slowest < device.timeout) return;
@@ -231,7 +326,7 @@ class Doctor final {
     if (plc == nullptr) return;
     std::vector<Bytes> images;
     for (const Request& question : plc->identify())
-      images.push_back(probe.ask(*codec, question, std::max(kPatience, device.timeout)).image);
+      images.push_back(probe.ask(*codec, question, longest(device)).image);
     const auto model = plc->model_from(images);
     if (!model) return note("model: not reported");
     note("model " + *model);
@@ -239,50 +334,55 @@ class Doctor final {
     if (*model == configured) return;
     if (!configured.empty()) {
       fault(kDiffers, "the config says " + configured);
-      change({"devices", device.name, "", "model", quoted(*model)});
+      change({"devices", device.name, "", "model", json_string(*model)});
     }
     codec = plc->with_model(*model);
   }
 
   /// Returns the word at this address; nullopt if the model lacks it or it cannot be read.
-  std::optional<std::uint64_t> word_at(LineProbe& probe, const Codec& codec,
-                                       std::string_view name) {
+  std::optional<std::uint64_t> word_at(LineProbe& probe, const DeviceConfig& device,
+                                       const Codec& codec, std::string_view name) {
     const auto address = codec.addresses().parse_address(name, std::nullopt);
     if (!address) return std::nullopt;
-    const auto image = read(probe, codec, address->span);
+    const auto image = read(probe, device, codec, address->span);
     if (!image) return std::nullopt;
     return bits_at(*image, 0, address->span.bits);
   }
 
   /// Returns the image of the span, from its first bit on.
-  std::optional<Bytes> read(LineProbe& probe, const Codec& codec, const Span& span) {
+  std::optional<Bytes> read(LineProbe& probe, const DeviceConfig& device, const Codec& codec,
+                            const Span& span) {
     for (const ReadWay& way : codec.addresses().read_ways(span.space)) {
       const std::uint32_t before = span.first_bit % way.align_bits;
       Span asked{span.space, span.first_bit - before, span.bits + before};
       asked.bits += (way.unit_bits - asked.bits % way.unit_bits) % way.unit_bits;
       const bool reaches = asked.first_bit >= way.first_bit && asked.end_bit() <= way.end_bit;
       if (way.gather != 0 || !reaches || asked.bits > way.max_bits) continue;
-      const auto answer = probe.ask(codec, Read{asked, way.way}, kPatience);
+      const auto answer = probe.ask(codec, Read{asked, way.way}, longest(device));
       if (answer.kind != ProbeAnswer::Kind::data) return std::nullopt;
       return extract_bits(answer.image, before, span.bits);
     }
     return std::nullopt;
   }
 
-  void judge_state(LineProbe& probe, const Codec& codec) {
+  void judge_state(LineProbe& probe, const DeviceConfig& device, const Codec& codec) {
     const PlcServices* plc = codec.plc();
     if (plc == nullptr) return;
-    const auto state = probe.ask(codec, plc->run_state(), kPatience);
+    const auto state = probe.ask(codec, plc->run_state(), longest(device));
     if (const auto run = plc->run_state_from(state.image)) note(*run ? "RUN" : "STOP");
-    for (const std::string_view name : {"M8005", "SM52"})
-      if (const auto low = word_at(probe, codec, name))
-        note(*low != 0 ? "battery low (" + std::string(name) + ")" : "battery good");
-    for (const std::string_view name : {"D8004", "SD0"})
-      if (const auto error = word_at(probe, codec, name); error && *error != 0)
-        note("error word " + std::string(name) + " = " + std::to_string(*error));
+    // A model with SM and SD has ordinary devices at M8005 and D8004.
+    const bool has_sm = codec.addresses().parse_address("SM52", std::nullopt).has_value();
+    const std::string battery = has_sm ? "SM52" : "M8005";
+    if (const auto low = word_at(probe, device, codec, battery))
+      note(*low != 0 ? "battery low (" + battery + ")" : "battery good");
+    const std::string word = has_sm ? "SD0" : "D8004";
+    if (const auto error = word_at(probe, device, codec, word); error && *error != 0)
+      note("error word " + word + " = " + std::to_string(*error));
+    if (has_sm) return;
     std::string clock;
     for (const std::string_view name : {"D8018", "D8017", "D8016", "D8015", "D8014", "D8013"})
-      if (const auto part = word_at(probe, codec, name)) clock += " " + std::to_string(*part);
+      if (const auto part = word_at(probe, device, codec, name))
+        clock += " " + std::to_string(*part);
     if (!clock.empty()) note("clock (year month day hour minute second):" + clock);
   }
 
@@ -290,9 +390,12 @@ class Doctor final {
     for (const TagConfig& tag : device.tags) {
       const auto span = span_of(tag.point);
       if (!span || !has_word_order(tag.point) || span->bits != 2 * kWordBits) continue;
-      const auto image = read(probe, codec, *span);
-      if (!image) continue;
       const std::string name(std::string_view(tag.name));
+      const auto image = read(probe, device, codec, *span);
+      if (!image) {
+        note(name + ": cannot be read");
+        continue;
+      }
       std::string values;
       for (const ByteOrder order :
            {ByteOrder::abcd, ByteOrder::cdab, ByteOrder::badc, ByteOrder::dcba}) {
@@ -305,7 +408,8 @@ class Doctor final {
       const auto order = likelier_order(tag.point, *image, span->first_bit);
       if (!order) continue;
       fault(kDiffers, "the word order of " + name + " is probably wrong");
-      change({"devices", device.name, name, "word_order", quoted(std::string(to_string(*order)))});
+      change({"devices", device.name, name, "word_order",
+              json_string(std::string(to_string(*order)))});
     }
   }
 
@@ -313,18 +417,41 @@ class Doctor final {
   const std::string text_;
   std::vector<int> statuses_;
   std::vector<KeyChange> changes_;
+  std::size_t written_ = 0;
+  std::vector<std::pair<std::uint32_t, std::int64_t>> stations_;  ///< found, with their links
 };
 
-/// Writes the copy with the permissions of the config. Never replaces a file.
-bool write_copy(const std::string& path, const std::string& config, const std::string& text) {
-  struct stat permissions {};
-  if (::stat(config.c_str(), &permissions) != 0) return false;
-  const int file =
-      ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, permissions.st_mode & 0777U);
-  if (file < 0) return false;
-  const bool is_written =
-      ::write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
-  return ::close(file) == 0 && is_written;
+/// Returns why the copy cannot be written; empty if it can.
+std::string why_no_copy(const std::string& path) {
+  const std::filesystem::path parent = std::filesystem::path(path).parent_path();
+  if (::access(path.c_str(), F_OK) == 0) return std::system_category().message(EEXIST);
+  return ::access(parent.empty() ? "." : parent.c_str(), W_OK) == 0
+             ? std::string()
+             : std::system_category().message(errno);
+}
+
+/// Writes the copy with owner and permissions of the config. Never replaces a file. Returns why it
+/// failed; empty on success.
+std::string write_copy(const std::string& path, const std::string& config,
+                       const std::string& text) {
+  struct stat like {};
+  if (::stat(config.c_str(), &like) != 0) return std::system_category().message(errno);
+  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (file < 0) return std::system_category().message(errno);
+  int error = 0;
+  for (std::size_t done = 0; error == 0 && done < text.size();) {
+    const ssize_t count = ::write(file, text.data() + done, text.size() - done);
+    if (count < 0 && errno != EINTR) error = errno;
+    if (count > 0) done += static_cast<std::size_t>(count);
+  }
+  // Only root may give it to another user.
+  if (::geteuid() == 0 && error == 0 && ::fchown(file, like.st_uid, like.st_gid) != 0)
+    error = errno;
+  if (error == 0 && ::fchmod(file, like.st_mode & 0777U) != 0) error = errno;
+  if (::close(file) != 0 && error == 0) error = errno;
+  if (error == 0) return {};
+  ::unlink(path.c_str());
+  return std::system_category().message(error);
 }
 
 }  // namespace
@@ -334,19 +461,27 @@ int run_doctor(const Config& config, const std::string& path, const DoctorQuesti
   std::signal(SIGPIPE, SIG_IGN);
   const auto text = read_config_file(path);
   if (!text) return refused(path, text.error().front().text);
+  // Known before the search, which may take minutes.
+  if (const std::string why = what.fix.empty() ? "" : why_no_copy(what.fix); !why.empty())
+    return refused(what.fix, "cannot be written: " + why, kFailed);
   Doctor doctor(config, *text);
   const int status = doctor.run();
   if (status == kDone) std::cout << "Nothing to change.\n";
-  if (what.fix.empty() || doctor.changes().empty()) return status;
+  if (what.fix.empty() || doctor.writable() == 0) return status;
   const std::string fixed = fixed_config(*text, doctor.changes());
   if (const auto valid = config_of_file(path, fixed); !valid)
     return refused(what.fix,
                    "not written, the changed config is wrong: " + valid.error().front().text,
                    kFailed);
-  if (!write_copy(what.fix, path, fixed))
-    return refused(what.fix, "cannot be written: " + std::system_category().message(errno),
-                   kFailed);
-  std::cout << "Written: " << what.fix << ", without the comments of " << path << '\n';
+  if (const std::string why = write_copy(what.fix, path, fixed); !why.empty())
+    return refused(what.fix, "cannot be written: " + why, kFailed);
+  std::cout << "Written: " << what.fix << " with " << doctor.writable() << " of "
+            << doctor.changes().size() << " changes, without the comments of " << path << '\n';
+  const auto directory = [](const std::string& of) {
+    return std::filesystem::weakly_canonical(of).parent_path();
+  };
+  if (directory(what.fix) != directory(path))
+    std::cout << "Relative paths in it now begin at " << directory(what.fix).string() << '\n';
   return status;
 }
 
@@ -377,9 +512,8 @@ int run_scan(const std::string& port) {
   };
   std::chrono::nanoseconds most{0};
   for (const Guess& guess : guesses)
-    // The characters of a question and of an answer, at most 40 of each.
-    most += static_cast<int>(stations_of(*guess.protocol).size()) *
-            (kGuessTimeout + std::chrono::nanoseconds(120LL * 12'000'000'000LL / guess.line.baud));
+    most += 2 * static_cast<int>(stations_of(*guess.protocol).size()) *
+            (kGuessTimeout + kGuessCharacters * with_line({}, guess.line).char_time);
   std::cerr << "Nothing is written to a device. At most "
             << std::chrono::duration_cast<std::chrono::minutes>(most).count() + 1 << " minutes.\n";
   for (const Guess& guess : guesses) {
@@ -389,7 +523,8 @@ int run_scan(const std::string& port) {
     link = with_line(link, guess.line);
     LineProbe probe(link);
     if (const auto opened = probe.open(); !opened) {
-      if (&guess == guesses.data()) return refused("", opened.error().text, kFailed);
+      const bool is_gone = ::access(port.c_str(), F_OK) != 0;
+      if (is_gone || &guess == guesses.data()) return refused("", opened.error().text, kFailed);
       continue;  // the adapter lacks this speed
     }
     const std::string key(station_key(*guess.protocol));
@@ -398,14 +533,13 @@ int run_scan(const std::string& port) {
       if (!key.empty()) options[key] = station;
       const auto codec = guess.protocol->make(options);
       if (!codec || !is_there(greet(probe, **codec, kGuessTimeout), **codec)) continue;
-      std::cout << "\"links\": [{\"name\": \"line1\", \"serial\": {\"path\": " << quoted(port)
+      std::cout << "\"links\": [{\"name\": \"line1\", \"serial\": {\"path\": " << json_string(port)
                 << ", \"baud\": " << guess.line.baud << ", \"data_bits\": " << guess.line.data_bits
-                << ", \"parity\": "
-                << quoted(kParityWords[static_cast<std::size_t>(guess.line.parity)])
+                << ", \"parity\": " << json_string(word_of(guess.line.parity))
                 << ", \"stop_bits\": " << guess.line.stop_bits << "}}],\n"
                 << "\"devices\": [{\"name\": \"plc1\", \"link\": \"line1\", \"protocol\": "
-                << quoted(std::string(guess.protocol->name));
-      if (!key.empty()) std::cout << ", " << quoted(key) << ": " << station;
+                << json_string(std::string(guess.protocol->name));
+      if (!key.empty()) std::cout << ", " << json_string(key) << ": " << station;
       std::cout << "}]\n";
       return kDone;
     }

@@ -32,6 +32,10 @@ std::optional<std::string> pointer_in(const Json& config, const KeyChange& chang
 
 }  // namespace
 
+std::string json_string(const std::string& text) {
+  return Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
 std::optional<std::string> pointer_of(const std::string& config, const KeyChange& change) {
   return pointer_in(parsed(config), change);
 }

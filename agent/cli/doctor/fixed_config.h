@@ -16,8 +16,11 @@ struct KeyChange {
   std::string value;  ///< JSON: "\"even\"", "5"
 };
 
+/// Returns the text as a JSON string.
+std::string json_string(const std::string& text);
+
 /// Returns the JSON pointer of the key in this config, such as "/devices/0/unit". nullopt if the
-/// entry is not in the file under its name, because a template or `n` makes it.
+/// entry is not in the file under its name, because a template, `n` or a variable makes it.
 std::optional<std::string> pointer_of(const std::string& config, const KeyChange& change);
 
 /// Returns the config with the changes that have a pointer. Comments are lost.
