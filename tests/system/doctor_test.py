@@ -75,6 +75,18 @@ class Doctor(PlantTest):
         self.start_sim([self.plc("press1", model="FX2N")])
         self.assert_finds(self.write(device(model="FX3U")), "model FX2N", '/devices/0/model = "FX2N"')
 
+    def test_largest_block(self):
+        self.start_sim([self.rtu(max_read=50)])
+        tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]
+        self.assert_finds(self.write(self.meter(tags=tags)), "blocks above 100 bytes are refused", "/devices/0/max_block_bytes = 100")
+
+    def test_a_hole_is_no_limit(self):
+        self.start_sim([self.rtu(holes=["hr:40-hr:41"])])
+        tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]
+        status, said, errors = self.call("doctor", self.write(self.meter(tags=tags)))
+        self.assertEqual(status, 0, said + errors)
+        self.assertIn("does not exist", said)
+
     def test_port_of_another_program(self):
         self.start_sim([self.plc()])
         with subprocess.Popen(["flock", self.pty("press1"), "sh", "-c", "echo ready; exec cat"],

@@ -24,9 +24,11 @@
 #include "agent/config/source.h"
 #include "agent/config/wiring.h"
 #include "agent/field/line_probe.h"
+#include "agent/line_time.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
 #include "protocol/checklist.h"
+#include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "protocol/value/unpack.h"
 #include "protocol/value/word_order.h"
@@ -44,6 +46,7 @@ constexpr std::size_t kLikelyGuesses = 4;
 constexpr milliseconds kPatience{2000};  // a device slower than its configured timeout is found
 constexpr int kMeasurements = 5;
 constexpr std::uint32_t kWordBits = 16;
+constexpr std::uint32_t kByteBits = 8;
 // A guess has this many characters, request and answer together, at most; and greet() may ask
 // twice.
 constexpr int kGuessCharacters = 120;
@@ -183,6 +186,7 @@ class Doctor final {
     judge_time(probe, device, *codec);
     judge_model(probe, device, codec);
     judge_state(probe, device, *codec);
+    judge_blocks(probe, device, *codec, line.char_time);
     judge_orders(probe, device, *codec);
   }
 
@@ -384,6 +388,64 @@ class Doctor final {
       if (const auto part = word_at(probe, device, codec, name))
         clock += " " + std::to_string(*part);
     if (!clock.empty()) note("clock (year month day hour minute second):" + clock);
+  }
+
+  /// Tries every read of the plan.
+  void judge_blocks(LineProbe& probe, const DeviceConfig& device, const Codec& codec,
+                    std::chrono::nanoseconds char_time) {
+    std::uint32_t longest_bits = 0;
+    std::uint32_t limit_bits = 0;  // 0: none was found
+    for (std::size_t g = 0; g < device.groups.size(); ++g) {
+      std::vector<Point> points;
+      for (const TagConfig& tag : device.tags)
+        if (tag.group == g) points.push_back(tag.point);
+      const Plan plan = make_plan(codec, points, cost_of(device, char_time, device.turnaround),
+                                  device.max_block_bytes);
+      for (const PlannedRead& planned : plan.reads) {
+        const Read& whole = planned.read;
+        if (whole.gather != 0) continue;
+        const auto answer = probe.ask(codec, whole, longest(device));
+        if (answer.kind == ProbeAnswer::Kind::data)
+          longest_bits = std::max(longest_bits, whole.span.bits);
+        if (answer.kind != ProbeAnswer::Kind::refused) continue;
+        const std::uint32_t fits = answered_in_parts(probe, device, codec, whole);
+        const std::string place =
+            codec.addresses().name_of({whole.span.space, whole.span.first_bit, 1});
+        note("a read of " + bytes_text(whole.span.bits) + " at " + place + " is refused: " +
+             answer.text + (fits == 0 ? "; the agent finds out which part does not exist" : ""));
+        if (fits != 0) limit_bits = limit_bits == 0 ? fits : std::min(limit_bits, fits);
+      }
+    }
+    if (longest_bits != 0) note("reads blocks of " + bytes_text(longest_bits));
+    if (limit_bits == 0) return;
+    fault(kDiffers, "blocks above " + bytes_text(limit_bits) + " are refused");
+    change({"devices", device.name, "", "max_block_bytes", std::to_string(limit_bits / kByteBits)});
+  }
+
+  static std::string bytes_text(std::uint32_t bits) {
+    return std::to_string((bits + kByteBits - 1) / kByteBits) + " bytes";
+  }
+
+  /// Returns the largest half, quarter and so on in which the whole read is answered, in bits; 0:
+  /// there is none, because a part does not exist.
+  std::uint32_t answered_in_parts(LineProbe& probe, const DeviceConfig& device, const Codec& codec,
+                                  const Read& whole) {
+    for (std::uint32_t bits = half_of(whole.span.bits); bits > 0; bits = half_of(bits)) {
+      bool is_answered = true;
+      for (std::uint32_t at = whole.span.first_bit; is_answered && at < whole.span.end_bit();
+           at += bits) {
+        const Span part{whole.span.space, at, std::min(bits, whole.span.end_bit() - at)};
+        is_answered = probe.ask(codec, Read{part, whole.way}, longest(device)).kind ==
+                      ProbeAnswer::Kind::data;
+      }
+      if (is_answered) return bits;
+    }
+    return 0;
+  }
+
+  /// Returns half of it in whole words; 0 below one.
+  static std::uint32_t half_of(std::uint32_t bits) {
+    return bits <= kWordBits ? 0 : (bits / 2 + kWordBits - 1) / kWordBits * kWordBits;
   }
 
   void judge_orders(LineProbe& probe, const DeviceConfig& device, const Codec& codec) {
