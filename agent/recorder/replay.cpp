@@ -9,9 +9,7 @@
 
 namespace fxagent {
 
-using Way = RecordedFrame::Way;
-
-std::string_view to_string(Way way) {
+std::string_view to_string(RecordedFrame::Way way) {
   constexpr std::array<std::string_view, 4> kWords{"out", "in", "failed", "unasked"};
   return kWords[static_cast<std::size_t>(way)];
 }
@@ -29,7 +27,7 @@ std::optional<Explanation> Replay::explain(const RecordedFrame& frame) const {
   if (frame.bytes.empty() || frame.device >= codecs_.size() || !codecs_[frame.device])
     return std::nullopt;
   return codecs_[frame.device]->explain(
-      frame.bytes, frame.way == Way::out ? Direction::request : Direction::reply);
+      frame.bytes, frame.way == RecordedFrame::Way::out ? Direction::request : Direction::reply);
 }
 
 const std::string& Replay::device_of(const RecordedFrame& frame) const {
@@ -39,7 +37,7 @@ const std::string& Replay::device_of(const RecordedFrame& frame) const {
 
 std::string meaning_of(const Replay& replay, const RecordedFrame& frame) {
   std::string meaning = frame.note;
-  if (meaning.empty() && frame.way == Way::unasked) meaning = "unexpected bytes";
+  if (meaning.empty() && frame.way == RecordedFrame::Way::unasked) meaning = "unexpected bytes";
   if (const auto explanation = replay.explain(frame))
     meaning += (meaning.empty() ? "" : "; ") + summary(*explanation);
   return escaped(meaning, Escape::message);
