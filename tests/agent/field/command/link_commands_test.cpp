@@ -139,7 +139,8 @@ class LinkCommandsTest : public ::testing::Test {
   std::unique_ptr<Bus> bus;
   std::unique_ptr<LinkState> state;
   std::unique_ptr<Poller> poller;
-  LinkRecorder recorder{nullptr, config.links[0]};
+  const LinkConfig of_recorder;  // it is off
+  LinkRecorder recorder{nullptr, of_recorder};
   std::unique_ptr<LinkCommands> commands;
   std::vector<CommandResult> results;
   std::vector<Telemetry> telemetry;
