@@ -67,7 +67,7 @@ class Peer(unittest.TestCase):
 
     def use(self, protocol, link, **more):
         device = {"name": "meter", "link": "line", "protocol": protocol, "unit": 1,
-                  "timeout_ms": 3000,  # socat and the peer share a busy machine
+                  "timeout_ms": 700,  # socat and the peer share a busy machine
                   "groups": [{"name": "g", "interval_ms": 1000}], "tags": [],
                   "commands": {"allow": ["hr:0-hr:99", "co:0-co:99"]}, **more}
         self.config = os.path.join(self.directory, "agent.json")
