@@ -131,9 +131,7 @@ void FlightRecorder::write_asked() {
   if (links.size() > settings_.most_files) {
     log::warn("recorder", {{"asked", std::to_string(links.size())},
                            {"written", std::to_string(settings_.most_files)},
-                           {"note",
-                            "recorder.files allows no more: raise it, or name the links "
-                            "with --link"}});
+                           {"note", "recorder.files allows no more: raise it, or name the links"}});
     links.resize(settings_.most_files);
   }
   std::vector<std::string> paths;

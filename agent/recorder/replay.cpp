@@ -35,11 +35,10 @@ const std::string& Replay::device_of(const RecordedFrame& frame) const {
   return frame.device < recording_.devices.size() ? recording_.devices[frame.device].name : none;
 }
 
-std::string meaning_of(const Replay& replay, const RecordedFrame& frame) {
+std::string meaning_of(const RecordedFrame& frame, const std::optional<Explanation>& explanation) {
   std::string meaning = frame.note;
   if (meaning.empty() && frame.way == RecordedFrame::Way::unasked) meaning = "unexpected bytes";
-  if (const auto explanation = replay.explain(frame))
-    meaning += (meaning.empty() ? "" : "; ") + summary(*explanation);
+  if (explanation) meaning += (meaning.empty() ? "" : "; ") + summary(*explanation);
   return escaped(meaning, Escape::message);
 }
 

@@ -30,7 +30,8 @@ class Replay final {
 
 /// Returns "out", "in", "failed" or "unasked".
 std::string_view to_string(RecordedFrame::Way way);
-/// Returns the note and the meaning of a frame in one line.
-std::string meaning_of(const Replay& replay, const RecordedFrame& frame);
+/// Returns the note of a frame, and its meaning if it has one, in one line. `explanation` is that
+/// of Replay::explain().
+std::string meaning_of(const RecordedFrame& frame, const std::optional<Explanation>& explanation);
 
 }  // namespace fxagent

@@ -99,7 +99,7 @@ Bytes packet_of(const Replay& replay, const RecordedFrame& frame) {
                     ? std::string_view()
                     : std::string_view(replay.recording().devices[frame.device].protocol));
   put_text(out, ms_text(frame.after));
-  put_text(out, meaning_of(replay, frame));
+  put_text(out, meaning_of(frame, explanation));
   const std::size_t fields =
       explanation ? std::min(explanation->fields.size(), kMostFields) : std::size_t{0};
   out.push_back(static_cast<std::uint8_t>(fields));
@@ -125,7 +125,7 @@ std::string replay_text(const Replay& replay) {
         (replay.device_of(frame).empty() ? "-" : escaped(replay.device_of(frame), Escape::message));
     if (frame.after.count() > 0) text += ' ' + ms_text(frame.after) + " ms";
     if (!frame.bytes.empty()) text += "  " + to_hex(frame.bytes);
-    if (const std::string meaning = meaning_of(replay, frame); !meaning.empty())
+    if (const std::string meaning = meaning_of(frame, replay.explain(frame)); !meaning.empty())
       text += "  " + meaning;
     text += '\n';
   }

@@ -32,6 +32,13 @@ std::shared_ptr<const DeviceStatus> in_state(DeviceStatus::State state, const st
   return std::make_shared<const DeviceStatus>(device);
 }
 
+AgentStatus both_offline(const std::string& reason) {
+  AgentStatus status = well();
+  status.devices[0] = in_state(DeviceStatus::State::offline, reason, 30);
+  status.devices[1] = in_state(DeviceStatus::State::offline, reason, 20);
+  return status;
+}
+
 TEST(PageVerdict, NothingIsWrongIfEverythingWorks) {
   const Verdict verdict = verdict_of(well());
   EXPECT_TRUE(verdict.problems.empty());
@@ -77,10 +84,7 @@ TEST(PageVerdict, TheWorstComesFirstThenTheOldest) {
 }
 
 TEST(PageVerdict, OneLostPortIsOneProblem) {
-  AgentStatus status = well();
-  status.devices[0] = in_state(DeviceStatus::State::offline, "link_down", 30);
-  status.devices[1] = in_state(DeviceStatus::State::offline, "link_down", 20);
-  const Verdict verdict = verdict_of(status);
+  const Verdict verdict = verdict_of(both_offline("link_down"));
   ASSERT_EQ(verdict.problems.size(), 1U);
   EXPECT_EQ(verdict.problems[0].place, "link line1");
   EXPECT_EQ(verdict.problems[0].text, "Link line1 is down, and 2 devices cannot be reached");
@@ -89,10 +93,7 @@ TEST(PageVerdict, OneLostPortIsOneProblem) {
 }
 
 TEST(PageVerdict, DevicesThatFallSilentTogetherAreOneProblem) {
-  AgentStatus status = well();
-  status.devices[0] = in_state(DeviceStatus::State::offline, "timeout", 30);
-  status.devices[1] = in_state(DeviceStatus::State::offline, "timeout", 20);
-  const Verdict verdict = verdict_of(status);
+  const Verdict verdict = verdict_of(both_offline("timeout"));
   ASSERT_EQ(verdict.problems.size(), 1U);
   EXPECT_EQ(verdict.problems[0].text, "None of the 2 devices on line1 answers");
 }
