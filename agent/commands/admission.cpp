@@ -160,8 +160,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   admitted.codec = device_codec;
   std::optional<Refusal> why;
   if (command.retained) {
-    why =
-        refuse(Reason::retained, "a retained command may be old: publish commands without retain");
+    why = refusal_of_retained();
   } else if (refusal && refusal->reason == Reason::bad_op) {
     why = refusal;
   } else if (!command.op) {
@@ -206,8 +205,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
       why = refuse(Reason::queue_full,
                    "the memory of command ids is full, and no id in it has expired");
     else if (!conflict_.empty())
-      why = refuse(Reason::conflict, "another agent has the same id, boot " + conflict_ +
-                                         ": neither agent carries out commands");
+      why = refusal_of_conflict(conflict_);
   }
   if (why) {
     rejected(*why);

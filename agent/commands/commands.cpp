@@ -26,8 +26,7 @@ constexpr std::size_t kTotalsKept = 1000;  // more than wait for the journal
 Refusal refusal_of_unknown(const Command& command, const Config& config,
                            const std::string& device) {
   if (command.refusal && command.refusal->reason < Reason::duplicate_id) return *command.refusal;
-  if (command.retained)
-    return {Reason::retained, "a retained command may be old: publish commands without retain"};
+  if (command.retained) return refusal_of_retained();
   std::vector<std::string_view> names;
   names.reserve(config.devices.size());
   for (const DeviceConfig& known : config.devices)
@@ -206,16 +205,14 @@ std::optional<Refusal> Commands::refusal_for_link(const LinkConfig& link, const 
   if (command.refusal && command.refusal->reason < Reason::duplicate_id) return command.refusal;
   if (std::ranges::find(link_ids_, link.name + " " + command.id) != link_ids_.end())
     return Refusal{Reason::duplicate_id, "the command has come before and is not repeated"};
-  if (command.retained)
-    return Refusal{Reason::retained, "a retained command may be old: publish without retain"};
+  if (command.retained) return refusal_of_retained();
   if (command.refusal) return command.refusal;
   if (!link.allow_yield || !yield_)
     return Refusal{Reason::not_allowed, "allow_yield of link " + link.name + " is not set"};
   const bool is_late = command.message_expiry && now - command.received >= *command.message_expiry;
   if (is_late || (command.expires_ms && utc_ms >= *command.expires_ms))
     return Refusal{Reason::expired, "it came too late"};
-  if (!conflict_.empty())
-    return Refusal{Reason::conflict, "another agent has the same id, boot " + conflict_};
+  if (!conflict_.empty()) return refusal_of_conflict(conflict_);
   if (closed_) return Refusal{Reason::shutting_down, why_not_sent(Reason::shutting_down)};
   return std::nullopt;
 }

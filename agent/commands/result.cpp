@@ -47,6 +47,15 @@ TargetResult result_of(const AdmittedTarget& target) {
   return out;
 }
 
+Refusal refusal_of_retained() {
+  return {Reason::retained, "a retained command may be old: publish commands without retain"};
+}
+
+Refusal refusal_of_conflict(const std::string& other_boot) {
+  return {Reason::conflict, "another agent has the same id, boot " + other_boot +
+                                ": neither agent carries out commands"};
+}
+
 std::string why_not_sent(Reason reason) {
   if (reason == Reason::yielded) return "the link has yielded its port to another program";
   return reason == Reason::reloading ? "the config of the device is being changed"

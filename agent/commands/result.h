@@ -25,8 +25,13 @@ void set_interrupted(CommandResult& result);
 /// FAILED.
 void set_interrupted_unsent(CommandResult& result);
 
-/// Returns the text for shutting_down or reloading, the reasons why an admitted command is not sent
-/// any more.
+/// The refusals that every kind of command shares.
+Refusal refusal_of_retained();
+/// `other_boot`: boot id of the agent with our id.
+Refusal refusal_of_conflict(const std::string& other_boot);
+
+/// Returns the text for shutting_down, reloading or yielded, the reasons why an admitted command is
+/// not sent any more.
 std::string why_not_sent(Reason reason);
 /// Returns the result of such a command. An interrupted one gets UNKNOWN_OUTCOME, since an earlier
 /// run may have sent it.
