@@ -3,8 +3,11 @@
 // interprets answers; codec.h has the frames.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,6 +15,29 @@
 #include "protocol/codec.h"
 
 namespace fxagent {
+
+/// Special devices of a model that show the state of its CPU, as the manual names them. Empty: the
+/// model has none.
+struct SpecialDevices {
+  enum class Clock : std::uint8_t {
+    none,
+    words,  ///< a word each for second, minute, hour, day, month and year
+    bcd,    ///< year and month, day and hour, minute and second: three words of BCD
+  };
+
+  std::string_view battery_low;  ///< a bit, on if the battery is low
+  std::string_view error;        ///< a word: the newest error code, 0 if there is none
+  Clock clock = Clock::none;
+  std::string_view clock_copied;             ///< a bit; the clock's words are valid while it is on
+  std::array<std::string_view, 6> clock_at;  ///< the words, in the sequence of Clock
+};
+
+/// Returns those of an FX, up to the FX3 (JY997D16601, chapter 37).
+SpecialDevices special_devices_of_fx();
+/// Returns the clock's words as "2026-11-27 01:48:15". nullopt if they are no date and time, or
+/// fewer than `form` needs.
+std::optional<std::string> clock_text(SpecialDevices::Clock form,
+                                      std::span<const std::uint32_t> words);
 
 /// Returned by Codec::plc() and valid as long as that codec. The codec can encode every request
 /// made here, except perhaps run_request(). Sources: JY992D69901 rev. E, chapter 8 (PC, RR, RS) for
@@ -33,6 +59,11 @@ class PlcServices {
   /// Returns nullptr for an unknown model, but never for a name that model_from() returned or
   /// ProtocolInfo::models contains.
   virtual std::shared_ptr<const Codec> with_model(std::string_view model) const = 0;
+
+  // State of the CPU.
+
+  /// Returns where the model shows battery, errors and clock. Nothing is known of an unknown model.
+  virtual SpecialDevices special_devices() const = 0;
 
   // RUN and STOP.
 

@@ -319,6 +319,8 @@ std::shared_ptr<const Codec> ComputerLink::with_model(std::string_view model) co
   return std::make_shared<const ComputerLink>(settings);
 }
 
+SpecialDevices ComputerLink::special_devices() const { return special_devices_of_fx(); }
+
 Request ComputerLink::run_state() const {
   return Read{span_of(Space::special_m, {8000, 8000}), kBitWay};
 }

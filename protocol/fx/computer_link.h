@@ -66,6 +66,7 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   std::vector<Request> identify() const override;
   std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
   std::shared_ptr<const Codec> with_model(std::string_view model) const override;
+  SpecialDevices special_devices() const override;
   Request run_state() const override;
   std::optional<bool> run_state_from(ByteView image) const override;
   Request run_request(bool run) const override;

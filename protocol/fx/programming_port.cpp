@@ -463,6 +463,8 @@ std::shared_ptr<const Codec> ProgrammingPort::with_model(std::string_view model)
   return std::make_shared<const ProgrammingPort>(settings);
 }
 
+SpecialDevices ProgrammingPort::special_devices() const { return special_devices_of_fx(); }
+
 Request ProgrammingPort::run_state() const {
   // Until the model is known, only the classic address is known. Every FX has it.
   const auto allowed = sets_of(settings_);

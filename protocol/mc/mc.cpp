@@ -415,6 +415,21 @@ std::shared_ptr<const Codec> Mc::with_model(std::string_view model) const {
   return std::make_shared<const Mc>(settings);
 }
 
+// SH-080483 (Q, L) and SH-081263 (iQ-R), the tables of SM and SD; JY997D55401 (FX5).
+SpecialDevices Mc::special_devices() const {
+  SpecialDevices special{.battery_low = "SM52", .error = "SD0", .clock_copied = {}, .clock_at = {}};
+  const Series series = series_of(settings_.model);
+  if (series == Series::q_l) {
+    special.clock = SpecialDevices::Clock::bcd;
+    special.clock_copied = "SM213";
+    special.clock_at = {"SD210", "SD211", "SD212"};
+  } else if (series != Series::unknown) {
+    special.clock = SpecialDevices::Clock::words;
+    special.clock_at = {"SD215", "SD214", "SD213", "SD212", "SD211", "SD210"};
+  }
+  return special;
+}
+
 Request Mc::run_state() const { return Read{span_of(Space::sd, {kRunState, kRunState}), kWordWay}; }
 
 std::optional<bool> Mc::run_state_from(ByteView image) const {

@@ -513,6 +513,10 @@ std::shared_ptr<const Codec> OneE::with_model(std::string_view model) const {
   return std::make_shared<const OneE>(settings);
 }
 
+SpecialDevices OneE::special_devices() const {
+  return is_fx3(settings_.model) ? special_devices_of_fx() : SpecialDevices{};
+}
+
 Request OneE::run_state() const {
   if (is_fx3(settings_.model) && settings_.model != Model::unknown_fx3)
     return Read{span_of(Space::special_m, {8000, 8000}), kBitWay};

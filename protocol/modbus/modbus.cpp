@@ -501,6 +501,11 @@ std::optional<Request> Modbus::presence() const {
   return Read{{id(Space::holding_register), 0, 16}};
 }
 
+std::optional<Request> Modbus::identity() const {
+  if (is_broadcast()) return std::nullopt;
+  return Control{Control::Kind::identify};
+}
+
 bool Modbus::is_broadcast() const {
   return settings_.framing != Framing::tcp && settings_.unit == 0;
 }

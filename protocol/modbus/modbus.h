@@ -74,6 +74,7 @@ class Modbus final : public Codec, public AddressSpace {
   /// Returns a read of one holding register, the function of the simplest devices. A coil would be
   /// one byte shorter, but some devices do not answer functions that they lack.
   std::optional<Request> presence() const override;
+  std::optional<Request> identity() const override;
   bool is_broadcast() const override;
   Recovery after_silence() const override;
   Recovery after_nonsense() const override;

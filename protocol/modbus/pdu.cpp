@@ -1,6 +1,7 @@
 #include "protocol/modbus/pdu.h"
 
 #include <algorithm>
+#include <array>
 #include <variant>
 
 namespace fxagent::modbus {
@@ -119,6 +120,53 @@ Result<Bytes> encode_force(const Force& force) {
   return pdu;
 }
 
+// 6.21, device identification: MEI type 14, the basic objects (maker, product, version) from the
+// first on. The answer repeats type and category, then has conformity, "more follows", the next
+// object and the number of objects. Each object is its id, its length and its text.
+constexpr std::array<std::uint8_t, 4> kIdentify{code(Function::device_identification), 0x0E, 1, 0};
+constexpr std::size_t kIdentityHead = 7;
+constexpr std::size_t kLongestPdu = 253;
+
+/// Returns the end of the object that begins at `at`; nullopt if its length is missing.
+std::optional<std::size_t> end_of_object(ByteView pdu, std::size_t at) {
+  if (at + 2 > pdu.size()) return std::nullopt;
+  return at + 2 + pdu[at + 1];
+}
+
+std::optional<std::size_t> identity_length(ByteView pdu) {
+  if (pdu.size() < kIdentityHead) return std::nullopt;
+  std::size_t end = kIdentityHead;
+  for (std::size_t left = pdu[kIdentityHead - 1]; left > 0; --left) {
+    const auto next = end_of_object(pdu, end);
+    if (!next) return std::nullopt;
+    end = *next;
+  }
+  return end;
+}
+
+Result<std::optional<Reply>> decode_identity(ByteView pdu) {
+  if (pdu.size() < kIdentityHead ||
+      !std::equal(kIdentify.begin(), kIdentify.end() - 1, pdu.begin()))
+    return std::optional<Reply>{};
+  if (identity_length(pdu) != pdu.size())
+    return fail(ErrorCode::bad_frame, "the objects do not fit the frame");
+  Reply reply;
+  reply.kind = Reply::Kind::data;
+  for (std::size_t at = kIdentityHead; at < pdu.size();) {
+    const std::size_t end = *end_of_object(pdu, at);
+    if (!reply.image.empty()) reply.image.insert(reply.image.end(), {',', ' '});
+    for (const std::uint8_t byte : pdu.subspan(at + 2, end - at - 2))
+      reply.image.push_back(byte >= ' ' && byte <= '~' ? byte : std::uint8_t{'?'});
+    at = end;
+  }
+  return std::optional<Reply>(std::move(reply));
+}
+
+bool is_identify(const Request& request) {
+  const auto* control = std::get_if<Control>(&request);
+  return control != nullptr && control->kind == Control::Kind::identify;
+}
+
 Reply refusal(int device_code) {
   Reply reply;
   reply.kind = Reply::Kind::nak;
@@ -153,11 +201,13 @@ Result<Bytes> encode_pdu(const Request& request) {
   if (const auto* read = std::get_if<Read>(&request)) return encode_read(*read);
   if (const auto* write = std::get_if<Write>(&request)) return encode_write(*write);
   if (const auto* force = std::get_if<Force>(&request)) return encode_force(*force);
+  if (is_identify(request)) return Bytes(kIdentify.begin(), kIdentify.end());
   return cannot("Modbus has no such request");
 }
 
 std::size_t reply_length(const Request& request) {
   if (const auto* read = std::get_if<Read>(&request)) return 2 + (read->span.bits + 7) / 8;
+  if (is_identify(request)) return kLongestPdu;
   const auto pdu = encode_pdu(request);
   if (pdu && pdu->front() == code(Function::mask_write)) return 7;
   return 5;
@@ -180,6 +230,8 @@ std::optional<std::size_t> answer_length(ByteView pdu) {
       return 5;
     case Function::mask_write:
       return 7;
+    case Function::device_identification:
+      return identity_length(pdu);
   }
   return std::nullopt;
 }
@@ -208,6 +260,7 @@ Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu) {
       reply.image.back() &= static_cast<std::uint8_t>((1U << (read->span.bits % 8)) - 1);
     return std::optional<Reply>(std::move(reply));
   }
+  if (is_identify(request)) return decode_identity(pdu);
   // The answer to a write repeats the beginning of its request: place, and value or quantity.
   const std::size_t length = reply_length(request);
   if (pdu.size() != length)

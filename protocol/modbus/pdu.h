@@ -37,6 +37,7 @@ enum class Function : std::uint8_t {
   write_registers = 16,
   mask_write = 22,
   read_write = 23,
+  device_identification = 43,
 };
 constexpr std::uint8_t code(Function function) { return static_cast<std::uint8_t>(function); }
 
@@ -54,7 +55,8 @@ std::string_view letters_of(Space space);
 /// unsupported (Modbus has no such request).
 Result<Bytes> encode_pdu(const Request& request);
 
-/// Returns the length of the answer's PDU if it is not an exception.
+/// Returns the length of the answer's PDU if it is not an exception: for an identification the
+/// largest, because the device decides.
 std::size_t reply_length(const Request& request);
 /// Returns the length of an answer's PDU from its first bytes. nullopt if there are too few, or if
 /// answers of this function do not contain their length.

@@ -178,6 +178,14 @@ ModbusSettings parse_modbus(const json& plc, Protocol protocol, const std::strin
       modbus.missing_functions.push_back(code.get<unsigned>());
     }
   }
+  if (plc.contains("identity")) {
+    for (const auto& object : array_at(plc, "identity", where)) {
+      if (!object.is_string() || object.get<std::string>().size() > 60)
+        fail(where + "/identity", "texts of up to 60 characters are expected");
+      modbus.identity.push_back(object.get<std::string>());
+    }
+    if (modbus.identity.size() > 3) fail(where + "/identity", "at most maker, product and version");
+  }
   return modbus;
 }
 
@@ -205,7 +213,7 @@ Keys keys_of(Protocol protocol) {
     keys.insert(keys.end(), more);
   };
   if (is_modbus(protocol)) {
-    add({"unit", "holes", "max_read", "max_read_code", "missing_functions"});
+    add({"unit", "holes", "max_read", "max_read_code", "missing_functions", "identity"});
   } else {
     add({"model"});
   }

@@ -131,6 +131,8 @@ TEST(Config, ErrorsOfAProtocolNameTheKey) {
            Row{"modbus-tcp", R"({"memory": {"hr:65536": 1}})", "/plcs/0/memory/hr:65536:"},
            Row{"modbus-tcp", R"({"memory": {"co:0": 2}})", "/plcs/0/memory/co:0:"},
            Row{"modbus-tcp", R"({"max_read": 126})", "/plcs/0/max_read:"},
+           Row{"modbus-tcp", R"({"identity": [7]})", "/plcs/0/identity:"},
+           Row{"modbus-tcp", R"({"identity": ["a", "b", "c", "d"]})", "/plcs/0/identity:"},
            Row{"modbus-tcp", R"({"holes": ["hr:5-hr:4"]})", "/plcs/0/holes/0:"},
            Row{"modbus-tcp", R"({"holes": ["hr:5-ir:6"]})", "/plcs/0/holes/0:"},
            Row{"modbus-tcp", R"({"missing_functions": [-1]})", "/plcs/0/missing_functions:"},

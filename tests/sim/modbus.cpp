@@ -21,6 +21,7 @@ constexpr std::uint8_t kWriteCoils = 0x0F;
 constexpr std::uint8_t kWriteRegisters = 0x10;
 constexpr std::uint8_t kMaskRegister = 0x16;
 constexpr std::uint8_t kReadWriteRegisters = 0x17;
+constexpr std::array<std::uint8_t, 4> kIdentify{0x2B, 0x0E, 0x01, 0x00};  // 6.21: the basic objects
 
 constexpr unsigned kMaxBitsRead = 2000;
 constexpr unsigned kMaxBitsWritten = 1968;
@@ -79,6 +80,17 @@ Bytes read_reply(std::uint8_t function, Device first, unsigned count, const Devi
   return pdu;
 }
 
+/// Builds the reply to kIdentify: these objects, and no more follow.
+Bytes identity_reply(const std::vector<std::string>& objects) {
+  Bytes pdu{0x2B, 0x0E, 0x01, 0x01, 0x00, 0x00, static_cast<std::uint8_t>(objects.size())};
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    pdu.push_back(static_cast<std::uint8_t>(i));
+    pdu.push_back(static_cast<std::uint8_t>(objects[i].size()));
+    pdu.insert(pdu.end(), objects[i].begin(), objects[i].end());
+  }
+  return pdu;
+}
+
 /// Decodes the values of a write of several registers or coils.
 std::vector<std::uint32_t> values_of(Kind kind, unsigned count, ByteView data) {
   std::vector<std::uint32_t> values;
@@ -122,6 +134,11 @@ Ruling Modbus::execute(const Frame& frame, Plc& plc) const {
   if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
   const auto request = unwrap_modbus(protocol_, frame.bytes);
   const auto code = request.pdu.front();
+  if (!settings_.identity.empty() && !is_broadcast(request.unit) &&
+      std::ranges::equal(request.pdu, kIdentify))
+    return {.verdict = Verdict::data,
+            .reply = wrap_modbus(protocol_, {request.unit, identity_reply(settings_.identity)},
+                                 frame.bytes)};
   const auto wrong = objection(request.pdu);
   if (is_broadcast(request.unit)) {
     if (wrong != 0 || find_function(code)->kind == RequestKind::read)

@@ -14,6 +14,7 @@ struct ModbusSettings {
   unsigned max_read = 125;                    // registers per read
   std::uint8_t max_read_code = 3;             // exception for a longer read
   std::vector<unsigned> missing_functions{};  // get exception 01
+  std::vector<std::string> identity{};  // maker, product, version; empty: function 43 is missing
 };
 
 class Modbus final : public Personality {

@@ -130,6 +130,12 @@ TEST_F(ModbusDevice, FunctionsItLacksGetExceptionOne) {
   EXPECT_EQ(differences(plc_, "hr:1=2"), "");
 }
 
+TEST_F(ModbusDevice, SaysWhoMadeIt) {
+  settings_.identity = {"Maker", "P1"};
+  EXPECT_EQ(asked("01 2B 0E 01 00"), "2B 0E 01 01 00 00 02 00 05 4D 61 6B 65 72 01 02 50 31");
+  EXPECT_EQ(asked("01 2B 0E 04 00"), "AB 01");
+}
+
 TEST_F(ModbusDevice, RequestThatTouchesAHoleGetsExceptionTwo) {
   settings_.holes = {{Kind::holding_register, {100, 119}}};
   EXPECT_EQ(asked("01 03 00 60 00 04"), "03 08 00 00 00 00 00 00 00 00");  // 96 to 99

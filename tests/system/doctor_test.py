@@ -80,6 +80,41 @@ class Doctor(PlantTest):
         tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]
         self.assert_finds(self.write(self.meter(tags=tags)), "blocks above 100 bytes are refused", "/devices/0/max_block_bytes = 100")
 
+    def test_who_made_the_device(self):
+        self.start_sim([self.rtu(identity=["Sunny Meters", "M2\u001b[31m", "V1.7"])])
+        status, said, errors = self.call("doctor", self.write(self.meter()))
+        self.assertEqual(status, 0, said + errors)
+        self.assertIn("identity: Sunny Meters, M2?[31m, V1.7\n", said)
+
+    def test_a_device_that_closes_the_line_at_an_unknown_function(self):
+        self.start_sim([self.rtu()])
+        self.sim.fault("press1", "drop", match="other")
+        status, said, errors = self.call("doctor", self.write(self.meter()))
+        self.assertEqual(status, 0, said + errors)
+        self.assertIn("identity: not reported\n", said)
+
+    def test_clocks(self):
+        for protocol, model, memory, clock in (
+                ("mc-3c", "FX5U", {"SD210": [2026, 11, 27, 1, 48, 15]}, True),
+                ("mc-3c", "Q", {"SD210": [0x2611, 0x2701, 0x4815], "SM213": 1}, True),
+                ("mc-3c", "Q", {"SD210": [0x2611, 0x2701, 0x4815]}, False),
+                ("fx-programming-port", "FX3U", {"D8013": [15, 48, 1, 27, 11, 26]}, True)):
+            with self.subTest(model=model, clock=clock), contextlib.ExitStack() as stack:
+                form = {"format": 4} if protocol == "mc-3c" else {}
+                plc = self.plc("press1", protocol=protocol, model=model, memory=memory)
+                self.start_sim([plc])
+                stack.callback(self.sim.stop)
+                status, said, errors = self.call("doctor", self.write(device(protocol=protocol, model=model, **form)))
+                self.assertEqual(status, 0, said + errors)
+                self.assertEqual("clock 2026-11-27 01:48:15\n" in said, clock, said)
+
+    def test_a_device_slower_than_the_config_says(self):
+        self.start_sim([self.rtu(turnaround_ms=150)])
+        path = self.write(self.meter(turnaround_ms=10))
+        status, said, errors = self.call("doctor", path)
+        self.assertEqual(status, 4, said + errors)
+        self.assertRegex(said, r"config: /devices/0/turnaround_ms = 1[0-9][0-9]\n")
+
     def test_a_hole_is_no_limit(self):
         self.start_sim([self.rtu(holes=["hr:40-hr:41"])])
         tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]

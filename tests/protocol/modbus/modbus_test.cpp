@@ -421,6 +421,54 @@ TEST(Modbus, AWholeAnswerThatIsNotThisOnesIsPassedOverWhateverItHolds) {
   EXPECT_TRUE(needs_more(codec, kRead, "11 07 6D E2 18"));
 }
 
+// Application Protocol V1.1b3, 6.21: the example of the basic identification, its second length put
+// right (15 characters, printed 0D).
+const std::string kIdentity =
+    "2B 0E 01 01 00 00 03 00 16 43 6F 6D 70 61 6E 79 20 69 64 65 6E 74 69 66 69 63 61 74 69 6F 6E "
+    "01 0F 50 72 6F 64 75 63 74 20 63 6F 64 65 20 58 58 02 05 56 32 2E 31 31";
+
+TEST(Modbus, ADeviceSaysWhoMadeIt) {
+  for (const Framing framing : {Framing::rtu, Framing::ascii, Framing::tcp}) {
+    const Modbus codec({.framing = framing, .unit = 17});
+    const auto request = codec.identity();
+    ASSERT_TRUE(request);
+    EXPECT_EQ(sent(codec, *request), framed(framing, 17, hex("2B 0E 01 00"), 0));
+    const Bytes answer = framed(framing, 17, hex(kIdentity), 0);
+    // Not before the last byte.
+    for (std::size_t length = 0; length < answer.size(); ++length)
+      ASSERT_TRUE(needs_more(codec, *request, to_hex(ByteView(answer).first(length)))) << length;
+    const auto reply = codec.decode(*request, 0, answer);
+    ASSERT_TRUE(reply && *reply);
+    EXPECT_EQ(std::string((*reply)->image.begin(), (*reply)->image.end()),
+              "Company identification, Product code XX, V2.11");
+    EXPECT_EQ((*reply)->consumed, answer.size());
+  }
+}
+
+TEST(Modbus, AnIdentityIsPrintable) {
+  const Modbus codec = unit(17);
+  const auto reply =
+      codec.decode(*codec.identity(), 0,
+                   framed(Framing::rtu, 17, hex("2B 0E 01 01 00 00 01 00 03 41 1B C3"), 0));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->image, (Bytes{'A', '?', '?'}));
+}
+
+TEST(Modbus, AnIdentityWithObjectsBeyondItsFrameIsBad) {
+  const Modbus codec({.framing = Framing::tcp, .unit = 17});
+  for (const std::string pdu : {"2B 0E 01 01 00 00 02 00 01 41", "2B 0E 01 01 00 00 01 00 05 41",
+                                "2B 0E 01 01 00 00 00 00 01 41"})
+    EXPECT_FALSE(codec.decode(*codec.identity(), 0, framed(Framing::tcp, 17, hex(pdu), 0))) << pdu;
+}
+
+TEST(Modbus, ADeviceWithoutAnIdentityRefuses) {
+  const Modbus codec = unit(17);
+  const auto reply = codec.decode(*codec.identity(), 0, framed(Framing::rtu, 17, hex("AB 01"), 0));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ((*reply)->device_code, 1);
+  EXPECT_FALSE(unit(0).identity());
+}
+
 TEST(Modbus, AReadOfRegister768IsNotAnsweredByItsOwnEcho) {
   // Its bytes form a whole frame: function 03, three bytes of data.
   const Modbus codec = unit(17);
