@@ -11,7 +11,9 @@ import re
 import shutil
 import signal
 import subprocess
+import unittest
 
+from browser import Browser, why_no_browser
 from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, text_of, wait_for
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -28,21 +30,20 @@ SETTINGS = """module.exports = {
 """
 
 
-class NodeRed(PlantTest):
-    def start_demo(self):
-        """Starts the programs of config/demo/run.sh. The test controls the PLC's memory, and the fast group is
-        faster, so that an outage of seconds has a history."""
+class NodeRed(Browser, PlantTest):
+    def start_demo(self, devices=1, interval_ms=500):
+        """Starts the programs of config/demo/run.sh with some of its devices. The test controls the PLCs' memory."""
         self.broker = Broker(self.directory)
         self.broker.start()
-        self.sim = Sim(self.directory, [self.plc()])
+        self.sim = Sim(self.directory, [self.plc(), self.plc("press2", protocol="fx-computer-link")][:devices])
         self.sim.start()
         self.watcher = Watcher(self.broker.port)
         with open(os.path.join(CONFIG, "demo", "agent.json")) as text:
             config = json.loads(text.read().replace("${DEMO_PORT}", str(self.broker.port))
                                 .replace("${DEMO_DIR}", self.directory).replace("${DEMO_HTTP}", "0"))
         for part in ("links", "devices"):
-            config[part] = config[part][:1]  # the flow shows press1
-        config["devices"][0]["groups"][0]["interval_ms"] = 50
+            config[part] = config[part][:devices]
+        config["devices"][0]["groups"][0]["interval_ms"] = interval_ms
         config["devices"][0]["timeout_ms"] = 300
         self.metrics = free_port()
         config["http"] = {"listen": f"127.0.0.1:{self.metrics}"}
@@ -94,13 +95,13 @@ class NodeRed(PlantTest):
             return None
         return answer["msg"] if answer["format"].startswith("string") else json.loads(answer["msg"])
 
-    def tag(self, name):
-        return ((self.context("tags") or {}).get("press1") or {}).get(name)
+    def tag(self, name, device="press1"):
+        return ((self.context("tags") or {}).get(device) or {}).get(name)
 
     def test_the_flow_shows_values_alarms_results_and_history(self):
         if not os.path.isdir(os.path.join(MODULES, "node-red")):
             self.skipTest("Node-RED is not there: tests/run.sh fetches it from npm's registry")
-        self.start_demo()
+        self.start_demo(interval_ms=50)  # an outage of seconds then has a history
         self.start_node_red()
         # The flow has no unknown nodes, and none fails.
         wait_for("a value", lambda: self.tag("zone1"))
@@ -145,6 +146,38 @@ class NodeRed(PlantTest):
         for trouble in ("[error]", "TypeError", "ReferenceError"):
             self.assertNotIn(trouble, self.said())
 
+    def test_the_dashboard_in_chromium(self):
+        if not os.path.isdir(os.path.join(MODULES, "node-red")):
+            self.skipTest("Node-RED is not there: tests/run.sh fetches it from npm's registry")
+        if why_no_browser():
+            self.skipTest(why_no_browser())
+        self.start_demo(devices=2)
+        self.start_node_red()
+        self.browse()
+        self.do(open=f"http://127.0.0.1:{self.port}/dashboard/fxagent", width=1100, height=760)
+        self.sim.set("press1", "D100", 234)
+        self.see("23.4")
+        # It shows press1 alone, although press2 has tags of the same names.
+        self.do(until="window.other = false,"
+                      "window.watch = new MutationObserver(() => other ||= document.body.textContent.includes('56.7')),"
+                      "watch.observe(document.body, {subtree: true, childList: true, characterData: true}), true")
+        self.sim.set("press2", "D100", 567)
+        wait_for("the value of press2", lambda: (self.tag("zone1", "press2") or {}).get("value") == 56.7)
+        self.sim.set("press1", "D100", 345)
+        self.see("34.5")
+        self.do(until="!other && (watch.disconnect(), true)")
+        self.do(until="document.querySelector('canvas, svg.chart') !== null")
+        self.do(fill="input[inputmode=decimal]", text="65")
+        self.do(press="Enter")
+        self.see("set-point 65: SUCCEEDED, read back 65")
+        self.assertEqual(self.sim.get("press1", "D200"), 650)
+        self.sim.fault("press1", "nak", match="write", count=-1)
+        self.do(fill="input[inputmode=decimal]", text="70")
+        self.do(press="Enter")
+        self.see("set-point 70: FAILED")
+        self.sim.stop()
+        self.see("press1 is offline")
+
     def stored(self):
         """Returns the number of samples in the agent's store."""
         with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.metrics, timeout=PATIENCE)) as connection:
@@ -171,3 +204,7 @@ class TextForNumber(PlantTest):
             self.assertEqual(result["detail"],
                              f'int16 takes a number: send the number {value}, not the text "{value}"')
         self.assert_result(self.command(id=3, op="write", address="D300", value=50), "SUCCEEDED", plc="ACK")
+
+
+if __name__ == "__main__":
+    unittest.main()

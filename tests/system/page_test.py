@@ -4,16 +4,13 @@ import contextlib
 import http.client
 import json
 import os
-import shutil
 import subprocess
 import threading
 import unittest
 
+from browser import Browser, why_no_browser
 from plant import PATIENCE, PlantTest, device, free_port, wait_for
 
-HERE = os.path.dirname(os.path.abspath(__file__))
-CHROMIUM = "/usr/bin/chromium"
-BROWSER = os.environ.get("BROWSER_MODULES", "")
 SCRIPT = "<img src=x onerror=alert(1)><script>alert(1)</script>"
 
 
@@ -294,37 +291,10 @@ class Frames(PagePlant):
         self.assertIn("recorder", body)
 
 
-@unittest.skipUnless(os.path.exists(CHROMIUM), "there is no " + CHROMIUM)
-@unittest.skipUnless(os.path.isdir(os.path.join(BROWSER, "node_modules")),
-                     "the packages of peers/browser could not be had from npm")
-class Browser(PagePlant):
-    def browse(self):
-        self.chromium = subprocess.Popen([shutil.which("node"), os.path.join(HERE, "peers", "browser", "browser.js"), BROWSER],
-                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        self.addCleanup(self.leave)
-
-    def leave(self):
-        self.chromium.stdin.close()  # ends it
-        self.chromium.wait(PATIENCE)
-        self.chromium.stdout.close()
-
-    def do(self, allowed=(), **command):
-        """Sends a command of browser.js and returns its value. The page must not have reported anything else than
-        `allowed`."""
-        self.chromium.stdin.write(json.dumps(command) + "\n")
-        self.chromium.stdin.flush()
-        answer = json.loads(self.chromium.stdout.readline())
-        self.assertNotIn("error", answer, answer.get("error"))
-        reports = [text for text in answer["console"] if not any(word in text for word in allowed)]
-        self.assertEqual(reports, [])
-        return answer["value"]
-
+@unittest.skipIf(why_no_browser(), why_no_browser())
+class InChromium(Browser, PagePlant):
     def open(self, view, **more):
         self.do(open=f"http://127.0.0.1:{self.port}/#{view}", **more)
-
-    def see(self, text, **more):
-        """Waits until the page shows a text."""
-        self.do(until=f"document.body.innerText.includes({json.dumps(text)})", **more)
 
     def test_each_view_shows_the_plant_and_is_accessible(self):
         self.begin()
