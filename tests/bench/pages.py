@@ -3,6 +3,7 @@
     FXAGENT=build-bench/agent/fxagent FXSIM=build-bench/tests/sim/fxsim tests/bench/pages.py [--devices N] [--seconds N]
 A page asks /api/changes once a second, with the values of twelve groups, as a browser with the view Values does. The pages run
 in another process; only the agent's CPU is counted, by /proc. Then it prints the memory of the agent without and with the page.
+With BROWSER_MODULES (build/npm/browser) it also prints the first paints of the view Values in Chromium.
 """
 
 import argparse
@@ -66,6 +67,20 @@ def pages(count, port, devices, seconds, out):
     out.put((len(late), late[len(late) // 2], late[-1]))
 
 
+def first_paints(port, count=5):
+    """Returns milliseconds from the navigation to the first contentful paint, and until rows of values are shown, of fresh
+    browser contexts. The latter is looked at every 50 ms."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    script = os.path.join(here, "..", "system", "peers", "browser", "browser.js")
+    commands = [{"open": f"http://127.0.0.1:{port}/#values"},
+                {"until": "document.querySelectorAll('.row').length > 3 && performance.now()"},
+                {"until": "performance.getEntriesByName('first-contentful-paint')[0]?.startTime"}] * count
+    done = subprocess.run(["node", script, os.path.abspath(os.environ["BROWSER_MODULES"])], input="\n".join(map(json.dumps, commands)),
+                          capture_output=True, text=True, check=True)
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    return [round(answer["value"]) for answer in answers[2::3]], [round(answer["value"]) for answer in answers[1::3]]
+
+
 def start(directory, broker, first, devices, http_port):
     config = {"agent": {"id": "bench"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker}"]},
               "links": [{"name": f"l{n}", "tcp": {"host": "127.0.0.1", "port": first + n}} for n in range(devices)],
@@ -123,6 +138,9 @@ def main():
                 used = 100 * (cpu_s(agent.pid) - before) / (time.monotonic() - began)
                 print(f"{count} pages: {used:.1f} % CPU, {memory_mib(agent.pid):.1f} MiB, {asked[0]} answers, "
                       f"p50 {1000 * asked[1]:.1f} ms, longest {1000 * asked[2]:.1f} ms")
+            if "BROWSER_MODULES" in os.environ:
+                paints, shown = first_paints(http_port)
+                print(f"first paint: {paints} ms, rows of values shown within {shown} ms, {100 * given.devices} tags")
         finally:
             for child in reversed(children):
                 child.terminate()

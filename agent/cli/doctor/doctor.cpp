@@ -516,7 +516,7 @@ int run_doctor(const Config& config, const std::string& path, const DoctorQuesti
   if (const std::string why = write_copy(what.fix, path, fixed); !why.empty())
     return refused(what.fix, "cannot be written: " + why, kFailed);
   std::cout << "Written: " << what.fix << " with " << doctor.writable() << " of "
-            << doctor.changes().size() << " changes, without the comments of " << path << '\n';
+            << doctor.changes().size() << " changes\n";
   const auto directory = [](const std::string& of) {
     return std::filesystem::weakly_canonical(of).parent_path();
   };

@@ -23,7 +23,8 @@ std::string json_string(const std::string& text);
 /// entry is not in the file under its name, because a template, `n` or a variable makes it.
 std::optional<std::string> pointer_of(const std::string& config, const KeyChange& change);
 
-/// Returns the config with the changes that have a pointer. Comments are lost.
-std::string fixed_config(const std::string& config, const std::vector<KeyChange>& changes);
+/// Returns the config with the changes that have a pointer. Everything else stays as it is written,
+/// comments included.
+std::string fixed_config(std::string config, const std::vector<KeyChange>& changes);
 
 }  // namespace fxagent

@@ -15,11 +15,57 @@ TEST(FixedConfig, SetsKeysOfLinksDevicesAndTagsByTheirNames) {
   const auto fixed = nlohmann::json::parse(
       fixed_config(kTwoLinks, {{"links", "line1", "", "serial/parity", "\"even\""},
                                {"devices", "plc", "", "unit", "5"},
-                               {"devices", "plc", "level", "word_order", "\"CDAB\""}}));
+                               {"devices", "plc", "level", "word_order", "\"CDAB\""}}),
+      nullptr, true, true);
   EXPECT_EQ(fixed["links"][1]["serial"]["parity"], "even");
   EXPECT_EQ(fixed["links"][1]["serial"]["path"], "/dev/ttyS0");
   EXPECT_EQ(fixed["devices"][0]["unit"], 5);
   EXPECT_EQ(fixed["devices"][0]["tags"][1]["word_order"], "CDAB");
+}
+
+// Only what changes differs from the text that the engineer wrote.
+TEST(FixedConfig, KeepsTextAndComments) {
+  const std::string text = R"({
+  // The hall.
+  "links": [
+    {
+      "name": "line1", // "parity": "odd"
+      "serial": { "path": "/dev/ttyS0", "baud" /* of the meter */ : /* was 1200 */ 9600 }
+    }
+  ],
+  "devices": [
+    {
+      /* first */
+      "name": "m",
+      "echo": true, "tags": [ {"name": "x", "scale": 0.10} ], "unit":1}
+  ]
+}
+)";
+  std::string expected = text;
+  const auto expect = [&](const std::string& before, const std::string& after) {
+    const std::size_t at = expected.find(before);
+    ASSERT_NE(at, std::string::npos) << before;
+    expected.replace(at, before.size(), after);
+  };
+  expect("*/ 9600 }", "*/ 19200 }");
+  expect("{ \"path\"", "{ \"parity\": \"even\", \"path\"");
+  expect("true,", "false,");
+  expect("    {\n      /* first", "    {\n      \"timeout_ms\": 400,\n      /* first");
+  expect("0.10}", "2}");
+  expect(":1}", ":12}");
+  EXPECT_EQ(fixed_config(text, {{"links", "line1", "", "serial/baud", "19200"},
+                                {"links", "line1", "", "serial/parity", "\"even\""},
+                                {"devices", "m", "", "echo", "false"},
+                                {"devices", "m", "", "timeout_ms", "400"},
+                                {"devices", "m", "x", "scale", "2"},
+                                {"devices", "m", "", "unit", "12"}}),
+            expected);
+}
+
+TEST(FixedConfig, AddsTheFirstKeyOfAnObject) {
+  EXPECT_EQ(fixed_config(R"({"links": [{"name": "a", "serial": {}}]})",
+                         {{"links", "a", "", "serial/baud", "9600"}}),
+            R"({"links": [{"name": "a", "serial": {"baud": 9600}}]})");
 }
 
 TEST(FixedConfig, PointsAtTheKey) {
