@@ -76,6 +76,7 @@ using LastValues = std::vector<std::vector<std::shared_ptr<const GroupValues>>>;
 
 /// Outcome of one command.
 struct LastCommand {
+  std::uint64_t number = 0;  ///< counts the results of this run, from 1
   std::string device;  ///< device name; the config may no longer contain it
   std::string id;      ///< empty if no id could be read
   std::string op;      ///< as received
@@ -92,7 +93,7 @@ struct LastCommand {
   FrameTrace frames{};
 };
 /// Number of last commands kept for the whole agent.
-inline constexpr std::size_t kLastCommands = 16;
+inline constexpr std::size_t kLastCommands = 200;
 
 /// State of the connection to the broker.
 struct BrokerStatus {

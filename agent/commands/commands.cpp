@@ -359,7 +359,9 @@ void Commands::finish(CommandResult result, std::int64_t utc_ms) {
 
 void Commands::note_last(const std::string& device, const CommandResult& result,
                          std::int64_t utc_ms) {
-  last_.push_back(std::make_shared<const LastCommand>(last_command(device, result, utc_ms)));
+  LastCommand last = last_command(device, result, utc_ms);
+  last.number = last_.empty() ? 1 : last_.back()->number + 1;
+  last_.push_back(std::make_shared<const LastCommand>(std::move(last)));
   if (last_.size() > kLastCommands) last_.pop_front();
 }
 

@@ -94,11 +94,13 @@ void write_agent(Writer& out, const AgentStatus& status) {
   out.end_object();
 }
 
-void write_commands(Writer& out, const AgentStatus& status) {
+void write_commands(Writer& out, const AgentStatus& status, std::uint64_t after) {
   out.key("last_commands").begin_array();
   for (const auto& last : status.last_commands) {
     const LastCommand& command = *last;
-    out.begin_object().key("device").string(command.device).key("id").string(command.id);
+    if (command.number <= after) continue;
+    out.begin_object().key("n").integer(command.number);
+    out.key("device").string(command.device).key("id").string(command.id);
     out.key("op").string(command.op).key("status").string(to_string(command.status));
     out.key("reason").string(to_string(command.reason)).key("ts").integer(command.ts_ms);
     out.key("by").string(command.by).key("target").string(command.target);
@@ -142,7 +144,6 @@ std::string overview_of(const AgentStatus& status, std::int64_t dropped_ms) {
   out.begin_object();
   write_verdict(out, verdict_of(status, dropped_ms));
   write_agent(out, status);
-  write_commands(out, status);
   write_links(out, status);
   out.end_object();
   const std::string whole = out.take();
@@ -225,7 +226,8 @@ struct PageApi::Asked {
   std::uint64_t since = 0;  ///< the last snapshot that the page has
   /// The snapshot of its values. Below `since` if it now asks for other groups than before.
   std::uint64_t values = 0;
-  std::uint64_t events = 0;  ///< the last event that it has
+  std::uint64_t events = 0;    ///< the last event that it has
+  std::uint64_t commands = 0;  ///< the last command that it has
   std::optional<std::size_t> link;
   std::vector<std::pair<std::size_t, std::size_t>> groups;  ///< device and group
 
@@ -243,6 +245,7 @@ struct PageApi::Asked {
     asked.since = number("since").value_or(0);
     asked.values = number("values").value_or(0);
     asked.events = number("events").value_or(0);
+    asked.commands = number("commands").value_or(0);
     asked.link = number("link");
     if (!is_good) return std::nullopt;
     const auto given = request.arguments.find("groups");
@@ -270,10 +273,10 @@ HttpAnswer PageApi::answer(const HttpRequest& request, std::shared_ptr<const Age
                    "/api/command");
   const auto asked = Asked::from(request);
   if (!asked)
-    return refusal(
-        kBadRequest,
-        "since, values, events and link are numbers; groups is a list as in 0.0,0.1, of at most "
-        "200");
+    return refusal(kBadRequest,
+                   "since, values, events, commands and link are numbers; groups is a list as in "
+                   "0.0,0.1, of at most "
+                   "200");
   if (request.path == "/api/changes") return changes(*asked);
   const auto& links = status_->config->links;
   if (!asked->link || *asked->link >= links.size() || links[*asked->link].is_vacant())
@@ -367,6 +370,7 @@ std::string PageApi::changes_text(const Asked& asked) const {
   }
   out.end_object();
   if (asked.link) write_link(out, status, *asked.link);
+  write_commands(out, status, asked.commands);
   write_events(out, asked.events);
   out.end_object();
   std::string text = out.take();

@@ -1,8 +1,9 @@
 #!/usr/bin/python3
 """CPU of the agent with 0, 1, 10 and 100 open pages at 1,000 Modbus TCP devices of 100 registers, polled once a second:
     FXAGENT=build-bench/agent/fxagent FXSIM=build-bench/tests/sim/fxsim tests/bench/pages.py [--devices N] [--seconds N]
-A page asks /api/changes once a second, with the values of twelve groups, as a browser with the view Values does. The pages run
-in another process; only the agent's CPU is counted, by /proc. Then it prints the memory of the agent without and with the page.
+A page asks /api/changes once a second, with the values of twelve groups, as a browser with the view Values does. The pages
+run in another process; only the agent's CPU is counted, by /proc. Their process slows down every other one, so each number
+of pages is measured twice: open at this agent, and open at another one on the same machine. Prints the agent's memory, too.
 With BROWSER_MODULES (build/npm/browser) it also prints the first paints of the view Values in Chromium.
 """
 
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import threading
 import time
+import urllib.request
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
 from ports import free_port
@@ -67,29 +69,49 @@ def pages(count, port, devices, seconds, out):
     out.put((len(late), late[len(late) // 2], late[-1]))
 
 
+def used(agent, seconds):
+    """Returns the agent's percent of a core."""
+    before = cpu_s(agent.pid)
+    time.sleep(seconds)
+    return 100 * (cpu_s(agent.pid) - before) / seconds
+
+
+def with_pages(agent, count, port, devices, seconds):
+    """Returns the agent's percent of a core while pages are open at a port, and what pages() says of their answers."""
+    out = multiprocessing.Queue()
+    other = multiprocessing.Process(target=pages, args=(count, port, devices, seconds + 1, out))
+    other.start()
+    time.sleep(1)  # until all are open
+    percent = used(agent, seconds)
+    answers = out.get()
+    other.join()
+    return percent, answers
+
+
 def first_paints(port, count=5):
-    """Returns milliseconds from the navigation to the first contentful paint, and until rows of values are shown, of fresh
-    browser contexts. The latter is looked at every 50 ms."""
+    """Returns three lists of milliseconds, each of fresh browser contexts: from the navigation to the first contentful paint
+    of /healthz, a line of text, which is what this browser needs itself; the same of the view Values; and until that shows a
+    value, which is looked at every 50 ms."""
     here = os.path.dirname(os.path.abspath(__file__))
     script = os.path.join(here, "..", "system", "peers", "browser", "browser.js")
-    commands = [{"open": f"http://127.0.0.1:{port}/#values"},
-                {"until": "document.querySelectorAll('.row').length > 3 && performance.now()"},
-                {"until": "performance.getEntriesByName('first-contentful-paint')[0]?.startTime"}] * count
-    done = subprocess.run(["node", script, os.path.abspath(os.environ["BROWSER_MODULES"])], input="\n".join(map(json.dumps, commands)),
-                          capture_output=True, text=True, check=True)
-    answers = [json.loads(line) for line in done.stdout.splitlines()]
-    return [round(answer["value"]) for answer in answers[2::3]], [round(answer["value"]) for answer in answers[1::3]]
+    paint = {"until": "performance.getEntriesByName('first-contentful-paint')[0]?.startTime"}
+    commands = [{"open": f"http://127.0.0.1:{port}/healthz"}, paint, {"open": f"http://127.0.0.1:{port}/#values"}, paint,
+                {"until": "/\\d/.test(document.querySelector('.row .value')?.textContent) && performance.now()"}] * count
+    done = subprocess.run(["node", script, os.path.abspath(os.environ["BROWSER_MODULES"])],
+                          input="\n".join(map(json.dumps, commands)), capture_output=True, text=True, check=True)
+    answers = [json.loads(line).get("value") for line in done.stdout.splitlines()]
+    return [[round(answer) for answer in answers[n::5]] for n in (1, 3, 4)]
 
 
-def start(directory, broker, first, devices, http_port):
-    config = {"agent": {"id": "bench"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker}"]},
+def start(directory, broker, first, devices, http_port, section="http"):
+    config = {"agent": {"id": f"bench{http_port}"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker}"]},
               "links": [{"name": f"l{n}", "tcp": {"host": "127.0.0.1", "port": first + n}} for n in range(devices)],
               "devices": [{"name": f"d{n}", "link": f"l{n}", "protocol": "modbus-tcp",
                            "tags": [{"name": f"t{t}", "address": f"hr:{t}", "type": "int16"} for t in range(100)]}
                           for n in range(devices)]}
     if http_port:
-        config["http"] = {"listen": f"127.0.0.1:{http_port}"}
-    path = os.path.join(directory, "agent.json")
+        config[section] = {"listen": f"127.0.0.1:{http_port}"}
+    path = os.path.join(directory, f"agent{http_port}.json")
     with open(path, "w") as out:
         json.dump(config, out)
     child = subprocess.Popen([os.environ["FXAGENT"], "run", path], stderr=subprocess.DEVNULL)
@@ -115,32 +137,27 @@ def main():
             children.append(subprocess.Popen([os.environ["FXSIM"], "--config", out.name, "--seconds", "600"],
                                              stdout=subprocess.DEVNULL))
             time.sleep(3)
-            without = start(directory, broker, first, given.devices, 0)
-            before = cpu_s(without.pid)
-            time.sleep(given.seconds)
-            print(f"no http: {100 * (cpu_s(without.pid) - before) / given.seconds:.1f} % CPU, "
-                  f"{memory_mib(without.pid):.1f} MiB")
-            without.terminate()
-            without.wait()
+            for name, port in (("no http", 0), ("metrics without a page", http_port)):
+                without = start(directory, broker, first, given.devices, port, "metrics")
+                if port:
+                    urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics").read()
+                print(f"{name}: {used(without, given.seconds):.1f} % CPU, {memory_mib(without.pid):.1f} MiB")
+                without.terminate()
+                without.wait()
             agent = start(directory, broker, first, given.devices, http_port)
             children.append(agent)
-            for count in (0, 1, 10, 100):
-                asked = (0, 0, 0)
-                before, began = cpu_s(agent.pid), time.monotonic()
-                if count:
-                    out = multiprocessing.Queue()
-                    other = multiprocessing.Process(target=pages, args=(count, http_port, given.devices, given.seconds, out))
-                    other.start()
-                    asked = out.get()
-                    other.join()
-                else:
-                    time.sleep(given.seconds)
-                used = 100 * (cpu_s(agent.pid) - before) / (time.monotonic() - began)
-                print(f"{count} pages: {used:.1f} % CPU, {memory_mib(agent.pid):.1f} MiB, {asked[0]} answers, "
-                      f"p50 {1000 * asked[1]:.1f} ms, longest {1000 * asked[2]:.1f} ms")
+            other_port = free_port()
+            children.append(start(directory, broker, first, 1, other_port))
+            print(f"no page: {used(agent, given.seconds):.1f} % CPU, {memory_mib(agent.pid):.1f} MiB")
+            for count in (1, 10, 100):
+                other, _ = with_pages(agent, count, other_port, 1, given.seconds)
+                own, (answers, median, longest) = with_pages(agent, count, http_port, given.devices, given.seconds)
+                print(f"{count} pages: {own:.1f} % CPU, at the other agent {other:.1f} %, {memory_mib(agent.pid):.1f} MiB, "
+                      f"{answers} answers, p50 {1000 * median:.1f} ms, longest {1000 * longest:.1f} ms")
             if "BROWSER_MODULES" in os.environ:
-                paints, shown = first_paints(http_port)
-                print(f"first paint: {paints} ms, rows of values shown within {shown} ms, {100 * given.devices} tags")
+                line, paints, shown = first_paints(http_port)
+                print(f"first paint with {100 * given.devices} tags: {paints} ms, of a line of text {line} ms; "
+                      f"values within {shown} ms")
         finally:
             for child in reversed(children):
                 child.terminate()

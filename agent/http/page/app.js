@@ -56,4 +56,4 @@ await refresh();
 if (!data.config) pulse.textContent = `The agent does not answer: ${data.lost}`;
 open();
 if (data.config) draw();
-setTimeout(turn, 1000);
+turn();  // with the values that the view wants

@@ -84,7 +84,7 @@ export function commands(main) {
     if (!data.config) return;
     show(form, data.config.hash, () => data.config.commands ? commandForm()
       : el('p', {class: 'soft'}, 'This page is read-only. http.token_file in the config allows commands.'));
-    show(list, JSON.stringify([data.commands, data.lastCommands]), () => {
+    show(list, JSON.stringify([data.commands, data.lastCommands.at(-1)?.n]), () => {
       if (data.lastCommands.length === 0) return el('p', {class: 'soft'}, 'No command has arrived since the agent started.');
       return [facts(Object.entries(data.commands).map(([status, count]) => [status, String(count)])),
         el('p', {class: 'soft small'}, `The newest ${data.lastCommands.length}. Each command and its result is in the audit: fxagent audit.`),

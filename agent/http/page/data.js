@@ -10,6 +10,7 @@ export const data = {
 export const want = {groups: new Set(), link: null};
 
 const KEPT_EVENTS = 2000;
+const KEPT_COMMANDS = 500;
 const KEPT_POINTS = 900;
 let asked = '';
 
@@ -62,10 +63,12 @@ function take(news) {
     data.lastEvent = event.n;
   }
   data.events.splice(0, data.events.length - KEPT_EVENTS);
+  data.lastCommands.push(...news.last_commands);
+  data.lastCommands.splice(0, data.lastCommands.length - KEPT_COMMANDS);
   Object.assign(data, {
     now: news.now, valuesNow: news.now, ts: news.ts, uptime: news.uptime_s, problems: news.problems,
     problemsInAll: news.problems_in_all, works: news.works, broker: news.broker, samples: news.samples, store: news.store,
-    commands: news.commands, configState: news.config, lastCommands: news.last_commands, links: news.links,
+    commands: news.commands, configState: news.config, links: news.links,
     link: news.link ?? null,
   });
 }
@@ -76,9 +79,10 @@ export async function refresh() {
     const groups = [...want.groups].slice(0, 200).join(',');
     if (groups !== asked) { asked = groups; data.valuesNow = 0; }
     const news = await get(`/api/changes?since=${data.now}&values=${data.valuesNow}&events=${data.lastEvent}` +
+      `&commands=${data.lastCommands.at(-1)?.n ?? 0}` +
       (groups ? `&groups=${groups}` : '') + (want.link === null ? '' : `&link=${want.link}`));
     if (news && (news.boot !== data.config.boot || news.hash !== data.config.hash)) {
-      if (news.boot !== data.config.boot) Object.assign(data, {events: [], lastEvent: 0});
+      if (news.boot !== data.config.boot) Object.assign(data, {events: [], lastEvent: 0, lastCommands: []});
       data.config = null;
       return await refresh();
     }

@@ -439,9 +439,11 @@ TEST_F(CommandsTest, LastOnesAreKnownWithWhatBecameOfThem) {
   EXPECT_EQ(last[1]->id, "a");
   EXPECT_EQ(last[1]->status, CommandStatus::succeeded);
   EXPECT_EQ(last[1]->reason, Reason::none);
-  for (int i = 0; i < 20; ++i) receive("no json");
+  EXPECT_EQ(last[1]->number, 2U);
+  for (std::size_t i = 0; i < kLastCommands; ++i) receive("no json");
   EXPECT_EQ(last.size(), kLastCommands);
   EXPECT_EQ(last.front()->reason, Reason::bad_json);
+  EXPECT_EQ(last.back()->number, kLastCommands + 2);
 }
 
 TEST_F(CommandsTest, ResultThatAnEarlierRunGaveIsNoLastOne) {

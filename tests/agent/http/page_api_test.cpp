@@ -91,6 +91,20 @@ TEST_F(PageApiTest, ConfigHasLinksDevicesAndTagsAndNoSecret) {
   EXPECT_EQ(ask("/api/config", {}, answer.etag).status, 200U) << "another run";
 }
 
+TEST_F(PageApiTest, CommandsAfterTheLastThatAPageHas) {
+  status_.last_commands.clear();
+  for (const std::uint64_t number : {3U, 4U, 5U}) {
+    LastCommand last;
+    last.number = number;
+    status_.last_commands.push_back(std::make_shared<const LastCommand>(last));
+  }
+  publish();
+  EXPECT_EQ(changes({})["last_commands"].size(), 3U);
+  const json after = changes({{"commands", "4"}})["last_commands"];
+  ASSERT_EQ(after.size(), 1U);
+  EXPECT_EQ(after[0]["n"], 5);
+}
+
 TEST_F(PageApiTest, AVacantPlaceIsNull) {
   Config config = *status_.config;
   config.devices[0] = {};
