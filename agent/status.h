@@ -76,13 +76,13 @@ using LastValues = std::vector<std::vector<std::shared_ptr<const GroupValues>>>;
 
 /// Outcome of one command.
 struct LastCommand {
-  std::uint64_t number = 0;  ///< counts the results of this run, from 1
-  std::string device;  ///< device name; the config may no longer contain it
-  std::string id;      ///< empty if no id could be read
-  std::string op;      ///< as received
-  std::string by;      ///< sender; empty: the command names none
-  std::string target;  ///< tag or address of the first target
-  Value value{};       ///< of the first target
+  std::uint64_t number = 0;  ///< number of the result in this run, from 1
+  std::string device;        ///< device name; the config may no longer contain it
+  std::string id;            ///< empty if no id could be read
+  std::string op;            ///< as received
+  std::string by;            ///< sender; empty: the command names none
+  std::string target;        ///< tag or address of the first target
+  Value value{};             ///< of the first target
   std::size_t targets = 0;
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;

@@ -3,6 +3,7 @@
 #include <utf8.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -106,6 +107,13 @@ std::string escaped(std::string_view text, Escape how, std::size_t most) {
   std::string out;
   append_escaped(out, text, how, most);
   return out;
+}
+
+std::string ms_text(std::chrono::nanoseconds duration) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f",
+                std::chrono::duration<double, std::milli>(duration).count());
+  return text;
 }
 
 }  // namespace fxagent

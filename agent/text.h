@@ -1,7 +1,8 @@
-// Escapes text from outside sources for display. utfcpp decides what is UTF-8 (RFC 3629: no
-// overlong forms, no surrogates, nothing above U+10FFFF). Any thread.
+// Text for display: escapes what comes from outside, and writes durations. utfcpp decides what is
+// UTF-8 (RFC 3629: no overlong forms, no surrogates, nothing above U+10FFFF). Any thread.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -25,5 +26,8 @@ enum class Escape : std::uint8_t {
 void append_escaped(std::string& out, std::string_view text, Escape how,
                     std::size_t most = std::string_view::npos);
 std::string escaped(std::string_view text, Escape how, std::size_t most = std::string_view::npos);
+
+/// Returns the duration in milliseconds, "12.5".
+std::string ms_text(std::chrono::nanoseconds duration);
 
 }  // namespace fxagent

@@ -226,9 +226,9 @@ class Codec {
   /// It detects a device from which nothing else is read. nullopt if plc() has a request for this,
   /// or if no device would answer.
   virtual std::optional<Request> presence() const { return std::nullopt; }
-  /// Returns the request for maker, product and version of a device. The image of its answer is
-  /// printable ASCII text. nullopt if plc() identifies the device, or if the protocol has no such
-  /// request.
+  /// Returns the request for maker, product and version of a device. The image of its answer has
+  /// them as printable ASCII, with commas between; it is empty if the device names nothing. nullopt
+  /// if plc() identifies the device, or if the protocol has no such request.
   virtual std::optional<Request> identity() const { return std::nullopt; }
   /// Returns a read of less than `request`, with a shorter answer, so that the two answers cannot
   /// be confused. nullopt if `request` is not a read or cannot be shorter.

@@ -1,52 +1,56 @@
 #include "protocol/plc.h"
 
-#include <cstdio>
+#include <array>
 
 namespace fxagent {
 namespace {
 
-constexpr std::size_t kBcdWords = 3;
-constexpr std::uint32_t kCentury = 2000;
+using Clock = SpecialDevices::Clock;
 
-/// Returns the number of two decimal digits in a byte; more than 99 if it has others.
-std::uint32_t from_bcd(std::uint32_t byte) {
-  const std::uint32_t tens = byte >> 4U & 0xFU;
+constexpr std::uint32_t kNoNumber = 0xFFFF;
+
+/// Returns the number of two decimal digits in a byte; kNoNumber if it has others.
+std::uint32_t from_bcd(std::uint8_t byte) {
+  const std::uint32_t tens = byte >> 4U;
   const std::uint32_t ones = byte & 0xFU;
-  return tens > 9 || ones > 9 ? 0xFFFF : 10 * tens + ones;
+  return tens > 9 || ones > 9 ? kNoNumber : 10 * tens + ones;
+}
+
+std::string two_digits(std::uint32_t number) {
+  return (number < 10 ? "0" : "") + std::to_string(number);
 }
 
 }  // namespace
 
 SpecialDevices special_devices_of_fx() {
   return {.battery_low = "M8005",
+          .has_error = "M8004",
           .error = "D8004",
-          .clock = SpecialDevices::Clock::words,
+          .clock = Clock::from_second,
           .clock_copied = {},
-          .clock_at = {"D8013", "D8014", "D8015", "D8016", "D8017", "D8018"}};
+          .clock_at = "D8013"};
 }
 
-std::optional<std::string> clock_text(SpecialDevices::Clock form,
-                                      std::span<const std::uint32_t> words) {
-  std::array<std::uint32_t, 6> parts{};  // from the second to the year
-  if (form == SpecialDevices::Clock::words && words.size() >= parts.size()) {
-    for (std::size_t i = 0; i < parts.size(); ++i) parts[i] = words[i];
-  } else if (form == SpecialDevices::Clock::bcd && words.size() >= kBcdWords) {
-    for (std::size_t i = 0; i < parts.size(); ++i) {
-      const std::uint32_t word = words[kBcdWords - 1 - i / 2];
-      parts[i] = from_bcd(i % 2 == 0 ? word & 0xFFU : word >> 8U);
-    }
-  } else {
-    return std::nullopt;
+std::uint32_t clock_words(Clock form) {
+  return form == Clock::none ? 0 : form == Clock::bcd ? 3 : 6;
+}
+
+std::optional<std::string> clock_text(Clock form, ByteView image) {
+  if (form == Clock::none || image.size() < 2 * clock_words(form)) return std::nullopt;
+  std::array<std::uint32_t, 6> parts{};  // from the year to the second
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const std::size_t word = 2 * (form == Clock::from_second ? parts.size() - 1 - i : i);
+    // The year is the high byte of the first word, the month its low byte.
+    parts[i] = form == Clock::bcd ? from_bcd(image[i % 2 == 0 ? i + 1 : i - 1])
+                                  : image[word] | std::uint32_t{image[word + 1]} << 8U;
   }
-  auto [second, minute, hour, day, month, year] = parts;
-  // An FX shows two digits of the year, or four if it is told so.
-  if (year < 100) year += kCentury;
-  const bool is_date = month >= 1 && month <= 12 && day >= 1 && day <= 31 && year < 2100;
-  if (!is_date || hour > 23 || minute > 59 || second > 59) return std::nullopt;
-  std::array<char, 40> text{};
-  std::snprintf(text.data(), text.size(), "%04u-%02u-%02u %02u:%02u:%02u", year, month, day, hour,
-                minute, second);
-  return std::string(text.data());
+  auto [year, month, day, hour, minute, second] = parts;
+  if (year < 100) year += year < 80 ? 2000 : 1900;
+  const bool is_date = year >= 1980 && year < 2100 && month >= 1 && month <= 12 && day >= 1 &&
+                       day <= 31 && hour <= 23 && minute <= 59 && second <= 59;
+  if (!is_date) return std::nullopt;
+  return std::to_string(year) + "-" + two_digits(month) + "-" + two_digits(day) + " " +
+         two_digits(hour) + ":" + two_digits(minute) + ":" + two_digits(second);
 }
 
 }  // namespace fxagent

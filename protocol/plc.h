@@ -3,11 +3,9 @@
 // interprets answers; codec.h has the frames.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,23 +19,27 @@ namespace fxagent {
 struct SpecialDevices {
   enum class Clock : std::uint8_t {
     none,
-    words,  ///< a word each for second, minute, hour, day, month and year
-    bcd,    ///< year and month, day and hour, minute and second: three words of BCD
+    from_second,  ///< six words: second, minute, hour, day, month, year
+    from_year,    ///< six words: year, month, day, hour, minute, second
+    bcd,          ///< three words of two BCD bytes: year and month, day and hour, minute and second
   };
 
   std::string_view battery_low;  ///< a bit, on if the battery is low
-  std::string_view error;        ///< a word: the newest error code, 0 if there is none
+  std::string_view has_error;    ///< a bit, on while there is an error
+  std::string_view error;        ///< a word: the error code; on an FX the number of the error's M
   Clock clock = Clock::none;
-  std::string_view clock_copied;             ///< a bit; the clock's words are valid while it is on
-  std::array<std::string_view, 6> clock_at;  ///< the words, in the sequence of Clock
+  std::string_view clock_copied;  ///< a bit; the clock's words are valid while it is on
+  std::string_view clock_at;      ///< the first word
 };
 
-/// Returns those of an FX, up to the FX3 (JY997D16601, chapter 37).
+/// Returns those of an FX, up to the FX3. Sources: JY992D48301 (FX, FX0N, FX2N) and JY997D16601
+/// (FX3), the tables of special devices.
 SpecialDevices special_devices_of_fx();
-/// Returns the clock's words as "2026-11-27 01:48:15". nullopt if they are no date and time, or
-/// fewer than `form` needs.
-std::optional<std::string> clock_text(SpecialDevices::Clock form,
-                                      std::span<const std::uint32_t> words);
+/// Returns the number of words of the clock.
+std::uint32_t clock_words(SpecialDevices::Clock form);
+/// Returns the clock as "2026-11-27 01:48:15" from the image of its words, low byte first. A year
+/// of two digits is one from 1980 to 2079. nullopt if it is no date and time, or too short.
+std::optional<std::string> clock_text(SpecialDevices::Clock form, ByteView image);
 
 /// Returned by Codec::plc() and valid as long as that codec. The codec can encode every request
 /// made here, except perhaps run_request(). Sources: JY992D69901 rev. E, chapter 8 (PC, RR, RS) for

@@ -28,6 +28,11 @@ bool operator==(const DeviceConfig& a, const DeviceConfig& b) {
   return settings(a) == settings(b) && same_codec;
 }
 
+std::chrono::nanoseconds char_time_of(const SerialSettings& line) {
+  const int bits = 1 + line.data_bits + (line.parity == Parity::none ? 0 : 1) + line.stop_bits;
+  return std::chrono::nanoseconds((bits * std::int64_t{1'000'000'000} + line.baud / 2) / line.baud);
+}
+
 std::string channel_text(const LinkConfig& link) {
   if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) {
     constexpr std::string_view kParities = "NEO";  // as in Parity

@@ -1,8 +1,8 @@
 #!/bin/bash
 # Takes the pictures of the flow of config/node-red, docs/pictures/node-red-*.png, with Node-RED and Chromium:
 #   docs/pictures/node-red.sh [PORT]
-# Start config/demo/run.sh first; PORT is its broker's, 1883 unless it says otherwise. Node-RED comes from npm and runs in a
-# directory of its own, which goes at the end.
+# Start config/demo/run.sh first; PORT is its broker's, 1883 by default. Node-RED comes from npm and runs in a directory of
+# its own, which the script removes at the end.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -26,7 +26,7 @@ until grep -q 'Connected to broker' "$work/log"; do
   sleep 0.2
 done
 
-node "$root/tests/system/peers/browser/browser.js" "$work/browser" <<EOF | sed -n '/"error"/p'
+node "$root/tests/system/peers/browser/browser.js" "$work/browser" <<EOF >"$work/answers"
 {"open": "http://127.0.0.1:$port/dashboard/fxagent", "width": 1100, "height": 760}
 {"until": "(document.body.innerText.match(/good/g) ?? []).length > 5"}
 {"fill": "input[inputmode=decimal]", "text": "65"}
@@ -39,3 +39,4 @@ node "$root/tests/system/peers/browser/browser.js" "$work/browser" <<EOF | sed -
 {"until": "document.querySelectorAll('.red-ui-flow-node').length > 8"}
 {"shot": "$here/node-red-flow.png"}
 EOF
+if grep '"error"' "$work/answers" >&2; then exit 1; fi

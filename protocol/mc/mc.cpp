@@ -415,17 +415,28 @@ std::shared_ptr<const Codec> Mc::with_model(std::string_view model) const {
   return std::make_shared<const Mc>(settings);
 }
 
-// SH-080483 (Q, L) and SH-081263 (iQ-R), the tables of SM and SD; JY997D55401 (FX5).
+// SH-080483 (Q, L), SH-081264 (iQ-R) and JY997D55401 (FX5): the tables of SM and SD. Only an FX5
+// shows its clock without a request, where an FX3 does.
 SpecialDevices Mc::special_devices() const {
-  SpecialDevices special{.battery_low = "SM52", .error = "SD0", .clock_copied = {}, .clock_at = {}};
-  const Series series = series_of(settings_.model);
-  if (series == Series::q_l) {
-    special.clock = SpecialDevices::Clock::bcd;
-    special.clock_copied = "SM213";
-    special.clock_at = {"SD210", "SD211", "SD212"};
-  } else if (series != Series::unknown) {
-    special.clock = SpecialDevices::Clock::words;
-    special.clock_at = {"SD215", "SD214", "SD213", "SD212", "SD211", "SD210"};
+  SpecialDevices special{.battery_low = "SM52",
+                         .has_error = "SM0",
+                         .error = "SD0",
+                         .clock_copied = "SM213",
+                         .clock_at = "SD210"};
+  switch (series_of(settings_.model)) {
+    case Series::q_l:
+      special.clock = SpecialDevices::Clock::bcd;
+      break;
+    case Series::iq_r:
+      special.clock = SpecialDevices::Clock::from_year;
+      break;
+    case Series::iq_f:
+      special.clock = SpecialDevices::Clock::from_second;
+      special.clock_copied = {};
+      special.clock_at = "SD8013";
+      break;
+    default:
+      break;
   }
   return special;
 }

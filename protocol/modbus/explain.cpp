@@ -125,7 +125,7 @@ constexpr Part kMaskWritten = {"ack", {kAddress, kAndMask, kOrMask}};
 constexpr Part kReadWrite = {"write",
                              {kReadAddress, kReadNumber, kAddress, kQuantity, kDataToWrite}};
 constexpr Part kRefusal = {"nak", {read_by<&PduWalk::exception>("exception", 2)}};
-// Of functions that the agent never sends.
+// Of functions whose data is not explained.
 constexpr Part kAnything = {"other", {kRest}};
 constexpr Part kSomething = {"other", {kSomeRest}};
 constexpr Part kNothing = {"other", {kNoRest}};

@@ -125,6 +125,7 @@ Result<Bytes> encode_force(const Force& force) {
 // object and the number of objects. Each object is its id, its length and its text.
 constexpr std::array<std::uint8_t, 4> kIdentify{code(Function::device_identification), 0x0E, 1, 0};
 constexpr std::size_t kIdentityHead = 7;
+constexpr std::size_t kMoreFollows = 4;
 constexpr std::size_t kLongestPdu = 253;
 
 /// Returns the end of the object that begins at `at`; nullopt if its length is missing.
@@ -134,11 +135,11 @@ std::optional<std::size_t> end_of_object(ByteView pdu, std::size_t at) {
 }
 
 std::optional<std::size_t> identity_length(ByteView pdu) {
-  if (pdu.size() < kIdentityHead) return std::nullopt;
+  if (pdu.size() < kIdentityHead || pdu[1] != kIdentify[1]) return std::nullopt;
   std::size_t end = kIdentityHead;
   for (std::size_t left = pdu[kIdentityHead - 1]; left > 0; --left) {
     const auto next = end_of_object(pdu, end);
-    if (!next) return std::nullopt;
+    if (!next || *next > kLongestPdu) return std::nullopt;
     end = *next;
   }
   return end;
@@ -159,6 +160,8 @@ Result<std::optional<Reply>> decode_identity(ByteView pdu) {
       reply.image.push_back(byte >= ' ' && byte <= '~' ? byte : std::uint8_t{'?'});
     at = end;
   }
+  constexpr std::string_view kMore = ", and more";
+  if (pdu[kMoreFollows] != 0) reply.image.insert(reply.image.end(), kMore.begin(), kMore.end());
   return std::optional<Reply>(std::move(reply));
 }
 

@@ -2,7 +2,7 @@
 """CPU of the agent with 0, 1, 10 and 100 open pages at 1,000 Modbus TCP devices of 100 registers, polled once a second:
     FXAGENT=build-bench/agent/fxagent FXSIM=build-bench/tests/sim/fxsim tests/bench/pages.py [--devices N] [--seconds N]
 A page asks /api/changes once a second, with the values of twelve groups, as a browser with the view Values does. The pages
-run in another process; only the agent's CPU is counted, by /proc. Their process slows down every other one, so each number
+run in another process; only the agent's CPU is counted, by /proc. Their process takes CPU from the agent, so each number
 of pages is measured twice: open at this agent, and open at another one on the same machine. Prints the agent's memory, too.
 With BROWSER_MODULES (build/npm/browser) it also prints the first paints of the view Values in Chromium.
 """
@@ -83,7 +83,7 @@ def with_pages(agent, count, port, devices, seconds):
     other.start()
     time.sleep(1)  # until all are open
     percent = used(agent, seconds)
-    answers = out.get()
+    answers = out.get(timeout=2 * seconds + 60)
     other.join()
     return percent, answers
 
@@ -134,7 +134,7 @@ def main():
             with open(os.path.join(directory, "sim.json"), "w") as out:
                 json.dump({"plcs": [{"name": "d{}", "protocol": "modbus-tcp", "tcp": first, "repeat": given.devices,
                                      "plant": "counter"}]}, out)
-            children.append(subprocess.Popen([os.environ["FXSIM"], "--config", out.name, "--seconds", "600"],
+            children.append(subprocess.Popen([os.environ["FXSIM"], "--config", out.name, "--seconds", str(300 + 12 * given.seconds)],
                                              stdout=subprocess.DEVNULL))
             time.sleep(3)
             for name, port in (("no http", 0), ("metrics without a page", http_port)):

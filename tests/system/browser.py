@@ -24,13 +24,18 @@ class Browser:
     """For a unittest.TestCase."""
 
     def browse(self):
+        """Starts the browser; it ends with the test."""
         self.chromium = subprocess.Popen([shutil.which("node"), SCRIPT, MODULES],
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.addCleanup(self.leave)
 
     def leave(self):
         self.chromium.stdin.close()  # ends it
-        self.chromium.wait(PATIENCE)
+        try:
+            self.chromium.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.chromium.kill()
+            raise
         self.chromium.stdout.close()
 
     def do(self, allowed=(), **command):

@@ -388,9 +388,10 @@ class InChromium(Browser, PagePlant):
         self.see("SUCCEEDED")
         self.see("page:anna")
         self.assertEqual(self.sim.get("press1", "D110"), 421)
-        self.command(id="second", op="write", tag="total", value=7)
-        self.see("second")
-        self.see("page:anna")
+        self.command(id="cmd-7f3", op="write", tag="total", value=7)
+        self.see("cmd-7f3")
+        self.assertEqual(self.do(until="[...document.querySelectorAll('tbody tr')].map((row) => row.innerText.includes('page:anna'))"),
+                         [False, True], "each command once, the newest first")
         self.open("lines")
         self.see("On the wire")
         self.do(until="document.querySelectorAll('.frame').length > 3")

@@ -288,9 +288,9 @@ class Doctor final {
       fault(kDiffers, "slower than its timeout");
       change({"devices", device.name, "", "timeout_ms", std::to_string(2 * slowest.count())});
     }
-    // A longer turnaround_ms than the measured one only makes the first plan and bound cautious.
+    // A turnaround_ms above the measured time only makes the first plan cautious.
     if (usual <= 2 * device.turnaround + kTurnaroundMargin) return;
-    fault(kDiffers, "bounds of commands are too short until the agent has measured the device");
+    fault(kDiffers, "slower than turnaround_ms: the first commands may miss their bound");
     change({"devices", device.name, "", "turnaround_ms", needed});
   }
 
@@ -357,15 +357,18 @@ class Doctor final {
     if (const auto low = word_at(probe, device, codec, special.battery_low))
       note((*low != 0 ? "battery low (" : "battery good (") + std::string(special.battery_low) +
            ")");
-    if (const auto error = word_at(probe, device, codec, special.error); error && *error != 0)
+    const bool has_error = word_at(probe, device, codec, special.has_error).value_or(0) != 0;
+    if (const auto error = word_at(probe, device, codec, special.error); error && has_error)
       note("error word " + std::string(special.error) + " = " + std::to_string(*error));
-    const bool is_kept = special.clock_copied.empty() ||
-                         word_at(probe, device, codec, special.clock_copied).value_or(0) != 0;
-    std::vector<std::uint32_t> clock;
-    for (const std::string_view name : special.clock_at)
-      if (const auto part = is_kept ? word_at(probe, device, codec, name) : std::nullopt)
-        clock.push_back(static_cast<std::uint32_t>(*part));
-    if (const auto text = clock_text(special.clock, clock)) note("clock " + *text);
+    const bool is_valid = special.clock_copied.empty() ||
+                          word_at(probe, device, codec, special.clock_copied).value_or(0) != 0;
+    const auto first = codec.addresses().parse_address(special.clock_at, std::nullopt);
+    if (special.clock == SpecialDevices::Clock::none || !is_valid || !first) return;
+    Span words = first->span;
+    words.bits *= clock_words(special.clock);
+    const auto image = read(probe, device, codec, words);
+    if (const auto text = image ? clock_text(special.clock, *image) : std::nullopt)
+      note("clock " + *text);
   }
 
   /// Tries every read of the plan.

@@ -1,6 +1,7 @@
 #include "agent/cli/doctor/fixed_config.h"
 
 #include <algorithm>
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "agent/config/json/tree.h"
@@ -9,7 +10,8 @@ namespace fxagent {
 namespace {
 
 tl::expected<ConfigTree, ConfigTree::SyntaxError> parsed(const std::string& config) {
-  return ConfigTree::parse(config, ConfigTree::Folding::none, {}, Comments::allowed);
+  constexpr TreeBounds kAny{.nodes = ConfigTree::max_bytes};
+  return ConfigTree::parse(config, ConfigTree::Folding::none, kAny, Comments::allowed);
 }
 
 /// Returns the entry of a list that has this name; nullptr if there is none.
@@ -21,11 +23,31 @@ const ConfigNode* entry_of(const ConfigNode* list, const std::string& name) {
   return nullptr;
 }
 
-/// Returns the object of the link, device or tag.
-const ConfigNode* object_of(const ConfigNode& root, const KeyChange& change) {
-  const ConfigNode* entry = entry_of(root.find(change.list), change.name);
-  if (entry == nullptr || change.tag.empty()) return entry;
-  return entry_of(entry->find("tags"), change.tag);
+/// A key of the file: its object, its name, and its member if it is set.
+struct Place {
+  const ConfigNode* object = nullptr;
+  std::string key;
+  const ConfigNode* member = nullptr;
+};
+
+/// Returns nullopt if the file has no object for it, or if its value is an object or array.
+std::optional<Place> place_of(const ConfigNode& root, const KeyChange& change) {
+  Place place{entry_of(root.find(change.list), change.name), change.key};
+  if (place.object != nullptr && !change.tag.empty())
+    place.object = entry_of(place.object->find("tags"), change.tag);
+  const std::size_t slash = place.key.find('/');
+  if (place.object != nullptr && slash != std::string::npos) {
+    place.object = place.object->find(place.key.substr(0, slash));
+    place.key.erase(0, slash + 1);
+  }
+  if (place.object == nullptr || place.object->kind != ConfigNode::Kind::object)
+    return std::nullopt;
+  place.member = place.object->find(place.key);
+  using Kind = ConfigNode::Kind;
+  if (place.member != nullptr &&
+      (place.member->kind == Kind::object || place.member->kind == Kind::array))
+    return std::nullopt;
+  return place;
 }
 
 /// Returns the first byte from `at` on that is neither space nor comment.
@@ -33,7 +55,7 @@ std::size_t next_token(const std::string& text, std::size_t at) {
   for (;;) {
     at = std::min(text.find_first_not_of(" \t\r\n", at), text.size());
     if (text.compare(at, 2, "//") == 0)
-      at = std::min(text.find('\n', at), text.size());
+      at = std::min(text.find_first_of("\r\n", at), text.size());
     else if (text.compare(at, 2, "/*") == 0)
       at = text.find("*/", at + 2) + 2;
     else
@@ -41,42 +63,31 @@ std::size_t next_token(const std::string& text, std::size_t at) {
   }
 }
 
-/// Replaces the value of a member, which is no object and no array.
-void replace(std::string& text, const ConfigNode& member, const std::string& value) {
-  const std::size_t colon = next_token(text, member.key_offset + 1);
+/// A part of the text and what replaces it.
+struct Edit {
+  std::size_t begin = 0;
+  std::size_t bytes = 0;
+  std::string text;
+};
+
+/// Replaces the value of `member`.
+Edit replacement(const std::string& text, const ConfigNode& member, const std::string& value) {
+  const std::size_t colon = next_token(text, member.key_offset + std::size_t{1});
   const std::size_t begin = next_token(text, colon + 1);
   const bool is_number =
       member.kind == ConfigNode::Kind::integer || member.kind == ConfigNode::Kind::number;
   // The offset of a number is the byte after it.
-  text.replace(begin, member.offset + (is_number ? 0U : 1U) - begin, value);
+  return {begin, member.offset + (is_number ? 0U : 1U) - begin, value};
 }
 
 /// Adds a member in front of the others, on a line of its own if they have that too.
-void add(std::string& text, const ConfigNode& object, const std::string& member) {
+Edit addition(const std::string& text, const ConfigNode& object, const std::string& member) {
   const std::size_t begin = object.offset + std::size_t{1};
-  if (object.children.empty()) {
-    text.insert(begin, member);
-    return;
-  }
+  if (object.children.empty()) return {begin, 0, member};
   const std::size_t next = text.find_first_not_of(" \t\r\n", begin);
   const std::string space = text.substr(begin, next - begin);
   const bool has_lines = space.find('\n') != std::string::npos;
-  text.insert(next, member + "," + (has_lines ? space : " "));
-}
-
-void apply(std::string& text, const KeyChange& change) {
-  const auto tree = parsed(text);
-  const ConfigNode* object = tree ? object_of(tree->root(), change) : nullptr;
-  std::string key = change.key;
-  if (const std::size_t slash = key.find('/'); slash != std::string::npos && object != nullptr) {
-    object = object->find(key.substr(0, slash));
-    key = key.substr(slash + 1);
-  }
-  if (object == nullptr) return;
-  if (const ConfigNode* member = object->find(key))
-    replace(text, *member, change.value);
-  else
-    add(text, *object, json_string(key) + ": " + change.value);
+  return {next, 0, member + "," + (has_lines ? space : " ")};
 }
 
 }  // namespace
@@ -87,14 +98,26 @@ std::string json_string(const std::string& text) {
 
 std::optional<std::string> pointer_of(const std::string& config, const KeyChange& change) {
   const auto tree = parsed(config);
-  const ConfigNode* object = tree ? object_of(tree->root(), change) : nullptr;
-  if (object == nullptr) return std::nullopt;
-  return pointer_to(*object) + "/" + change.key;
+  const auto place = tree ? place_of(tree->root(), change) : std::nullopt;
+  if (!place) return std::nullopt;
+  return pointer_to(*place->object) + "/" + place->key;
 }
 
-std::string fixed_config(std::string config, const std::vector<KeyChange>& changes) {
-  for (const KeyChange& change : changes) apply(config, change);
-  return config;
+std::string fixed_config(const std::string& config, const std::vector<KeyChange>& changes) {
+  const auto tree = parsed(config);
+  if (!tree) return config;
+  std::vector<Edit> edits;
+  for (const KeyChange& change : changes)
+    if (const auto place = place_of(tree->root(), change))
+      edits.push_back(
+          place->member != nullptr
+              ? replacement(config, *place->member, change.value)
+              : addition(config, *place->object, json_string(place->key) + ": " + change.value));
+  // From the end, so that the places of the others stay as they are.
+  std::ranges::stable_sort(edits, std::greater{}, &Edit::begin);
+  std::string fixed = config;
+  for (const Edit& edit : edits) fixed.replace(edit.begin, edit.bytes, edit.text);
+  return fixed;
 }
 
 }  // namespace fxagent

@@ -20,11 +20,12 @@ struct KeyChange {
 std::string json_string(const std::string& text);
 
 /// Returns the JSON pointer of the key in this config, such as "/devices/0/unit". nullopt if the
-/// entry is not in the file under its name, because a template, `n` or a variable makes it.
+/// entry is not in the file under its name, because a template, `n` or a variable makes it, or if
+/// the value of the key is an object or an array.
 std::optional<std::string> pointer_of(const std::string& config, const KeyChange& change);
 
 /// Returns the config with the changes that have a pointer. Everything else stays as it is written,
 /// comments included.
-std::string fixed_config(std::string config, const std::vector<KeyChange>& changes);
+std::string fixed_config(const std::string& config, const std::vector<KeyChange>& changes);
 
 }  // namespace fxagent

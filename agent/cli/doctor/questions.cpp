@@ -15,8 +15,7 @@ LinkConfig with_line(LinkConfig link, const LineDefaults& line) {
   serial.data_bits = line.data_bits;
   serial.parity = line.parity;
   serial.stop_bits = line.stop_bits;
-  const int bits = 1 + line.data_bits + (line.parity == Parity::none ? 0 : 1) + line.stop_bits;
-  link.char_time = std::chrono::nanoseconds(1'000'000'000LL * bits / line.baud);
+  link.char_time = char_time_of(serial);
   return link;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
@@ -16,12 +15,6 @@ namespace {
 
 using Way = RecordedFrame::Way;
 using Json = nlohmann::ordered_json;
-
-std::string ms_text(std::chrono::nanoseconds duration) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f", static_cast<double>(duration.count()) / 1e6);
-  return text;
-}
 
 std::string dumped(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";

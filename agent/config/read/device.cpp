@@ -2,15 +2,14 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/container_hash/hash.hpp>
 #include <map>
-#include <set>
 #include <string>
-#include <unordered_map>
 #include <utility>
 
 #include "agent/config/keys.h"
+#include "agent/config/read/join_link.h"
 #include "agent/config/read/model_name.h"
+#include "agent/config/read/shared_parts.h"
 #include "agent/config/read/tag_units.h"
 #include "agent/config/read/templates.h"
 #include "agent/config/read/warnings.h"
@@ -20,8 +19,6 @@
 
 namespace fxagent {
 namespace {
-
-using std::string_view_literals::operator""sv;
 
 std::vector<std::string_view> option_keys(const ProtocolInfo& protocol) {
   std::vector<std::string_view> keys;
@@ -35,71 +32,6 @@ bool is_common(std::string_view key) {
   const auto keys = config_section("devices[]");
   return std::ranges::find(keys, key, &ConfigKey::name) != keys.end();
 }
-
-/// Creates each codec, TagUnits and list of tags once and shares it between devices: a large plant
-/// has few different ones.
-class SharedParts {
- public:
-  struct Protocol {
-    std::shared_ptr<const Codec> codec;
-    std::shared_ptr<const Options> options;
-  };
-
-  Result<Protocol> protocol_of(const ProtocolInfo& info, Options options) {
-    const std::pair kind(&info, std::move(options));
-    if (const auto known = protocols_.find(kind); known != protocols_.end()) return known->second;
-    auto codec = info.make(kind.second);
-    if (!codec) return tl::unexpected(codec.error());
-    return protocols_.emplace(kind, Protocol{*codec, std::make_shared<const Options>(kind.second)})
-        .first->second;
-  }
-
-  /// Returns the codec for each of ProtocolInfo::models. `open` is one whose model is unknown.
-  const std::vector<std::shared_ptr<const Codec>>& models_of(const ProtocolInfo& info,
-                                                             const Codec& open) {
-    auto& models = models_[&open];
-    if (models.empty())
-      for (const std::string_view model : info.models)
-        models.push_back(open.plc()->with_model(model));
-    return models;
-  }
-
-  std::shared_ptr<const TagUnits> units_of(TagUnits units) {
-    if (units == TagUnits{}) return no_units();
-    return *units_.insert(std::make_shared<const TagUnits>(std::move(units))).first;
-  }
-
-  SharedVector<TagConfig> tags_of(SharedVector<TagConfig> tags) {
-    const std::size_t hash = hash_of(tags);
-    const auto [first, last] = tags_.equal_range(hash);
-    for (auto known = first; known != last; ++known)
-      if (known->second == tags) return known->second;
-    return tags_.emplace(hash, std::move(tags))->second;
-  }
-
- private:
-  struct ByValue {
-    bool operator()(const auto& one, const auto& other) const { return *one < *other; }
-  };
-
-  /// Hashes the members that commonly differ between lists. Lists with equal hashes are compared.
-  static std::size_t hash_of(const SharedVector<TagConfig>& tags) {
-    std::size_t hash = tags.size();
-    for (const TagConfig& tag : tags) {
-      boost::hash_combine(hash, std::string_view(tag.name));
-      boost::hash_combine(hash, std::string_view(tag.point.address.text));
-      boost::hash_combine(hash, tag.point.scale);
-      boost::hash_combine(hash, tag.point.offset);
-      boost::hash_combine(hash, tag.units.get());  // of units_
-    }
-    return hash;
-  }
-
-  std::map<std::pair<const ProtocolInfo*, Options>, Protocol> protocols_;
-  std::map<const Codec*, std::vector<std::shared_ptr<const Codec>>> models_;
-  std::set<std::shared_ptr<const TagUnits>, ByValue> units_;
-  std::unordered_multimap<std::size_t, SharedVector<TagConfig>> tags_;
-};
 
 /// Reads one device. If its protocol is missing or wrong, reads on without a codec, so that other
 /// errors in its tags are still reported.
@@ -532,80 +464,6 @@ void DeviceReader::read_allow(const ConfigNode& list) {
       reader_.error(item, span.error().text);
   }
   device_.commands.allow = merged(std::move(spans));
-}
-
-// ---- devices and their links ------------------------------------------------------------------
-
-using Channel = LinkFacts::Channel;
-constexpr std::array kChannels{std::pair(Channel::serial, "serial"sv),
-                               std::pair(Channel::tcp, "tcp"sv), std::pair(Channel::udp, "udp"sv)};
-
-bool runs_on(const ProtocolInfo& protocol, Channel channel) {
-  switch (channel) {
-    case Channel::serial:
-      return protocol.on_serial;
-    case Channel::tcp:
-      return protocol.on_tcp;
-    case Channel::udp:
-      return protocol.on_udp;
-    case Channel::none:
-      break;
-  }
-  return true;  // the link's own error is already reported
-}
-
-/// Returns the error text for a protocol that does not run over the channel of its link.
-std::string why_not_on(const ProtocolInfo& protocol, Channel channel) {
-  std::string given;
-  std::string needed;
-  for (const auto& [each, word] : kChannels) {
-    if (each == channel) given = word;
-    if (runs_on(protocol, each))
-      needed.append(needed.empty() ? "\"" : " or \"").append(word).append("\"");
-  }
-  std::string others;
-  for (const ProtocolInfo& other : catalog())
-    if (channel == Channel::udp && other.on_udp)
-      others.append(others.empty() ? "; over udp run " : ", ").append(other.name);
-  return std::string(protocol.name) + " does not run over a " + given +
-         " link; it needs one with " + needed + others;
-}
-
-/// Finds the device's link. Checks that its channel and its other devices allow the protocol.
-void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& links,
-               std::vector<LinkFacts>& facts, DeviceConfig& device) {
-  const ConfigNode& node = entry.members();
-  const auto name = reader.name(node, config_key("devices[].link"));
-  if (!name) return;
-  const ConfigNode& given = *node.find("link");
-  const auto index = links.find(*name);
-  if (!index) {
-    std::string text = "there is no link \"" + *name + "\"";
-    if (links.empty())
-      text += "; the config has no links";
-    else if (reader.may_suggest(given.offset))
-      text += links.in_place_of(*name);
-    reader.error(given, std::move(text));
-    return;
-  }
-  device.link = *index;
-  LinkFacts& link = facts[*index];
-  const ConfigNode* before = link.first_device;
-  if (before == nullptr) link.first_device = &entry.node();
-  if (device.protocol == nullptr) return;
-  const ProtocolInfo& protocol = *device.protocol;
-  if (!runs_on(protocol, link.channel)) reader.error(given, why_not_on(protocol, link.channel));
-  if (link.protocol == nullptr) {
-    link.protocol = &protocol;
-  } else if (link.protocol != &protocol) {
-    reader.error(*node.find("protocol"), "all devices of a link use one protocol, and " +
-                                             reader.place_of(*before) + " has " +
-                                             std::string(link.protocol->name) +
-                                             " here; put this device on another link");
-  } else if (!protocol.multidrop) {
-    reader.warn(given, "the same PLC answers for this device and for " + reader.place_of(*before) +
-                           ": " + std::string(protocol.name) + " has no station numbers");
-  }
 }
 
 }  // namespace

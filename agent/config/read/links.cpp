@@ -139,12 +139,6 @@ SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults)
   return line;
 }
 
-/// Returns the time of one character: start bit, data bits, parity bit, stop bits.
-std::chrono::nanoseconds character_time(const SerialSettings& line) {
-  const int bits = 1 + line.data_bits + (line.parity == Parity::none ? 0 : 1) + line.stop_bits;
-  return std::chrono::nanoseconds((bits * std::int64_t{1'000'000'000} + line.baud / 2) / line.baud);
-}
-
 /// Returns the node of the link's `data_bits`; nullptr if the file does not set it.
 const ConfigNode* data_bits_of(const ConfigNode& link) {
   const ConfigNode* serial = link.find("serial");
@@ -250,7 +244,7 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
       *serial = std::move(whole);
     }
     if (facts.channel != LinkFacts::Channel::serial && !links.lines[i].baud) continue;
-    link.char_time = character_time(line);
+    link.char_time = char_time_of(line);
     lines[i] = line;
   }
   warn_of_lines(reader, array, lines, config);

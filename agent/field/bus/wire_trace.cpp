@@ -1,10 +1,10 @@
 #include "agent/field/bus/wire_trace.h"
 
-#include <cstdio>
 #include <utility>
 
 #include "agent/log/log.h"
 #include "agent/steady_time.h"
+#include "agent/text.h"
 #include "protocol/explanation.h"
 
 namespace fxagent {
@@ -15,13 +15,6 @@ using Way = RecordedFrame::Way;
 
 // Size of a log line without its bytes, each of which takes three characters.
 constexpr std::size_t kLineBytes = 192;
-
-std::string ms_text(nanoseconds duration) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f",
-                std::chrono::duration<double, std::milli>(duration).count());
-  return text;
-}
 
 }  // namespace
 

@@ -10,7 +10,7 @@ export const data = {
 export const want = {groups: new Set(), link: null};
 
 const KEPT_EVENTS = 2000;
-const KEPT_COMMANDS = 500;
+const KEPT_COMMANDS = 200;
 const KEPT_POINTS = 900;
 let asked = '';
 
@@ -73,7 +73,14 @@ function take(news) {
   });
 }
 
-export async function refresh() {
+let running = null;
+
+// One question at a time, so that nothing arrives twice.
+export function refresh() {
+  return running ??= ask().finally(() => { running = null; });
+}
+
+async function ask() {
   try {
     if (!data.config) await takeConfig();
     const groups = [...want.groups].slice(0, 200).join(',');
@@ -84,7 +91,7 @@ export async function refresh() {
     if (news && (news.boot !== data.config.boot || news.hash !== data.config.hash)) {
       if (news.boot !== data.config.boot) Object.assign(data, {events: [], lastEvent: 0, lastCommands: []});
       data.config = null;
-      return await refresh();
+      return await ask();
     }
     if (news) take(news);
     data.lost = '';

@@ -454,6 +454,19 @@ TEST(Modbus, AnIdentityIsPrintable) {
   EXPECT_EQ((*reply)->image, (Bytes{'A', '?', '?'}));
 }
 
+TEST(Modbus, AnIdentityMayHaveMore) {
+  const Modbus codec = unit(17);
+  const auto reply = codec.decode(
+      *codec.identity(), 0, framed(Framing::rtu, 17, hex("2B 0E 01 01 FF 01 01 00 01 41"), 0));
+  ASSERT_TRUE(reply && *reply);
+  EXPECT_EQ(std::string((*reply)->image.begin(), (*reply)->image.end()), "A, and more");
+}
+
+TEST(Modbus, AnotherEncapsulatedInterfaceIsNoIdentity) {
+  EXPECT_TRUE(needs_more(unit(17), *unit(17).identity(), "11 2B 0D 01 01 00 00 01 00 01 41"));
+  EXPECT_EQ(answer_length(hex("2B 0D 01 01 00 00 01 00 01 41")), std::nullopt);
+}
+
 TEST(Modbus, AnIdentityWithObjectsBeyondItsFrameIsBad) {
   const Modbus codec({.framing = Framing::tcp, .unit = 17});
   for (const std::string pdu : {"2B 0E 01 01 00 00 02 00 01 41", "2B 0E 01 01 00 00 01 00 05 41",

@@ -62,6 +62,31 @@ TEST(FixedConfig, KeepsTextAndComments) {
             expected);
 }
 
+TEST(FixedConfig, AnyLineEndEndsAComment) {
+  for (const std::string end : {"\n", "\r\n", "\r"}) {
+    const std::string text =
+        "{\"devices\": [{\"name\": \"m\", \"unit\": // 7" + end + " 1}]} // end" + end;
+    std::string expected = text;
+    expected.replace(text.find(" 1}"), 2, " 12");
+    EXPECT_EQ(fixed_config(text, {{"devices", "m", "", "unit", "12"}}), expected);
+  }
+}
+
+TEST(FixedConfig, SeveralKeysOfOneObjectAreAdded) {
+  const auto fixed = nlohmann::json::parse(fixed_config(
+      R"({"links": [{"name": "a", "serial": {"path": "p"}}]})",
+      {{"links", "a", "", "serial/baud", "9600"}, {"links", "a", "", "serial/parity", "\"odd\""}}));
+  EXPECT_EQ(fixed["links"][0]["serial"],
+            nlohmann::json::parse(R"({"path": "p", "baud": 9600, "parity": "odd"})"));
+}
+
+TEST(FixedConfig, AnObjectIsNotReplaced) {
+  const std::string text = R"({"devices": [{"name": "m", "commands": {"allow": []}}]})";
+  const KeyChange change{"devices", "m", "", "commands", "5"};
+  EXPECT_EQ(pointer_of(text, change), std::nullopt);
+  EXPECT_EQ(fixed_config(text, {change}), text);
+}
+
 TEST(FixedConfig, AddsTheFirstKeyOfAnObject) {
   EXPECT_EQ(fixed_config(R"({"links": [{"name": "a", "serial": {}}]})",
                          {{"links", "a", "", "serial/baud", "9600"}}),
