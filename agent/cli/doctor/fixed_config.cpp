@@ -114,7 +114,7 @@ std::string fixed_config(const std::string& config, const std::vector<KeyChange>
               ? replacement(config, *place->member, change.value)
               : addition(config, *place->object, json_string(place->key) + ": " + change.value));
   // From the end, so that the places of the others stay as they are.
-  std::ranges::stable_sort(edits, std::greater{}, &Edit::begin);
+  std::ranges::sort(edits, std::greater{}, &Edit::begin);
   std::string fixed = config;
   for (const Edit& edit : edits) fixed.replace(edit.begin, edit.bytes, edit.text);
   return fixed;
