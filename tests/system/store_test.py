@@ -38,8 +38,10 @@ class StoreLife(PlantTest):
         return self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
 
     def poll_on(self, count):
-        until = self.polls() + count
-        wait_for(f"{count} polls", lambda: self.polls() > until)
+        """Waits until the agent has made this many samples. The PLC counts reads: one of them may be the question for RUN,
+        and the agent may not have taken in the answer to the last."""
+        until = self.polls() + count + 2
+        wait_for(f"{count} polls", lambda: self.polls() >= until)
 
     def log_of_the_store(self):
         with open(os.path.join(self.store["path"], "fxagent.db-wal"), "rb") as log:
