@@ -21,6 +21,7 @@ struct Ledger {
   std::int64_t rows = 0;
 
   Ledger() {
+    db.setBusyTimeout(60'000);  // the checkpointer may lose the processor while it holds a lock
     EXPECT_NO_THROW(
         db.exec("PRAGMA page_size = 4096; PRAGMA journal_mode = WAL; PRAGMA synchronous = OFF;"
                 "CREATE TABLE t(id INTEGER PRIMARY KEY, x BLOB)"));
