@@ -352,13 +352,14 @@ class InChromium(Browser, PagePlant):
 
     def test_ten_thousand_tags_make_few_rows(self):
         self.begin(many=9994)
+        late = ("503",)  # an agent on a busy machine answers so until its status is new again
         self.browse()
-        self.open("values")
-        self.see("10000 tags")
-        self.assertLess(self.do(until="document.querySelectorAll('.row').length"), 60)
-        self.do(fill="input[type=search]", text="t9993")
-        self.do(until="document.querySelectorAll('.row').length === 1")
-        self.see("1 of 10000 tags")
+        self.open("values", allowed=late)
+        self.see("10000 tags", allowed=late)
+        self.assertLess(self.do(until="document.querySelectorAll('.row').length", allowed=late), 60)
+        self.do(fill="input[type=search]", text="t9993", allowed=late)
+        self.do(until="document.querySelectorAll('.row').length === 1", allowed=late)
+        self.see("1 of 10000 tags", allowed=late)
 
     def test_a_command_asks_once_more_and_shows_its_result(self):
         token_file = os.path.join(self.directory, "token")
