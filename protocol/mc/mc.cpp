@@ -415,8 +415,8 @@ std::shared_ptr<const Codec> Mc::with_model(std::string_view model) const {
   return std::make_shared<const Mc>(settings);
 }
 
-// SH-080483 (Q, L), SH-081264 (iQ-R) and JY997D55401 (FX5): the tables of SM and SD. Only an FX5
-// shows its clock without a request, where an FX3 does.
+// SH-080483 (Q, L), SH-081264 (iQ-R) and JY997D55401 (FX5): the tables of SM and SD. An FX5 also
+// has the clock of an FX3, 8013 up, which needs no request.
 SpecialDevices Mc::special_devices() const {
   SpecialDevices special{.battery_low = "SM52",
                          .has_error = "SM0",

@@ -30,6 +30,8 @@ SETTINGS = """module.exports = {
 """
 
 
+@unittest.skipUnless(os.path.isdir(os.path.join(MODULES, "node-red")),
+                     "Node-RED is not there: tests/run.sh fetches it from npm's registry")
 class NodeRed(Browser, PlantTest):
     def start_demo(self, devices=1, interval_ms=500):
         """Starts the programs of config/demo/run.sh with some of its devices. The test controls the PLCs' memory."""
@@ -99,8 +101,6 @@ class NodeRed(Browser, PlantTest):
         return ((self.context("tags") or {}).get(device) or {}).get(name)
 
     def test_the_flow_shows_values_alarms_results_and_history(self):
-        if not os.path.isdir(os.path.join(MODULES, "node-red")):
-            self.skipTest("Node-RED is not there: tests/run.sh fetches it from npm's registry")
         self.start_demo(interval_ms=50)  # an outage of seconds then has a history
         self.start_node_red()
         # The flow has no unknown nodes, and none fails.
@@ -146,11 +146,8 @@ class NodeRed(Browser, PlantTest):
         for trouble in ("[error]", "TypeError", "ReferenceError"):
             self.assertNotIn(trouble, self.said())
 
+    @unittest.skipIf(why_no_browser(), why_no_browser())
     def test_the_dashboard_in_chromium(self):
-        if not os.path.isdir(os.path.join(MODULES, "node-red")):
-            self.skipTest("Node-RED is not there: tests/run.sh fetches it from npm's registry")
-        if why_no_browser():
-            self.skipTest(why_no_browser())
         self.start_demo(devices=2)
         self.start_node_red()
         self.browse()

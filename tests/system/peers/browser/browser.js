@@ -1,4 +1,4 @@
-// Drives Debian's Chromium for page_test.py: one command as JSON a line on standard input, one answer a line.
+// Drives Debian's Chromium for tests (browser.py), pictures and the bench of pages: one command as JSON a line on standard input, one answer a line.
 //   {"open": URL, "width": 1280, "height": 800, "scheme": "light"}   a new page
 //   {"until": EXPRESSION}    waits until the expression is true in the page, and answers its value
 //   {"fill": SELECTOR, "text": "…"}  {"click": SELECTOR}  {"press": KEY}
