@@ -32,7 +32,11 @@
 #include "agent/uplink/paho/connect_faults.h"
 #include "agent/uplink/paho/paho_broker.h"
 #include "agent/uplink/payload/json_payload.h"
+#include "agent/uplink/profile/json_profile.h"
+#include "agent/uplink/profile/outlet.h"
+#include "agent/uplink/profile/plain_profile.h"
 #include "agent/uplink/publisher.h"
+#include "agent/uplink/sparkplug/sparkplug_profile.h"
 #include "agent/uplink/status/status_line.h"
 
 namespace fxagent {
@@ -91,6 +95,71 @@ std::unique_ptr<FlightRecorder> make_recorder(const Config& config) {
   return std::make_unique<FlightRecorder>(std::move(settings));
 }
 
+/// Returns the settings of the profile's session: those of its broker, with a client id of its own.
+MqttConfig settings_of(const ProfileConfig& profile, const Config& config) {
+  const auto broker = std::ranges::find(config.brokers, profile.broker, &BrokerConfig::name);
+  MqttConfig mqtt = broker == config.brokers.end() ? config.mqtt : broker->mqtt;
+  const auto kind = static_cast<std::size_t>(profile.kind);
+  mqtt.client_id += "-" + std::string(config_keys::kProfiles.at(kind));
+  return mqtt;
+}
+
+/// One profile beside the agent's own, with its part of the disk.
+struct ProfileParts {
+  std::unique_ptr<Store> store;
+  std::unique_ptr<GuardedStore> guarded;
+  std::unique_ptr<Profile> profile;
+  std::unique_ptr<Broker> broker;
+  std::unique_ptr<Outlet> outlet;
+};
+
+/// Makes the profile. `config` belongs to the uplink. `take_order` gets its commands.
+ProfileParts make_profile(const Config& config, const ProfileConfig& what,
+                          const PublisherSettings& run, TakeOrder take_order, Outbox& outbox,
+                          std::uint32_t seed) {
+  const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
+  const auto wake = [&outbox] { outbox.notify(); };
+  const auto broker = std::ranges::find(config.brokers, what.broker, &BrokerConfig::name);
+  if (broker != config.brokers.end() && !broker->commands) take_order = {};
+  ProfileParts parts;
+  if (!config.store.path.empty()) {
+    StoreConfig own = config.store;
+    own.path += "/" + name_of(what);
+    parts.store = std::make_unique<Store>(own, utc_now());
+    parts.guarded = std::make_unique<GuardedStore>(*parts.store, wake);
+  }
+  auto new_id = [begin = run.boot + "-" + name_of(what) + "-", next = std::uint64_t{1}]() mutable {
+    return begin + std::to_string(next++);
+  };
+  Outlet::Settings settings;
+  switch (what.kind) {
+    case ProfileConfig::Kind::json:
+      parts.profile = std::make_unique<JsonProfile>(config, run.boot, run.version, utc_now(),
+                                                    what.broker, std::move(take_order));
+      break;
+    case ProfileConfig::Kind::plain:
+      parts.profile =
+          std::make_unique<PlainProfile>(config, what, std::move(take_order), std::move(new_id));
+      break;
+    case ProfileConfig::Kind::sparkplug:
+      parts.profile =
+          std::make_unique<SparkplugProfile>(config, what, std::move(take_order), std::move(new_id),
+                                             utc_now, settings_of(what, config).servers.size() > 1);
+      settings.marker_topic = config.base_topic() + "/sparkplug";
+      break;
+  }
+  settings.name = name_of(what);
+  settings.mqtt = settings_of(what, config);
+  settings.boot = run.boot;
+  settings.backlog_bytes = run.backlog_bytes;
+  settings.jitter_seed = seed;
+  parts.broker = std::make_unique<PahoBroker>(
+      settings.mqtt, [profile = parts.profile.get()] { return profile->last_will(); }, wake);
+  parts.outlet = std::make_unique<Outlet>(config, std::move(settings), *parts.profile,
+                                          *parts.broker, utc_now, parts.guarded.get());
+  return parts;
+}
+
 /// Returns the current status in one line; empty if there is none yet.
 std::string current_status(StatusBoard& board) {
   const auto status = board.read(std::chrono::steady_clock::now(), kStatusWithin);
@@ -144,6 +213,16 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       config, settings, payload, outbox, broker, commands, utc_now, guarded.get(),
       [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); },
       [&field] { field.report(); });
+
+  std::vector<ProfileParts> profiles;
+  for (const ProfileConfig& what : std::as_const(config).profiles) {
+    const auto take_order = [&publisher](Order order) {
+      publisher.take_order(std::move(order), std::chrono::steady_clock::now());
+    };
+    profiles.push_back(make_profile(config, what, settings, take_order, outbox, random()));
+    publisher.add(*profiles.back().outlet,
+                  [what](const Config& next) { return settings_of(what, next); });
+  }
 
   log::info("agent", {{"state", "starting"},
                       {"id", config.id},

@@ -1,17 +1,15 @@
-// A command that comes from the page instead of MQTT.
+// A command that comes from the page or from another profile instead of the agent's own session.
 #pragma once
 
-#include <functional>
 #include <string>
+
+#include "agent/command_message.h"
 
 namespace fxagent {
 
-struct Order {
+struct Order : MessageProperties {
   std::string device;   ///< its name
   std::string payload;  ///< as on a command topic
-  std::string sender;   ///< "page:anna", for the audit
-  /// Gets the result as JSON, once. Any thread; must not block.
-  std::function<void(const std::string& result)> tell;
 };
 
 }  // namespace fxagent

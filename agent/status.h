@@ -95,6 +95,16 @@ struct LastCommand {
 /// Number of last commands kept for the whole agent.
 inline constexpr std::size_t kLastCommands = 200;
 
+/// State of a profile with a session of its own.
+struct ProfileStatus {
+  std::string name;  ///< "plain", or "plain@cloud"
+  std::string server;
+  bool connected = false;
+  bool ready = false;    ///< samples are sent; false: not connected, or the host is offline
+  std::string why;       ///< why it is not connected; empty: no reason known
+  SampleCounts samples;  ///< `suppressed` is 0: the field passes those to no profile
+};
+
 /// State of the connection to the broker.
 struct BrokerStatus {
   std::string server{};  ///< the broker that the agent is connected to or is trying
@@ -136,6 +146,7 @@ struct AgentStatus {
   SteadyTime made_at{};                   ///< the same instant as ts_ms
   std::optional<SteadyTime> field_heard;  ///< when the field last sent `field`
   BrokerStatus broker;
+  std::vector<ProfileStatus> profiles;  ///< beside the agent's own
   std::string boot;
   std::string version;
   std::chrono::seconds uptime{0};

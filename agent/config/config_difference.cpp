@@ -161,6 +161,8 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
   };
   must_stay("/agent/id", running.id == wanted.id, shown(running.id));
   must_stay("/agent/root", running.root == wanted.root, shown(running.root));
+  must_stay("/brokers", running.brokers == wanted.brokers, "what it was at the start");
+  must_stay("/profiles", running.profiles == wanted.profiles, "what it was at the start");
   const StoreConfig& is = running.store;
   const StoreConfig& next = wanted.store;
   must_stay("/store/path", is.path == next.path, is.path.empty() ? "no store" : shown(is.path));

@@ -80,6 +80,7 @@ using None = ConfigKey::None;
 using Rule = ConfigKey::Rule;
 
 inline constexpr std::array kVersions{"5"sv, "3.1.1"sv};
+inline constexpr std::array kProfiles{"json"sv, "plain"sv, "sparkplug"sv};  // of ProfileConfig
 inline constexpr std::array kSyncs{"offline"sv, "always"sv};
 inline constexpr std::array kParities{"none"sv, "even"sv, "odd"sv};  // the order of Parity
 inline constexpr std::array kPublish{"always"sv, "on_change"sv};
@@ -101,11 +102,15 @@ inline constexpr ConfigKey::Limits kExpiry{1, 604'800};  // a week
 inline constexpr Rule kOfProtocol{"the protocol's"};
 
 // clang-format off
-/// The keys of one section must be adjacent: config_section() returns them as one span.
-inline constexpr auto kAll = std::to_array<ConfigKey>({
+/// All keys but those that each of the `brokers` shares with `mqtt`. The keys of one section must be
+/// adjacent: config_section() returns them as one span.
+inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"", "$schema", text, {}, None{}, "Schema for the editor; the agent does not follow it."},
     {"", "agent", object, {}, Required{}, "Identity of the agent, and remote config."},
     {"", "mqtt", object, {}, Required{}, "The brokers, with user and TLS."},
+    {"", "profiles", array, {}, Rule{"`json` alone"},
+     "Forms in which the values are published, each in an MQTT session of its own."},
+    {"", "brokers", array, {}, None{}, "More brokers, to which `profiles` may publish."},
     {"", "store", object, {}, None{},
      "Disk for samples while the broker is unreachable, and for ids of commands. Without it "
      "samples and ids are in memory, and a restart loses both."},
@@ -361,8 +366,50 @@ inline constexpr auto kAll = std::to_array<ConfigKey>({
      "True if the agent reads a written word back."},
     {"devices[].commands", "queue", integer, {1, 10000}, 64,
      "Number of commands that may be pending on this device."},
+
+    {"profiles[]", "kind", choice, kProfiles, Required{},
+     "`json`: the topics of interface.md. `plain`: a topic for each tag. `sparkplug`: a Sparkplug "
+     "B 3.0 edge node. `json` on the broker of `mqtt` must be among them; a kind may stand once "
+     "for each broker."},
+    {"profiles[]", "broker", name, {}, Rule{"the broker of `mqtt`"},
+     "Name of one of the `brokers`."},
+    {"profiles[]", "topic", text, {}, "{root}/{id}/{device}/{tag}",
+     "`plain`: topic of a tag. `{root}`, `{id}`, `{device}`, `{group}`, `{tag}`, `{site}`, "
+     "`{area}` and `{line}` are replaced. Each tag needs a topic of its own."},
+    {"profiles[]", "site", text, {}, None{}, "`plain`: replaces `{site}`, the site in ISA-95."},
+    {"profiles[]", "area", text, {}, None{}, "`plain`: replaces `{area}`."},
+    {"profiles[]", "line", text, {}, None{}, "`plain`: replaces `{line}`."},
+    {"profiles[]", "group", text, {}, None{}, "`sparkplug`: the group id. Required there."},
+    {"profiles[]", "node", text, {}, Rule{"the agent's id"}, "`sparkplug`: the edge node id."},
+    {"profiles[]", "host", text, {}, None{},
+     "`sparkplug`: id of the primary host. The agent publishes nothing before this host is online, "
+     "and goes to the next server when it is offline."},
+    {"profiles[]", "old_state", boolean, {}, false,
+     "`sparkplug`: the host announces itself on `STATE/{host}` with `ONLINE` or `OFFLINE`, as "
+     "before Sparkplug 3.0."},
+
+    {"brokers[]", "name", name, {}, Required{}, "Name of the broker, unique in the file."},
+    {"brokers[]", "commands", boolean, {}, false,
+     "True if commands may come from this broker. Commands from the broker of `mqtt` are always "
+     "accepted."},
 });
 // clang-format on
+
+/// A broker has the keys of `mqtt`.
+inline constexpr auto kAll = [] {
+  constexpr auto is_of_broker = [](const ConfigKey& key) {
+    return key.section == "mqtt" || key.section == "mqtt.tls";
+  };
+  constexpr auto more = std::ranges::count_if(kWritten, is_of_broker);
+  std::array<ConfigKey, kWritten.size() + more> all{};
+  auto* next = std::ranges::copy(kWritten, all.begin()).out;
+  for (ConfigKey key : kWritten) {
+    if (!is_of_broker(key)) continue;
+    key.section = key.section == "mqtt" ? "brokers[]" : "brokers[].tls";
+    *next++ = key;
+  }
+  return all;
+}();
 
 }  // namespace config_keys
 

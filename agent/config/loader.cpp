@@ -9,6 +9,7 @@
 #include "agent/config/read/http.h"
 #include "agent/config/read/links.h"
 #include "agent/config/read/mqtt.h"
+#include "agent/config/read/profiles.h"
 #include "agent/config/read/reader.h"
 #include "agent/config/read/remote_limits.h"
 #include "agent/sha256.h"
@@ -85,6 +86,8 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
     read_agent(reader, *agent, config);
   if (const ConfigNode* mqtt = reader.object(top, config_key("mqtt")))
     read_mqtt(reader, *mqtt, config, privacy);
+  if (const ConfigNode* brokers = reader.array(top, config_key("brokers")))
+    read_brokers(reader, *brokers, config, privacy);
   if (const ConfigNode* store = reader.object(top, config_key("store")))
     read_store(reader, *store, config.store);
   else if (top.find("store") == nullptr)
@@ -102,6 +105,8 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
     read_devices(reader, top, *devices, links.names, links.facts, config);
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
+  if (const ConfigNode* profiles = reader.array(top, config_key("profiles")))
+    read_profiles(reader, *profiles, config);
   set_silences(config);
   if (config.recorder) finish_recorder(reader, *recorder, config);
   if (const auto memory = reader.room().size().memory(); memory > kMuchMemory)
@@ -161,13 +166,16 @@ tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::
     if (!name.empty()) name = (directory / name).string();
   };
   resolve(config->store.path);
-  resolve(config->mqtt.password_file);
   if (config->http) resolve(config->http->token_file);
-  if (config->mqtt.tls) {
-    resolve(config->mqtt.tls->ca_file);
-    resolve(config->mqtt.tls->cert_file);
-    resolve(config->mqtt.tls->key_file);
-  }
+  const auto resolve_files = [&](MqttConfig& mqtt) {
+    resolve(mqtt.password_file);
+    if (!mqtt.tls) return;
+    resolve(mqtt.tls->ca_file);
+    resolve(mqtt.tls->cert_file);
+    resolve(mqtt.tls->key_file);
+  };
+  resolve_files(config->mqtt);
+  for (BrokerConfig& broker : config->brokers) resolve_files(broker.mqtt);
   return config;
 }
 

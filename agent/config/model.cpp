@@ -46,6 +46,11 @@ std::string channel_text(const LinkConfig& link) {
   return "tcp " + tcp.host + ":" + std::to_string(tcp.port);
 }
 
+std::string name_of(const ProfileConfig& profile) {
+  const std::string kind(config_keys::kProfiles.at(static_cast<std::size_t>(profile.kind)));
+  return profile.broker.empty() ? kind : kind + "@" + profile.broker;
+}
+
 std::size_t ring_bytes(const RecorderConfig& recorder, std::size_t links) {
   if (recorder.link_bytes) return static_cast<std::size_t>(*recorder.link_bytes);
   constexpr std::size_t kMost = std::size_t{256} << 10;

@@ -192,6 +192,30 @@ struct MqttConfig {
   friend bool operator==(const MqttConfig&, const MqttConfig&) = default;
 };
 
+/// One of the brokers beside that of `mqtt`.
+struct BrokerConfig {
+  std::string name;
+  MqttConfig mqtt;
+  bool commands = config_key("brokers[].commands").flag();  ///< it may send commands
+  friend bool operator==(const BrokerConfig&, const BrokerConfig&) = default;
+};
+
+/// A form in which values are published. The agent's own session has `json`; every other profile
+/// has an MQTT session of its own.
+struct ProfileConfig {
+  /// In the order of the catalogue's choices.
+  enum class Kind : std::uint8_t { json, plain, sparkplug };
+  Kind kind = Kind::json;
+  std::string broker;           ///< name; empty: that of `mqtt`
+  std::string topic;            ///< plain: with {device}, {group} and {tag} to replace
+  std::string group{}, node{};  ///< sparkplug: group id and edge node id
+  std::string host{};           ///< sparkplug: id of the primary host; empty: none
+  bool old_state = false;       ///< sparkplug: the host's state is in the form before 3.0
+  friend bool operator==(const ProfileConfig&, const ProfileConfig&) = default;
+};
+/// Returns the name of the profile, unique in a config: "plain", or "plain@cloud" for a broker.
+std::string name_of(const ProfileConfig& profile);
+
 struct StoreConfig {
   std::string path;  ///< empty: no store
   std::uint64_t max_bytes = static_cast<std::uint64_t>(config_key("store.max_bytes").number());
@@ -259,6 +283,8 @@ struct Config {
   std::string root;
   RemoteLimits remote;
   MqttConfig mqtt;
+  std::vector<BrokerConfig> brokers;
+  std::vector<ProfileConfig> profiles;  ///< without the agent's own, `json`
   StoreConfig store;
   std::optional<HttpConfig> http;          ///< nullopt: the agent has no HTTP server
   std::optional<RecorderConfig> recorder;  ///< nullopt: the agent records no frames

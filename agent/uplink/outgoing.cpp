@@ -25,46 +25,116 @@ void Outgoing::begin(const Connected& connected) {
 
 void Outgoing::forget() {
   flights_.clear();
+  groups_.clear();
+  waiting_.clear();
+  marker_ = 0;
+  marked_before_ = 0;
   unanswered_since_.reset();
 }
 
 std::uint64_t Outgoing::send(Sender& sender, Publication publication) {
   const std::uint64_t id = publication.id = next_id_++;
   flights_.emplace(id, Flight{&sender, publication.qos != 0});
+  hand_over(std::move(publication));
+  return id;
+}
+
+std::uint64_t Outgoing::send(Sender& sender, std::vector<Publication> publications) {
+  if (publications.size() == 1) return send(sender, std::move(publications.front()));
+  const std::uint64_t group = next_id_;
+  groups_.emplace(group, Group{publications.size()});
+  for (Publication& publication : publications) {
+    publication.id = next_id_++;
+    const Flight flight{&sender, publication.qos != 0, group};
+    waiting_.push_back({flight, std::move(publication)});
+  }
+  send_waiting();
+  return group;
+}
+
+void Outgoing::send_waiting() {
+  while (!waiting_.empty() && flights_.size() < window_) {
+    Waiting next = std::move(waiting_.front());
+    waiting_.pop_front();
+    flights_.emplace(next.publication.id, next.flight);
+    hand_over(std::move(next.publication));
+  }
+}
+
+void Outgoing::hand_over(Publication publication) {
   // For either of these the broker would close the connection, again and again.
   if (!is_publishable(publication.topic)) {
     unsendable_.push_back(
-        {id, kTopicNameInvalid, "not a topic: " + log::excerpt(publication.topic)});
+        {publication.id, kTopicNameInvalid, "not a topic: " + log::excerpt(publication.topic)});
   } else if (!fits(publication)) {
-    unsendable_.push_back({id, kPacketTooLarge, "larger than the broker accepts"});
+    unsendable_.push_back({publication.id, kPacketTooLarge, "larger than the broker accepts"});
   } else {
     handed_over_ = true;
     broker_.publish(std::move(publication));
   }
-  return id;
 }
 
 bool Outgoing::fail_unsendable(SteadyTime now) {
   const auto failures = std::exchange(unsendable_, {});
   for (const DeliveryFailed& failure : failures) {
     const auto flight = flights_.extract(failure.id);
-    if (!flight.empty()) flight.mapped().sender->failed(failure, now);
+    if (!flight.empty()) ended(failure.id, flight.mapped(), &failure, now);
   }
   return !failures.empty();
 }
 
 void Outgoing::on(const Delivered& event, SteadyTime now) {
-  const auto flight = flights_.extract(event.id);
-  if (flight.empty()) return;  // from an earlier connection
-  note_answer(flight.mapped(), now);
-  flight.mapped().sender->delivered(event.id, now);
+  if (event.id == marker_) return marked(now);
+  const auto found = flights_.find(event.id);
+  if (found == flights_.end()) return;  // from an earlier connection
+  const Flight flight = found->second;
+  if (!flight.expects_puback && !marker_topic_.empty()) return;  // the next marker will prove it
+  flights_.erase(found);
+  note_answer(flight, now);
+  ended(event.id, flight, nullptr, now);
 }
 
 void Outgoing::on(const DeliveryFailed& event, SteadyTime now) {
+  // A broker that refuses a marker has received it.
+  if (event.id == marker_) return event.reason_code != 0 ? marked(now) : void(marker_ = 0);
   const auto flight = flights_.extract(event.id);
   if (flight.empty()) return;
   if (event.reason_code != 0) note_answer(flight.mapped(), now);
-  flight.mapped().sender->failed(event, now);
+  ended(event.id, flight.mapped(), &event, now);
+}
+
+/// Passes the outcome on to the sender; of a group when its last publication has ended.
+void Outgoing::ended(std::uint64_t id, const Flight& flight, const DeliveryFailed* failure,
+                     SteadyTime now) {
+  std::optional<DeliveryFailed> of_group;
+  if (flight.group != 0) {
+    Group& group = groups_.at(flight.group);
+    if (failure != nullptr)
+      group.failure = DeliveryFailed{flight.group, failure->reason_code, failure->text};
+    if (--group.open != 0) return send_waiting();
+    id = flight.group;
+    of_group = std::move(groups_.extract(id).mapped().failure);
+    failure = of_group ? &*of_group : nullptr;
+  }
+  if (failure != nullptr)
+    flight.sender->failed(*failure, now);
+  else
+    flight.sender->delivered(id, now);
+  send_waiting();
+}
+
+/// The broker has everything that was sent before the marker.
+void Outgoing::marked(SteadyTime now) {
+  marker_ = 0;
+  unanswered_since_ = now;
+  std::vector<std::pair<std::uint64_t, Flight>> proven;
+  for (const auto& [id, flight] : flights_)
+    if (id < marked_before_ && !flight.expects_puback) proven.emplace_back(id, flight);
+  for (const auto& [id, flight] : proven) {
+    flights_.erase(id);
+    ended(id, flight, nullptr, now);
+  }
+  if (flights_.empty()) unanswered_since_.reset();
 }
 
 /// Records that the broker answers. A QoS 0 delivery shows that only if no PUBACK is outstanding.
@@ -75,6 +145,13 @@ void Outgoing::note_answer(const Flight& flight, SteadyTime now) {
 }
 
 void Outgoing::note_sent(SteadyTime now) {
+  const bool unmarked = !flights_.empty() && flights_.rbegin()->first >= marked_before_;
+  if (!marker_topic_.empty() && marker_ == 0 && unmarked) {
+    Publication marker;
+    marker.id = marker_ = marked_before_ = next_id_++;
+    marker.topic = marker_topic_;
+    broker_.publish(std::move(marker));
+  }
   if (std::exchange(handed_over_, false) && !unanswered_since_) unanswered_since_ = now;
 }
 

@@ -1,12 +1,18 @@
 // Publications on their way to the broker: their ids, the window that they share, and the sender
-// that gets the outcome of each. Uplink thread.
+// that gets the outcome of each. Several may be sent as one, with one outcome.
+//
+// A QoS 0 message has no acknowledgement. A session with a marker topic proves its delivery all the
+// same: it publishes an empty QoS 1 message behind it. Brokers handle the packets of a connection
+// in order, so whatever was sent before an acknowledged marker has arrived. Uplink thread.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "agent/steady_time.h"
@@ -24,7 +30,10 @@ class Outgoing final {
     virtual void failed(const DeliveryFailed& event, SteadyTime now) = 0;
   };
 
-  explicit Outgoing(Broker& broker) : broker_(broker) {}
+  /// `marker_topic` gets the markers; empty: a QoS 0 message counts as delivered when it was handed
+  /// to the socket.
+  explicit Outgoing(Broker& broker, std::string marker_topic = {})
+      : broker_(broker), marker_topic_(std::move(marker_topic)) {}
 
   /// Begins a connection with the limits of its broker.
   void begin(const Connected& connected);
@@ -34,10 +43,14 @@ class Outgoing final {
   /// Returns the publication's id, which its sender gets with the outcome. If the broker would
   /// close the connection because of it, it is not sent and fails with the next fail_unsendable().
   std::uint64_t send(Sender& sender, Publication publication);
+  /// Sends one or more publications, in order. They are delivered when all are, and fail when one
+  /// has failed. Those without room wait for it.
+  std::uint64_t send(Sender& sender, std::vector<Publication> publications);
   /// Returns true if something failed.
   bool fail_unsendable(SteadyTime now);
 
   void on(const Delivered& event, SteadyTime now);
+  /// Same for DeliveryFailed.
   void on(const DeliveryFailed& event, SteadyTime now);
   /// Call at the end of each step in which something may have been sent.
   void note_sent(SteadyTime now);
@@ -47,16 +60,14 @@ class Outgoing final {
   /// Number of publications that may be unacknowledged: the broker's figure, limited to what the
   /// library handles fast.
   std::size_t window() const { return window_; }
-  bool has_room() const { return flights_.size() < window_; }
+  bool has_room() const { return size() < window_; }
   /// True if the window is too small to keep places free.
   bool is_small() const { return window_ <= kSmallWindow; }
   /// True if a sample may be sent. In a window that is not small two places stay free, so that a
   /// result or a state never waits behind samples.
-  bool has_room_for_samples() const {
-    return flights_.size() < (is_small() ? window_ : window_ - 2);
-  }
-  std::size_t size() const { return flights_.size(); }
-  bool empty() const { return flights_.empty(); }
+  bool has_room_for_samples() const { return size() < (is_small() ? window_ : window_ - 2); }
+  std::size_t size() const { return flights_.size() + waiting_.size(); }
+  bool empty() const { return size() == 0; }
   /// Time since which the broker has owed an answer: that of the first message, or of its last
   /// answer.
   std::optional<SteadyTime> unanswered_since() const { return unanswered_since_; }
@@ -64,16 +75,35 @@ class Outgoing final {
  private:
   struct Flight {
     Sender* sender = nullptr;
-    bool expects_puback = true;  ///< QoS 0 is complete when handed to the socket
+    bool expects_puback = true;  ///< false: QoS 0
+    std::uint64_t group = 0;     ///< 0: it was sent alone
+  };
+  /// Publications with one outcome.
+  struct Group {
+    std::size_t open = 0;  ///< without an outcome of their own
+    std::optional<DeliveryFailed> failure{};
+  };
+  struct Waiting {
+    Flight flight;
+    Publication publication;
   };
 
   static constexpr std::size_t kSmallWindow = 4;
 
+  void hand_over(Publication publication);
+  void send_waiting();
   void note_answer(const Flight& flight, SteadyTime now);
+  void ended(std::uint64_t id, const Flight& flight, const DeliveryFailed* failure, SteadyTime now);
+  void marked(SteadyTime now);
 
   Broker& broker_;
+  const std::string marker_topic_;
   std::uint64_t next_id_ = 1;
-  std::map<std::uint64_t, Flight> flights_;
+  std::map<std::uint64_t, Flight> flights_;  ///< by publication id
+  std::map<std::uint64_t, Group> groups_;    ///< by the id that their sender has
+  std::deque<Waiting> waiting_;              ///< for room
+  std::uint64_t marker_ = 0;                 ///< id of the marker in flight; 0: none
+  std::uint64_t marked_before_ = 0;          ///< it proves the delivery of smaller ids
   std::vector<DeliveryFailed> unsendable_;
   std::size_t window_ = 0;
   std::size_t max_packet_ = std::numeric_limits<std::size_t>::max();

@@ -36,7 +36,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       subscriptions_(config.base_topic(), broker, backoff_,
                      [this] { retained_.agent_state_changed(); }),
       session_(
-          broker, outgoing_, connects_, subscriptions_,
+          broker, outgoing_, connects_,
           {[this](SteadyTime now) { connection_began(now); },
            [this](SteadyTime now) { connection_ended(now); }, [this] { samples_out_.spool_live(); },
            [this] { own_topics_.session_taken_over(); }}),
@@ -62,7 +62,12 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       intake_(commands, broker, config.mqtt),
       late_(config, commands, store, utc_ms_, std::move(number_above)),
       status_({config, commands, session_, connects_, subscriptions_, states_, spool_, dropped_,
-               results_, samples_out_, history_, refused_, store},
+               results_, samples_out_, history_, refused_, store,
+               [this] {
+                 std::vector<ProfileStatus> profiles;
+                 for (const Beside& beside : outlets_) profiles.push_back(beside.outlet->status());
+                 return profiles;
+               }},
               {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
       health_(status_, retained_, std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
@@ -82,9 +87,14 @@ SteadyTime Publisher::step(SteadyTime now) {
     health_.start(now);
     status_.start(now);
   }
+  if (shutdown_.finished()) {  // and the profiles have not finished theirs
+    keep_outlets(now);
+    return outlets_wake_;
+  }
   take_broker_events(now);
   keep_store(now);   // what it recovers is older than all that follows
   take_outbox(now);  // before commands: its results make room for them, its states set the model
+  keep_outlets(now);
   take_commands(now);
   if (!shutdown_.has_begun()) keep_session(now);
   health_.report(session_.is_connected(), now);
@@ -93,12 +103,20 @@ SteadyTime Publisher::step(SteadyTime now) {
   const bool failed = outgoing_.fail_unsendable(now);
   if (shutdown_.has_begun()) shutdown_.step(now);
   spool_.commit(now, !shutdown_.has_begun());
-  if (finished()) return SteadyTime::max();
+  if (shutdown_.finished()) return outlets_wake_;
   return failed ? now : next_wake(now);
+}
+
+bool Publisher::finished() const {
+  return shutdown_.finished() && std::ranges::all_of(outlets_, [](const Beside& beside) {
+           return beside.outlet->finished();
+         });
 }
 
 void Publisher::stop(SteadyTime now) {
   if (shutdown_.has_begun()) return;
+  subscriptions_.end_commands();
+  for (const Beside& beside : outlets_) beside.outlet->stop(now);
   shutdown_.begin(now);
   commands_.close();
 }
@@ -142,6 +160,7 @@ void Publisher::take_outbox(SteadyTime now) {
     if (may_have_written) written_.insert(std::as_const(config_).devices.at(result.device).name);
     commands_.finish(std::move(result), utc_ms_());
   }
+  for (const Beside& beside : outlets_) beside.outlet->take(batch, now);
   for (DeviceStatus& status : batch.states) {
     const std::uint32_t device = status.device;
     if (status.codec) commands_.set_codec(device, std::move(status.codec));
@@ -156,6 +175,13 @@ void Publisher::take_outbox(SteadyTime now) {
   status_.take(batch, now);
   if (counted) health_.counted();
   for (const Outbox::Call& call : batch.calls) call(now);
+}
+
+/// Their commands are taken in the same step.
+void Publisher::keep_outlets(SteadyTime now) {
+  outlets_wake_ = SteadyTime::max();
+  for (const Beside& beside : outlets_)
+    outlets_wake_ = std::min(outlets_wake_, beside.outlet->step(now));
 }
 
 void Publisher::take_commands(SteadyTime now) {
@@ -174,18 +200,19 @@ void Publisher::take_order(Order order, SteadyTime now) {
     return order.tell(result_text(result));
   }
   Message message;
+  MessageProperties& properties = message;
+  properties = std::move(static_cast<MessageProperties&>(order));
   message.topic = config_.base_topic() + "/" + order.device + "/command";
   message.payload = std::move(order.payload);
   message.received = now;
   message.received_ms = utc_ms_();
-  message.sender = std::move(order.sender);
-  message.tell = std::move(order.tell);
   intake_.add(std::move(message), std::move(order.device), false);
 }
 
 // ---- connection ---------------------------------------------------------------------------------
 
 void Publisher::connection_began(SteadyTime now) {
+  subscriptions_.connection_began(now);
   own_topics_.connection_began(now);
   retained_.connection_began();
   configs_.connection_began(now);
@@ -195,6 +222,7 @@ void Publisher::connection_began(SteadyTime now) {
 }
 
 void Publisher::connection_ended(SteadyTime now) {
+  subscriptions_.connection_ended();
   configs_.connection_ended(now);
   own_topics_.connection_ended();
   health_.connection_ended();
@@ -213,7 +241,8 @@ void Publisher::keep_session(SteadyTime now) {
     farewell_.withdraw();
     session_.begin_anew(now);
   }
-  session_.keep(now, results_.bytes() <= settings_.result_bytes / 2);
+  subscriptions_.keep(now, results_.bytes() <= settings_.result_bytes / 2);
+  session_.keep(now);
 }
 
 void Publisher::press_back(SteadyTime now) {
@@ -277,11 +306,14 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   states_.change(change);
   retained_.change(change, {gone.begin(), gone.end()}, session_.is_connected());
   samples_out_.change(change);
+  for (const Beside& beside : outlets_) beside.outlet->change(change);
   status_.change(change);
   subscriptions_.hear_configs(config_.remote.enabled);
   if (change.mqtt) {
+    for (const Beside& beside : outlets_) beside.outlet->use(beside.settings(config_), now);
     broker_.use(config_.mqtt);
     connects_.settings_changed();
+    subscriptions_.forget_refusals();
     // Clients of a broker that we leave would otherwise see the agent online forever.
     if (session_.is_connected())
       farewell_.say(now);
@@ -302,7 +334,7 @@ void Publisher::set_config_status(ConfigStatus status, SteadyTime now) {
 // ---- wake-up ------------------------------------------------------------------------------------
 
 SteadyTime Publisher::next_wake(SteadyTime now) const {
-  SteadyTime wake = std::min(health_.next_wake(), intake_.next_wake(now));
+  SteadyTime wake = std::min({health_.next_wake(), intake_.next_wake(now), outlets_wake_});
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   const bool running = !shutdown_.has_begun();
   if (running && farewell_.by()) at(*farewell_.by());
@@ -313,6 +345,7 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   at(samples_out_.next_wake());
   at(history_.next_wake(now));
   if (!session_.is_connected()) return wake;
+  if (running) at(subscriptions_.next_wake());
   // Messages that are due but have no room go out after the next acknowledgement, which is an
   // event.
   at(retained_.next_wake(now));

@@ -34,6 +34,7 @@
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/own_topics.h"
 #include "agent/uplink/payload/payload.h"
+#include "agent/uplink/profile/outlet.h"
 #include "agent/uplink/retained/device_states.h"
 #include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/samples/dropped_samples.h"
@@ -79,6 +80,12 @@ class Publisher final {
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
 
+  /// Adds a profile with a session of its own. Call before the first step(); it is used until
+  /// finished(). `settings` returns the MQTT settings of its broker.
+  void add(Outlet& outlet, std::function<MqttConfig(const Config&)> settings) {
+    outlets_.push_back({&outlet, std::move(settings)});
+  }
+
   /// Processes all events and does what is due. Returns the time by which it must be called again;
   /// call it sooner if the outbox or the broker has events.
   SteadyTime step(SteadyTime now);
@@ -89,7 +96,7 @@ class Publisher final {
   /// Begins the clean shutdown. Publishes what is waiting for up to 3 s, results first; then sets
   /// the agent's state to offline and closes the connection. step() does the work until finished().
   void stop(SteadyTime now);
-  bool finished() const { return shutdown_.finished(); }
+  bool finished() const;
 
   // A config change takes two calls of Outbox::ask().
   /// Rejects commands for everything that ends with the change, from this call on. The field's
@@ -124,6 +131,7 @@ class Publisher final {
   void keep_store(SteadyTime now);
   void take_outbox(SteadyTime now);
   void take_commands(SteadyTime now);
+  void keep_outlets(SteadyTime now);
   void keep_session(SteadyTime now);
   void send(SteadyTime now);
   /// Holds back what arrives faster than it can be sent.
@@ -164,6 +172,13 @@ class Publisher final {
   Shutdown shutdown_;
   ConfigTopics configs_;
   OwnTopics own_topics_;
+
+  struct Beside {
+    Outlet* outlet = nullptr;
+    std::function<MqttConfig(const Config&)> settings;
+  };
+  std::vector<Beside> outlets_;
+  SteadyTime outlets_wake_ = SteadyTime::max();
 
   bool samples_first_ = false;  ///< samples go before results, in a window too small to share
   /// Devices of commands that may have written and whose results are not handed over yet.

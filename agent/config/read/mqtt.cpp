@@ -60,7 +60,6 @@ tl::expected<std::string, std::string_view> normal_server(std::string_view serve
 }
 
 void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
-  reader.check_object(node, config_section("mqtt.tls"));
   TlsSettings tls;
   tls.ca_file = reader.text(node, config_key("mqtt.tls.ca_file")).value_or("");
   tls.cert_file = reader.text(node, config_key("mqtt.tls.cert_file")).value_or("");
@@ -118,11 +117,10 @@ std::string default_client_id(const std::string& id) {
   return text.replace(text.find(place), place.size(), id);
 }
 
-}  // namespace
-
-void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, FilePrivacy privacy) {
-  reader.check_object(node, config_section("mqtt"));
-  MqttConfig& mqtt = config.mqtt;
+/// Reads the keys that `mqtt` and each of the `brokers` have. `tls` are those of their TLS.
+MqttConfig read_broker(ConfigReader& reader, const ConfigNode& node, const std::string& id,
+                       FilePrivacy privacy, std::span<const ConfigKey> tls_keys) {
+  MqttConfig mqtt;
   if (const ConfigNode* servers = reader.array(node, config_key("mqtt.servers"))) {
     if (servers->children.empty()) reader.error(*servers, "needs at least one server");
     for (const ConfigNode& item : servers->children) {
@@ -135,18 +133,42 @@ void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, Fil
     }
   }
   mqtt.version = reader.choice_or_default(node, config_key("mqtt.version")) == 0 ? 5 : 4;
-  mqtt.client_id =
-      reader.text(node, config_key("mqtt.client_id")).value_or(default_client_id(config.id));
+  mqtt.client_id = reader.text(node, config_key("mqtt.client_id")).value_or(default_client_id(id));
   mqtt.username = reader.text(node, config_key("mqtt.username")).value_or("");
   read_password(reader, node, mqtt, privacy);
-  if (const ConfigNode* tls = reader.object(node, config_key("mqtt.tls")))
+  if (const ConfigNode* tls = reader.object(node, config_key("mqtt.tls"))) {
+    reader.check_object(*tls, tls_keys);
     read_tls(reader, *tls, mqtt);
+  }
   mqtt.keep_alive = reader.integer_as<std::chrono::seconds>(node, config_key("mqtt.keep_alive_s"));
   const ConfigNode* qos = node.find("qos");
   if (qos == nullptr || qos->number != 2)
     mqtt.qos = reader.integer_as<int>(node, config_key("mqtt.qos"));
   else
     reader.error(*qos, "must be 0 or 1; with 1 the seq shows repeats, and 2 would only cost time");
+  return mqtt;
+}
+
+}  // namespace
+
+void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, FilePrivacy privacy) {
+  reader.check_object(node, config_section("mqtt"));
+  config.mqtt = read_broker(reader, node, config.id, privacy, config_section("mqtt.tls"));
+}
+
+void read_brokers(ConfigReader& reader, const ConfigNode& list, Config& config,
+                  FilePrivacy privacy) {
+  for (const ConfigNode& node : list.children) {
+    if (!reader.check_object(node, config_section("brokers[]"))) continue;
+    BrokerConfig broker;
+    broker.name = reader.name(node, config_key("brokers[].name")).value_or("");
+    if (!broker.name.empty() &&
+        std::ranges::find(config.brokers, broker.name, &BrokerConfig::name) != config.brokers.end())
+      reader.error(*node.find("name"), "another broker has this name");
+    broker.commands = reader.boolean(node, config_key("brokers[].commands"));
+    broker.mqtt = read_broker(reader, node, config.id, privacy, config_section("brokers[].tls"));
+    config.brokers.push_back(std::move(broker));
+  }
 }
 
 }  // namespace fxagent

@@ -1,4 +1,4 @@
-// Reads the section `mqtt` of the config file.
+// Reads the section `mqtt` of the config file, and the `brokers`, which have the same keys.
 #pragma once
 
 #include "agent/config/model.h"
@@ -10,5 +10,8 @@ namespace fxagent {
 /// Reads the section at `node` into `config.mqtt`. `config.id` must be set. Reports faults to
 /// `reader`; `privacy` decides if the file may contain a password.
 void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, FilePrivacy privacy);
+/// Same for the list of `brokers`.
+void read_brokers(ConfigReader& reader, const ConfigNode& list, Config& config,
+                  FilePrivacy privacy);
 
 }  // namespace fxagent

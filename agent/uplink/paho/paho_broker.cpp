@@ -157,14 +157,14 @@ void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
   }
 }
 
-void PahoBroker::disconnect() {
+void PahoBroker::disconnect(bool with_will) {
   if (!connection_ || !connection_->is_connected()) {
     retire();
     inbox_->begin(connections_);
     return inbox_->post(connections_, Disconnected{});
   }
   try {
-    connection_->disconnect();
+    connection_->disconnect(with_will);
   } catch (const mqtt::exception&) {
     inbox_->post(connections_, Disconnected{});
   }

@@ -41,7 +41,7 @@ class PahoBroker final : public Broker {
   /// Reads the password again at each call: a changed secret needs no restart. Always verifies host
   /// name and chain of a TLS server's certificate.
   void connect(std::size_t index, std::uint16_t receive_maximum) override;
-  void disconnect() override;
+  void disconnect(bool with_will = false) override;
   bool is_connected() const override;
   void publish(Publication publication) override;
   void subscribe(Subscription subscription) override;

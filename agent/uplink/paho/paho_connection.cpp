@@ -151,10 +151,13 @@ void PahoConnection::connect(const std::optional<Will>& will,
   client_.connect(options, nullptr, *this);
 }
 
-mqtt::token_ptr PahoConnection::disconnect() {
+mqtt::token_ptr PahoConnection::disconnect(bool with_will) {
   leaving_ = true;
   pause_.set(false);
-  return client_.disconnect(0, nullptr, *this);
+  if (!with_will || version_ != MQTTVERSION_5) return client_.disconnect(0, nullptr, *this);
+  mqtt::disconnect_options options;
+  options.set_reason_code(mqtt::DISCONNECT_WITH_WILL_MESSAGE);
+  return client_.disconnect(options);
 }
 
 void PahoConnection::publish(Publication publication) {

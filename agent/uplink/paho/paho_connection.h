@@ -37,7 +37,7 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
   void connect(const std::optional<Will>& will, const std::optional<std::string>& password,
                std::uint16_t receive_maximum);
   /// Starts a clean disconnect; its token is complete when the DISCONNECT has been sent.
-  mqtt::token_ptr disconnect();
+  mqtt::token_ptr disconnect(bool with_will = false);
   bool is_connected() const { return client_.is_connected(); }
   /// True after disconnect().
   bool is_leaving() const { return leaving_; }

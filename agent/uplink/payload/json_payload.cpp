@@ -70,6 +70,29 @@ void write_config_status(Writer& out, const ConfigStatus& status) {
   out.end_object();
 }
 
+void write_samples(Writer& out, const SampleCounts& samples) {
+  out.key("samples").begin_object();
+  out.key("collected").integer(samples.collected).key("recovered").integer(samples.recovered);
+  out.key("suppressed").integer(samples.suppressed).key("queued").integer(samples.queued);
+  out.key("in_flight").integer(samples.in_flight).key("stored").integer(samples.stored);
+  out.key("acknowledged").integer(samples.acknowledged).key("dropped").integer(samples.dropped);
+  out.key("published").integer(samples.published);
+  out.key("balanced").boolean(samples.balanced());
+  out.end_object();
+}
+
+void write_profiles(Writer& out, const std::vector<ProfileStatus>& profiles) {
+  out.key("profiles").begin_object();
+  for (const ProfileStatus& profile : profiles) {
+    out.key(profile.name).begin_object().key("server").string(profile.server);
+    out.key("connected").boolean(profile.connected).key("ready").boolean(profile.ready);
+    out.key("why").word(profile.why);
+    write_samples(out, profile.samples);
+    out.end_object();
+  }
+  out.end_object();
+}
+
 void write_states(Writer& out, const TagStates& states) {
   out.key("states").begin_object();
   for (const auto& [value, label] : states) out.key(std::to_string(value)).string(label);
@@ -118,6 +141,13 @@ std::string sample(const SampleRecord& sample) {
     out.end_array();
   }
   out.end_object();
+  return out.take();
+}
+
+std::string bare_value(const RecordedReading& reading) {
+  if (reading.bad || !is_sayable(reading.value)) return "null";
+  Writer out;
+  write_value(out, reading.value, precision_of(reading));
   return out.take();
 }
 
@@ -193,15 +223,8 @@ std::string health(const AgentStatus& status, const Config& config) {
   out.key("uptime_s").integer(std::int64_t{status.uptime.count()});
   out.key("conflict").word(status.conflict);
   write_config_status(out, status.config_status);
-  const SampleCounts& samples = status.samples;
-  out.key("samples").begin_object();
-  out.key("collected").integer(samples.collected).key("recovered").integer(samples.recovered);
-  out.key("suppressed").integer(samples.suppressed).key("queued").integer(samples.queued);
-  out.key("in_flight").integer(samples.in_flight).key("stored").integer(samples.stored);
-  out.key("acknowledged").integer(samples.acknowledged).key("dropped").integer(samples.dropped);
-  out.key("published").integer(samples.published);
-  out.key("balanced").boolean(samples.balanced());
-  out.end_object();
+  write_samples(out, status.samples);
+  if (!status.profiles.empty()) write_profiles(out, status.profiles);
   out.key("links").begin_object();
   for (std::size_t i = 0; i < config.links.size(); ++i) {
     if (config.links[i].is_vacant()) continue;
@@ -318,7 +341,7 @@ Publication JsonPayload::device_meta(std::uint32_t device) {
   return state(device_topic(device) + "/meta", json::device_meta(config_.devices.at(device)).text);
 }
 
-Publication JsonPayload::sample(const StreamKey& stream, const SampleRecord& sample) {
+std::vector<Publication> JsonPayload::sample(const StreamKey& stream, const SampleRecord& sample) {
   return data(data_topic(stream.first, stream.second), json::sample(sample));
 }
 
@@ -326,7 +349,7 @@ std::unique_ptr<HistoryMessage> JsonPayload::begin_history(std::size_t max_bytes
   return std::make_unique<JsonHistory>(max_bytes);
 }
 
-Publication JsonPayload::history(const HistoryBatch& batch) {
+std::vector<Publication> JsonPayload::history(const HistoryBatch& batch) {
   return data(data_topic(batch.device, batch.group) + "/history", batch.payload);
 }
 
@@ -338,11 +361,11 @@ Publication JsonPayload::state(std::string topic, std::string payload) const {
   return made;
 }
 
-Publication JsonPayload::data(std::string topic, std::string payload) const {
-  Publication made;
-  made.topic = std::move(topic);
-  made.payload = std::move(payload);
-  made.qos = config_.mqtt.qos;
+std::vector<Publication> JsonPayload::data(std::string topic, std::string payload) const {
+  std::vector<Publication> made(1);
+  made[0].topic = std::move(topic);
+  made[0].payload = std::move(payload);
+  made[0].qos = config_.mqtt.qos;
   return made;
 }
 

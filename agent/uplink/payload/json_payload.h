@@ -21,6 +21,9 @@ namespace fxagent::json {
 /// Returns one message of one group: the payload of …/data/{group}, and a row of its history.
 std::string sample(const SampleRecord& sample);
 
+/// Returns the value alone, as a sample has it; "null" if it is bad or JSON cannot represent it.
+std::string bare_value(const RecordedReading& reading);
+
 /// `not_heard_why` is the reason why commands are not received, if so. `conflict` is the boot of
 /// another agent with our id, if any.
 std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
@@ -58,13 +61,13 @@ class JsonPayload final : public Payload {
   Publication agent_offline(std::int64_t since_ms) override;
   Publication device_state(const DeviceStatus& status) override;
   Publication device_meta(std::uint32_t device) override;
-  Publication sample(const StreamKey& stream, const SampleRecord& sample) override;
+  std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
-  Publication history(const HistoryBatch& batch) override;
+  std::vector<Publication> history(const HistoryBatch& batch) override;
 
  private:
   Publication state(std::string topic, std::string payload) const;
-  Publication data(std::string topic, std::string payload) const;
+  std::vector<Publication> data(std::string topic, std::string payload) const;
   std::string device_topic(std::uint32_t device) const;
   std::string data_topic(const std::string& device, const std::string& group) const;
 

@@ -1,15 +1,10 @@
 // Interface to a payload format: topic and bytes of what is published about the plant. agent.cpp
-// chooses the format. JsonPayload is the format of docs/interface.md.
+// chooses the formats. JsonPayload is the one of docs/interface.md.
 //
-// Results of commands and health are JSON in every format and are not made here. The command topics
-// are the same in every format too. The publisher clears retained topics of removed devices only
-// where JsonPayload puts them.
-//
-// Acknowledgement: a sample is released, in memory and on disk, when its publication is Delivered
+// Acknowledgement: a sample is released, in memory and on disk, when its publications are Delivered
 // (broker.h). With QoS 1 the broker has it then; no format learns if a client reads it. A format
-// that prescribes QoS 0 sets it in its publications: Delivered then means handed to the socket, and
-// samples in flight when a connection ends may be lost. States and meta are published until they
-// are Delivered, and again after each connect.
+// that prescribes QoS 0 sets it in its publications: Delivered then means handed to the socket,
+// unless its session sends markers (outgoing.h).
 #pragma once
 
 #include <cstddef>
@@ -17,6 +12,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "agent/store/samples/history.h"
 #include "agent/store/samples/sample_record.h"
@@ -25,12 +21,29 @@
 
 namespace fxagent {
 
-/// Uplink thread only, except for the constructor. Not const: a format may count its messages, or
-/// remember the last values for a birth.
-class Payload {
+/// Topics and bytes of samples. Uplink thread only, except for the constructor. Not const: a format
+/// may count its messages, or remember the last values for a birth.
+class SamplePayload {
  public:
-  virtual ~Payload() = default;
+  virtual ~SamplePayload() = default;
 
+  /// False: samples of the device wait for now, as history.
+  virtual bool may_send(const std::string& /*device*/) const { return true; }
+  /// Returns the messages of a sample just read, which together deliver it; none if there is
+  /// nothing to say.
+  virtual std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) = 0;
+  /// A sample of the device was refused. It becomes history, or is lost.
+  virtual void undelivered(const std::string& /*device*/) {}
+  /// Returns an empty history message of at most `max_bytes`; it becomes HistoryBatch::payload.
+  virtual std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) = 0;
+  /// Returns the messages that together deliver the batch; none if the format cannot express it any
+  /// more, as after a change of the config. It is dropped then, and counted.
+  virtual std::vector<Publication> history(const HistoryBatch& batch) = 0;
+};
+
+/// The format of the agent's own session: samples, states and meta.
+class Payload : public SamplePayload {
+ public:
   /// Returns the message that the broker publishes if the connection ends without a DISCONNECT.
   /// Called before each attempt to connect.
   virtual Will last_will() = 0;
@@ -45,12 +58,6 @@ class Payload {
   virtual Publication device_state(const DeviceStatus& status) = 0;
   /// Describes the tags of a device: its birth. `device` is the index in Config::devices.
   virtual Publication device_meta(std::uint32_t device) = 0;
-
-  /// A sample just read.
-  virtual Publication sample(const StreamKey& stream, const SampleRecord& sample) = 0;
-  /// Returns an empty history message of at most `max_bytes`; it becomes HistoryBatch::payload.
-  virtual std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) = 0;
-  virtual Publication history(const HistoryBatch& batch) = 0;
 };
 
 }  // namespace fxagent

@@ -26,8 +26,9 @@ constexpr std::size_t kHistoryBytes = 16384;
 
 }  // namespace
 
-HistoryDelivery::HistoryDelivery(Payload& payload, Outgoing& outgoing, RefusedDevices& refused,
-                                 SampleSpool& spool, DroppedSamples& dropped)
+HistoryDelivery::HistoryDelivery(SamplePayload& payload, Outgoing& outgoing,
+                                 RefusedDevices& refused, SampleSpool& spool,
+                                 DroppedSamples& dropped)
     : payload_(payload),
       outgoing_(outgoing),
       refused_(refused),
@@ -45,12 +46,16 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
   if (rests && now < rests_until_) return;
   while (has_room()) {
     auto history = spool_.next(payload_, max_bytes_, [&](const std::string& device) {
-      return refused_.may_send(device, now);
+      return refused_.may_send(device, now) && payload_.may_send(device);
     });
     if (!history) return;
-    Publication publication = payload_.history(history->batch);
+    auto publications = payload_.history(history->batch);
+    if (publications.empty()) {
+      drop(*history);
+      continue;
+    }
     published_ += history->batch.row_ids.size();
-    const std::uint64_t id = outgoing_.send(*this, std::move(publication));
+    const std::uint64_t id = outgoing_.send(*this, std::move(publications));
     flights_.emplace(id, Flight{std::move(*history), now});
   }
 }
@@ -75,6 +80,12 @@ void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
   refused_.accepted(flight.history.batch.device, flight.since);
 }
 
+void HistoryDelivery::drop(const OutgoingHistory& history) {
+  spool_.remove(history, [&dropped = dropped_, device = history.batch.device](std::uint64_t count) {
+    dropped.add(device, count);
+  });
+}
+
 void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   const OutgoingHistory history = ended(event.id, now).history;
   const HistoryBatch& batch = history.batch;
@@ -84,8 +95,7 @@ void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
                                   {"rows", std::to_string(batch.row_ids.size())},
                                   {"code", hex_code(event.reason_code)},
                                   {"reason", event.text}});
-    return spool_.remove(history, [&dropped = dropped_, device = batch.device](
-                                      std::uint64_t count) { dropped.add(device, count); });
+    return drop(history);
   }
   spool_.returned(history);
   if (can_be_cut)

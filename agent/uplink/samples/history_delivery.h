@@ -18,8 +18,8 @@ namespace fxagent {
 class HistoryDelivery final : public Outgoing::Sender {
  public:
   /// All references outlive the object.
-  HistoryDelivery(Payload& payload, Outgoing& outgoing, RefusedDevices& refused, SampleSpool& spool,
-                  DroppedSamples& dropped);
+  HistoryDelivery(SamplePayload& payload, Outgoing& outgoing, RefusedDevices& refused,
+                  SampleSpool& spool, DroppedSamples& dropped);
 
   /// Sends messages for which there is room. Call only if no live samples are waiting. `rests`:
   /// history pauses after each message.
@@ -44,10 +44,12 @@ class HistoryDelivery final : public Outgoing::Sender {
   };
 
   bool has_room() const;
+  /// Gives up rows that cannot be delivered.
+  void drop(const OutgoingHistory& history);
   /// Takes a message that has ended, delivered or not; begins the pause after it.
   Flight ended(std::uint64_t id, SteadyTime now);
 
-  Payload& payload_;
+  SamplePayload& payload_;
   Outgoing& outgoing_;
   RefusedDevices& refused_;
   SampleSpool& spool_;

@@ -24,7 +24,7 @@ constexpr auto kCommitWithin = SampleSpool::kCommitWithin;
 
 }  // namespace
 
-SampleDelivery::SampleDelivery(const Config& config, std::string boot, Payload& payload,
+SampleDelivery::SampleDelivery(const Config& config, std::string boot, SamplePayload& payload,
                                Outgoing& outgoing, RefusedDevices& refused, SampleSpool& spool,
                                DroppedSamples& dropped, GuardedStore* store)
     : config_(config),
@@ -70,7 +70,7 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.content = encode_sample(message, device, boot_, meta_hash(message.device));
     row_bytes_ += row.cost();
     if (store_ != nullptr) store_->samples().used(row.device, row.seq);
-    if (can_go && refused_.may_send(row.device, now))
+    if (can_go && may_send(row.device, now))
       live.push_back(std::move(row));
     else
       spool_.add(std::move(row));
@@ -79,6 +79,10 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
   const bool stored = always && spool_.hold(live);
   for (SampleRow& row : live) live_.push_back({std::move(row), now, stored});
   if (spool_.gathered() != 0 && always) spool_.commit_by(now);
+}
+
+bool SampleDelivery::may_send(const std::string& device, SteadyTime now) const {
+  return refused_.may_send(device, now) && payload_.may_send(device);
 }
 
 void SampleDelivery::settle(SteadyTime now) {
@@ -123,14 +127,18 @@ void SampleDelivery::pump_live(SteadyTime now) {
   while (!live_.empty() && outgoing_.has_room_for_samples()) {
     LiveRow live = std::move(live_.front());
     live_.pop_front();
-    if (!refused_.may_send(live.row.device, now) || !decode_sample(live.row.content, record_)) {
+    if (!may_send(live.row.device, now) || !decode_sample(live.row.content, record_)) {
       spool_.add(std::move(live));
       continue;
     }
-    Publication publication = payload_.sample({live.row.device, live.row.group}, record_);
+    auto publications = payload_.sample({live.row.device, live.row.group}, record_);
+    if (publications.empty()) {
+      complete(live);
+      continue;
+    }
     if (!live.stored) ++in_flight_;
     ++published_;
-    const std::uint64_t id = outgoing_.send(*this, std::move(publication));
+    const std::uint64_t id = outgoing_.send(*this, std::move(publications));
     flights_.emplace(id, Flight{std::move(live), now});
   }
 }
@@ -160,18 +168,22 @@ void SampleDelivery::spool_live() {
 void SampleDelivery::delivered(std::uint64_t id, SteadyTime) {
   const Flight flight = std::move(flights_.extract(id).mapped());
   failpoint("sample_acknowledged");
-  if (flight.live.stored) {
-    spool_.remove(flight.live, [this](std::uint64_t count) { acknowledged_ += count; });
-  } else {
-    --in_flight_;
-    ++acknowledged_;
-  }
+  if (!flight.live.stored) --in_flight_;
+  complete(flight.live);
   refused_.accepted(flight.live.row.device, flight.since);
+}
+
+void SampleDelivery::complete(const LiveRow& live) {
+  if (live.stored)
+    spool_.remove(live, [this](std::uint64_t count) { acknowledged_ += count; });
+  else
+    ++acknowledged_;
 }
 
 void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   LiveRow live = std::move(flights_.extract(event.id).mapped().live);
   const SampleRow& row = live.row;
+  payload_.undelivered(row.device);
   if (!live.stored) --in_flight_;
   if (is_final(event.reason_code)) {
     log::warn(

@@ -37,7 +37,7 @@ class SampleDelivery final : public Outgoing::Sender {
   };
 
   /// All references outlive the object. `store` is null if there is no store.
-  SampleDelivery(const Config& config, std::string boot, Payload& payload, Outgoing& outgoing,
+  SampleDelivery(const Config& config, std::string boot, SamplePayload& payload, Outgoing& outgoing,
                  RefusedDevices& refused, SampleSpool& spool, DroppedSamples& dropped,
                  GuardedStore* store);
 
@@ -82,10 +82,13 @@ class SampleDelivery final : public Outgoing::Sender {
   const std::string& meta_hash(std::uint32_t device);
   void overflow(SteadyTime now);
   void hold_on_disk(SteadyTime now);
+  bool may_send(const std::string& device, SteadyTime now) const;
+  /// Releases a sample that needs no more messages.
+  void complete(const LiveRow& live);
 
   const Config& config_;
   const std::string boot_;
-  Payload& payload_;
+  SamplePayload& payload_;
   Outgoing& outgoing_;
   RefusedDevices& refused_;
   SampleSpool& spool_;

@@ -48,7 +48,7 @@ bool SampleSpool::hold(std::vector<SampleRow>& rows) {
 }
 
 std::optional<OutgoingHistory> SampleSpool::next(
-    Payload& payload, std::size_t max_bytes,
+    SamplePayload& payload, std::size_t max_bytes,
     const std::function<bool(const std::string&)>& may_send) {
   const auto from_disk = [&](const StreamKey& stream) {
     return may_send(stream.first) && !backlog_.is_on_the_way(stream);

@@ -64,7 +64,7 @@ class SampleSpool final {
 
   /// Returns the next history message of a device for which `may_send` is true. Rows in memory are
   /// younger than those of the same stream on disk, and wait for them.
-  std::optional<OutgoingHistory> next(Payload& payload, std::size_t max_bytes,
+  std::optional<OutgoingHistory> next(SamplePayload& payload, std::size_t max_bytes,
                                       const std::function<bool(const std::string&)>& may_send);
   void returned(const OutgoingHistory& message);
   /// Removes the rows of a message that is complete. `then` gets the number of rows that still

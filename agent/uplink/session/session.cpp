@@ -18,13 +18,17 @@ constexpr seconds kGoodbye{2};  // wait for Disconnected before connecting anywa
 
 }  // namespace
 
-Session::Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects,
-                 Subscriptions& subscriptions, Listener listener)
+Session::Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects, Listener listener,
+                 std::string profile)
     : broker_(broker),
       outgoing_(outgoing),
       connects_(connects),
-      subscriptions_(subscriptions),
-      listener_(std::move(listener)) {}
+      listener_(std::move(listener)),
+      profile_(std::move(profile)) {}
+
+std::string Session::server() const {
+  return connects_.server() + (profile_.empty() ? "" : " for " + profile_);
+}
 
 void Session::on(const Connected& event, SteadyTime now) {
   if (link_ != Link::connecting) return;
@@ -36,15 +40,14 @@ void Session::on(const Connected& event, SteadyTime now) {
   why_not_connected_.clear();
   outgoing_.begin(event);
   log::info("broker_connected",
-            {{"server", connects_.server()}, {"window", std::to_string(outgoing_.window())}});
-  subscriptions_.connection_began(now);
+            {{"server", server()}, {"window", std::to_string(outgoing_.window())}});
   listener_.connection_began(now);
 }
 
 void Session::on(const ConnectFailed& event, SteadyTime now) {
   if (link_ != Link::connecting) return;
   if (event.text != last_failure_) {  // log a repeated failure once
-    log::warn("broker_unreachable", {{"server", connects_.server()}, {"reason", event.text}});
+    log::warn("broker_unreachable", {{"server", server()}, {"reason", event.text}});
     last_failure_ = event.text;
   }
   why_not_connected_ = event.text;
@@ -58,7 +61,7 @@ void Session::on(const ConnectFailed& event, SteadyTime now) {
 void Session::on(const Lost& event, SteadyTime now) {
   if (link_ == Link::connecting) return on(ConnectFailed{event.text}, now);
   if (link_ != Link::connected) return;
-  log::warn("broker_lost", {{"server", connects_.server()}, {"reason", event.text}});
+  log::warn("broker_lost", {{"server", server()}, {"reason", event.text}});
   why_not_connected_ = event.text;
   if (event.reason_code == kSessionTakenOver) listener_.session_taken_over();
   receive_maximum_ = kReceiveMaximum;
@@ -70,13 +73,12 @@ void Session::on(const Disconnected&, SteadyTime now) {
   if (link_ == Link::leaving) retry_at_ = now;
 }
 
-void Session::keep(SteadyTime now, bool may_hear) {
+void Session::keep(SteadyTime now) {
   if (link_ == Link::connecting && now >= connect_deadline_) {
     broker_.disconnect();
     on(ConnectFailed{"no answer"}, now);
   }
   watch(now);
-  subscriptions_.keep(now, may_hear);
   if ((link_ == Link::waiting || link_ == Link::leaving) && now >= retry_at_) connect(now);
 }
 
@@ -89,7 +91,6 @@ void Session::connect(SteadyTime now) {
 void Session::end(SteadyTime now) {
   link_ = Link::waiting;
   connects_.connection_ended(now);
-  subscriptions_.connection_ended();
   lost_at_ = now;
   down_since_.reset();
   outgoing_.forget();
@@ -112,7 +113,6 @@ void Session::begin_anew(SteadyTime now) {
   const bool was_connected = link_ == Link::connected;
   connects_.restart();
   last_failure_.clear();
-  subscriptions_.forget_refusals();
   receive_maximum_ = kReceiveMaximum;
   if (was_connected) {
     broker_.disconnect();
@@ -124,8 +124,15 @@ void Session::begin_anew(SteadyTime now) {
   retry_at_ = was_connected ? now + kGoodbye : now;
 }
 
+void Session::go_to_next(bool with_will, SteadyTime now) {
+  const SteadyTime next = connects_.after_failure(now);
+  broker_.disconnect(with_will);
+  end(now);
+  link_ = Link::leaving;
+  retry_at_ = std::max(next, now + kGoodbye);
+}
+
 void Session::begin_end(SteadyTime now) {
-  subscriptions_.end_commands();
   if (link_ == Link::leaving) connect(now);
 }
 
@@ -162,7 +169,6 @@ SteadyTime Session::next_wake() const {
   if (link_ != Link::connected) return wake;
   if (const auto since = outgoing_.unanswered_since()) at(*since + kNoAcknowledgement);
   if (down_since_) at(*down_since_ + kLibraryForgot);
-  at(subscriptions_.next_wake());
   return wake;
 }
 

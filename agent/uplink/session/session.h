@@ -13,7 +13,6 @@
 #include "agent/uplink/broker.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/session/connect_schedule.h"
-#include "agent/uplink/session/subscriptions.h"
 
 namespace fxagent {
 
@@ -30,17 +29,18 @@ class Session final {
     std::function<void()> session_taken_over;
   };
 
-  /// All references outlive the session.
-  Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects,
-          Subscriptions& subscriptions, Listener listener);
+  /// All references outlive the session. `profile` names it in the log; empty: it is the agent's
+  /// own.
+  Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects, Listener listener,
+          std::string profile = {});
 
   void on(const Connected& event, SteadyTime now);
   void on(const ConnectFailed& event, SteadyTime now);
   void on(const Lost& event, SteadyTime now);
   void on(const Disconnected& event, SteadyTime now);
 
-  /// Does what is due. `may_hear`: as in Subscriptions::keep().
-  void keep(SteadyTime now, bool may_hear);
+  /// Does what is due.
+  void keep(SteadyTime now);
   /// Returns the time by which keep() must run again.
   SteadyTime next_wake() const;
 
@@ -50,8 +50,10 @@ class Session final {
   void connect_anew(SteadyTime now);
   /// Starts again with the first server. Ends an existing connection with a DISCONNECT.
   void begin_anew(SteadyTime now);
-  /// Begins the shutdown: unsubscribes from commands. If the session is leaving, it connects again,
-  /// so that the broker that received a DISCONNECT also receives the final state.
+  /// Leaves this server with a DISCONNECT, as in Broker, and connects to the next one.
+  void go_to_next(bool with_will, SteadyTime now);
+  /// Begins the shutdown. If the session is leaving, it connects again, so that the broker that
+  /// received a DISCONNECT also receives the final state.
   void begin_end(SteadyTime now);
   /// Completes the shutdown: publications not delivered yet stay undelivered.
   void give_up(SteadyTime now);
@@ -76,12 +78,14 @@ class Session final {
   void connect(SteadyTime now);
   void end(SteadyTime now);
   void watch(SteadyTime now);
+  /// Returns the server for the log.
+  std::string server() const;
 
   Broker& broker_;
   Outgoing& outgoing_;
   ConnectSchedule& connects_;
-  Subscriptions& subscriptions_;
   const Listener listener_;
+  const std::string profile_;
 
   Link link_ = Link::waiting;
   bool starting_ = true;

@@ -141,6 +141,7 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   status.uptime = std::chrono::duration_cast<seconds>(now - started_);
   status.conflict = conflict_;
   status.broker = broker(now);
+  status.profiles = parts_.profiles();
   status.samples = samples();
   status.field = field_;
   status.devices = parts_.states.all();

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "agent/commands/commands.h"
 #include "agent/config/config_difference.h"
@@ -50,6 +51,7 @@ class StatusSource final {
     const HistoryDelivery& history;
     const RefusedDevices& refused;
     const GuardedStore* store = nullptr;  ///< null: no store
+    std::function<std::vector<ProfileStatus>()> profiles;
   };
   struct Run {
     std::string boot;

@@ -32,8 +32,9 @@ class FakeBroker final : public Broker {
     else if (answers)
       events_.push_back(ConnectFailed{"connection refused"});
   }
-  void disconnect() override {
+  void disconnect(bool with_will = false) override {
     ++disconnects;
+    left_with_will = with_will;
     up_ = false;
     events_.push_back(Disconnected{});
   }
@@ -135,6 +136,7 @@ class FakeBroker final : public Broker {
   std::vector<std::size_t> connects;
   std::uint16_t sends_ahead = 0;  ///< as set by the last connect
   int disconnects = 0;
+  bool left_with_will = false;  ///< the last disconnect asked for the last will
   std::vector<MqttConfig> used;
   std::vector<Publication> log;    ///< everything published, in order
   std::vector<Publication> taken;  ///< acknowledged ones

@@ -263,7 +263,7 @@ TEST(JsonPayload, HistoryOfARecordIsItsLiveText) {
   JsonPayload payload(config, "another", "0.1.0");
   const auto history = payload.begin_history(1000);
   ASSERT_TRUE(history->add(record));
-  const Publication live = payload.sample({"press1", "fast"}, record);
+  const Publication live = payload.sample({"press1", "fast"}, record).at(0);
   EXPECT_EQ(history->take(), R"({"history":true,"rows":[)" + live.payload + "]}");
   EXPECT_EQ(live.payload,
             R"({"ts":1790000000007,"seq":7,"boot":"9f3c21aa","meta":"a41c","partial":true,)"
@@ -284,8 +284,8 @@ TEST(JsonPayload, TopicsAndTheirDeliveryAreTheContracts) {
   EXPECT_EQ(place(payload.device_state(test::offline(1, "timeout"))),
             base + "/press2/state retained 1");
   EXPECT_EQ(place(payload.device_meta(1)), base + "/press2/meta retained 1");
-  EXPECT_EQ(place(payload.sample({"press1", "fast"}, {})), base + "/press1/data/fast 0");
-  EXPECT_EQ(place(payload.history({"press1", "fast", {}, {}})),
+  EXPECT_EQ(place(payload.sample({"press1", "fast"}, {}).at(0)), base + "/press1/data/fast 0");
+  EXPECT_EQ(place(payload.history({"press1", "fast", {}, {}}).at(0)),
             base + "/press1/data/fast/history 0");
   const Will will = payload.last_will();
   EXPECT_EQ(will.topic, base + "/state");

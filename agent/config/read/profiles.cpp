@@ -1,0 +1,137 @@
+#include "agent/config/read/profiles.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "agent/config/keys.h"
+#include "agent/config/plain_topic.h"
+
+namespace fxagent {
+namespace {
+
+using std::string_view_literals::operator""sv;
+
+// Levels below {base}/{device} that the json profile uses.
+constexpr std::array kJsonLevels{"state"sv, "meta"sv, "command"sv, "result"sv, "data"sv};
+
+/// Replaces `{name}` with the value of the key `name`, if `text` has it.
+void put_name(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key,
+              std::string& text) {
+  const std::string place = "{" + std::string(key.name) + "}";
+  const auto value = reader.text(node, key);
+  const std::size_t at = text.find(place);
+  if (at == text.npos) {
+    if (value) reader.warn(*node.find(key.name), "has no effect: the topic has no " + place);
+    return;
+  }
+  if (!value)
+    return reader.error(node, "the topic has " + place + ": set " + std::string(key.name));
+  text.replace(at, place.size(), *value);
+}
+
+/// Returns why two tags, or a tag and a topic of the json profile, would share a topic.
+std::optional<std::string> topic_fault(const PlainTopic& topics, const Config& config) {
+  std::set<std::string> taken;
+  for (const DeviceConfig& device : config.devices)
+    for (const TagConfig& tag : device.tags) {
+      const std::string topic = topics.of(device.name, device.groups.at(tag.group).name, tag.name);
+      const std::string place = "the tag " + std::string(tag.name) + " of " + device.name;
+      const std::string own = config.base_topic() + "/" + device.name + "/";
+      const auto uses = [&](std::string_view level) { return topic == own + std::string(level); };
+      if (std::ranges::any_of(kJsonLevels, uses))
+        return "gives " + place + " the topic " + topic + ", which the profile json uses";
+      if (!taken.insert(topic).second)
+        return "gives " + place + " the topic " + topic + ", which another tag has: use {device}";
+    }
+  return std::nullopt;
+}
+
+void read_plain(ConfigReader& reader, const ConfigNode& node, const Config& config,
+                ProfileConfig& profile) {
+  const ConfigKey& key = config_key("profiles[].topic");
+  profile.topic = reader.text(node, key).value_or(std::string(key.word()));
+  put_name(reader, node, config_key("profiles[].site"), profile.topic);
+  put_name(reader, node, config_key("profiles[].area"), profile.topic);
+  put_name(reader, node, config_key("profiles[].line"), profile.topic);
+  const ConfigNode& at = node.find("topic") != nullptr ? *node.find("topic") : node;
+  const auto topics = PlainTopic::parse(profile.topic, config.root, config.id);
+  if (!topics) return reader.error(at, topics.error());
+  if (const auto fault = topic_fault(*topics, config)) reader.error(at, *fault);
+}
+
+/// Returns why `text` cannot be a Sparkplug id; empty if it can.
+std::string_view id_fault(std::string_view text) {
+  return text.find_first_of("/+#") == text.npos ? ""sv : "must not have /, + or #"sv;
+}
+
+void read_sparkplug(ConfigReader& reader, const ConfigNode& node, const Config& config,
+                    ProfileConfig& profile) {
+  const auto id = [&](const ConfigKey& key) {
+    const std::string text = reader.text(node, key).value_or("");
+    if (const auto fault = id_fault(text); !fault.empty())
+      reader.error(*node.find(key.name), std::string(fault));
+    return text;
+  };
+  profile.group = id(config_key("profiles[].group"));
+  if (node.find("group") == nullptr) reader.error(node, "needs group, the Sparkplug group id");
+  profile.node = id(config_key("profiles[].node"));
+  if (profile.node.empty()) profile.node = config.id;
+  profile.host = id(config_key("profiles[].host"));
+  profile.old_state = reader.boolean(node, config_key("profiles[].old_state"));
+  if (profile.old_state && profile.host.empty())
+    reader.warn(*node.find("old_state"), "has no effect without host");
+}
+
+/// Reports keys of other kinds.
+void check_kind(ConfigReader& reader, const ConfigNode& node, ProfileConfig::Kind kind) {
+  constexpr std::array kPlain{"topic"sv, "site"sv, "area"sv, "line"sv};
+  constexpr std::array kSparkplug{"group"sv, "node"sv, "host"sv, "old_state"sv};
+  const auto only = [&](const auto& keys, ProfileConfig::Kind owner, std::string_view word) {
+    for (const std::string_view key : keys)
+      if (const ConfigNode* at = node.find(key); at != nullptr && kind != owner)
+        reader.error(*at, "belongs to the kind " + std::string(word));
+  };
+  only(kPlain, ProfileConfig::Kind::plain, "plain");
+  only(kSparkplug, ProfileConfig::Kind::sparkplug, "sparkplug");
+}
+
+}  // namespace
+
+void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config) {
+  std::set<std::string> names;
+  bool has_json = false;
+  for (const ConfigNode& node : list.children) {
+    if (!reader.check_object(node, config_section("profiles[]"))) continue;
+    const auto kind = reader.choice(node, config_key("profiles[].kind"));
+    if (!kind) continue;
+    ProfileConfig profile;
+    profile.kind = static_cast<ProfileConfig::Kind>(*kind);
+    profile.broker = reader.name(node, config_key("profiles[].broker")).value_or("");
+    if (!profile.broker.empty() && std::ranges::find(config.brokers, profile.broker,
+                                                     &BrokerConfig::name) == config.brokers.end())
+      reader.error(*node.find("broker"), "no broker in brokers has this name");
+    check_kind(reader, node, profile.kind);
+    if (profile.kind == ProfileConfig::Kind::plain) read_plain(reader, node, config, profile);
+    if (profile.kind == ProfileConfig::Kind::sparkplug)
+      read_sparkplug(reader, node, config, profile);
+    if (!names.insert(name_of(profile)).second)
+      reader.error(node, "this kind stands twice for the same broker");
+    if (profile.kind == ProfileConfig::Kind::json && profile.broker.empty())
+      has_json = true;
+    else
+      config.profiles.push_back(std::move(profile));
+  }
+  if (!has_json)
+    reader.error(list, "needs {\"kind\": \"json\"}, the agent's own session on the broker of mqtt");
+  for (const BrokerConfig& broker : config.brokers)
+    if (std::ranges::find(config.profiles, broker.name, &ProfileConfig::broker) ==
+        config.profiles.end())
+      reader.warn(list, "no profile publishes to the broker " + broker.name);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,97 @@
+#include "agent/uplink/profile/json_profile.h"
+
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "agent/uplink/topics.h"
+
+namespace fxagent {
+
+JsonProfile::JsonProfile(const Config& config, std::string boot, std::string version,
+                         std::int64_t since_ms, std::string broker, TakeOrder take_order)
+    : config_(config),
+      payload_(config, std::move(boot), std::move(version)),
+      since_ms_(since_ms),
+      broker_(std::move(broker)),
+      take_order_(std::move(take_order)),
+      states_(config.devices.size()) {}
+
+std::vector<Subscription> JsonProfile::subscriptions() const {
+  if (!take_order_) return {};
+  return {{config_.base_topic() + "/+/command", /*no_local=*/true}};
+}
+
+void JsonProfile::connection_began(const Connected&) {
+  greets_ = true;
+  for (std::uint32_t device = 0; device < config_.devices.size(); ++device) {
+    if (config_.devices[device].is_vacant()) continue;
+    metas_.insert(device);
+    if (states_.all()[device]) changed_.insert(device);
+  }
+}
+
+void JsonProfile::connection_ended() {
+  metas_.clear();
+  changed_.clear();
+}
+
+void JsonProfile::hear(const Message& message, SteadyTime now) {
+  const std::string base = config_.base_topic();
+  const auto device = device_of(message.topic, base, "command");
+  if (!device || !take_order_) return;
+  if (message.payload.empty()) return;  // it clears a retained topic
+  Order order;
+  order.device = *device;
+  order.payload = message.payload;
+  MessageProperties& properties = order;
+  properties = message;
+  order.received = now;
+  order.sender = broker_;
+  order.response_topic.clear();
+  order.tell = [this, topic = base + "/" + order.device + "/result"](const std::string& result) {
+    Publication publication;
+    publication.topic = topic;
+    publication.payload = result;
+    others_.push_back(std::move(publication));
+  };
+  take_order_(std::move(order));
+}
+
+void JsonProfile::device_state(const DeviceStatus& status) {
+  states_.set(status);
+  changed_.insert(status.device);
+}
+
+void JsonProfile::change(const ConfigChange& change) {
+  states_.change(change);
+  for (const std::uint32_t device : change.devices_end) {
+    metas_.erase(device);
+    changed_.erase(device);
+  }
+  metas_.insert(change.devices_begin.begin(), change.devices_begin.end());
+}
+
+std::vector<Publication> JsonProfile::due(SteadyTime, std::int64_t) {
+  std::vector<Publication> due;
+  if (std::exchange(greets_, false)) {
+    const auto reason =
+        take_order_ ? std::nullopt : std::optional<std::string>("this broker sends no commands");
+    due.push_back(payload_.agent_online(since_ms_, reason, std::nullopt));
+  } else if (!others_.empty()) {
+    due.push_back(std::move(others_.front()));
+    others_.pop_front();
+  } else if (!changed_.empty()) {
+    const auto device = changed_.extract(changed_.begin()).value();
+    due.push_back(payload_.device_state(*states_.all()[device]));
+  } else if (!metas_.empty()) {
+    due.push_back(payload_.device_meta(metas_.extract(metas_.begin()).value()));
+  }
+  return due;
+}
+
+std::vector<Publication> JsonProfile::farewell(std::int64_t utc_ms) {
+  return {payload_.agent_offline(utc_ms)};
+}
+
+}  // namespace fxagent

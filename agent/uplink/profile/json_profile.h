@@ -1,0 +1,56 @@
+// The profile `json` on another broker: the topics and payloads of docs/interface.md, and the
+// commands if that broker may send them.
+#pragma once
+
+#include <deque>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "agent/uplink/payload/json_payload.h"
+#include "agent/uplink/profile/profile.h"
+#include "agent/uplink/retained/device_states.h"
+
+namespace fxagent {
+
+class JsonProfile final : public Profile {
+ public:
+  /// `config` outlives it. `since_ms` is the start of the agent. `broker` is the name of the
+  /// broker, for the audit. `take_order` is empty if the broker may not send commands.
+  JsonProfile(const Config& config, std::string boot, std::string version, std::int64_t since_ms,
+              std::string broker, TakeOrder take_order);
+
+  Will last_will() override { return payload_.last_will(); }
+  std::vector<Subscription> subscriptions() const override;
+  void connection_began(const Connected& connected) override;
+  void connection_ended() override;
+  void hear(const Message& message, SteadyTime now) override;
+  void device_state(const DeviceStatus& status) override;
+  void change(const ConfigChange& change) override;
+  std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
+  std::vector<Publication> farewell(std::int64_t utc_ms) override;
+
+  std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override {
+    return payload_.sample(stream, sample);
+  }
+  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override {
+    return payload_.begin_history(max_bytes);
+  }
+  std::vector<Publication> history(const HistoryBatch& batch) override {
+    return payload_.history(batch);
+  }
+
+ private:
+  const Config& config_;
+  JsonPayload payload_;
+  const std::int64_t since_ms_;
+  const std::string broker_;
+  const TakeOrder take_order_;
+  DeviceStates states_;
+  bool greets_ = false;              ///< the agent's state is due
+  std::set<std::uint32_t> metas_;    ///< devices whose meta is due
+  std::set<std::uint32_t> changed_;  ///< devices whose state is due
+  std::deque<Publication> others_;   ///< results, and topics to clear
+};
+
+}  // namespace fxagent

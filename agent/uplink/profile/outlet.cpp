@@ -1,0 +1,254 @@
+#include "agent/uplink/profile/outlet.h"
+
+#include <algorithm>
+#include <chrono>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+#include "agent/log/log.h"
+#include "agent/uplink/puback.h"
+
+namespace fxagent {
+namespace {
+
+// Each of the three steps of the end.
+constexpr std::chrono::seconds kStopWithin{1};
+// Time in which an acknowledgement is processed if nothing else wakes the uplink.
+constexpr std::chrono::milliseconds kAcknowledgedWithin{50};
+
+}  // namespace
+
+Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker& broker,
+               std::function<std::int64_t()> utc_ms, GuardedStore* store)
+    : config_(config),
+      settings_(std::move(settings)),
+      profile_(profile),
+      broker_(broker),
+      utc_ms_(std::move(utc_ms)),
+      store_(store),
+      backoff_(settings_.jitter_seed),
+      outgoing_(broker, settings_.marker_topic),
+      connects_(settings_.mqtt, backoff_),
+      session_(broker, outgoing_, connects_,
+               {[this](SteadyTime now) { connection_began(now); },
+                [this](SteadyTime) { connection_ended(); },
+                [this] { samples_.spool_live(); },
+                {}},
+               settings_.name),
+      spool_(store, settings_.backlog_bytes, dropped_),
+      refused_(backoff_),
+      samples_(config, settings_.boot, profile, outgoing_, refused_, spool_, dropped_, store),
+      history_(profile, outgoing_, refused_, spool_, dropped_) {}
+
+void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
+  for (const auto& [device, count] : batch.dropped) {
+    collected_ += count;
+    dropped_.add(config_.devices.at(device).name, count);
+  }
+  for (const DeviceStatus& status : batch.states) profile_.device_state(status);
+  for (const Telemetry& sample : batch.telemetry) profile_.saw(sample);
+  collected_ += batch.telemetry.size();
+  const bool can_go =
+      (session_.is_connected() || session_.is_starting()) && phase_ == Phase::running;
+  samples_.take(batch.telemetry, can_go, now);
+}
+
+void Outlet::change(const ConfigChange& change) {
+  samples_.change(change);
+  profile_.change(change);
+}
+
+void Outlet::use(MqttConfig mqtt, SteadyTime now) {
+  if (mqtt == settings_.mqtt) return;
+  if (session_.is_connected()) say_goodbye();
+  settings_.mqtt = std::move(mqtt);
+  broker_.use(settings_.mqtt);
+  connects_.settings_changed();
+  if (phase_ == Phase::running) session_.begin_anew(now);
+}
+
+SteadyTime Outlet::step(SteadyTime now) {
+  if (finished()) return SteadyTime::max();
+  take_broker_events(now);
+  if (store_ != nullptr) {
+    store_->upkeep(now, utc_ms_());
+    store_->take_found_late();
+    spool_.count_dropped();
+  }
+  spool_.move_memory_to_disk();
+  if (phase_ == Phase::running) {
+    session_.keep(now);
+    if (profile_.take_leave() && session_.is_connected()) leave(now);
+  }
+  send(now);
+  const bool failed = outgoing_.fail_unsendable(now);
+  keep_stop(now);
+  spool_.commit(now, phase_ == Phase::running);
+  broker_.await_acknowledgements(phase_ != Phase::running || !session_.is_connected() ||
+                                 history_.is_on_the_way() ||
+                                 outgoing_.size() >= outgoing_.window() / 2);
+  if (finished()) return SteadyTime::max();
+  return failed ? now : next_wake(now);
+}
+
+// ---- connection ---------------------------------------------------------------------------------
+
+void Outlet::take_broker_events(SteadyTime now) {
+  const auto take = [&](const auto& event) {
+    using Event = std::remove_cvref_t<decltype(event)>;
+    if constexpr (std::is_same_v<Event, Delivered> || std::is_same_v<Event, DeliveryFailed>) {
+      outgoing_.on(event, now);
+    } else if constexpr (std::is_same_v<Event, Message>) {
+      profile_.hear(event, now);
+    } else if constexpr (std::is_same_v<Event, MessagesDropped>) {
+      log::error("messages_dropped",
+                 {{"count", std::to_string(event.count)},
+                  {"profile", settings_.name},
+                  {"note", "more messages arrived than the agent can process"}});
+    } else if constexpr (std::is_same_v<Event, Subscribed>) {
+      if (!event.granted && refusals_.insert(event.filter).second)
+        log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
+    } else {
+      if constexpr (std::is_same_v<Event, Connected>) limits_ = event;
+      session_.on(event, now);
+      if constexpr (std::is_same_v<Event, Disconnected>)
+        if (phase_ == Phase::closing) finish(now);
+    }
+  };
+  for (const BrokerEvent& event : broker_.take_events()) std::visit(take, event);
+}
+
+void Outlet::connection_began(SteadyTime) {
+  refusals_.clear();
+  refused_.clear();
+  history_.connection_began();
+  for (Subscription& subscription : profile_.subscriptions())
+    broker_.subscribe(std::move(subscription));
+  profile_.connection_began(limits_);
+}
+
+void Outlet::connection_ended() {
+  samples_.connection_ended();
+  history_.connection_ended();
+  profile_.connection_ended();
+}
+
+void Outlet::say_goodbye() {
+  if (auto last = profile_.farewell(utc_ms_()); !last.empty())
+    outgoing_.send(*this, std::move(last));
+}
+
+void Outlet::leave(SteadyTime now) {
+  say_goodbye();
+  session_.go_to_next(profile_.leaves_with_will(), now);
+}
+
+// ---- sending ------------------------------------------------------------------------------------
+
+void Outlet::send(SteadyTime now) {
+  samples_.settle(now);
+  spool_.commit(now, phase_ == Phase::running);
+  if (session_.is_connected() && (phase_ == Phase::running || phase_ == Phase::draining)) {
+    while (outgoing_.has_room()) {
+      auto due = profile_.due(now, utc_ms_());
+      if (due.empty()) break;
+      outgoing_.send(*this, std::move(due));
+    }
+    if (profile_.is_ready()) {
+      samples_.pump_live(now);
+      if (!samples_.has_live() && phase_ == Phase::running) history_.pump(true, now);
+    }
+  }
+  outgoing_.note_sent(now);
+}
+
+void Outlet::delivered(std::uint64_t id, SteadyTime) { farewell_.erase(id); }
+
+void Outlet::failed(const DeliveryFailed& event, SteadyTime now) {
+  log::warn(
+      event.reason_code != 0 ? "publish_refused" : "publish_failed",
+      {{"what", settings_.name}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+  delivered(event.id, now);
+}
+
+// ---- the end ------------------------------------------------------------------------------------
+
+void Outlet::stop(SteadyTime now) {
+  if (phase_ != Phase::running) return;
+  phase_ = Phase::draining;
+  phase_ends_ = now + kStopWithin;
+}
+
+void Outlet::keep_stop(SteadyTime now) {
+  if (phase_ == Phase::running || finished()) return;
+  if (!session_.is_connected()) return finish(now);
+  const bool over = now >= phase_ends_;
+  if (phase_ == Phase::draining && (over || (outgoing_.empty() && !samples_.has_live()))) {
+    phase_ = Phase::farewell;
+    phase_ends_ = now + kStopWithin;
+    if (auto last = profile_.farewell(utc_ms_()); !last.empty())
+      farewell_.insert(outgoing_.send(*this, std::move(last)));
+    outgoing_.note_sent(now);
+  } else if (phase_ == Phase::farewell && (over || farewell_.empty())) {
+    phase_ = Phase::closing;
+    phase_ends_ = now + kStopWithin;
+    broker_.disconnect(profile_.leaves_with_will());
+  } else if (phase_ == Phase::closing && (over || !broker_.is_connected())) {
+    finish(now);
+  }
+}
+
+void Outlet::finish(SteadyTime now) {
+  phase_ = Phase::finished;
+  session_.give_up(now);
+  if (store_ == nullptr) return;
+  spool_.move_memory_to_disk();
+  spool_.write();
+  store_->close();
+}
+
+// ---- status -------------------------------------------------------------------------------------
+
+SteadyTime Outlet::next_wake(SteadyTime now) const {
+  SteadyTime wake = SteadyTime::max();
+  const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
+  if (phase_ != Phase::running) at(phase_ends_);
+  if (phase_ == Phase::farewell && farewell_.empty()) at(now);
+  if (phase_ == Phase::closing) at(now + kAcknowledgedWithin);
+  at(session_.next_wake());
+  if (spool_.gathered() != 0) at(spool_.commit_at());
+  if (store_ != nullptr && store_->has_pending()) at(now + SampleSpool::kCommitWithin);
+  at(samples_.next_wake());
+  if (!session_.is_connected()) return wake;
+  at(profile_.next_wake());
+  if (profile_.is_ready()) at(history_.next_wake(now));
+  if (!outgoing_.empty()) at(now + kAcknowledgedWithin);
+  return wake;
+}
+
+ProfileStatus Outlet::status() const {
+  ProfileStatus status;
+  status.name = settings_.name;
+  status.server = connects_.server();
+  status.connected = session_.is_connected();
+  status.ready = status.connected && profile_.is_ready();
+  status.why = session_.why_not_connected();
+  const SampleDelivery::Counters out = samples_.counters();
+  SampleCounts& samples = status.samples;
+  samples.collected = collected_;
+  samples.queued = out.queued + spool_.gathered() + spool_.at_disk();
+  samples.in_flight = out.in_flight;
+  samples.stored = spool_.backlog().rows();
+  if (store_ != nullptr) {
+    const GuardedStore::Figures store = store_->figures();
+    samples.stored += store.rows;
+    samples.recovered = store.recovered;
+  }
+  samples.acknowledged = out.acknowledged + history_.acknowledged();
+  samples.dropped = dropped_.total();
+  samples.published = out.published + history_.published();
+  return status;
+}
+
+}  // namespace fxagent

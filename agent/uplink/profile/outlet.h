@@ -1,0 +1,110 @@
+// One profile of the config beside the agent's own: an MQTT session, a window and a backlog of its
+// own, so that the death of one broker does not touch the others. The profile gives the form of
+// what is published; delivery is that of the agent's own samples. Uplink thread. Time is an
+// argument.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "agent/config/config_difference.h"
+#include "agent/config/model.h"
+#include "agent/outbox.h"
+#include "agent/status.h"
+#include "agent/steady_time.h"
+#include "agent/store/guarded_store.h"
+#include "agent/uplink/broker.h"
+#include "agent/uplink/jittered_backoff.h"
+#include "agent/uplink/outgoing.h"
+#include "agent/uplink/profile/profile.h"
+#include "agent/uplink/samples/dropped_samples.h"
+#include "agent/uplink/samples/history_delivery.h"
+#include "agent/uplink/samples/refused_devices.h"
+#include "agent/uplink/samples/sample_delivery.h"
+#include "agent/uplink/samples/sample_spool.h"
+#include "agent/uplink/session/connect_schedule.h"
+#include "agent/uplink/session/session.h"
+
+namespace fxagent {
+
+class Outlet final : private Outgoing::Sender {
+ public:
+  struct Settings {
+    std::string name;          ///< of the profile, for the log and the status
+    MqttConfig mqtt;           ///< with a client id of its own
+    std::string boot;          ///< as in PublisherSettings
+    std::string marker_topic;  ///< as in Outgoing; empty: none
+    std::size_t backlog_bytes = std::size_t{64} << 20;
+    std::uint32_t jitter_seed = 1;
+  };
+
+  /// All references outlive the outlet. `config` belongs to the uplink, which changes it before
+  /// change(). `store` is null without a store. `utc_ms` returns the current calendar time.
+  Outlet(const Config& config, Settings settings, Profile& profile, Broker& broker,
+         std::function<std::int64_t()> utc_ms, GuardedStore* store);
+  Outlet(const Outlet&) = delete;
+  Outlet& operator=(const Outlet&) = delete;
+
+  /// Takes states and samples from the field. Call before the states of the batch are moved from.
+  void take(const Outbox::Batch& batch, SteadyTime now);
+  /// Adapts to a config change, which the config already contains.
+  void change(const ConfigChange& change);
+  /// Connects anew with other settings of the broker.
+  void use(MqttConfig mqtt, SteadyTime now);
+  /// Does all that is due. Returns the time by which it must be called again.
+  SteadyTime step(SteadyTime now);
+
+  /// Begins the clean end: sends what waits, for at most 1 s, then the profile's last messages.
+  void stop(SteadyTime now);
+  bool finished() const { return phase_ == Phase::finished; }
+
+  ProfileStatus status() const;
+
+ private:
+  enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
+
+  void take_broker_events(SteadyTime now);
+  void say_goodbye();
+  /// Goes to the next server.
+  void leave(SteadyTime now);
+  void send(SteadyTime now);
+  void keep_stop(SteadyTime now);
+  void finish(SteadyTime now);
+  SteadyTime next_wake(SteadyTime now) const;
+  void connection_began(SteadyTime now);
+  void connection_ended();
+
+  // Of what the profile itself publishes.
+  void delivered(std::uint64_t id, SteadyTime now) override;
+  void failed(const DeliveryFailed& event, SteadyTime now) override;
+
+  const Config& config_;
+  Settings settings_;
+  Profile& profile_;
+  Broker& broker_;
+  const std::function<std::int64_t()> utc_ms_;
+  GuardedStore* const store_;
+
+  JitteredBackoff backoff_;
+  Outgoing outgoing_;
+  ConnectSchedule connects_;
+  Session session_;
+  DroppedSamples dropped_;
+  SampleSpool spool_;
+  RefusedDevices refused_;
+  SampleDelivery samples_;
+  HistoryDelivery history_;
+
+  Connected limits_;  ///< of the broker
+  std::uint64_t collected_ = 0;
+  Phase phase_ = Phase::running;
+  SteadyTime phase_ends_{};
+  std::set<std::uint64_t> farewell_;  ///< ids of the last messages in flight
+  std::set<std::string> refusals_;    ///< logged in this connection
+};
+
+}  // namespace fxagent

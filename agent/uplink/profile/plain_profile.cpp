@@ -1,0 +1,187 @@
+#include "agent/uplink/profile/plain_profile.h"
+
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "agent/json_writer.h"
+#include "agent/log/log.h"
+#include "agent/uplink/payload/json_payload.h"
+
+namespace fxagent {
+namespace {
+
+constexpr std::string_view kSet = "/set";
+
+/// Gathers `[time, value]` of each tag. The payload of the batch has a line for each tag: its name,
+/// a tab and the list. Neither can be part of a name or of JSON.
+class PlainHistory final : public HistoryMessage {
+ public:
+  explicit PlainHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+
+  bool add(const SampleRecord& sample) override {
+    std::vector<std::string> values;
+    std::size_t more = 0;
+    for (const RecordedReading& reading : sample.readings) {
+      json::Writer out;
+      out.begin_array().integer(sample.ts_ms).raw(json::bare_value(reading)).end_array();
+      values.push_back(out.take());
+      more += values.back().size() + 1;
+    }
+    if (bytes_ != 0 && bytes_ + more > max_bytes_) return false;
+    bytes_ += more;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      std::string& list = lists_[std::string(sample.readings[i].name)];
+      list += (list.empty() ? "[" : ",") + values[i];
+    }
+    return true;
+  }
+  /// A profile's store has no rows of earlier versions.
+  bool add(std::string_view) override { return true; }
+  std::string take() override {
+    std::string text;
+    for (const auto& [tag, list] : lists_) text += tag + "\t" + list + "]\n";
+    return text;
+  }
+
+ private:
+  const std::size_t max_bytes_;
+  std::size_t bytes_ = 0;
+  std::map<std::string, std::string> lists_;
+};
+
+}  // namespace
+
+PlainProfile::PlainProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
+                           std::function<std::string()> new_id)
+    : config_(config),
+      name_(name_of(profile)),
+      topics_(PlainTopic::parse(profile.topic, config.root, config.id).value()),
+      state_topic_(config.base_topic() + "/plain"),
+      take_order_(std::move(take_order)),
+      new_id_(std::move(new_id)) {
+  find_writable();
+}
+
+void PlainProfile::find_writable() {
+  writable_.clear();
+  if (!take_order_) return;
+  for (const DeviceConfig& device : config_.devices)
+    for (const TagConfig& tag : device.tags) {
+      if (!tag.writable) continue;
+      const std::string name(tag.name);
+      writable_.emplace(topics_.of(device.name, device.groups.at(tag.group).name, name),
+                        std::pair(device.name, name));
+    }
+}
+
+std::vector<Subscription> PlainProfile::subscriptions() const {
+  if (!take_order_) return {};
+  return {{topics_.filter() + std::string(kSet), /*no_local=*/true}};
+}
+
+void PlainProfile::connection_began(const Connected&) { due_.push_front(state("\"online\"")); }
+
+void PlainProfile::hear(const Message& message, SteadyTime now) {
+  std::string topic = message.topic;
+  if (!topic.ends_with(kSet) || message.payload.empty()) return;
+  topic.resize(topic.size() - kSet.size());
+  const auto found = writable_.find(topic);
+  if (found == writable_.end())
+    return log::warn("command_ignored",
+                     {{"topic", log::excerpt(message.topic)},
+                      {"note", "no tag with access: read_write has this topic"}});
+  const auto& [device, tag] = found->second;
+  Order order;
+  order.device = device;
+  MessageProperties& properties = order;
+  properties = message;
+  order.received = now;
+  order.sender = name_;
+  order.response_topic.clear();
+  order.tell = [this, topic](const std::string& result) {
+    Publication publication;
+    publication.topic = topic + "/result";
+    publication.payload = result;
+    due_.push_back(std::move(publication));
+  };
+  json::Writer command;
+  command.begin_object().key("id").string(new_id_()).key("op").string("write");
+  command.key("tag").string(tag).key("value");
+  // Text that is not JSON becomes a string, which a number's tag refuses with a reason.
+  nlohmann::json::accept(message.payload) ? command.raw(message.payload)
+                                          : command.string(message.payload);
+  order.payload = command.end_object().take();
+  take_order_(std::move(order));
+}
+
+void PlainProfile::change(const ConfigChange& change) {
+  find_writable();
+  for (const std::uint32_t device : change.devices_begin)
+    undelivered(config_.devices.at(device).name);
+}
+
+std::vector<Publication> PlainProfile::due(SteadyTime, std::int64_t) {
+  std::vector<Publication> due;
+  if (due_.empty()) return due;
+  due.push_back(std::move(due_.front()));
+  due_.pop_front();
+  return due;
+}
+
+std::vector<Publication> PlainProfile::farewell(std::int64_t) { return {state("\"offline\"")}; }
+
+Publication PlainProfile::state(std::string text) const {
+  Publication publication;
+  publication.topic = state_topic_;
+  publication.payload = std::move(text);
+  publication.retain = Retain::yes;
+  return publication;
+}
+
+std::vector<Publication> PlainProfile::sample(const StreamKey& stream, const SampleRecord& sample) {
+  std::vector<Publication> changed;
+  for (const RecordedReading& reading : sample.readings) {
+    Publication publication;
+    publication.topic = topics_.of(stream.first, stream.second, reading.name);
+    publication.payload = json::bare_value(reading);
+    const std::size_t hash = std::hash<std::string>{}(publication.payload);
+    const auto [place, is_first] = published_.try_emplace(publication.topic, hash);
+    if (!is_first && std::exchange(place->second, hash) == hash) continue;
+    publication.qos = config_.mqtt.qos;
+    publication.retain = Retain::yes;
+    changed.push_back(std::move(publication));
+  }
+  return changed;
+}
+
+void PlainProfile::undelivered(const std::string& device) {
+  for (const DeviceConfig& each : config_.devices) {
+    if (each.name != device) continue;
+    for (const TagConfig& tag : each.tags)
+      published_.erase(topics_.of(device, each.groups.at(tag.group).name, tag.name));
+  }
+}
+
+std::unique_ptr<HistoryMessage> PlainProfile::begin_history(std::size_t max_bytes) {
+  return std::make_unique<PlainHistory>(max_bytes);
+}
+
+std::vector<Publication> PlainProfile::history(const HistoryBatch& batch) {
+  std::vector<Publication> messages;
+  std::string_view text = batch.payload;
+  while (!text.empty()) {
+    const std::size_t tab = text.find('\t');
+    const std::size_t end = text.find('\n', tab);
+    Publication publication;
+    publication.topic = topics_.of(batch.device, batch.group, text.substr(0, tab)) + "/history";
+    publication.payload = text.substr(tab + 1, end - tab - 1);
+    publication.qos = config_.mqtt.qos;
+    messages.push_back(std::move(publication));
+    text.remove_prefix(end + 1);
+  }
+  return messages;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,59 @@
+// The profile `plain`: a retained topic for each tag, with its bare value as JSON; null while the
+// tag is bad. A value is published when it changes, and at the begin of each connection. After an
+// outage the values that were missed follow on {topic}/history as [[time, value], …], not retained.
+// A message on {topic}/set writes a tag, if it may be written.
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <memory>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "agent/config/plain_topic.h"
+#include "agent/uplink/profile/profile.h"
+
+namespace fxagent {
+
+class PlainProfile final : public Profile {
+ public:
+  /// `config` outlives it. `take_order` is empty if the broker may not send commands. `new_id`
+  /// returns an id for a command, each time another one.
+  PlainProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
+               std::function<std::string()> new_id);
+
+  Will last_will() override { return {state_topic_, "\"offline\"", Retain::yes}; }
+  std::vector<Subscription> subscriptions() const override;
+  void connection_began(const Connected& connected) override;
+  void connection_ended() override { published_.clear(); }
+  void hear(const Message& message, SteadyTime now) override;
+  void device_state(const DeviceStatus&) override {}
+  void change(const ConfigChange& change) override;
+  std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
+  std::vector<Publication> farewell(std::int64_t utc_ms) override;
+
+  std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
+  void undelivered(const std::string& device) override;
+  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
+  std::vector<Publication> history(const HistoryBatch& batch) override;
+
+ private:
+  void find_writable();
+  Publication state(std::string text) const;
+
+  const Config& config_;
+  const std::string name_;
+  const PlainTopic topics_;
+  const std::string state_topic_;
+  const TakeOrder take_order_;
+  const std::function<std::string()> new_id_;
+  /// Device and tag by topic, of the tags that may be written.
+  std::unordered_map<std::string, std::pair<std::string, std::string>> writable_;
+  /// Hash of the text published last in this connection, by topic.
+  std::unordered_map<std::string, std::size_t> published_;
+  std::deque<Publication> due_;
+};
+
+}  // namespace fxagent

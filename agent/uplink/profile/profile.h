@@ -1,0 +1,57 @@
+// Interface to a profile: the form in which an outlet publishes the plant, and the commands that it
+// hears. agent.cpp makes the profiles of the config.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "agent/config/config_difference.h"
+#include "agent/order.h"
+#include "agent/steady_time.h"
+#include "agent/telemetry.h"
+#include "agent/uplink/broker.h"
+#include "agent/uplink/payload/payload.h"
+
+namespace fxagent {
+
+/// Takes a command that a profile has heard.
+using TakeOrder = std::function<void(Order order)>;
+
+/// Uplink thread only.
+class Profile : public SamplePayload {
+ public:
+  /// Returns the message that the broker publishes if the connection ends without a clean end.
+  /// Called before each attempt to connect.
+  virtual Will last_will() = 0;
+  /// Returns what to subscribe to in each connection.
+  virtual std::vector<Subscription> subscriptions() const = 0;
+  virtual void connection_began(const Connected& connected) = 0;
+  virtual void connection_ended() = 0;
+  /// Processes a message on one of the subscriptions.
+  virtual void hear(const Message& message, SteadyTime now) = 0;
+
+  virtual void device_state(const DeviceStatus& status) = 0;
+  /// A sample has come from the field. It follows by sample(), or later as history.
+  virtual void saw(const Telemetry& /*sample*/) {}
+  /// Adapts to a config change, which the config already contains.
+  virtual void change(const ConfigChange& change) = 0;
+
+  /// Returns messages that go before samples, such as births and states; empty: none are due.
+  /// Called while connected, until it returns none. `utc_ms` is the current calendar time.
+  virtual std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) = 0;
+  /// False: no samples may be sent now. They wait as history.
+  virtual bool is_ready() const { return true; }
+  /// Returns the time by which due() has something.
+  virtual SteadyTime next_wake() const { return SteadyTime::max(); }
+  /// Returns the last messages before the connection is closed on purpose.
+  virtual std::vector<Publication> farewell(std::int64_t utc_ms) = 0;
+  /// True if the broker shall publish the last will even though the connection is closed on
+  /// purpose.
+  virtual bool leaves_with_will() const { return false; }
+  /// True, once, if the session must leave this server and go to the next one.
+  virtual bool take_leave() { return false; }
+};
+
+}  // namespace fxagent

@@ -1,0 +1,42 @@
+#include "agent/uplink/sparkplug/primary_host.h"
+
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "agent/log/log.h"
+
+namespace fxagent::sparkplug {
+
+PrimaryHost::PrimaryHost(std::string id, bool old_state)
+    : topic_(id.empty() ? "" : (old_state ? "STATE/" : "spBv1.0/STATE/") + id),
+      old_state_(old_state) {}
+
+void PrimaryHost::hear(std::string_view payload) {
+  if (old_state_) {
+    if (payload == "ONLINE" || payload == "OFFLINE")
+      return set(payload == "ONLINE" ? State::online : State::offline, 0);
+  } else {
+    const auto state = nlohmann::json::parse(payload, nullptr, false);
+    if (state.is_object() && state.contains("online") && state["online"].is_boolean() &&
+        state.contains("timestamp") && state["timestamp"].is_number_integer())
+      return set(state["online"].get<bool>() ? State::online : State::offline,
+                 state["timestamp"].get<std::int64_t>());
+  }
+  log::warn("host_state_ignored", {{"topic", topic_},
+                                   {"text", log::excerpt(payload)},
+                                   {"note", old_state_ ? "expected ONLINE or OFFLINE"
+                                                       : "expected {\"online\": true or false, "
+                                                         "\"timestamp\": ms}"}});
+}
+
+/// A state that is older than the last online state is a leftover.
+void PrimaryHost::set(State state, std::int64_t timestamp) {
+  if (timestamp < last_online_ms_) return;
+  const bool is_online = state == State::online;
+  if (is_online) last_online_ms_ = timestamp;
+  if (state != state_)
+    log::info("primary_host", {{"topic", topic_}, {"state", is_online ? "online" : "offline"}});
+  state_ = state;
+}
+
+}  // namespace fxagent::sparkplug

@@ -1,0 +1,39 @@
+// Whether the primary host application is online, by its STATE messages (Sparkplug 3.0, section
+// 5.4). Uplink thread. Pure.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace fxagent::sparkplug {
+
+class PrimaryHost final {
+ public:
+  /// `id` is empty if no host is waited for. `old_state`: its state is ONLINE or OFFLINE on
+  /// STATE/{id}, as before Sparkplug 3.0.
+  PrimaryHost(std::string id, bool old_state);
+
+  /// Topic of its state; empty: no host is waited for.
+  const std::string& topic() const { return topic_; }
+  /// Nothing is known of it in a new session.
+  void connection_began() { state_ = State::unknown; }
+  /// Processes a text on topic().
+  void hear(std::string_view payload);
+
+  /// True if births and data may be published.
+  bool is_online() const { return topic_.empty() || state_ == State::online; }
+  /// True if it has said so in this session.
+  bool is_offline() const { return state_ == State::offline; }
+
+ private:
+  enum class State : std::uint8_t { unknown, online, offline };
+  void set(State state, std::int64_t timestamp);
+
+  const std::string topic_;
+  const bool old_state_;
+  State state_ = State::unknown;
+  std::int64_t last_online_ms_ = 0;  ///< newest timestamp with which it was online
+};
+
+}  // namespace fxagent::sparkplug

@@ -1,0 +1,504 @@
+#include "agent/uplink/sparkplug/sparkplug_profile.h"
+
+#include <algorithm>
+#include <chrono>
+#include <numeric>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+#include "agent/json_writer.h"
+#include "agent/log/log.h"
+#include "agent/uplink/sparkplug/metric.h"
+#include "agent/uplink/sparkplug/sparkplug.pb.h"
+
+namespace fxagent {
+namespace {
+
+using sparkplug::Metric;
+using sparkplug::Packet;
+using sparkplug::Type;
+
+constexpr std::string_view kNodeRebirth = "Node Control/Rebirth";
+constexpr std::string_view kDeviceRebirth = "Device Control/Rebirth";
+constexpr std::chrono::seconds kRebirthEvery{1};
+// Numbers of a session and of its messages wrap at 256.
+constexpr std::uint64_t kNumbers = 256;
+// Bytes of a PUBLISH besides its payload: the topic and the headers.
+constexpr std::size_t kRoomForTopic = 512;
+
+std::uint64_t stamp(std::int64_t utc_ms) { return static_cast<std::uint64_t>(utc_ms); }
+
+std::uint32_t number(Type type) { return static_cast<std::uint32_t>(type); }
+
+/// Gathers historical metrics by name: a message under construction does not know its device. Their
+/// data type is that of the value that was read.
+class SparkplugHistory final : public HistoryMessage {
+ public:
+  explicit SparkplugHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+
+  bool add(const SampleRecord& sample) override {
+    Packet more;
+    for (const RecordedReading& reading : sample.readings) {
+      Metric& metric = *more.add_metrics();
+      metric.set_name(std::string(reading.name));
+      metric.set_timestamp(stamp(sample.ts_ms));
+      metric.set_is_historical(true);
+      metric.set_datatype(number(sparkplug::type_of(reading)));
+      sparkplug::set_value(metric, reading.value, sparkplug::type_of(reading));
+      if (reading.bad) sparkplug::add_quality(metric, reading.bad);
+    }
+    const std::size_t bytes = more.ByteSizeLong();
+    if (!packet_.metrics().empty() && bytes_ + bytes > max_bytes_) return false;
+    bytes_ += bytes;
+    packet_.mutable_metrics()->MergeFrom(more.metrics());
+    return true;
+  }
+  /// A profile's store has no rows of earlier versions.
+  bool add(std::string_view) override { return true; }
+  std::string take() override { return packet_.SerializeAsString(); }
+
+ private:
+  const std::size_t max_bytes_;
+  std::size_t bytes_ = 0;
+  Packet packet_;
+};
+
+/// Returns a hash of the value; equal values have equal hashes.
+std::size_t hash_of(const Value& value) {
+  std::size_t hash = value.is_array ? 1 : 2;
+  const auto add = [&hash](std::size_t more) { hash = hash * 1099511628211U + more; };
+  for (const Scalar& item : value.items) {
+    add(item.index());
+    std::visit(
+        [&](const auto& each) {
+          using Each = std::remove_cvref_t<decltype(each)>;
+          if constexpr (std::is_same_v<Each, BigInteger>)
+            add(std::hash<std::string>{}(each.digits));
+          else
+            add(std::hash<Each>{}(each));
+        },
+        item);
+  }
+  return hash;
+}
+
+/// Finds tags by name. The tags of a sample follow each other in the order of the config.
+class TagFinder final {
+ public:
+  explicit TagFinder(const DeviceConfig& device) : tags_(device.tags) {}
+
+  std::optional<std::size_t> find(std::string_view name) {
+    for (std::size_t i = 0; i < tags_.size(); ++i) {
+      const std::size_t place = (next_ + i) % tags_.size();
+      if (std::string_view(tags_[place].name) != name) continue;
+      next_ = place + 1;
+      return place;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  const SharedVector<TagConfig>& tags_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace
+
+SparkplugProfile::SparkplugProfile(const Config& config, const ProfileConfig& profile,
+                                   TakeOrder take_order, std::function<std::string()> new_id,
+                                   std::function<std::int64_t()> utc_ms, bool has_servers)
+    : config_(config),
+      name_(name_of(profile)),
+      prefix_("spBv1.0/" + profile.group + "/"),
+      node_(profile.node),
+      take_order_(std::move(take_order)),
+      new_id_(std::move(new_id)),
+      utc_ms_(std::move(utc_ms)),
+      host_(profile.host, profile.old_state),
+      has_servers_(has_servers),
+      devices_(config.devices.size()) {
+  for (std::uint32_t i = 0; i < devices_.size(); ++i) prepare(i);
+}
+
+/// Gives the device its aliases: one for each tag and one for its rebirth. No other has had them.
+void SparkplugProfile::prepare(std::uint32_t index) {
+  const DeviceConfig& device = config_.devices.at(index);
+  if (device.is_vacant()) return;
+  Device& state = devices_.at(index);
+  state = Device{};
+  state.first_alias = next_alias_;
+  state.last.resize(device.tags.size());
+  next_alias_ += device.tags.size() + 1;
+  index_[device.name] = index;
+}
+
+std::optional<std::uint32_t> SparkplugProfile::index_of(std::string_view device) const {
+  const auto found = index_.find(device);
+  return found == index_.end() ? std::nullopt : std::optional(found->second);
+}
+
+// ---- session ------------------------------------------------------------------------------------
+
+Will SparkplugProfile::last_will() {
+  if (std::exchange(has_connected_, true)) bd_seq_ = (bd_seq_ + 1) % kNumbers;
+  const Publication death = node_death(utc_ms_());
+  return {death.topic, death.payload, Retain::no};
+}
+
+std::vector<Subscription> SparkplugProfile::subscriptions() const {
+  std::vector<Subscription> filters{{prefix_ + "NCMD/" + node_, /*no_local=*/false},
+                                    {prefix_ + "DCMD/" + node_ + "/+", /*no_local=*/false}};
+  if (!host_.topic().empty()) filters.push_back({host_.topic(), /*no_local=*/false});
+  return filters;
+}
+
+void SparkplugProfile::connection_began(const Connected& connected) {
+  host_.connection_began();
+  max_packet_ = connected.maximum_packet;
+  rebirth_ = true;
+  born_at_ = {};
+  leaves_ = false;
+}
+
+void SparkplugProfile::connection_ended() {
+  is_born_ = false;
+  rebirth_ = false;
+  dead_.clear();
+  for (Device& device : devices_) device.is_born = false;
+}
+
+bool SparkplugProfile::take_leave() { return std::exchange(leaves_, false); }
+
+SteadyTime SparkplugProfile::next_wake() const {
+  return rebirth_ && host_.is_online() ? born_at_ + kRebirthEvery : SteadyTime::max();
+}
+
+std::vector<Publication> SparkplugProfile::farewell(std::int64_t utc_ms) {
+  if (!is_born_) return {};
+  return {node_death(utc_ms)};
+}
+
+// ---- births and deaths --------------------------------------------------------------------------
+
+std::uint64_t SparkplugProfile::next_seq() { return std::exchange(seq_, (seq_ + 1) % kNumbers); }
+
+Publication SparkplugProfile::message(std::string_view type, const std::string& device,
+                                      const Packet& packet) const {
+  Publication made;
+  made.topic = prefix_ + std::string(type) + "/" + node_ + (device.empty() ? "" : "/" + device);
+  made.payload = packet.SerializeAsString();
+  made.qos = 0;
+  return made;
+}
+
+std::vector<Publication> SparkplugProfile::due(SteadyTime now, std::int64_t utc_ms) {
+  std::vector<Publication> messages;
+  if (!host_.is_online() || (!rebirth_ && !is_born_)) return messages;
+  if (rebirth_) {
+    if (is_born_ && now < born_at_ + kRebirthEvery) return messages;
+    rebirth_ = false;
+    is_born_ = true;
+    born_at_ = now;
+    dead_.clear();
+    messages.push_back(node_birth(utc_ms));
+    for (std::uint32_t i = 0; i < devices_.size(); ++i) {
+      devices_[i].is_born = false;
+      due_.insert(i);
+    }
+  }
+  for (const std::string& name : std::exchange(dead_, {}))
+    messages.push_back(device_death(name, utc_ms));
+  for (const std::uint32_t i : std::exchange(due_, {})) {
+    Device& device = devices_[i];
+    if (device.is_alive == device.is_born) continue;
+    if (!device.is_alive) {
+      device.is_born = false;
+      messages.push_back(device_death(config_.devices[i].name, utc_ms));
+    } else if (auto birth = device_birth(i, utc_ms)) {
+      messages.push_back(std::move(*birth));
+    }
+  }
+  return messages;
+}
+
+Publication SparkplugProfile::node_birth(std::int64_t utc_ms) {
+  Packet packet;
+  packet.set_timestamp(stamp(utc_ms));
+  seq_ = 0;
+  packet.set_seq(next_seq());
+  Metric& number_of_session = *packet.add_metrics();
+  number_of_session.set_name("bdSeq");
+  number_of_session.set_timestamp(stamp(utc_ms));
+  number_of_session.set_datatype(number(Type::int64));
+  number_of_session.set_long_value(bd_seq_);
+  Metric& rebirth = *packet.add_metrics();
+  rebirth.set_name(std::string(kNodeRebirth));
+  rebirth.set_timestamp(stamp(utc_ms));
+  rebirth.set_datatype(number(Type::boolean));
+  rebirth.set_boolean_value(false);
+  return message("NBIRTH", "", packet);
+}
+
+/// Has no `seq`. The topic is that of the last will.
+Publication SparkplugProfile::node_death(std::int64_t utc_ms) const {
+  Packet packet;
+  packet.set_timestamp(stamp(utc_ms));
+  Metric& number_of_session = *packet.add_metrics();
+  number_of_session.set_name("bdSeq");
+  number_of_session.set_timestamp(stamp(utc_ms));
+  number_of_session.set_datatype(number(Type::int64));
+  number_of_session.set_long_value(bd_seq_);
+  return message("NDEATH", "", packet);
+}
+
+/// Returns nullopt, and leaves the device dead, if the broker does not accept the size: the message
+/// would be missing in the order of `seq`.
+std::optional<Publication> SparkplugProfile::device_birth(std::uint32_t index,
+                                                          std::int64_t utc_ms) {
+  const DeviceConfig& device = config_.devices.at(index);
+  Device& state = devices_[index];
+  // Metrics stand in the order of their time; those that were never read have that of the birth.
+  std::vector<std::size_t> order(device.tags.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto time_of = [&](std::size_t tag) {
+    return state.last[tag].ts_ms == 0 ? utc_ms : state.last[tag].ts_ms;
+  };
+  std::ranges::stable_sort(order, {}, time_of);
+  Packet packet;
+  packet.set_timestamp(stamp(utc_ms));
+  for (const std::size_t tag : order) {
+    const Last& last = state.last[tag];
+    const Type type = sparkplug::type_of(device.tags[tag].point);
+    Metric& metric = *packet.add_metrics();
+    metric.set_name(std::string(device.tags[tag].name));
+    metric.set_alias(state.first_alias + tag);
+    metric.set_timestamp(stamp(time_of(tag)));
+    metric.set_datatype(number(type));
+    sparkplug::set_value(metric, last.value, type);
+    if (last.ts_ms != 0) sparkplug::add_quality(metric, last.bad);
+    sparkplug::add_units(metric, device.tags[tag]);
+  }
+  const std::int64_t newest = order.empty() ? utc_ms : std::max(utc_ms, time_of(order.back()));
+  Metric& rebirth = *packet.add_metrics();
+  rebirth.set_name(std::string(kDeviceRebirth));
+  rebirth.set_alias(state.first_alias + device.tags.size());
+  rebirth.set_timestamp(stamp(newest));
+  rebirth.set_datatype(number(Type::boolean));
+  rebirth.set_boolean_value(false);
+  if (const std::size_t bytes = packet.ByteSizeLong(); bytes + kRoomForTopic > max_packet_) {
+    log::error("birth_too_large",
+               {{"device", device.name},
+                {"bytes", std::to_string(bytes)},
+                {"note", "the broker accepts " + std::to_string(max_packet_) +
+                             " bytes: raise its limit, or divide the device's tags among several "
+                             "devices of the config"}});
+    return std::nullopt;
+  }
+  state.is_born = true;
+  state.born_ms = 0;
+  for (Last& last : state.last) {
+    last.sent = hash_of(last.value);
+    last.sent_bad = last.bad;
+    state.born_ms = std::max(state.born_ms, last.ts_ms);
+  }
+  packet.set_seq(next_seq());
+  return message("DBIRTH", device.name, packet);
+}
+
+Publication SparkplugProfile::device_death(const std::string& name, std::int64_t utc_ms) {
+  Packet packet;
+  packet.set_timestamp(stamp(utc_ms));
+  packet.set_seq(next_seq());
+  return message("DDEATH", name, packet);
+}
+
+void SparkplugProfile::device_state(const DeviceStatus& status) {
+  devices_.at(status.device).is_alive =
+      status.state == DeviceStatus::State::online || status.state == DeviceStatus::State::degraded;
+  due_.insert(status.device);
+}
+
+void SparkplugProfile::change(const ConfigChange& change) {
+  for (const std::uint32_t i : change.devices_end) {
+    const auto found =
+        std::ranges::find(index_, i, &std::pair<const std::string, std::uint32_t>::second);
+    if (found == index_.end()) continue;
+    if (devices_.at(i).is_born) dead_.push_back(found->first);
+    index_.erase(found);
+    devices_[i] = Device{};
+  }
+  devices_.resize(config_.devices.size());
+  for (const std::uint32_t i : change.devices_begin) prepare(i);
+}
+
+// ---- samples ------------------------------------------------------------------------------------
+
+void SparkplugProfile::saw(const Telemetry& sample) {
+  Device& device = devices_.at(sample.device);
+  for (const TagReading& reading : sample.readings) {
+    Last& last = device.last.at(reading.tag);
+    last.value = reading.value;
+    last.bad = reading.bad;
+    last.ts_ms = sample.ts_ms;
+  }
+}
+
+/// A device that does not answer has no metrics: its samples wait until it does.
+bool SparkplugProfile::may_send(const std::string& device) const {
+  const auto index = index_of(device);
+  return !index || devices_[*index].is_alive;
+}
+
+std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
+                                                  const SampleRecord& sample) {
+  const auto index = index_of(stream.first);
+  if (!index) return {};
+  Device& device = devices_[*index];
+  const DeviceConfig& config = config_.devices[*index];
+  // Read before the birth, whose values are newer.
+  const bool is_late = sample.ts_ms < device.born_ms;
+  Packet packet;
+  TagFinder tags(config);
+  for (const RecordedReading& reading : sample.readings) {
+    const auto tag = tags.find(reading.name);
+    if (!tag) continue;
+    Last& last = device.last[*tag];
+    const std::size_t hash = hash_of(reading.value);
+    const bool same_quality = last.sent_bad == reading.bad;
+    if (!is_late && same_quality && last.sent == hash) continue;
+    Metric& metric = *packet.add_metrics();
+    metric.set_alias(device.first_alias + *tag);
+    metric.set_timestamp(stamp(sample.ts_ms));
+    sparkplug::set_value(metric, reading.value, sparkplug::type_of(config.tags[*tag].point));
+    if (is_late ? reading.bad.has_value() : !same_quality)
+      sparkplug::add_quality(metric, reading.bad);
+    if (is_late) {
+      metric.set_is_historical(true);
+      continue;
+    }
+    last.sent = hash;
+    last.sent_bad = reading.bad;
+  }
+  if (packet.metrics().empty()) return {};
+  packet.set_timestamp(stamp(utc_ms_()));
+  packet.set_seq(next_seq());
+  return {message("DDATA", config.name, packet)};
+}
+
+std::unique_ptr<HistoryMessage> SparkplugProfile::begin_history(std::size_t max_bytes) {
+  return std::make_unique<SparkplugHistory>(max_bytes);
+}
+
+std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
+  Packet gathered;
+  Packet packet;
+  const auto index = index_of(batch.device);
+  if (index && gathered.ParseFromString(batch.payload)) {
+    const DeviceConfig& config = config_.devices[*index];
+    TagFinder tags(config);
+    for (Metric& metric : *gathered.mutable_metrics()) {
+      const auto tag = tags.find(metric.name());
+      // The births of this session do not have the metric in this form.
+      if (!tag || metric.datatype() != number(sparkplug::type_of(config.tags[*tag].point)))
+        continue;
+      metric.clear_name();
+      metric.clear_datatype();
+      metric.set_alias(devices_[*index].first_alias + *tag);
+      *packet.add_metrics() = std::move(metric);
+    }
+  }
+  if (packet.metrics().empty()) return {};
+  packet.set_timestamp(stamp(utc_ms_()));
+  packet.set_seq(next_seq());
+  return {message("DDATA", batch.device, packet)};
+}
+
+// ---- commands -----------------------------------------------------------------------------------
+
+void SparkplugProfile::hear(const Message& message, SteadyTime now) {
+  if (message.topic == host_.topic()) {
+    host_.hear(message.payload);
+    // With one server there is nowhere to go: the session waits there for the host.
+    leaves_ = host_.is_offline() && (is_born_ || has_servers_);
+    return;
+  }
+  const std::string devices = prefix_ + "DCMD/" + node_ + "/";
+  if (message.topic == prefix_ + "NCMD/" + node_) return hear_node_command(message, now);
+  if (message.topic.starts_with(devices))
+    hear_device_command(message, message.topic.substr(devices.size()), now);
+}
+
+namespace {
+
+void ignore(const Message& message, const std::string& note) {
+  log::warn("command_ignored", {{"topic", log::excerpt(message.topic)}, {"note", note}});
+}
+
+}  // namespace
+
+void SparkplugProfile::hear_node_command(const Message& message, SteadyTime) {
+  Packet packet;
+  if (!packet.ParseFromString(message.payload)) return ignore(message, "not a Sparkplug payload");
+  for (const Metric& metric : packet.metrics()) {
+    if (metric.name() != kNodeRebirth || !metric.boolean_value())
+      ignore(message, "the node has only the command " + std::string(kNodeRebirth) + " = true");
+    else if (message.retained)
+      ignore(message, "it was retained: whoever sent it meant an earlier session");
+    else
+      rebirth_ = true;
+  }
+}
+
+void SparkplugProfile::hear_device_command(const Message& message, const std::string& device,
+                                           SteadyTime now) {
+  const auto index = index_of(device);
+  if (!index) return ignore(message, "no such device");
+  Packet packet;
+  if (!packet.ParseFromString(message.payload)) return ignore(message, "not a Sparkplug payload");
+  const DeviceConfig& config = config_.devices[*index];
+  const std::uint64_t first = devices_[*index].first_alias;
+  for (const Metric& metric : packet.metrics()) {
+    std::optional<std::size_t> tag;
+    if (metric.has_name()) {
+      tag = metric.name() == kDeviceRebirth ? config.tags.size()
+                                            : TagFinder(config).find(metric.name());
+    } else if (metric.has_alias() && metric.alias() >= first &&
+               metric.alias() - first <= config.tags.size()) {
+      tag = metric.alias() - first;
+    }
+    if (!tag) {
+      ignore(message, metric.has_name() ? "no metric " + log::excerpt(metric.name())
+                                        : "no metric with alias " + std::to_string(metric.alias()));
+    } else if (*tag < config.tags.size()) {
+      place_order(message, *index, *tag, metric, now);
+    } else if (message.retained || !metric.boolean_value()) {
+      ignore(message, std::string(kDeviceRebirth) + " must be true, and not retained");
+    } else {
+      rebirth_ = true;
+    }
+  }
+}
+
+/// Each metric becomes one command with one result.
+void SparkplugProfile::place_order(const Message& message, std::uint32_t device, std::size_t tag,
+                                   const Metric& metric, SteadyTime now) {
+  if (!take_order_) return ignore(message, "this broker may not send commands: brokers[].commands");
+  const DeviceConfig& config = config_.devices[device];
+  const auto value = sparkplug::json_of(metric, sparkplug::type_of(config.tags[tag].point));
+  if (!value) return ignore(message, "a metric without a value");
+  Order order;
+  MessageProperties& properties = order;
+  properties = message;
+  order.device = config.name;
+  order.received = now;
+  order.sender = name_;
+  order.response_topic.clear();
+  json::Writer command;
+  command.begin_object().key("id").string(new_id_()).key("op").string("write");
+  command.key("tag").string(config.tags[tag].name).key("value").raw(*value);
+  order.payload = command.end_object().take();
+  take_order_(std::move(order));
+}
+
+}  // namespace fxagent

@@ -1,0 +1,119 @@
+// The profile `sparkplug`: a Sparkplug B 3.0 edge node. Each device of the config is a Sparkplug
+// device, each tag a metric of the same name.
+//
+// Everything is published with QoS 0, as the specification demands; the outlet's markers prove the
+// delivery. A sample has only the metrics that changed since the last message of the session.
+// Samples that were not delivered, and those of a device that was not born yet, follow as
+// historical metrics. docs/sparkplug.md has the statements of the specification and their tests.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/uplink/profile/profile.h"
+#include "agent/uplink/sparkplug/primary_host.h"
+
+namespace fxagent {
+
+namespace sparkplug {
+class Metric;
+class Packet;
+}  // namespace sparkplug
+
+class SparkplugProfile final : public Profile {
+ public:
+  /// `config` outlives it. `take_order` is empty if the broker may not send commands; rebirths may
+  /// be asked for all the same. `new_id` returns an id for a command, each time another one;
+  /// `utc_ms` the current calendar time. `has_servers`: the broker has more than one address.
+  SparkplugProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
+                   std::function<std::string()> new_id, std::function<std::int64_t()> utc_ms,
+                   bool has_servers);
+
+  Will last_will() override;
+  std::vector<Subscription> subscriptions() const override;
+  void connection_began(const Connected& connected) override;
+  void connection_ended() override;
+  void hear(const Message& message, SteadyTime now) override;
+  void device_state(const DeviceStatus& status) override;
+  void change(const ConfigChange& change) override;
+  std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
+  bool is_ready() const override { return is_born_ && !rebirth_; }
+  SteadyTime next_wake() const override;
+  std::vector<Publication> farewell(std::int64_t utc_ms) override;
+  bool leaves_with_will() const override { return true; }
+  bool take_leave() override;
+
+  bool may_send(const std::string& device) const override;
+  std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
+  void saw(const Telemetry& sample) override;
+  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
+  std::vector<Publication> history(const HistoryBatch& batch) override;
+
+ private:
+  /// The last value of a tag that the field has reported.
+  struct Last {
+    Value value;
+    std::optional<BadReason> bad;
+    std::int64_t ts_ms = 0;  ///< when it was read; 0: never
+    // As the last message of the session had it.
+    std::size_t sent = 0;  ///< hash of the value
+    std::optional<BadReason> sent_bad;
+  };
+  struct Device {
+    bool is_alive = false;     ///< it answers
+    bool is_born = false;      ///< in this session
+    std::int64_t born_ms = 0;  ///< newest value of its birth
+    std::uint64_t first_alias = 0;
+    std::vector<Last> last;  ///< by tag
+  };
+
+  std::uint64_t next_seq();
+  /// Returns the message of this type; `device` is empty for those of the node.
+  Publication message(std::string_view type, const std::string& device,
+                      const sparkplug::Packet& packet) const;
+  Publication node_birth(std::int64_t utc_ms);
+  std::optional<Publication> device_birth(std::uint32_t index, std::int64_t utc_ms);
+  Publication device_death(const std::string& name, std::int64_t utc_ms);
+  Publication node_death(std::int64_t utc_ms) const;
+  void prepare(std::uint32_t index);
+  std::optional<std::uint32_t> index_of(std::string_view device) const;
+
+  void hear_node_command(const Message& message, SteadyTime now);
+  void hear_device_command(const Message& message, const std::string& device, SteadyTime now);
+  void place_order(const Message& message, std::uint32_t device, std::size_t tag,
+                   const sparkplug::Metric& metric, SteadyTime now);
+
+  const Config& config_;
+  const std::string name_;
+  const std::string prefix_;  ///< "spBv1.0/{group}/"
+  const std::string node_;
+  const TakeOrder take_order_;
+  const std::function<std::string()> new_id_;
+  const std::function<std::int64_t()> utc_ms_;
+
+  sparkplug::PrimaryHost host_;
+  const bool has_servers_;       ///< more than one to choose from
+  std::vector<Device> devices_;  ///< as Config::devices
+  std::set<std::uint32_t> due_;  ///< devices whose birth or death may be due
+  std::map<std::string, std::uint32_t, std::less<>> index_;
+  std::vector<std::string> dead_;  ///< names of devices whose death is due
+  std::uint64_t next_alias_ = 1;
+  std::uint64_t bd_seq_ = 0;  ///< of the last CONNECT
+  bool has_connected_ = false;
+  std::uint64_t seq_ = 0;  ///< of the next message
+  std::size_t max_packet_ = 0;
+  bool is_born_ = false;  ///< the node, in this session
+  bool rebirth_ = false;  ///< a rebirth is due
+  bool leaves_ = false;   ///< the host is offline: go to the next server
+  SteadyTime born_at_{};
+};
+
+}  // namespace fxagent

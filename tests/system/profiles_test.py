@@ -1,0 +1,394 @@
+"""Profiles beside `json`: another form or another broker, with a session and a backlog of its own."""
+
+import json
+import os
+import signal
+import subprocess
+import threading
+import time
+import unittest
+
+from plant import BASE, PATIENCE, Broker, PlantTest, Watcher, device, wait_for
+
+TAGS = [{"name": "temp", "address": "D100", "group": "fast", "unit": "°C"},
+        {"name": "speeds", "address": "D110", "count": 3, "group": "fast"},
+        {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write", "min": 0, "max": 1000},
+        {"name": "lamp", "address": "M100", "group": "fast", "access": "read_write"}]
+
+
+class Profiles(PlantTest):
+    def begin(self, profiles, devices=None, broker_conf="", brokers=None, **more):
+        sections = {"profiles": [{"kind": "json"}, *profiles]}
+        if brokers:
+            sections["brokers"] = brokers
+        self.start(devices or [device(tags=TAGS)], broker_conf=broker_conf,
+                   store={"path": os.path.join(self.directory, "store")}, **sections, **more)
+        self.ready()
+
+    def other_broker(self):
+        broker = Broker(self.directory)
+        self.stack.callback(broker.kill)
+        broker.start()
+        return broker
+
+    def watch(self, broker):
+        watcher = Watcher(broker.port)
+        self.stack.callback(watcher.close)
+        return watcher
+
+    def adds_up(self, name, accept=lambda samples: True):
+        """Waits for health in which the samples of the profile and those of the agent add up."""
+        def look(health):
+            own = health["profiles"][name]["samples"]
+            return health["samples"]["balanced"] and own["balanced"] and accept(own)
+        return self.watcher.wait(f"{BASE}/health", look, patience=3 * PATIENCE)
+
+
+class Plain(Profiles):
+    def test_each_tag_has_a_topic_with_its_bare_value(self):
+        self.begin([{"kind": "plain"}])
+        self.sim.set("press1", "D100", 234)
+        self.sim.set("press1", "D111", 7)
+        self.watcher.wait(f"{BASE}/press1/temp", lambda value: value == 234)
+        self.watcher.wait(f"{BASE}/press1/speeds", lambda value: value == [0, 7, 0])
+        # Whoever subscribes later has the last value at once.
+        late = self.watch(self.broker)
+        late.wait(f"{BASE}/press1/temp", lambda value: value == 234)
+        self.assertTrue(all(message.retain for _, topic, _, message in late.messages
+                            if topic == f"{BASE}/press1/temp"))
+        self.assertEqual(late.wait(f"{BASE}/plain"), "online")
+        # A tag that cannot be read has no value.
+        self.sim.fault("press1", "silent")
+        self.watcher.wait(f"{BASE}/press1/state", lambda state: state["state"] == "offline")
+        self.assertIn(None, wait_for("null", lambda: [p for p in self.texts(f"{BASE}/press1/temp") if p is None]))
+        self.adds_up("plain")
+        self.agent.stop()
+        self.assertEqual(self.watcher.wait(f"{BASE}/plain", lambda state: state == "offline"), "offline")
+
+    def texts(self, topic):
+        with self.watcher.lock:
+            return [json.loads(m.payload) for _, t, _, m in self.watcher.messages if t == topic and m.payload]
+
+    def test_set_writes_the_tag_and_has_one_result(self):
+        self.begin([{"kind": "plain"}])
+        self.watcher.wait(f"{BASE}/plain")
+        self.watcher.publish(f"{BASE}/press1/setpoint/set", "77")
+        result = self.watcher.wait(f"{BASE}/press1/setpoint/result")
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertEqual(self.sim.get("press1", "D200"), 77)
+        self.watcher.wait(f"{BASE}/press1/setpoint", lambda value: value == 77)
+        self.assertEqual(len(self.results(result["id"])), 1)
+        self.watcher.publish(f"{BASE}/press1/lamp/set", "true")
+        self.watcher.wait(f"{BASE}/press1/lamp", lambda value: value is True)
+        for topic, value, reason in [("setpoint", "5000", "out_of_range"), ("setpoint", "fast", "bad_value"),
+                                     ("setpoint", '"7"', "bad_value")]:
+            since = self.watcher.mark()
+            self.watcher.publish(f"{BASE}/press1/{topic}/set", value)
+            self.assert_result(self.watcher.wait(f"{BASE}/press1/{topic}/result", since=since), "REJECTED", reason)
+        self.watcher.publish(f"{BASE}/press1/temp/set", "1")  # only read
+        wait_for("the log", lambda: "command_ignored" in self.agent.logged())
+        # A retained command was meant for an earlier time.
+        since = self.watcher.mark()
+        self.watcher.publish(f"{BASE}/press1/setpoint/set", "78", retain=True)
+        self.watcher.wait(f"{BASE}/press1/setpoint/result", lambda r: r["reason"] == "retained", since)
+        self.assertEqual([e["values"] for e in self.sim.commands("press1") if e["device"] == "D200"], [[77]])
+
+    def test_values_of_an_outage_follow_as_history(self):
+        self.begin([{"kind": "plain"}])
+        self.watcher.wait(f"{BASE}/press1/temp")
+        self.broker.kill()
+        wait_for("the log", lambda: self.agent.logged().count("broker_lost") == 2)
+        for value in range(1, 20):
+            self.sim.set("press1", "D100", value)
+            reads = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
+            wait_for("two polls", lambda: self.sim.ask(cmd="stats", plc="press1")["accepted_reads"] >= reads + 3)
+        self.broker.start()
+        self.watcher.close()
+        self.watcher = Watcher(self.broker.port)
+        rows = []
+
+        def all_seen():
+            rows[:] = [row for lists in self.watcher.payloads(f"{BASE}/press1/temp/history") for row in lists]
+            return {value for _, value in rows} >= set(range(1, 20))
+        wait_for("the history", all_seen)
+        self.assertEqual([ts for ts, _ in rows], sorted(ts for ts, _ in rows))
+        self.watcher.wait(f"{BASE}/press1/temp", lambda value: value == 19)
+        self.adds_up("plain", lambda samples: samples["stored"] == 0)
+
+
+class MoreBrokers(Profiles):
+    def test_each_broker_lives_and_dies_alone(self):
+        cloud = self.other_broker()
+        self.begin([{"kind": "json", "broker": "cloud"}],
+                   brokers=[{"name": "cloud", "servers": [f"mqtt://127.0.0.1:{cloud.port}"], "commands": True}])
+        there = self.watch(cloud)
+        there.wait(f"{BASE}/press1/data/fast")
+        there.wait(f"{BASE}/press1/meta")
+        there.wait(f"{BASE}/state", lambda state: state["state"] == "online")
+        there.publish(f"{BASE}/press1/command", {"id": "c1", "op": "write", "tag": "setpoint", "value": 5})
+        self.assert_result(there.wait(f"{BASE}/press1/result"), "SUCCEEDED", None, "ACK")
+        self.assertEqual(len(self.results("c1")), 1)
+        # The other broker goes away, and misses nothing.
+        cloud.kill()
+        since = self.watcher.mark()
+        seqs = [message["seq"] for message in self.watcher.wait_count(f"{BASE}/press1/data/fast", 10, since=since)]
+        cloud.start()
+        again = self.watch(cloud)
+
+        def rows():
+            return {row["seq"] for message in again.payloads(f"{BASE}/press1/data/fast/history")
+                    for row in message["rows"]}
+        wait_for("the history", lambda: rows() >= set(seqs))
+        self.adds_up("json@cloud", lambda samples: samples["stored"] == 0)
+        # The agent's own broker goes away, and the other has everything at once.
+        self.broker.kill()
+        since = again.mark()
+        again.wait_count(f"{BASE}/press1/data/fast", 10, since=since)
+        self.broker.start()
+        self.watcher.close()
+        self.watcher = Watcher(self.broker.port)
+        self.data()
+
+    def test_a_broker_without_commands_sends_none(self):
+        cloud = self.other_broker()
+        self.begin([{"kind": "json", "broker": "cloud"}, {"kind": "plain", "broker": "cloud"}],
+                   brokers=[{"name": "cloud", "servers": [f"mqtt://127.0.0.1:{cloud.port}"]}])
+        there = self.watch(cloud)
+        self.assertFalse(there.wait(f"{BASE}/state")["commands"])
+        there.wait(f"{BASE}/press1/temp")
+        there.publish(f"{BASE}/press1/command", {"id": "c1", "op": "write", "tag": "setpoint", "value": 5})
+        there.publish(f"{BASE}/press1/setpoint/set", "5")
+        self.command(op="write", tag="setpoint", value=6)  # what was sent before has arrived by then
+        self.assertEqual([e["values"] for e in self.sim.commands("press1")], [[6]])
+        self.assertEqual(there.payloads(f"{BASE}/press1/result"), [])
+
+
+class Sparkplug(Profiles):
+    GROUP, NODE = "plant-a", "edge7"
+
+    def begin_sparkplug(self, devices=None, host=None, **more):
+        peers = os.environ["NODE_PEERS"]
+        if not os.path.isdir(os.path.join(peers, "node_modules", "sparkplug-payload")):
+            self.skipTest("sparkplug-payload is not there: tests/run.sh fetches it from npm's registry")
+        profile = {"kind": "sparkplug", "group": self.GROUP}
+        if host:
+            profile["host"] = host
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.judge = self.spawn_host()
+        self.start_sim(more.pop("plcs", None))
+        self.watcher = Watcher(self.broker.port, topics=f"{BASE}/#")
+        self.start_agent(devices or [device(tags=TAGS)], store={"path": os.path.join(self.directory, "store")},
+                         profiles=[{"kind": "json"}, profile], **more)
+
+    def spawn_host(self):
+        log = open(os.path.join(self.directory, "host.log"), "a")
+        self.stack.callback(log.close)
+        process = subprocess.Popen(
+            ["node", os.path.join(os.environ["NODE_PEERS"], "sparkplug_host.js"), str(self.broker.port), self.GROUP,
+             self.NODE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True)
+        host = Host(process)
+        self.stack.callback(host.close)
+        host.wait("ready")
+        return host
+
+    def assert_no_faults(self):
+        self.assertEqual([m for m in self.judge.seen() if m.get("faults")], [])
+
+    def test_births_then_data_by_alias(self):
+        self.begin_sparkplug()
+        birth = self.judge.wait("DBIRTH")
+        self.assertEqual([m["type"] for m in self.judge.seen() if m["type"] != "ready"][:2], ["NBIRTH", "DBIRTH"])
+        names = {m["name"]: m for m in birth["metrics"]}
+        self.assertEqual(set(names), {"temp", "speeds", "setpoint", "lamp", "Device Control/Rebirth"})
+        self.assertEqual(names["temp"]["engUnit"], "°C")
+        self.assertEqual((names["setpoint"]["engLow"], names["setpoint"]["engHigh"]), (0, 1000))
+        self.assertEqual((names["setpoint"]["readOnly"], names["temp"]["readOnly"]), (False, True))
+        self.sim.set("press1", "D100", -5)
+        self.sim.set("press1", "D111", 9)
+        self.judge.value("press1", "temp", -5)
+        self.judge.value("press1", "speeds", [0, 9, 0])
+        # What did not change is not sent.
+        self.assertEqual([m for d in self.judge.seen() if d["type"] == "DDATA" for m in d["metrics"]
+                          if m["name"] == "lamp" and m["value"] is not False], [])
+        self.adds_up("sparkplug")
+        self.assert_no_faults()
+
+    def test_lost_device_dies_and_is_born_again(self):
+        self.begin_sparkplug()
+        self.judge.wait("DBIRTH")
+        self.sim.fault("press1", "silent")
+        self.judge.wait("DDEATH")
+        mark = self.judge.mark()
+        self.sim.ask(cmd="clear", plc="press1")
+        birth = self.judge.wait("DBIRTH", since=mark)
+        self.assertEqual(birth["device"], "press1")
+        self.sim.set("press1", "D100", 3)
+        self.judge.value("press1", "temp", 3)
+        self.assert_no_faults()
+
+    def test_rebirth_on_request(self):
+        self.begin_sparkplug()
+        first = self.judge.wait("NBIRTH")
+        self.judge.wait("DBIRTH")
+        for target in [self.NODE, "press1"]:
+            mark = self.judge.mark()
+            for _ in range(20):  # a storm
+                self.judge.order(rebirth=target)
+            again = self.judge.wait("NBIRTH", since=mark)
+            self.assertEqual(again["bdSeq"], first["bdSeq"])
+            self.judge.wait("DBIRTH", since=mark)
+        self.sim.set("press1", "D100", 3)
+        self.judge.value("press1", "temp", 3)
+        self.assertLess(len([m for m in self.judge.seen() if m["type"] == "NBIRTH"]), 10)
+        self.assert_no_faults()
+
+    def test_dcmd_is_a_command_with_one_result(self):
+        self.begin_sparkplug()
+        birth = self.judge.wait("DBIRTH")
+        alias = {m["name"]: m.get("alias") for m in birth["metrics"]}
+        self.judge.order(write={"device": "press1", "name": "setpoint", "value": 55, "type": "Int16"})
+        self.assert_result(self.watcher.wait(f"{BASE}/press1/result"), "SUCCEEDED", None, "ACK")
+        self.judge.value("press1", "setpoint", 55)
+        since = self.watcher.mark()
+        self.judge.order(write={"device": "press1", "alias": alias["lamp"], "value": True, "type": "Boolean"})
+        self.assert_result(self.watcher.wait(f"{BASE}/press1/result", since=since), "SUCCEEDED", None, "ACK")
+        self.judge.value("press1", "lamp", True)
+        for order, reason in [({"name": "setpoint", "value": 5000, "type": "Int16"}, "out_of_range"),
+                              ({"name": "setpoint", "value": "x", "type": "String"}, "bad_value"),
+                              ({"name": "temp", "value": 1, "type": "Int16"}, "not_writable")]:
+            since = self.watcher.mark()
+            self.judge.order(write={"device": "press1", **order})
+            self.assert_result(self.watcher.wait(f"{BASE}/press1/result", since=since), "REJECTED", reason)
+        self.judge.order(write={"device": "press1", "alias": 4711, "value": 1, "type": "Int16"})
+        self.judge.order(write={"device": "press9", "name": "setpoint", "value": 1, "type": "Int16"})
+        wait_for("the log", lambda: self.agent.logged().count("command_ignored") == 2)
+        self.assertEqual([e["values"] for e in self.sim.commands("press1") if e["device"] == "D200"], [[55]])
+        self.assert_no_faults()
+
+    def test_outage_is_made_up_for_as_historical_metrics(self):
+        self.begin_sparkplug()
+        self.judge.wait("DBIRTH")
+        self.broker.kill()
+        wait_for("the log", lambda: self.agent.logged().count("broker_lost") == 2)
+        for value in range(1, 20):
+            self.sim.set("press1", "D100", value)
+            reads = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
+            wait_for("two polls", lambda: self.sim.ask(cmd="stats", plc="press1")["accepted_reads"] >= reads + 3)
+        mark = self.judge.mark()
+        self.broker.start()
+        self.watcher.close()
+        self.watcher = Watcher(self.broker.port, topics=f"{BASE}/#")
+
+        def missed():
+            seen = {m["value"] for d in self.judge.seen(mark) for m in d.get("metrics", [])
+                    if m["name"] == "temp" and m["historical"]}
+            return set(range(1, 19)) - seen
+        self.judge.wait("ready", since=mark)
+        self.judge.order(rebirth=self.NODE)
+        wait_for("the history", lambda: not missed())
+        self.judge.value("press1", "temp", 19)
+        self.adds_up("sparkplug", lambda samples: samples["stored"] == 0)
+
+    def test_clean_stop_is_the_death_of_the_node(self):
+        self.begin_sparkplug()
+        birth = self.judge.wait("NBIRTH")
+        self.judge.wait("DBIRTH")
+        self.agent.stop()
+        self.assertEqual(self.judge.wait("NDEATH")["bdSeq"], birth["bdSeq"])
+        self.assert_no_faults()
+
+    def test_killed_agent_dies_by_its_will(self):
+        self.begin_sparkplug()
+        birth = self.judge.wait("NBIRTH")
+        self.judge.wait("DBIRTH")
+        self.agent.stop(signal.SIGKILL)
+        self.assertEqual(self.judge.wait("NDEATH")["bdSeq"], birth["bdSeq"])
+        mark = self.judge.mark()
+        self.agent.start()
+        self.judge.wait("DBIRTH", since=mark)
+        self.sim.set("press1", "D100", 3)
+        self.judge.value("press1", "temp", 3)
+        self.assert_no_faults()
+
+    def test_primary_host(self):
+        self.begin_sparkplug(host="scada")
+        now = int(time.time() * 1000)
+        wait_for("the session", lambda: "for sparkplug" in self.agent.logged())
+        self.data()
+        self.assertEqual([m["type"] for m in self.judge.seen()], ["ready"])
+        self.judge.order(state=True, host="scada", timestamp=now)
+        self.judge.wait("DBIRTH")
+        # An older offline state is a leftover; the next one counts.
+        self.judge.order(state=False, host="scada", timestamp=now - 1)
+        self.sim.set("press1", "D100", 3)
+        self.judge.value("press1", "temp", 3)
+        self.judge.order(state=False, host="scada", timestamp=now + 1)
+        self.judge.wait("NDEATH")
+        mark = self.judge.mark()
+        self.judge.order(state=True, host="scada", timestamp=now + 2)
+        birth = self.judge.wait("NBIRTH", since=mark)
+        self.assertGreater(birth["bdSeq"], 0)
+        self.judge.value("press1", "temp", 3, since=mark)
+        self.assert_no_faults()
+
+
+class Host:
+    """The host of sparkplug_host.js, with all that it has printed."""
+
+    def __init__(self, process):
+        self.process = process
+        self.messages = []
+        self.arrival = threading.Condition()
+        self.reader = threading.Thread(target=self._read, daemon=True)
+        self.reader.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            with self.arrival:
+                self.messages.append(json.loads(line))
+                self.arrival.notify_all()
+
+    def order(self, **order):
+        self.process.stdin.write(json.dumps(order) + "\n")
+        self.process.stdin.flush()
+
+    def mark(self):
+        with self.arrival:
+            return len(self.messages)
+
+    def seen(self, since=0):
+        with self.arrival:
+            return self.messages[since:]
+
+    def wait(self, kind, accept=lambda message: True, since=0):
+        """Returns the first message of this type for which `accept` returns true."""
+        def look():
+            return next((m for m in self.messages[since:] if m["type"] == kind and accept(m)), None)
+        with self.arrival:
+            found = self.arrival.wait_for(look, PATIENCE)
+        if not found:
+            raise AssertionError(f"waited in vain for {kind}; the last: {self.messages[-3:]}")
+        return found
+
+    def value(self, device, name, value, since=0):
+        """Waits for a live value in a birth or in data."""
+        def look():
+            return next((m for m in self.messages[since:] if m.get("device") == device
+                         for metric in m["metrics"]
+                         if metric["name"] == name and metric["value"] == value and not metric["historical"]), None)
+        with self.arrival:
+            found = self.arrival.wait_for(look, PATIENCE)
+        if not found:
+            raise AssertionError(f"waited in vain for {device}/{name} = {value}; the last: {self.messages[-3:]}")
+        return found
+
+    def close(self):
+        self.process.stdin.close()
+        self.process.wait()
+        self.reader.join()
+        self.process.stdout.close()
+
+
+if __name__ == "__main__":
+    unittest.main()
