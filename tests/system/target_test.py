@@ -1,13 +1,19 @@
 """The agent with brokers other than mosquitto, configured as docs/operate/brokers.md says: nats-server and aedes. Each
-carries samples, retained states and a command with its result. `fxagent check --target` must agree with the broker.
+carries samples, retained states, a command with its result, and the last will. `fxagent check --target` must agree with
+the broker, and with the configs of that page.
 """
 
+import json
 import os
+import re
 import shutil
 import subprocess
+import tempfile
 import unittest
 
-from plant import BASE, FXAGENT, PlantTest, Watcher, free_port, listens, text_of, wait_for
+from plant import BASE, FXAGENT, PlantTest, Watcher, device, free_port, listens, text_of, wait_for
+
+PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "docs", "operate", "brokers.md")
 
 NATS = shutil.which("nats-server", path=os.environ.get("PATH", "") + ":/usr/sbin")
 NODE = shutil.which("node")
@@ -34,18 +40,18 @@ class OtherBroker:
         self.process.wait()
 
 
+def check(target, path):
+    """Returns the exit status and the output of `fxagent check --target`."""
+    done = subprocess.run([FXAGENT, "check", "--target", target, path], capture_output=True, text=True)
+    return done.returncode, done.stdout + done.stderr
+
+
 class Target(PlantTest):
     def begin(self, broker, root="fx/plant-a"):
         self.broker = broker
         self.start_sim()
         self.watcher = Watcher(broker.port, version=4)
         self.start_agent(version="3.1.1", agent={"id": "edge7", "root": root})
-
-    def check(self, target):
-        """Returns the exit status and the output of `fxagent check --target`."""
-        done = subprocess.run([FXAGENT, "check", "--target", target, self.agent.path],
-                              capture_output=True, text=True)
-        return done.returncode, done.stdout + done.stderr
 
     def carries_everything(self):
         self.ready()
@@ -86,7 +92,7 @@ class Target(PlantTest):
 
     def test_nats_carries_everything(self):
         self.begin(self.nats())
-        status, said = self.check("nats")
+        status, said = check("nats", self.agent.path)
         self.assertEqual(status, 0, said)
         self.carries_everything()
 
@@ -97,12 +103,43 @@ class Target(PlantTest):
     def test_nats_refuses_what_check_says_that_it_refuses(self):
         broker = self.nats()
         self.begin(broker, root="fx/plant.a")
-        status, said = self.check("nats")
+        status, said = check("nats", self.agent.path)
         self.assertEqual(status, 1, said)
         self.assertRegex(said, r"agent\.json:\d+: /agent/root: nats-server does not accept '\.'")
         # Before 2.10 the broker closes each connection of the agent; since then it accepts the dot.
         wait_for("the broker's opinion", lambda: "not supported for MQTT topics" in text_of(broker.log)
                  or any("plant.a" in topic for _, topic, _, _ in self.watcher.messages))
+
+
+class Page(unittest.TestCase):
+    TARGETS = {"RabbitMQ": "rabbitmq", "nats-server": "nats", "AWS IoT Core": "aws", "Azure Event Grid": "azure",
+               "HiveMQ Cloud": "hivemq"}
+
+    def configs(self):
+        """Returns the config of each section of the page, completed by a link and a device."""
+        out = {}
+        for section in text_of(PAGE).split("\n## ")[1:]:
+            block = re.search(r"```json\n(\{\"(?:agent|mqtt)\".*?)```", section, re.DOTALL)
+            if block:
+                out[section.split("\n")[0]] = {
+                    "agent": {"id": "edge7", "root": "fx"}, "devices": [device()],
+                    "links": [{"name": "line1", "serial": {"path": "/dev/ttyUSB0"}}], **json.loads(block[1])}
+        return out
+
+    def test_the_configs_of_the_page_pass(self):
+        configs = self.configs()
+        self.assertLessEqual(set(self.TARGETS), set(configs))
+        self.assertIn("mosquitto", configs)
+        with tempfile.TemporaryDirectory() as directory:
+            path = os.path.join(directory, "agent.json")
+            for name, config in configs.items():
+                with open(path, "w") as out:
+                    json.dump(config, out)
+                done = subprocess.run([FXAGENT, "check", path], capture_output=True, text=True)
+                self.assertEqual(done.returncode, 0, f"{name}:\n{done.stderr}")
+                if name in self.TARGETS:
+                    status, said = check(self.TARGETS[name], path)
+                    self.assertEqual(status, 0, f"{name}:\n{said}")
 
 
 if __name__ == "__main__":
