@@ -21,17 +21,17 @@ Value longest_value(const Point& point) {
     case DataType::boolean:
       longest = false;
       break;
-    case DataType::string: {
-      std::string text;
-      for (int i = 0; i < point.length; ++i) text += "\xC3\xBF";
-      longest = std::move(text);
+    case DataType::string:  // memory that is no text: JSON escapes each character
+      longest = std::string(point.length, '\x01');
       break;
-    }
     case DataType::int64:
     case DataType::uint64:
       longest = BigInteger{"-9223372036854775808"};
       break;
-    case DataType::float32:
+    case DataType::float32:  // written with the digits of a float32, if it has no scale
+      longest = point.scaled() ? std::numeric_limits<double>::lowest()
+                               : double{-std::numeric_limits<float>::min()};
+      break;
     case DataType::float64:
       longest = std::numeric_limits<double>::lowest();
       break;
