@@ -4,6 +4,7 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/cli/check_target.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/online_check.h"
 #include "agent/cli/report/plan_report.h"
@@ -69,6 +70,23 @@ std::vector<ConfigError> tls_faults(const Config& config, const std::vector<Conf
   return {{"/mqtt/tls/" + std::string(fault->key), 0, fault->text}};
 }
 
+/// Prints what the broker `target` refuses. Returns the exit status.
+int check_for_target(const std::string& path, const Config& config, const std::string& target) {
+  const auto text = read_config_file(path);
+  const auto findings = target_findings(config, text ? *text : std::string(), target);
+  std::size_t refusals = 0;
+  for (const TargetFinding& finding : findings) {
+    const bool is_refused = finding.severity == TargetFinding::Severity::refused;
+    if (is_refused) ++refusals;
+    ConfigError error = finding.error;
+    if (!is_refused) error.pointer.insert(0, "warning: ");
+    std::cerr << to_string(error, path) << '\n';
+  }
+  std::cout << path << ": " << broker_of(target) << " refuses "
+            << (refusals == 0 ? "nothing" : counted(refusals, "thing")) << " of this config\n";
+  return refusals == 0 ? kDone : kFailed;
+}
+
 }  // namespace
 
 void print_errors(const std::vector<ConfigError>& errors, const std::string& path) {
@@ -83,6 +101,9 @@ std::optional<Config> loaded(const std::string& path) {
 }
 
 int run_check(const std::string& path, const CheckQuestion& what) {
+  if (!what.target.empty())
+    if (const std::string fault = target_fault(what.target); !fault.empty())
+      return refused("check", fault);
   const auto config = loaded(path);
   if (!config) return kWrong;
   if (!what.desired.empty()) return check_desired(path, *config, what.desired);
@@ -99,6 +120,7 @@ int run_check(const std::string& path, const CheckQuestion& what) {
   std::cout << path << ": valid: " << counts(*config) << '\n';
   if (config->remote.enabled)
     std::cout << path << ": a remote config may set: " << to_string(config->remote) << '\n';
+  if (!what.target.empty()) return check_for_target(path, *config, what.target);
   return what.online ? run_online_check(*config, path, /*as_json=*/false) : 0;
 }
 

@@ -18,13 +18,15 @@ std::optional<Config> loaded(const std::string& path);
 
 struct CheckQuestion {
   std::string desired;   ///< file with a remote config to check instead; empty: none
+  std::string target;    ///< broker to check the config for, as in check_target.h; empty: none
   bool online = false;   ///< open links and broker, and query each device
   bool as_json = false;  ///< output of `online` as JSON
 };
 
 /// Prints errors and warnings on stderr. Prints one line on stdout if the config is right, and
-/// after it what run_online_check() finds. Returns the exit status: 2 if the config is wrong;
-/// otherwise 0, or that of run_online_check().
+/// after it what the target refuses or run_online_check() finds. Returns the exit status: 2 if the
+/// config or the target is wrong; 1 if the target refuses something; otherwise 0, or that of
+/// run_online_check().
 int run_check(const std::string& path, const CheckQuestion& what);
 
 }  // namespace fxagent

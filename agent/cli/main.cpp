@@ -181,6 +181,11 @@ void add_check(CLI::App& app, std::string& path, CheckQuestion& what,
                      ->add_flag("--online", what.online,
                                 "Open each link, connect to the broker, and query each device once")
                      ->excludes(desired);
+  command
+      ->add_option("--target", what.target,
+                   "Also list what this broker refuses: aws, azure, hivemq, nats, rabbitmq")
+      ->excludes(desired)
+      ->excludes(online);
   command->add_flag("--json", what.as_json, "Print the results of --online as JSON")->needs(online);
   command->callback([&] { action = [&] { return run_check(path, what); }; });
 }

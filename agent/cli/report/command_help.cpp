@@ -33,9 +33,10 @@ Signals:
     {"check", R"(Examples:
   fxagent check agent.json
   fxagent check --online agent.json
+  fxagent check --target aws agent.json
 Exit status:
   0  the config is valid; with --online, everything answers and matches the config
-  1  --online: a link, a device or a broker does not answer
+  1  --online: a link, a device or a broker does not answer; --target: the broker refuses something
   2  the arguments or the config are wrong
   3  --online: another process uses a link, which was not checked; the rest answers
   4  --online: everything answers, and something does not match the config)"},
