@@ -62,12 +62,15 @@ int check_desired(const std::string& path, const Config& local, const std::strin
 /// Checks the contents of the TLS files, which check_files() does not. An unreadable file is
 /// already in `found`.
 std::vector<ConfigError> tls_faults(const Config& config, const std::vector<ConfigError>& found) {
-  if (!config.mqtt.tls) return {};
-  for (const ConfigError& error : found)
-    if (error.pointer.starts_with("/mqtt/tls/")) return {};
-  const auto fault = fault_in(*config.mqtt.tls);
-  if (!fault) return {};
-  return {{"/mqtt/tls/" + std::string(fault->key), 0, fault->text}};
+  std::vector<ConfigError> faults;
+  for (const auto& [place, mqtt] : brokers_of(config)) {
+    const std::string tls = place + "/tls/";
+    const auto is_of_it = [&](const ConfigError& error) { return error.pointer.starts_with(tls); };
+    if (!mqtt->tls || std::ranges::any_of(found, is_of_it)) continue;
+    if (const auto fault = fault_in(*mqtt->tls))
+      faults.push_back({tls + std::string(fault->key), 0, fault->text});
+  }
+  return faults;
 }
 
 /// Prints what the broker `target` refuses. Returns the exit status.

@@ -221,7 +221,7 @@ class Examination {
     for (const DeviceConfig& device : config_.devices) {
       look(base + "/" + device.name + "/command");
       for (const GroupConfig& group : device.groups)
-        look(payload_.history({device.name, group.name, {}, {}}).topic);
+        look(payload_.history({device.name, group.name, {}, {}}).at(0).topic);
     }
     if (too_long > 0)
       refuse("/agent/root", broker() + " accepts topics of at most " +
@@ -240,6 +240,15 @@ class Examination {
       refuse("/agent/root", broker() + " does not accept '" + config_.root[wrong] +
                                 "' in a topic " + std::string(limits_.topic_without_why) +
                                 ": use another root");
+    const bool has_sparkplug =
+        std::ranges::any_of(config_.profiles, [](const ProfileConfig& profile) {
+          return profile.kind == ProfileConfig::Kind::sparkplug && profile.broker.empty();
+        });
+    if (has_sparkplug && limits_.topic_without.find('.') != std::string_view::npos)
+      refuse("/profiles", broker() + " does not accept '.' in a topic " +
+                              std::string(limits_.topic_without_why) +
+                              ", and Sparkplug's begin with spBv1.0: use another broker for this "
+                              "profile");
   }
 
   void look_at_messages() {

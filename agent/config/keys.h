@@ -110,7 +110,8 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"", "mqtt", object, {}, Required{}, "The brokers, with user and TLS."},
     {"", "profiles", array, {}, Rule{"`json` alone"},
      "Forms in which the values are published, each in an MQTT session of its own."},
-    {"", "brokers", array, {}, None{}, "More brokers, to which `profiles` may publish."},
+    {"", "brokers", array, {}, None{}, "More brokers, to which `profiles` may publish. Each has `name`, `commands` and the keys of "
+     "`mqtt`."},
     {"", "store", object, {}, None{},
      "Disk for samples while the broker is unreachable, and for ids of commands. Without it "
      "samples and ids are in memory, and a restart loses both."},

@@ -81,17 +81,18 @@ ConfigErrors check_files(const Config& config) {
           {std::move(pointer), 0,
            shown(path) + " cannot be read: " + std::generic_category().message(errno)});
   };
-  if (config.mqtt.tls) {
-    must_be_readable("/mqtt/tls/ca_file", config.mqtt.tls->ca_file);
-    must_be_readable("/mqtt/tls/cert_file", config.mqtt.tls->cert_file);
-    must_be_readable("/mqtt/tls/key_file", config.mqtt.tls->key_file);
+  for (const auto& [place, mqtt] : brokers_of(config)) {
+    if (mqtt->tls) {
+      must_be_readable(place + "/tls/ca_file", mqtt->tls->ca_file);
+      must_be_readable(place + "/tls/cert_file", mqtt->tls->cert_file);
+      must_be_readable(place + "/tls/key_file", mqtt->tls->key_file);
+    }
+    if (!mqtt->password_file.empty())  // goes before password_env
+      must_be_readable(place + "/password_file", mqtt->password_file);
+    else if (!mqtt->password_env.empty() && !process_environment(mqtt->password_env))
+      missing.push_back({place + "/password_env", 0,
+                         "the environment variable " + shown(mqtt->password_env) + " is not set"});
   }
-  const auto& mqtt = config.mqtt;
-  if (!mqtt.password_file.empty())  // goes before password_env
-    must_be_readable("/mqtt/password_file", mqtt.password_file);
-  else if (!mqtt.password_env.empty() && !process_environment(mqtt.password_env))
-    missing.push_back({"/mqtt/password_env", 0,
-                       "the environment variable " + shown(mqtt.password_env) + " is not set"});
   if (config.http) must_be_readable("/http/token_file", config.http->token_file);
   if (!config.store.path.empty() && !can_be_made(config.store.path))
     missing.push_back({"/store/path", 0, shown(config.store.path) + " cannot be written"});
@@ -107,8 +108,10 @@ ConfigErrors exposed_secrets(const Config& config) {
           {std::move(pointer), 0,
            shown(path) + " can be read by " + std::string(who) + "; run chmod 600 on it"});
   };
-  if (config.mqtt.tls) look("/mqtt/tls/key_file", config.mqtt.tls->key_file);
-  look("/mqtt/password_file", config.mqtt.password_file);
+  for (const auto& [place, mqtt] : brokers_of(config)) {
+    if (mqtt->tls) look(place + "/tls/key_file", mqtt->tls->key_file);
+    look(place + "/password_file", mqtt->password_file);
+  }
   if (config.http) look("/http/token_file", config.http->token_file);
   return exposed;
 }

@@ -46,6 +46,13 @@ std::string channel_text(const LinkConfig& link) {
   return "tcp " + tcp.host + ":" + std::to_string(tcp.port);
 }
 
+std::vector<std::pair<std::string, const MqttConfig*>> brokers_of(const Config& config) {
+  std::vector<std::pair<std::string, const MqttConfig*>> brokers{{"/mqtt", &config.mqtt}};
+  for (std::size_t i = 0; i < config.brokers.size(); ++i)
+    brokers.emplace_back("/brokers/" + std::to_string(i), &config.brokers[i].mqtt);
+  return brokers;
+}
+
 std::string name_of(const ProfileConfig& profile) {
   const std::string kind(config_keys::kProfiles.at(static_cast<std::size_t>(profile.kind)));
   return profile.broker.empty() ? kind : kind + "@" + profile.broker;

@@ -192,6 +192,8 @@ struct MqttConfig {
   friend bool operator==(const MqttConfig&, const MqttConfig&) = default;
 };
 
+struct Config;
+
 /// One of the brokers beside that of `mqtt`.
 struct BrokerConfig {
   std::string name;
@@ -213,6 +215,8 @@ struct ProfileConfig {
   bool old_state = false;       ///< sparkplug: the host's state is in the form before 3.0
   friend bool operator==(const ProfileConfig&, const ProfileConfig&) = default;
 };
+/// Returns the settings of every broker, with their place in the file: "/mqtt", "/brokers/0" …
+std::vector<std::pair<std::string, const MqttConfig*>> brokers_of(const Config& config);
 /// Returns the name of the profile, unique in a config: "plain", or "plain@cloud" for a broker.
 std::string name_of(const ProfileConfig& profile);
 

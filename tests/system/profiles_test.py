@@ -58,7 +58,7 @@ class Plain(Profiles):
                             if topic == f"{BASE}/press1/temp"))
         self.assertEqual(late.wait(f"{BASE}/plain"), "online")
         # A tag that cannot be read has no value.
-        self.sim.fault("press1", "silent")
+        self.sim.fault("press1", "silent", count=-1)
         self.watcher.wait(f"{BASE}/press1/state", lambda state: state["state"] == "offline")
         self.assertIn(None, wait_for("null", lambda: [p for p in self.texts(f"{BASE}/press1/temp") if p is None]))
         self.adds_up("plain")
@@ -91,7 +91,7 @@ class Plain(Profiles):
         since = self.watcher.mark()
         self.watcher.publish(f"{BASE}/press1/setpoint/set", "78", retain=True)
         self.watcher.wait(f"{BASE}/press1/setpoint/result", lambda r: r["reason"] == "retained", since)
-        self.assertEqual([e["values"] for e in self.sim.commands("press1") if e["device"] == "D200"], [[77]])
+        self.assertEqual([e["value"] for e in self.sim.commands("press1") if e["device"] == "D200"], [77])
 
     def test_values_of_an_outage_follow_as_history(self):
         self.begin([{"kind": "plain"}])
@@ -159,7 +159,7 @@ class MoreBrokers(Profiles):
         there.publish(f"{BASE}/press1/command", {"id": "c1", "op": "write", "tag": "setpoint", "value": 5})
         there.publish(f"{BASE}/press1/setpoint/set", "5")
         self.command(op="write", tag="setpoint", value=6)  # what was sent before has arrived by then
-        self.assertEqual([e["values"] for e in self.sim.commands("press1")], [[6]])
+        self.assertEqual([e["value"] for e in self.sim.commands("press1")], [6])
         self.assertEqual(there.payloads(f"{BASE}/press1/result"), [])
 
 
@@ -217,10 +217,10 @@ class Sparkplug(Profiles):
     def test_lost_device_dies_and_is_born_again(self):
         self.begin_sparkplug()
         self.judge.wait("DBIRTH")
-        self.sim.fault("press1", "silent")
+        self.sim.fault("press1", "silent", count=-1)
         self.judge.wait("DDEATH")
         mark = self.judge.mark()
-        self.sim.ask(cmd="clear", plc="press1")
+        self.sim.ask(cmd="clear_faults", plc="press1")
         birth = self.judge.wait("DBIRTH", since=mark)
         self.assertEqual(birth["device"], "press1")
         self.sim.set("press1", "D100", 3)
@@ -263,7 +263,7 @@ class Sparkplug(Profiles):
         self.judge.order(write={"device": "press1", "alias": 4711, "value": 1, "type": "Int16"})
         self.judge.order(write={"device": "press9", "name": "setpoint", "value": 1, "type": "Int16"})
         wait_for("the log", lambda: self.agent.logged().count("command_ignored") == 2)
-        self.assertEqual([e["values"] for e in self.sim.commands("press1") if e["device"] == "D200"], [[55]])
+        self.assertEqual([e["value"] for e in self.sim.commands("press1") if e["device"] == "D200"], [55])
         self.assert_no_faults()
 
     def test_outage_is_made_up_for_as_historical_metrics(self):

@@ -74,7 +74,7 @@ std::string config_page(const std::string& version) {
                     "\\fBfxagent check\\fR names every error with its line. "
                     "${NAME} in a string is taken from the environment.\n";
   std::string_view section = "-";
-  for (const ConfigKey& key : config_keys::kAll) {
+  for (const ConfigKey& key : config_keys::kWritten) {
     if (key.section != section) {
       section = key.section;
       out += ".SH \"" + (section.empty() ? std::string("TOP LEVEL") : roff(section)) + "\"\n";

@@ -419,13 +419,14 @@ std::string config_tables() {
   const std::set<std::string_view> within{"mqtt.tls", "links[].serial", "links[].tcp",
                                           "links[].udp"};
   std::vector<std::string_view> sections;
-  for (const ConfigKey& key : config_keys::kAll)
+  for (const ConfigKey& key : config_keys::kWritten)
     if (sections.empty() || sections.back() != key.section) sections.push_back(key.section);
   std::string out;
   for (const std::string_view section : sections) {
     if (within.contains(section)) continue;
     out += kHead;
-    for (const ConfigKey& key : config_section(section)) {
+    for (const ConfigKey& key : config_keys::kWritten) {
+      if (key.section != section) continue;
       out += row("", key.is("devices[].protocol") ? protocol_key() : key);
       if (const std::string below = path_of(key); within.contains(below))
         for (const ConfigKey& inner : config_section(below))

@@ -5,8 +5,10 @@
 #include <iostream>
 #include <set>
 #include <string_view>
+#include <vector>
 
 #include "agent/cli/exit_status.h"
+#include "agent/config/plain_topic.h"
 
 namespace fxagent {
 namespace {
@@ -50,6 +52,43 @@ std::string faults_of(const AclQuestion& what) {
   return faults;
 }
 
+/// Topics of the profiles on the broker of `mqtt` that have a session of their own.
+struct ProfileTopics {
+  std::vector<std::string> out;       ///< the agent publishes there
+  std::vector<std::string> commands;  ///< from operators
+  std::vector<std::string> in;        ///< from others
+};
+
+ProfileTopics profile_topics(const Config& config) {
+  ProfileTopics topics;
+  for (const ProfileConfig& profile : config.profiles) {
+    if (!profile.broker.empty()) continue;
+    if (profile.kind == ProfileConfig::Kind::plain) {
+      const std::string tags = PlainTopic::parse(profile.topic, config.root, config.id)->filter();
+      topics.out.insert(topics.out.end(), {config.base_topic() + "/plain", tags, tags + "/history",
+                                           tags + "/result"});
+      topics.commands.push_back(tags + "/set");
+    } else if (profile.kind == ProfileConfig::Kind::sparkplug) {
+      const std::string group = "spBv1.0/" + profile.group + "/";
+      topics.out.push_back(config.base_topic() + "/sparkplug");
+      for (const char* type : {"NBIRTH/", "NDEATH/"})
+        topics.out.push_back(group + type + profile.node);
+      for (const char* type : {"DBIRTH/", "DDEATH/", "DDATA/"})
+        topics.out.push_back(group + type + profile.node + "/+");
+      topics.commands.insert(topics.commands.end(), {group + "NCMD/" + profile.node,
+                                                     group + "DCMD/" + profile.node + "/+"});
+      if (!profile.host.empty())
+        topics.in.push_back((profile.old_state ? "STATE/" : "spBv1.0/STATE/") + profile.host);
+    }
+  }
+  return topics;
+}
+
+void add(std::string& out, std::string_view access, const std::vector<std::string>& topics) {
+  for (const std::string& topic : topics)
+    out += "topic " + std::string(access) + " " + topic + "\n";
+}
+
 template <class Topics>
 void add(std::string& out, std::string_view access, const std::string& base, const Topics& topics) {
   for (const std::string_view topic : topics)
@@ -89,14 +128,23 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
     add(out, "write", base, kConfigsOut);
     add(out, "read", base, kConfigsIn);
   }
+  const ProfileTopics profiles = profile_topics(config);
+  if (!profiles.out.empty()) {
+    out += "# Its profiles.\n";
+    add(out, "write", profiles.out);
+    add(out, "read", profiles.commands);
+    add(out, "read", profiles.in);
+  }
   const auto add_reader = [&](std::string_view role, const std::string& name) {
     out += "\n# " + std::string(role) + "\nuser " + name + "\n";
     add(out, "read", base, kAgentWrites);
     if (configs) add(out, "read", base, kConfigsOut);
+    add(out, "read", profiles.out);
   };
   for (const std::string& name : users.operators) {
     add_reader("Reads everything and sends commands.", name);
     add(out, "write", base, kOperatorWrites);
+    add(out, "write", profiles.commands);
   }
   for (const std::string& name : users.engineers) {
     add_reader("Reads everything and sends configs.", name);

@@ -306,6 +306,7 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
 }
 
 std::vector<ConfigNode> ConfigTree::items_of(const ConfigNode& folded) const {
+  if (folded.end == 0) return folded.children;
   ConfigNode array;
   std::size_t taken = folded.offset;
   TreeBuilder builder(array, text_, taken, kUnfolded, {});

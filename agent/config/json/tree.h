@@ -76,7 +76,8 @@ class ConfigTree {
                                                      Comments comments = Comments::refused);
 
   const ConfigNode& root() const { return *root_; }
-  /// Parses the items of a folded array of this tree. Their parent is `folded`.
+  /// Parses the items of a folded array of this tree. Their parent is `folded`. Returns a copy of
+  /// the items of any other array.
   std::vector<ConfigNode> items_of(const ConfigNode& folded) const;
   /// Returns the 1-based line of a byte of the text.
   int line_of(std::size_t offset) const;

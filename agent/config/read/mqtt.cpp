@@ -122,8 +122,9 @@ MqttConfig read_broker(ConfigReader& reader, const ConfigNode& node, const std::
                        FilePrivacy privacy, std::span<const ConfigKey> tls_keys) {
   MqttConfig mqtt;
   if (const ConfigNode* servers = reader.array(node, config_key("mqtt.servers"))) {
-    if (servers->children.empty()) reader.error(*servers, "needs at least one server");
-    for (const ConfigNode& item : servers->children) {
+    const auto items = reader.items(node, config_key("mqtt.servers"));
+    if (items.empty()) reader.error(*servers, "needs at least one server");
+    for (const ConfigNode& item : items) {
       const auto text = reader.text(item);
       if (!text) continue;
       if (const auto server = normal_server(*text))

@@ -78,7 +78,8 @@ class ConfigReader {
 
   const ConfigNode* object(const ConfigNode& parent, const ConfigKey& key);
   const ConfigNode* array(const ConfigNode& parent, const ConfigKey& key);
-  /// Returns the items of an array that the tree has folded; empty if the key is absent or wrong.
+  /// Returns the items of an array that the tree may have folded; empty if the key is absent or
+  /// wrong.
   /// The caller owns the nodes and must keep them as long as it uses pointers to them.
   std::vector<ConfigNode> items(const ConfigNode& parent, const ConfigKey& key);
 

@@ -1,0 +1,89 @@
+#include "agent/config/read/profiles.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/agent/config/small_plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+
+/// The small plant with these profiles beside `json`, and a broker `cloud`.
+std::string with_profiles(const std::string& more) {
+  json plant = small_plant();
+  plant["brokers"] = json::parse(R"([{"name": "cloud", "servers": ["mqtts://cloud.example"]}])");
+  plant["profiles"] = json::parse(R"([{"kind": "json"}, {"kind": "json", "broker": "cloud"}])");
+  if (!more.empty()) plant["profiles"].push_back(json::parse(more));
+  return plant.dump(1);
+}
+
+TEST(ProfilesConfig, JsonAloneIsTheDefault) {
+  EXPECT_TRUE(good(small_plant().dump()).profiles.empty());
+  EXPECT_TRUE(good(changed("/profiles", R"([{"kind": "json"}])")).profiles.empty());
+}
+
+TEST(ProfilesConfig, BrokersHaveTheKeysOfMqtt) {
+  const Config config = good(with_profiles(""));
+  ASSERT_EQ(config.brokers.size(), 1U);
+  EXPECT_EQ(config.brokers[0].mqtt.servers, std::vector<std::string>{"mqtts://cloud.example:8883"});
+  EXPECT_EQ(config.brokers[0].mqtt.client_id, "fx-edge7");
+  EXPECT_EQ(config.brokers[0].mqtt.keep_alive, config.mqtt.keep_alive);
+  EXPECT_FALSE(config.brokers[0].commands);
+  ASSERT_EQ(config.profiles.size(), 1U);
+  EXPECT_EQ(name_of(config.profiles[0]), "json@cloud");
+}
+
+TEST(ProfilesConfig, SparkplugTakesItsNodeFromTheAgent) {
+  const Config config = good(with_profiles(R"({"kind": "sparkplug", "group": "Plant A"})"));
+  EXPECT_EQ(config.profiles[1].group, "Plant A");
+  EXPECT_EQ(config.profiles[1].node, "edge7");
+  EXPECT_EQ(name_of(config.profiles[1]), "sparkplug");
+}
+
+TEST(ProfilesConfig, PlainNamesOfThePlantStandInTheTopic) {
+  const Config config = good(with_profiles(
+      R"({"kind": "plain", "topic": "{site}/{area}/{line}/{device}/{tag}", "site": "Ulm",
+          "area": "press shop", "line": "L1"})"));
+  EXPECT_EQ(config.profiles[1].topic, "Ulm/press shop/L1/{device}/{tag}");
+}
+
+TEST(ProfilesConfig, EachFaultNamesItsPlaceAndItsCure) {
+  const std::string place = "/profiles/2";
+  expect_error(with_profiles(R"({"kind": "opc"})"), place + "/kind", {"json", "plain"});
+  expect_error(with_profiles(R"({"kind": "plain", "broker": "clod"})"), place + "/broker",
+               {"no broker"});
+  expect_error(with_profiles(R"({"kind": "json"})"), place, {"twice", "same broker"});
+  expect_error(with_profiles(R"({"kind": "sparkplug"})"), place, {"needs group"});
+  expect_error(with_profiles(R"({"kind": "sparkplug", "group": "a/b"})"), place + "/group",
+               {"must not have"});
+  expect_error(with_profiles(R"({"kind": "plain", "group": "a"})"), place + "/group",
+               {"belongs to the kind sparkplug"});
+  expect_error(changed("/profiles", R"([{"kind": "plain"}])"), "/profiles", {"needs", "json"});
+}
+
+TEST(ProfilesConfig, EachTagNeedsATopicOfItsOwn) {
+  const auto topic = [](const std::string& text) {
+    return with_profiles(R"({"kind": "plain", "topic": ")" + text + "\"}");
+  };
+  const std::string place = "/profiles/2/topic";
+  expect_error(topic("{root}/{id}/{device}"), place, {"needs {tag}"});
+  expect_error(topic("a/{tags}"), place, {"has {tags}", "{tag}"});
+  expect_error(topic("a/{tag"), place, {"{ without a }"});
+  expect_error(topic("a/+/{tag}"), place, {"wildcards"});
+  expect_error(topic("/a/{tag}"), place, {"empty level"});
+  expect_error(topic("$a/{tag}"), place, {"$"});
+  expect_error(topic("{site}/{tag}"), "/profiles/2", {"{site}", "set site"});
+  json plant = json::parse(topic("a/{tag}"));
+  plant["devices"][1]["tags"] = {{{"name", "temp"}, {"address", "D1"}}};
+  expect_error(plant.dump(), place, {"temp of mixer", "another tag has", "{device}"});
+  plant = json::parse(with_profiles(R"({"kind": "plain"})"));
+  plant["devices"][0]["tags"][0]["name"] = "state";
+  expect_error(plant.dump(), "/profiles/2", {"state of press1", "profile json uses"});
+}
+
+}  // namespace
+}  // namespace fxagent
