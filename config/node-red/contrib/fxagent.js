@@ -306,7 +306,9 @@ module.exports = function (RED) {
         function answer(msg, send, done, wire, text, more) {
             const outputs = [null, null, null];
             outputs[wire] = {...msg, payload: text, status: null, reason: null, result: null, sent: true, ...more};
-            node.status({fill: ["green", "yellow", "red"][wire], shape: "dot", text: text.slice(0, 60)});
+            const {status, reason, sent} = outputs[wire];
+            node.status({fill: ["green", "yellow", "red"][wire], shape: "dot",
+                text: status ? [status, reason].filter(Boolean).join(" ") : sent ? "no result" : "nothing sent"});
             send(outputs);
             done();
         }
@@ -380,7 +382,7 @@ module.exports = function (RED) {
                         settle(uuid, NOT_CARRIED_OUT, `nothing was sent to the agent: ${fault.message}`, {sent: false});
                 });
             returned = true;
-            if (pending.has(uuid)) node.status({fill: "blue", shape: "dot", text: `${name}: sent`});
+            if (pending.has(uuid)) node.status({fill: "blue", shape: "dot", text: "sent"});
         });
 
         const member = {
