@@ -29,9 +29,9 @@ needs_node_red = unittest.skipUnless(os.path.isdir(os.path.join(MODULES, "node-r
 
 
 class NodeRedTest(Browser, PlantTest):
-    def start_demo(self, devices=1, interval_ms=500, change=lambda config: None):
+    def start_demo(self, devices=1, interval_ms=500, change=lambda config: None, broker_conf=""):
         """Starts the programs of config/demo/run.sh with some of its devices. The test controls the PLCs' memory."""
-        self.broker = Broker(self.directory)
+        self.broker = Broker(self.directory, broker_conf)
         self.broker.start()
         self.sim = Sim(self.directory, [self.plc(), self.plc("press2", protocol="fx-computer-link")][:devices])
         self.sim.start()
@@ -83,10 +83,10 @@ class NodeRedTest(Browser, PlantTest):
         wait_for("Node-RED", is_there, 60)
         self.said = lambda: text_of(log.name)
 
-    def ask(self, method, path, body=None):
+    def ask(self, method, path, body=None, **headers):
         with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)) as connection:
             connection.request(method, path, json.dumps(body) if body is not None else None,
-                               {"Content-Type": "application/json"})
+                               {"Content-Type": "application/json", **headers})
             response = connection.getresponse()
             return response.status, response.read().decode()
 

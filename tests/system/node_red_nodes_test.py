@@ -302,6 +302,47 @@ class Nodes(NodeRedTest):
         self.assert_answered_once()
         self.assert_no_trouble()
 
+    def test_a_command_that_the_broker_refuses_was_not_sent(self):
+        os.chmod(self.directory, 0o755)  # mosquitto reads the file as another user
+        rules = os.path.join(self.directory, "acl")
+        with open(rules, "w") as out:
+            out.write(f"topic readwrite #\ntopic deny {BASE}/press1/command\n")
+        self.start_all(broker_conf=f"acl_file {rules}")
+        wire, msg = self.outcome(op="write", tag="lot", payload=9)
+        self.assertEqual((wire, msg["status"], msg["sent"]), ("refused", None, False))
+        self.assertRegex(msg["payload"], "nothing was sent to the agent: .*[Nn]ot authorized")
+        self.assert_answered_once()
+
+    def deploy(self, kind, seconds):
+        """Deploys the flow with another deadline of the command."""
+        flows = flow_of(self.broker.port, seconds)
+        status, text = self.ask("POST", "/flows", flows, **{"Node-RED-Deployment-Type": kind})
+        self.assertIn(status, (200, 204), text)
+
+    def test_values_and_commands_go_on_after_a_deploy(self):
+        self.start_all(seconds=20)
+        for at, kind in enumerate(("nodes", "flows", "full")):
+            self.deploy(kind, 21 + at)
+            self.sim.set("press1", "D100", 300 + at)
+            wait_for(f"a value after deploying {kind}", lambda: self.seen("values", tag="zone1", payload=30 + at / 10))
+            msg = wait_for("a sample", lambda: self.seen("values", tag="zone1"))[-1]
+            self.assertEqual(msg["unit"], "°C")
+            wait_for("the agent", lambda: self.lists()["agents"] and self.lists()["agents"][0]["state"] == "online")
+            wire, msg = self.outcome(op="write", tag="lot", payload=at)
+            self.assertEqual((wire, msg["status"]), ("succeeded", "SUCCEEDED"), msg)
+        # Each value came once.
+        seqs = [msg["seq"] for msg in self.seen("values", tag="zone1")]
+        self.assertEqual(len(seqs), len(set(seqs)))
+
+        # A command that waits is reported when its node ends.
+        self.sim.fault("press1", "silent", match="write", count=-1)
+        self.inject(op="write", tag="lot", payload=9)
+        self.watcher.wait(f"{BASE}/press1/command", lambda command: command["value"] == 9)
+        self.deploy("nodes", 30)
+        wait_for("the warning", lambda: "press1 write lot 9: the node was stopped before the result." in self.said()
+                 or self.outcomes(self.sent))
+        self.assert_no_trouble()
+
     def test_the_lists_have_agents_devices_and_tags(self):
         self.start_all(devices=2)
         found = wait_for("both devices", lambda: len(self.lists()["agents"][0]["devices"]) == 2 and self.lists())
@@ -331,6 +372,8 @@ class Nodes(NodeRedTest):
         self.start_demo()
         self.start_node_red(json.dumps(nodes).replace('"port": "1883"', f'"port": "{self.broker.port}"'), contrib=True)
         wait_for("the flows", lambda: "Started flows" in self.said())
+        # The editor offers them at Import.
+        self.assertIn("a set-point", self.ask("GET", "/library/examples/flows/node-red-contrib-fxagent")[1])
         inject = next(node["id"] for node in nodes if node["type"] == "inject")
         server = next(node["id"] for node in nodes if node["type"] == "fxagent-agent")
         wait_for("the agent", lambda: '"setpoint"' in self.ask("GET", f"/fxagent/{server}/agents")[1])
