@@ -8,6 +8,7 @@ const {Order} = require("./lib/order.js");
 const {commandOf, wireOf, textOf, SUCCEEDED, NOT_CARRIED_OUT, UNKNOWN} = require("./lib/command.js");
 
 const MARGIN_S = 5;          // after a command's expiry, for its last exchanges and for the way of its result
+const MAX_SECONDS = 604800;  // the longest max_expiry_s
 const MAX_UNANSWERED = 1000;  // ids of commands without a result, kept to report a late one
 
 module.exports = function (RED) {
@@ -109,6 +110,7 @@ module.exports = function (RED) {
                 each((member) => member.connection?.());
             };
             broker.register(node);
+            connected = broker.connected;
             node.join({}, ["+/state", "+/+/state", "+/+/meta"]);
         } else {
             node.error("no broker is chosen: open this node and choose one");
@@ -180,8 +182,8 @@ module.exports = function (RED) {
         let started = false;
 
         const refresh = () => {
-            const waiting = [...orders.values()].reduce((sum, {order}) => sum + order.held.size, 0);
-            show(node, server, id, only, waiting > 0 ? `${waiting} samples wait for earlier ones` : undefined);
+            const waits = [...orders.values()].some(({timer}) => timer !== null);
+            show(node, server, id, only, waits ? "waits for earlier samples" : undefined);
         };
         const sendState = (device) => {
             const agent = server.agents.get(id);
@@ -216,8 +218,8 @@ module.exports = function (RED) {
             node.send([[
                 ...values.map(([tag, value]) => message(tag, {payload: value, quality: "good",
                     ...(row.written?.includes(tag) && {written: true})})),
-                ...bad.map(([tag, {why, since, last, last_ts}]) => message(tag, {payload: null, quality: "bad", why, since,
-                    last, last_ts})),
+                ...bad.map(([tag, of]) => message(tag, {payload: null, quality: "bad", why: of?.why, since: of?.since,
+                    last: of?.last, last_ts: of?.last_ts})),
             ], null]);
         }
 
@@ -269,12 +271,13 @@ module.exports = function (RED) {
                 }
                 const waited = of.timer !== null;
                 watch(of, history);
-                if (waited || of.timer !== null) refresh();
+                if (waited !== (of.timer !== null)) refresh();
             },
             connection: refresh,
         };
-        // All groups of the device are needed: `seq` counts over all of them.
-        const filters = [`${id}/${only || "+"}/data/+`, ...(newest ? [] : [`${id}/${only || "+"}/data/+/history`])];
+        // All groups of the device are needed, because `seq` counts over all of them. History of other devices shows that
+        // the agent has not yet sent its whole backlog.
+        const filters = [`${id}/${only || "+"}/data/+`, ...(newest ? [] : [`${id}/+/data/+/history`])];
         server.join(member, filters);
         refresh();
         whenStarted(node, () => {
@@ -298,7 +301,7 @@ module.exports = function (RED) {
         const server = RED.nodes.getNode(config.server);
         const id = config.agent;
         if (!server || !id) node.status({fill: "red", shape: "ring", text: "not configured"});
-        const seconds = Number(config.seconds) > 0 ? Number(config.seconds) : 10;
+        const seconds = Number(config.seconds) > 0 ? Math.min(Number(config.seconds), MAX_SECONDS) : 10;
         const pending = new Map();     // id of the command → {device, command, msg, send, done, timer, told}
         const unanswered = new Map();  // id of a command that was answered without its result → its text
         const bounds = new Map();      // device → the longest bound_ms of its results

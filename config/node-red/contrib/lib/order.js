@@ -12,14 +12,15 @@ class Order {
         this.out = out;
         this.boot = null;       // of the newest live sample
         this.next = null;       // the next number; null: none was seen yet
+        this.last = null;       // boot of the last row that is out
         this.held = new Map();  // seq → row, all above `next`
         this.gaps = [];         // [from, to]: numbers below `next` that did not come
     }
 
     /**
      * Takes a sample. `history`: it came as history. Returns false for a repeated one, which is dropped.
-     * A row that comes after a release for its number has `late`. The first row after a gap has `missing`, the number
-     * of samples that did not come.
+     * A row that comes after a release for its number has `late`. The first row after a gap within one boot has `missing`,
+     * the number of samples that did not come.
      */
     add(row, history) {
         const seq = row.seq;
@@ -67,7 +68,10 @@ class Order {
         if (missing > 0) this.gaps.push([this.next, row.seq - 1]);
         if (this.gaps.length > MAX_GAPS) this.gaps.shift();
         this.next = row.seq + 1;
-        this.out(missing > 0 ? {...row, missing} : row);
+        // With a new boot the numbers may skip forward.
+        const counts = missing > 0 && row.boot === this.last;
+        this.last = row.boot;
+        this.out(counts ? {...row, missing} : row);
     }
 
     drain() {
