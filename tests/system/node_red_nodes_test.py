@@ -27,7 +27,7 @@ def recorder(key, y):
             "func": KEEP % (json.dumps(key), json.dumps(key)), "wires": [], "x": 620, "y": y}
 
 
-def flow_of(port, seconds):
+def flow_of(port, seconds, version="5"):
     """Returns a flow: all values, live values alone and whole samples of press1, and a command of which a message
     chooses everything except the device."""
     def wire(*keys):
@@ -37,7 +37,7 @@ def flow_of(port, seconds):
     return [
         {"id": TAB, "type": "tab", "label": "the nodes", "disabled": False, "info": "", "env": []},
         {"id": "nodes0broker0001", "type": "mqtt-broker", "name": "plant", "broker": "127.0.0.1", "port": str(port),
-         "clientid": "", "autoConnect": True, "usetls": False, "protocolVersion": "5", "keepalive": "60",
+         "clientid": "", "autoConnect": True, "usetls": False, "protocolVersion": version, "keepalive": "60",
          "cleansession": True, "autoUnsubscribe": True, "birthTopic": "", "closeTopic": "", "willTopic": ""},
         {"id": SERVER, "type": "fxagent-agent", "name": "", "broker": "nodes0broker0001", "root": "fx/plant-a"},
         {**source, "id": "nodes0in00000001", "wires": wire("values", "states"), "y": 80},
@@ -65,10 +65,10 @@ def writable_lot(config):
 
 @needs_node_red
 class Nodes(NodeRedTest):
-    def start_all(self, seconds=20, **demo):
+    def start_all(self, seconds=20, version="5", **demo):
         demo.setdefault("change", writable_lot)
         self.start_demo(**demo)
-        self.start_node_red(json.dumps(flow_of(self.broker.port, seconds)), contrib=True)
+        self.start_node_red(json.dumps(flow_of(self.broker.port, seconds, version)), contrib=True)
         self.sent = 0
         wait_for("a value of zone1", lambda: self.seen("values", tag="zone1"))
         self.assertNotIn("Waiting for missing types", self.said())
@@ -141,7 +141,7 @@ class Nodes(NodeRedTest):
         self.assert_no_trouble()
 
     def test_history_is_merged_in_order(self):
-        self.start_all(interval_ms=50)
+        self.start_all(interval_ms=50, version="4")  # MQTT 3.1.1, Node-RED's default
         first = self.seen("values", tag="zone1")[-1]["seq"]
         # The broker is stopped until more samples wait than the window of 20 in flight. They become history, sent
         # along with live samples.
