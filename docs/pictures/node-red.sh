@@ -1,8 +1,8 @@
 #!/bin/bash
 # Takes the pictures of config/node-red, docs/pictures/node-red-*.png, with Node-RED and Chromium:
 #   docs/pictures/node-red.sh [PORT]
-# Start config/demo/run.sh first; PORT is its broker's, 1883 by default. Node-RED runs in a directory of its own, which the
-# script removes at the end. Its packages and those of the browser come from npm, or from the folders NODE_RED and
+# Start config/demo/run.sh first; PORT is its broker's, 1883 by default. Node-RED runs in a directory of its own, which
+# the script removes at the end. Its packages and those of the browser come from npm, or from the folders NODE_RED and
 # BROWSER_MODULES, as in tests/system.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -58,8 +58,9 @@ EOF
 
 # The examples of the nodes.
 jq -s add "$root"/config/node-red/contrib/examples/*.json | sed "s/\"port\": \"1883\"/\"port\": \"$broker\"/" |
-  node -e 'fetch(process.argv[1], {method: "POST", headers: {"Content-Type": "application/json"}, body: fs.readFileSync(0)})
-           .then((answer) => process.exit(answer.ok ? 0 : 1))' "http://127.0.0.1:$port/flows"
+  node -e 'const headers = {"Content-Type": "application/json"};
+           fetch(process.argv[1], {method: "POST", headers, body: fs.readFileSync(0)})
+             .then((answer) => process.exit(answer.ok ? 0 : 1))' "http://127.0.0.1:$port/flows"
 browse <<EOF
 {"open": "http://127.0.0.1:$port/", "width": 1500, "height": 620}
 {"until": "document.querySelectorAll('.red-ui-flow-node').length > 4"}

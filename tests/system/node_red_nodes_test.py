@@ -204,7 +204,7 @@ class Nodes(NodeRedTest):
     def test_each_command_has_one_outcome(self):
         self.start_all()
         wire, msg = self.outcome(op="write", tag="setpoint", payload=60)
-        self.assertEqual((wire, msg["status"], msg["reason"], msg["sent"]), ("succeeded", "SUCCEEDED", None, True))
+        self.assertEqual((wire, msg["outcome"], msg["reason"], msg["sent"]), ("succeeded", "SUCCEEDED", None, True))
         self.assertEqual(msg["payload"], "press1 write setpoint 60: SUCCEEDED, read back 60")
         self.assertEqual(self.sim.get("press1", "D200"), 600)
         # The command as the broker had it.
@@ -224,13 +224,13 @@ class Nodes(NodeRedTest):
 
         # The agent refuses, or the PLC.
         wire, msg = self.outcome(op="write", tag="setpoint", payload=160)
-        self.assertEqual((wire, msg["status"], msg["reason"]), ("refused", "REJECTED", "out_of_range"))
+        self.assertEqual((wire, msg["outcome"], msg["reason"]), ("refused", "REJECTED", "out_of_range"))
         self.assertTrue(msg["sent"])
         wire, msg = self.outcome(op="write", tag="setpoint", payload=61, expect=10)
-        self.assertEqual((wire, msg["status"], msg["reason"]), ("refused", "FAILED", "expect_mismatch"))
+        self.assertEqual((wire, msg["outcome"], msg["reason"]), ("refused", "FAILED", "expect_mismatch"))
         self.sim.fault("press1", "nak", match="write", count=-1)
         wire, msg = self.outcome(op="write", tag="setpoint", payload=61)
-        self.assertEqual((wire, msg["status"], msg["reason"]), ("refused", "FAILED", "nak"))
+        self.assertEqual((wire, msg["outcome"], msg["reason"]), ("refused", "FAILED", "nak"))
         self.assertEqual(len(self.commands(8)), 8)
 
         # The node refuses, and sends nothing.
@@ -245,10 +245,10 @@ class Nodes(NodeRedTest):
                 ({"op": "write", "tag": "lot", "payload": [1]}, "lot takes a number, not [1]"),
                 ({"op": "write", "tag": "lamp", "payload": "on"}, "lamp is a bool: send true, false, 1 or 0"),
                 ({"op": "force_on", "tag": "lot"}, "force_on needs a bit, and lot is int16: use write"),
-                ({"op": "write", "payload": 1}, "write needs either a tag or an address"),
+                ({"op": "write", "payload": 1}, "write needs a tag or an address"),
                 ({"op": "format"}, '"format" is no command')]:
             wire, msg = self.outcome(**fields)
-            self.assertEqual((wire, msg["status"], msg["sent"], msg["command"]), ("refused", None, False, None))
+            self.assertEqual((wire, msg["outcome"], msg["sent"], msg["command"]), ("refused", None, False, None))
             self.assertTrue(msg["payload"].startswith("nothing was sent: " + reason), msg["payload"])
         # What was sent before this command has arrived by now.
         self.sim.ask(cmd="clear_faults", plc="press1")
@@ -281,7 +281,7 @@ class Nodes(NodeRedTest):
         self.start_all(seconds=1, change=self.patient)
         number = self.interrupt("write", op="write", tag="lot", payload=9)
         wire, msg = wait_for("the answer", lambda: self.outcomes(number))[0]
-        self.assertEqual((wire, msg["status"], msg["sent"], msg["result"]), ("unknown", None, True, None))
+        self.assertEqual((wire, msg["outcome"], msg["sent"], msg["result"]), ("unknown", None, True, None))
         self.assertRegex(msg["payload"], r"press1 write lot 9: no result within 6 s\. It may have been carried out")
         # The next run of the agent reports the command: only in the log, and once.
         self.sim.ask(cmd="clear_faults", plc="press1")
@@ -304,7 +304,7 @@ class Nodes(NodeRedTest):
         self.sim.ask(cmd="clear_faults", plc="press1")
         self.agent.start()
         wire, msg = wait_for("the answer", lambda: self.outcomes(number))[0]
-        self.assertEqual((wire, msg["status"], msg["reason"]), ("unknown", "UNKNOWN_OUTCOME", "interrupted"))
+        self.assertEqual((wire, msg["outcome"], msg["reason"]), ("unknown", "UNKNOWN_OUTCOME", "interrupted"))
         self.assertEqual(len(self.commands(1)), 1)
         self.assert_answered_once()
         self.assert_no_trouble()
@@ -317,7 +317,7 @@ class Nodes(NodeRedTest):
             wire, msg = self.outcome(op="write", tag="lot", payload=9)
         finally:
             self.broker.process.send_signal(signal.SIGCONT)
-        self.assertEqual((wire, msg["status"], msg["sent"]), ("unknown", None, True))
+        self.assertEqual((wire, msg["outcome"], msg["sent"]), ("unknown", None, True))
         self.assertIn("The broker did not acknowledge the command.", msg["payload"])
         # It arrives after its deadline.
         self.assert_result(self.result(msg["command"]["id"]), "EXPIRED", "expired")
@@ -326,7 +326,7 @@ class Nodes(NodeRedTest):
         self.broker.kill()
         wait_for("the loss of the connection", lambda: not self.lists()["connected"])
         wire, msg = self.outcome(op="write", tag="lot", payload=10)
-        self.assertEqual((wire, msg["status"], msg["sent"]), ("refused", None, False))
+        self.assertEqual((wire, msg["outcome"], msg["sent"]), ("refused", None, False))
         self.assertIn("nothing was sent: there is no connection to the broker", msg["payload"])
         since = self.watcher.mark()
         self.broker.start()
@@ -345,7 +345,7 @@ class Nodes(NodeRedTest):
             out.write(f"topic readwrite #\ntopic deny {BASE}/press1/command\n")
         self.start_all(broker_conf=f"acl_file {rules}")
         wire, msg = self.outcome(op="write", tag="lot", payload=9)
-        self.assertEqual((wire, msg["status"], msg["sent"]), ("refused", None, False))
+        self.assertEqual((wire, msg["outcome"], msg["sent"]), ("refused", None, False))
         self.assertRegex(msg["payload"], "nothing was sent to the agent: .*[Nn]ot authorized")
         self.assert_answered_once()
 
@@ -365,7 +365,7 @@ class Nodes(NodeRedTest):
             self.assertEqual(msg["unit"], "°C")
             wait_for("the agent", lambda: self.lists()["agents"] and self.lists()["agents"][0]["state"] == "online")
             wire, msg = self.outcome(op="write", tag="lot", payload=at)
-            self.assertEqual((wire, msg["status"]), ("succeeded", "SUCCEEDED"), msg)
+            self.assertEqual((wire, msg["outcome"]), ("succeeded", "SUCCEEDED"), msg)
         # Each value came once.
         seqs = [msg["seq"] for msg in self.seen("values", tag="zone1")]
         self.assertEqual(len(seqs), len(set(seqs)))
@@ -410,12 +410,18 @@ class Nodes(NodeRedTest):
         wait_for("the flows", lambda: "Started flows" in self.said())
         # The editor offers them at Import.
         self.assertIn("a set-point", self.ask("GET", "/library/examples/flows/node-red-contrib-fxagent")[1])
-        inject = next(node["id"] for node in nodes if node["type"] == "inject")
+        injects = [node["id"] for node in nodes if node["type"] == "inject"]
         server = next(node["id"] for node in nodes if node["type"] == "fxagent-agent")
         wait_for("the agent", lambda: '"setpoint"' in self.ask("GET", f"/fxagent/{server}/agents")[1])
-        self.assertEqual(self.ask("POST", "/inject/" + inject)[0], 200)
-        command = self.watcher.wait(f"{BASE}/press1/command")
-        self.assert_result(self.result(command["id"]), "SUCCEEDED", plc="ACK")
+        for inject in injects:
+            self.assertEqual(self.ask("POST", "/inject/" + inject)[0], 200)
+        good, excessive = self.watcher.wait_count(f"{BASE}/press1/command", 2)
+        self.assert_result(self.result(good["id"]), "SUCCEEDED", plc="ACK")
+        self.assert_result(self.result(excessive["id"]), "REJECTED", "out_of_range")
+        self.agent.stop()
+        wait_for("the agent's end", lambda: '"offline"' in self.ask("GET", f"/fxagent/{server}/agents")[1])
+        # The node sends nothing then, and the debug nodes take its answer.
+        self.assertEqual(self.ask("POST", "/inject/" + injects[0])[0], 200)
         self.assert_no_trouble()
 
     @unittest.skipIf(why_no_browser(), why_no_browser())

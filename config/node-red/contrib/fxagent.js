@@ -1,5 +1,5 @@
-// The nodes of fxagent for Node-RED 4: `fxagent-agent` knows the agents of a broker, `fxagent in` sends their values and
-// states into a flow, `fxagent command` sends commands to them. Topics and payloads: docs/interface.md.
+// The nodes of fxagent for Node-RED 4: `fxagent-agent` knows the agents of a broker, `fxagent in` sends their values
+// and states into a flow, `fxagent command` sends commands to them. Topics and payloads: docs/interface.md.
 // The connection is that of an mqtt-broker node, so address, TLS and password are entered once.
 "use strict";
 
@@ -28,7 +28,8 @@ module.exports = function (RED) {
 
         const each = (call) => { for (const member of members) call(member); };
         node.isConnected = () => Boolean(broker && broker.connected);
-        node.publish = (topic, payload, more, done) => broker.publish({...more, topic, payload, qos: 1, retain: false}, done);
+        node.publish = (topic, payload, more, done) =>
+            broker.publish({...more, topic, payload, qos: 1, retain: false}, done);
 
         /** Adds a node with optional functions state, sample, result and connection. `filters`: below {root}. */
         node.join = (member, filters) => {
@@ -50,7 +51,7 @@ module.exports = function (RED) {
         function subscribe(removed) {
             if (!broker || closed) return;
             const every = (filter) => filter.replace(/^([^/]+)\/[^/]+\/data/, "$1/+/data");
-            const needed = [...wanted.keys()].filter((filter) => every(filter) === filter || !wanted.has(every(filter)));
+            const needed = [...wanted.keys()].filter((one) => every(one) === one || !wanted.has(every(one)));
             for (const filter of needed) {
                 if (subscribed.has(filter)) continue;
                 subscribed.add(filter);
@@ -127,8 +128,9 @@ module.exports = function (RED) {
 
     /** Returns the agents, devices and tags for the lists of the editor. */
     function listOf(node) {
-        const tagsOf = (meta) => Object.entries(meta?.tags ?? {}).map(([name, tag]) => ({name, type: tag.type, unit: tag.unit,
-            group: tag.group, writable: tag.access === "read_write", min: tag.min, max: tag.max, description: tag.description}));
+        const tagsOf = (meta) => Object.entries(meta?.tags ?? {}).map(([name, tag]) => ({
+            name, type: tag.type, unit: tag.unit, group: tag.group, writable: tag.access === "read_write",
+            min: tag.min, max: tag.max, description: tag.description}));
         return {
             connected: node.isConnected(),
             agents: [...node.agents].map(([id, agent]) => ({
@@ -213,7 +215,8 @@ module.exports = function (RED) {
             const message = (tag, more) => {
                 const of = Object.hasOwn(tags, tag) ? tags[tag] : {};
                 const label = of.states?.[String(Number(more.payload))];
-                return {...common, topic: `${device}/${tag}`, tag, unit: of.unit ?? null, ...(label && {label}), ...more};
+                const named = {topic: `${device}/${tag}`, tag, unit: of.unit ?? null, ...(label && {label})};
+                return {...common, ...named, ...more};
             };
             node.send([[
                 ...values.map(([tag, value]) => message(tag, {payload: value, quality: "good",
@@ -275,15 +278,16 @@ module.exports = function (RED) {
             },
             connection: refresh,
         };
-        // All groups of the device are needed, because `seq` counts over all of them. History of other devices shows that
-        // the agent has not yet sent its whole backlog.
+        // All groups of the device are needed, because `seq` counts over all of them. History of other devices shows
+        // that the agent has not yet sent its whole backlog.
         const filters = [`${id}/${only || "+"}/data/+`, ...(newest ? [] : [`${id}/+/data/+/history`])];
         server.join(member, filters);
         refresh();
         whenStarted(node, () => {
             started = true;
             sendState(null);
-            for (const device of server.agents.get(id)?.devices.keys() ?? []) if (!only || device === only) sendState(device);
+            const devices = server.agents.get(id)?.devices.keys() ?? [];
+            for (const device of devices) if (!only || device === only) sendState(device);
         });
         node.on("close", (removed, done) => {
             for (const of of orders.values()) clearTimeout(of.timer);
@@ -308,10 +312,11 @@ module.exports = function (RED) {
 
         function answer(msg, send, done, wire, text, more) {
             const outputs = [null, null, null];
-            outputs[wire] = {...msg, payload: text, status: null, reason: null, result: null, sent: true, ...more};
-            const {status, reason, sent} = outputs[wire];
+            // Not `status`: Node-RED's debug node takes that for the status of a node.
+            outputs[wire] = {...msg, payload: text, outcome: null, reason: null, result: null, sent: true, ...more};
+            const {outcome, reason, sent} = outputs[wire];
             node.status({fill: ["green", "yellow", "red"][wire], shape: "dot",
-                text: status ? [status, reason].filter(Boolean).join(" ") : sent ? "no result" : "nothing sent"});
+                text: outcome ? [outcome, reason].filter(Boolean).join(" ") : sent ? "no result" : "nothing sent"});
             send(outputs);
             done();
         }
@@ -326,7 +331,8 @@ module.exports = function (RED) {
                 unanswered.set(uuid, of.name);
                 if (unanswered.size > MAX_UNANSWERED) unanswered.delete(unanswered.keys().next().value);
             }
-            answer(of.msg, of.send, of.done, wire, `${of.name}: ${text}`, {command: of.command, device: of.device, ...more});
+            const {msg, send, done, command, device} = of;
+            answer(msg, send, done, wire, `${of.name}: ${text}`, {command, device, ...more});
         }
 
         // Returns the device and the command, without id and expiry. Throws an Error with reason and cure.
@@ -335,9 +341,9 @@ module.exports = function (RED) {
             if (!server.isConnected()) throw new Error("there is no connection to the broker: send it again later");
             const agent = server.agents.get(id);
             if (!agent?.state)
-                throw new Error(`there is no agent ${id} below ${server.root}: compare root and id with the agent's config`);
+                throw new Error(`there is no agent ${id} below ${server.root}: compare them with the agent's config`);
             if (agent.state.state !== "online")
-                throw new Error(`the agent ${id} is offline (${agent.state.reason}): start it, then send the command again`);
+                throw new Error(`the agent ${id} is offline (${agent.state.reason}): send it again when it is online`);
             if (agent.state.commands === false)
                 throw new Error(`the agent ${id} receives no commands now (${agent.state.reason}): look at its log`);
             const device = config.device || msg.device;
@@ -359,20 +365,22 @@ module.exports = function (RED) {
             try {
                 ({device, command} = prepare(msg));
             } catch (fault) {
-                answer(msg, send, done, NOT_CARRIED_OUT, `nothing was sent: ${fault.message}`, {sent: false, command: null});
+                const text = `nothing was sent: ${fault.message}`;
+                answer(msg, send, done, NOT_CARRIED_OUT, text, {sent: false, command: null});
                 return;
             }
             const uuid = crypto.randomUUID();
-            command = {id: uuid, ...command, expires: Date.now() + Math.round(seconds * 1000), by: config.by || "node-red"};
+            const expires = Date.now() + Math.round(seconds * 1000);
+            command = {id: uuid, ...command, expires, by: config.by || "node-red"};
             const target = command.tag ?? command.address;
-            const name = [device, command.op, target, command.value === undefined ? undefined : JSON.stringify(command.value)]
-                .filter((word) => word !== undefined).join(" ");
-            const marginMs = Math.max(MARGIN_S * 1000, bounds.get(device) ?? 0);
+            const value = JSON.stringify(command.value);
+            const name = [device, command.op, target, value].filter((word) => word !== undefined).join(" ");
+            const waitMs = seconds * 1000 + Math.max(MARGIN_S * 1000, bounds.get(device) ?? 0);
             const of = {device, command, name, msg, send, done, acknowledged: false};
             of.timer = setTimeout(() => settle(uuid, UNKNOWN,
-                `no result within ${(seconds * 1000 + marginMs) / 1000} s. `
+                `no result within ${waitMs / 1000} s. `
                 + (of.acknowledged ? "" : "The broker did not acknowledge the command. ")
-                + "It may have been carried out: look at the plant before you send it again", {}), seconds * 1000 + marginMs);
+                + "It may have been carried out: look at the plant before you send it again", {}), waitMs);
             pending.set(uuid, of);
             // The broker discards the command after this, whatever the clocks of the machines are (MQTT 5).
             let returned = false;
@@ -380,7 +388,7 @@ module.exports = function (RED) {
                 {messageExpiryInterval: Math.ceil(seconds)}, (fault) => {
                     of.acknowledged = !fault;
                     if (!fault) return;
-                    // Before publish() has returned nothing is on the wire. A reason code from 0x80: the broker refused it.
+                    // Before publish() has returned nothing is on the wire. From 0x80: the broker has refused it.
                     if (!returned || fault.code >= 0x80)
                         settle(uuid, NOT_CARRIED_OUT, `nothing was sent to the agent: ${fault.message}`, {sent: false});
                 });
@@ -391,7 +399,7 @@ module.exports = function (RED) {
         const member = {
             result(agent, device, result) {
                 if (agent !== id) return;
-                // MQTT sends a command again if the connection breaks before its acknowledgement. The agent knows the id.
+                // MQTT sends a command again if the connection breaks before the broker's answer. The agent knows the id.
                 if (result.status === "DUPLICATE") {
                     if (!result.first) return;
                     result = result.first;
@@ -400,8 +408,8 @@ module.exports = function (RED) {
                 const bound = result.t?.bound_ms;
                 if (typeof bound === "number") bounds.set(device, Math.max(bounds.get(device) ?? 0, bound));
                 if (pending.get(uuid)?.device === device) {
-                    settle(uuid, wireOf(result), textOf(result), {status: result.status, reason: result.reason, result,
-                        ...(result.op === "read" && {value: result.value})});
+                    settle(uuid, wireOf(result), textOf(result), {outcome: result.status, reason: result.reason,
+                        result, ...(result.op === "read" && {value: result.value})});
                 } else if (unanswered.has(uuid)) {
                     node.warn(`${unanswered.get(uuid)}: the result came late: ${textOf(result)}`);
                     unanswered.delete(uuid);

@@ -44,8 +44,8 @@ function valueFor(name, tag, value) {
 }
 
 /**
- * Returns a command without `id` and `expires`. `wanted` has op, tag, address, and from the message value, type, expect,
- * verify, dry_run. `meta`: of the device; undefined if it is not known. Throws an Error with reason and cure.
+ * Returns a command without `id` and `expires`. `wanted` has op, tag, address, value, type, expect, verify, dry_run.
+ * `meta`: of the device; undefined if it is not known. Throws an Error with reason and cure.
  */
 function commandOf(device, meta, wanted) {
     const {op, tag, address} = wanted;
@@ -53,9 +53,9 @@ function commandOf(device, meta, wanted) {
     const command = {op};
     if (op !== "run" && op !== "stop") {
         if (Boolean(tag) === Boolean(address))
-            throw new Error(`${op} needs either a tag or an address: choose it in the node, or send msg.tag or msg.address`);
+            throw new Error(`${op} needs a tag or an address: choose one in the node, or send msg.tag or msg.address`);
         if (tag) {
-            if (!meta) throw new Error(`the tags of ${device} are not known yet: wait for its meta, or look for the device`);
+            if (!meta) throw new Error(`the tags of ${device} are not known: its topic meta is empty`);
             const known = Object.hasOwn(meta.tags, tag) ? meta.tags[tag] : undefined;
             if (!known) {
                 const names = Object.keys(meta.tags);
@@ -63,7 +63,7 @@ function commandOf(device, meta, wanted) {
                     + (names.length > 20 ? ` and ${names.length - 20} more` : ""));
             }
             if (op !== "read" && known.access !== "read_write")
-                throw new Error(`${tag} of ${device} may not be written: set "access": "read_write" in the agent's config`);
+                throw new Error(`${tag} of ${device} may not be written: set "access" in the agent's config`);
             if (op.startsWith("force") && known.type !== "bool")
                 throw new Error(`${op} needs a bit, and ${tag} is ${known.type}: use write`);
             command.tag = tag;

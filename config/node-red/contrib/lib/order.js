@@ -19,8 +19,8 @@ class Order {
 
     /**
      * Takes a sample. `history`: it came as history. Returns false for a repeated one, which is dropped.
-     * A row that comes after a release for its number has `late`. The first row after a gap within one boot has `missing`,
-     * the number of samples that did not come.
+     * A row that comes after a release for its number has `late`. The first row after a gap within one boot has
+     * `missing`, the number of samples that did not come.
      */
     add(row, history) {
         const seq = row.seq;
