@@ -64,24 +64,32 @@ class NodeRedTest(Browser, PlantTest):
             shutil.copy(os.path.join(MODULES, "..", "package.json"), user)
         with open(os.path.join(user, "flows.json"), "w") as out:
             out.write(flows)
+        self.node_red = None
+        self.stack.callback(self.stop_node_red)
+        self.launch_node_red()
+
+    def launch_node_red(self):
+        user = os.path.join(self.directory, "node-red")
         self.port = free_port()
         with open(os.path.join(user, "settings.js"), "w") as out:
             out.write(SETTINGS % self.port)
-        log = self.stack.enter_context(open(os.path.join(self.directory, "node-red.log"), "w"))
-        child = subprocess.Popen(["node", os.path.join(MODULES, "node-red", "red.js"), "-u", user],
-                                 stdout=log, stderr=log, cwd=user, env={**os.environ, "HOME": user})
-
-        def end():
-            child.terminate()
-            child.wait(PATIENCE)
-        self.stack.callback(end)
+        log = self.stack.enter_context(open(os.path.join(self.directory, "node-red.log"), "a"))
+        self.said = lambda: text_of(log.name)
+        self.node_red = subprocess.Popen(["node", os.path.join(MODULES, "node-red", "red.js"), "-u", user],
+                                         stdout=log, stderr=log, cwd=user, env={**os.environ, "HOME": user})
 
         def is_there():
-            self.assertIsNone(child.poll(), text_of(log.name))
+            self.assertIsNone(self.node_red.poll(), self.said())
             with contextlib.suppress(OSError, http.client.HTTPException):
                 return self.ask("GET", "/flows")[0] == 200
         wait_for("Node-RED", is_there, 60)
-        self.said = lambda: text_of(log.name)
+
+    def stop_node_red(self):
+        if self.node_red is None:
+            return
+        child, self.node_red = self.node_red, None
+        child.terminate()
+        child.wait(PATIENCE)
 
     def ask(self, method, path, body=None, **headers):
         with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)) as connection:

@@ -171,6 +171,26 @@ class Nodes(NodeRedTest):
         self.assertEqual([msg for msg in self.seen("newest") if "history" in msg], [])
         self.assert_no_trouble()
 
+    def test_a_session_keeps_the_samples_of_a_restart(self):
+        """With the settings that README.md of the nodes names."""
+        self.start_demo()
+        flow = flow_of(self.broker.port, 20, "4")
+        broker = next(node for node in flow if node["type"] == "mqtt-broker")
+        broker.update(clientid="nodes", cleansession=False, autoUnsubscribe=False)
+        self.start_node_red(json.dumps(flow), contrib=True)
+        wait_for("a value of zone1", lambda: self.seen("values", tag="zone1"))
+        self.stop_node_red()
+        mark = self.watcher.mark()
+        away = self.watcher.wait_count(f"{BASE}/press1/data/fast", 5, since=mark)
+        self.launch_node_red()
+        values = wait_for("a newer value", lambda: self.seen("values", tag="zone1"))
+
+        def all_of_them():
+            seqs = {msg["seq"] for msg in self.seen("values", tag="zone1")}
+            return {sample["seq"] for sample in away} <= seqs
+        wait_for("the samples of the restart", all_of_them)
+        self.assertEqual([msg for msg in values if "late" in msg or "missing" in msg], [])
+
     def test_samples_that_do_not_come_hold_the_others_for_a_while(self):
         """The test plays the agent `other`, whose node waits for 1 s."""
         self.start_all()
