@@ -198,7 +198,7 @@ class Nodes(NodeRedTest):
         self.watcher.publish("fx/plant-a/other/state", {"state": "online", "since": 1, "boot": "00000001"}, retain=True)
         self.watcher.publish(base + "/meta", {"hash": "1", "tags": {
             "mode": {"address": "D0", "type": "int16", "unit": "", "group": "slow", "access": "read",
-                     "states": {"0": "manual", "1": "automatic"}}}}, retain=True)
+                     "states": {"0": "manual", "1": "automatic"}}, "broken": None}}, retain=True)
 
         def sample(seq, boot="00000001"):
             return {"ts": seq, "seq": seq, "boot": boot, "meta": "1", "values": {"mode": seq % 2}}

@@ -7,8 +7,8 @@ const crypto = require("node:crypto");
 const {Order} = require("./lib/order.js");
 const {commandOf, wireOf, textOf, SUCCEEDED, NOT_CARRIED_OUT, UNKNOWN} = require("./lib/command.js");
 
-const MARGIN_S = 5;          // after a command's expiry, for its last exchanges and for the way of its result
-const MAX_SECONDS = 604800;  // the longest max_expiry_s
+const MARGIN_S = 5;           // after a command's expiry, for its last exchanges and for the way of its result
+const MAX_SECONDS = 604800;   // the longest max_expiry_s
 const MAX_UNANSWERED = 1000;  // ids of commands without a result, kept to report a late one
 
 module.exports = function (RED) {
@@ -128,7 +128,7 @@ module.exports = function (RED) {
 
     /** Returns the agents, devices and tags for the lists of the editor. */
     function listOf(node) {
-        const tagsOf = (meta) => Object.entries(meta?.tags ?? {}).map(([name, tag]) => ({
+        const tagsOf = (meta) => Object.entries(meta?.tags ?? {}).filter(([, tag]) => tag).map(([name, tag]) => ({
             name, type: tag.type, unit: tag.unit, group: tag.group, writable: tag.access === "read_write",
             min: tag.min, max: tag.max, description: tag.description}));
         return {
