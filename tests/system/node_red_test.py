@@ -3,109 +3,36 @@ broker's port differs. The flow keeps its state in its context, which the test r
 interface.
 """
 
-import contextlib
-import http.client
-import json
 import os
-import re
-import shutil
 import signal
-import subprocess
 import unittest
 
-from browser import Browser, why_no_browser
-from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, text_of, wait_for
+from browser import why_no_browser
+from node_red import CONFIG, NodeRedTest, needs_node_red
+from plant import BASE, PlantTest, wait_for
 
-HERE = os.path.dirname(os.path.abspath(__file__))
-CONFIG = os.path.join(HERE, "..", "..", "config")
-MODULES = os.path.join(os.environ["NODE_RED"], "node_modules")
 TAB = "fxagent0flow0001"
 SET_60 = "fxagent0inject01"
-SETTINGS = """module.exports = {
-  uiHost: "127.0.0.1", uiPort: %d, flowFile: "flows.json", credentialSecret: false, mqttReconnectTime: 500,
-  debugMaxLength: 100000, telemetry: { enabled: false }, editorTheme: { tours: false },
-  externalModules: { autoInstall: false, palette: { allowInstall: false } },
-  logging: { console: { level: "info", metrics: false, audit: false } },
-};
-"""
 
 
-@unittest.skipUnless(os.path.isdir(os.path.join(MODULES, "node-red")),
-                     "Node-RED is not there: tests/run.sh fetches it from npm's registry")
-class NodeRed(Browser, PlantTest):
-    def start_demo(self, devices=1, interval_ms=500):
-        """Starts the programs of config/demo/run.sh with some of its devices. The test controls the PLCs' memory."""
-        self.broker = Broker(self.directory)
-        self.broker.start()
-        self.sim = Sim(self.directory, [self.plc(), self.plc("press2", protocol="fx-computer-link")][:devices])
-        self.sim.start()
-        self.watcher = Watcher(self.broker.port)
-        with open(os.path.join(CONFIG, "demo", "agent.json")) as text:
-            config = json.loads(text.read().replace("${DEMO_PORT}", str(self.broker.port))
-                                .replace("${DEMO_DIR}", self.directory).replace("${DEMO_HTTP}", "0"))
-        for part in ("links", "devices"):
-            config[part] = config[part][:devices]
-        config["devices"][0]["groups"][0]["interval_ms"] = interval_ms
-        config["devices"][0]["timeout_ms"] = 300
-        self.metrics = free_port()
-        config["http"] = {"listen": f"127.0.0.1:{self.metrics}"}
-        self.agent = Agent(self.directory, config)
-        self.agent.start()
-
-    def start_node_red(self):
-        user = os.path.join(self.directory, "node-red")
-        os.mkdir(user)
-        os.symlink(MODULES, os.path.join(user, "node_modules"))
-        shutil.copy(os.path.join(MODULES, "..", "package.json"), user)
+@needs_node_red
+class NodeRed(NodeRedTest):
+    def start_flow(self):
         with open(os.path.join(CONFIG, "node-red", "flows.json")) as shipped:
             flows = shipped.read()
         self.assertEqual(flows.count('"port": "1883"'), 1, "the demo's")
-        with open(os.path.join(user, "flows.json"), "w") as out:
-            out.write(flows.replace('"port": "1883"', f'"port": "{self.broker.port}"'))
-        self.port = free_port()
-        with open(os.path.join(user, "settings.js"), "w") as out:
-            out.write(SETTINGS % self.port)
-        log = self.stack.enter_context(open(os.path.join(self.directory, "node-red.log"), "w"))
-        child = subprocess.Popen(["node", os.path.join(MODULES, "node-red", "red.js"), "-u", user],
-                                 stdout=log, stderr=log, cwd=user, env={**os.environ, "HOME": user})
-
-        def end():
-            child.terminate()
-            child.wait(PATIENCE)
-        self.stack.callback(end)
-
-        def is_there():
-            self.assertIsNone(child.poll(), text_of(log.name))
-            with contextlib.suppress(OSError, http.client.HTTPException):
-                return self.ask("GET", "/flows")[0] == 200
-        wait_for("Node-RED", is_there, 60)
-        self.said = lambda: text_of(log.name)
-
-    def ask(self, method, path, body=None):
-        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)) as connection:
-            connection.request(method, path, json.dumps(body) if body is not None else None,
-                               {"Content-Type": "application/json"})
-            response = connection.getresponse()
-            return response.status, response.read().decode()
+        self.start_node_red(flows.replace('"port": "1883"', f'"port": "{self.broker.port}"'))
 
     def context(self, key):
-        """Returns the flow's context value of this name; None: nothing yet."""
-        status, text = self.ask("GET", f"/context/flow/{TAB}/{key}")
-        self.assertEqual(status, 200, text)
-        answer = json.loads(text)
-        if answer.get("format") == "undefined":
-            return None
-        return answer["msg"] if answer["format"].startswith("string") else json.loads(answer["msg"])
+        return self.context_of(TAB, key)
 
     def tag(self, name, device="press1"):
         return ((self.context("tags") or {}).get(device) or {}).get(name)
 
     def test_the_flow_shows_values_alarms_results_and_history(self):
         self.start_demo(interval_ms=50)  # an outage of seconds then has a history
-        self.start_node_red()
-        # The flow has no unknown nodes, and none fails.
+        self.start_flow()
         wait_for("a value", lambda: self.tag("zone1"))
-        self.assertNotIn("Waiting for missing types", self.said())
 
         self.sim.set("press1", "D100", 234)
         wait_for("the value that was set", lambda: self.tag("zone1")["value"] == 23.4)
@@ -143,13 +70,12 @@ class NodeRed(Browser, PlantTest):
         wait_for("its end", lambda: self.context("alarms") == {})
         self.agent.stop()
         wait_for("the agent's alarm", lambda: self.context("alarms") == {"agent": "the agent is offline: stopped"})
-        for trouble in ("[error]", "TypeError", "ReferenceError"):
-            self.assertNotIn(trouble, self.said())
+        self.assert_no_trouble()
 
     @unittest.skipIf(why_no_browser(), why_no_browser())
     def test_the_dashboard_in_chromium(self):
         self.start_demo(devices=2)
-        self.start_node_red()
+        self.start_flow()
         self.browse()
         self.do(open=f"http://127.0.0.1:{self.port}/dashboard/fxagent", width=1100, height=760)
         self.sim.set("press1", "D100", 234)
@@ -174,13 +100,6 @@ class NodeRed(Browser, PlantTest):
         self.see("set-point 70: FAILED")
         self.sim.stop()
         self.see("press1 is offline")
-
-    def stored(self):
-        """Returns the number of samples in the agent's store."""
-        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.metrics, timeout=PATIENCE)) as connection:
-            connection.request("GET", "/metrics")
-            text = connection.getresponse().read().decode()
-        return int(re.search(r'^fxagent_samples_waiting\{place="stored"\} (\d+)$', text, re.M)[1])
 
     def seqs_after(self, last):
         """Returns all numbers received by the flow, once it has this one and a newer one."""
