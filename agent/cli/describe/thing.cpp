@@ -1,0 +1,196 @@
+#include "agent/cli/describe/thing.h"
+
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+
+#include "agent/cli/describe/payloads.h"
+#include "agent/cli/describe/tag_values.h"
+#include "agent/cli/describe/topics.h"
+#include "agent/sha256.h"
+
+namespace fxagent::contract {
+namespace {
+
+constexpr std::string_view kJson = "application/json";
+
+/// Replaces references by the schemas, because a Thing Description has none. The `first` result in
+/// a result would have no end: it is any object.
+Json without_references(Json schema, const Json& all) {
+  constexpr std::string_view kPrefix = "#/$defs/";
+  if (schema.is_object() && schema.contains("$ref")) {
+    Json whole = all.at(schema["$ref"].get<std::string>().substr(kPrefix.size()));
+    if (schema.contains("description")) whole["description"] = schema["description"];
+    schema = std::move(whole);
+  }
+  if (schema.is_object() && schema.contains("properties") && schema["properties"].contains("first"))
+    schema["properties"]["first"] = nullable({{"type", "object"}});
+  if (schema.is_structured())
+    for (Json& part : schema) part = without_references(std::move(part), all);
+  return schema;
+}
+
+/// Returns a stable identifier of the agent, a UUID of version 8 (RFC 9562) of its base topic.
+std::string id_of(const Config& config) {
+  Digest digest = sha256(config.base_topic());
+  digest[6] = static_cast<std::uint8_t>((digest[6] & 0x0Fu) | 0x80u);
+  digest[8] = static_cast<std::uint8_t>((digest[8] & 0x3Fu) | 0x80u);
+  std::string hex = to_text(ByteView(digest).first(16));
+  for (const std::size_t at : {20U, 16U, 12U, 8U}) hex.insert(at, 1, '-');
+  return "urn:uuid:" + hex;
+}
+
+Json security_of(const MqttConfig& mqtt) {
+  if (!mqtt.username.empty()) return {{"scheme", "basic"}, {"in", "auto"}};
+  if (mqtt.tls && !mqtt.tls->cert_file.empty()) return {{"scheme", "auto"}};
+  return {{"scheme", "nosec"}};
+}
+
+/// Returns the value's schema with its unit, which a Thing Description has a key for.
+Json with_unit(const TagConfig& tag, Use use) {
+  Json schema = value_schema(tag, use);
+  if (!tag.units->description.empty())
+    schema["description"] = tag.units->description;
+  else
+    schema.erase("description");
+  if (!tag.units->unit.empty()) schema["unit"] = tag.units->unit;
+  return schema;
+}
+
+class ThingMaker {
+ public:
+  explicit ThingMaker(const Config& config) : config_(config), schemas_(payload_schemas()) {}
+
+  void add(const Place& place) {
+    const std::string name = place.address.substr(config_.base_topic().size() + 1);
+    const Topic& topic = *place.topic;
+    if (place.group != nullptr) {
+      if (topic.name == "sample") add_tags(place);
+    } else if (topic.name == "command") {
+      add_actions(place);
+    } else if (topic.name == "link_command") {
+      actions[name] = {{"description", topic.summary},
+                       {"input", any("link_command")},
+                       {"forms", forms(place, {"invokeaction"})}};
+    } else if (topic.sender == Sender::agent) {
+      topic.retain == Retain::yes ? add_retained(place, name) : add_event(place, name);
+    }
+  }
+
+  Json properties = Json::object();
+  Json actions = Json::object();
+  Json events = Json::object();
+
+ private:
+  /// Returns a form for each broker.
+  Json forms(const Place& place, std::initializer_list<const char*> ops) const {
+    const bool subscribes = place.topic->sender == Sender::agent;
+    const int qos = place.topic->quality == Quality::as_configured ? config_.mqtt.qos : 1;
+    Json out = Json::array();
+    for (const std::string& server : config_.mqtt.servers) {
+      Json form{{"href", server}, {"contentType", kJson}, {"op", ops}};
+      form[subscribes ? "mqv:filter" : "mqv:topic"] = place.address;
+      form["mqv:qos"] = std::to_string(qos);
+      if (place.topic->retain == Retain::yes) form["mqv:retain"] = true;
+      out.push_back(std::move(form));
+    }
+    return out;
+  }
+
+  Json any(const std::string& schema) const {
+    return without_references(reference(schema), schemas_);
+  }
+
+  void add_retained(const Place& place, const std::string& name) {
+    Json out = any(std::string(place.topic->schema));
+    out["description"] = place.topic->summary;
+    out["readOnly"] = true;
+    out["observable"] = true;
+    out["forms"] = forms(place, {"readproperty", "observeproperty", "unobserveproperty"});
+    properties[name] = std::move(out);
+  }
+
+  void add_event(const Place& place, const std::string& name) {
+    events[name] = {{"description", place.topic->summary},
+                    {"data", any(std::string(place.topic->schema))},
+                    {"forms", forms(place, {"subscribeevent", "unsubscribeevent"})}};
+  }
+
+  void add_tags(const Place& place) {
+    const Json& any_sample = schemas_["sample"];
+    for (const TagConfig& tag : place.device->tags) {
+      if (&place.device->groups.at(tag.group) != place.group) continue;
+      const std::string name(tag.name);
+      Json out{{"title", place.device->name + " " + name},
+               {"description", "Samples of the group. The value is values." + name},
+               {"type", "object"},
+               {"readOnly", true},
+               {"observable", true},
+               {"required", any_sample["required"]}};
+      for (const char* key : {"ts", "seq", "boot", "meta"})
+        out["properties"][key] = any_sample["properties"][key];
+      out["properties"]["values"] = {{"type", "object"},
+                                     {"properties", {{name, with_unit(tag, Use::sample)}}}};
+      out["properties"]["bad"] = {{"type", "object"}};
+      out["forms"] = forms(place, {"observeproperty", "unobserveproperty"});
+      properties[place.device->name + "." + name] = std::move(out);
+    }
+  }
+
+  /// Returns an action whose input is a command with these keys in addition to those of each.
+  Json action(const Place& place, const std::string& description, Op op, Json own) const {
+    const Json& keys = schemas_[command_schema_name(op)]["properties"];
+    Json input{{"type", "object"}, {"required", {"id", "op"}}};
+    for (const char* key : {"id", "op"}) input["properties"][key] = keys[key];
+    for (const auto& [key, schema] : own.items()) {
+      input["required"].push_back(key);
+      input["properties"][key] = schema;
+    }
+    for (const char* key : {"expires", "dry_run", "by"}) input["properties"][key] = keys[key];
+    // The same id twice carries out one command.
+    return {{"description", description + ". The result is an event"},
+            {"input", std::move(input)},
+            {"safe", false},
+            {"idempotent", true},
+            {"forms", forms(place, {"invokeaction"})}};
+  }
+
+  void add_actions(const Place& place) {
+    const DeviceConfig& device = *place.device;
+    for (const TagConfig& tag : device.tags) {
+      if (!tag.writable) continue;
+      const std::string name(tag.name);
+      actions[device.name + "." + name] =
+          action(place, "Writes " + name, Op::write,
+                 {{"tag", constant(name)}, {"value", with_unit(tag, Use::command)}});
+    }
+    if (!device.commands.allow_run_stop || device.codec->plc() == nullptr) return;
+    for (const Op op : {Op::run, Op::stop})
+      actions[device.name + "/" + std::string(to_string(op))] =
+          action(place, "Switches the PLC to " + std::string(to_string(op)), op, Json::object());
+  }
+
+  const Config& config_;
+  Json schemas_;
+};
+
+}  // namespace
+
+Json thing(const Config& config, std::string_view version) {
+  ThingMaker maker(config);
+  for (const Place& place : places(config)) maker.add(place);
+  return {{"@context",
+           {"https://www.w3.org/2022/wot/td/v1.1", {{"mqv", "https://www.w3.org/2019/wot/mqtt#"}}}},
+          {"@type", "Thing"},
+          {"id", id_of(config)},
+          {"title", "fxagent " + config.base_topic()},
+          {"version", {{"instance", config.hash}, {"model", version}}},
+          {"securityDefinitions", {{"broker", security_of(config.mqtt)}}},
+          {"security", "broker"},
+          {"properties", std::move(maker.properties)},
+          {"actions", std::move(maker.actions)},
+          {"events", std::move(maker.events)}};
+}
+
+}  // namespace fxagent::contract
