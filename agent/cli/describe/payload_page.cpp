@@ -134,7 +134,7 @@ void add_commands_of(const DeviceConfig& device, Json& out) {
     choices.push_back(reference(name));
   }
   // A device that takes no commands.
-  out[schema_name(device, "command")] = choices.empty() ? Json(false) : one_of(std::move(choices));
+  out[schema_name(device, "command")] = choices.empty() ? never() : one_of(std::move(choices));
 }
 
 void add_device(const DeviceConfig& device, Json& out) {

@@ -259,8 +259,8 @@ Json command(Op op) {
   targets["maxItems"] = kMostTargets;
   allow("targets", std::move(targets));
   Json several = place("targets", {"tag", "address", "type"}, false);
-  if (writes) several["properties"]["value"] = false;
-  several["properties"]["expect"] = false;
+  if (writes) several["properties"]["value"] = never();
+  several["properties"]["expect"] = never();
   out["oneOf"] = {place("tag", {"address", "type", "targets"}, writes),
                   place("address", {"tag", "targets"}, writes), std::move(several)};
   return out;
@@ -451,6 +451,8 @@ Json reference(const std::string& name) { return {{"$ref", "#/$defs/" + name}}; 
 Json one_of(Json::array_t schemas) { return {{"oneOf", std::move(schemas)}}; }
 
 Json nullable(Json schema) { return one_of({std::move(schema), nothing()}); }
+
+Json never() { return {{"not", Json::object()}}; }
 
 Json constant(Json value) { return {{"const", std::move(value)}}; }
 

@@ -24,6 +24,8 @@ Json one_of(Json::array_t schemas);
 /// Accepts null, too.
 Json nullable(Json schema);
 Json constant(Json value);
+/// Accepts nothing.
+Json never();
 /// Whole numbers that a double holds exactly.
 Json integer();
 /// "command_write" …

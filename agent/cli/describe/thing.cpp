@@ -65,16 +65,15 @@ class ThingMaker {
   void add(const Place& place) {
     const std::string name = place.address.substr(config_.base_topic().size() + 1);
     const Topic& topic = *place.topic;
-    if (place.group != nullptr) {
-      if (topic.name == "sample") add_tags(place);
-    } else if (topic.name == "command") {
-      add_actions(place);
-    } else if (topic.name == "link_command") {
-      actions[name] = {{"description", topic.summary},
-                       {"input", any("link_command")},
-                       {"forms", forms(place, {"invokeaction"})}};
-    } else if (topic.sender == Sender::agent) {
-      topic.retain == Retain::yes ? add_retained(place, name) : add_event(place, name);
+    if (topic.name == "sample") {
+      add_tags(place);
+    } else if (topic.sender == Sender::client) {
+      add_action(place, name);
+      if (topic.name == "command") add_writes(place);
+    } else if (topic.retain == Retain::yes) {
+      add_retained(place, name);
+    } else {
+      add_event(place, name);
     }
   }
 
@@ -138,37 +137,33 @@ class ThingMaker {
     }
   }
 
-  /// Returns an action whose input is a command with these keys in addition to those of each.
-  Json action(const Place& place, const std::string& description, Op op, Json own) const {
-    const Json& keys = schemas_[command_schema_name(op)]["properties"];
-    Json input{{"type", "object"}, {"required", {"id", "op"}}};
-    for (const char* key : {"id", "op"}) input["properties"][key] = keys[key];
-    for (const auto& [key, schema] : own.items()) {
-      input["required"].push_back(key);
-      input["properties"][key] = schema;
-    }
-    for (const char* key : {"expires", "dry_run", "by"}) input["properties"][key] = keys[key];
-    // The same id twice carries out one command.
-    return {{"description", description + ". The result is an event"},
-            {"input", std::move(input)},
-            {"safe", false},
-            {"idempotent", true},
-            {"forms", forms(place, {"invokeaction"})}};
+  void add_action(const Place& place, const std::string& name) {
+    actions[name] = {{"description", place.topic->summary},
+                     {"input", any(std::string(place.topic->schema))},
+                     {"forms", forms(place, {"invokeaction"})}};
   }
 
-  void add_actions(const Place& place) {
-    const DeviceConfig& device = *place.device;
-    for (const TagConfig& tag : device.tags) {
+  /// Adds an action for each writable tag.
+  void add_writes(const Place& place) {
+    const Json& keys = schemas_[command_schema_name(Op::write)]["properties"];
+    for (const TagConfig& tag : place.device->tags) {
       if (!tag.writable) continue;
       const std::string name(tag.name);
-      actions[device.name + "." + name] =
-          action(place, "Writes " + name, Op::write,
-                 {{"tag", constant(name)}, {"value", with_unit(tag, Use::command)}});
+      Json input{{"type", "object"}, {"required", {"id", "op", "tag", "value"}}};
+      for (const char* key : {"id", "op", "expires", "verify", "dry_run", "by"})
+        input["properties"][key] = keys[key];
+      input["properties"]["tag"] = constant(name);
+      input["properties"]["value"] = with_unit(tag, Use::command);
+      // The same id twice carries out one command.
+      actions[place.device->name + "." + name] = {
+          {"title", place.device->name + " " + name},
+          {"description",
+           "Writes the tag. The result is the event " + place.device->name + "/result"},
+          {"input", without_references(std::move(input), schemas_)},
+          {"safe", false},
+          {"idempotent", true},
+          {"forms", forms(place, {"invokeaction"})}};
     }
-    if (!device.commands.allow_run_stop || device.codec->plc() == nullptr) return;
-    for (const Op op : {Op::run, Op::stop})
-      actions[device.name + "/" + std::string(to_string(op))] =
-          action(place, "Switches the PLC to " + std::string(to_string(op)), op, Json::object());
   }
 
   const Config& config_;

@@ -58,9 +58,11 @@ async function judgeAsyncapi() {
   const { document, diagnostics } = await new Parser().parse(text);
   const wrong = diagnostics.filter((d) => d.severity <= 1).map((d) => `${d.path.join("/")} ${d.message}`);
   if (!document) return { document: wrong, messages: [] };
-  const matches = (address, topic) =>
-    new RegExp("^" + address.replace(/\{[a-z]+\}/g, "[a-z0-9_-]+") + "$").test(topic);
-  // One validator with all schemas, since the parser replaces references that do not form a circle only.
+  const matches = (channel, topic) => {
+    const names = (_, name) => `(${channel.parameters().get(name).json().enum.join("|")})`;
+    return new RegExp("^" + channel.address().replace(/\{([a-z]+)\}/g, names) + "$").test(topic);
+  };
+  // One validator with all schemas, because the parser leaves references that form a circle.
   const schemas = JSON.parse(text).components.schemas;
   const ajv = new Ajv({ allErrors: true, strict: false });
   ajv.addSchema({ components: { schemas } }, "all");
@@ -72,7 +74,7 @@ async function judgeAsyncapi() {
   return {
     document: wrong,
     messages: judged(ajv, (topic) =>
-      document.channels().all().filter((c) => matches(c.address(), topic))
+      document.channels().all().filter((c) => matches(c, topic))
         .flatMap((c) => c.messages().all().map((m) => reference(m.name())))),
   };
 }
@@ -84,7 +86,7 @@ function judgeThing() {
     fs.readFileSync(require.resolve("wot-thing-description-types/schema/td-json-schema-validation.json"), "utf-8"));
   const ajv = addFormats(new Ajv({ allErrors: true, strict: false }));
   const isThing = ajv.compile(rules);
-  const wrong = isThing(thing) ? [] : told(isThing.errors);
+  if (!isThing(thing)) return { document: told(isThing.errors), messages: [] };
   const parsed = parseTD(text);
   // The affordances of each topic.
   const byTopic = new Map();
@@ -105,7 +107,7 @@ function judgeThing() {
     }
   for (const [topic, inputs] of actions) byTopic.set(topic, [{ anyOf: inputs }]);
   const values = new Ajv({ allErrors: true, strict: false });
-  return { document: wrong, messages: judged(values, (topic) => [...new Set(byTopic.get(topic) || [])]) };
+  return { document: [], messages: judged(values, (topic) => [...new Set(byTopic.get(topic) || [])]) };
 }
 
 const judges = { schema: judgeSchema, asyncapi: judgeAsyncapi, wot: judgeThing };
