@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
 import unittest
@@ -28,12 +29,29 @@ TAGS = [
     {"name": "temp", "address": "D100", "group": "fast", "scale": 0.1, "unit": "°C"},
     {"name": "mode", "address": "D102", "group": "fast", "states": {"0": "off", "1": "run"}},
     {"name": "running", "address": "M0", "group": "fast", "states": {"0": "no", "1": "yes"}},
-    {"name": "flow", "address": "D104", "type": "float32", "group": "fast", "description": "Of the pump", "unit": "l/s"},
+    {"name": "flow", "address": "D104", "type": "float32", "group": "fast", "description": "Pump", "unit": "l/s"},
     {"name": "setpoint", "address": "D200", "group": "slow", "access": "read_write", "min": 0, "max": 1000},
     {"name": "total", "address": "D202", "type": "int64", "group": "slow", "access": "read_write"},
     {"name": "recipe", "address": "D210", "count": 3, "group": "slow", "access": "read_write"},
     {"name": "label", "address": "D220", "type": "string", "length": 8, "group": "slow", "access": "read_write"},
     {"name": "start", "address": "M50", "group": "slow", "access": "read_write"},
+]
+# Type and address, keys, right and wrong values of a sample, right and wrong values of a write.
+VALUES = [
+    ("int16", "hr:0", {}, [-32768, 32767], [32768, 1.5, "1", True, None, [1]], [1.4, -5], ["5", True, 40000]),
+    ("uint16", "hr:0", {}, [0, 65535], [-1], [65535], [-1]),
+    ("int32", "hr:0", {}, [-2147483648], [2147483648], [2147483647], [2147483648]),
+    ("int64", "hr:0", {}, [2 ** 53, "9223372036854775807"], [1.5, "1.5", "one"], ["12", 12], ["1.5", True]),
+    ("uint64", "hr:0", {"scale": 10}, [10, "184467440737095516150"], [-10, "x"], [20], [-1]),
+    ("bcd16", "hr:0", {}, [0, 9999], [10000], [9999], [-1]),
+    ("float32", "hr:0", {"min": 0}, [-1.5, 1e30], ["1", True], [0, 2.5], [-0.1, "1"]),
+    ("bool", "co:0", {}, [True, False], [1, "true"], [True, 0, 1], [2, "on"]),
+    ("bool", "co:0", {"states": {"0": "off", "1": "on"}}, [True, False], [1], [True, 1], [2]),
+    ("string", "hr:0", {"length": 4}, ["", "abcd"], ["abcde", 1], ["äöüß"], ["abcde", "€", "a\0", 1]),
+    ("int16", "hr:0", {"count": 3}, [[1, 2, 3]], [[1, 2], [1, 2, 3, 4], 1, [1, 2, "3"]], [[1, 2, 3]], [[1, 2], 1]),
+    ("int16", "hr:0", {"scale": 0.1, "offset": -5}, [-3281.8, 3271.7], [3271.8, "1"], [3.14], [3272]),
+    ("int16", "hr:0", {"min": 10, "max": 20}, [0, 30], [40000], [10, 20], [9, 21]),
+    ("int16", "hr:0", {"max": 3, "states": {"0": "off", "5": "high"}}, [0, 5, 7], [1.5], [0, 2], [5, 4]),
 ]
 RULES = {"allow": ["M100-M199", "D300-D399"], "allow_run_stop": True}
 
@@ -51,7 +69,8 @@ def judged(kind, document, messages=(), strict=False):
         for path, text in zip(paths, (document, json.dumps(messages))):
             with open(path, "w", encoding="utf-8") as out:
                 out.write(text)
-        done = subprocess.run(["node", os.path.join(JUDGES, "validate.js"), kind, *paths, *(["strict"] if strict else [])],
+        how = ["strict"] if strict else []
+        done = subprocess.run(["node", os.path.join(JUDGES, "validate.js"), kind, *paths, *how],
                               capture_output=True, text=True, timeout=4 * PATIENCE, check=False)
         if done.returncode != 0:
             raise AssertionError(done.stdout + done.stderr)
@@ -104,8 +123,31 @@ class Call(unittest.TestCase):
             done = described(path, "--" + kind)
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertNotIn("hidden", done.stdout, kind)
-        self.assertEqual(json.loads(described(path, "--wot").stdout)["securityDefinitions"]["broker"]["scheme"], "basic")
+        thing = json.loads(described(path, "--wot").stdout)
+        self.assertEqual(thing["securityDefinitions"]["broker"]["scheme"], "basic")
 
+
+    def test_a_thing_has_units_limits_labels_and_topics(self):
+        path = os.path.join(self.directory, "agent.json")
+        with open(path, "w") as out:
+            json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://a", "mqtts://b:1"], "qos": 0},
+                       "links": [{"name": "line1", "serial": {"path": "/dev/ttyUSB0"}}],
+                       "devices": [device(tags=TAGS, groups=[{"name": "fast"}, {"name": "slow"}])]}, out)
+        thing = json.loads(described(path, "--wot").stdout)
+        temp = thing["properties"]["press1.temp"]
+        self.assertEqual(temp["properties"]["values"]["properties"]["temp"],
+                         {"type": "number", "minimum": -3276.8, "maximum": 3276.7, "unit": "°C"})
+        self.assertEqual([(form["href"], form["mqv:filter"], form["mqv:qos"], form["op"][0]) for form in temp["forms"]],
+                         [(server, "fx/edge7/press1/data/fast", "0", "observeproperty")
+                          for server in ("mqtt://a:1883", "mqtts://b:1")])
+        mode = thing["properties"]["press1.mode"]["properties"]["values"]["properties"]["mode"]
+        self.assertEqual(mode["oneOf"][:2], [{"const": 0, "title": "off"}, {"const": 1, "title": "run"}])
+        setpoint = thing["actions"]["press1.setpoint"]
+        self.assertEqual(setpoint["input"]["properties"]["value"], {"type": "number", "minimum": 0, "maximum": 1000})
+        self.assertEqual([(form["mqv:topic"], form["op"]) for form in setpoint["forms"]],
+                         [("fx/edge7/press1/command", ["invokeaction"])] * 2)
+        self.assertTrue(thing["properties"]["press1/state"]["forms"][0]["mqv:retain"])
+        self.assertNotIn("press1.temp", thing["actions"])
 
     def test_topics_are_those_of_the_contract(self):
         with open(os.path.join(ROOT, "docs", "interface.md"), encoding="utf-8") as page:
@@ -154,12 +196,39 @@ class Documents(unittest.TestCase):
                           ("agent_state_online", "boot"), ("meta", "hash"), ("health", "samples"),
                           ("command_write", "id"), ("command_write", "value"), ("command_force", "address"),
                           ("result_ack", "plc"), ("result_ack", "verify"), ("result_list", "targets"),
-                          ("result_duplicate", "first"), ("reported", "errors"), ("desired", "config"), ("yield", "op")):
+                          ("result_duplicate", "first"), ("reported", "errors"), ("desired", "config"),
+                          ("yield", "op")):
             other = copy.deepcopy(found[name])
             del other[key]
             spoiled.append((f"{name}: no {key}", topic_of(name), other))
         of_each = judged("schema", schema, [(topic, payload) for _, topic, payload in spoiled])[1]
         self.assertEqual([what for (what, _, _), wrong in zip(spoiled, of_each) if not wrong], [])
+
+    def test_values_have_the_range_of_their_type(self):
+        tags = [{"name": f"t{n}", "address": address, "type": kind, "group": f"g{n}", "access": "read_write", **more}
+                for n, (kind, address, more, *_) in enumerate(VALUES)]
+        with tempfile.TemporaryDirectory() as directory:
+            path = os.path.join(directory, "agent.json")
+            with open(path, "w") as out:
+                json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://a"]},
+                           "links": [{"name": "line1", "tcp": {"host": "a", "port": 502}}],
+                           "devices": [{"name": "d", "link": "line1", "protocol": "modbus-tcp", "tags": tags,
+                                        "groups": [{"name": tag["group"]} for tag in tags]}]}, out)
+            schema = described(path, "--schema").stdout
+        meta = json.loads(schema)["$defs"]["d.meta"]["allOf"][1]["properties"]["hash"]["const"]
+        messages, wanted = [], []
+        for n, (_, _, _, *values) in enumerate(VALUES):
+            for is_right, of_sample in ((True, values[0]), (False, values[1])):
+                messages += [(f"fx/edge7/d/data/g{n}", {"ts": 1, "seq": 1, "boot": "0" * 8, "meta": meta,
+                                                        "values": {f"t{n}": value}}) for value in of_sample]
+                wanted += [is_right] * len(of_sample)
+            for is_right, of_write in ((True, values[2]), (False, values[3])):
+                messages += [("fx/edge7/d/command", {"id": 1, "op": "write", "tag": f"t{n}", "value": value})
+                             for value in of_write]
+                wanted += [is_right] * len(of_write)
+        errors, of_each = judged("schema", schema, messages)
+        self.assertEqual(errors, [])
+        self.assertEqual([(m, e) for m, e, right in zip(messages, of_each, wanted) if bool(e) == right], [])
 
     def test_commands_match_as_the_agent_takes_them(self):
         schema = described("--schema").stdout
@@ -175,7 +244,8 @@ class Documents(unittest.TestCase):
                  {"id": "x", "op": "write", "targets": [], "value": 1}, {"id": "x", "op": "write", "targets": []},
                  {"id": "x", "op": "write", "targets": [{"tag": "a", "value": 1, "verify": True}]},
                  {"id": "x", "op": "write", "targets": [{"tag": "a"}]},
-                 {"id": "x", "op": "force_on", "tag": "a", "value": 1}, {"id": "x", "op": "read", "tag": "a", "count": 2},
+                 {"id": "x", "op": "force_on", "tag": "a", "value": 1},
+                 {"id": "x", "op": "read", "tag": "a", "count": 2},
                  {"id": "x", "op": "read", "address": "D1", "count": 126},
                  {"id": "x", "op": "read", "address": "D1", "length": 8},
                  {"id": "x", "op": "stop", "expect": 1}, {"id": "x", "op": "jump"}, {"id": "x", "op": "run", "when": 1},
@@ -195,7 +265,8 @@ class DescribedPlant(PlantTest):
         memory = {"D100": 234, "D102": 7, "D104": [0, 16256], "M0": 1, "D200": 50, "D202": [1, 0, 0, 16384]}
         self.start([press, meter], [self.plc(memory=memory), self.plc("press2")],
                    [self.serial() | {"allow_yield": True}, self.serial("line2", "press2")],
-                   store={"path": os.path.join(self.directory, "store")})
+                   store={"path": os.path.join(self.directory, "store")},
+                   agent={"id": "edge7", "root": "fx/plant-a", "remote_config": True})
 
     def documents(self):
         out = {}
@@ -216,20 +287,24 @@ class DescribedPlant(PlantTest):
             {"op": "write", "tag": "setpoint", "value": 55, "expect": 50, "by": "anna"},
             {"op": "write", "tag": "total", "value": "4611686018427387904"},
             {"op": "write", "tag": "recipe", "value": [1, 2, 3]}, {"op": "write", "tag": "label", "value": "Größe"},
-            {"op": "write", "tag": "start", "value": 1, "verify": True}, {"op": "write", "address": "D300", "value": [7, 8]},
-            {"op": "write", "targets": [{"tag": "setpoint", "value": 60}, {"address": "D301", "type": "int16", "value": 3}]},
+            {"op": "write", "tag": "start", "value": 1, "verify": True},
+            {"op": "write", "address": "D300", "value": [7, 8]},
+            {"op": "write", "targets": [{"tag": "setpoint", "value": 60},
+                                        {"address": "D301", "type": "int16", "value": 3}]},
             {"op": "force_on", "tag": "start"}, {"op": "force_off", "address": "M100", "tag": None},
             {"op": "force_on", "targets": [{"tag": "start"}, {"address": "M101"}]},
             {"op": "read", "tag": "temp"}, {"op": "read", "address": "D300", "count": 3},
             {"op": "read", "address": "D310", "type": "string", "length": 4}, {"op": "stop"}, {"op": "run"},
             {"op": "write", "tag": "setpoint", "value": 1, "dry_run": True},
-            {"op": "write", "tag": "setpoint", "value": 1, "expect": 999}, {"op": "read", "tag": "temp", "expires": 1000},
+            {"op": "write", "tag": "setpoint", "value": 1, "expect": 999},
+            {"op": "read", "tag": "temp", "expires": 1000},
             {"op": "read", "tag": "flow", "id": 7}, {"op": "read", "tag": "flow", "id": 7},
         ]
         wrong = [
             {"op": "write", "tag": "setpiont", "value": 1}, {"op": "write", "tag": "setpoint", "value": 1001},
             {"op": "write", "tag": "setpoint", "value": "50"}, {"op": "write", "tag": "temp", "value": 1},
-            {"op": "write", "tag": "recipe", "value": [1, 2]}, {"op": "write", "tag": "label", "value": "too long by far"},
+            {"op": "write", "tag": "recipe", "value": [1, 2]},
+            {"op": "write", "tag": "label", "value": "too long by far"},
             {"op": "write", "tag": "start", "value": "on"}, {"op": "force_on", "tag": "setpoint"}, {"op": "jump"},
             {"op": "write", "tag": "setpoint", "value": 1, "whatever": 1}, {"id": "", "op": "run"},
             {"op": "write", "targets": [{"tag": "setpoint", "value": 5000}]},
@@ -239,8 +314,7 @@ class DescribedPlant(PlantTest):
             command.setdefault("id", f"c{number}")
             self.send(command)
             result = self.watcher.wait(f"{BASE}/press1/result", since=since)
-            if command in wrong:
-                self.assertEqual(result["status"], "REJECTED", command)
+            self.assertEqual(result["status"] == "REJECTED", command in wrong, (command, result))
         for fault, match, status, command in (
                 ("silent", "write", "UNKNOWN_OUTCOME", {"op": "write", "tag": "setpoint", "value": 70}),
                 ("nak", "force", "PARTIAL", {"op": "write", "targets": [{"tag": "setpoint", "value": 71},
@@ -264,6 +338,14 @@ class DescribedPlant(PlantTest):
             since = self.watcher.mark()
             self.send({"id": op, "op": op}, "line1")
             self.watcher.wait(f"{BASE}/line1/result", lambda r, op=op: r["id"] == op, since)
+        # Remote configs that change nothing, and a reload.
+        for document, state in (({"version": "v1", "by": "ann", "patch": {}}, "applied"),
+                                ({"version": "v2", "config": {"devices": 7}}, "rejected")):
+            since = self.watcher.mark()
+            self.watcher.publish(f"{BASE}/config/desired", document)
+            self.watcher.wait(f"{BASE}/config/reported", lambda r, state=state: r["state"] == state, since)
+        self.agent.process.send_signal(signal.SIGHUP)
+        self.watcher.wait(f"{BASE}/health", lambda h: h["config"]["last_reload"])
         self.sim.fault("press1", "dead")
         since = self.watcher.mark()
         self.state("press1", "offline", since)
@@ -288,7 +370,7 @@ class DescribedPlant(PlantTest):
         kinds = {topic.removeprefix(BASE + "/") for topic, _ in self.seen}
         self.assertLessEqual({"state", "health", "press1/state", "press1/meta", "press1/data/fast", "press1/data/slow",
                               "press1/data/fast/history", "press1/command", "press1/result", "line1/command",
-                              "line1/result"}, kinds)
+                              "line1/result", "config/desired", "config/reported"}, kinds)
         statuses = {p["status"] for t, p in self.seen if t.endswith("/result")}
         self.assertEqual(statuses, {"SUCCEEDED", "FAILED", "PARTIAL", "REJECTED", "EXPIRED", "DUPLICATE",
                                     "UNKNOWN_OUTCOME"})

@@ -126,12 +126,10 @@ class ThingMaker {
                {"type", "object"},
                {"readOnly", true},
                {"observable", true},
-               {"required", any_sample["required"]}};
-      for (const char* key : {"ts", "seq", "boot", "meta"})
-        out["properties"][key] = any_sample["properties"][key];
+               {"required", {"ts", "values"}}};
+      out["properties"]["ts"] = any_sample["properties"]["ts"];
       out["properties"]["values"] = {{"type", "object"},
                                      {"properties", {{name, with_unit(tag, Use::sample)}}}};
-      out["properties"]["bad"] = {{"type", "object"}};
       out["forms"] = forms(place, {"observeproperty", "unobserveproperty"});
       properties[place.device->name + "." + name] = std::move(out);
     }
