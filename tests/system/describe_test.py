@@ -138,7 +138,7 @@ class Call(unittest.TestCase):
         self.assertEqual(temp["properties"]["values"]["properties"]["temp"],
                          {"type": "number", "minimum": -3276.8, "maximum": 3276.7, "unit": "°C"})
         self.assertEqual([(form["href"], form["mqv:filter"], form["mqv:qos"], form["op"][0]) for form in temp["forms"]],
-                         [(server, "fx/edge7/press1/data/fast", "0", "observeproperty")
+                         [(f"{server}/fx/edge7/press1/data/fast", "fx/edge7/press1/data/fast", "0", "observeproperty")
                           for server in ("mqtt://a:1883", "mqtts://b:1")])
         mode = thing["properties"]["press1.mode"]["properties"]["values"]["properties"]["mode"]
         self.assertEqual(mode["oneOf"][:2], [{"const": 0, "title": "off"}, {"const": 1, "title": "run"}])
@@ -325,6 +325,23 @@ class DescribedPlant(PlantTest):
         self.send({"id": "far", "op": "run"}, "nobody")
         self.watcher.wait(f"{BASE}/nobody/result", since=since)
         return wrong
+
+    def test_a_consumer_of_the_web_of_things_reads_and_writes(self):
+        self.start_plant()
+        self.ready()
+        path = os.path.join(self.directory, "thing.json")
+        with open(path, "w", encoding="utf-8") as out:
+            out.write(self.documents()["wot"])
+        command = {"id": "w1", "op": "write", "tag": "setpoint", "value": 77}
+        done = subprocess.run(["node", os.path.join(JUDGES, "consume.js"), path, "press1", "press1.temp",
+                               "press1.setpoint", json.dumps(command)],
+                              capture_output=True, text=True, timeout=2 * PATIENCE, check=False)
+        read = dict(line.split(" ", 1) for line in done.stdout.splitlines())
+        self.assertEqual(set(read), {"state", "sample", "result"}, done.stdout + done.stderr)
+        self.assertEqual(json.loads(read["state"])["state"], "online")
+        self.assertEqual(json.loads(read["sample"])["values"]["temp"], 23.4)
+        self.assertEqual(json.loads(read["result"])["status"], "SUCCEEDED")
+        self.assertEqual(self.sim.get("press1", "D200"), 77)
 
     def test_every_message_of_a_plant_matches_and_a_wrong_one_does_not(self):
         self.seen = []

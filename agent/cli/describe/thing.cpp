@@ -1,5 +1,7 @@
 #include "agent/cli/describe/thing.h"
 
+#include <cctype>
+#include <cstdint>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -39,6 +41,21 @@ std::string id_of(const Config& config) {
   std::string hex = to_text(ByteView(digest).first(16));
   for (const std::size_t at : {20U, 16U, 12U, 8U}) hex.insert(at, 1, '-');
   return "urn:uuid:" + hex;
+}
+
+/// Returns the topic as the path of a URI.
+std::string path_of(std::string_view topic) {
+  constexpr std::string_view kPlain = "-._~/";
+  std::string out;
+  for (const char c : topic) {
+    const auto byte = static_cast<std::uint8_t>(c);
+    const bool is_letter_or_digit = std::isalnum(byte) != 0;
+    if (is_letter_or_digit || kPlain.find(c) != kPlain.npos)
+      out += c;
+    else
+      out += "%" + to_text(ByteView(&byte, 1));
+  }
+  return out;
 }
 
 Json security_of(const MqttConfig& mqtt) {
@@ -82,13 +99,15 @@ class ThingMaker {
   Json events = Json::object();
 
  private:
-  /// Returns a form for each broker.
+  /// Returns a form for each broker. The topic is also the path of the address, because Eclipse's
+  /// node-wot reads it there.
   Json forms(const Place& place, std::initializer_list<const char*> ops) const {
     const bool subscribes = place.topic->sender == Sender::agent;
     const int qos = place.topic->quality == Quality::as_configured ? config_.mqtt.qos : 1;
     Json out = Json::array();
     for (const std::string& server : config_.mqtt.servers) {
-      Json form{{"href", server}, {"contentType", kJson}, {"op", ops}};
+      Json form{
+          {"href", server + "/" + path_of(place.address)}, {"contentType", kJson}, {"op", ops}};
       form[subscribes ? "mqv:filter" : "mqv:topic"] = place.address;
       form["mqv:qos"] = std::to_string(qos);
       if (place.topic->retain == Retain::yes) form["mqv:retain"] = true;
