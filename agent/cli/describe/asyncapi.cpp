@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "agent/cli/describe/payload_page.h"
+#include "agent/cli/describe/payloads.h"
 #include "agent/cli/describe/topics.h"
 
 namespace fxagent::contract {
@@ -51,27 +53,28 @@ Json login_of(const MqttConfig& mqtt) {
 /// Channels whose payloads have equal schemas are one channel with parameters.
 class Document {
  public:
-  Document(const Config& config) : config_(config) {}
+  explicit Document(const Config& config) : config_(config) {}
 
   void add(const Place& place) {
     const bool is_own = place.schema.find('.') != place.schema.npos;
     const std::string key = is_own ? place.schema : std::string(place.topic->name);
-    if (channels_.contains(key)) return;
+    if (!keys_.insert(key).second) return;
     Json channel{{"address", is_own ? place.address : address_of(*place.topic)},
                  {"title", place.topic->summary},
                  {"messages", {{place.schema, pointer("components/messages/" + place.schema)}}}};
-    if (Json parameters = parameters_of(*place.topic); !is_own && !parameters.empty())
-      channel["parameters"] = std::move(parameters);
-    channels_[key] = std::move(channel);
-    messages_[place.schema] = {{"name", place.schema},
-                               {"contentType", kJson},
-                               {"payload", pointer("components/schemas/" + place.schema)}};
+    if (!is_own && !place.topic->is_of_agent()) channel["parameters"] = parameters_of(*place.topic);
+    append(channels, key, std::move(channel));
+    if (is_own || !messages.contains(place.schema))
+      append(messages, place.schema,
+             {{"name", place.schema},
+              {"contentType", kJson},
+              {"payload", pointer("components/schemas/" + place.schema)}});
     add_operation(place, key);
   }
 
-  Json channels_ = Json::object();
-  Json messages_ = Json::object();
-  Json operations_ = Json::object();
+  Json channels = Json::object();
+  Json messages = Json::object();
+  Json operations = Json::object();
 
  private:
   std::string address_of(const Topic& topic) const {
@@ -85,7 +88,6 @@ class Document {
     if (topic.has("{link}"))
       for (const LinkConfig& link : config_.links)
         if (link.allow_yield) names.push_back(link.name);
-    if (names.empty()) return Json::object();
     return {{topic.has("{link}") ? "link" : "device", {{"enum", std::move(names)}}}};
   }
 
@@ -104,7 +106,7 @@ class Document {
     if (topic.name == "command") operation["reply"] = reply("result");
     if (topic.name == "link_command") operation["reply"] = reply("link_result");
     if (topic.name == "desired") operation["reply"] = reply("reported");
-    operations_[(sends ? "send." : "receive.") + key] = std::move(operation);
+    append(operations, (sends ? "send." : "receive.") + key, std::move(operation));
   }
 
   static Json reply(const std::string& channel) {
@@ -112,6 +114,7 @@ class Document {
   }
 
   const Config& config_;
+  std::set<std::string> keys_;  ///< of `channels`
 };
 
 }  // namespace
@@ -130,10 +133,10 @@ Json asyncapi(const Config& config, std::string_view version) {
                                  config.hash + "."}}},
            {"defaultContentType", kJson},
            {"servers", servers_of(config.mqtt, !login.is_null())},
-           {"channels", std::move(document.channels_)},
-           {"operations", std::move(document.operations_)},
+           {"channels", std::move(document.channels)},
+           {"operations", std::move(document.operations)},
            {"components",
-            {{"messages", std::move(document.messages_)}, {"schemas", std::move(schemas)}}}};
+            {{"messages", std::move(document.messages)}, {"schemas", std::move(schemas)}}}};
   if (!login.is_null()) out["components"]["securitySchemes"] = {{"login", login}};
   return out;
 }

@@ -126,25 +126,26 @@ void add_commands_of(const DeviceConfig& device, Json& out) {
       continue;
     }
     const std::string targets = schema_name(device, any + "_target");
-    out[targets] = targets_of(device, op);
+    append(out, targets, targets_of(device, op));
     Json own{{"allOf", {reference(any), reference(targets)}}};
     if (op != Op::read) own["properties"] = {{"targets", {{"items", reference(targets)}}}};
     const std::string name = schema_name(device, any);
-    out[name] = std::move(own);
+    append(out, name, std::move(own));
     choices.push_back(reference(name));
   }
   // A device that takes no commands.
-  out[schema_name(device, "command")] = choices.empty() ? never() : one_of(std::move(choices));
+  append(out, schema_name(device, "command"),
+         choices.empty() ? never() : one_of(std::move(choices)));
 }
 
 void add_device(const DeviceConfig& device, Json& out) {
   const std::string hash = json::device_meta(device).hash;
-  out[schema_name(device, "meta")] = meta_of(device, hash);
+  append(out, schema_name(device, "meta"), meta_of(device, hash));
   for (const std::uint32_t index : used_groups(device)) {
     const GroupConfig& group = device.groups.at(index);
     const std::string sample = schema_name(device, "sample", &group);
-    out[sample] = sample_of(device, index, hash);
-    out[schema_name(device, "history", &group)] = history_of(sample, hash);
+    append(out, sample, sample_of(device, index, hash));
+    append(out, schema_name(device, "history", &group), history_of(sample, hash));
   }
   add_commands_of(device, out);
 }
@@ -185,8 +186,9 @@ Json payload_page() {
 
 Json payload_page(const Config& config) {
   Json out = page(config.base_topic());
+  Json& properties = out["properties"];
   for (const Place& place : places(config))
-    out["properties"][place.address] = of_topic(*place.topic, place.schema);
+    append(properties, place.address, of_topic(*place.topic, place.schema));
   out["additionalProperties"] = false;
   out["$defs"] = schemas_of(config);
   return out;

@@ -460,6 +460,10 @@ Json integer() { return between(-json::kMaxExactInteger, json::kMaxExactInteger)
 
 std::string command_schema_name(Op op) { return "command_" + std::string(to_string(op)); }
 
+void append(Json& object, std::string key, Json value) {
+  object.get_ref<Json::object_t&>().emplace_back(std::move(key), std::move(value));
+}
+
 Json payload_schemas() {
   Json out = Json::object();
   add_states(out);

@@ -30,6 +30,9 @@ Json never();
 Json integer();
 /// "command_write" …
 std::string command_schema_name(Op op);
+/// Adds a key that `object` does not have. Json's own way searches all keys first, which takes
+/// minutes for a plant with 10,000 devices.
+void append(Json& object, std::string key, Json value);
 
 inline constexpr Op kOps[]{Op::write, Op::force_on, Op::force_off, Op::read, Op::run, Op::stop};
 

@@ -126,13 +126,14 @@ class ThingMaker {
     out["readOnly"] = true;
     out["observable"] = true;
     out["forms"] = forms(place, {"readproperty", "observeproperty", "unobserveproperty"});
-    properties[name] = std::move(out);
+    append(properties, name, std::move(out));
   }
 
   void add_event(const Place& place, const std::string& name) {
-    events[name] = {{"description", place.topic->summary},
-                    {"data", any(std::string(place.topic->schema))},
-                    {"forms", forms(place, {"subscribeevent", "unsubscribeevent"})}};
+    append(events, name,
+           {{"description", place.topic->summary},
+            {"data", any(std::string(place.topic->schema))},
+            {"forms", forms(place, {"subscribeevent", "unsubscribeevent"})}});
   }
 
   void add_tags(const Place& place) {
@@ -150,14 +151,15 @@ class ThingMaker {
       out["properties"]["values"] = {{"type", "object"},
                                      {"properties", {{name, with_unit(tag, Use::sample)}}}};
       out["forms"] = forms(place, {"observeproperty", "unobserveproperty"});
-      properties[place.device->name + "." + name] = std::move(out);
+      append(properties, place.device->name + "." + name, std::move(out));
     }
   }
 
   void add_action(const Place& place, const std::string& name) {
-    actions[name] = {{"description", place.topic->summary},
-                     {"input", any(std::string(place.topic->schema))},
-                     {"forms", forms(place, {"invokeaction"})}};
+    append(actions, name,
+           {{"description", place.topic->summary},
+            {"input", any(std::string(place.topic->schema))},
+            {"forms", forms(place, {"invokeaction"})}});
   }
 
   /// Adds an action for each writable tag.
@@ -172,14 +174,14 @@ class ThingMaker {
       input["properties"]["tag"] = constant(name);
       input["properties"]["value"] = with_unit(tag, Use::command);
       // The same id twice carries out one command.
-      actions[place.device->name + "." + name] = {
-          {"title", place.device->name + " " + name},
-          {"description",
-           "Writes the tag. The result is the event " + place.device->name + "/result"},
-          {"input", without_references(std::move(input), schemas_)},
-          {"safe", false},
-          {"idempotent", true},
-          {"forms", forms(place, {"invokeaction"})}};
+      append(actions, place.device->name + "." + name,
+             {{"title", place.device->name + " " + name},
+              {"description",
+               "Writes the tag. The result is the event " + place.device->name + "/result"},
+              {"input", without_references(std::move(input), schemas_)},
+              {"safe", false},
+              {"idempotent", true},
+              {"forms", forms(place, {"invokeaction"})}});
     }
   }
 
