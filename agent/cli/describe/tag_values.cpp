@@ -22,6 +22,13 @@ Json exact(double number) {
   return number;
 }
 
+/// Returns the number as samples have it.
+Json whole(std::int64_t number) {
+  if (number > json::kMaxExactInteger || number < -json::kMaxExactInteger)
+    return std::to_string(number);
+  return number;
+}
+
 bool is_real(DataType type) { return type == DataType::float32 || type == DataType::float64; }
 
 Json number_schema(const TagConfig& tag, Use use) {
@@ -72,7 +79,7 @@ Json labelled(const TagConfig& tag, Use use, Json element) {
     if (use == Use::command &&
         (value < limits.min.value_or(value) || value > limits.max.value_or(value)))
       continue;
-    const Json one = is_bool ? Json(number != 0) : Json(number);
+    const Json one = is_bool ? Json(number != 0) : whole(number);
     values.push_back(one);
     choices.push_back({{"const", one}, {"title", label}});
   }
