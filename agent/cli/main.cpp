@@ -1,5 +1,6 @@
 // Command line: run · check · config · plan · read · write · force-on · force-off · audit · decode
-// · doctor · scan · record · replay · verify-stream · acl · import · export · init · schema.
+// · doctor · scan · record · replay · verify-stream · acl · describe · import · export · init
+// · schema.
 // Contains no other logic.
 #include <malloc.h>
 #include <unistd.h>
@@ -20,6 +21,7 @@
 #include "agent/cli/audit.h"
 #include "agent/cli/check.h"
 #include "agent/cli/decode.h"
+#include "agent/cli/describe.h"
 #include "agent/cli/doctor/doctor.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/import.h"
@@ -326,6 +328,20 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
   });
 }
 
+void add_describe(CLI::App& app, DescribeQuestion& what, std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("describe", "Describe the topics and payloads for other programs");
+  command->add_option("CONFIG", what.path, "Config file; --schema also works without one");
+  auto* schema =
+      command->add_flag("--schema", what.schema, "Print the JSON Schema of every payload");
+  auto* asyncapi = command->add_flag("--asyncapi", what.asyncapi, "Print an AsyncAPI document")
+                       ->excludes(schema);
+  command->add_flag("--wot", what.wot, "Print a Thing Description of the Web of Things")
+      ->excludes(schema)
+      ->excludes(asyncapi);
+  command->callback([&] { action = [&] { return run_describe(what, FXAGENT_VERSION); }; });
+}
+
 void add_schema(CLI::App& app, bool& tables, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("schema", "Print the JSON Schema of config files");
   command->add_flag("--tables", tables, "Print tables of all keys in Markdown instead");
@@ -469,6 +485,9 @@ int dispatch(int argc, char** argv) {
 
   AclQuestion acl;
   add_acl(app, path, acl, action);
+
+  DescribeQuestion describe;
+  add_describe(app, describe, action);
 
   bool tables = false;
   add_schema(app, tables, action);

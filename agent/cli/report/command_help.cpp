@@ -84,6 +84,10 @@ Exit status:
   fxagent replay line1.fxrec --pcapng line1.pcapng)"},
     {"acl", R"(Examples:
   fxagent acl agent.json --operator anna --viewer display)"},
+    {"describe", R"(Examples:
+  fxagent describe agent.json --asyncapi >asyncapi.json
+  fxagent describe agent.json --wot >thing.td.json
+  fxagent describe agent.json --schema >payloads.schema.json)"},
     {"audit", R"(Examples:
   fxagent audit agent.json --since 2h
   fxagent audit agent.json --verify)"},

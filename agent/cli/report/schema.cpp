@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "agent/cli/report/json_page.h"
 #include "agent/config/keys.h"
 #include "protocol/catalog.h"
 
@@ -343,21 +344,6 @@ class SchemaMaker {
   Json definitions_ = Json::object();
 };
 
-/// Writes JSON for people: what fits into a line stands in one.
-std::string written(const Json& value, std::size_t indent) {
-  constexpr std::size_t kLine = 120;
-  std::string line = value.dump(-1, ' ', false);
-  if (!value.is_structured() || value.empty() || indent + line.size() <= kLine) return line;
-  const std::string pad(indent + 2, ' ');
-  std::string out(1, value.is_object() ? '{' : '[');
-  for (const auto& [key, part] : value.items()) {
-    out += (out.size() > 1 ? ",\n" : "\n") + pad;
-    if (value.is_object()) out += Json(key).dump() + ": ";
-    out += written(part, indent + 2);
-  }
-  return out + "\n" + std::string(indent, ' ') + (value.is_object() ? "}" : "]");
-}
-
 // ---- tables -------------------------------------------------------------------------------------
 
 std::string quoted(std::span<const std::string_view> words) {
@@ -412,7 +398,7 @@ constexpr std::string_view kHead = "| key | type, range | default | meaning |\n|
 
 }  // namespace
 
-std::string config_schema() { return written(SchemaMaker().make(), 0) + "\n"; }
+std::string config_schema() { return json_page(SchemaMaker().make()); }
 
 std::string config_tables() {
   // Objects without a table of their own stand in that of their parent.

@@ -1,0 +1,32 @@
+#include "agent/cli/describe.h"
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "agent/cli/check.h"
+#include "agent/cli/describe/asyncapi.h"
+#include "agent/cli/describe/payload_page.h"
+#include "agent/cli/describe/thing.h"
+#include "agent/cli/exit_status.h"
+#include "agent/cli/report/json_page.h"
+
+namespace fxagent {
+
+int run_describe(const DescribeQuestion& what, std::string_view version) {
+  if (what.schema + what.asyncapi + what.wot != 1)
+    return refused("fxagent describe", "give one of --schema, --asyncapi and --wot");
+  if (what.path.empty()) {
+    if (!what.schema) return refused("fxagent describe", "only --schema works without CONFIG");
+    std::cout << json_page(contract::payload_page());
+    return kDone;
+  }
+  const auto config = loaded(what.path);
+  if (!config) return kWrong;
+  std::cout << json_page(what.schema     ? contract::payload_page(*config)
+                         : what.asyncapi ? contract::asyncapi(*config, version)
+                                         : contract::thing(*config, version));
+  return kDone;
+}
+
+}  // namespace fxagent

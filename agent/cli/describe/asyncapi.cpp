@@ -1,0 +1,144 @@
+#include "agent/cli/describe/asyncapi.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agent/cli/describe/payload_page.h"
+#include "agent/cli/describe/payloads.h"
+#include "agent/cli/describe/topics.h"
+
+namespace fxagent::contract {
+namespace {
+
+constexpr std::string_view kJson = "application/json";
+constexpr std::string_view kBinding = "0.2.0";
+
+Json pointer(const std::string& place) { return {{"$ref", "#/" + place}}; }
+
+/// Moves the references of schemas to the place that AsyncAPI has for them.
+void move_references(Json& schema) {
+  constexpr std::string_view kFrom = "#/$defs/";
+  if (schema.is_object())
+    if (const auto found = schema.find("$ref"); found != schema.end())
+      *found = "#/components/schemas/" + found->get<std::string>().substr(kFrom.size());
+  if (schema.is_structured())
+    for (Json& part : schema) move_references(part);
+}
+
+Json servers_of(const MqttConfig& mqtt, bool has_login) {
+  Json out = Json::object();
+  for (const std::string& url : mqtt.servers) {
+    const std::size_t end = url.find("://");
+    const bool is_secure = url.starts_with("mqtts");
+    Json server{{"host", url.substr(end + 3)},
+                {"protocol", is_secure ? "secure-mqtt" : "mqtt"},
+                {"protocolVersion", mqtt.version == 5 ? "5" : "3.1.1"}};
+    if (has_login) server["security"] = {pointer("components/securitySchemes/login")};
+    out["broker" + std::to_string(out.size() + 1)] = std::move(server);
+  }
+  return out;
+}
+
+/// Returns the scheme of the brokers; null if they need no login.
+Json login_of(const MqttConfig& mqtt) {
+  if (!mqtt.username.empty()) return {{"type", "userPassword"}};
+  if (mqtt.tls && !mqtt.tls->cert_file.empty()) return {{"type", "X509"}};
+  return nullptr;
+}
+
+/// Channels whose payloads have equal schemas are one channel with parameters.
+class Document {
+ public:
+  explicit Document(const Config& config) : config_(config) {}
+
+  void add(const Place& place) {
+    const bool is_own = place.schema.find('.') != place.schema.npos;
+    const std::string key = is_own ? place.schema : std::string(place.topic->name);
+    if (!keys_.insert(key).second) return;
+    Json channel{{"address", is_own ? place.address : address_of(*place.topic)},
+                 {"title", place.topic->summary},
+                 {"messages", {{place.schema, pointer("components/messages/" + place.schema)}}}};
+    if (!is_own && !place.topic->is_of_agent()) channel["parameters"] = parameters_of(*place.topic);
+    append(channels, key, std::move(channel));
+    if (is_own || !messages.contains(place.schema))
+      append(messages, place.schema,
+             {{"name", place.schema},
+              {"contentType", kJson},
+              {"payload", pointer("components/schemas/" + place.schema)}});
+    add_operation(place, key);
+  }
+
+  Json channels = Json::object();
+  Json messages = Json::object();
+  Json operations = Json::object();
+
+ private:
+  std::string address_of(const Topic& topic) const {
+    return config_.base_topic() + "/" + std::string(topic.address);
+  }
+
+  Json parameters_of(const Topic& topic) const {
+    Json names = Json::array();
+    if (topic.has("{device}"))
+      for (const DeviceConfig& device : config_.devices) names.push_back(device.name);
+    if (topic.has("{link}"))
+      for (const LinkConfig& link : config_.links)
+        if (link.allow_yield) names.push_back(link.name);
+    return {{topic.has("{link}") ? "link" : "device", {{"enum", std::move(names)}}}};
+  }
+
+  void add_operation(const Place& place, const std::string& key) {
+    const Topic& topic = *place.topic;
+    const bool sends = topic.sender == Sender::agent;
+    const int qos = topic.quality == Quality::as_configured ? config_.mqtt.qos : 1;
+    Json operation{{"action", sends ? "send" : "receive"},
+                   {"channel", pointer("channels/" + key)},
+                   {"summary", topic.summary},
+                   {"bindings",
+                    {{"mqtt",
+                      {{"qos", qos},
+                       {"retain", topic.retain == Retain::yes},
+                       {"bindingVersion", kBinding}}}}}};
+    if (topic.name == "command") operation["reply"] = reply("result");
+    if (topic.name == "link_command") operation["reply"] = reply("link_result");
+    if (topic.name == "desired") operation["reply"] = reply("reported");
+    append(operations, (sends ? "send." : "receive.") + key, std::move(operation));
+  }
+
+  static Json reply(const std::string& channel) {
+    return {{"channel", pointer("channels/" + channel)}};
+  }
+
+  const Config& config_;
+  std::set<std::string> keys_;  ///< of `channels`
+};
+
+}  // namespace
+
+Json asyncapi(const Config& config, std::string_view version) {
+  Document document(config);
+  for (const Place& place : places(config)) document.add(place);
+  Json schemas = schemas_of(config);
+  move_references(schemas);
+  const Json login = login_of(config.mqtt);
+  Json out{{"asyncapi", "3.0.0"},
+           {"info",
+            {{"title", "fxagent " + config.base_topic()},
+             {"version", version},
+             {"description", "What the agent sends and receives, from its config with the hash " +
+                                 config.hash + "."}}},
+           {"defaultContentType", kJson},
+           {"servers", servers_of(config.mqtt, !login.is_null())},
+           {"channels", std::move(document.channels)},
+           {"operations", std::move(document.operations)},
+           {"components",
+            {{"messages", std::move(document.messages)}, {"schemas", std::move(schemas)}}}};
+  if (!login.is_null()) out["components"]["securitySchemes"] = {{"login", login}};
+  return out;
+}
+
+}  // namespace fxagent::contract

@@ -1,0 +1,39 @@
+// JSON Schemas of the payloads of the contract, sections 2 to 6 and 11, for any agent. They use
+// only what draft 7 and draft 2020-12 have in common, except that references go to "#/$defs/". An
+// agent's payloads may have more keys in later versions; a command must not. Pure, any thread.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+
+#include "agent/command_message.h"
+
+namespace fxagent::contract {
+
+using Json = nlohmann::ordered_json;
+
+/// Returns all schemas by name: "agent_state", "sample", "command_write" …
+Json payload_schemas();
+
+// ---- parts of schemas
+
+Json reference(const std::string& name);
+/// Accepts what exactly one of the schemas accepts.
+Json one_of(Json::array_t schemas);
+/// Accepts null, too.
+Json nullable(Json schema);
+Json constant(Json value);
+/// Accepts nothing.
+Json never();
+/// Whole numbers that a double holds exactly.
+Json integer();
+/// "command_write" …
+std::string command_schema_name(Op op);
+/// Adds a key that `object` does not have. Json's own way searches all keys first, which takes
+/// minutes for a plant with 10,000 devices.
+void append(Json& object, std::string key, Json value);
+
+inline constexpr Op kOps[]{Op::write, Op::force_on, Op::force_off, Op::read, Op::run, Op::stop};
+
+}  // namespace fxagent::contract

@@ -1,0 +1,55 @@
+// The topics of the contract, section 3, and their addresses with a config. Pure, any thread.
+#pragma once
+
+#include <cstdint>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/config/model.h"
+
+namespace fxagent::contract {
+
+enum class Sender : std::uint8_t { agent, client };
+enum class Retain : std::uint8_t { no, yes };
+enum class Quality : std::uint8_t { one, as_configured };  ///< MQTT QoS: 1, or `mqtt.qos`
+
+/// A topic with its placeholders: {device}, {group}, {link}.
+struct Topic {
+  std::string_view name;     ///< such as "device_state"
+  std::string_view address;  ///< below {base}
+  Sender sender = Sender::agent;
+  Retain retain = Retain::no;
+  Quality quality = Quality::one;
+  std::string_view schema{};  ///< name of the schema of any agent's payloads
+  std::string_view summary{};
+  bool is_remote_config = false;  ///< only with `agent.remote_config`
+
+  bool is_of_agent() const { return !has("{"); }  ///< has no placeholders
+  bool has(std::string_view placeholder) const { return address.find(placeholder) != address.npos; }
+};
+/// Returns all topics in the order of the contract.
+const std::vector<Topic>& topics();
+
+/// A topic of one agent.
+struct Place {
+  const Topic* topic = nullptr;
+  std::string address{};  ///< whole topic
+  std::string schema{};   ///< name of the schema of its payloads
+  /// Null if the topic belongs to no device, or to no group.
+  const DeviceConfig* device = nullptr;
+  const GroupConfig* group = nullptr;
+};
+/// Returns the topics that the agent of this config uses: each device, each group that has tags,
+/// and each link with `allow_yield`.
+std::vector<Place> places(const Config& config);
+
+/// Returns the indexes of the groups that have tags.
+std::set<std::uint32_t> used_groups(const DeviceConfig& device);
+
+/// Returns the name of the schema of one device or group: "press1.sample.fast".
+std::string schema_name(const DeviceConfig& device, std::string_view schema,
+                        const GroupConfig* group = nullptr);
+
+}  // namespace fxagent::contract
