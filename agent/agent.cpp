@@ -141,6 +141,9 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
       parts.profile =
           std::make_unique<PlainProfile>(config, what, std::move(take_order), std::move(new_id));
       break;
+    case ProfileConfig::Kind::homeassistant:
+    case ProfileConfig::Kind::thingsboard:
+      throw std::runtime_error("not built yet");
     case ProfileConfig::Kind::sparkplug:
       parts.profile =
           std::make_unique<SparkplugProfile>(config, what, std::move(take_order), std::move(new_id),

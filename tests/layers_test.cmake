@@ -50,6 +50,12 @@ forbid("^agent/uplink/session/" "^agent/uplink/(commands|config_topics|farewell|
 forbid("^agent/uplink/commands/" "^agent/uplink/(retained|samples)/" "agent/uplink/commands/ knows neither retained topics nor samples")
 forbid("^agent/uplink/retained/" "^agent/uplink/(commands|samples)/" "agent/uplink/retained/ knows neither commands nor samples")
 forbid("^agent/uplink/samples/" "^agent/uplink/(commands|retained)/" "agent/uplink/samples/ knows neither commands nor retained topics")
+forbid("^agent/uplink/(commands|paho|payload|retained|samples|session|status)/" "^agent/uplink/sparkplug/"
+       "only agent/agent.cpp sees a profile")
+forbid("^agent/uplink/(profile|sparkplug)/" "^agent/uplink/(commands|config_topics|farewell|own_topics|paho|publisher|shutdown|status)[/.]"
+       "profiles hear commands and know nothing of what becomes of them")
+forbid("^agent/uplink/sparkplug/" "^agent/uplink/(retained|samples|session)/" "agent/uplink/sparkplug/ sees the port of profiles")
+forbid("." "^google/protobuf" "only agent/uplink/sparkplug/ has Sparkplug's messages")
 forbid("^agent/config/" "^agent/(commands|field|store|uplink|cli|agent)[/.]" "agent/config/ sees protocol and small things")
 forbid("^agent/import/" "^agent/(commands|field|http|store|uplink|log|process|cli|agent)[/.]" "agent/import/ sees protocol and config")
 forbid("^agent/import/" "${threads_and_io}" "agent/import/ has no threads, no I/O and no clock")

@@ -80,7 +80,8 @@ using None = ConfigKey::None;
 using Rule = ConfigKey::Rule;
 
 inline constexpr std::array kVersions{"5"sv, "3.1.1"sv};
-inline constexpr std::array kProfiles{"json"sv, "plain"sv, "sparkplug"sv};  // of ProfileConfig
+inline constexpr std::array kProfiles{"json"sv, "plain"sv, "sparkplug"sv, "homeassistant"sv,
+                                      "thingsboard"sv};  // of ProfileConfig
 inline constexpr std::array kSyncs{"offline"sv, "always"sv};
 inline constexpr std::array kParities{"none"sv, "even"sv, "odd"sv};  // the order of Parity
 inline constexpr std::array kPublish{"always"sv, "on_change"sv};
@@ -370,8 +371,9 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
 
     {"profiles[]", "kind", choice, kProfiles, Required{},
      "`json`: the topics of interface.md. `plain`: a topic for each tag. `sparkplug`: a Sparkplug "
-     "B 3.0 edge node. `json` on the broker of `mqtt` must be among them; a kind may stand once "
-     "for each broker."},
+     "B 3.0 edge node. `homeassistant`: the devices appear in Home Assistant, which reads the "
+     "topics of `json`. `thingsboard`: a ThingsBoard gateway. `json` on the broker of `mqtt` must "
+     "be among them; a kind may stand once for each broker."},
     {"profiles[]", "broker", name, {}, Rule{"the broker of `mqtt`"},
      "Name of one of the `brokers`."},
     {"profiles[]", "topic", text, {}, "{root}/{id}/{device}/{tag}",
@@ -388,6 +390,10 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"profiles[]", "old_state", boolean, {}, false,
      "`sparkplug`: the host announces itself on `STATE/{host}` with `ONLINE` or `OFFLINE`, as "
      "before Sparkplug 3.0."},
+    {"profiles[]", "prefix", text, {}, "homeassistant",
+     "`homeassistant`: first level of its discovery topics."},
+    {"profiles[]", "deadline_s", integer, kExpiry, 10,
+     "`thingsboard`: seconds for which a command is valid. ThingsBoard passes no deadline on."},
 
     {"brokers[]", "name", name, {}, Required{}, "Name of the broker, unique in the file."},
     {"brokers[]", "commands", boolean, {}, false,

@@ -206,13 +206,15 @@ struct BrokerConfig {
 /// has an MQTT session of its own.
 struct ProfileConfig {
   /// In the order of the catalogue's choices.
-  enum class Kind : std::uint8_t { json, plain, sparkplug };
+  enum class Kind : std::uint8_t { json, plain, sparkplug, homeassistant, thingsboard };
   Kind kind = Kind::json;
   std::string broker;           ///< name; empty: that of `mqtt`
   std::string topic;            ///< plain: with {device}, {group} and {tag} to replace
   std::string group{}, node{};  ///< sparkplug: group id and edge node id
   std::string host{};           ///< sparkplug: id of the primary host; empty: none
-  bool old_state = false;       ///< sparkplug: the host's state is in the form before 3.0
+  std::string prefix{};         ///< homeassistant: first level of the discovery topics
+  std::chrono::seconds deadline{config_key("profiles[].deadline_s").number()};  ///< thingsboard
+  bool old_state = false;  ///< sparkplug: the host's state is in the form before 3.0
   friend bool operator==(const ProfileConfig&, const ProfileConfig&) = default;
 };
 /// Returns the settings of every broker, with their place in the file: "/mqtt", "/brokers/0" …

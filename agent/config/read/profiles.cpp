@@ -87,6 +87,15 @@ void read_sparkplug(ConfigReader& reader, const ConfigNode& node, const Config& 
     reader.warn(*node.find("old_state"), "has no effect without host");
 }
 
+void read_prefix(ConfigReader& reader, const ConfigNode& node, ProfileConfig& profile) {
+  const ConfigKey& key = config_key("profiles[].prefix");
+  profile.prefix = reader.text(node, key).value_or(std::string(key.word()));
+  if (profile.prefix.find_first_of("+#") != profile.prefix.npos ||
+      profile.prefix.starts_with('/') || profile.prefix.ends_with('/') ||
+      profile.prefix.starts_with('$'))
+    reader.error(*node.find("prefix"), "must not have + or #, nor / at either end or $ before it");
+}
+
 /// Reports keys of other kinds.
 void check_kind(ConfigReader& reader, const ConfigNode& node, ProfileConfig::Kind kind) {
   constexpr std::array kPlain{"topic"sv, "site"sv, "area"sv, "line"sv};
@@ -96,6 +105,10 @@ void check_kind(ConfigReader& reader, const ConfigNode& node, ProfileConfig::Kin
       if (const ConfigNode* at = node.find(key); at != nullptr && kind != owner)
         reader.error(*at, "belongs to the kind " + std::string(word));
   };
+  constexpr std::array kHomeAssistant{"prefix"sv};
+  constexpr std::array kThingsBoard{"deadline_s"sv};
+  only(kHomeAssistant, ProfileConfig::Kind::homeassistant, "homeassistant");
+  only(kThingsBoard, ProfileConfig::Kind::thingsboard, "thingsboard");
   only(kPlain, ProfileConfig::Kind::plain, "plain");
   only(kSparkplug, ProfileConfig::Kind::sparkplug, "sparkplug");
 }
@@ -119,6 +132,9 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
     if (profile.kind == ProfileConfig::Kind::plain) read_plain(reader, node, config, profile);
     if (profile.kind == ProfileConfig::Kind::sparkplug)
       read_sparkplug(reader, node, config, profile);
+    if (profile.kind == ProfileConfig::Kind::homeassistant) read_prefix(reader, node, profile);
+    profile.deadline =
+        reader.integer_as<std::chrono::seconds>(node, config_key("profiles[].deadline_s"));
     if (!names.insert(name_of(profile)).second)
       reader.error(node, "this kind stands twice for the same broker");
     if (profile.kind == ProfileConfig::Kind::json && profile.broker.empty())
@@ -126,6 +142,13 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
     else
       config.profiles.push_back(std::move(profile));
   }
+  for (const ProfileConfig& profile : config.profiles)
+    if (profile.kind == ProfileConfig::Kind::homeassistant && !profile.broker.empty() &&
+        !names.contains("json@" + profile.broker))
+      reader.error(list,
+                   "homeassistant needs the topics of json on its broker: add "
+                   "{\"kind\": \"json\", \"broker\": \"" +
+                       profile.broker + "\"}");
   if (!has_json)
     reader.error(list, "needs {\"kind\": \"json\"}, the agent's own session on the broker of mqtt");
   for (const BrokerConfig& broker : config.brokers)
