@@ -346,6 +346,21 @@ void add_results(Json& out) {
 
 // ---- health and remote config -------------------------------------------------------------------
 
+Json sample_counts() {
+  return object({
+      {"collected", count()},
+      {"recovered", count()},
+      {"suppressed", count()},
+      {"queued", count()},
+      {"in_flight", count()},
+      {"stored", count()},
+      {"acknowledged", count()},
+      {"dropped", count()},
+      {"published", count()},
+      {"balanced", boolean(), "False only if the agent has a bug"},
+  });
+}
+
 void add_health(Json& out) {
   out["link_health"] = object({
       {"exchanges", count(), "Requests sent"},
@@ -395,18 +410,18 @@ void add_health(Json& out) {
                 {"confirmed", boolean()},
             }))},
        })},
-      {"samples", object({
-                      {"collected", count()},
-                      {"recovered", count()},
-                      {"suppressed", count()},
-                      {"queued", count()},
-                      {"in_flight", count()},
-                      {"stored", count()},
-                      {"acknowledged", count()},
-                      {"dropped", count()},
-                      {"published", count()},
-                      {"balanced", boolean(), "False only if the agent has a bug"},
-                  })},
+      {"samples", sample_counts()},
+      {"profiles",
+       {{"type", "object"},
+        {"additionalProperties", object({
+                                     {"server", text()},
+                                     {"connected", boolean()},
+                                     {"ready", boolean(), "Samples are sent"},
+                                     {"why", nullable(text()), "Why it is not connected"},
+                                     {"samples", sample_counts()},
+                                 })}},
+       "Profiles with a session of their own, by name",
+       sometimes},
       {"links", by_name(reference("link_health"))},
       {"devices", by_name(reference("device_health"))},
       {"commands", std::move(results), "Results by status"},

@@ -1,0 +1,167 @@
+// A profile's session, window and backlog, with a broker in memory.
+#include "agent/uplink/profile/outlet.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "agent/store/store.h"
+#include "agent/uplink/profile/json_profile.h"
+#include "agent/uplink/profile/plain_profile.h"
+#include "agent/uplink/sparkplug/sparkplug_profile.h"
+#include "tests/agent/uplink/fake_broker.h"
+#include "tests/agent/uplink/plant.h"
+#include "tests/support/scratch.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::int64_t kUtc = 1790000000000;
+
+DeviceStatus status(std::uint32_t device, DeviceStatus::State state) {
+  DeviceStatus made;
+  made.device = device;
+  made.state = state;
+  return made;
+}
+
+class OutletTest : public testing::TestWithParam<ProfileConfig::Kind> {
+ protected:
+  OutletTest() {
+    config_.store.path = scratch_.path("store");
+    ProfileConfig what;
+    what.kind = GetParam();
+    what.topic = "{root}/{id}/{device}/{tag}";
+    what.group = "plant-a";
+    what.node = "edge7";
+    const auto take_order = [this](Order order) { orders_.push_back(std::move(order)); };
+    const auto new_id = [this] { return "id-" + std::to_string(++ids_); };
+    if (what.kind == ProfileConfig::Kind::sparkplug)
+      profile_ = std::make_unique<SparkplugProfile>(
+          config_, what, take_order, new_id, [] { return kUtc; }, false);
+    else if (what.kind == ProfileConfig::Kind::plain)
+      profile_ = std::make_unique<PlainProfile>(config_, what, take_order, new_id);
+    else
+      profile_ =
+          std::make_unique<JsonProfile>(config_, "9f3c21aa", "0.1.0", kUtc, "cloud", take_order);
+    store_ = std::make_unique<Store>(config_.store, kUtc);
+    guarded_ = std::make_unique<GuardedStore>(*store_, [] {});
+    Outlet::Settings settings;
+    settings.name = name_of(what);
+    settings.mqtt = config_.mqtt;
+    settings.boot = "9f3c21aa";
+    if (what.kind == ProfileConfig::Kind::sparkplug) settings.marker_topic = "mark";
+    outlet_ = std::make_unique<Outlet>(
+        config_, settings, *profile_, broker_, [] { return kUtc; }, guarded_.get());
+  }
+
+  void settle(SteadyTime::duration time = 0ms) {
+    now_ += time;
+    for (int i = 0; i < 20; ++i) outlet_->step(now_);
+  }
+  void take(DeviceStatus::State state) {
+    Outbox::Batch batch;
+    batch.states = {status(0, state)};
+    outlet_->take(batch, now_);
+  }
+  void take(double value) {
+    Outbox::Batch batch;
+    batch.telemetry = {test::sample(++seq_)};
+    batch.telemetry[0].readings[0].value = Value(value);
+    outlet_->take(batch, now_);
+  }
+  /// Steps until all samples are delivered.
+  SampleCounts drained() {
+    for (int i = 0; i < 400; ++i) {
+      settle(250ms);
+      if (broker_.open() != 0) broker_.acknowledge_all();
+      const SampleCounts counts = outlet_->status().samples;
+      if (counts.acknowledged + counts.dropped == counts.collected + counts.recovered) break;
+    }
+    return outlet_->status().samples;
+  }
+
+  test::Scratch scratch_;
+  Config config_ = test::plant();
+  test::FakeBroker broker_;
+  SteadyTime now_ = SteadyTime(1h);
+  std::vector<Order> orders_;
+  int ids_ = 0;
+  std::uint64_t seq_ = 0;
+  std::unique_ptr<Profile> profile_;
+  std::unique_ptr<Store> store_;
+  std::unique_ptr<GuardedStore> guarded_;
+  std::unique_ptr<Outlet> outlet_;
+};
+
+TEST_P(OutletTest, EverySampleIsInOnePlaceWhateverTheBrokerDoes) {
+  std::mt19937 random(11);
+  const auto chance = [&random](int of) {
+    return std::uniform_int_distribution<int>(0, of - 1)(random) == 0;
+  };
+  broker_.acknowledges_qos0 = true;
+  take(DeviceStatus::State::online);
+  for (int i = 0; i < 2000; ++i) {
+    broker_.acknowledges = !chance(3);
+    broker_.reachable = !chance(4);
+    if (chance(2)) take(std::uniform_int_distribution<int>(0, 3)(random));
+    if (chance(40)) take(DeviceStatus::State::offline);
+    if (chance(20)) take(DeviceStatus::State::online);
+    if (chance(30) && broker_.up()) broker_.lose();
+    if (chance(50) && broker_.open() != 0) broker_.refuse_next(0x97);
+    if (chance(3) && broker_.open() != 0) broker_.acknowledge_next();
+    settle(std::chrono::milliseconds(std::uniform_int_distribution<int>(0, 700)(random)));
+    const SampleCounts counts = outlet_->status().samples;
+    ASSERT_TRUE(counts.balanced())
+        << "step " << i << ": collected " << counts.collected << ", queued " << counts.queued
+        << ", in flight " << counts.in_flight << ", stored " << counts.stored << ", acknowledged "
+        << counts.acknowledged;
+  }
+  broker_.acknowledges = broker_.reachable = true;
+  take(DeviceStatus::State::online);
+  const SampleCounts counts = drained();
+  EXPECT_EQ(counts.acknowledged, counts.collected);
+  EXPECT_EQ(counts.dropped, 0U);
+}
+
+TEST_P(OutletTest, StopEndsWithoutABroker) {
+  broker_.reachable = false;
+  settle(1s);
+  take(1.0);
+  outlet_->stop(now_);
+  settle();
+  EXPECT_TRUE(outlet_->finished());
+}
+
+TEST_P(OutletTest, StopEndsWithABrokerThatAnswersNothing) {
+  settle(1s);
+  ASSERT_TRUE(outlet_->status().connected);
+  broker_.acknowledges = false;
+  take(1.0);
+  outlet_->stop(now_);
+  for (int i = 0; i < 40 && !outlet_->finished(); ++i) settle(100ms);
+  EXPECT_TRUE(outlet_->finished());
+}
+
+TEST_P(OutletTest, IdleSessionDoesNotWakeAtOnceAgain) {
+  take(DeviceStatus::State::online);
+  settle(1s);
+  settle(1s);
+  EXPECT_GT(outlet_->step(now_), now_);
+}
+
+INSTANTIATE_TEST_SUITE_P(Profiles, OutletTest,
+                         testing::Values(ProfileConfig::Kind::json, ProfileConfig::Kind::plain,
+                                         ProfileConfig::Kind::sparkplug),
+                         [](const auto& each) {
+                           return std::string(
+                               config_keys::kProfiles.at(static_cast<std::size_t>(each.param)));
+                         });
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,193 @@
+#include "agent/uplink/sparkplug/sparkplug_profile.h"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "agent/store/samples/sample_record.h"
+#include "agent/uplink/sparkplug/primary_host.h"
+#include "tests/agent/uplink/plant.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+using sparkplug::PrimaryHost;
+
+constexpr std::int64_t kUtc = 1790000000000;
+
+// Frames of a gateway's manual: Elecsys, Sparkplug-B MQTT payload format.
+constexpr const char* kRebirth =
+    "08 9f af b8 f8 8d 31 12 23 0a 14 4E 6F 64 65 20 43 6F 6E 74 72 6F 6C 2F 52 65 62 69 72 74 68 "
+    "18 9f af b8 f8 8d 31 20 0b 38 00 70 01 18 ff ff ff ff ff ff ff ff ff 01";
+// Alias 47002 = 15.
+constexpr const char* kWrite =
+    "08 c0 b8 d8 9e 8e 31 12 0f 10 9a ef 02 18 c0 b8 d8 9e 8e 31 20 03 50 0f 18 ff ff ff ff ff ff "
+    "ff ff ff 01";
+
+class SparkplugTest : public testing::Test {
+ protected:
+  SparkplugTest() {
+    ProfileConfig what;
+    what.kind = ProfileConfig::Kind::sparkplug;
+    what.group = "plant-a";
+    what.node = "edge7";
+    what.host = host_;
+    profile_.emplace(
+        config_, what, [this](Order order) { orders_.push_back(std::move(order)); },
+        [] { return std::string("id-1"); }, [] { return kUtc; }, false);
+  }
+  void device(DeviceStatus::State state, std::uint32_t index = 0) {
+    DeviceStatus status;
+    status.device = index;
+    status.state = state;
+    profile_->device_state(status);
+  }
+  void hear(const std::string& topic, std::string payload, bool retained = false) {
+    Message message;
+    message.topic = topic;
+    message.payload = std::move(payload);
+    message.retained = retained;
+    profile_->hear(message, now_);
+  }
+  /// Returns the topics that are due, without what all have in common.
+  std::vector<std::string> due() {
+    std::vector<std::string> topics;
+    for (const Publication& each : profile_->due(now_, kUtc)) {
+      EXPECT_EQ(each.qos, 0);
+      EXPECT_EQ(each.retain, Retain::no);
+      topics.push_back(each.topic.substr(std::string("spBv1.0/plant-a/").size()));
+    }
+    return topics;
+  }
+  static std::string bytes(const char* hex) {
+    std::istringstream words(hex);
+    std::string out;
+    for (unsigned value = 0; words >> std::hex >> value;) out += static_cast<char>(value);
+    return out;
+  }
+
+  using Topics = std::vector<std::string>;
+  const std::string host_;
+  Config config_ = test::plant();
+  SteadyTime now_ = SteadyTime(1h);
+  std::vector<Order> orders_;
+  std::optional<SparkplugProfile> profile_;
+};
+
+TEST_F(SparkplugTest, NodeIsBornBeforeItsLivingDevices) {
+  profile_->last_will();
+  device(DeviceStatus::State::online);
+  device(DeviceStatus::State::offline, 1);
+  profile_->connection_began(Connected{});
+  EXPECT_FALSE(profile_->is_ready());
+  EXPECT_EQ(due(), (Topics{"NBIRTH/edge7", "DBIRTH/edge7/press1"}));
+  EXPECT_TRUE(profile_->is_ready());
+  EXPECT_TRUE(due().empty());
+  device(DeviceStatus::State::degraded, 1);
+  EXPECT_EQ(due(), Topics{"DBIRTH/edge7/press2"});
+  device(DeviceStatus::State::yielded);
+  EXPECT_EQ(due(), Topics{"DDEATH/edge7/press1"});
+}
+
+TEST_F(SparkplugTest, RebirthOfACaptureIsCarriedOutOnceASecond) {
+  profile_->connection_began(Connected{});
+  due();
+  for (int i = 0; i < 5; ++i) hear("spBv1.0/plant-a/NCMD/edge7", bytes(kRebirth));
+  EXPECT_FALSE(profile_->is_ready()) << "no data before the births";
+  EXPECT_TRUE(due().empty());
+  EXPECT_EQ(profile_->next_wake(), now_ + 1s);
+  now_ += 1s;
+  EXPECT_EQ(due(), Topics{"NBIRTH/edge7"});
+  EXPECT_TRUE(due().empty());
+  hear("spBv1.0/plant-a/NCMD/edge7", bytes(kRebirth), /*retained=*/true);
+  EXPECT_TRUE(profile_->is_ready());
+}
+
+TEST_F(SparkplugTest, HostileCommandsAreIgnored) {
+  device(DeviceStatus::State::online);
+  profile_->connection_began(Connected{});
+  due();
+  const std::string topic = "spBv1.0/plant-a/DCMD/edge7/press1";
+  hear(topic, bytes(kWrite));  // an alias that is not ours
+  hear(topic, "no protobuf");
+  hear(topic, "");
+  hear("spBv1.0/plant-a/DCMD/edge7/press9", bytes(kWrite));
+  hear("spBv1.0/plant-a/DCMD/edge7/", bytes(kWrite));
+  hear("spBv1.0/plant-a/NCMD/edge7", bytes(kWrite));
+  hear("spBv1.0/plant-a/NCMD/edge7", std::string(3, '\xFF'));
+  EXPECT_TRUE(orders_.empty());
+  EXPECT_TRUE(due().empty());
+}
+
+TEST_F(SparkplugTest, SessionsAreCountedFrom0To255) {
+  Will first = profile_->last_will();
+  EXPECT_EQ(first.topic, "spBv1.0/plant-a/NDEATH/edge7");
+  EXPECT_EQ(first.retain, Retain::no);
+  std::vector<std::string> wills{first.payload};
+  for (int i = 1; i < 256; ++i) wills.push_back(profile_->last_will().payload);
+  EXPECT_NE(wills[1], wills[0]);
+  EXPECT_EQ(profile_->last_will().payload, wills[0]) << "255 is followed by 0";
+}
+
+TEST_F(SparkplugTest, ChangedDeviceDiesAndIsBornWithNewAliases) {
+  device(DeviceStatus::State::online);
+  profile_->connection_began(Connected{});
+  due();
+  ConfigChange change;
+  change.config = config_;
+  change.devices_end = {0};
+  change.devices_begin = {0};
+  profile_->change(change);
+  EXPECT_EQ(due(), Topics{"DDEATH/edge7/press1"});
+  device(DeviceStatus::State::online);
+  EXPECT_EQ(due(), Topics{"DBIRTH/edge7/press1"});
+}
+
+TEST_F(SparkplugTest, BirthThatTheBrokerDoesNotAcceptLeavesNoGap) {
+  device(DeviceStatus::State::online);
+  Connected connected;
+  connected.maximum_packet = 600;
+  profile_->connection_began(connected);
+  EXPECT_EQ(due(), Topics{"NBIRTH/edge7"});
+}
+
+TEST(SparkplugHost, OnlyItsOwnNewestStateCounts) {
+  PrimaryHost host("scada", /*old_state=*/false);
+  EXPECT_EQ(host.topic(), "spBv1.0/STATE/scada");
+  EXPECT_FALSE(host.is_online());
+  EXPECT_FALSE(host.is_offline());
+  host.hear(R"({"online": true, "timestamp": 100})");
+  EXPECT_TRUE(host.is_online());
+  host.hear(R"({"online": false, "timestamp": 99})");
+  EXPECT_TRUE(host.is_online()) << "older than its last online state";
+  for (const char* text : {"OFFLINE", "{}", "[]", "", R"({"online": 0, "timestamp": 200})",
+                           R"({"online": false})", R"({"online": false, "timestamp": "200"})"})
+    host.hear(text);
+  EXPECT_TRUE(host.is_online());
+  host.hear(R"({"online": false, "timestamp": 100})");
+  EXPECT_TRUE(host.is_offline());
+  host.hear(R"({"online": true, "timestamp": 99})");
+  EXPECT_TRUE(host.is_offline());
+}
+
+TEST(SparkplugHost, StateBeforeSparkplug3IsAWord) {
+  PrimaryHost host("scada", /*old_state=*/true);
+  EXPECT_EQ(host.topic(), "STATE/scada");
+  host.hear("ONLINE");
+  EXPECT_TRUE(host.is_online());
+  host.hear(R"({"online": false, "timestamp": 1})");
+  EXPECT_TRUE(host.is_online());
+  host.hear("OFFLINE");
+  EXPECT_TRUE(host.is_offline());
+}
+
+TEST(SparkplugHost, WithoutAHostNobodyIsWaitedFor) {
+  EXPECT_TRUE(PrimaryHost("", false).is_online());
+}
+
+}  // namespace
+}  // namespace fxagent
