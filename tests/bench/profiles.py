@@ -1,0 +1,118 @@
+#!/usr/bin/python3
+"""CPU, memory and bytes of each profile beside `json`, at 1,000 Modbus TCP devices of 100 registers, polled once a second:
+    FXAGENT=build-bench/agent/fxagent FXSIM=build-bench/tests/sim/fxsim tests/bench/profiles.py [--devices N] [--seconds N]
+Each profile runs with `json` in one agent; the agent with `json` alone is measured before and after it, and what the
+profile costs is the difference to their mean. Bytes are those of the payloads that a subscriber receives. Of the
+registers of a device, one in `--changing` counts up; the others stay.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+import paho.mqtt.client as mqtt
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from pages import cpu_s, memory_mib
+from ports import free_port
+
+PROFILES = {"plain": {"kind": "plain", "topic": "plain/{device}/{tag}"},
+            "sparkplug": {"kind": "sparkplug", "group": "bench"}}
+TOPICS = {"json": "fx/#", "plain": "plain/#", "sparkplug": "spBv1.0/#"}
+
+
+class Counter:
+    """Counts the payload bytes on some topics."""
+
+    def __init__(self, port, topics):
+        self.bytes = self.messages = 0
+        self.ready = threading.Event()
+        self.client = mqtt.Client(f"counter-{topics[:2]}")
+        self.client.max_queued_messages_set(0)
+        self.client.on_connect = lambda client, *_: client.subscribe(topics)
+        self.client.on_subscribe = lambda *_: self.ready.set()
+        self.client.on_message = self.count
+        self.client.connect("127.0.0.1", port)
+        self.client.loop_start()
+        self.ready.wait(10)
+
+    def count(self, _client, _user, message):
+        if not message.retain or "/data/" in message.topic or message.topic.startswith(("plain", "spB")):
+            self.bytes += len(message.payload)
+            self.messages += 1
+
+    def stop(self):
+        self.client.disconnect()
+        self.client.loop_stop()
+
+
+def start(directory, broker, first, devices, profiles, changing):
+    tags = [{"name": f"t{t}", "address": f"hr:{t if t % changing == 0 else 20000 + t}", "type": "int16"} for t in range(100)]
+    config = {"agent": {"id": "bench"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker}"]},
+              "links": [{"name": f"l{n}", "tcp": {"host": "127.0.0.1", "port": first + n}} for n in range(devices)],
+              "devices": [{"name": f"d{n}", "link": f"l{n}", "protocol": "modbus-tcp", "tags": tags}
+                          for n in range(devices)],
+              "profiles": [{"kind": "json"}, *profiles]}
+    path = os.path.join(directory, "agent.json")
+    with open(path, "w") as out:
+        json.dump(config, out)
+    child = subprocess.Popen([os.environ["FXAGENT"], "run", path], stderr=subprocess.DEVNULL)
+    time.sleep(8)  # a measurement begins when the first polls are spread over the second
+    return child
+
+
+def measure(given, directory, broker, first, name):
+    """Returns percent of a core, MiB, and bytes a second of the profile, or of json if it is alone."""
+    agent = start(directory, broker, first, given.devices, [PROFILES[name]] if name in PROFILES else [], given.changing)
+    counter = Counter(broker, TOPICS[name])
+    bytes_before, cpu_before, began = counter.bytes, cpu_s(agent.pid), time.monotonic()
+    time.sleep(given.seconds)
+    took = time.monotonic() - began
+    result = (100 * (cpu_s(agent.pid) - cpu_before) / took, memory_mib(agent.pid), (counter.bytes - bytes_before) / took)
+    counter.stop()
+    agent.terminate()
+    agent.wait()
+    return result
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--devices", type=int, default=1000)
+    parser.add_argument("--seconds", type=int, default=15)
+    parser.add_argument("--changing", type=int, default=1, help="one register in N changes")
+    given = parser.parse_args()
+    children = []
+    with tempfile.TemporaryDirectory() as directory:
+        try:
+            broker, first = free_port(), 21000
+            with open(os.path.join(directory, "broker.conf"), "w") as out:
+                out.write(f"listener {broker} 127.0.0.1\nallow_anonymous true\nmax_queued_messages 0\n")
+            children.append(subprocess.Popen(["/usr/sbin/mosquitto", "-c", out.name], stderr=subprocess.DEVNULL))
+            with open(os.path.join(directory, "sim.json"), "w") as out:
+                json.dump({"plcs": [{"name": "d{}", "protocol": "modbus-tcp", "tcp": first, "repeat": given.devices,
+                                     "plant": "counter"}]}, out)
+            children.append(subprocess.Popen([os.environ["FXSIM"], "--config", out.name, "--seconds", "900"],
+                                             stdout=subprocess.DEVNULL))
+            time.sleep(3)
+            before = measure(given, directory, broker, first, "json")
+            print(f"json: {before[0]:.1f} % CPU, {before[1]:.1f} MiB, {before[2] / 1e3:.0f} kB/s", flush=True)
+            for name in PROFILES:
+                cpu, memory, rate = measure(given, directory, broker, first, name)
+                after = measure(given, directory, broker, first, "json")
+                alone = (before[0] + after[0]) / 2
+                print(f"{name}: +{cpu - alone:.1f} % CPU beside json alone with {alone:.1f}, {memory:.1f} MiB, "
+                      f"{rate / 1e3:.0f} kB/s, {rate / after[2]:.2f} of json's bytes", flush=True)
+                before = after
+        finally:
+            for child in reversed(children):
+                child.terminate()
+                child.wait()
+
+
+if __name__ == "__main__":
+    main()
