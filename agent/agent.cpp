@@ -97,8 +97,7 @@ std::unique_ptr<FlightRecorder> make_recorder(const Config& config) {
 
 /// Returns the settings of the profile's session: those of its broker, with a client id of its own.
 MqttConfig settings_of(const ProfileConfig& profile, const Config& config) {
-  const auto broker = std::ranges::find(config.brokers, profile.broker, &BrokerConfig::name);
-  MqttConfig mqtt = broker == config.brokers.end() ? config.mqtt : broker->mqtt;
+  MqttConfig mqtt = broker_of(config, profile.broker);
   const auto kind = static_cast<std::size_t>(profile.kind);
   mqtt.client_id += "-" + std::string(config_keys::kProfiles.at(kind));
   return mqtt;
@@ -145,9 +144,8 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
     case ProfileConfig::Kind::thingsboard:
       throw std::runtime_error("not built yet");
     case ProfileConfig::Kind::sparkplug:
-      parts.profile =
-          std::make_unique<SparkplugProfile>(config, what, std::move(take_order), std::move(new_id),
-                                             utc_now, settings_of(what, config).servers.size() > 1);
+      parts.profile = std::make_unique<SparkplugProfile>(config, what, std::move(take_order),
+                                                         std::move(new_id), utc_now);
       settings.marker_topic = config.base_topic() + "/sparkplug";
       break;
   }

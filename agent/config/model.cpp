@@ -46,6 +46,11 @@ std::string channel_text(const LinkConfig& link) {
   return "tcp " + tcp.host + ":" + std::to_string(tcp.port);
 }
 
+const MqttConfig& broker_of(const Config& config, const std::string& name) {
+  const auto found = std::ranges::find(config.brokers, name, &BrokerConfig::name);
+  return found == config.brokers.end() ? config.mqtt : found->mqtt;
+}
+
 std::vector<std::pair<std::string, const MqttConfig*>> brokers_of(const Config& config) {
   std::vector<std::pair<std::string, const MqttConfig*>> brokers{{"/mqtt", &config.mqtt}};
   for (std::size_t i = 0; i < config.brokers.size(); ++i)

@@ -217,6 +217,8 @@ struct ProfileConfig {
   bool old_state = false;  ///< sparkplug: the host's state is in the form before 3.0
   friend bool operator==(const ProfileConfig&, const ProfileConfig&) = default;
 };
+/// Returns the settings of the broker with this name; those of `mqtt` if it is empty or unknown.
+const MqttConfig& broker_of(const Config& config, const std::string& name);
 /// Returns the settings of every broker, with their place in the file: "/mqtt", "/brokers/0" …
 std::vector<std::pair<std::string, const MqttConfig*>> brokers_of(const Config& config);
 /// Returns the name of the profile, unique in a config: "plain", or "plain@cloud" for a broker.

@@ -28,14 +28,14 @@ void Outgoing::forget() {
   groups_.clear();
   waiting_.clear();
   marker_ = 0;
-  marked_before_ = 0;
+  marker_turn_ = 0;
+  last_unproven_ = 0;
   unanswered_since_.reset();
 }
 
 std::uint64_t Outgoing::send(Sender& sender, Publication publication) {
   const std::uint64_t id = publication.id = next_id_++;
-  flights_.emplace(id, Flight{&sender, publication.qos != 0});
-  hand_over(std::move(publication));
+  hand_over({&sender, publication.qos != 0}, std::move(publication));
   return id;
 }
 
@@ -56,12 +56,14 @@ void Outgoing::send_waiting() {
   while (!waiting_.empty() && flights_.size() < window_) {
     Waiting next = std::move(waiting_.front());
     waiting_.pop_front();
-    flights_.emplace(next.publication.id, next.flight);
-    hand_over(std::move(next.publication));
+    hand_over(next.flight, std::move(next.publication));
   }
 }
 
-void Outgoing::hand_over(Publication publication) {
+void Outgoing::hand_over(Flight flight, Publication publication) {
+  flight.turn = ++turns_;
+  if (!flight.expects_puback) last_unproven_ = flight.turn;
+  flights_.emplace(publication.id, flight);
   // For either of these the broker would close the connection, again and again.
   if (!is_publishable(publication.topic)) {
     unsendable_.push_back(
@@ -96,7 +98,11 @@ void Outgoing::on(const Delivered& event, SteadyTime now) {
 
 void Outgoing::on(const DeliveryFailed& event, SteadyTime now) {
   // A broker that refuses a marker has received it.
-  if (event.id == marker_) return event.reason_code != 0 ? marked(now) : void(marker_ = 0);
+  if (event.id == marker_) {
+    if (event.reason_code != 0) return marked(now);
+    marker_ = marker_turn_ = 0;  // the next step tries again
+    return;
+  }
   const auto flight = flights_.extract(event.id);
   if (flight.empty()) return;
   if (event.reason_code != 0) note_answer(flight.mapped(), now);
@@ -129,7 +135,7 @@ void Outgoing::marked(SteadyTime now) {
   unanswered_since_ = now;
   std::vector<std::pair<std::uint64_t, Flight>> proven;
   for (const auto& [id, flight] : flights_)
-    if (id < marked_before_ && !flight.expects_puback) proven.emplace_back(id, flight);
+    if (flight.turn < marker_turn_ && !flight.expects_puback) proven.emplace_back(id, flight);
   for (const auto& [id, flight] : proven) {
     flights_.erase(id);
     ended(id, flight, nullptr, now);
@@ -145,10 +151,10 @@ void Outgoing::note_answer(const Flight& flight, SteadyTime now) {
 }
 
 void Outgoing::note_sent(SteadyTime now) {
-  const bool unmarked = !flights_.empty() && flights_.rbegin()->first >= marked_before_;
-  if (!marker_topic_.empty() && marker_ == 0 && unmarked) {
+  if (!marker_topic_.empty() && marker_ == 0 && last_unproven_ > marker_turn_) {
     Publication marker;
-    marker.id = marker_ = marked_before_ = next_id_++;
+    marker.id = marker_ = next_id_++;
+    marker_turn_ = ++turns_;
     marker.topic = marker_topic_;
     broker_.publish(std::move(marker));
   }

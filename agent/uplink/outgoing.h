@@ -52,6 +52,8 @@ class Outgoing final {
   void on(const Delivered& event, SteadyTime now);
   /// Same for DeliveryFailed.
   void on(const DeliveryFailed& event, SteadyTime now);
+  /// Drops what waits for room; its senders get no outcome. Call before the last messages.
+  void drop_waiting() { waiting_.clear(); }
   /// Call at the end of each step in which something may have been sent.
   void note_sent(SteadyTime now);
 
@@ -77,6 +79,7 @@ class Outgoing final {
     Sender* sender = nullptr;
     bool expects_puback = true;  ///< false: QoS 0
     std::uint64_t group = 0;     ///< 0: it was sent alone
+    std::uint64_t turn = 0;      ///< place in the order of hand-over
   };
   /// Publications with one outcome.
   struct Group {
@@ -90,7 +93,8 @@ class Outgoing final {
 
   static constexpr std::size_t kSmallWindow = 4;
 
-  void hand_over(Publication publication);
+  /// Gives the publication to the library and makes it a flight.
+  void hand_over(Flight flight, Publication publication);
   void send_waiting();
   void note_answer(const Flight& flight, SteadyTime now);
   void ended(std::uint64_t id, const Flight& flight, const DeliveryFailed* failure, SteadyTime now);
@@ -102,8 +106,10 @@ class Outgoing final {
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
   std::map<std::uint64_t, Group> groups_;    ///< by the id that their sender has
   std::deque<Waiting> waiting_;              ///< for room
+  std::uint64_t turns_ = 0;                  ///< number of hand-overs
+  std::uint64_t last_unproven_ = 0;          ///< turn of the last QoS 0 message
   std::uint64_t marker_ = 0;                 ///< id of the marker in flight; 0: none
-  std::uint64_t marked_before_ = 0;          ///< it proves the delivery of smaller ids
+  std::uint64_t marker_turn_ = 0;            ///< it proves the delivery of smaller turns
   std::vector<DeliveryFailed> unsendable_;
   std::size_t window_ = 0;
   std::size_t max_packet_ = std::numeric_limits<std::size_t>::max();

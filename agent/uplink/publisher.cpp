@@ -8,6 +8,7 @@
 #include "agent/commands/parse.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
+#include "agent/log/log.h"
 #include "agent/store/samples/first_numbers.h"
 #include "agent/uplink/payload/json_payload.h"
 
@@ -94,8 +95,8 @@ SteadyTime Publisher::step(SteadyTime now) {
   take_broker_events(now);
   keep_store(now);   // what it recovers is older than all that follows
   take_outbox(now);  // before commands: its results make room for them, its states set the model
-  keep_outlets(now);
   take_commands(now);
+  keep_outlets(now);  // their results are known; their commands are taken in the next step
   if (!shutdown_.has_begun()) keep_session(now);
   health_.report(session_.is_connected(), now);
   send(now);
@@ -177,7 +178,6 @@ void Publisher::take_outbox(SteadyTime now) {
   for (const Outbox::Call& call : batch.calls) call(now);
 }
 
-/// Their commands are taken in the same step.
 void Publisher::keep_outlets(SteadyTime now) {
   outlets_wake_ = SteadyTime::max();
   for (const Beside& beside : outlets_)
@@ -192,11 +192,17 @@ void Publisher::take_commands(SteadyTime now) {
 }
 
 void Publisher::take_order(Order order, SteadyTime now) {
-  // The broker may be away for days: results must not fill the memory.
-  if (results_.is_full()) {
+  // The broker may be away for days: results must not fill the memory. Nor must orders, which other
+  // brokers send without our flow control.
+  if (results_.is_full() || intake_.is_full()) {
+    if (!order.tell)
+      return log::error("command_refused",
+                        {{"device", order.device},
+                         {"by", order.sender},
+                         {"note", "too many commands and results wait; nothing was sent"}});
     CommandResult result = result_of(parse_command(order.payload));
     set_outcome(result, CommandStatus::rejected, Reason::queue_full,
-                "too many results wait for the broker; nothing was sent");
+                "too many commands and results wait; nothing was sent");
     return order.tell(result_text(result));
   }
   Message message;
@@ -204,8 +210,10 @@ void Publisher::take_order(Order order, SteadyTime now) {
   properties = std::move(static_cast<MessageProperties&>(order));
   message.topic = config_.base_topic() + "/" + order.device + "/command";
   message.payload = std::move(order.payload);
-  message.received = now;
-  message.received_ms = utc_ms_();
+  if (message.received == SteadyTime{}) {
+    message.received = now;
+    message.received_ms = utc_ms_();
+  }
   intake_.add(std::move(message), std::move(order.device), false);
 }
 

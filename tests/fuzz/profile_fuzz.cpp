@@ -38,8 +38,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   what.kind = ProfileConfig::Kind::sparkplug;
   what.old_state = (data[0] & 16) != 0;
-  SparkplugProfile profile(
-      config, what, take, new_id, [] { return std::int64_t{1}; }, true);
+  SparkplugProfile profile(config, what, take, new_id, [] { return std::int64_t{1}; });
   profile.connection_began(Connected{});
   constexpr const char* topics[] = {"", "spBv1.0/g/NCMD/n", "spBv1.0/g/DCMD/n/press1",
                                     "spBv1.0/STATE/h"};

@@ -238,6 +238,10 @@ class Sparkplug(Profiles):
             again = self.judge.wait("NBIRTH", since=mark)
             self.assertEqual(again["bdSeq"], first["bdSeq"])
             self.judge.wait("DBIRTH", since=mark)
+            # The storm is over when a value has come for longer than rebirths are apart.
+            for value in range(1, 16):
+                self.sim.set("press1", "D100", value)
+                self.judge.value("press1", "temp", value, since=mark)
         self.sim.set("press1", "D100", 3)
         self.judge.value("press1", "temp", 3)
         self.assertLess(len([m for m in self.judge.seen() if m["type"] == "NBIRTH"]), 10)

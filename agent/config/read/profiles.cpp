@@ -6,6 +6,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <unordered_set>
 #include <utility>
 
 #include "agent/config/keys.h"
@@ -15,9 +16,6 @@ namespace fxagent {
 namespace {
 
 using std::string_view_literals::operator""sv;
-
-// Levels below {base}/{device} that the json profile uses.
-constexpr std::array kJsonLevels{"state"sv, "meta"sv, "command"sv, "result"sv, "data"sv};
 
 /// Replaces `{name}` with the value of the key `name`, if `text` has it.
 void put_name(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key,
@@ -34,17 +32,36 @@ void put_name(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key
   text.replace(at, place.size(), *value);
 }
 
+/// Returns the topics that the agent has without this profile.
+std::unordered_set<std::string> own_topics(const Config& config) {
+  const std::string base = config.base_topic() + "/";
+  std::unordered_set<std::string> topics;
+  for (const char* level :
+       {"state", "health", "plain", "sparkplug", "config/desired", "config/reported"})
+    topics.insert(base + level);
+  for (const LinkConfig& link : config.links)
+    for (const char* level : {"/command", "/result"}) topics.insert(base + link.name + level);
+  for (const DeviceConfig& device : config.devices) {
+    for (const char* level : {"/state", "/meta", "/command", "/result"})
+      topics.insert(base + device.name + level);
+    for (const GroupConfig& group : device.groups)
+      for (const char* level : {"", "/history"})
+        topics.insert(base + device.name + "/data/" + group.name + level);
+  }
+  return topics;
+}
+
 /// Returns why two tags, or a tag and a topic of the json profile, would share a topic.
 std::optional<std::string> topic_fault(const PlainTopic& topics, const Config& config) {
-  std::set<std::string> taken;
+  const auto own = own_topics(config);
+  std::unordered_set<std::string> taken;
   for (const DeviceConfig& device : config.devices)
     for (const TagConfig& tag : device.tags) {
       const std::string topic = topics.of(device.name, device.groups.at(tag.group).name, tag.name);
       const std::string place = "the tag " + std::string(tag.name) + " of " + device.name;
-      const std::string own = config.base_topic() + "/" + device.name + "/";
-      const auto uses = [&](std::string_view level) { return topic == own + std::string(level); };
-      if (std::ranges::any_of(kJsonLevels, uses))
-        return "gives " + place + " the topic " + topic + ", which the profile json uses";
+      for (const char* level : {"", "/set", "/result", "/history"})
+        if (own.contains(topic + level))
+          return "gives " + place + " the topic " + topic + level + ", which the agent uses itself";
       if (!taken.insert(topic).second)
         return "gives " + place + " the topic " + topic + ", which another tag has: use {device}";
     }

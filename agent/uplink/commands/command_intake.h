@@ -48,6 +48,8 @@ class CommandIntake final {
   /// arrives behind them.
   void hold(const Pressure& pressure, SteadyTime now);
 
+  /// True if no more commands should be added before some are passed on.
+  bool is_full() const;
   bool is_holding() const { return holding_; }
   const Heard& heard() const { return heard_; }
   bool empty() const { return incoming_.empty(); }
@@ -58,8 +60,6 @@ class CommandIntake final {
     Message message;
     std::string device;  ///< name of the device
   };
-
-  bool is_full() const;
 
   Commands& commands_;
   Broker& broker_;

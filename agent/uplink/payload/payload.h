@@ -32,7 +32,7 @@ class SamplePayload {
   /// Returns the messages of a sample just read, which together deliver it; none if there is
   /// nothing to say.
   virtual std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) = 0;
-  /// A sample of the device was refused. It becomes history, or is lost.
+  /// Samples of the device were refused. They become history, or are dropped.
   virtual void undelivered(const std::string& /*device*/) {}
   /// Returns an empty history message of at most `max_bytes`; it becomes HistoryBatch::payload.
   virtual std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) = 0;

@@ -1,12 +1,21 @@
 #include "agent/uplink/profile/json_profile.h"
 
+#include <algorithm>
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <utility>
 
+#include "agent/log/log.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
+namespace {
+
+// After the broker has refused a state; it may have been a limit that is over by then.
+constexpr std::chrono::seconds kAgainAfter{30};
+
+}  // namespace
 
 JsonProfile::JsonProfile(const Config& config, std::string boot, std::string version,
                          std::int64_t since_ms, std::string broker, TakeOrder take_order)
@@ -15,7 +24,19 @@ JsonProfile::JsonProfile(const Config& config, std::string boot, std::string ver
       since_ms_(since_ms),
       broker_(std::move(broker)),
       take_order_(std::move(take_order)),
-      states_(config.devices.size()) {}
+      states_(config.devices.size()) {
+  remember_names();
+}
+
+void JsonProfile::remember_names() {
+  names_.clear();
+  for (const DeviceConfig& device : config_.devices) names_.push_back(device.name);
+}
+
+std::vector<Publication> JsonProfile::with_qos(std::vector<Publication> messages) const {
+  for (Publication& message : messages) message.qos = broker_of(config_, broker_).qos;
+  return messages;
+}
 
 std::vector<Subscription> JsonProfile::subscriptions() const {
   if (!take_order_) return {};
@@ -23,6 +44,13 @@ std::vector<Subscription> JsonProfile::subscriptions() const {
 }
 
 void JsonProfile::connection_began(const Connected&) {
+  is_connected_ = true;
+  everything_is_due();
+}
+
+void JsonProfile::everything_is_due() {
+  again_at_.reset();
+  is_refused_ = false;
   greets_ = true;
   for (std::uint32_t device = 0; device < config_.devices.size(); ++device) {
     if (config_.devices[device].is_vacant()) continue;
@@ -32,21 +60,26 @@ void JsonProfile::connection_began(const Connected&) {
 }
 
 void JsonProfile::connection_ended() {
+  is_connected_ = false;
+  again_at_.reset();
   metas_.clear();
   changed_.clear();
 }
 
-void JsonProfile::hear(const Message& message, SteadyTime now) {
+void JsonProfile::hear(const Message& message, SteadyTime) {
   const std::string base = config_.base_topic();
   const auto device = device_of(message.topic, base, "command");
   if (!device || !take_order_) return;
   if (message.payload.empty()) return;  // it clears a retained topic
+  if (std::ranges::find(config_.links, *device, &LinkConfig::name) != config_.links.end())
+    return log::warn("command_ignored",
+                     {{"topic", log::excerpt(message.topic)},
+                      {"note", "commands for links come from the broker of mqtt only"}});
   Order order;
   order.device = *device;
   order.payload = message.payload;
   MessageProperties& properties = order;
   properties = message;
-  order.received = now;
   order.sender = broker_;
   order.response_topic.clear();
   order.tell = [this, topic = base + "/" + order.device + "/result"](const std::string& result) {
@@ -65,6 +98,17 @@ void JsonProfile::device_state(const DeviceStatus& status) {
 
 void JsonProfile::change(const ConfigChange& change) {
   states_.change(change);
+  for (const std::uint32_t i : change.devices_end) {
+    const auto stays = [&](const DeviceConfig& device) { return device.name == names_.at(i); };
+    if (!is_connected_ || std::ranges::any_of(config_.devices, stays)) continue;
+    for (const char* topic : {"/state", "/meta"}) {
+      Publication cleared;
+      cleared.topic = config_.base_topic() + "/" + names_[i] + topic;
+      cleared.retain = Retain::yes;
+      others_.push_back(std::move(cleared));
+    }
+  }
+  remember_names();
   for (const std::uint32_t device : change.devices_end) {
     metas_.erase(device);
     changed_.erase(device);
@@ -72,7 +116,9 @@ void JsonProfile::change(const ConfigChange& change) {
   metas_.insert(change.devices_begin.begin(), change.devices_begin.end());
 }
 
-std::vector<Publication> JsonProfile::due(SteadyTime, std::int64_t) {
+std::vector<Publication> JsonProfile::due(SteadyTime now, std::int64_t) {
+  if (std::exchange(is_refused_, false)) again_at_ = now + kAgainAfter;
+  if (again_at_ && now >= *again_at_) everything_is_due();
   std::vector<Publication> due;
   if (std::exchange(greets_, false)) {
     const auto reason =

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <deque>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -24,6 +25,8 @@ class JsonProfile final : public Profile {
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override;
+  void refused() override { is_refused_ = true; }
+  SteadyTime next_wake() const override { return again_at_.value_or(SteadyTime::max()); }
   void hear(const Message& message, SteadyTime now) override;
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
@@ -31,26 +34,35 @@ class JsonProfile final : public Profile {
   std::vector<Publication> farewell(std::int64_t utc_ms) override;
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override {
-    return payload_.sample(stream, sample);
+    return with_qos(payload_.sample(stream, sample));
   }
   std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override {
     return payload_.begin_history(max_bytes);
   }
   std::vector<Publication> history(const HistoryBatch& batch) override {
-    return payload_.history(batch);
+    return with_qos(payload_.history(batch));
   }
 
  private:
+  void everything_is_due();
+  /// The payload has the QoS of the broker of `mqtt`.
+  std::vector<Publication> with_qos(std::vector<Publication> messages) const;
+  void remember_names();
+
   const Config& config_;
   JsonPayload payload_;
   const std::int64_t since_ms_;
   const std::string broker_;
   const TakeOrder take_order_;
   DeviceStates states_;
-  bool greets_ = false;              ///< the agent's state is due
-  std::set<std::uint32_t> metas_;    ///< devices whose meta is due
-  std::set<std::uint32_t> changed_;  ///< devices whose state is due
-  std::deque<Publication> others_;   ///< results, and topics to clear
+  bool greets_ = false;  ///< the agent's state is due
+  bool is_connected_ = false;
+  bool is_refused_ = false;
+  std::optional<SteadyTime> again_at_;  ///< all states are due again
+  std::vector<std::string> names_;      ///< of the devices, by index
+  std::set<std::uint32_t> metas_;       ///< devices whose meta is due
+  std::set<std::uint32_t> changed_;     ///< devices whose state is due
+  std::deque<Publication> others_;      ///< results, and topics to clear
 };
 
 }  // namespace fxagent

@@ -35,7 +35,7 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
                 [this](SteadyTime) { connection_ended(); },
                 [this] { samples_.spool_live(); },
                 {}},
-               settings_.name),
+               settings_.name, profile.leaves_with_will()),
       spool_(store, settings_.backlog_bytes, dropped_),
       refused_(backoff_),
       samples_(config, settings_.boot, profile, outgoing_, refused_, spool_, dropped_, store),
@@ -141,7 +141,7 @@ void Outlet::say_goodbye() {
 
 void Outlet::leave(SteadyTime now) {
   say_goodbye();
-  session_.go_to_next(profile_.leaves_with_will(), now);
+  session_.go_to_next(now);
 }
 
 // ---- sending ------------------------------------------------------------------------------------
@@ -169,6 +169,7 @@ void Outlet::failed(const DeliveryFailed& event, SteadyTime now) {
   log::warn(
       event.reason_code != 0 ? "publish_refused" : "publish_failed",
       {{"what", settings_.name}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+  profile_.refused();
   delivered(event.id, now);
 }
 
@@ -187,6 +188,7 @@ void Outlet::keep_stop(SteadyTime now) {
   if (phase_ == Phase::draining && (over || (outgoing_.empty() && !samples_.has_live()))) {
     phase_ = Phase::farewell;
     phase_ends_ = now + kStopWithin;
+    outgoing_.drop_waiting();
     if (auto last = profile_.farewell(utc_ms_()); !last.empty())
       farewell_.insert(outgoing_.send(*this, std::move(last)));
     outgoing_.note_sent(now);
@@ -221,7 +223,7 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
   if (store_ != nullptr && store_->has_pending()) at(now + SampleSpool::kCommitWithin);
   at(samples_.next_wake());
   if (!session_.is_connected()) return wake;
-  at(profile_.next_wake());
+  if (outgoing_.has_room() && phase_ <= Phase::draining) at(profile_.next_wake());
   if (profile_.is_ready()) at(history_.next_wake(now));
   if (!outgoing_.empty()) at(now + kAcknowledgedWithin);
   return wake;

@@ -4,6 +4,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string_view>
+#include <unordered_set>
 
 #include "agent/json_writer.h"
 #include "agent/log/log.h"
@@ -57,6 +58,7 @@ PlainProfile::PlainProfile(const Config& config, const ProfileConfig& profile, T
                            std::function<std::string()> new_id)
     : config_(config),
       name_(name_of(profile)),
+      broker_(profile.broker),
       topics_(PlainTopic::parse(profile.topic, config.root, config.id).value()),
       state_topic_(config.base_topic() + "/plain"),
       take_order_(std::move(take_order)),
@@ -81,9 +83,37 @@ std::vector<Subscription> PlainProfile::subscriptions() const {
   return {{topics_.filter() + std::string(kSet), /*no_local=*/true}};
 }
 
-void PlainProfile::connection_began(const Connected&) { due_.push_front(state("\"online\"")); }
+void PlainProfile::connection_began(const Connected&) {
+  is_connected_ = true;
+  due_.push_front(state("\"online\""));
+  for (auto& [topic, text] : std::exchange(unseen_, {})) {
+    published_[topic] = std::hash<std::string>{}(text);
+    due_.push_back(value(topic, std::move(text)));
+  }
+}
 
-void PlainProfile::hear(const Message& message, SteadyTime now) {
+void PlainProfile::connection_ended() {
+  is_connected_ = false;
+  published_.clear();
+}
+
+/// A group that is published on change may not be read as changed for hours after the outage.
+void PlainProfile::saw(const Telemetry& sample) {
+  if (is_connected_) return;
+  const DeviceConfig& device = config_.devices.at(sample.device);
+  const std::string& group = device.groups.at(sample.group).name;
+  for (const TagReading& reading : sample.readings) {
+    const TagConfig& tag = device.tags.at(reading.tag);
+    RecordedReading recorded;
+    recorded.type = tag.point.type;
+    recorded.scaled = tag.point.scale != 1 || tag.point.offset != 0;
+    recorded.bad = reading.bad;
+    recorded.value = reading.value;
+    unseen_[topics_.of(device.name, group, tag.name)] = json::bare_value(recorded);
+  }
+}
+
+void PlainProfile::hear(const Message& message, SteadyTime) {
   std::string topic = message.topic;
   if (!topic.ends_with(kSet) || message.payload.empty()) return;
   topic.resize(topic.size() - kSet.size());
@@ -97,7 +127,6 @@ void PlainProfile::hear(const Message& message, SteadyTime now) {
   order.device = device;
   MessageProperties& properties = order;
   properties = message;
-  order.received = now;
   order.sender = name_;
   order.response_topic.clear();
   order.tell = [this, topic](const std::string& result) {
@@ -120,6 +149,16 @@ void PlainProfile::change(const ConfigChange& change) {
   find_writable();
   for (const std::uint32_t device : change.devices_begin)
     undelivered(config_.devices.at(device).name);
+  // Topics that no tag has any more.
+  std::unordered_set<std::string> topics;
+  for (const DeviceConfig& device : config_.devices)
+    for (const TagConfig& tag : device.tags)
+      topics.insert(topics_.of(device.name, device.groups.at(tag.group).name, tag.name));
+  const auto is_gone = [&](const auto& entry) { return !topics.contains(entry.first); };
+  for (const auto& entry : published_)
+    if (is_gone(entry)) due_.push_back(value(entry.first, ""));
+  std::erase_if(published_, is_gone);
+  std::erase_if(unseen_, is_gone);
 }
 
 std::vector<Publication> PlainProfile::due(SteadyTime, std::int64_t) {
@@ -132,6 +171,15 @@ std::vector<Publication> PlainProfile::due(SteadyTime, std::int64_t) {
 
 std::vector<Publication> PlainProfile::farewell(std::int64_t) { return {state("\"offline\"")}; }
 
+Publication PlainProfile::value(const std::string& topic, std::string text) const {
+  Publication publication;
+  publication.topic = topic;
+  publication.payload = std::move(text);
+  publication.qos = broker_of(config_, broker_).qos;
+  publication.retain = Retain::yes;
+  return publication;
+}
+
 Publication PlainProfile::state(std::string text) const {
   Publication publication;
   publication.topic = state_topic_;
@@ -143,15 +191,12 @@ Publication PlainProfile::state(std::string text) const {
 std::vector<Publication> PlainProfile::sample(const StreamKey& stream, const SampleRecord& sample) {
   std::vector<Publication> changed;
   for (const RecordedReading& reading : sample.readings) {
-    Publication publication;
-    publication.topic = topics_.of(stream.first, stream.second, reading.name);
-    publication.payload = json::bare_value(reading);
-    const std::size_t hash = std::hash<std::string>{}(publication.payload);
-    const auto [place, is_first] = published_.try_emplace(publication.topic, hash);
+    const std::string topic = topics_.of(stream.first, stream.second, reading.name);
+    std::string text = json::bare_value(reading);
+    const std::size_t hash = std::hash<std::string>{}(text);
+    const auto [place, is_first] = published_.try_emplace(topic, hash);
     if (!is_first && std::exchange(place->second, hash) == hash) continue;
-    publication.qos = config_.mqtt.qos;
-    publication.retain = Retain::yes;
-    changed.push_back(std::move(publication));
+    changed.push_back(value(topic, std::move(text)));
   }
   return changed;
 }
@@ -177,7 +222,7 @@ std::vector<Publication> PlainProfile::history(const HistoryBatch& batch) {
     Publication publication;
     publication.topic = topics_.of(batch.device, batch.group, text.substr(0, tab)) + "/history";
     publication.payload = text.substr(tab + 1, end - tab - 1);
-    publication.qos = config_.mqtt.qos;
+    publication.qos = broker_of(config_, broker_).qos;
     messages.push_back(std::move(publication));
     text.remove_prefix(end + 1);
   }

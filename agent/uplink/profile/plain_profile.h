@@ -27,7 +27,8 @@ class PlainProfile final : public Profile {
   Will last_will() override { return {state_topic_, "\"offline\"", Retain::yes}; }
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
-  void connection_ended() override { published_.clear(); }
+  void connection_ended() override;
+  void saw(const Telemetry& sample) override;
   void hear(const Message& message, SteadyTime now) override;
   void device_state(const DeviceStatus&) override {}
   void change(const ConfigChange& change) override;
@@ -41,10 +42,12 @@ class PlainProfile final : public Profile {
 
  private:
   void find_writable();
+  Publication value(const std::string& topic, std::string text) const;
   Publication state(std::string text) const;
 
   const Config& config_;
   const std::string name_;
+  const std::string broker_;
   const PlainTopic topics_;
   const std::string state_topic_;
   const TakeOrder take_order_;
@@ -53,6 +56,9 @@ class PlainProfile final : public Profile {
   std::unordered_map<std::string, std::pair<std::string, std::string>> writable_;
   /// Hash of the text published last in this connection, by topic.
   std::unordered_map<std::string, std::size_t> published_;
+  /// The newest text of each tag that was read without a connection, by topic.
+  std::unordered_map<std::string, std::string> unseen_;
+  bool is_connected_ = false;
   std::deque<Publication> due_;
 };
 

@@ -41,6 +41,8 @@ class Profile : public SamplePayload {
   /// Returns messages that go before samples, such as births and states; empty: none are due.
   /// Called while connected, until it returns none. `utc_ms` is the current calendar time.
   virtual std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) = 0;
+  /// The broker or the library has refused messages of due().
+  virtual void refused() {}
   /// False: no samples may be sent now. They wait as history.
   virtual bool is_ready() const { return true; }
   /// Returns the time by which due() has something.

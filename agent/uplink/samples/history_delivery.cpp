@@ -21,6 +21,9 @@ constexpr std::size_t kHistoryFlights = 2;
 // networks.
 constexpr int kRestShare = 2;
 constexpr std::chrono::milliseconds kLongestRest{100};
+// Rows that cannot be delivered any more are dropped one batch at a time: reading a large backlog
+// at once would hold up everything else.
+constexpr std::chrono::milliseconds kBetweenDrops{1};
 // A quarter of the allowed size: a message of 64 KiB delays a live sample by milliseconds.
 constexpr std::size_t kHistoryBytes = 16384;
 
@@ -52,7 +55,8 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
     auto publications = payload_.history(history->batch);
     if (publications.empty()) {
       drop(*history);
-      continue;
+      rests_until_ = now + kBetweenDrops;
+      return;
     }
     published_ += history->batch.row_ids.size();
     const std::uint64_t id = outgoing_.send(*this, std::move(publications));
@@ -88,6 +92,7 @@ void HistoryDelivery::drop(const OutgoingHistory& history) {
 
 void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   const OutgoingHistory history = ended(event.id, now).history;
+  payload_.undelivered(history.batch.device);
   const HistoryBatch& batch = history.batch;
   const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;
   if (is_final(event.reason_code) && !can_be_cut) {

@@ -19,12 +19,13 @@ constexpr seconds kGoodbye{2};  // wait for Disconnected before connecting anywa
 }  // namespace
 
 Session::Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects, Listener listener,
-                 std::string profile)
+                 std::string profile, bool with_will)
     : broker_(broker),
       outgoing_(outgoing),
       connects_(connects),
       listener_(std::move(listener)),
-      profile_(std::move(profile)) {}
+      profile_(std::move(profile)),
+      with_will_(with_will) {}
 
 std::string Session::server() const {
   return connects_.server() + (profile_.empty() ? "" : " for " + profile_);
@@ -70,12 +71,12 @@ void Session::on(const Lost& event, SteadyTime now) {
 }
 
 void Session::on(const Disconnected&, SteadyTime now) {
-  if (link_ == Link::leaving) retry_at_ = now;
+  if (link_ == Link::leaving) retry_at_ = std::max(now, not_before_);
 }
 
 void Session::keep(SteadyTime now) {
   if (link_ == Link::connecting && now >= connect_deadline_) {
-    broker_.disconnect();
+    broker_.disconnect(with_will_);
     on(ConnectFailed{"no answer"}, now);
   }
   watch(now);
@@ -103,7 +104,7 @@ void Session::connect_anew(SteadyTime now) {
       {{"server", connects_.server()},
        {"note", "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1"}});
   receive_maximum_ = 1;
-  broker_.disconnect();
+  broker_.disconnect(with_will_);
   end(now);
   link_ = Link::leaving;
   retry_at_ = now + kGoodbye;
@@ -115,7 +116,7 @@ void Session::begin_anew(SteadyTime now) {
   last_failure_.clear();
   receive_maximum_ = kReceiveMaximum;
   if (was_connected) {
-    broker_.disconnect();
+    broker_.disconnect(with_will_);
     end(now);
   }
   if (link_ == Link::connecting) listener_.attempt_failed();
@@ -124,12 +125,12 @@ void Session::begin_anew(SteadyTime now) {
   retry_at_ = was_connected ? now + kGoodbye : now;
 }
 
-void Session::go_to_next(bool with_will, SteadyTime now) {
+void Session::go_to_next(SteadyTime now) {
   const SteadyTime next = connects_.after_failure(now);
-  broker_.disconnect(with_will);
+  broker_.disconnect(with_will_);
   end(now);
   link_ = Link::leaving;
-  retry_at_ = std::max(next, now + kGoodbye);
+  retry_at_ = not_before_ = std::max(next, now + kGoodbye);
 }
 
 void Session::begin_end(SteadyTime now) {
@@ -137,7 +138,7 @@ void Session::begin_end(SteadyTime now) {
 }
 
 void Session::give_up(SteadyTime now) {
-  if (link_ != Link::connected) broker_.disconnect();
+  if (link_ != Link::connected) broker_.disconnect(with_will_);
   end(now);
 }
 
@@ -147,7 +148,7 @@ void Session::watch(SteadyTime now) {
   const auto unanswered_since = outgoing_.unanswered_since();
   if (link_ == Link::connected && unanswered_since &&
       now - *unanswered_since >= kNoAcknowledgement) {
-    broker_.disconnect();
+    broker_.disconnect(with_will_);
     on(Lost{"no acknowledgement for 30 s"}, now);
   }
   if (link_ != Link::connected) return down_since_.reset();

@@ -30,9 +30,9 @@ class Session final {
   };
 
   /// All references outlive the session. `profile` names it in the log; empty: it is the agent's
-  /// own.
+  /// own. `with_will` is for each Broker::disconnect().
   Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects, Listener listener,
-          std::string profile = {});
+          std::string profile = {}, bool with_will = false);
 
   void on(const Connected& event, SteadyTime now);
   void on(const ConnectFailed& event, SteadyTime now);
@@ -50,8 +50,8 @@ class Session final {
   void connect_anew(SteadyTime now);
   /// Starts again with the first server. Ends an existing connection with a DISCONNECT.
   void begin_anew(SteadyTime now);
-  /// Leaves this server with a DISCONNECT, as in Broker, and connects to the next one.
-  void go_to_next(bool with_will, SteadyTime now);
+  /// Leaves this server with a DISCONNECT and connects to the next one, not before 2 s are over.
+  void go_to_next(SteadyTime now);
   /// Begins the shutdown. If the session is leaving, it connects again, so that the broker that
   /// received a DISCONNECT also receives the final state.
   void begin_end(SteadyTime now);
@@ -86,10 +86,12 @@ class Session final {
   ConnectSchedule& connects_;
   const Listener listener_;
   const std::string profile_;
+  const bool with_will_;
 
   Link link_ = Link::waiting;
   bool starting_ = true;
   SteadyTime retry_at_{};
+  SteadyTime not_before_{};  ///< the next attempt, even if the server is left sooner
   std::string last_failure_;
   std::string why_not_connected_;
   SteadyTime lost_at_{};

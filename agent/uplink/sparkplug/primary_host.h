@@ -17,7 +17,10 @@ class PrimaryHost final {
   /// Topic of its state; empty: no host is waited for.
   const std::string& topic() const { return topic_; }
   /// Nothing is known of it in a new session.
-  void connection_began() { state_ = State::unknown; }
+  void connection_began() {
+    state_ = State::unknown;
+    last_ms_ = last_online_ms_ = 0;
+  }
   /// Processes a text on topic().
   void hear(std::string_view payload);
 
@@ -33,7 +36,9 @@ class PrimaryHost final {
   const std::string topic_;
   const bool old_state_;
   State state_ = State::unknown;
-  std::int64_t last_online_ms_ = 0;  ///< newest timestamp with which it was online
+  // Timestamps in this session.
+  std::int64_t last_ms_ = 0;         ///< of the last state
+  std::int64_t last_online_ms_ = 0;  ///< of the last one with which it was online
 };
 
 }  // namespace fxagent::sparkplug

@@ -22,6 +22,7 @@ using sparkplug::Type;
 constexpr std::string_view kNodeRebirth = "Node Control/Rebirth";
 constexpr std::string_view kDeviceRebirth = "Device Control/Rebirth";
 constexpr std::chrono::seconds kRebirthEvery{1};
+constexpr std::chrono::milliseconds kLatest{60'000};  // far longer than a sample waits to be sent
 // Numbers of a session and of its messages wrap at 256.
 constexpr std::uint64_t kNumbers = 256;
 // Bytes of a PUBLISH besides its payload: the topic and the headers.
@@ -107,16 +108,16 @@ class TagFinder final {
 
 SparkplugProfile::SparkplugProfile(const Config& config, const ProfileConfig& profile,
                                    TakeOrder take_order, std::function<std::string()> new_id,
-                                   std::function<std::int64_t()> utc_ms, bool has_servers)
+                                   std::function<std::int64_t()> utc_ms)
     : config_(config),
       name_(name_of(profile)),
+      broker_(profile.broker),
       prefix_("spBv1.0/" + profile.group + "/"),
       node_(profile.node),
       take_order_(std::move(take_order)),
       new_id_(std::move(new_id)),
       utc_ms_(std::move(utc_ms)),
       host_(profile.host, profile.old_state),
-      has_servers_(has_servers),
       devices_(config.devices.size()) {
   for (std::uint32_t i = 0; i < devices_.size(); ++i) prepare(i);
 }
@@ -159,6 +160,7 @@ void SparkplugProfile::connection_began(const Connected& connected) {
   rebirth_ = true;
   born_at_ = {};
   leaves_ = false;
+  for (Device& device : devices_) device.is_too_large = false;
 }
 
 void SparkplugProfile::connection_ended() {
@@ -287,6 +289,7 @@ std::optional<Publication> SparkplugProfile::device_birth(std::uint32_t index,
   rebirth.set_datatype(number(Type::boolean));
   rebirth.set_boolean_value(false);
   if (const std::size_t bytes = packet.ByteSizeLong(); bytes + kRoomForTopic > max_packet_) {
+    if (std::exchange(state.is_too_large, true)) return std::nullopt;
     log::error("birth_too_large",
                {{"device", device.name},
                 {"bytes", std::to_string(bytes)},
@@ -347,7 +350,7 @@ void SparkplugProfile::saw(const Telemetry& sample) {
 /// A device that does not answer has no metrics: its samples wait until it does.
 bool SparkplugProfile::may_send(const std::string& device) const {
   const auto index = index_of(device);
-  return !index || devices_[*index].is_alive;
+  return !index || (devices_[*index].is_alive && !devices_[*index].is_too_large);
 }
 
 std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
@@ -356,8 +359,9 @@ std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
   if (!index) return {};
   Device& device = devices_[*index];
   const DeviceConfig& config = config_.devices[*index];
-  // Read before the birth, whose values are newer.
-  const bool is_late = sample.ts_ms < device.born_ms;
+  // Read before the birth, whose values are newer. A larger difference is a clock that was set.
+  const bool is_late =
+      sample.ts_ms < device.born_ms && device.born_ms - sample.ts_ms < kLatest.count();
   Packet packet;
   TagFinder tags(config);
   for (const RecordedReading& reading : sample.readings) {
@@ -386,8 +390,12 @@ std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
   return {message("DDATA", config.name, packet)};
 }
 
+/// A message that was refused is missing in the order of `seq`.
+void SparkplugProfile::undelivered(const std::string&) { rebirth_ = true; }
+
 std::unique_ptr<HistoryMessage> SparkplugProfile::begin_history(std::size_t max_bytes) {
-  return std::make_unique<SparkplugHistory>(max_bytes);
+  return std::make_unique<SparkplugHistory>(
+      std::min(max_bytes, max_packet_ - std::min(max_packet_, kRoomForTopic)));
 }
 
 std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
@@ -416,17 +424,17 @@ std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
 
 // ---- commands -----------------------------------------------------------------------------------
 
-void SparkplugProfile::hear(const Message& message, SteadyTime now) {
+void SparkplugProfile::hear(const Message& message, SteadyTime) {
   if (message.topic == host_.topic()) {
     host_.hear(message.payload);
     // With one server there is nowhere to go: the session waits there for the host.
-    leaves_ = host_.is_offline() && (is_born_ || has_servers_);
+    leaves_ = host_.is_offline() && (is_born_ || broker_of(config_, broker_).servers.size() > 1);
     return;
   }
   const std::string devices = prefix_ + "DCMD/" + node_ + "/";
-  if (message.topic == prefix_ + "NCMD/" + node_) return hear_node_command(message, now);
+  if (message.topic == prefix_ + "NCMD/" + node_) return hear_node_command(message);
   if (message.topic.starts_with(devices))
-    hear_device_command(message, message.topic.substr(devices.size()), now);
+    hear_device_command(message, message.topic.substr(devices.size()));
 }
 
 namespace {
@@ -437,25 +445,26 @@ void ignore(const Message& message, const std::string& note) {
 
 }  // namespace
 
-void SparkplugProfile::hear_node_command(const Message& message, SteadyTime) {
+void SparkplugProfile::hear_node_command(const Message& message) {
   Packet packet;
   if (!packet.ParseFromString(message.payload)) return ignore(message, "not a Sparkplug payload");
+  if (message.retained)
+    return ignore(message, "it is retained, so it was sent for an earlier time");
   for (const Metric& metric : packet.metrics()) {
     if (metric.name() != kNodeRebirth || !metric.boolean_value())
-      ignore(message, "the node has only the command " + std::string(kNodeRebirth) + " = true");
-    else if (message.retained)
-      ignore(message, "it was retained: whoever sent it meant an earlier session");
-    else
-      rebirth_ = true;
+      return ignore(message,
+                    "the node has only the command " + std::string(kNodeRebirth) + " = true");
+    rebirth_ = true;
   }
 }
 
-void SparkplugProfile::hear_device_command(const Message& message, const std::string& device,
-                                           SteadyTime now) {
+void SparkplugProfile::hear_device_command(const Message& message, const std::string& device) {
   const auto index = index_of(device);
   if (!index) return ignore(message, "no such device");
   Packet packet;
   if (!packet.ParseFromString(message.payload)) return ignore(message, "not a Sparkplug payload");
+  if (packet.metrics_size() > static_cast<int>(kMostTargets))
+    return ignore(message, "more than " + std::to_string(kMostTargets) + " metrics");
   const DeviceConfig& config = config_.devices[*index];
   const std::uint64_t first = devices_[*index].first_alias;
   for (const Metric& metric : packet.metrics()) {
@@ -471,7 +480,7 @@ void SparkplugProfile::hear_device_command(const Message& message, const std::st
       ignore(message, metric.has_name() ? "no metric " + log::excerpt(metric.name())
                                         : "no metric with alias " + std::to_string(metric.alias()));
     } else if (*tag < config.tags.size()) {
-      place_order(message, *index, *tag, metric, now);
+      place_order(message, *index, *tag, metric);
     } else if (message.retained || !metric.boolean_value()) {
       ignore(message, std::string(kDeviceRebirth) + " must be true, and not retained");
     } else {
@@ -482,7 +491,7 @@ void SparkplugProfile::hear_device_command(const Message& message, const std::st
 
 /// Each metric becomes one command with one result.
 void SparkplugProfile::place_order(const Message& message, std::uint32_t device, std::size_t tag,
-                                   const Metric& metric, SteadyTime now) {
+                                   const Metric& metric) {
   if (!take_order_) return ignore(message, "this broker may not send commands: brokers[].commands");
   const DeviceConfig& config = config_.devices[device];
   const auto value = sparkplug::json_of(metric, sparkplug::type_of(config.tags[tag].point));
@@ -491,7 +500,6 @@ void SparkplugProfile::place_order(const Message& message, std::uint32_t device,
   MessageProperties& properties = order;
   properties = message;
   order.device = config.name;
-  order.received = now;
   order.sender = name_;
   order.response_topic.clear();
   json::Writer command;

@@ -32,10 +32,9 @@ class SparkplugProfile final : public Profile {
  public:
   /// `config` outlives it. `take_order` is empty if the broker may not send commands; rebirths may
   /// be asked for all the same. `new_id` returns an id for a command, each time another one;
-  /// `utc_ms` the current calendar time. `has_servers`: the broker has more than one address.
+  /// `utc_ms` the current calendar time.
   SparkplugProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
-                   std::function<std::string()> new_id, std::function<std::int64_t()> utc_ms,
-                   bool has_servers);
+                   std::function<std::string()> new_id, std::function<std::int64_t()> utc_ms);
 
   Will last_will() override;
   std::vector<Subscription> subscriptions() const override;
@@ -50,10 +49,12 @@ class SparkplugProfile final : public Profile {
   std::vector<Publication> farewell(std::int64_t utc_ms) override;
   bool leaves_with_will() const override { return true; }
   bool take_leave() override;
+  void refused() override { rebirth_ = true; }
 
   bool may_send(const std::string& device) const override;
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   void saw(const Telemetry& sample) override;
+  void undelivered(const std::string& device) override;
   std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
   std::vector<Publication> history(const HistoryBatch& batch) override;
 
@@ -68,9 +69,10 @@ class SparkplugProfile final : public Profile {
     std::optional<BadReason> sent_bad;
   };
   struct Device {
-    bool is_alive = false;     ///< it answers
-    bool is_born = false;      ///< in this session
-    std::int64_t born_ms = 0;  ///< newest value of its birth
+    bool is_alive = false;      ///< it answers
+    bool is_too_large = false;  ///< its birth, for the broker of this session
+    bool is_born = false;       ///< in this session
+    std::int64_t born_ms = 0;   ///< newest value of its birth
     std::uint64_t first_alias = 0;
     std::vector<Last> last;  ///< by tag
   };
@@ -86,13 +88,14 @@ class SparkplugProfile final : public Profile {
   void prepare(std::uint32_t index);
   std::optional<std::uint32_t> index_of(std::string_view device) const;
 
-  void hear_node_command(const Message& message, SteadyTime now);
-  void hear_device_command(const Message& message, const std::string& device, SteadyTime now);
+  void hear_node_command(const Message& message);
+  void hear_device_command(const Message& message, const std::string& device);
   void place_order(const Message& message, std::uint32_t device, std::size_t tag,
-                   const sparkplug::Metric& metric, SteadyTime now);
+                   const sparkplug::Metric& metric);
 
   const Config& config_;
   const std::string name_;
+  const std::string broker_;
   const std::string prefix_;  ///< "spBv1.0/{group}/"
   const std::string node_;
   const TakeOrder take_order_;
@@ -100,7 +103,6 @@ class SparkplugProfile final : public Profile {
   const std::function<std::int64_t()> utc_ms_;
 
   sparkplug::PrimaryHost host_;
-  const bool has_servers_;       ///< more than one to choose from
   std::vector<Device> devices_;  ///< as Config::devices
   std::set<std::uint32_t> due_;  ///< devices whose birth or death may be due
   std::map<std::string, std::uint32_t, std::less<>> index_;

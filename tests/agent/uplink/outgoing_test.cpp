@@ -137,6 +137,52 @@ TEST_F(OutgoingTest, AcknowledgedMarkerProvesWhatWasSentBeforeIt) {
   EXPECT_EQ(sent().size(), 4U) << "nothing is left to prove";
 }
 
+TEST_F(OutgoingTest, MarkersProveAGroupLargerThanTheWindow) {
+  Outgoing outgoing(broker_, "mark");
+  begin(outgoing, 2);
+  broker_.acknowledges_qos0 = true;
+  std::vector<Publication> group(9, to("a", 0));
+  const std::uint64_t id = outgoing.send(*this, std::move(group));
+  for (int i = 0; i < 9 && delivered_.empty(); ++i) {
+    outgoing.note_sent({});
+    take(outgoing);
+    if (broker_.open() != 0) broker_.acknowledge_next();
+    take(outgoing);
+  }
+  EXPECT_EQ(delivered_, Ids{id});
+  EXPECT_EQ(broker_.on("a").size(), 9U);
+}
+
+TEST_F(OutgoingTest, MarkerProvesNothingThatWasHandedOverAfterIt) {
+  Outgoing outgoing(broker_, "mark");
+  begin(outgoing, 2);
+  broker_.acknowledges_qos0 = true;
+  const std::uint64_t id = outgoing.send(*this, {to("+", 0), to("a", 0), to("b", 0)});
+  outgoing.note_sent({});
+  outgoing.fail_unsendable({});  // makes room for b, behind the marker
+  broker_.acknowledge_next();
+  take(outgoing);
+  EXPECT_TRUE(failed_.empty());
+  outgoing.note_sent({});
+  broker_.acknowledge_next();
+  take(outgoing);
+  EXPECT_EQ(failed_, Ids{id});
+}
+
+TEST_F(OutgoingTest, MarkerThatTheLibraryRejectsIsSentAgain) {
+  Outgoing outgoing(broker_, "mark");
+  begin(outgoing);
+  broker_.acknowledges_qos0 = true;
+  const std::uint64_t id = outgoing.send(*this, to("a", 0));
+  outgoing.note_sent({});
+  broker_.refuse_next(0);
+  take(outgoing);
+  outgoing.note_sent({});
+  broker_.acknowledge_next();
+  take(outgoing);
+  EXPECT_EQ(delivered_, Ids{id});
+}
+
 TEST_F(OutgoingTest, RefusedMarkerHasArrivedToo) {
   Outgoing outgoing(broker_, "mark");
   begin(outgoing);

@@ -82,7 +82,7 @@ TEST(ProfilesConfig, EachTagNeedsATopicOfItsOwn) {
   expect_error(plant.dump(), place, {"temp of mixer", "another tag has", "{device}"});
   plant = json::parse(with_profiles(R"({"kind": "plain"})"));
   plant["devices"][0]["tags"][0]["name"] = "state";
-  expect_error(plant.dump(), "/profiles/2", {"state of press1", "profile json uses"});
+  expect_error(plant.dump(), "/profiles/2", {"state of press1", "the agent uses itself"});
 }
 
 }  // namespace

@@ -42,8 +42,8 @@ class OutletTest : public testing::TestWithParam<ProfileConfig::Kind> {
     const auto take_order = [this](Order order) { orders_.push_back(std::move(order)); };
     const auto new_id = [this] { return "id-" + std::to_string(++ids_); };
     if (what.kind == ProfileConfig::Kind::sparkplug)
-      profile_ = std::make_unique<SparkplugProfile>(
-          config_, what, take_order, new_id, [] { return kUtc; }, false);
+      profile_ = std::make_unique<SparkplugProfile>(config_, what, take_order, new_id,
+                                                    [] { return kUtc; });
     else if (what.kind == ProfileConfig::Kind::plain)
       profile_ = std::make_unique<PlainProfile>(config_, what, take_order, new_id);
     else

@@ -38,7 +38,7 @@ class SparkplugTest : public testing::Test {
     what.host = host_;
     profile_.emplace(
         config_, what, [this](Order order) { orders_.push_back(std::move(order)); },
-        [] { return std::string("id-1"); }, [] { return kUtc; }, false);
+        [] { return std::string("id-1"); }, [] { return kUtc; });
   }
   void device(DeviceStatus::State state, std::uint32_t index = 0) {
     DeviceStatus status;

@@ -95,6 +95,11 @@ function judge(type, device, payload, packet) {
   if (type === "NBIRTH") {
     if (plain(payload.seq) !== 0) faults.push("NBIRTH with a seq other than 0");
     if (bdSeq === undefined) faults.push("NBIRTH without bdSeq");
+    if (!metrics.some((metric) => metric.name === "bdSeq" && metric.datatype === numbers.Int64))
+      faults.push("bdSeq is not an Int64");
+    if (!metrics.some((metric) => metric.name === "Node Control/Rebirth" && metric.datatype === numbers.Boolean &&
+                      metric.booleanValue === false && !has(metric, "alias")))
+      faults.push("NBIRTH without Node Control/Rebirth = false, or that with an alias");
     const again = session && session.bdSeq === bdSeq;
     if (!again && lastBdSeq !== null && bdSeq !== (lastBdSeq + 1) % 256 && bdSeq !== 0)
       faults.push(`bdSeq ${bdSeq} after ${lastBdSeq}`);
@@ -132,7 +137,7 @@ const client = mqtt.connect(`mqtt://127.0.0.1:${port}`, {protocolVersion: 5, rec
 const command = (kind, device, metrics) => client.publish(
   `${base}/${kind}/${node}` + (device ? `/${device}` : ""),
   Buffer.from(proto.encode({timestamp: Date.now(), metrics}).finish()), {qos: 1});
-client.on("connect", () => client.subscribe(`${base}/+/${node}/#`, {qos: 1}, () => print({type: "ready"})));
+client.on("connect", () => client.subscribe(`${base}/+/${node}/#`, {qos: 1, rap: true}, () => print({type: "ready"})));
 client.on("close", () => { session = null; });
 client.on("error", () => {});
 client.on("message", (topic, payload, packet) => {
