@@ -14,6 +14,7 @@
 #include "agent/cli/report/largest_message.h"
 #include "agent/cli/report/plan_report.h"
 #include "agent/config/json/tree.h"
+#include "agent/config/plain_topic.h"
 #include "agent/config/read/findings.h"
 #include "agent/config/suggestions.h"
 #include "agent/counted.h"
@@ -222,6 +223,13 @@ class Examination {
       look(base + "/" + device.name + "/command");
       for (const GroupConfig& group : device.groups)
         look(payload_.history({device.name, group.name, {}, {}}).at(0).topic);
+    }
+    for (const ProfileConfig& profile : config_.profiles) {
+      if (profile.kind != ProfileConfig::Kind::plain || !profile.broker.empty()) continue;
+      const auto topics = PlainTopic::parse(profile.topic, config_.root, config_.id).value();
+      for (const DeviceConfig& device : config_.devices)
+        for (const TagConfig& tag : device.tags)
+          look(topics.of(device.name, device.groups.at(tag.group).name, tag.name) + "/history");
     }
     if (too_long > 0)
       refuse("/agent/root", broker() + " accepts topics of at most " +

@@ -142,7 +142,7 @@ std::optional<std::uint32_t> SparkplugProfile::index_of(std::string_view device)
 // ---- session ------------------------------------------------------------------------------------
 
 Will SparkplugProfile::last_will() {
-  if (std::exchange(has_connected_, true)) bd_seq_ = (bd_seq_ + 1) % kNumbers;
+  if (std::exchange(has_connected_, false)) bd_seq_ = (bd_seq_ + 1) % kNumbers;
   const Publication death = node_death(utc_ms_());
   return {death.topic, death.payload, Retain::no};
 }
@@ -155,6 +155,7 @@ std::vector<Subscription> SparkplugProfile::subscriptions() const {
 }
 
 void SparkplugProfile::connection_began(const Connected& connected) {
+  has_connected_ = true;
   host_.connection_began();
   max_packet_ = connected.maximum_packet;
   rebirth_ = true;

@@ -108,9 +108,9 @@ class SparkplugProfile final : public Profile {
   std::map<std::string, std::uint32_t, std::less<>> index_;
   std::vector<std::string> dead_;  ///< names of devices whose death is due
   std::uint64_t next_alias_ = 1;
-  std::uint64_t bd_seq_ = 0;  ///< of the last CONNECT
-  bool has_connected_ = false;
-  std::uint64_t seq_ = 0;  ///< of the next message
+  std::uint64_t bd_seq_ = 0;    ///< of the last CONNECT
+  bool has_connected_ = false;  ///< since the last will was made
+  std::uint64_t seq_ = 0;       ///< of the next message
   std::size_t max_packet_ = 0;
   bool is_born_ = false;  ///< the node, in this session
   bool rebirth_ = false;  ///< a rebirth is due

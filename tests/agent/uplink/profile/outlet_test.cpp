@@ -148,6 +148,13 @@ TEST_P(OutletTest, StopEndsWithABrokerThatAnswersNothing) {
   EXPECT_TRUE(outlet_->finished());
 }
 
+TEST_P(OutletTest, SparkplugLeavesWithItsWill) {
+  settle(1s);
+  outlet_->stop(now_);
+  for (int i = 0; i < 40 && !outlet_->finished(); ++i) settle(100ms);
+  EXPECT_EQ(broker_.left_with_will, GetParam() == ProfileConfig::Kind::sparkplug);
+}
+
 TEST_P(OutletTest, IdleSessionDoesNotWakeAtOnceAgain) {
   take(DeviceStatus::State::online);
   settle(1s);
