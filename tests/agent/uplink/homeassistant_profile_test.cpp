@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "plant.h"
+#include "tests/agent/uplink/plant.h"
 
 namespace fxagent::test {
 namespace {
