@@ -32,6 +32,7 @@
 #include "agent/uplink/paho/connect_faults.h"
 #include "agent/uplink/paho/paho_broker.h"
 #include "agent/uplink/payload/json_payload.h"
+#include "agent/uplink/profile/homeassistant_profile.h"
 #include "agent/uplink/profile/json_profile.h"
 #include "agent/uplink/profile/outlet.h"
 #include "agent/uplink/profile/plain_profile.h"
@@ -48,6 +49,8 @@ constexpr std::size_t kOutboxMessages = 65536;
 constexpr std::chrono::milliseconds kStatusWithin{500};
 // Exceeded only while the reload reads a large config or an unresponsive file.
 constexpr std::chrono::seconds kReloadEnds{2};
+// Its own discovery messages come back to the profile `homeassistant`.
+constexpr std::size_t kMaxDiscoveryBytes = std::size_t{4} << 20;
 constexpr std::size_t kMostBacklogBytes = std::size_t{64} << 20;
 
 /// Returns 8 hex digits, new at every start.
@@ -121,7 +124,8 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   const auto broker = std::ranges::find(config.brokers, what.broker, &BrokerConfig::name);
   if (broker != config.brokers.end() && !broker->commands) take_order = {};
   ProfileParts parts;
-  if (!config.store.path.empty()) {
+  const bool is_discovery = what.kind == ProfileConfig::Kind::homeassistant;
+  if (!config.store.path.empty() && !is_discovery) {
     StoreConfig own = config.store;
     own.path += "/" + name_of(what);
     parts.store = std::make_unique<Store>(own, utc_now());
@@ -141,6 +145,9 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
           std::make_unique<PlainProfile>(config, what, std::move(take_order), std::move(new_id));
       break;
     case ProfileConfig::Kind::homeassistant:
+      parts.profile = std::make_unique<HomeAssistantProfile>(
+          config, what, run.version, take_order ? HearsCommands::yes : HearsCommands::no);
+      break;
     case ProfileConfig::Kind::thingsboard:
       throw std::runtime_error("not built yet");
     case ProfileConfig::Kind::sparkplug:
@@ -155,7 +162,8 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   settings.backlog_bytes = run.backlog_bytes;
   settings.jitter_seed = seed;
   parts.broker = std::make_unique<PahoBroker>(
-      settings.mqtt, [profile = parts.profile.get()] { return profile->last_will(); }, wake);
+      settings.mqtt, [profile = parts.profile.get()] { return profile->last_will(); }, wake,
+      is_discovery ? kMaxDiscoveryBytes : kMaxMessageBytes);
   parts.outlet = std::make_unique<Outlet>(config, std::move(settings), *parts.profile,
                                           *parts.broker, utc_now, parts.guarded.get());
   return parts;

@@ -79,6 +79,10 @@ ProfileTopics profile_topics(const Config& config) {
                                                      group + "DCMD/" + profile.node + "/+"});
       if (!profile.host.empty())
         topics.in.push_back((profile.old_state ? "STATE/" : "spBv1.0/STATE/") + profile.host);
+    } else if (profile.kind == ProfileConfig::Kind::homeassistant) {
+      const std::string devices = profile.prefix + "/device/+/config";
+      topics.out.push_back(devices);
+      topics.in.insert(topics.in.end(), {devices, profile.prefix + "/status"});
     }
   }
   return topics;

@@ -42,11 +42,12 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
       history_(profile, outgoing_, refused_, spool_, dropped_) {}
 
 void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
+  for (const DeviceStatus& status : batch.states) profile_.device_state(status);
+  if (!profile_.wants_samples()) return;
   for (const auto& [device, count] : batch.dropped) {
     collected_ += count;
     dropped_.add(config_.devices.at(device).name, count);
   }
-  for (const DeviceStatus& status : batch.states) profile_.device_state(status);
   for (const Telemetry& sample : batch.telemetry) profile_.saw(sample);
   collected_ += batch.telemetry.size();
   const bool can_go =

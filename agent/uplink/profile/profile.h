@@ -32,6 +32,8 @@ class Profile : public SamplePayload {
   /// Processes a message on one of the subscriptions.
   virtual void hear(const Message& message, SteadyTime now) = 0;
 
+  /// False: the profile has no samples. Neither sample() nor history() is called then.
+  virtual bool wants_samples() const { return true; }
   virtual void device_state(const DeviceStatus& status) = 0;
   /// A sample has come from the field. It follows by sample(), or later as history.
   virtual void saw(const Telemetry& /*sample*/) {}
