@@ -16,13 +16,13 @@ namespace {
 
 using namespace test;
 
-struct Case {
+struct SyntaxCase {
   std::string_view text;
   std::string_view says;  ///< place, fault and cure
 };
 
-void expect_told(std::initializer_list<Case> cases, Comments comments = Comments::refused) {
-  for (const Case& c : cases) {
+void expect_told(std::initializer_list<SyntaxCase> cases, Comments comments = Comments::refused) {
+  for (const SyntaxCase& c : cases) {
     const auto tree = ConfigTree::parse(c.text, ConfigTree::Folding::tags, {}, comments);
     ASSERT_FALSE(tree) << c.text;
     EXPECT_NE(tree.error().text.find(c.says), std::string::npos) << tree.error().text;
@@ -31,66 +31,71 @@ void expect_told(std::initializer_list<Case> cases, Comments comments = Comments
 
 TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
   expect_told({
-      Case{"{\n  \"a\": 1, // the first\n  \"b\": 2\n}", "line 2, column 11: a comment"},
-      Case{"{\n  /* both */ \"a\": 1}", "line 2, column 3: a comment"},
-      Case{"# agent\n{}", "line 1, column 1: a comment"},
-      Case{"{\n  \"a\": 1\n  \"b\": 2}", "line 2, column 9: a comma is missing here"},
-      Case{"{\"a\": [1, 2]\n\n \"b\": 2}", "line 1, column 13: a comma is missing here"},
-      Case{"[{\"a\": 1}\n {\"a\": 2}]", "line 1, column 10: a comma is missing here"},
-      Case{"[\"a\"\n\"b\"]", "line 1, column 5: a comma is missing here"},
-      Case{"[true false]", "line 1, column 6: a comma is missing here"},
-      Case{"{\"a\": 1,\n}", "line 2, column 1: there is a comma before this }: remove"},
-      Case{"[1,]", "column 4: there is a comma before this ]: remove"},
-      Case{"[,1]", "column 2: there is nothing before this comma: remove"},
-      Case{"[1,,2]", "column 4: there is nothing before this comma: remove"},
-      Case{"{\"a\": , \"b\": 1}", "column 7: a value is missing before this comma"},
-      Case{"{\"a\": }", "column 7: a value is missing before this }"},
-      Case{"{\"a\"}", "column 5: a colon and a value are missing here"},
-      Case{"{\"a\", 1}", "column 5: a colon and a value are missing here"},
-      Case{"{\"a\" 1}", "column 5: a colon is missing here"},
-      Case{"{'a': 1}", "column 2: a single quote: JSON allows only double quotes (\")"},
-      Case{"{a: 1}", "column 2: the key has no quotes: write \"key\""},
-      Case{"{1: 1}", "column 2: a key needs double quotes"},
-      Case{"{\"a\": edge7}", "column 7: an unknown word. JSON has only"},
-      Case{"{\"a\": True}", "column 7: an unknown word. JSON has only"},
-      Case{"{\"devices\": [{\"tags\": [None]}]}", "column 24: an unknown word. JSON has only"},
-      Case{"{\"a\" = 1}", "column 5: a colon is missing here"},
-      Case{"{}}", "column 3: more text after the end"},
-      Case{"{\"a\": \"b,\n \"c\": 1}", "column 7: the string that begins here has no closing"},
-      Case{"{\"a\": \"b\\\"", "column 7: the string that begins here has no closing"},
-      Case{"{\"a\": [1, 2}", "column 12: a ] is missing before this }"},
-      Case{"[{\"a\": 1]", "column 9: a } is missing before this ]"},
-      Case{"{}\n{}", "line 2, column 1: more text after the end"},
-      Case{"\xEF\xBB\xBF{\"a\": 1,}", "there is a comma before this }"},
+      SyntaxCase{"{\n  \"a\": 1, // the first\n  \"b\": 2\n}", "line 2, column 11: a comment"},
+      SyntaxCase{"{\n  /* both */ \"a\": 1}", "line 2, column 3: a comment"},
+      SyntaxCase{"# agent\n{}", "line 1, column 1: a comment"},
+      SyntaxCase{"{\n  \"a\": 1\n  \"b\": 2}", "line 2, column 9: a comma is missing here"},
+      SyntaxCase{"{\"a\": [1, 2]\n\n \"b\": 2}", "line 1, column 13: a comma is missing here"},
+      SyntaxCase{"[{\"a\": 1}\n {\"a\": 2}]", "line 1, column 10: a comma is missing here"},
+      SyntaxCase{"[\"a\"\n\"b\"]", "line 1, column 5: a comma is missing here"},
+      SyntaxCase{"[true false]", "line 1, column 6: a comma is missing here"},
+      SyntaxCase{"{\"a\": 1,\n}", "line 2, column 1: there is a comma before this }: remove"},
+      SyntaxCase{"[1,]", "column 4: there is a comma before this ]: remove"},
+      SyntaxCase{"[,1]", "column 2: there is nothing before this comma: remove"},
+      SyntaxCase{"[1,,2]", "column 4: there is nothing before this comma: remove"},
+      SyntaxCase{"{\"a\": , \"b\": 1}", "column 7: a value is missing before this comma"},
+      SyntaxCase{"{\"a\": }", "column 7: a value is missing before this }"},
+      SyntaxCase{"{\"a\"}", "column 5: a colon and a value are missing here"},
+      SyntaxCase{"{\"a\", 1}", "column 5: a colon and a value are missing here"},
+      SyntaxCase{"{\"a\" 1}", "column 5: a colon is missing here"},
+      SyntaxCase{"{'a': 1}", "column 2: a single quote: JSON allows only double quotes (\")"},
+      SyntaxCase{"{a: 1}", "column 2: the key has no quotes: write \"key\""},
+      SyntaxCase{"{1: 1}", "column 2: a key needs double quotes"},
+      SyntaxCase{"{\"a\": edge7}", "column 7: an unknown word. JSON has only"},
+      SyntaxCase{"{\"a\": True}", "column 7: an unknown word. JSON has only"},
+      SyntaxCase{"{\"devices\": [{\"tags\": [None]}]}",
+                 "column 24: an unknown word. JSON has only"},
+      SyntaxCase{"{\"a\" = 1}", "column 5: a colon is missing here"},
+      SyntaxCase{"{}}", "column 3: more text after the end"},
+      SyntaxCase{"{\"a\": \"b,\n \"c\": 1}",
+                 "column 7: the string that begins here has no closing"},
+      SyntaxCase{"{\"a\": \"b\\\"", "column 7: the string that begins here has no closing"},
+      SyntaxCase{"{\"a\": [1, 2}", "column 12: a ] is missing before this }"},
+      SyntaxCase{"[{\"a\": 1]", "column 9: a } is missing before this ]"},
+      SyntaxCase{"{}\n{}", "line 2, column 1: more text after the end"},
+      SyntaxCase{"\xEF\xBB\xBF{\"a\": 1,}", "there is a comma before this }"},
   });
 }
 
 TEST(SyntaxFault, WhatItDoesNotKnowKeepsTheParsersWords) {
   expect_told({
-      Case{"{\"a\": 01}", "column 9: "},                      // read as 0, then another number
-      Case{"{\"a\": 1e999, // ten\n \"b\": 2}", "overflow"},  // the rest of the line is not checked
-      Case{"[\"\\x\" // \n]", "column 4: "},
-      Case{"{\"a\": {", "unexpected end of input"},
+      SyntaxCase{"{\"a\": 01}", "column 9: "},  // read as 0, then another number
+      SyntaxCase{"{\"a\": 1e999, // ten\n \"b\": 2}",
+                 "overflow"},  // the rest of the line is not checked
+      SyntaxCase{"[\"\\x\" // \n]", "column 4: "},
+      SyntaxCase{"{\"a\": {", "unexpected end of input"},
   });
 }
 
 TEST(SyntaxFault, ABracketThatIsNotClosedHasItsLine) {
   expect_told({
-      Case{"{\n \"a\": [1,\n  2\n", "unexpected end of input"},
-      Case{"{\n \"a\": [1,\n  2\n", "; the [ in line 2 is not closed"},
-      Case{"{\n \"a\": 1", "line 2, column 7: "},
-      Case{"{\n \"a\": 1", "; the { in line 1 is not closed"},
-      Case{"[\n{\"a\": 1\n]", "line 3, column 1: a } is missing before this ]; the { in line 2 is"},
-      Case{"{\"devices\": [\n{\"tags\": [\n{}\n}]}",
-           "line 4, column 1: a ] is missing before this }; the [ in line 2 is not closed"},
+      SyntaxCase{"{\n \"a\": [1,\n  2\n", "unexpected end of input"},
+      SyntaxCase{"{\n \"a\": [1,\n  2\n", "; the [ in line 2 is not closed"},
+      SyntaxCase{"{\n \"a\": 1", "line 2, column 7: "},
+      SyntaxCase{"{\n \"a\": 1", "; the { in line 1 is not closed"},
+      SyntaxCase{"[\n{\"a\": 1\n]",
+                 "line 3, column 1: a } is missing before this ]; the { in line 2 is"},
+      SyntaxCase{"{\"devices\": [\n{\"tags\": [\n{}\n}]}",
+                 "line 4, column 1: a ] is missing before this }; the [ in line 2 is not closed"},
   });
 }
 
 TEST(SyntaxFault, MarksOfCommentsAreNamed) {
   expect_told(
       {
-          Case{"{\n} /* end", "line 2, column 3: the comment that begins here has no closing */"},
-          Case{"# agent\n{}", "line 1, column 1: a comment begins with // and not with #"},
+          SyntaxCase{"{\n} /* end",
+                     "line 2, column 3: the comment that begins here has no closing */"},
+          SyntaxCase{"# agent\n{}", "line 1, column 1: a comment begins with // and not with #"},
       },
       Comments::allowed);
 }
