@@ -35,6 +35,7 @@
 #include "agent/uplink/profile/json_profile.h"
 #include "agent/uplink/profile/outlet.h"
 #include "agent/uplink/profile/plain_profile.h"
+#include "agent/uplink/profile/thingsboard_profile.h"
 #include "agent/uplink/publisher.h"
 #include "agent/uplink/sparkplug/sparkplug_profile.h"
 #include "agent/uplink/status/status_line.h"
@@ -142,8 +143,11 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
           std::make_unique<PlainProfile>(config, what, std::move(take_order), std::move(new_id));
       break;
     case ProfileConfig::Kind::homeassistant:
-    case ProfileConfig::Kind::thingsboard:
       throw std::runtime_error("not built yet");
+    case ProfileConfig::Kind::thingsboard:
+      parts.profile = std::make_unique<ThingsBoardProfile>(config, what, std::move(take_order),
+                                                           std::move(new_id));
+      break;
     case ProfileConfig::Kind::sparkplug:
       parts.profile =
           std::make_unique<SparkplugProfile>(config, what, std::move(take_order), std::move(new_id),
