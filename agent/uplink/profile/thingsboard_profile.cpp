@@ -11,20 +11,20 @@
 namespace fxagent {
 namespace {
 
-constexpr std::string_view kConnect = "v1/gateway/connect";
-constexpr std::string_view kDisconnect = "v1/gateway/disconnect";
-constexpr std::string_view kTelemetry = "v1/gateway/telemetry";
-constexpr std::string_view kAttributes = "v1/gateway/attributes";
-constexpr std::string_view kRpc = "v1/gateway/rpc";
+constexpr std::string_view kConnectTopic = "v1/gateway/connect";
+constexpr std::string_view kDisconnectTopic = "v1/gateway/disconnect";
+constexpr std::string_view kTelemetryTopic = "v1/gateway/telemetry";
+constexpr std::string_view kAttributesTopic = "v1/gateway/attributes";
+constexpr std::string_view kRpcTopic = "v1/gateway/rpc";
 
-constexpr std::string_view kSet = "set_";
-constexpr std::string_view kGet = "get_";
+constexpr std::string_view kSetMethod = "set_";
+constexpr std::string_view kGetMethod = "get_";
 // ThingsBoard refuses messages above 64 KiB by default.
 constexpr std::size_t kAttributeBytes = 16384;
 // Levels of a request: the message, its data, the params, a target, an array.
-constexpr int kMaxDepth = 8;
+constexpr int kMaxRequestDepth = 8;
 
-Publication publication(std::string_view topic, std::string payload) {
+Publication message_on(std::string_view topic, std::string payload) {
   Publication made;
   made.topic = topic;
   made.payload = std::move(payload);
@@ -37,16 +37,16 @@ std::string of_device(std::string_view device, std::string_view content) {
   return out.begin_object().key(device).raw(content).end_object().take();
 }
 
-Publication connect(const std::string& device, std::string_view type) {
+Publication connect_message(const std::string& device, std::string_view type) {
   json::Writer out;
   out.begin_object().key("device").string(device).key("type").string(type).end_object();
-  return publication(kConnect, out.take());
+  return message_on(kConnectTopic, out.take());
 }
 
-Publication disconnect(const std::string& device) {
+Publication disconnect_message(const std::string& device) {
   json::Writer out;
   out.begin_object().key("device").string(device).end_object();
-  return publication(kDisconnect, out.take());
+  return message_on(kDisconnectTopic, out.take());
 }
 
 // ---- samples ------------------------------------------------------------------------------------
@@ -72,7 +72,7 @@ bool write_reading(json::Writer& out, const RecordedReading& reading) {
   return true;
 }
 
-/// Returns {"ts":…,"values":{…}}; empty if there is nothing to say. `changes` gets the tags whose
+/// Returns {"ts":…,"values":{…}}; empty if it would have no values. `changes` gets the tags whose
 /// reason is not the one in `published`.
 std::string row_of(const SampleRecord& sample, const ThingsBoardProfile::Reasons& published,
                    Changes& changes) {
@@ -96,7 +96,7 @@ std::string row_of(const SampleRecord& sample, const ThingsBoardProfile::Reasons
   return row.key("values").raw(values.end_object().take()).end_object().take();
 }
 
-void note(const Changes& changes, ThingsBoardProfile::Reasons& published) {
+void remember(const Changes& changes, ThingsBoardProfile::Reasons& published) {
   for (const auto& [tag, bad] : changes) published.insert_or_assign(std::string(tag), bad);
 }
 
@@ -112,7 +112,7 @@ class ThingsBoardHistory final : public HistoryMessage {
     if (row.empty()) return true;
     if (!rows_.empty() && rows_.size() + row.size() + 2 > max_bytes_) return false;
     rows_ += (rows_.empty() ? "[" : ",") + row;
-    note(changes, reasons_);
+    remember(changes, reasons_);
     return true;
   }
   /// A profile's store has no rows of earlier versions.
@@ -155,7 +155,7 @@ std::vector<Publication> tag_attributes(const DeviceConfig& device) {
   std::string content;
   const auto flush = [&] {
     if (content.empty()) return;
-    messages.push_back(publication(kAttributes, of_device(device.name, "{" + content + "}")));
+    messages.push_back(message_on(kAttributesTopic, of_device(device.name, "{" + content + "}")));
     content.clear();
   };
   for (const TagConfig& tag : device.tags) {
@@ -190,7 +190,7 @@ std::optional<Request> parse_request(const std::string& text) {
     if (event == Event::object_end) open.pop_back();
     if (event == Event::key && !open.back().insert(value.get<std::string>()).second)
       request.is_faulty = true;
-    if (depth <= kMaxDepth) return true;
+    if (depth <= kMaxRequestDepth) return true;
     request.is_faulty = true;
     return false;
   };
@@ -220,11 +220,11 @@ std::optional<std::string> command_of(const nlohmann::json& data, const std::str
   json::Writer out;
   out.begin_object().key("id").string(id);
   if (!params.is_object() || !params.contains("expires")) out.key("expires").integer(expires_ms);
-  if (method.starts_with(kSet)) {
-    out.key("op").string("write").key("tag").string(method.substr(kSet.size()));
+  if (method.starts_with(kSetMethod)) {
+    out.key("op").string("write").key("tag").string(method.substr(kSetMethod.size()));
     out.key("value").raw(params.dump());
-  } else if (method.starts_with(kGet)) {
-    out.key("op").string("read").key("tag").string(method.substr(kGet.size()));
+  } else if (method.starts_with(kGetMethod)) {
+    out.key("op").string("read").key("tag").string(method.substr(kGetMethod.size()));
   } else {
     out.key("op").string(method);
     if (!op_from(method) || params.is_null()) return out.end_object().take();
@@ -259,7 +259,7 @@ void ThingsBoardProfile::prepare(std::uint32_t index) {
 
 std::vector<Subscription> ThingsBoardProfile::subscriptions() const {
   if (!take_order_) return {};
-  return {{std::string(kRpc), /*no_local=*/true}};
+  return {{std::string(kRpcTopic), /*no_local=*/true}};
 }
 
 void ThingsBoardProfile::connection_began(const Connected&) {
@@ -303,7 +303,8 @@ std::vector<Publication> ThingsBoardProfile::due(SteadyTime, std::int64_t) {
     messages.push_back(std::move(answers_.front()));
     answers_.pop_front();
   } else if (!gone_.empty()) {
-    for (const std::string& name : std::exchange(gone_, {})) messages.push_back(disconnect(name));
+    for (const std::string& name : std::exchange(gone_, {}))
+      messages.push_back(disconnect_message(name));
   } else if (!changed_.empty()) {
     messages = announce(changed_.extract(changed_.begin()).value());
   }
@@ -316,13 +317,14 @@ std::vector<Publication> ThingsBoardProfile::announce(std::uint32_t index) {
   const DeviceConfig& config = config_.devices.at(index);
   std::vector<Publication> messages;
   if (!std::exchange(device.is_connected, device.is_alive))
-    messages.push_back(connect(device.name, config.protocol == nullptr ? std::string_view("default")
-                                                                       : config.protocol->name));
+    messages.push_back(connect_message(device.name, config.protocol == nullptr
+                                                        ? std::string_view("default")
+                                                        : config.protocol->name));
   if (!std::exchange(device.is_described, true))
     for (Publication& each : tag_attributes(config)) messages.push_back(std::move(each));
-  messages.push_back(
-      publication(kAttributes, of_device(device.name, state_attributes(*states_.all().at(index)))));
-  if (!device.is_alive) messages.push_back(disconnect(device.name));
+  messages.push_back(message_on(
+      kAttributesTopic, of_device(device.name, state_attributes(*states_.all().at(index)))));
+  if (!device.is_alive) messages.push_back(disconnect_message(device.name));
   return messages;
 }
 
@@ -340,8 +342,8 @@ std::vector<Publication> ThingsBoardProfile::sample(const StreamKey& stream,
   Changes changes;
   const std::string row = row_of(sample, reasons, changes);
   if (row.empty()) return {};
-  note(changes, reasons);
-  return {publication(kTelemetry, of_device(stream.first, "[" + row + "]"))};
+  remember(changes, reasons);
+  return {message_on(kTelemetryTopic, of_device(stream.first, "[" + row + "]"))};
 }
 
 std::unique_ptr<HistoryMessage> ThingsBoardProfile::begin_history(std::size_t max_bytes) {
@@ -349,16 +351,17 @@ std::unique_ptr<HistoryMessage> ThingsBoardProfile::begin_history(std::size_t ma
 }
 
 std::vector<Publication> ThingsBoardProfile::history(const HistoryBatch& batch) {
-  Publication rows = publication(kTelemetry, of_device(batch.device, batch.payload));
+  Publication rows = message_on(kTelemetryTopic, of_device(batch.device, batch.payload));
   if (index_.contains(batch.device)) return {std::move(rows)};
   // A config change has removed the device.
-  return {connect(batch.device, "default"), std::move(rows), disconnect(batch.device)};
+  return {connect_message(batch.device, "default"), std::move(rows),
+          disconnect_message(batch.device)};
 }
 
 // ---- commands -----------------------------------------------------------------------------------
 
 void ThingsBoardProfile::hear(const Message& message, SteadyTime now) {
-  if (!take_order_ || message.topic != kRpc) return;
+  if (!take_order_ || message.topic != kRpcTopic) return;
   const auto request = parse_request(message.payload);
   if (!request)
     return log::warn("command_ignored",
@@ -381,7 +384,7 @@ void ThingsBoardProfile::hear(const Message& message, SteadyTime now) {
     if (session != session_) return;
     json::Writer out;
     out.begin_object().key("device").string(device).key("id").integer(id);
-    answers_.push_back(publication(kRpc, out.key("data").raw(result).end_object().take()));
+    answers_.push_back(message_on(kRpcTopic, out.key("data").raw(result).end_object().take()));
   };
   std::optional<std::string> command;
   if (!request->is_faulty)
