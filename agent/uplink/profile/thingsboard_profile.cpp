@@ -360,13 +360,17 @@ std::vector<Publication> ThingsBoardProfile::history(const HistoryBatch& batch) 
 
 // ---- commands -----------------------------------------------------------------------------------
 
-void ThingsBoardProfile::hear(const Message& message, SteadyTime now) {
+void ThingsBoardProfile::hear(const Message& message, SteadyTime) {
   if (!take_order_ || message.topic != kRpcTopic) return;
   const auto request = parse_request(message.payload);
   if (!request)
     return log::warn("command_ignored",
                      {{"topic", log::excerpt(message.topic)},
                       {"note", "it cannot be answered: not JSON, or no device or data.id"}});
+  if (std::ranges::find(config_.links, request->device, &LinkConfig::name) != config_.links.end())
+    return log::warn("command_ignored",
+                     {{"topic", log::excerpt(message.topic)},
+                      {"note", "commands for links come from the broker of mqtt only"}});
   std::chrono::milliseconds deadline = deadline_;
   if (const auto found = index_.find(request->device); found != index_.end())
     deadline = std::min<std::chrono::milliseconds>(
@@ -375,7 +379,6 @@ void ThingsBoardProfile::hear(const Message& message, SteadyTime now) {
   order.device = request->device;
   MessageProperties& properties = order;
   properties = message;
-  order.received = now;
   order.sender = name_;
   order.response_topic.clear();
   order.tell = [this, device = request->device, id = request->id,
