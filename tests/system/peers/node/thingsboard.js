@@ -90,10 +90,16 @@ const readers = {
 
 aedes.authenticate = (client, username, password, done) => {
   if (username !== token) print({type: "fault", why: `user name ${username}`});
+  // The first message may come before aedes calls the client ready.
+  gateway = client;
+  devices.clear();
+  pending.clear();
+  print({type: "session"});
   done(null, username === token);
 };
 aedes.authorizeSubscribe = (client, subscription, done) => done(null, subscription);
-aedes.authorizeForward = () => null;
+// Only what the server itself sends, which is a string here.
+aedes.authorizeForward = (client, packet) => (typeof packet.payload === "string" ? packet : null);
 aedes.authorizePublish = (client, packet, done) => {
   try {
     const kind = packet.topic.startsWith(base) ? packet.topic.slice(base.length) : "";
@@ -109,10 +115,6 @@ aedes.authorizePublish = (client, packet, done) => {
 };
 aedes.on("clientReady", (client) => {
   if (client.will) print({type: "fault", why: "a last will"});
-  gateway = client;
-  devices.clear();
-  pending.clear();
-  print({type: "session"});
 });
 aedes.on("subscribe", (subscriptions) => subscriptions.forEach(({topic}) => print({type: "subscribed", topic})));
 aedes.on("clientDisconnect", (client) => {
