@@ -1,11 +1,12 @@
-// The gateway API of a ThingsBoard server, by aedes: node thingsboard.js PORT TOKEN. As ThingsBoard it knows the gateway
-// by its access token, the user name, forwards nothing, and closes the connection after a message that it cannot read;
-// it is stricter in that a device must be connected first. It prints each event as a line of JSON:
-//   {"type": "telemetry", "device": "press1", "rows": [{"ts", "values"}]}    {"type": "attributes", "device", "values"}
-//   {"type": "connect", "device", "profile"}    {"type": "disconnect", "device"}    {"type": "answer", "device", "id", "data"}
-//   {"type": "session"}    {"type": "subscribed", "topic"}    {"type": "lost"}    {"type": "fault", "why"}
-// A line {"rpc": {"device", "method", "params"}, "retain": true} on its standard input sends a request with the next id,
-// from 0 on, and {"raw": "text"} a text instead. It ends with its standard input.
+// The gateway API of a ThingsBoard server, by aedes: node thingsboard.js PORT TOKEN. As ThingsBoard it knows the
+// gateway by its access token, the user name, forwards nothing, and closes the connection after a message that it
+// cannot read; it is stricter in that a device must be connected first. It prints each event as a line of JSON:
+//   {"type": "ready"}    {"type": "session"}    {"type": "subscribed", "topic"}    {"type": "lost"}
+//   {"type": "connect", "device": "press1", "profile"}    {"type": "disconnect", "device"}
+//   {"type": "telemetry", "device", "rows": [{"ts", "values"}]}    {"type": "attributes", "device", "values"}
+//   {"type": "answer", "device", "id", "data"}    {"type": "fault", "why"}
+// A line {"rpc": {"device", "method", "params"}, "retain": true} on its standard input sends a request with the next
+// id, from 0 on, and {"raw": "text"} a text instead. It ends with its standard input.
 "use strict";
 const net = require("net");
 const aedes = require("aedes")();
@@ -33,7 +34,8 @@ function mustBeValues(values) {
   must(isObject(values) && Object.keys(values).length > 0, "no values");
   for (const [key, value] of Object.entries(values)) {
     must(key !== "", "an empty key");
-    must(["number", "string", "boolean"].includes(typeof value) || isObject(value), `${key} is ${JSON.stringify(value)}`);
+    must(["number", "string", "boolean"].includes(typeof value) || isObject(value),
+         `${key} is ${JSON.stringify(value)}`);
     must(typeof value !== "number" || !Number.isInteger(value) || Number.isSafeInteger(value), `${key} is not exact`);
   }
 }
@@ -109,7 +111,8 @@ aedes.authorizePublish = (client, packet, done) => {
     readers[kind](JSON.parse(packet.payload.toString("utf8")));
     done(null);
   } catch (error) {
-    print({type: "fault", why: error.message, topic: packet.topic, payload: packet.payload.toString("utf8").slice(0, 500)});
+    print({type: "fault", why: error.message, topic: packet.topic,
+           payload: packet.payload.toString("utf8").slice(0, 500)});
     done(error);
   }
 };
