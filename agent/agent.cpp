@@ -36,6 +36,7 @@
 #include "agent/uplink/profile/json_profile.h"
 #include "agent/uplink/profile/outlet.h"
 #include "agent/uplink/profile/plain_profile.h"
+#include "agent/uplink/profile/thingsboard_profile.h"
 #include "agent/uplink/publisher.h"
 #include "agent/uplink/sparkplug/sparkplug_profile.h"
 #include "agent/uplink/status/status_line.h"
@@ -149,7 +150,9 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
           config, what, run.version, take_order ? HearsCommands::yes : HearsCommands::no);
       break;
     case ProfileConfig::Kind::thingsboard:
-      throw std::runtime_error("not built yet");
+      parts.profile = std::make_unique<ThingsBoardProfile>(config, what, std::move(take_order),
+                                                           std::move(new_id));
+      break;
     case ProfileConfig::Kind::sparkplug:
       parts.profile = std::make_unique<SparkplugProfile>(config, what, std::move(take_order),
                                                          std::move(new_id), utc_now);

@@ -237,7 +237,7 @@ class BrokerLook final {
   PahoBroker broker_;  // last: its callbacks use the semaphore
 };
 
-std::vector<OnlineBroker> asked_brokers(const Config& config) {
+std::vector<OnlineBroker> online_brokers(const Config& config) {
   // Uses its own client id: the agent's id would disconnect the running agent.
   MqttConfig mqtt = config.mqtt;
   mqtt.client_id += "-check-" + eight_digits();
@@ -257,7 +257,7 @@ int run_online_check(const Config& config, const std::string& path, bool as_json
   OnlineFindings findings;
   findings.path = path;
   findings.links = links_of(config, path);
-  findings.brokers = asked_brokers(config);
+  findings.brokers = online_brokers(config);
 
   OnlineDevices devices(config);
   std::vector<std::uint32_t> free_ones;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -81,6 +82,30 @@ void read_plain(ConfigReader& reader, const ConfigNode& node, const Config& conf
   if (const auto fault = topic_fault(*topics, config)) reader.error(at, *fault);
 }
 
+/// Returns why a tag and another one would share a key in ThingsBoard, which has {tag}_bad for the
+/// reason and {tag}_0, {tag}_1 … for the elements of an array.
+std::optional<std::string> key_fault(const Config& config) {
+  for (const DeviceConfig& device : config.devices) {
+    std::map<std::string, const Point*> points;
+    for (const TagConfig& tag : device.tags) points.emplace(std::string(tag.name), &tag.point);
+    for (const auto& [name, point] : points) {
+      const std::size_t end = name.rfind('_');
+      if (end == name.npos) continue;
+      const auto other = points.find(name.substr(0, end));
+      if (other == points.end()) continue;
+      const std::string last = name.substr(end + 1);
+      bool is_shared = last == "bad";
+      for (int i = 0; other->second->is_array && i < other->second->count; ++i)
+        is_shared = is_shared || last == std::to_string(i);
+      if (is_shared)
+        return "the tag " + name + " of " + device.name +
+               " has a key that ThingsBoard also gets for the tag " + other->first +
+               ": rename one of them";
+    }
+  }
+  return std::nullopt;
+}
+
 /// Returns why `text` cannot be a Sparkplug id; empty if it can.
 std::string_view id_fault(std::string_view text) {
   return text.find_first_of("/+#") == text.npos ? ""sv : "must not have /, + or #"sv;
@@ -150,6 +175,8 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
     if (profile.kind == ProfileConfig::Kind::sparkplug)
       read_sparkplug(reader, node, config, profile);
     if (profile.kind == ProfileConfig::Kind::homeassistant) read_prefix(reader, node, profile);
+    if (profile.kind == ProfileConfig::Kind::thingsboard)
+      if (const auto fault = key_fault(config)) reader.error(node, *fault);
     profile.deadline =
         reader.integer_as<std::chrono::seconds>(node, config_key("profiles[].deadline_s"));
     if (!names.insert(name_of(profile)).second)

@@ -85,5 +85,21 @@ TEST(ProfilesConfig, EachTagNeedsATopicOfItsOwn) {
   expect_error(plant.dump(), "/profiles/2", {"state of press1", "the agent uses itself"});
 }
 
+TEST(ProfilesConfig, ThingsBoardNeedsAKeyForEachValue) {
+  json plant = json::parse(with_profiles(R"({"kind": "thingsboard", "broker": "cloud"})"));
+  const auto with_tags = [&](const std::string& tags) {
+    plant["devices"][0]["tags"] = json::parse(tags);
+    return plant.dump();
+  };
+  good(with_tags(R"([{"name": "a", "address": "D1"}, {"name": "a_0", "address": "D2"},
+                     {"name": "b", "address": "D10", "count": 3}, {"name": "b_3", "address": "D4"},
+                     {"name": "b_00", "address": "D5"}, {"name": "c_bad", "address": "D6"}])"));
+  expect_error(with_tags(R"([{"name": "a", "address": "D1"}, {"name": "a_bad", "address": "D2"}])"),
+               "/profiles/2", {"a_bad of press1", "rename"});
+  expect_error(with_tags(R"([{"name": "a_2", "address": "D1"},
+                             {"name": "a", "address": "D2", "count": 3}])"),
+               "/profiles/2", {"a_2 of press1", "the tag a:"});
+}
+
 }  // namespace
 }  // namespace fxagent
