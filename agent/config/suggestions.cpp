@@ -128,7 +128,8 @@ enum class Range : std::uint8_t { near, all };
 /// in that range has it, or more than 2 do.
 std::string home_of(std::string_view key, std::string_view section, Range range) {
   std::vector<std::string_view> homes;
-  for (const ConfigKey& known : config_keys::kAll) {
+  for (const ConfigKey& known : config_keys::kWritten) {
+    if (known.section == "profiles[]") continue;  // its `broker` and `host` are rarely meant
     const bool is_near = section.empty() || known.section.empty() ||
                          first_level(known.section) == first_level(section);
     if (known.name == key && (is_near || range == Range::all)) homes.push_back(known.section);

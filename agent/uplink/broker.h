@@ -33,7 +33,7 @@ struct Publication {
 /// The last will. The broker publishes it with QoS 1 when the connection ends without a DISCONNECT.
 /// Without a topic there is none.
 struct Will {
-  std::string topic;  ///< empty: no last will
+  std::string topic;
   std::string payload;
   Retain retain = Retain::yes;
 };

@@ -18,19 +18,23 @@ namespace {
 
 using std::string_view_literals::operator""sv;
 
-/// Replaces `{name}` with the value of the key `name`, if `text` has it.
-void put_name(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key,
+/// Replaces `{name}` with the value of the key `name`, if `text` has it. Returns false, and reports
+/// that, if there is no value.
+bool put_name(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key,
               std::string& text) {
   const std::string place = "{" + std::string(key.name) + "}";
   const auto value = reader.text(node, key);
   const std::size_t at = text.find(place);
   if (at == text.npos) {
     if (value) reader.warn(*node.find(key.name), "has no effect: the topic has no " + place);
-    return;
+    return true;
   }
-  if (!value)
-    return reader.error(node, "the topic has " + place + ": set " + std::string(key.name));
+  if (!value) {
+    reader.error(node, "the topic has " + place + ": set " + std::string(key.name));
+    return false;
+  }
   text.replace(at, place.size(), *value);
+  return true;
 }
 
 /// Returns the topics that the agent has without this profile.
@@ -73,9 +77,10 @@ void read_plain(ConfigReader& reader, const ConfigNode& node, const Config& conf
                 ProfileConfig& profile) {
   const ConfigKey& key = config_key("profiles[].topic");
   profile.topic = reader.text(node, key).value_or(std::string(key.word()));
-  put_name(reader, node, config_key("profiles[].site"), profile.topic);
-  put_name(reader, node, config_key("profiles[].area"), profile.topic);
-  put_name(reader, node, config_key("profiles[].line"), profile.topic);
+  const std::array known{put_name(reader, node, config_key("profiles[].site"), profile.topic),
+                         put_name(reader, node, config_key("profiles[].area"), profile.topic),
+                         put_name(reader, node, config_key("profiles[].line"), profile.topic)};
+  if (std::ranges::find(known, false) != known.end()) return;
   const ConfigNode& at = node.find("topic") != nullptr ? *node.find("topic") : node;
   const auto topics = PlainTopic::parse(profile.topic, config.root, config.id);
   if (!topics) return reader.error(at, topics.error());

@@ -21,7 +21,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::int64_t kUtc = 1790000000000;
+constexpr std::int64_t kStartMs = 1790000000000;
 
 DeviceStatus status(std::uint32_t device, DeviceStatus::State state) {
   DeviceStatus made;
@@ -43,13 +43,13 @@ class OutletTest : public testing::TestWithParam<ProfileConfig::Kind> {
     const auto new_id = [this] { return "id-" + std::to_string(++ids_); };
     if (what.kind == ProfileConfig::Kind::sparkplug)
       profile_ = std::make_unique<SparkplugProfile>(config_, what, take_order, new_id,
-                                                    [] { return kUtc; });
+                                                    [] { return kStartMs; });
     else if (what.kind == ProfileConfig::Kind::plain)
       profile_ = std::make_unique<PlainProfile>(config_, what, take_order, new_id);
     else
-      profile_ =
-          std::make_unique<JsonProfile>(config_, "9f3c21aa", "0.1.0", kUtc, "cloud", take_order);
-    store_ = std::make_unique<Store>(config_.store, kUtc);
+      profile_ = std::make_unique<JsonProfile>(config_, "9f3c21aa", "0.1.0", kStartMs, "cloud",
+                                               take_order);
+    store_ = std::make_unique<Store>(config_.store, kStartMs);
     guarded_ = std::make_unique<GuardedStore>(*store_, [] {});
     Outlet::Settings settings;
     settings.name = name_of(what);
@@ -57,7 +57,7 @@ class OutletTest : public testing::TestWithParam<ProfileConfig::Kind> {
     settings.boot = "9f3c21aa";
     if (what.kind == ProfileConfig::Kind::sparkplug) settings.marker_topic = "mark";
     outlet_ = std::make_unique<Outlet>(
-        config_, settings, *profile_, broker_, [] { return kUtc; }, guarded_.get());
+        config_, settings, *profile_, broker_, [] { return kStartMs; }, guarded_.get());
   }
 
   void settle(SteadyTime::duration time = 0ms) {

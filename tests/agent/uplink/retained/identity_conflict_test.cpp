@@ -11,8 +11,8 @@ const std::string kOwn = R"({"state":"online","boot":"mine"})";
 const std::string kOther = R"({"state":"online","boot":"0ther"})";
 const SteadyTime kNow{};
 
-struct Connected {
-  Connected() { conflict.connection_began("mqtt://a", kNow, 60s); }
+struct ConnectedAgent {
+  ConnectedAgent() { conflict.connection_began("mqtt://a", kNow, 60s); }
   bool unheard_at(SteadyTime::duration after, bool held = false) {
     conflict.keep(kNow + after, held);
     return conflict.take_unheard();
@@ -21,7 +21,7 @@ struct Connected {
 };
 
 TEST(IdentityConflict, OwnStateThatDoesNotComeBackIsToldOnce) {
-  Connected a;
+  ConnectedAgent a;
   EXPECT_EQ(a.conflict.next_wake(), kNow + 30s);
   EXPECT_FALSE(a.unheard_at(29s));
   EXPECT_TRUE(a.unheard_at(30s));
@@ -35,21 +35,21 @@ TEST(IdentityConflict, OwnStateThatDoesNotComeBackIsToldOnce) {
 }
 
 TEST(IdentityConflict, OwnStateThatComesBackIsNoNews) {
-  Connected a;
+  ConnectedAgent a;
   a.conflict.heard(kOther, kNow + 1s);
   a.conflict.heard(kOwn, kNow + 2s);
   EXPECT_FALSE(a.unheard_at(60s));
 }
 
 TEST(IdentityConflict, OwnStateMayWaitBehindWhatIsNotLetIn) {
-  Connected a;
+  ConnectedAgent a;
   EXPECT_FALSE(a.unheard_at(29s, true));
   EXPECT_FALSE(a.unheard_at(33s));
   EXPECT_TRUE(a.unheard_at(34s));
 }
 
 TEST(IdentityConflict, SixteenOtherAgentsAreEnough) {
-  Connected a;
+  ConnectedAgent a;
   const auto say = [&](int number, const std::string& state) {
     a.conflict.heard(R"({"state":")" + state + R"(","boot":"b)" + std::to_string(number) + R"("})",
                      kNow);
@@ -64,7 +64,7 @@ TEST(IdentityConflict, SixteenOtherAgentsAreEnough) {
 
 TEST(IdentityConflict, LongStateIsNotRead) {
   for (const std::size_t length : {3000U, 5000U}) {
-    Connected a;
+    ConnectedAgent a;
     a.conflict.heard(
         R"({"state":"online","boot":"0ther","more":")" + std::string(length, 'x') + R"("})", kNow);
     EXPECT_EQ(a.conflict.other().has_value(), length == 3000U);
@@ -72,7 +72,7 @@ TEST(IdentityConflict, LongStateIsNotRead) {
 }
 
 TEST(IdentityConflict, WithoutAConnectionNothingIsMissed) {
-  Connected a;
+  ConnectedAgent a;
   a.conflict.connection_ended();
   EXPECT_FALSE(a.unheard_at(60s));
 }

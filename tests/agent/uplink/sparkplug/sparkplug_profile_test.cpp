@@ -17,7 +17,7 @@ namespace {
 using namespace std::chrono_literals;
 using sparkplug::PrimaryHost;
 
-constexpr std::int64_t kUtc = 1790000000000;
+constexpr std::int64_t kBornMs = 1790000000000;
 
 // Frames of a gateway's manual: Elecsys, Sparkplug-B MQTT payload format.
 constexpr const char* kRebirth =
@@ -38,7 +38,7 @@ class SparkplugTest : public testing::Test {
     what.host = host_;
     profile_.emplace(
         config_, what, [this](Order order) { orders_.push_back(std::move(order)); },
-        [] { return std::string("id-1"); }, [] { return kUtc; });
+        [] { return std::string("id-1"); }, [] { return kBornMs; });
   }
   void device(DeviceStatus::State state, std::uint32_t index = 0) {
     DeviceStatus status;
@@ -56,7 +56,7 @@ class SparkplugTest : public testing::Test {
   /// Returns the topics that are due, without what all have in common.
   std::vector<std::string> due() {
     std::vector<std::string> topics;
-    for (const Publication& each : profile_->due(now_, kUtc)) {
+    for (const Publication& each : profile_->due(now_, kBornMs)) {
       EXPECT_EQ(each.qos, 0);
       EXPECT_EQ(each.retain, Retain::no);
       topics.push_back(each.topic.substr(std::string("spBv1.0/plant-a/").size()));
