@@ -63,12 +63,15 @@ std::optional<std::string> topic_fault(const PlainTopic& topics, const Config& c
   for (const DeviceConfig& device : config.devices)
     for (const TagConfig& tag : device.tags) {
       const std::string topic = topics.of(device.name, device.groups.at(tag.group).name, tag.name);
-      const std::string place = "the tag " + std::string(tag.name) + " of " + device.name;
+      const auto gives = [&, name = std::string(tag.name)](const std::string& what) {
+        std::string text = "gives the tag ";
+        return text.append(name).append(" of ").append(device.name).append(" the topic ") += what;
+      };
       for (const char* level : {"", "/set", "/result", "/history"})
         if (own.contains(topic + level))
-          return "gives " + place + " the topic " + topic + level + ", which the agent uses itself";
+          return gives(topic + level + ", which the agent uses itself");
       if (!taken.insert(topic).second)
-        return "gives " + place + " the topic " + topic + ", which another tag has: use {device}";
+        return gives(topic + ", which another tag has: use {device}");
     }
   return std::nullopt;
 }
