@@ -1,9 +1,10 @@
-// A Sparkplug host for one edge node, by sparkplug-payload and mqtt.js: node sparkplug_host.js PORT GROUP NODE. It
+// A Sparkplug host for one edge node, by sparkplug-payload and mqtt.js: node sparkplug_host.js PORT GROUP NODE [late]. It
 // keeps the rules of Sparkplug 3.0 for the node's messages, and prints each message as a line of JSON:
 //   {"type": "DDATA", "device": "press1", "seq": 7, "metrics": [{"name", "value", "ts", "historical", "quality", "why"}],
 //    "faults": ["what breaks a rule"]}
 // A line {"rebirth": "DEVICE or NODE"} on its standard input asks for a rebirth, {"write": {"device", "name" or "alias",
 // "value"}} sends a DCMD, {"state": true or false} publishes its own state. It ends with its standard input.
+// If it joins a session, because it is "late" or was disconnected, it asks for a rebirth and judges nothing until then.
 "use strict";
 const mqtt = require("mqtt");
 const {get} = require("sparkplug-payload");
@@ -16,6 +17,8 @@ const numbers = {Int16: 2, Int32: 3, Int64: 4, UInt16: 6, UInt32: 7, UInt64: 8, 
                  String: 12};
 let session = null;  // {bdSeq, seq, devices: {name: {alias: {name, type}}}, aliases}
 let lastBdSeq = null;
+let joins = process.argv[5] === "late";
+let askedAt = 0;
 
 const print = (event) => process.stdout.write(JSON.stringify(event) + "\n");
 const has = (object, key) => Object.prototype.hasOwnProperty.call(object, key);
@@ -83,6 +86,17 @@ function readBirth(metrics, faults) {
   return known;
 }
 
+// True if the message belongs to a session whose births this host has missed.
+function misses(type) {
+  if (type === "NBIRTH") joins = false;
+  if (!joins || session || type === "NDEATH") return false;
+  if (Date.now() > askedAt + 1000) {
+    askedAt = Date.now();
+    command("NCMD", null, [{name: "Node Control/Rebirth", datatype: 11, booleanValue: true}]);
+  }
+  return true;
+}
+
 function judge(type, device, payload, packet) {
   const faults = [];
   const metrics = payload.metrics || [];
@@ -138,11 +152,15 @@ const command = (kind, device, metrics) => client.publish(
   `${base}/${kind}/${node}` + (device ? `/${device}` : ""),
   Buffer.from(proto.encode({timestamp: Date.now(), metrics}).finish()), {qos: 1});
 client.on("connect", () => client.subscribe(`${base}/+/${node}/#`, {qos: 1, rap: true}, () => print({type: "ready"})));
-client.on("close", () => { session = null; });
+client.on("close", () => {
+  session = null;
+  joins = true;
+});
 client.on("error", () => {});
 client.on("message", (topic, payload, packet) => {
   const [, , type, , device] = topic.split("/");
   if (!["NBIRTH", "NDEATH", "DBIRTH", "DDEATH", "DDATA", "NDATA"].includes(type)) return;
+  if (misses(type)) return print({type: "missed"});
   judge(type, device || null, proto.toObject(proto.decode(payload)), packet);
 });
 
