@@ -3,7 +3,7 @@
     FXAGENT=build-bench/agent/fxagent FXSIM=build-bench/tests/sim/fxsim tests/bench/profiles.py [--devices N] [--seconds N]
 Each profile runs with `json` in one agent; the agent with `json` alone is measured before and after it, and what the
 profile costs is the difference to their mean. Bytes are those of the payloads that a subscriber receives. Of the
-registers of a device, one in `--changing` counts up; the others stay.
+tags of a device, one in `--changing` is a register that counts up; the others are coils, which stay.
 """
 
 import argparse
@@ -52,7 +52,8 @@ class Counter:
 
 
 def start(directory, broker, first, devices, profiles, changing):
-    tags = [{"name": f"t{t}", "address": f"hr:{t if t % changing == 0 else 20000 + t}", "type": "int16"} for t in range(100)]
+    tags = [{"name": f"t{t}", "address": f"hr:{t}", "type": "int16"} if t % changing == 0 else
+            {"name": f"t{t}", "address": f"co:{t}"} for t in range(100)]
     config = {"agent": {"id": "bench"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker}"]},
               "links": [{"name": f"l{n}", "tcp": {"host": "127.0.0.1", "port": first + n}} for n in range(devices)],
               "devices": [{"name": f"d{n}", "link": f"l{n}", "protocol": "modbus-tcp", "tags": tags}
@@ -84,7 +85,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--devices", type=int, default=1000)
     parser.add_argument("--seconds", type=int, default=15)
-    parser.add_argument("--changing", type=int, default=1, help="one register in N changes")
+    parser.add_argument("--changing", type=int, default=1, help="one tag in N changes")
     given = parser.parse_args()
     children = []
     with tempfile.TemporaryDirectory() as directory:
