@@ -62,6 +62,7 @@ std::optional<OutgoingHistory> SampleSpool::next(
     count_dropped();
     if (batch) return OutgoingHistory{std::move(*batch), true};
   }
+  if (backlog_.rows() == 0) return std::nullopt;
   auto batch = backlog_.next(*payload.begin_history(max_bytes), from_memory);
   count_dropped();
   if (batch) return OutgoingHistory{std::move(*batch), false};
