@@ -138,9 +138,11 @@ void PlainProfile::hear(const Message& message, SteadyTime) {
   json::Writer command;
   command.begin_object().key("id").string(new_id_()).key("op").string("write");
   command.key("tag").string(tag).key("value");
-  // Text that is not JSON becomes a string, which a number's tag refuses with a reason.
-  nlohmann::json::accept(message.payload) ? command.raw(message.payload)
-                                          : command.string(message.payload);
+  // Text that is not JSON becomes a string, which a number's tag refuses with a reason. The library
+  // would read a NUL as the end of the text.
+  const bool is_json =
+      message.payload.find('\0') == std::string::npos && nlohmann::json::accept(message.payload);
+  is_json ? command.raw(message.payload) : command.string(message.payload);
   order.payload = command.end_object().take();
   take_order_(std::move(order));
 }
