@@ -122,8 +122,8 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
                           std::uint32_t seed) {
   const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
   const auto wake = [&outbox] { outbox.notify(); };
-  const auto broker = std::ranges::find(config.brokers, what.broker, &BrokerConfig::name);
-  if (broker != config.brokers.end() && !broker->commands) take_order = {};
+  const BrokerConfig* broker = broker_named(config, what.broker);
+  if (broker != nullptr && !broker->commands) take_order = {};
   ProfileParts parts;
   const bool is_discovery = what.kind == ProfileConfig::Kind::homeassistant;
   if (!config.store.path.empty() && !is_discovery) {

@@ -57,6 +57,9 @@ struct DeviceStatus {
   /// Codec that interprets the device's addresses: the config's, or the one for the detected model.
   /// Null: unchanged. Both threads read it; neither modifies it.
   std::shared_ptr<const Codec> codec{};
+
+  /// True if the device answers, at least to a part of what is read.
+  bool is_alive() const { return state >= State::degraded; }
 };
 std::string_view to_string(DeviceStatus::State state);
 

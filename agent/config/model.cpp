@@ -46,9 +46,14 @@ std::string channel_text(const LinkConfig& link) {
   return "tcp " + tcp.host + ":" + std::to_string(tcp.port);
 }
 
-const MqttConfig& broker_of(const Config& config, const std::string& name) {
+const BrokerConfig* broker_named(const Config& config, const std::string& name) {
   const auto found = std::ranges::find(config.brokers, name, &BrokerConfig::name);
-  return found == config.brokers.end() ? config.mqtt : found->mqtt;
+  return found == config.brokers.end() ? nullptr : &*found;
+}
+
+const MqttConfig& broker_of(const Config& config, const std::string& name) {
+  const BrokerConfig* broker = broker_named(config, name);
+  return broker == nullptr ? config.mqtt : broker->mqtt;
 }
 
 std::vector<std::pair<std::string, const MqttConfig*>> brokers_of(const Config& config) {

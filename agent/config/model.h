@@ -217,6 +217,8 @@ struct ProfileConfig {
   bool old_state = false;  ///< sparkplug: the host's state is in the form before 3.0
   friend bool operator==(const ProfileConfig&, const ProfileConfig&) = default;
 };
+/// Returns the broker with this name; nullptr if none of `brokers` has it.
+const BrokerConfig* broker_named(const Config& config, const std::string& name);
 /// Returns the settings of the broker with this name; those of `mqtt` if it is empty or unknown.
 const MqttConfig& broker_of(const Config& config, const std::string& name);
 /// Returns the settings of every broker, with their place in the file: "/mqtt", "/brokers/0" …

@@ -113,7 +113,7 @@ class Examination final {
       const DeviceStatus* state = d < status_.devices.size() ? status_.devices[d].get() : nullptr;
       Link& link = links_.at(device.link);
       ++link.devices;
-      if (state != nullptr && state->state >= State::degraded) ++online_;
+      if (state != nullptr && state->is_alive()) ++online_;
       if (state != nullptr && state->state != State::online) link.wrong.push_back(d);
       if (state != nullptr && state->state == State::offline && state->reason != "starting")
         ++link.silent;

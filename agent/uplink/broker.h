@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -29,6 +30,15 @@ struct Publication {
   Retain retain = Retain::no;
   Bytes correlation;  ///< MQTT 5 correlation data; empty: none
 };
+
+/// Returns a retained message, with QoS 1. An empty payload clears the topic.
+inline Publication retained(std::string topic, std::string payload = {}) {
+  Publication made;
+  made.topic = std::move(topic);
+  made.payload = std::move(payload);
+  made.retain = Retain::yes;
+  return made;
+}
 
 /// The last will. The broker publishes it with QoS 1 when the connection ends without a DISCONNECT.
 /// Without a topic there is none.

@@ -22,11 +22,8 @@ void ConfigTopics::report(std::string text, std::string audit) {
 }
 
 Publication ConfigTopics::take_report() {
-  Publication publication;
-  publication.topic = topic_;
-  publication.payload = report_.value_or("");
+  Publication publication = retained(topic_, report_.value_or(""));
   if (publication.payload.empty()) report_.reset();  // cleared once
-  publication.retain = Retain::yes;
   return publication;
 }
 

@@ -48,11 +48,8 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
                                                 own_topics_.conflict());
                  },
                  [this](SteadyTime now) {
-                   Publication publication;
-                   publication.topic = config_.base_topic() + "/health";
-                   publication.payload = json::health(*status_.at(now), config_);
-                   publication.retain = Retain::yes;
-                   return publication;
+                   return retained(config_.base_topic() + "/health",
+                                   json::health(*status_.at(now), config_));
                  },
                  [this] { return configs_.take_report(); }}),
       results_(config, commands, outgoing_, backoff_, utc_ms_),

@@ -103,6 +103,22 @@ def first_paints(port, count=5):
     return [[round(answer) for answer in answers[n::5]] for n in (1, 3, 4)]
 
 
+def start_servers(directory, devices, seconds, children):
+    """Starts a broker and the simulated devices for so many seconds, and adds them to `children`. Returns the port of the
+    broker and that of the first device."""
+    broker, first = free_port(), 21000
+    with open(os.path.join(directory, "broker.conf"), "w") as out:
+        out.write(f"listener {broker} 127.0.0.1\nallow_anonymous true\nmax_queued_messages 0\n")
+    children.append(subprocess.Popen(["/usr/sbin/mosquitto", "-c", out.name], stderr=subprocess.DEVNULL))
+    with open(os.path.join(directory, "sim.json"), "w") as out:
+        json.dump({"plcs": [{"name": "d{}", "protocol": "modbus-tcp", "tcp": first, "repeat": devices,
+                             "plant": "counter"}]}, out)
+    children.append(subprocess.Popen([os.environ["FXSIM"], "--config", out.name, "--seconds", str(seconds)],
+                                     stdout=subprocess.DEVNULL))
+    time.sleep(3)
+    return broker, first
+
+
 def start(directory, broker, first, devices, http_port, section="http"):
     config = {"agent": {"id": f"bench{http_port}"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker}"]},
               "links": [{"name": f"l{n}", "tcp": {"host": "127.0.0.1", "port": first + n}} for n in range(devices)],
@@ -127,16 +143,8 @@ def main():
     children = []
     with tempfile.TemporaryDirectory() as directory:
         try:
-            broker, http_port, first = free_port(), free_port(), 21000
-            with open(os.path.join(directory, "broker.conf"), "w") as out:
-                out.write(f"listener {broker} 127.0.0.1\nallow_anonymous true\n")
-            children.append(subprocess.Popen(["/usr/sbin/mosquitto", "-c", out.name], stderr=subprocess.DEVNULL))
-            with open(os.path.join(directory, "sim.json"), "w") as out:
-                json.dump({"plcs": [{"name": "d{}", "protocol": "modbus-tcp", "tcp": first, "repeat": given.devices,
-                                     "plant": "counter"}]}, out)
-            children.append(subprocess.Popen([os.environ["FXSIM"], "--config", out.name, "--seconds", str(300 + 12 * given.seconds)],
-                                             stdout=subprocess.DEVNULL))
-            time.sleep(3)
+            http_port = free_port()
+            broker, first = start_servers(directory, given.devices, 300 + 12 * given.seconds, children)
             for name, port in (("no http", 0), ("metrics without a page", http_port)):
                 without = start(directory, broker, first, given.devices, port, "metrics")
                 if port:

@@ -10,16 +10,13 @@ import argparse
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import threading
 import time
 
 import paho.mqtt.client as mqtt
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-from pages import cpu_s, memory_mib
-from ports import free_port
+from pages import cpu_s, memory_mib, start_servers
 
 PROFILES = {"plain": {"kind": "plain", "topic": "plain/{device}/{tag}"},
             "sparkplug": {"kind": "sparkplug", "group": "bench"}}
@@ -90,16 +87,7 @@ def main():
     children = []
     with tempfile.TemporaryDirectory() as directory:
         try:
-            broker, first = free_port(), 21000
-            with open(os.path.join(directory, "broker.conf"), "w") as out:
-                out.write(f"listener {broker} 127.0.0.1\nallow_anonymous true\nmax_queued_messages 0\n")
-            children.append(subprocess.Popen(["/usr/sbin/mosquitto", "-c", out.name], stderr=subprocess.DEVNULL))
-            with open(os.path.join(directory, "sim.json"), "w") as out:
-                json.dump({"plcs": [{"name": "d{}", "protocol": "modbus-tcp", "tcp": first, "repeat": given.devices,
-                                     "plant": "counter"}]}, out)
-            children.append(subprocess.Popen([os.environ["FXSIM"], "--config", out.name, "--seconds", "900"],
-                                             stdout=subprocess.DEVNULL))
-            time.sleep(3)
+            broker, first = start_servers(directory, given.devices, 900, children)
             before = measure(given, directory, broker, first, "json")
             print(f"json: {before[0]:.1f} % CPU, {before[1]:.1f} MiB, {before[2] / 1e3:.0f} kB/s", flush=True)
             for name in PROFILES:

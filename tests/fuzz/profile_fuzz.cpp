@@ -33,7 +33,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     what.kind = ProfileConfig::Kind::plain;
     PlainProfile profile(config, what, take, new_id);
     message.topic = "fx/plant-a/edge7/press1/setpoint/set";
-    profile.hear(message, SteadyTime{});
+    profile.hear(message);
     return 0;
   }
   what.kind = ProfileConfig::Kind::sparkplug;
@@ -44,7 +44,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                                     "spBv1.0/STATE/h"};
   message.topic = topics[data[0] % 4];
   if (what.old_state && data[0] % 4 == 3) message.topic = "STATE/h";
-  profile.hear(message, SteadyTime{});
+  profile.hear(message);
   profile.due(SteadyTime{}, 1);
   return 0;
 }

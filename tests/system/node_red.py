@@ -6,11 +6,12 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import unittest
 
 from browser import Browser
-from plant import PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, text_of, wait_for
+from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, text_of, wait_for
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 CONFIG = os.path.join(HERE, "..", "..", "config")
@@ -113,6 +114,16 @@ class NodeRedTest(Browser, PlantTest):
             connection.request("GET", "/metrics")
             text = connection.getresponse().read().decode()
         return int(re.search(r'^fxagent_samples_waiting\{place="stored"\} (\d+)$', text, re.M)[1])
+
+    def last_of_an_outage(self, mark):
+        """Stops the broker until more samples of press1 wait than the window of 20 in flight. They become history, sent
+        along with live samples. Returns the last `seq` of the first history message after `mark`."""
+        self.broker.process.send_signal(signal.SIGSTOP)
+        try:
+            wait_for("a backlog", lambda: self.stored() > 50)
+        finally:
+            self.broker.process.send_signal(signal.SIGCONT)
+        return self.watcher.wait(f"{BASE}/press1/data/fast/history", since=mark)["rows"][-1]["seq"]
 
     def assert_no_trouble(self):
         """Node-RED has logged no error and no unknown node."""

@@ -4,7 +4,6 @@ interface.
 """
 
 import os
-import signal
 import unittest
 
 from browser import why_no_browser
@@ -49,15 +48,8 @@ class NodeRed(NodeRedTest):
         self.assertEqual([r["status"] for r in results], ["SUCCEEDED", "REJECTED"])
         self.assertEqual(self.context("pending"), {})
 
-        # The broker is stopped until more samples wait than the window of 20 in flight. They become history, sent
-        # along with live samples. The flow receives all of them in one sequence.
-        mark = self.watcher.mark()
-        self.broker.process.send_signal(signal.SIGSTOP)
-        try:
-            wait_for("a backlog", lambda: self.stored() > 50)
-        finally:
-            self.broker.process.send_signal(signal.SIGCONT)
-        last = self.watcher.wait(f"{BASE}/press1/data/fast/history", since=mark)["rows"][-1]["seq"]
+        # The flow receives history and live samples in one sequence.
+        last = self.last_of_an_outage(self.watcher.mark())
         seqs = wait_for("the history", lambda: self.seqs_after(last))
         self.assertEqual(seqs, list(range(seqs[0], seqs[0] + len(seqs))))
         self.assertIn(last, seqs)

@@ -163,8 +163,7 @@ void read_brokers(ConfigReader& reader, const ConfigNode& list, Config& config,
     if (!reader.check_object(node, config_section("brokers[]"))) continue;
     BrokerConfig broker;
     broker.name = reader.name(node, config_key("brokers[].name")).value_or("");
-    if (!broker.name.empty() &&
-        std::ranges::find(config.brokers, broker.name, &BrokerConfig::name) != config.brokers.end())
+    if (!broker.name.empty() && broker_named(config, broker.name) != nullptr)
       reader.error(*node.find("name"), "another broker has this name");
     broker.commands = reader.boolean(node, config_key("brokers[].commands"));
     broker.mqtt = read_broker(reader, node, config.id, privacy, config_section("brokers[].tls"));

@@ -175,8 +175,7 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
     ProfileConfig profile;
     profile.kind = static_cast<ProfileConfig::Kind>(*kind);
     profile.broker = reader.name(node, config_key("profiles[].broker")).value_or("");
-    if (!profile.broker.empty() && std::ranges::find(config.brokers, profile.broker,
-                                                     &BrokerConfig::name) == config.brokers.end())
+    if (!profile.broker.empty() && broker_named(config, profile.broker) == nullptr)
       reader.error(*node.find("broker"), "no broker in brokers has this name");
     check_kind(reader, node, profile.kind);
     if (profile.kind == ProfileConfig::Kind::plain) read_plain(reader, node, config, profile);

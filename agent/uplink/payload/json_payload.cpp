@@ -325,20 +325,21 @@ Will JsonPayload::last_will() {
 Publication JsonPayload::agent_online(std::int64_t since_ms,
                                       const std::optional<std::string>& not_heard_why,
                                       const std::optional<std::string>& conflict) {
-  return state(base_ + "/state",
-               json::agent_online(since_ms, boot_, version_, not_heard_why, conflict));
+  return retained(base_ + "/state",
+                  json::agent_online(since_ms, boot_, version_, not_heard_why, conflict));
 }
 
 Publication JsonPayload::agent_offline(std::int64_t since_ms) {
-  return state(base_ + "/state", json::agent_offline(since_ms, "stopped", boot_));
+  return retained(base_ + "/state", json::agent_offline(since_ms, "stopped", boot_));
 }
 
 Publication JsonPayload::device_state(const DeviceStatus& status) {
-  return state(device_topic(status.device) + "/state", json::device_state(status));
+  return retained(device_topic(status.device) + "/state", json::device_state(status));
 }
 
 Publication JsonPayload::device_meta(std::uint32_t device) {
-  return state(device_topic(device) + "/meta", json::device_meta(config_.devices.at(device)).text);
+  return retained(device_topic(device) + "/meta",
+                  json::device_meta(config_.devices.at(device)).text);
 }
 
 std::vector<Publication> JsonPayload::sample(const StreamKey& stream, const SampleRecord& sample) {
@@ -351,14 +352,6 @@ std::unique_ptr<HistoryMessage> JsonPayload::begin_history(std::size_t max_bytes
 
 std::vector<Publication> JsonPayload::history(const HistoryBatch& batch) {
   return data(data_topic(batch.device, batch.group) + "/history", batch.payload);
-}
-
-Publication JsonPayload::state(std::string topic, std::string payload) const {
-  Publication made;
-  made.topic = std::move(topic);
-  made.payload = std::move(payload);
-  made.retain = Retain::yes;
-  return made;
 }
 
 std::vector<Publication> JsonPayload::data(std::string topic, std::string payload) const {

@@ -66,7 +66,6 @@ class JsonPayload final : public Payload {
   std::vector<Publication> history(const HistoryBatch& batch) override;
 
  private:
-  Publication state(std::string topic, std::string payload) const;
   std::vector<Publication> data(std::string topic, std::string payload) const;
   std::string device_topic(std::uint32_t device) const;
   std::string data_topic(const std::string& device, const std::string& group) const;

@@ -277,7 +277,7 @@ void HomeAssistantProfile::connection_began(const Connected&) {
   for (const auto& [id, device] : devices_) due_.insert(device);
 }
 
-void HomeAssistantProfile::hear(const Message& message, SteadyTime) {
+void HomeAssistantProfile::hear(const Message& message) {
   if (message.topic == prefix_ + "/status") {
     if (message.payload == "online") connection_began({});
     return;
@@ -346,10 +346,7 @@ void HomeAssistantProfile::change(const ConfigChange& change) {
 std::vector<Publication> HomeAssistantProfile::due(SteadyTime, std::int64_t) {
   std::vector<Publication> due;
   if (!cleared_.empty()) {
-    Publication publication;
-    publication.topic = cleared_.extract(cleared_.begin()).value();
-    publication.retain = Retain::yes;
-    due.push_back(std::move(publication));
+    due.push_back(retained(cleared_.extract(cleared_.begin()).value()));
   } else if (!due_.empty()) {
     const std::uint32_t device = *due_.begin();
     // A message without them follows, as the new state to retain.
@@ -396,11 +393,7 @@ Publication HomeAssistantProfile::discovery(std::uint32_t device, const Componen
       out.end_object();
     }
   out.end_object().end_object();
-  Publication publication;
-  publication.topic = topic_of(id);
-  publication.payload = out.take();
-  publication.retain = Retain::yes;
-  return publication;
+  return retained(topic_of(id), out.take());
 }
 
 }  // namespace fxagent

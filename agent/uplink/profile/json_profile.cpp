@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "agent/log/log.h"
+#include "agent/uplink/profile/heard_command.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
@@ -34,7 +34,8 @@ void JsonProfile::remember_names() {
 }
 
 std::vector<Publication> JsonProfile::with_qos(std::vector<Publication> messages) const {
-  for (Publication& message : messages) message.qos = broker_of(config_, broker_).qos;
+  const int qos = broker_of(config_, broker_).qos;
+  for (Publication& message : messages) message.qos = qos;
   return messages;
 }
 
@@ -66,22 +67,14 @@ void JsonProfile::connection_ended() {
   changed_.clear();
 }
 
-void JsonProfile::hear(const Message& message, SteadyTime) {
+void JsonProfile::hear(const Message& message) {
   const std::string base = config_.base_topic();
   const auto device = device_of(message.topic, base, "command");
   if (!device || !take_order_) return;
   if (message.payload.empty()) return;  // it clears a retained topic
-  if (std::ranges::find(config_.links, *device, &LinkConfig::name) != config_.links.end())
-    return log::warn("command_ignored",
-                     {{"topic", log::excerpt(message.topic)},
-                      {"note", "commands for links come from the broker of mqtt only"}});
-  Order order;
-  order.device = *device;
+  if (is_for_link(config_, message, *device)) return;
+  Order order = order_of(message, std::string(*device), broker_);
   order.payload = message.payload;
-  MessageProperties& properties = order;
-  properties = message;
-  order.sender = broker_;
-  order.response_topic.clear();
   order.tell = [this, topic = base + "/" + order.device + "/result"](const std::string& result) {
     Publication publication;
     publication.topic = topic;
@@ -101,12 +94,8 @@ void JsonProfile::change(const ConfigChange& change) {
   for (const std::uint32_t i : change.devices_end) {
     const auto stays = [&](const DeviceConfig& device) { return device.name == names_.at(i); };
     if (!is_connected_ || std::ranges::any_of(config_.devices, stays)) continue;
-    for (const char* topic : {"/state", "/meta"}) {
-      Publication cleared;
-      cleared.topic = config_.base_topic() + "/" + names_[i] + topic;
-      cleared.retain = Retain::yes;
-      others_.push_back(std::move(cleared));
-    }
+    for (const char* topic : {"/state", "/meta"})
+      others_.push_back(retained(config_.base_topic() + "/" + names_[i] + topic));
   }
   remember_names();
   for (const std::uint32_t device : change.devices_end) {

@@ -27,7 +27,7 @@ class JsonProfile final : public Profile {
   void connection_ended() override;
   void refused() override { is_refused_ = true; }
   SteadyTime next_wake() const override { return again_at_.value_or(SteadyTime::max()); }
-  void hear(const Message& message, SteadyTime now) override;
+  void hear(const Message& message) override;
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;

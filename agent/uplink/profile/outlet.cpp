@@ -8,6 +8,7 @@
 
 #include "agent/log/log.h"
 #include "agent/uplink/puback.h"
+#include "agent/uplink/samples/sample_places.h"
 
 namespace fxagent {
 namespace {
@@ -101,7 +102,7 @@ void Outlet::take_broker_events(SteadyTime now) {
     if constexpr (std::is_same_v<Event, Delivered> || std::is_same_v<Event, DeliveryFailed>) {
       outgoing_.on(event, now);
     } else if constexpr (std::is_same_v<Event, Message>) {
-      profile_.hear(event, now);
+      profile_.hear(event);
     } else if constexpr (std::is_same_v<Event, MessagesDropped>) {
       log::error("messages_dropped",
                  {{"count", std::to_string(event.count)},
@@ -156,7 +157,7 @@ void Outlet::send(SteadyTime now) {
       if (due.empty()) break;
       outgoing_.send(*this, std::move(due));
     }
-    if (profile_.is_ready()) {
+    if (profile_.wants_samples() && profile_.is_ready()) {
       samples_.pump_live(now);
       if (!samples_.has_live() && phase_ == Phase::running) history_.pump(true, now);
     }
@@ -164,7 +165,9 @@ void Outlet::send(SteadyTime now) {
   outgoing_.note_sent(now);
 }
 
-void Outlet::delivered(std::uint64_t id, SteadyTime) { farewell_.erase(id); }
+void Outlet::delivered(std::uint64_t id, SteadyTime) {
+  if (farewell_ == id) farewell_.reset();
+}
 
 void Outlet::failed(const DeliveryFailed& event, SteadyTime now) {
   log::warn(
@@ -191,9 +194,9 @@ void Outlet::keep_stop(SteadyTime now) {
     phase_ends_ = now + kStopWithin;
     outgoing_.drop_waiting();
     if (auto last = profile_.farewell(utc_ms_()); !last.empty())
-      farewell_.insert(outgoing_.send(*this, std::move(last)));
+      farewell_ = outgoing_.send(*this, std::move(last));
     outgoing_.note_sent(now);
-  } else if (phase_ == Phase::farewell && (over || farewell_.empty())) {
+  } else if (phase_ == Phase::farewell && (over || !farewell_)) {
     phase_ = Phase::closing;
     phase_ends_ = now + kStopWithin;
     broker_.disconnect(profile_.leaves_with_will());
@@ -217,7 +220,7 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
   SteadyTime wake = SteadyTime::max();
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   if (phase_ != Phase::running) at(phase_ends_);
-  if (phase_ == Phase::farewell && farewell_.empty()) at(now);
+  if (phase_ == Phase::farewell && !farewell_) at(now);
   if (phase_ == Phase::closing) at(now + kAcknowledgedWithin);
   at(session_.next_wake());
   if (spool_.gathered() != 0) at(spool_.commit_at());
@@ -237,20 +240,8 @@ ProfileStatus Outlet::status() const {
   status.connected = session_.is_connected();
   status.ready = status.connected && profile_.is_ready();
   status.why = session_.why_not_connected();
-  const SampleDelivery::Counters out = samples_.counters();
-  SampleCounts& samples = status.samples;
-  samples.collected = collected_;
-  samples.queued = out.queued + spool_.gathered() + spool_.at_disk();
-  samples.in_flight = out.in_flight;
-  samples.stored = spool_.backlog().rows();
-  if (store_ != nullptr) {
-    const GuardedStore::Figures store = store_->figures();
-    samples.stored += store.rows;
-    samples.recovered = store.recovered;
-  }
-  samples.acknowledged = out.acknowledged + history_.acknowledged();
-  samples.dropped = dropped_.total();
-  samples.published = out.published + history_.published();
+  status.samples = sample_places(samples_, history_, spool_, dropped_, store_);
+  status.samples.collected = collected_;
   return status;
 }
 

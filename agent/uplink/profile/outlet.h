@@ -103,8 +103,8 @@ class Outlet final : private Outgoing::Sender {
   std::uint64_t collected_ = 0;
   Phase phase_ = Phase::running;
   SteadyTime phase_ends_{};
-  std::set<std::uint64_t> farewell_;  ///< ids of the last messages in flight
-  std::set<std::string> refusals_;    ///< logged in this connection
+  std::optional<std::uint64_t> farewell_;  ///< id of the last messages, in flight
+  std::set<std::string> refusals_;         ///< logged in this connection
 };
 
 }  // namespace fxagent

@@ -7,13 +7,14 @@
 #include <unordered_set>
 
 #include "agent/json_writer.h"
-#include "agent/log/log.h"
 #include "agent/uplink/payload/json_payload.h"
+#include "agent/uplink/profile/heard_command.h"
 
 namespace fxagent {
 namespace {
 
 constexpr std::string_view kSet = "/set";
+constexpr const char* kOnline = "\"online\"";
 
 /// Gathers `[time, value]` of each tag. The payload of the batch has a line for each tag: its name,
 /// a tab and the list. Neither can be part of a name or of JSON.
@@ -85,7 +86,7 @@ std::vector<Subscription> PlainProfile::subscriptions() const {
 
 void PlainProfile::connection_began(const Connected&) {
   is_connected_ = true;
-  due_.push_front(state("\"online\""));
+  due_.push_front(retained(state_topic_, kOnline));
   for (auto& [topic, text] : std::exchange(unseen_, {})) {
     published_[topic] = std::hash<std::string>{}(text);
     due_.push_back(value(topic, std::move(text)));
@@ -106,44 +107,34 @@ void PlainProfile::saw(const Telemetry& sample) {
     const TagConfig& tag = device.tags.at(reading.tag);
     RecordedReading recorded;
     recorded.type = tag.point.type;
-    recorded.scaled = tag.point.scale != 1 || tag.point.offset != 0;
+    recorded.scaled = tag.point.scaled();
     recorded.bad = reading.bad;
     recorded.value = reading.value;
     unseen_[topics_.of(device.name, group, tag.name)] = json::bare_value(recorded);
   }
 }
 
-void PlainProfile::hear(const Message& message, SteadyTime) {
+void PlainProfile::hear(const Message& message) {
   std::string topic = message.topic;
   if (!topic.ends_with(kSet) || message.payload.empty()) return;
   topic.resize(topic.size() - kSet.size());
   const auto found = writable_.find(topic);
   if (found == writable_.end())
-    return log::warn("command_ignored",
-                     {{"topic", log::excerpt(message.topic)},
-                      {"note", "no tag with access: read_write has this topic"}});
+    return ignore_command(message, "no tag with access: read_write has this topic");
   const auto& [device, tag] = found->second;
-  Order order;
-  order.device = device;
-  MessageProperties& properties = order;
-  properties = message;
-  order.sender = name_;
-  order.response_topic.clear();
+  Order order = order_of(message, device, name_);
   order.tell = [this, topic](const std::string& result) {
     Publication publication;
     publication.topic = topic + "/result";
     publication.payload = result;
     due_.push_back(std::move(publication));
   };
-  json::Writer command;
-  command.begin_object().key("id").string(new_id_()).key("op").string("write");
-  command.key("tag").string(tag).key("value");
   // Text that is not JSON becomes a string, which a number's tag refuses with a reason. The library
   // would read a NUL as the end of the text.
   const bool is_json =
       message.payload.find('\0') == std::string::npos && nlohmann::json::accept(message.payload);
-  is_json ? command.raw(message.payload) : command.string(message.payload);
-  order.payload = command.end_object().take();
+  order.payload = write_command(
+      new_id_(), tag, is_json ? message.payload : json::Writer().string(message.payload).take());
   take_order_(std::move(order));
 }
 
@@ -171,22 +162,13 @@ std::vector<Publication> PlainProfile::due(SteadyTime, std::int64_t) {
   return due;
 }
 
-std::vector<Publication> PlainProfile::farewell(std::int64_t) { return {state("\"offline\"")}; }
-
-Publication PlainProfile::value(const std::string& topic, std::string text) const {
-  Publication publication;
-  publication.topic = topic;
-  publication.payload = std::move(text);
-  publication.qos = broker_of(config_, broker_).qos;
-  publication.retain = Retain::yes;
-  return publication;
+std::vector<Publication> PlainProfile::farewell(std::int64_t) {
+  return {retained(state_topic_, kOffline)};
 }
 
-Publication PlainProfile::state(std::string text) const {
-  Publication publication;
-  publication.topic = state_topic_;
-  publication.payload = std::move(text);
-  publication.retain = Retain::yes;
+Publication PlainProfile::value(const std::string& topic, std::string text) const {
+  Publication publication = retained(topic, std::move(text));
+  publication.qos = broker_of(config_, broker_).qos;
   return publication;
 }
 

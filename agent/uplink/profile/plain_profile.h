@@ -24,12 +24,12 @@ class PlainProfile final : public Profile {
   PlainProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
                std::function<std::string()> new_id);
 
-  Will last_will() override { return {state_topic_, "\"offline\"", Retain::yes}; }
+  Will last_will() override { return {state_topic_, kOffline, Retain::yes}; }
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override;
   void saw(const Telemetry& sample) override;
-  void hear(const Message& message, SteadyTime now) override;
+  void hear(const Message& message) override;
   void device_state(const DeviceStatus&) override {}
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
@@ -43,7 +43,7 @@ class PlainProfile final : public Profile {
  private:
   void find_writable();
   Publication value(const std::string& topic, std::string text) const;
-  Publication state(std::string text) const;
+  static constexpr const char* kOffline = "\"offline\"";
 
   const Config& config_;
   const std::string name_;

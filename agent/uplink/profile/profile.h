@@ -30,9 +30,9 @@ class Profile : public SamplePayload {
   virtual void connection_began(const Connected& connected) = 0;
   virtual void connection_ended() = 0;
   /// Processes a message on one of the subscriptions.
-  virtual void hear(const Message& message, SteadyTime now) = 0;
+  virtual void hear(const Message& message) = 0;
 
-  /// False: the profile has no samples. Neither sample() nor history() is called then.
+  /// False: the profile has no samples. No function of SamplePayload is called then.
   virtual bool wants_samples() const { return true; }
   virtual void device_state(const DeviceStatus& status) = 0;
   /// A sample has come from the field. It follows by sample(), or later as history.

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "agent/json_writer.h"
-#include "agent/log/log.h"
 #include "agent/uplink/payload/json_payload.h"
+#include "agent/uplink/profile/heard_command.h"
 
 namespace fxagent {
 namespace {
@@ -278,8 +278,7 @@ void ThingsBoardProfile::connection_ended() {
 
 void ThingsBoardProfile::device_state(const DeviceStatus& status) {
   states_.set(status);
-  devices_.at(status.device).is_alive =
-      status.state == DeviceStatus::State::online || status.state == DeviceStatus::State::degraded;
+  devices_.at(status.device).is_alive = status.is_alive();
   changed_.insert(status.device);
 }
 
@@ -360,27 +359,17 @@ std::vector<Publication> ThingsBoardProfile::history(const HistoryBatch& batch) 
 
 // ---- commands -----------------------------------------------------------------------------------
 
-void ThingsBoardProfile::hear(const Message& message, SteadyTime) {
+void ThingsBoardProfile::hear(const Message& message) {
   if (!take_order_ || message.topic != kRpcTopic) return;
   const auto request = parse_request(message.payload);
   if (!request)
-    return log::warn("command_ignored",
-                     {{"topic", log::excerpt(message.topic)},
-                      {"note", "it cannot be answered: not JSON, or no device or data.id"}});
-  if (std::ranges::find(config_.links, request->device, &LinkConfig::name) != config_.links.end())
-    return log::warn("command_ignored",
-                     {{"topic", log::excerpt(message.topic)},
-                      {"note", "commands for links come from the broker of mqtt only"}});
+    return ignore_command(message, "it cannot be answered: not JSON, or no device or data.id");
+  if (is_for_link(config_, message, request->device)) return;
   std::chrono::milliseconds deadline = deadline_;
   if (const auto found = index_.find(request->device); found != index_.end())
     deadline = std::min<std::chrono::milliseconds>(
         deadline, config_.devices[found->second].commands.max_expiry);
-  Order order;
-  order.device = request->device;
-  MessageProperties& properties = order;
-  properties = message;
-  order.sender = name_;
-  order.response_topic.clear();
+  Order order = order_of(message, request->device, name_);
   order.tell = [this, device = request->device, id = request->id,
                 session = session_](const std::string& result) {
     // A server that has restarted counts from 0 again: a late answer would be that to another one.

@@ -40,7 +40,7 @@ class ThingsBoardProfile final : public Profile {
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override;
-  void hear(const Message& message, SteadyTime now) override;
+  void hear(const Message& message) override;
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;

@@ -137,10 +137,7 @@ Publication RetainedState::publication_of(const Key& key, SteadyTime now) {
     case Item::clear:
       break;
   }
-  Publication publication;
-  publication.topic = key.topic;
-  publication.retain = Retain::yes;
-  return publication;
+  return retained(key.topic);
 }
 
 void RetainedState::delivered(std::uint64_t id, SteadyTime) { flights_.erase(id); }

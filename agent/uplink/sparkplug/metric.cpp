@@ -184,7 +184,7 @@ Quality quality_of(const std::optional<BadReason>& bad) {
 }
 
 Type type_of(const Point& point) {
-  const Type type = scalar_type(point.type, point.scale != 1 || point.offset != 0);
+  const Type type = scalar_type(point.type, point.scaled());
   return point.is_array ? array_of(type) : type;
 }
 

@@ -7,8 +7,8 @@
 #include <utility>
 #include <variant>
 
-#include "agent/json_writer.h"
 #include "agent/log/log.h"
+#include "agent/uplink/profile/heard_command.h"
 #include "agent/uplink/sparkplug/metric.h"
 #include "agent/uplink/sparkplug/sparkplug.pb.h"
 
@@ -32,6 +32,14 @@ std::uint64_t stamp(std::int64_t utc_ms) { return static_cast<std::uint64_t>(utc
 
 std::uint32_t number(Type type) { return static_cast<std::uint32_t>(type); }
 
+Metric& add_metric(Packet& packet, std::string_view name, std::int64_t ts_ms, Type type) {
+  Metric& metric = *packet.add_metrics();
+  metric.set_name(std::string(name));
+  metric.set_timestamp(stamp(ts_ms));
+  metric.set_datatype(number(type));
+  return metric;
+}
+
 /// Gathers historical metrics by name: a message under construction does not know its device. Their
 /// data type is that of the value that was read.
 class SparkplugHistory final : public HistoryMessage {
@@ -41,12 +49,10 @@ class SparkplugHistory final : public HistoryMessage {
   bool add(const SampleRecord& sample) override {
     Packet more;
     for (const RecordedReading& reading : sample.readings) {
-      Metric& metric = *more.add_metrics();
-      metric.set_name(std::string(reading.name));
-      metric.set_timestamp(stamp(sample.ts_ms));
+      const Type type = sparkplug::type_of(reading);
+      Metric& metric = add_metric(more, reading.name, sample.ts_ms, type);
       metric.set_is_historical(true);
-      metric.set_datatype(number(sparkplug::type_of(reading)));
-      sparkplug::set_value(metric, reading.value, sparkplug::type_of(reading));
+      sparkplug::set_value(metric, reading.value, type);
       if (reading.bad) sparkplug::add_quality(metric, reading.bad);
     }
     const std::size_t bytes = more.ByteSizeLong();
@@ -226,33 +232,24 @@ std::vector<Publication> SparkplugProfile::due(SteadyTime now, std::int64_t utc_
 }
 
 Publication SparkplugProfile::node_birth(std::int64_t utc_ms) {
-  Packet packet;
-  packet.set_timestamp(stamp(utc_ms));
+  Packet packet = session_packet(utc_ms);
   seq_ = 0;
   packet.set_seq(next_seq());
-  Metric& number_of_session = *packet.add_metrics();
-  number_of_session.set_name("bdSeq");
-  number_of_session.set_timestamp(stamp(utc_ms));
-  number_of_session.set_datatype(number(Type::int64));
-  number_of_session.set_long_value(bd_seq_);
-  Metric& rebirth = *packet.add_metrics();
-  rebirth.set_name(std::string(kNodeRebirth));
-  rebirth.set_timestamp(stamp(utc_ms));
-  rebirth.set_datatype(number(Type::boolean));
-  rebirth.set_boolean_value(false);
+  add_metric(packet, kNodeRebirth, utc_ms, Type::boolean).set_boolean_value(false);
   return message("NBIRTH", "", packet);
 }
 
 /// Has no `seq`. The topic is that of the last will.
 Publication SparkplugProfile::node_death(std::int64_t utc_ms) const {
+  return message("NDEATH", "", session_packet(utc_ms));
+}
+
+/// Returns a packet with the number of the session.
+Packet SparkplugProfile::session_packet(std::int64_t utc_ms) const {
   Packet packet;
   packet.set_timestamp(stamp(utc_ms));
-  Metric& number_of_session = *packet.add_metrics();
-  number_of_session.set_name("bdSeq");
-  number_of_session.set_timestamp(stamp(utc_ms));
-  number_of_session.set_datatype(number(Type::int64));
-  number_of_session.set_long_value(bd_seq_);
-  return message("NDEATH", "", packet);
+  add_metric(packet, "bdSeq", utc_ms, Type::int64).set_long_value(bd_seq_);
+  return packet;
 }
 
 /// Returns nullopt, and leaves the device dead, if the broker does not accept the size: the message
@@ -273,21 +270,15 @@ std::optional<Publication> SparkplugProfile::device_birth(std::uint32_t index,
   for (const std::size_t tag : order) {
     const Last& last = state.last[tag];
     const Type type = sparkplug::type_of(device.tags[tag].point);
-    Metric& metric = *packet.add_metrics();
-    metric.set_name(std::string(device.tags[tag].name));
+    Metric& metric = add_metric(packet, device.tags[tag].name, time_of(tag), type);
     metric.set_alias(state.first_alias + tag);
-    metric.set_timestamp(stamp(time_of(tag)));
-    metric.set_datatype(number(type));
     sparkplug::set_value(metric, last.value, type);
     if (last.ts_ms != 0) sparkplug::add_quality(metric, last.bad);
     sparkplug::add_units(metric, device.tags[tag]);
   }
   const std::int64_t newest = order.empty() ? utc_ms : std::max(utc_ms, time_of(order.back()));
-  Metric& rebirth = *packet.add_metrics();
-  rebirth.set_name(std::string(kDeviceRebirth));
+  Metric& rebirth = add_metric(packet, kDeviceRebirth, newest, Type::boolean);
   rebirth.set_alias(state.first_alias + device.tags.size());
-  rebirth.set_timestamp(stamp(newest));
-  rebirth.set_datatype(number(Type::boolean));
   rebirth.set_boolean_value(false);
   if (const std::size_t bytes = packet.ByteSizeLong(); bytes + kRoomForTopic > max_packet_) {
     if (std::exchange(state.is_too_large, true)) return std::nullopt;
@@ -318,8 +309,7 @@ Publication SparkplugProfile::device_death(const std::string& name, std::int64_t
 }
 
 void SparkplugProfile::device_state(const DeviceStatus& status) {
-  devices_.at(status.device).is_alive =
-      status.state == DeviceStatus::State::online || status.state == DeviceStatus::State::degraded;
+  devices_.at(status.device).is_alive = status.is_alive();
   due_.insert(status.device);
 }
 
@@ -425,7 +415,7 @@ std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
 
 // ---- commands -----------------------------------------------------------------------------------
 
-void SparkplugProfile::hear(const Message& message, SteadyTime) {
+void SparkplugProfile::hear(const Message& message) {
   if (message.topic == host_.topic()) {
     host_.hear(message.payload);
     // With one server there is nowhere to go: the session waits there for the host.
@@ -438,34 +428,28 @@ void SparkplugProfile::hear(const Message& message, SteadyTime) {
     hear_device_command(message, message.topic.substr(devices.size()));
 }
 
-namespace {
-
-void ignore(const Message& message, const std::string& note) {
-  log::warn("command_ignored", {{"topic", log::excerpt(message.topic)}, {"note", note}});
-}
-
-}  // namespace
-
 void SparkplugProfile::hear_node_command(const Message& message) {
   Packet packet;
-  if (!packet.ParseFromString(message.payload)) return ignore(message, "not a Sparkplug payload");
+  if (!packet.ParseFromString(message.payload))
+    return ignore_command(message, "not a Sparkplug payload");
   if (message.retained)
-    return ignore(message, "it is retained, so it was sent for an earlier time");
+    return ignore_command(message, "it is retained, so it was sent for an earlier time");
   for (const Metric& metric : packet.metrics()) {
     if (metric.name() != kNodeRebirth || !metric.boolean_value())
-      return ignore(message,
-                    "the node has only the command " + std::string(kNodeRebirth) + " = true");
+      return ignore_command(
+          message, "the node has only the command " + std::string(kNodeRebirth) + " = true");
     rebirth_ = true;
   }
 }
 
 void SparkplugProfile::hear_device_command(const Message& message, const std::string& device) {
   const auto index = index_of(device);
-  if (!index) return ignore(message, "no such device");
+  if (!index) return ignore_command(message, "no such device");
   Packet packet;
-  if (!packet.ParseFromString(message.payload)) return ignore(message, "not a Sparkplug payload");
+  if (!packet.ParseFromString(message.payload))
+    return ignore_command(message, "not a Sparkplug payload");
   if (packet.metrics_size() > static_cast<int>(kMostTargets))
-    return ignore(message, "more than " + std::to_string(kMostTargets) + " metrics");
+    return ignore_command(message, "more than " + std::to_string(kMostTargets) + " metrics");
   const DeviceConfig& config = config_.devices[*index];
   const std::uint64_t first = devices_[*index].first_alias;
   for (const Metric& metric : packet.metrics()) {
@@ -478,12 +462,13 @@ void SparkplugProfile::hear_device_command(const Message& message, const std::st
       tag = metric.alias() - first;
     }
     if (!tag) {
-      ignore(message, metric.has_name() ? "no metric " + log::excerpt(metric.name())
-                                        : "no metric with alias " + std::to_string(metric.alias()));
+      ignore_command(message, metric.has_name()
+                                  ? "no metric " + log::excerpt(metric.name())
+                                  : "no metric with alias " + std::to_string(metric.alias()));
     } else if (*tag < config.tags.size()) {
       place_order(message, *index, *tag, metric);
     } else if (message.retained || !metric.boolean_value()) {
-      ignore(message, std::string(kDeviceRebirth) + " must be true, and not retained");
+      ignore_command(message, std::string(kDeviceRebirth) + " must be true, and not retained");
     } else {
       rebirth_ = true;
     }
@@ -493,20 +478,13 @@ void SparkplugProfile::hear_device_command(const Message& message, const std::st
 /// Each metric becomes one command with one result.
 void SparkplugProfile::place_order(const Message& message, std::uint32_t device, std::size_t tag,
                                    const Metric& metric) {
-  if (!take_order_) return ignore(message, "this broker may not send commands: brokers[].commands");
+  if (!take_order_)
+    return ignore_command(message, "this broker may not send commands: brokers[].commands");
   const DeviceConfig& config = config_.devices[device];
   const auto value = sparkplug::json_of(metric, sparkplug::type_of(config.tags[tag].point));
-  if (!value) return ignore(message, "a metric without a value");
-  Order order;
-  MessageProperties& properties = order;
-  properties = message;
-  order.device = config.name;
-  order.sender = name_;
-  order.response_topic.clear();
-  json::Writer command;
-  command.begin_object().key("id").string(new_id_()).key("op").string("write");
-  command.key("tag").string(config.tags[tag].name).key("value").raw(*value);
-  order.payload = command.end_object().take();
+  if (!value) return ignore_command(message, "a metric without a value");
+  Order order = order_of(message, config.name, name_);
+  order.payload = write_command(new_id_(), config.tags[tag].name, *value);
   take_order_(std::move(order));
 }
 

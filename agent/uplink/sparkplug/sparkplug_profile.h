@@ -40,7 +40,7 @@ class SparkplugProfile final : public Profile {
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override;
-  void hear(const Message& message, SteadyTime now) override;
+  void hear(const Message& message) override;
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
@@ -85,6 +85,7 @@ class SparkplugProfile final : public Profile {
   std::optional<Publication> device_birth(std::uint32_t index, std::int64_t utc_ms);
   Publication device_death(const std::string& name, std::int64_t utc_ms);
   Publication node_death(std::int64_t utc_ms) const;
+  sparkplug::Packet session_packet(std::int64_t utc_ms) const;
   void prepare(std::uint32_t index);
   std::optional<std::uint32_t> index_of(std::string_view device) const;
 

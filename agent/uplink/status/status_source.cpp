@@ -8,6 +8,7 @@
 #include "agent/log/log.h"
 #include "agent/process/process_facts.h"
 #include "agent/uplink/puback.h"
+#include "agent/uplink/samples/sample_places.h"
 
 namespace fxagent {
 
@@ -92,22 +93,11 @@ void StatusSource::log_samples() {
 }
 
 SampleCounts StatusSource::samples() const {
-  SampleCounts samples;
+  SampleCounts samples =
+      sample_places(parts_.samples, parts_.history, parts_.spool, parts_.dropped, parts_.store);
   for (const DeviceHealth& device : field_->devices) samples.suppressed += device.suppressed;
   samples.suppressed += field_->ended_suppressed;
   samples.collected = pushed_ + samples.suppressed;
-  const SampleDelivery::Counters out = parts_.samples.counters();
-  samples.queued = out.queued + parts_.spool.gathered() + parts_.spool.at_disk();
-  samples.in_flight = out.in_flight;
-  samples.stored = parts_.spool.backlog().rows();
-  if (parts_.store != nullptr) {
-    const GuardedStore::Figures store = parts_.store->figures();
-    samples.stored += store.rows;
-    samples.recovered = store.recovered;
-  }
-  samples.acknowledged = out.acknowledged + parts_.history.acknowledged();
-  samples.dropped = parts_.dropped.total();
-  samples.published = out.published + parts_.history.published();
   samples.miscounted = miscounted_;
   return samples;
 }

@@ -50,7 +50,7 @@ class HomeAssistant : public testing::Test {
     Message message;
     message.topic = topic;
     message.payload = payload;
-    profile_->hear(message, SteadyTime{});
+    profile_->hear(message);
   }
   /// Changes to `wanted` as a reload does.
   void reload(Config wanted) {

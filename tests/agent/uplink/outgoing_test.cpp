@@ -23,6 +23,7 @@ class OutgoingTest : public testing::Test, public Outgoing::Sender {
  protected:
   void begin(Outgoing& outgoing, std::uint32_t window = 20) {
     broker_.acknowledges = false;
+    broker_.acknowledges_qos0 = true;  // its hand-over to the socket
     broker_.receive_maximum = window;
     broker_.connect(0, 10);
     broker_.take_events();
@@ -109,7 +110,6 @@ TEST_F(OutgoingTest, MessageThatTheBrokerWouldNotAcceptFailsItsGroup) {
 TEST_F(OutgoingTest, WithoutMarkersQos0IsDeliveredWithItsHandOver) {
   Outgoing outgoing(broker_);
   begin(outgoing);
-  broker_.acknowledges_qos0 = true;
   const std::uint64_t id = outgoing.send(*this, to("a", 0));
   take(outgoing);
   EXPECT_EQ(delivered_, Ids{id});
@@ -118,7 +118,6 @@ TEST_F(OutgoingTest, WithoutMarkersQos0IsDeliveredWithItsHandOver) {
 TEST_F(OutgoingTest, AcknowledgedMarkerProvesWhatWasSentBeforeIt) {
   Outgoing outgoing(broker_, "mark");
   begin(outgoing);
-  broker_.acknowledges_qos0 = true;
   const std::uint64_t first = outgoing.send(*this, to("a", 0));
   outgoing.note_sent({});
   const std::uint64_t second = outgoing.send(*this, to("b", 0));
@@ -140,7 +139,6 @@ TEST_F(OutgoingTest, AcknowledgedMarkerProvesWhatWasSentBeforeIt) {
 TEST_F(OutgoingTest, MarkersProveAGroupLargerThanTheWindow) {
   Outgoing outgoing(broker_, "mark");
   begin(outgoing, 2);
-  broker_.acknowledges_qos0 = true;
   std::vector<Publication> group(9, to("a", 0));
   const std::uint64_t id = outgoing.send(*this, std::move(group));
   for (int i = 0; i < 9 && delivered_.empty(); ++i) {
@@ -156,7 +154,6 @@ TEST_F(OutgoingTest, MarkersProveAGroupLargerThanTheWindow) {
 TEST_F(OutgoingTest, MarkerProvesNothingThatWasHandedOverAfterIt) {
   Outgoing outgoing(broker_, "mark");
   begin(outgoing, 2);
-  broker_.acknowledges_qos0 = true;
   const std::uint64_t id = outgoing.send(*this, {to("+", 0), to("a", 0), to("b", 0)});
   outgoing.note_sent({});
   outgoing.fail_unsendable({});  // makes room for b, behind the marker
@@ -172,7 +169,6 @@ TEST_F(OutgoingTest, MarkerProvesNothingThatWasHandedOverAfterIt) {
 TEST_F(OutgoingTest, MarkerThatTheLibraryRejectsIsSentAgain) {
   Outgoing outgoing(broker_, "mark");
   begin(outgoing);
-  broker_.acknowledges_qos0 = true;
   const std::uint64_t id = outgoing.send(*this, to("a", 0));
   outgoing.note_sent({});
   broker_.refuse_next(0);
@@ -186,7 +182,6 @@ TEST_F(OutgoingTest, MarkerThatTheLibraryRejectsIsSentAgain) {
 TEST_F(OutgoingTest, RefusedMarkerHasArrivedToo) {
   Outgoing outgoing(broker_, "mark");
   begin(outgoing);
-  broker_.acknowledges_qos0 = true;
   const std::uint64_t id = outgoing.send(*this, {to("a", 0), to("b", 0)});
   outgoing.note_sent({});
   broker_.refuse_next(0x87);
@@ -197,7 +192,6 @@ TEST_F(OutgoingTest, RefusedMarkerHasArrivedToo) {
 TEST_F(OutgoingTest, LostConnectionProvesNothing) {
   Outgoing outgoing(broker_, "mark");
   begin(outgoing);
-  broker_.acknowledges_qos0 = true;
   outgoing.send(*this, to("a", 0));
   outgoing.note_sent({});
   outgoing.forget();
@@ -211,7 +205,6 @@ TEST_F(OutgoingTest, LostConnectionProvesNothing) {
 TEST_F(OutgoingTest, BrokerThatDoesNotAnswerAMarkerOwesAnAnswer) {
   Outgoing outgoing(broker_, "mark");
   begin(outgoing);
-  broker_.acknowledges_qos0 = true;
   const SteadyTime now = SteadyTime{} + std::chrono::seconds(7);
   outgoing.send(*this, to("a", 0));
   outgoing.note_sent(now);

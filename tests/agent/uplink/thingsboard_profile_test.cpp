@@ -92,7 +92,7 @@ class ThingsBoardProfileTest : public testing::Test {
     message.payload = payload;
     message.retained = retained;
     message.received_ms = 1790000000000;
-    profile->hear(message, SteadyTime{} + 1s);
+    profile->hear(message);
   }
 
   Config plant;

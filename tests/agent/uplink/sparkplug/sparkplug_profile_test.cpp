@@ -51,7 +51,7 @@ class SparkplugTest : public testing::Test {
     message.topic = topic;
     message.payload = std::move(payload);
     message.retained = retained;
-    profile_->hear(message, now_);
+    profile_->hear(message);
   }
   /// Returns the topics that are due, without what all have in common.
   std::vector<std::string> due() {

@@ -1,0 +1,37 @@
+#include "agent/uplink/profile/heard_command.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/json_writer.h"
+#include "agent/log/log.h"
+
+namespace fxagent {
+
+void ignore_command(const Message& message, const std::string& note) {
+  log::warn("command_ignored", {{"topic", log::excerpt(message.topic)}, {"note", note}});
+}
+
+bool is_for_link(const Config& config, const Message& message, std::string_view name) {
+  if (std::ranges::find(config.links, name, &LinkConfig::name) == config.links.end()) return false;
+  ignore_command(message, "commands for links come from the broker of mqtt only");
+  return true;
+}
+
+Order order_of(const Message& message, std::string device, std::string sender) {
+  Order order;
+  MessageProperties& properties = order;
+  properties = message;
+  order.device = std::move(device);
+  order.sender = std::move(sender);
+  order.response_topic.clear();  // the result goes where the profile says
+  return order;
+}
+
+std::string write_command(std::string_view id, std::string_view tag, std::string_view value) {
+  json::Writer command;
+  command.begin_object().key("id").string(id).key("op").string("write");
+  return command.key("tag").string(tag).key("value").raw(value).end_object().take();
+}
+
+}  // namespace fxagent
