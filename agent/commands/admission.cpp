@@ -103,9 +103,10 @@ std::optional<Refusal> check_expiry(const Command& command, const CommandRules& 
 std::shared_ptr<const CommandResult> kept(CommandResult result) {
   result.response_topic.clear();
   result.response_topic.shrink_to_fit();
-  result.correlation = {};
+  result.correlation = Bytes();  // `= {}` would keep its memory
   result.tell = nullptr;
-  result.by = {};
+  result.by.clear();
+  result.by.shrink_to_fit();
   result.frames = {};
   return std::make_shared<const CommandResult>(std::move(result));
 }

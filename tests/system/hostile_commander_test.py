@@ -190,8 +190,9 @@ class HostileCommander(PlantTest):
         hostile.close()
         copies = [topic for _, topic, _, _ in self.watcher.messages[since:] if topic.startswith(f"{BASE}/press1/result/")]
         self.assertTrue(copies, "no copy went to the response topic")
-        # The agent may connect anew once, with Receive Maximum 1, and the broker then works off what it has.
-        self.assert_lively(since, 100, 10.0)
+        # The agent may connect anew once, with Receive Maximum 1, and the broker then works off what it has. Until
+        # then, a PUBACK comes behind what the kernels hold; on a busy machine that is some 40 MiB more.
+        self.assert_lively(since, 160, 10.0)
 
     def test_ten_thousand_reads_that_live_for_an_hour_lock_nobody_out(self):
         self.begin()

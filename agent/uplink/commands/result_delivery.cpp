@@ -39,15 +39,14 @@ void ResultDelivery::add(ResultMessage result, SteadyTime now) {
   const std::string& device = result.device;
   Pending pending;
   pending.copies.push_back({.topic = base_ + "/" + device + "/result"});
-  if (!result.response_topic.empty()) {
-    const std::string fault = response_topic_fault(result.response_topic, base_, device);
+  // Up to 64 KiB of the sender's data: kept once.
+  if (std::string topic = std::move(result.response_topic); !topic.empty()) {
+    const std::string fault = response_topic_fault(topic, base_, device);
     if (fault.empty())
-      pending.copies.push_back({.topic = result.response_topic, .to_response_topic = true});
+      pending.copies.push_back({.topic = std::move(topic), .to_response_topic = true});
     else
-      log::warn(
-          "response_topic_ignored",
-          {{"topic", log::excerpt(result.response_topic)}, {"id", result.id}, {"reason", fault}});
-    result.response_topic = {};  // the copy has it
+      log::warn("response_topic_ignored",
+                {{"topic", log::excerpt(topic)}, {"id", result.id}, {"reason", fault}});
   }
   pending.bytes = sizeof(pending) + bytes_of(result) + pending.copies.back().topic.size();
   bytes_ += pending.bytes;

@@ -192,6 +192,7 @@ void PahoConnection::post_lost(std::string_view text, int reason_code) noexcept 
 }
 
 void PahoConnection::hold_messages(bool held, std::size_t let_in) noexcept {
+  if (leaving_ && !held) return;
   let_in_ = held ? let_in : 0;
   pause_.set(held && let_in == 0);
 }
@@ -281,6 +282,8 @@ void PahoConnection::message_arrived(mqtt::const_message_ptr message) noexcept {
           seconds(mqtt::get<std::uint32_t>(properties, Code::MESSAGE_EXPIRY_INTERVAL));
     std::size_t left = let_in_;
     if (left > 0 && let_in_.compare_exchange_strong(left, left - 1) && left == 1) pause_.set(true);
+    // Before the post, which wakes the uplink: its next hold_messages() ends the pause.
+    if (inbox_->is_filling()) pause_.set(true);
     post(std::move(event));
   } catch (...) {
     post_lost("out of memory in a callback");

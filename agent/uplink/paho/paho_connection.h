@@ -51,7 +51,7 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
 
   /// Paho acknowledges a message when its callback has returned, and calls it under the lock that
   /// each publish() takes. So a callback must not wait; to hold messages back, the socket is not
-  /// read.
+  /// read. After disconnect(), what is held stays held.
   void hold_messages(bool held, std::size_t let_in) noexcept;
 
  private:

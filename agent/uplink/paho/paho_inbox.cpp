@@ -10,6 +10,7 @@ constexpr std::size_t kMaxInboxBytes = std::size_t{64} << 20;
 // Size of the inbox above which QoS 0 messages are dropped. The broker sends them without flow
 // control and never repeats them.
 constexpr std::size_t kMaxUnaskedBytes = std::size_t{4} << 20;
+constexpr std::size_t kFillingBytes = kMaxUnaskedBytes / 2;
 
 }  // namespace
 
@@ -48,6 +49,11 @@ void PahoInbox::post(std::uint64_t connection, BrokerEvent event) {
     if (quiet) return;
   }
   notify_();
+}
+
+bool PahoInbox::is_filling() {
+  const std::lock_guard lock(mutex_);
+  return bytes_ > kFillingBytes;
 }
 
 std::vector<BrokerEvent> PahoInbox::take() {

@@ -24,6 +24,8 @@ class PahoInbox final {
   /// waiting.
   void await_acknowledgements(bool awaited);
   void post(std::uint64_t connection, BrokerEvent event);
+  /// True if more messages wait than an uplink that has the CPU leaves. Do not read more then.
+  bool is_filling();
   std::vector<BrokerEvent> take();
 
  private:
