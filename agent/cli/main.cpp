@@ -54,6 +54,7 @@ using namespace fxagent;
 // Threads: watchdog, log, field and its name lookups, recorder, uplink, reload, three of the store
 // and two of the MQTT library.
 constexpr int kThreads = 12;
+constexpr int kThreadsOfAStore = 3;
 constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
 /// Prints the config with all devices expanded.
@@ -144,6 +145,10 @@ int run(const RunCall& call) {
   }
   const auto traced = traced_links(*config, call, remote);
   if (!traced) return kWrong;
+  // Each profile may have a store of its own.
+  const int more = kThreadsOfAStore * static_cast<int>(config->profiles.size());
+  if (const std::string missing = lacks(more, 0); more > 0 && !missing.empty())
+    throw std::runtime_error("cannot start the profiles: " + missing);
   malloc_trim(0);  // returns the memory that a large file took
   log_warnings(*config);
   try {

@@ -108,6 +108,7 @@ class Page final {
     of_agent();
     of_broker();
     of_samples();
+    of_profiles();
     of_store();
     of_commands();
     of_links();
@@ -196,6 +197,36 @@ class Page final {
     add({{"place", "stored"}}, number(status_.samples.stored));
     one("fxagent_samples_balanced", kGauge,
         "0 only because of a bug: samples are not accounted for.", yes(status_.samples.balanced()));
+  }
+
+  /// Adds a family with a series for each profile, unless there is none.
+  template <class Value>
+  void of_each_profile(std::string_view name, MetricType type, std::string_view help, Value value) {
+    begin(name, type, help);
+    for (const ProfileStatus& profile : status_.profiles)
+      add({{"profile", profile.name}}, value(profile));
+  }
+
+  void of_profiles() {
+    of_each_profile("fxagent_profile_connected", kGauge,
+                    "1 if the profile is connected to its broker.",
+                    [](const ProfileStatus& profile) { return yes(profile.connected); });
+    of_each_profile("fxagent_profile_ready", kGauge, "1 if the profile sends samples.",
+                    [](const ProfileStatus& profile) { return yes(profile.ready); });
+    const auto count = [](std::uint64_t SampleCounts::*which) {
+      return [which](const ProfileStatus& profile) { return number(profile.samples.*which); };
+    };
+    of_each_profile("fxagent_profile_samples_acknowledged_total", kCounter,
+                    "Samples that the profile's broker acknowledged.",
+                    count(&SampleCounts::acknowledged));
+    of_each_profile("fxagent_profile_samples_dropped_total", kCounter,
+                    "Samples lost for the profile.", count(&SampleCounts::dropped));
+    of_each_profile("fxagent_profile_samples_waiting", kGauge,
+                    "Samples that the profile's broker has not acknowledged yet.",
+                    [](const ProfileStatus& profile) {
+                      const SampleCounts& samples = profile.samples;
+                      return number(samples.queued + samples.in_flight + samples.stored);
+                    });
   }
 
   void of_store() {

@@ -27,6 +27,7 @@ class Examination final {
 
   Verdict verdict() {
     broker();
+    profiles();
     store();
     samples();
     config();
@@ -67,6 +68,23 @@ class Examination final {
           "Another agent has the same id (boot " + status_.conflict +
               "); commands are rejected until one of them stops",
           "Give each agent its own agent.id.", 0);
+  }
+
+  void profiles() {
+    for (const ProfileStatus& profile : status_.profiles) {
+      const std::string place = "profile " + profile.name;
+      if (!profile.connected)
+        add(Severity::warn, place,
+            "The profile " + profile.name + " has no connection to " + profile.server +
+                (profile.why.empty() ? "" : ": " + profile.why),
+            "Check that this broker runs and that this machine reaches it. The agent tries again "
+            "by itself; samples wait.",
+            0);
+      else if (!profile.ready)
+        add(Severity::warn, place,
+            "The profile " + profile.name + " is connected but does not send samples yet",
+            "If the config names a `host`, start that host application; samples wait for it.", 0);
+    }
   }
 
   void store() {

@@ -83,6 +83,10 @@ ProfileTopics profile_topics(const Config& config) {
       const std::string devices = profile.prefix + "/device/+/config";
       topics.out.push_back(devices);
       topics.in.insert(topics.in.end(), {devices, profile.prefix + "/status"});
+    } else if (profile.kind == ProfileConfig::Kind::thingsboard) {
+      for (const char* type : {"connect", "disconnect", "telemetry", "attributes", "rpc"})
+        topics.out.push_back(std::string("v1/gateway/") + type);
+      topics.commands.emplace_back("v1/gateway/rpc");
     }
   }
   return topics;

@@ -57,6 +57,8 @@ inline AgentStatus made_up_status() {
   status.uptime = std::chrono::seconds(60);
   status.broker = {"mqtt://one:1883", true, true};
   status.samples = {4821, 17, 4100, 1, 2, 3, 732, 0, 738};
+  status.profiles = {{"plain@cloud", "mqtt://two:1883", true, true, "", {}}};
+  status.profiles[0].samples = {700, 0, 0, 4, 5, 6, 684, 1, 684};
   status.field = std::make_shared<const FieldHealth>(made_up_field());
   DeviceStatus online;
   online.state = DeviceStatus::State::online;

@@ -59,6 +59,27 @@ TEST(PageVerdict, ASilentDeviceIsNamedWithItsTimeAndCure) {
   EXPECT_EQ(verdict.works, "1 of 2 devices answers; the broker is connected");
 }
 
+TEST(PageVerdict, AProfileWithoutItsBrokerIsNamedWithItsServer) {
+  AgentStatus status = well();
+  status.profiles[0].connected = false;
+  status.profiles[0].why = "connection refused";
+  const Verdict verdict = verdict_of(status);
+  ASSERT_EQ(verdict.problems.size(), 1U);
+  EXPECT_EQ(verdict.problems[0].severity, Severity::warn);
+  EXPECT_EQ(verdict.problems[0].place, "profile plain@cloud");
+  EXPECT_EQ(verdict.problems[0].text,
+            "The profile plain@cloud has no connection to mqtt://two:1883: connection refused");
+}
+
+TEST(PageVerdict, AProfileThatWaitsForItsHostIsNamed) {
+  AgentStatus status = well();
+  status.profiles[0].ready = false;
+  const Verdict verdict = verdict_of(status);
+  ASSERT_EQ(verdict.problems.size(), 1U);
+  EXPECT_EQ(verdict.problems[0].text,
+            "The profile plain@cloud is connected but does not send samples yet");
+}
+
 TEST(PageVerdict, ADeviceThatStartsIsNoFault) {
   AgentStatus status = well();
   status.devices[0] = in_state(DeviceStatus::State::offline, "starting", 5);
