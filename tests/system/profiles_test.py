@@ -167,13 +167,16 @@ class MoreBrokers(Profiles):
 class Sparkplug(Profiles):
     GROUP, NODE = "plant-a", "edge7"
 
-    def begin_sparkplug(self, devices=None, host=None, **more):
+    def begin_sparkplug(self, devices=None, host=None, brokers=None, **more):
         peers = os.environ["NODE_PEERS"]
         if not os.path.isdir(os.path.join(peers, "node_modules", "sparkplug-payload")):
             self.skipTest("sparkplug-payload is not there: tests/run.sh fetches it from npm's registry")
         profile = {"kind": "sparkplug", "group": self.GROUP}
         if host:
             profile["host"] = host
+        if brokers:
+            profile["broker"] = brokers[0]["name"]
+            more["brokers"] = brokers
         self.broker = Broker(self.directory)
         self.broker.start()
         self.judge = self.spawn_host()
@@ -182,12 +185,12 @@ class Sparkplug(Profiles):
         self.start_agent(devices or [device(tags=TAGS)], store={"path": os.path.join(self.directory, "store")},
                          profiles=[{"kind": "json"}, profile], **more)
 
-    def spawn_host(self, *more):
+    def spawn_host(self, *more, broker=None):
         log = open(os.path.join(self.directory, "host.log"), "a")
         self.stack.callback(log.close)
         process = subprocess.Popen(
-            ["node", os.path.join(os.environ["NODE_PEERS"], "sparkplug_host.js"), str(self.broker.port), self.GROUP,
-             self.NODE, *more], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True)
+            ["node", os.path.join(os.environ["NODE_PEERS"], "sparkplug_host.js"), str((broker or self.broker).port),
+             self.GROUP, self.NODE, *more], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True)
         host = Host(process)
         self.stack.callback(host.close)
         host.wait("ready")
@@ -336,6 +339,32 @@ class Sparkplug(Profiles):
         self.assertGreater(birth["bdSeq"], 0)
         self.judge.value("press1", "temp", 3, since=mark)
         self.assert_no_faults()
+
+
+    def test_a_host_that_goes_offline_on_one_server_is_followed_to_the_next(self):
+        servers = [self.other_broker(), self.other_broker()]
+        self.begin_sparkplug(host="scada", brokers=[
+            {"name": "plant", "servers": [f"mqtt://127.0.0.1:{server.port}" for server in servers]}])
+        hosts = [self.spawn_host(broker=server) for server in servers]
+        now = int(time.time() * 1000)
+        for host in hosts:
+            host.order(state=True, host="scada", timestamp=now)
+        hosts[0].wait("DBIRTH")
+        for turn in range(4):
+            here, there = hosts[turn % 2], hosts[(turn + 1) % 2]
+            marks = here.mark(), there.mark()
+            here.order(state=False, host="scada", timestamp=now + 2 * turn + 1)
+            here.wait("NDEATH", since=marks[0])
+            there.wait("NBIRTH", since=marks[1])
+            self.sim.set("press1", "D100", 100 + turn)
+            there.value("press1", "temp", 100 + turn, since=marks[1])
+            types = [m["type"] for m in here.seen(marks[0])]
+            self.assertEqual(types[types.index("NDEATH"):], ["NDEATH"])
+            here.order(state=True, host="scada", timestamp=now + 2 * turn + 2)
+        # A host does not see the sessions on the other server, which count too.
+        faults = [fault for host in hosts for m in host.seen() for fault in m.get("faults", ())
+                  if not fault.startswith("bdSeq")]
+        self.assertEqual(faults, [])
 
 
 class Host:

@@ -139,6 +139,30 @@ TEST_F(SparkplugTest, SessionsAreCountedFrom0To255) {
   EXPECT_EQ(next(), wills[0]) << "255 is followed by 0";
 }
 
+/// Returns `seq`, field 3 and the last of a payload.
+unsigned seq_of(const Publication& message) {
+  const std::string& bytes = message.payload;
+  const bool is_long = static_cast<unsigned char>(bytes.back()) == 1 && bytes.size() >= 3 &&
+                       bytes[bytes.size() - 3] == '\x18';
+  const std::size_t at = bytes.size() - (is_long ? 2 : 1);
+  EXPECT_EQ(bytes[at - 1], '\x18') << "field 3, varint";
+  const unsigned low = static_cast<unsigned char>(bytes[at]);
+  return is_long ? (low & 0x7F) | 0x80 : low;
+}
+
+TEST_F(SparkplugTest, MessagesOfASessionAreCountedFrom0To255AndOn) {
+  profile_->connection_began(Connected{});
+  unsigned expected = 0;
+  for (int i = 0; i < 300; ++i) {
+    device(i % 2 == 0 ? DeviceStatus::State::online : DeviceStatus::State::offline);
+    for (const Publication& each : profile_->due(now_, kBornMs)) {
+      ASSERT_EQ(seq_of(each), expected) << each.topic;
+      expected = (expected + 1) % 256;
+    }
+  }
+  EXPECT_EQ(expected, 301U % 256) << "NBIRTH, and each birth and death of the device";
+}
+
 TEST_F(SparkplugTest, ChangedDeviceDiesAndIsBornWithNewAliases) {
   device(DeviceStatus::State::online);
   profile_->connection_began(Connected{});
