@@ -237,16 +237,30 @@ class BrokerLook final {
   PahoBroker broker_;  // last: its callbacks use the semaphore
 };
 
-std::vector<OnlineBroker> online_brokers(const Config& config) {
+/// Looks at each server of `mqtt`.
+void look_at(MqttConfig mqtt, const std::vector<std::string>& filters,
+             std::vector<OnlineBroker>& found) {
   // Uses its own client id: the agent's id would disconnect the running agent.
-  MqttConfig mqtt = config.mqtt;
   mqtt.client_id += "-check-" + eight_digits();
-  std::vector<std::string> filters{config.base_topic() + "/+/command"};
-  if (config.remote.enabled) filters.push_back(config.base_topic() + std::string(kDesiredTopic));
-  std::vector<OnlineBroker> brokers;
   for (std::size_t i = 0; i < mqtt.servers.size(); ++i)
-    brokers.push_back(BrokerLook(mqtt, i, filters).run());
-  return brokers;
+    found.push_back(BrokerLook(mqtt, i, filters).run());
+}
+
+std::vector<OnlineBroker> online_brokers(const Config& config) {
+  const std::string commands = config.base_topic() + "/+/command";
+  std::vector<std::string> filters{commands};
+  if (config.remote.enabled) filters.push_back(config.base_topic() + std::string(kDesiredTopic));
+  std::vector<OnlineBroker> found;
+  look_at(config.mqtt, filters, found);
+  for (const BrokerConfig& broker : config.brokers) {
+    const bool hears = broker.commands &&
+                       std::ranges::any_of(config.profiles, [&](const ProfileConfig& profile) {
+                         return profile.kind == ProfileConfig::Kind::json &&
+                                profile.broker == broker.name;
+                       });
+    look_at(broker.mqtt, hears ? std::vector{commands} : std::vector<std::string>(), found);
+  }
+  return found;
 }
 
 }  // namespace

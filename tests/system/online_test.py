@@ -68,6 +68,18 @@ class Online(PlantTest):
         self.write(devices=[device(type="wrong")])
         self.assertEqual(self.check()[:2], (2, ""))
 
+    def test_each_of_several_brokers_is_asked(self):
+        self.begin()
+        closed = free_port()
+        here = f"mqtt://127.0.0.1:{self.broker.port}"
+        self.write(brokers=[{"name": "cloud", "servers": [here], "commands": True},
+                            {"name": "site", "servers": [f"mqtt://127.0.0.1:{closed}"]}],
+                   profiles=[{"kind": "json"}, {"kind": "json", "broker": "cloud"}, {"kind": "plain", "broker": "site"}])
+        status, said, _ = self.check()
+        self.assertEqual(status, 1, said)
+        self.assertEqual(said.count(f"broker {here}: answers\n"), 2, said)
+        self.assertIn(f"broker mqtt://127.0.0.1:{closed}: does not answer\n", said)
+
     def test_an_agent_that_runs_is_left_alone_and_asked_over_mqtt(self):
         self.start()
         self.ready()
