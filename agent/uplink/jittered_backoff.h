@@ -22,6 +22,12 @@ class JitteredBackoff final {
     return plain + std::chrono::milliseconds(extra(random_));
   }
 
+  /// Returns a random part of a second: agents that lose a broker together reconnect one by one.
+  std::chrono::milliseconds spread() {
+    std::uniform_int_distribution<std::int64_t> any(0, 1000);
+    return std::chrono::milliseconds(any(random_));
+  }
+
  private:
   std::minstd_rand random_;
 };

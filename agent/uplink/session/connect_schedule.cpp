@@ -12,6 +12,9 @@ constexpr seconds kSteady{10};  // a connection that lasts this long is stable
 // It must also last this many times as long as the pause before it. Another agent with our id
 // pauses as often as we do, and at most two and a half times as long.
 constexpr int kSteadyPauses = 3;
+// Together with JitteredBackoff::spread() the pause after the loss of a stable connection: all
+// agents of a dead broker connect within a second, and none at the moment of its death.
+constexpr std::chrono::milliseconds kFirstPause{250};
 constexpr seconds kLastRetry{30};
 // A broker that restarts, or accepts a user again, is reached within 5 s. After a longer outage
 // than this, the delay grows to kLastRetry.
@@ -31,28 +34,48 @@ void ConnectSchedule::connection_began(SteadyTime now) {
   failed_rounds_ = 0;
 }
 
+std::size_t ConnectSchedule::in_round(std::size_t position) const {
+  if (!lost_) return position;
+  if (position + 1 == mqtt_.servers.size()) return *lost_;
+  return position < *lost_ ? position : position + 1;
+}
+
+void ConnectSchedule::begin_round(std::optional<std::size_t> lost) {
+  lost_ = lost;
+  position_ = 0;
+  server_ = in_round(0);
+}
+
+bool ConnectSchedule::next_of_round() {
+  if (position_ + 1 >= mqtt_.servers.size()) {
+    begin_round(std::nullopt);
+    return false;
+  }
+  server_ = in_round(++position_);
+  return true;
+}
+
 SteadyTime ConnectSchedule::after_failure(SteadyTime now) {
-  server_ = (server_ + 1) % mqtt_.servers.size();
   const bool short_outage = last_up_ && now - *last_up_ < kShortOutage;
-  if (server_ != 0) return now;
+  if (next_of_round()) return now;
   return now +
          backoff_.after(failed_rounds_++, short_outage ? kLastRetryOfShortOutage : kLastRetry);
 }
 
 SteadyTime ConnectSchedule::after_loss(SteadyTime connected_at, SteadyTime now) {
   if (now - connected_at >= steady_after()) {
-    server_ = 0;
-    thrown_rounds_ = 0;
-  } else {
-    server_ = (server_ + 1) % mqtt_.servers.size();
-    if (server_ != 0) return now;
+    begin_round(server_);
+    last_pause_ = kFirstPause + backoff_.spread();
+    thrown_rounds_ = 1;
+    return now + last_pause_;
   }
+  if (next_of_round()) return now + backoff_.spread();
   last_pause_ = backoff_.after(thrown_rounds_++, kLastRetryOfThrown);
   return now + last_pause_;
 }
 
 void ConnectSchedule::restart() {
-  server_ = 0;
+  begin_round(std::nullopt);
   failed_rounds_ = 0;
   thrown_rounds_ = 0;
 }

@@ -1,5 +1,7 @@
-// Chooses the next server and the time of the attempt: the next one at once, and a growing delay
-// after each round of all servers. Uplink thread. Time is an argument.
+// Chooses the next server and the time of the attempt. A round tries all servers from the first, at
+// once, and a growing delay follows it. After the loss of a stable connection the round begins
+// after a random part of a second, and tries the lost server last: it may be silent, which costs
+// the whole connect time-out. Uplink thread. Time is an argument.
 #pragma once
 
 #include <cstddef>
@@ -32,14 +34,23 @@ class ConnectSchedule final {
   /// A connection that began at `connected_at` was lost.
   SteadyTime after_loss(SteadyTime connected_at, SteadyTime now);
   /// The servers of the config have changed; restart() follows.
-  void settings_changed() { server_ = 0; }
+  void settings_changed() { begin_round(std::nullopt); }
   /// Starts again with the first server and without a delay.
   void restart();
 
  private:
+  void begin_round(std::optional<std::size_t> lost);
+  /// Chooses the next server of this round, or the first one of another. True if this round goes
+  /// on.
+  bool next_of_round();
+  /// Returns the server with this number in the round.
+  std::size_t in_round(std::size_t position) const;
+
   const MqttConfig& mqtt_;
   JitteredBackoff& backoff_;
   std::size_t server_ = 0;
+  std::size_t position_ = 0;           ///< of server_ in the round
+  std::optional<std::size_t> lost_;    ///< server that this round tries last
   int failed_rounds_ = 0;              ///< rounds of all servers without a connection
   int thrown_rounds_ = 0;              ///< rounds of all servers without a stable connection
   SteadyTime::duration last_pause_{};  ///< between the last loss and the attempt after it

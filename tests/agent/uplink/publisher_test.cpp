@@ -296,7 +296,7 @@ TEST_F(PublisherTest, ServersAreTriedFromTheTopWithGrowingPauses) {
   }
 }
 
-TEST_F(PublisherTest, StaysOnItsServerUntilThatFailsAndStartsFromTheTopAgain) {
+TEST_F(PublisherTest, StaysOnItsServerUntilThatFailsAndThenTriesItLast) {
   bench.broker.reachable = false;
   bench.settle();
   bench.broker.reachable = true;
@@ -308,6 +308,13 @@ TEST_F(PublisherTest, StaysOnItsServerUntilThatFailsAndStartsFromTheTopAgain) {
   bench.settle();
   bench.advance(2s);
   ASSERT_EQ(bench.broker.connects.size(), connects + 1);
+  EXPECT_EQ(bench.broker.connects.back(), 1U);
+  bench.advance(1h);
+  EXPECT_EQ(bench.broker.connects.size(), connects + 1);
+  bench.broker.lose();
+  bench.settle();
+  bench.advance(2s);
+  ASSERT_EQ(bench.broker.connects.size(), connects + 2);
   EXPECT_EQ(bench.broker.connects.back(), 0U);
 }
 

@@ -1,0 +1,340 @@
+"""Three RabbitMQ nodes on the loopback, as Debian packages them (3.10: MQTT 3.1.1, quorum queues), without systemd.
+
+Each node has its own directory, and a TCP proxy before its MQTT port, by which a test cuts it off from its clients. All
+nodes use one epmd of their own, so they neither find nor disturb another RabbitMQ of the machine. Children are ended
+by their pid, also if this process dies. Start nodes in the main thread: the kernel ends them with the thread that
+started them.
+
+docs/operate/cluster.md shows CONFIG and POLICY as the config that was tested.
+"""
+
+import asyncio
+import contextlib
+import os
+import secrets
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from ports import free_port
+
+PROGRAM = "/usr/lib/rabbitmq/bin/rabbitmq-server"
+EPMD = shutil.which("epmd")
+# A node that was killed takes 8 s to come back, and sometimes 35 s on an idle machine.
+START_PATIENCE = 180.0
+
+CONFIG = """\
+listeners.tcp = none
+mqtt.listeners.tcp.default = 127.0.0.1:{mqtt_port}
+mqtt.allow_anonymous = true
+mqtt.durable_queue_type = quorum
+# MQTT clients may send this many messages ahead of their acknowledgements.
+mqtt.prefetch = 100
+cluster_formation.peer_discovery_backend = classic_config
+cluster_formation.discovery_retry_limit = 2
+{peers}
+# The minority of a split cluster stops; it would lose what it accepts.
+cluster_partition_handling = pause_minority
+# A node that does not answer counts as dead after this many seconds. The default is 60.
+net_ticktime = 4
+log.file.level = info
+"""
+
+ADVANCED = """\
+[{kernel, [{inet_dist_use_interface, {127, 0, 0, 1}}]}].
+"""
+
+# A clean session of QoS 1 has a durable classic queue on the node of its connection. If that node dies, its client
+# cannot subscribe on another node until the node is back ("home node … of durable queue … is down"), unless the queue
+# has a mirror.
+POLICY = ["set_policy", "mqtt-sessions", "^mqtt-subscription-",
+          '{"ha-mode":"exactly","ha-params":2,"ha-sync-mode":"automatic"}', "--apply-to", "queues"]
+
+
+def available():
+    """True if this machine has RabbitMQ."""
+    return os.path.exists(PROGRAM) and EPMD is not None
+
+
+def mqtt_answers(port, patience=3.0):
+    """True if the node accepts an MQTT 3.1.1 connection. That needs a majority of the nodes."""
+    name = f"probe-{secrets.token_hex(4)}".encode()
+    body = struct.pack("!H4sBBHH", 4, b"MQTT", 4, 2, 10, len(name)) + name
+    with contextlib.suppress(OSError):
+        with socket.create_connection(("127.0.0.1", port), patience) as connection:
+            connection.settimeout(patience)
+            connection.sendall(bytes([0x10, len(body)]) + body)
+            answer = connection.recv(4)
+            connection.sendall(b"\xe0\x00")
+            return answer == b"\x20\x02\x00\x00"
+    return False
+
+
+class Proxies:
+    """The proxies of all nodes, in one thread. `connects` has (time, node, port of the client) of each accepted TCP
+    connection."""
+
+    def __init__(self):
+        self.loop = asyncio.new_event_loop()
+        self.thread = threading.Thread(target=self.loop.run_forever, daemon=True)
+        self.thread.start()
+        self.connects = []
+
+    def run(self, coroutine):
+        return asyncio.run_coroutine_threadsafe(coroutine, self.loop).result(30)
+
+    def close(self):
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        self.thread.join()
+        self.loop.close()
+
+
+class Proxy:
+    """Forwards one port. cut() is a network that delivers nothing and reports nothing; it accepts connections, as
+    the kernel of a paused machine does."""
+
+    def __init__(self, proxies, node, upstream):
+        self.proxies, self.node, self.upstream = proxies, node, upstream
+        self.port = free_port()
+        self.server = None
+        self.is_cut = False
+        self.open = set()  # writers of both sides
+        self.pumps = set()
+
+    def listen(self):
+        self.proxies.run(self._listen())
+
+    async def _listen(self):
+        if self.server is None:
+            self.server = await asyncio.start_server(self._serve, "127.0.0.1", self.port, backlog=512)
+
+    def refuse(self):
+        """Refuses connections and closes the existing ones, as the kernel does for a process that has died."""
+        self.proxies.run(self._refuse())
+
+    async def _refuse(self):
+        if self.server is not None:
+            self.server.close()
+            self.server = None
+        self._abort()
+
+    def cut(self):
+        self.proxies.loop.call_soon_threadsafe(setattr, self, "is_cut", True)
+
+    def heal(self):
+        """Forwards again. Connections of the time before end, since their bytes are lost."""
+        self.proxies.run(self._heal())
+
+    async def _heal(self):
+        self.is_cut = False
+        self._abort()
+
+    def _abort(self):
+        for writer in list(self.open):
+            writer.transport.abort()
+        for pump in list(self.pumps):
+            pump.cancel()
+
+    async def _serve(self, reader, writer):
+        self.proxies.connects.append((time.monotonic(), self.node, writer.get_extra_info("peername")[1]))
+        self.open.add(writer)
+        other = None
+        try:
+            if self.is_cut:
+                self.pumps.add(task := asyncio.current_task())
+                task.add_done_callback(self.pumps.discard)
+                while await reader.read(65536):
+                    pass
+                return
+            other_reader, other = await asyncio.open_connection("127.0.0.1", self.upstream)
+            self.open.add(other)
+            pumps = {asyncio.ensure_future(self._pump(reader, other)),
+                     asyncio.ensure_future(self._pump(other_reader, writer))}
+            self.pumps |= pumps
+            await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
+            for pump in pumps:
+                pump.cancel()
+            await asyncio.gather(*pumps, return_exceptions=True)
+            self.pumps -= pumps
+        except (OSError, asyncio.CancelledError):
+            pass
+        finally:
+            for each in (writer, other):
+                if each is not None:
+                    each.transport.abort()
+                    self.open.discard(each)
+
+    async def _pump(self, reader, writer):
+        while data := await reader.read(65536):
+            if not self.is_cut:
+                writer.write(data)
+                await writer.drain()
+
+
+class Node:
+    def __init__(self, cluster, number):
+        self.cluster, self.number = cluster, number
+        self.name = f"rmq{number}@localhost"
+        self.directory = os.path.join(cluster.directory, f"node{number}")
+        os.mkdir(self.directory)
+        self.mqtt_port, self.amqp_port, self.dist_port = free_port(), free_port(), free_port()
+        self.log_path = os.path.join(self.directory, "output.log")
+        self.process = None
+        self.proxy = Proxy(cluster.proxies, number, self.mqtt_port)
+
+    @property
+    def port(self):
+        """The port for clients: that of the proxy."""
+        return self.proxy.port
+
+    def write(self):
+        peers = "\n".join(f"cluster_formation.classic_config.nodes.{n} = rmq{n}@localhost"
+                          for n in range(1, len(self.cluster.nodes) + 1))
+        for name, text in (("rabbitmq.conf", CONFIG.format(mqtt_port=self.mqtt_port, peers=peers)),
+                           ("advanced.config", ADVANCED), ("enabled_plugins", "[rabbitmq_mqtt].\n")):
+            with open(os.path.join(self.directory, name), "w") as out:
+                out.write(text)
+
+    def environment(self):
+        at = lambda name: os.path.join(self.directory, name)
+        return {
+            "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8",
+            "HOME": self.cluster.directory,  # of the cookie
+            "ERL_EPMD_PORT": str(self.cluster.epmd_port), "ERL_EPMD_ADDRESS": "127.0.0.1",
+            "RABBITMQ_NODENAME": self.name, "RABBITMQ_NODE_PORT": str(self.amqp_port),
+            "RABBITMQ_DIST_PORT": str(self.dist_port), "RABBITMQ_MNESIA_BASE": at("mnesia"),
+            "RABBITMQ_LOG_BASE": at("log"), "RABBITMQ_CONFIG_FILE": at("rabbitmq.conf"),
+            "RABBITMQ_ADVANCED_CONFIG_FILE": at("advanced.config"),
+            "RABBITMQ_ENABLED_PLUGINS_FILE": at("enabled_plugins"),
+            "RABBITMQ_CONF_ENV_FILE": "/dev/null",
+            # The script then becomes the node, so that its pid is that of the node.
+            "RUNNING_UNDER_SYSTEMD": "true",
+            # Three nodes with a scheduler for each core would spin on each other's time.
+            "RABBITMQ_SERVER_ADDITIONAL_ERL_ARGS": "+sbwt none +sbwtdcpu none +sbwtdio none",
+        }
+
+    def start(self):
+        """Starts the node; wait() returns when it serves."""
+        with open(self.log_path, "a") as log:
+            self.process = subprocess.Popen(["setpriv", "--pdeathsig", "KILL", PROGRAM], env=self.environment(),
+                                            cwd=self.directory, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    def wait(self, patience=START_PATIENCE):
+        """Returns when the node accepts MQTT connections. A node that ended by itself is started again: it does so
+        if it does not find the others in time."""
+        deadline = time.monotonic() + patience
+        while not mqtt_answers(self.mqtt_port):
+            if time.monotonic() > deadline:
+                raise AssertionError(f"{self.name} was not up after {patience:.0f} s:\n{self.logged()[-5000:]}")
+            try:
+                self.process.wait(0.1)
+                self.start()
+            except subprocess.TimeoutExpired:
+                pass
+        self.proxy.listen()
+
+    def kill(self):
+        if self.process is None:
+            return
+        self.process.kill()
+        self.process.wait()
+        self.process = None
+        self.proxy.refuse()
+
+    def pause(self):
+        self.process.send_signal(signal.SIGSTOP)
+
+    def resume(self):
+        self.process.send_signal(signal.SIGCONT)
+
+    def logged(self):
+        out = ""
+        for name in (self.log_path, os.path.join(self.directory, "log", self.name + ".log")):
+            with contextlib.suppress(FileNotFoundError):
+                with open(name, errors="replace") as text:
+                    out += text.read()
+        return out
+
+
+class RabbitCluster:
+    """The nodes are numbered from 1. Use it as a context: the end of the block ends all processes."""
+
+    def __init__(self, directory, nodes=3):
+        self.directory = os.path.join(directory, "rabbit")
+        os.mkdir(self.directory)
+        cookie = os.path.join(self.directory, ".erlang.cookie")
+        with open(cookie, "w") as out:
+            out.write(secrets.token_hex(20))
+        os.chmod(cookie, 0o400)
+        self.proxies = Proxies()
+        self.epmd_port = free_port()
+        self.epmd = None
+        self.nodes = []
+        for number in range(1, nodes + 1):
+            self.nodes.append(Node(self, number))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def start(self):
+        """Starts the nodes one after the other, and returns when each accepts MQTT connections. If two new nodes of
+        3.10 join within a second, one of them may stay outside of the MQTT plugin's own Raft cluster. It then refuses
+        every MQTT connection ("client ID registration timed out") for good."""
+        environment = {"PATH": os.environ.get("PATH", ""), "ERL_EPMD_RELAXED_COMMAND_CHECK": "true"}
+        self.epmd = subprocess.Popen(["setpriv", "--pdeathsig", "KILL", EPMD, "-address", "127.0.0.1",
+                                      "-port", str(self.epmd_port)], env=environment,
+                                     stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for node in self.nodes:
+            node.write()
+            node.start()
+            node.wait()
+        self.control(self.nodes[0], *POLICY)
+
+    def servers(self, first=0):
+        """Returns `mqtt.servers` of an agent that begins with node `first` + 1."""
+        turned = self.nodes[first % len(self.nodes):] + self.nodes[:first % len(self.nodes)]
+        return [f"mqtt://127.0.0.1:{node.port}" for node in turned]
+
+    def control(self, node, *arguments):
+        """Returns the output of rabbitmqctl."""
+        return subprocess.run(["/usr/lib/rabbitmq/bin/rabbitmqctl", *arguments], env=node.environment(),
+                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=True).stdout
+
+    def close(self):
+        for node in self.nodes:
+            with contextlib.suppress(Exception):
+                node.kill()
+        if self.epmd is not None:
+            self.epmd.kill()
+            self.epmd.wait()
+            self.epmd = None
+        self.proxies.close()
+
+
+def main():
+    """Starts a cluster, prints its ports, kills each node in turn and prints when it serves again."""
+    import tempfile
+    with tempfile.TemporaryDirectory(prefix="fxagent-rabbit-") as directory, RabbitCluster(directory) as cluster:
+        begin = time.monotonic()
+        cluster.start()
+        print(f"up after {time.monotonic() - begin:.1f} s: {' '.join(cluster.servers())}", flush=True)
+        for node in cluster.nodes:
+            node.kill()
+            node.start()
+            begin = time.monotonic()
+            node.wait()
+            print(f"{node.name} killed and back after {time.monotonic() - begin:.1f} s", flush=True)
+        print(cluster.control(cluster.nodes[0], "cluster_status"))
+
+
+if __name__ == "__main__":
+    main()
