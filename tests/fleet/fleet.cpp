@@ -94,10 +94,13 @@ void Fleet::step(Time now) {
     case Phase::connect:
       connect_some(now);
       if (!all_connected || started_ < players_.size()) break;
-      report_["connect"] = {{"all_s", rounded(in_phase)},
-                            {"connects_per_s", rate(figures_.connacks.size(), in_phase)},
-                            {"most_connects_in_a_second", figures_.most_connects_in_a_second(0)},
-                            {"failed_attempts", figures_.failures}};
+      report_["connect"] = {
+          {"all_s", rounded(in_phase)},
+          {"connects_per_s", rate(figures_.connacks.size(), in_phase)},
+          {"most_connects_in_a_second", figures_.most_connects_in_a_second(0)},
+          {"failed_attempts", figures_.failures},
+          {"broker_cpu_ms_per_connect",
+           broker_ ? rounded((broker_->cpu_s() - mark_.broker_cpu) * 1000 / options_.agents) : 0}};
       begin(Phase::steady, now);
       break;
     case Phase::steady:
@@ -205,6 +208,7 @@ Fleet::Mark Fleet::mark(Time now) const {
 Json Fleet::steady_report(Time now) {
   const Mark end = mark(now);
   const double length = seconds_between(mark_.at, now);
+  const auto messages = static_cast<double>(end.published - mark_.published);
   Json out{{"seconds", rounded(length)},
            {"published_per_s", rate(end.published - mark_.published, length)},
            {"received_per_s", rate(end.received - mark_.received, length)},
@@ -213,6 +217,8 @@ Json Fleet::steady_report(Time now) {
   if (broker_) {
     const long kib = broker_->memory_kib();
     out["broker_cpu_percent"] = rounded((end.broker_cpu - mark_.broker_cpu) / length * 100);
+    out["broker_cpu_us_per_message"] =
+        messages > 0 ? rounded((end.broker_cpu - mark_.broker_cpu) * 1e6 / messages) : 0;
     out["broker_rss_kib"] = kib;
     out["broker_rss_kib_per_session"] =
         rounded(static_cast<double>(kib - empty_broker_kib_) / options_.agents);
@@ -238,6 +244,9 @@ Json Fleet::storm_report(Time now) {
       {"own_cpu_s", rounded(end.own_cpu - mark_.own_cpu)}};
   if (broker_) {
     out["broker_cpu_s"] = rounded(end.broker_cpu - mark_.broker_cpu);
+    out["broker_cpu_ms_per_connect"] =
+        rounded((end.broker_cpu - mark_.broker_cpu) * 1000 /
+                static_cast<double>(figures_.connacks.size() - before_.connacks.size()));
     out["broker_rss_kib"] = broker_->memory_kib();
   }
   return out;
