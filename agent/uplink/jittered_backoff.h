@@ -22,6 +22,12 @@ class JitteredBackoff final {
     return plain + std::chrono::milliseconds(extra(random_));
   }
 
+  /// Returns a random time from 0 to `longest`.
+  std::chrono::milliseconds up_to(std::chrono::milliseconds longest) {
+    std::uniform_int_distribution<std::int64_t> any(0, longest.count());
+    return std::chrono::milliseconds(any(random_));
+  }
+
  private:
   std::minstd_rand random_;
 };

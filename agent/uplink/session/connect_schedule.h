@@ -1,5 +1,6 @@
 // Chooses the next server and the time of the attempt: the next one at once, and a growing delay
-// after each round of all servers. Uplink thread. Time is an argument.
+// after each round of all servers. With `reconnect_spread_s` the agents of a fleet reconnect at
+// random times within it. Uplink thread. Time is an argument.
 #pragma once
 
 #include <cstddef>
@@ -42,7 +43,8 @@ class ConnectSchedule final {
   std::size_t server_ = 0;
   int failed_rounds_ = 0;              ///< rounds of all servers without a connection
   int thrown_rounds_ = 0;              ///< rounds of all servers without a stable connection
-  SteadyTime::duration last_pause_{};  ///< between the last loss and the attempt after it
+  /// Between the last loss and the attempt after it, without the spread.
+  SteadyTime::duration last_pause_{};
   std::optional<SteadyTime> last_up_;  ///< last time with a connection
 };
 
