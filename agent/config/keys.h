@@ -172,6 +172,9 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"mqtt", "qos", integer, {0, 1}, 1,
      "QoS of the data topics. With 0 a sample counts as delivered when the socket has accepted "
      "it. 2 is refused: under 1 the sequence number shows repeats."},
+    {"mqtt", "reconnect_spread_s", integer, {0, 3600}, 0,
+     "For fleets: after a loss the agent waits a random time of up to this many seconds longer, and "
+     "at least as many between failed attempts, so that a restarted broker is not stormed."},
 
     {"mqtt.tls", "ca_file", path, {}, Rule{"the system's"}, "Certificate authorities, PEM."},
     {"mqtt.tls", "cert_file", path, {}, None{},

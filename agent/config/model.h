@@ -189,6 +189,8 @@ struct MqttConfig {
   std::chrono::seconds keep_alive{config_key("mqtt.keep_alive_s").number()};
   /// QoS of data topics.
   int qos = static_cast<int>(config_key("mqtt.qos").number());
+  /// Random delay after a loss, at most.
+  std::chrono::seconds reconnect_spread{config_key("mqtt.reconnect_spread_s").number()};
   friend bool operator==(const MqttConfig&, const MqttConfig&) = default;
 };
 

@@ -22,9 +22,9 @@ class JitteredBackoff final {
     return plain + std::chrono::milliseconds(extra(random_));
   }
 
-  /// Returns a random part of a second: agents that lose a broker together reconnect one by one.
-  std::chrono::milliseconds spread() {
-    std::uniform_int_distribution<std::int64_t> any(0, 1000);
+  /// Returns a random time from 0 to `longest`.
+  std::chrono::milliseconds up_to(std::chrono::milliseconds longest) {
+    std::uniform_int_distribution<std::int64_t> any(0, longest.count());
     return std::chrono::milliseconds(any(random_));
   }
 

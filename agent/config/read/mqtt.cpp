@@ -147,6 +147,8 @@ MqttConfig read_broker(ConfigReader& reader, const ConfigNode& node, const std::
     mqtt.qos = reader.integer_as<int>(node, config_key("mqtt.qos"));
   else
     reader.error(*qos, "must be 0 or 1; with 1 the seq shows repeats, and 2 would only cost time");
+  mqtt.reconnect_spread =
+      reader.integer_as<std::chrono::seconds>(node, config_key("mqtt.reconnect_spread_s"));
   return mqtt;
 }
 

@@ -10,11 +10,12 @@ using std::chrono::seconds;
 
 constexpr seconds kSteady{10};  // a connection that lasts this long is stable
 // It must also last this many times as long as the pause before it. Another agent with our id
-// pauses as often as we do, and at most two and a half times as long.
+// pauses as often as we do, and at most two and a half times as long, plus the spread.
 constexpr int kSteadyPauses = 3;
-// Together with JitteredBackoff::spread() the pause after the loss of a stable connection: all
-// agents of a dead broker connect within a second, and none at the moment of its death.
+// Together the pause after the loss of a stable connection: all agents of a dead broker connect
+// within a second, and none at the moment of its death. A fleet adds `reconnect_spread_s`.
 constexpr std::chrono::milliseconds kFirstPause{250};
+constexpr seconds kFirstSpread{1};
 constexpr seconds kLastRetry{30};
 // A broker that restarts, or accepts a user again, is reached within 5 s. After a longer outage
 // than this, the delay grows to kLastRetry.
@@ -26,7 +27,8 @@ constexpr seconds kLastRetryOfThrown{60};
 }  // namespace
 
 SteadyTime::duration ConnectSchedule::steady_after() const {
-  return std::max<SteadyTime::duration>(kSteady, kSteadyPauses * last_pause_);
+  return std::max<SteadyTime::duration>(kSteady,
+                                        kSteadyPauses * last_pause_ + mqtt_.reconnect_spread);
 }
 
 void ConnectSchedule::connection_began(SteadyTime now) {
@@ -58,20 +60,23 @@ bool ConnectSchedule::next_of_round() {
 SteadyTime ConnectSchedule::after_failure(SteadyTime now) {
   const bool short_outage = last_up_ && now - *last_up_ < kShortOutage;
   if (next_of_round()) return now;
+  // The spread is exact here: times that were drawn evenly over it stay so.
   return now +
-         backoff_.after(failed_rounds_++, short_outage ? kLastRetryOfShortOutage : kLastRetry);
+         std::max<SteadyTime::duration>(
+             backoff_.after(failed_rounds_++, short_outage ? kLastRetryOfShortOutage : kLastRetry),
+             mqtt_.reconnect_spread);
 }
 
 SteadyTime ConnectSchedule::after_loss(SteadyTime connected_at, SteadyTime now) {
   if (now - connected_at >= steady_after()) {
     begin_round(server_);
-    last_pause_ = kFirstPause + backoff_.spread();
+    last_pause_ = kFirstPause + backoff_.up_to(kFirstSpread);
     thrown_rounds_ = 1;
-    return now + last_pause_;
+    return now + last_pause_ + backoff_.up_to(mqtt_.reconnect_spread);
   }
-  if (next_of_round()) return now + backoff_.spread();
+  if (next_of_round()) return now + backoff_.up_to(kFirstSpread);
   last_pause_ = backoff_.after(thrown_rounds_++, kLastRetryOfThrown);
-  return now + last_pause_;
+  return now + last_pause_ + backoff_.up_to(mqtt_.reconnect_spread);
 }
 
 void ConnectSchedule::restart() {

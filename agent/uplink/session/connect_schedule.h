@@ -1,7 +1,8 @@
 // Chooses the next server and the time of the attempt. A round tries all servers from the first, at
 // once, and a growing delay follows it. After the loss of a stable connection the round begins
 // after a random part of a second, and tries the lost server last: it may be silent, which costs
-// the whole connect time-out. Uplink thread. Time is an argument.
+// the whole connect time-out. With `reconnect_spread_s` the agents of a fleet reconnect at random
+// times within it. Uplink thread. Time is an argument.
 #pragma once
 
 #include <cstddef>
@@ -49,11 +50,12 @@ class ConnectSchedule final {
   const MqttConfig& mqtt_;
   JitteredBackoff& backoff_;
   std::size_t server_ = 0;
-  std::size_t position_ = 0;           ///< of server_ in the round
-  std::optional<std::size_t> lost_;    ///< server that this round tries last
-  int failed_rounds_ = 0;              ///< rounds of all servers without a connection
-  int thrown_rounds_ = 0;              ///< rounds of all servers without a stable connection
-  SteadyTime::duration last_pause_{};  ///< between the last loss and the attempt after it
+  std::size_t position_ = 0;         ///< of server_ in the round
+  std::optional<std::size_t> lost_;  ///< server that this round tries last
+  int failed_rounds_ = 0;            ///< rounds of all servers without a connection
+  int thrown_rounds_ = 0;            ///< rounds of all servers without a stable connection
+  /// Between the last loss and the attempt after it, without the spread.
+  SteadyTime::duration last_pause_{};
   std::optional<SteadyTime> last_up_;  ///< last time with a connection
 };
 

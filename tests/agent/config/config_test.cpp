@@ -52,7 +52,7 @@ TEST(Config, EverythingThatCanBeSetIsSet) {
     "servers": ["mqtts://a.example", "mqtt://[2001:db8::1]", "mqtts://[::1]:9000", "mqtt://b:1"],
     "version": "3.1.1", "client_id": "c", "username": "u", "password_file": "/run/p",
     "password_env": "P", "tls": {"ca_file": "ca.pem", "cert_file": "c.pem", "key_file": "k.pem"},
-    "keep_alive_s": 5, "qos": 0})");
+    "keep_alive_s": 5, "qos": 0, "reconnect_spread_s": 60})");
   plant["store"] = nlohmann::json::parse(
       R"({"path": "/s", "max_bytes": 65536, "max_age_h": 1, "sync": "always",
           "audit_max_bytes": 65537, "audit_max_age_h": 2})");
@@ -67,6 +67,7 @@ TEST(Config, EverythingThatCanBeSetIsSet) {
   EXPECT_EQ(config.mqtt.tls->key_file, "k.pem");
   EXPECT_EQ(config.mqtt.keep_alive.count(), 5);
   EXPECT_EQ(config.mqtt.qos, 0);
+  EXPECT_EQ(config.mqtt.reconnect_spread.count(), 60);
   EXPECT_EQ(config.store.max_bytes, 65536U);
   EXPECT_EQ(config.store.max_age.count(), 1);
   EXPECT_TRUE(config.store.sync_always);

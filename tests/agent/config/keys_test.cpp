@@ -104,6 +104,7 @@ TEST(ConfigKeys, AbsentKeysHaveTheirDefaults) {
   EXPECT_EQ(config.mqtt.version, 5);
   EXPECT_EQ(config.mqtt.keep_alive.count(), number(config_key("mqtt.keep_alive_s")));
   EXPECT_EQ(config.mqtt.qos, number(config_key("mqtt.qos")));
+  EXPECT_EQ(config.mqtt.reconnect_spread.count(), number(config_key("mqtt.reconnect_spread_s")));
   EXPECT_EQ(config.store.max_bytes,
             static_cast<std::uint64_t>(number(config_key("store.max_bytes"))));
   EXPECT_EQ(config.store.max_age.count(), number(config_key("store.max_age_h")));
