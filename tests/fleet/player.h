@@ -107,7 +107,7 @@ class Player final {
   std::size_t window_ = 20;
   std::uint16_t last_id_ = 0;
   std::uint64_t seq_ = 0;
-  std::deque<Message> due_;   ///< states and results that wait for the window
+  std::deque<Message> due_;  ///< states and results that wait for the window
   std::size_t history_in_flight_ = 0;
   std::vector<Row> backlog_;  ///< samples that were not acknowledged
   std::map<std::uint16_t, Flight> flights_;

@@ -41,8 +41,8 @@ class ConnectSchedule final {
   const MqttConfig& mqtt_;
   JitteredBackoff& backoff_;
   std::size_t server_ = 0;
-  int failed_rounds_ = 0;              ///< rounds of all servers without a connection
-  int thrown_rounds_ = 0;              ///< rounds of all servers without a stable connection
+  int failed_rounds_ = 0;  ///< rounds of all servers without a connection
+  int thrown_rounds_ = 0;  ///< rounds of all servers without a stable connection
   /// Between the last loss and the attempt after it, without the spread.
   SteadyTime::duration last_pause_{};
   std::optional<SteadyTime> last_up_;  ///< last time with a connection
