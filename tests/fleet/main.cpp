@@ -71,10 +71,7 @@ int main(int argc, char** argv) {
   app.add_option("--qos", options.plan.qos, "QoS of samples (1)")->check(CLI::Range(0, 1));
   app.add_flag("--persistent", options.plan.keeps_session,
                "Sessions that outlive a connection, which fxagent does not use");
-  app.add_option(
-      "--spread", spread_s,
-      "What if: each agent waits a random time up to this many seconds after a loss, and "
-      "retries after as many");
+  app.add_option("--spread", spread_s, "mqtt.reconnect_spread_s of the agents (0)");
   app.add_option("--patience", options.patience_s, "Seconds until a phase is given up (300)");
   try {
     app.parse(argc, argv);

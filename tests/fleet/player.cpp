@@ -35,6 +35,7 @@ Player::Player(asio::io_context& io, const Plan& plan, Figures& figures, unsigne
       name_("edge" + std::to_string(number)),
       base_(plan.root + "/" + name_),
       boot_(boot_of(number)),
+      first_server_(number % plan.servers.size()),
       source_(asio::ip::address_v4::loopback().to_uint() + number / kPlayersOfAddress),
       started_ms_(utc_ms()),
       connection_(io, plan.version,
@@ -81,7 +82,8 @@ void Player::step(Time now) {
     link_ = Link::connecting;
     deadline_ = now + kConnectTimeout;
     ++figures_.attempts;
-    connection_.open(plan_.servers.at(reconnect_.server()), source_);
+    connection_.open(plan_.servers[(reconnect_.server() + first_server_) % plan_.servers.size()],
+                     source_);
   }
   if (is_under_way() && now >= deadline_) {
     connection_.close();
@@ -137,6 +139,7 @@ void Player::received(const Packet& packet) {
       const auto flight = flights_.extract(packet.id);
       if (flight.empty()) break;
       if (packet.code >= 0x80) ++figures_.refusals;
+      if (flight.mapped().message.is_history) --history_in_flight_;
       figures_.samples_acknowledged += flight.mapped().message.samples.size();
       figures_.acknowledgements.add(now - flight.mapped().sent);
       break;
@@ -184,7 +187,7 @@ void Player::ended() {
   link_ = Link::waiting;
   ++figures_.failures;
   retry_at_ = reconnect_.after_failure(now);
-  if (plan_.spread.count() > 0) retry_at_ = std::max(retry_at_, now + plan_.spread);
+  if (reconnect_.server() == 0) retry_at_ = std::max(retry_at_, now + plan_.spread);
   woken();
 }
 
@@ -193,9 +196,7 @@ void Player::lost(Time now) {
   --figures_.connected;
   ++figures_.losses;
   retry_at_ = reconnect_.after_loss(now);
-  if (plan_.spread.count() > 0)
-    retry_at_ =
-        now + milliseconds(std::uniform_int_distribution<long>(0, plan_.spread.count())(random_));
+  retry_at_ += milliseconds(std::uniform_int_distribution<long>(0, plan_.spread.count())(random_));
   // Results go out again, and samples as history; states are made anew.
   std::vector<Row> samples;
   for (auto& [id, flight] : flights_) {
@@ -207,6 +208,7 @@ void Player::lost(Time now) {
   std::sort(backlog_.begin(), backlog_.end(),
             [](const Row& left, const Row& right) { return left.seq < right.seq; });
   flights_.clear();
+  history_in_flight_ = 0;
   woken();
 }
 
@@ -245,6 +247,7 @@ void Player::send(Message message, Time now) {
   }
   const std::uint16_t id = next_id();
   put_publish(connection_.out(), plan_.version, id, message.publish);
+  if (message.is_history) ++history_in_flight_;
   // Made again after a loss.
   if (message.result_of.empty()) message.publish = {};
   flights_.emplace(id, Flight{std::move(message), now});
@@ -265,12 +268,13 @@ Player::Message Player::next_history() {
   backlog_.erase(backlog_.begin(), end);
   if (backlog_.empty()) backlog_.shrink_to_fit();
   ++figures_.history_messages;
+  message.is_history = true;
   message.publish = {base_ + "/press1/data/fast/history", history(rows), plan_.qos, false};
   return message;
 }
 
 Player::Message Player::result_message(const std::string& id, bool is_duplicate) const {
-  return {{base_ + "/press1/result", result(id, is_duplicate), 1, false}, {}, id, is_duplicate};
+  return {{base_ + "/press1/result", result(id, is_duplicate), 1, false}, {}, id, false};
 }
 
 Player::Message Player::retained(const std::string& topic, std::string payload) const {

@@ -24,7 +24,7 @@ struct Plan {
   int qos = 1;                 ///< of samples
   bool keeps_session = false;  ///< the agent does not
   milliseconds interval{1000};
-  milliseconds spread{0};  ///< random delay after a loss, in place of the agent's schedule
+  milliseconds spread{0};  ///< mqtt.reconnect_spread_s
 };
 
 class Player final {
@@ -47,7 +47,7 @@ class Player final {
   /// True if the broker has acknowledged all messages.
   bool is_done() const { return flights_.empty() && due_.empty() && backlog_.empty(); }
   /// True if samples of an outage have not all been acknowledged.
-  bool has_backlog() const { return !backlog_.empty(); }
+  bool has_backlog() const { return !backlog_.empty() || history_in_flight_ > 0; }
   std::string command_topic() const { return base_ + "/press1/command"; }
 
   /// Called when next_wake() may have become earlier.
@@ -65,7 +65,7 @@ class Player final {
     Publish publish;
     std::vector<Row> samples;
     std::string result_of;  ///< id of a command
-    bool is_duplicate = false;
+    bool is_history = false;
   };
   struct Flight {
     Message message;
@@ -90,6 +90,7 @@ class Player final {
   const std::string name_;
   const std::string base_;
   const std::string boot_;
+  const std::size_t first_server_;  ///< the configs of a fleet begin with different servers
   const asio::ip::address_v4 source_;
   const std::int64_t started_ms_;
   Connection connection_;
@@ -106,7 +107,8 @@ class Player final {
   std::size_t window_ = 20;
   std::uint16_t last_id_ = 0;
   std::uint64_t seq_ = 0;
-  std::deque<Message> due_;   ///< states and results that wait for the window
+  std::deque<Message> due_;  ///< states and results that wait for the window
+  std::size_t history_in_flight_ = 0;
   std::vector<Row> backlog_;  ///< samples that were not acknowledged
   std::map<std::uint16_t, Flight> flights_;
   std::deque<std::string> commands_;  ///< ids of the last commands
