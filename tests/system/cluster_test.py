@@ -76,5 +76,17 @@ class Cluster(unittest.TestCase):
             self.assertEqual(plant.faults(), [])
 
 
+class ClusterPage(unittest.TestCase):
+    def test_the_page_shows_the_config_that_is_tested(self):
+        path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "docs", "operate", "cluster.md")
+        with open(path) as text:
+            page = text.read()
+        for line in rabbit_cluster.CONFIG.splitlines():
+            if not line.startswith("#") and "{" not in line:
+                self.assertIn("\n" + line + "\n", page)
+        _, name, pattern, definition, *_ = rabbit_cluster.POLICY
+        self.assertIn(f"rabbitmqctl set_policy {name} '{pattern}' \\\n  '{definition}' --apply-to queues\n", page)
+
+
 if __name__ == "__main__":
     unittest.main()
