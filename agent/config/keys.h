@@ -149,8 +149,8 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
 
     {"mqtt", "servers", array, {}, Required{},
      "One or more of `mqtt://host[:1883]` and `mqtts://host[:8883]`, IPv6 in brackets. The agent "
-     "tries them from the first. After the last one it waits 1 s, then longer, up to 30 s (4 s "
-     "in the first five minutes of an outage)."},
+     "tries them from the first, and one that it has lost last. After the last one it waits 1 s, "
+     "then longer, up to 30 s (4 s in the first five minutes of an outage)."},
     {"mqtt", "version", choice, kVersions, "5", "Version of MQTT."},
     {"mqtt", "client_id", text, {}, Rule{"fx-{id}"},
      "Client id. Two clients of one broker must not share it."},

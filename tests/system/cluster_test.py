@@ -12,6 +12,9 @@ from cluster_plant import ClusterPlant
 from plant import has_failed, text_of, wait_for
 
 AGENTS = 4
+# Seconds. On a busy machine RabbitMQ closes connections with a shorter one.
+KEEP_ALIVE = 5
+LIMIT_S = 120
 
 
 @unittest.skipUnless(rabbit_cluster.available(), "needs the package rabbitmq-server")
@@ -37,13 +40,13 @@ class Cluster(unittest.TestCase):
     def moved(self, plant, names, node):
         """Waits until these agents are connected to nodes other than `node`."""
         wait_for(f"{names} to leave node {node.number}",
-                 lambda: all(plant.node_of(name) not in (None, node) for name in names), 60)
+                 lambda: all(plant.node_of(name) not in (None, node) for name in names), LIMIT_S)
 
     def more_samples(self, plant, names):
         """Waits for a sample of each agent that was made after this call."""
         newest = {name: max(plant.observer.seqs[name]) for name in names}
         try:
-            wait_for("new samples", lambda: all(max(plant.observer.seqs[name]) > newest[name] + 2 for name in names), 60)
+            wait_for("new samples", lambda: all(max(plant.observer.seqs[name]) > newest[name] + 2 for name in names), LIMIT_S)
         except AssertionError as error:
             got = {name: max(plant.observer.seqs[name]) - newest[name] for name in names}
             self.fail(f"{error}: {got}, observer lost {plant.observer.losses}: {plant.observer.why}")
@@ -52,11 +55,12 @@ class Cluster(unittest.TestCase):
         sent = len(plant.commander.sent)
         wait_for("results of new commands", lambda: all(
             plant.observer.own(*command[:2]) for command in plant.commander.sent[:sent + AGENTS])
-            and len(plant.commander.sent) >= sent + AGENTS, 60)
+            and len(plant.commander.sent) >= sent + AGENTS, LIMIT_S)
 
     def test_no_sample_and_no_command_is_lost_with_a_node(self):
         first, second, third = self.cluster.nodes
-        with ClusterPlant(self.directory, self.cluster, AGENTS, interval_ms=500, per_second=5) as plant:
+        with ClusterPlant(self.directory, self.cluster, AGENTS, interval_ms=500, per_second=5,
+                          keep_alive=KEEP_ALIVE) as plant:
             self.more_results(plant)
             names = plant.on_node(first)
             self.assertIn("a0", names, "it begins with the first of its servers")
@@ -74,6 +78,18 @@ class Cluster(unittest.TestCase):
             self.assertEqual(plant.on_node(third), plant.names)
             plant.settle()
             self.assertEqual(plant.faults(), [])
+
+
+class ClusterPage(unittest.TestCase):
+    def test_the_page_shows_the_config_that_is_tested(self):
+        path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "docs", "operate", "cluster.md")
+        with open(path) as text:
+            page = text.read()
+        for line in rabbit_cluster.CONFIG.splitlines():
+            if not line.startswith("#") and "{" not in line:
+                self.assertIn("\n" + line + "\n", page)
+        _, name, pattern, definition, *_ = rabbit_cluster.POLICY
+        self.assertIn(f"rabbitmqctl set_policy {name} '{pattern}' \\\n  '{definition}' --apply-to queues\n", page)
 
 
 if __name__ == "__main__":

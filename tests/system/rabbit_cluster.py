@@ -306,8 +306,9 @@ class RabbitCluster:
 
     def control(self, node, *arguments):
         """Returns the output of rabbitmqctl."""
-        return subprocess.run(["/usr/lib/rabbitmq/bin/rabbitmqctl", *arguments], env=node.environment(),
-                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=True).stdout
+        return subprocess.run(["/usr/lib/rabbitmq/bin/rabbitmqctl", "--timeout", f"{START_PATIENCE:.0f}", *arguments],
+                              env=node.environment(), stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                              timeout=START_PATIENCE, check=True).stdout
 
     def close(self):
         for node in self.nodes:
