@@ -49,7 +49,7 @@ echo "ansible_trial: a bare Debian $(cat "$work/base/etc/debian_version")"
 # The package with an earlier version number.
 dpkg-deb --raw-extract "$package" "$work/tree"
 sed -i 's/^Version:.*/Version: 0.0.1-1/' "$work/tree/DEBIAN/control"
-dpkg-deb --root-owner-group --build "$work/tree" "$work/old.deb" >/dev/null
+dpkg-deb -Znone --root-owner-group --build "$work/tree" "$work/old.deb" >/dev/null
 
 ports=()
 for number in 1 2 3; do
@@ -116,7 +116,8 @@ gateways:
     $work/edge2: {name: edge2, port: ${ports[1]}}
     $work/edge3: {name: edge3, port: ${ports[2]}}
 YAML
-playbook() { ANSIBLE_CONFIG=/dev/null HOME=$work ansible-playbook -i "$work/inventory.yml" "$@"; }
+touch "$work/ansible.cfg"
+playbook() { ANSIBLE_CONFIG=$work/ansible.cfg HOME=$work ansible-playbook -i "$work/inventory.yml" "$@"; }
 version_of() { chroot "$work/$1" dpkg-query --show --showformat='${Version}' fxagent; }
 
 echo "ansible_trial: install.yml, first run"
