@@ -1,6 +1,6 @@
 // Command line: run · check · config · plan · read · write · force-on · force-off · audit · decode
 // · doctor · scan · record · replay · verify-stream · acl · describe · import · export · init
-// · schema.
+// · fleet · schema.
 // Contains no other logic.
 #include <malloc.h>
 #include <unistd.h>
@@ -24,6 +24,7 @@
 #include "agent/cli/describe.h"
 #include "agent/cli/doctor/doctor.h"
 #include "agent/cli/exit_status.h"
+#include "agent/cli/fleet/fleet_command.h"
 #include "agent/cli/import.h"
 #include "agent/cli/one_shot.h"
 #include "agent/cli/plan.h"
@@ -406,6 +407,45 @@ void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
   command->callback([&] { action = [&] { return run_init(what); }; });
 }
 
+void add_fleet(CLI::App& app, FleetQuestion& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand(
+      "fleet", "List all agents of a broker with their configs, or send them configs");
+  command->add_option("WHAT", what.what, "status or push")
+      ->required()
+      ->check(CLI::IsMember({"status", "push"}));
+  command->add_option("FILE", what.file,
+                      "push: the remote config to send; {agent} in it is the name of each agent");
+  command->add_option("--broker", what.broker, "mqtt://host or mqtts://host")->required();
+  what.root = "fx";
+  command->add_option("--root", what.root, "agent.root of the configs (fx)");
+  command->add_option("--mqtt-version", what.mqtt_version, "5 or 3.1.1 (5)")
+      ->check(CLI::IsMember({"5", "3.1.1"}));
+  command->add_option("--user", what.user, "MQTT user (none)");
+  auto* file = command->add_option("--password-file", what.password_file, "File of its password");
+  command->add_option("--password-env", what.password_env, "Variable that holds its password")
+      ->excludes(file);
+  command->add_option("--ca", what.ca_file, "Certificates that sign the broker's");
+  command->add_option("--cert", what.cert_file, "Certificate of this user");
+  command->add_option("--key", what.key_file, "Its private key");
+  auto* agents =
+      command->add_option("--agents", what.agents, "Only these: a,b,c; push: in this order")
+          ->delimiter(',');
+  command->add_flag("--all", what.all, "push: to all agents of the broker")->excludes(agents);
+  command->add_option("--batch", what.batch, "push: how many agents at a time (1)")
+      ->check(CLI::Range(1, 10000));
+  command
+      ->add_option_function<int>(
+          "--wait-s", [&what](int wait) { what.wait_s = wait; },
+          "push: how long a batch may take (30, with --confirmed 120); status: how long nothing "
+          "arrives at the end, if this user may not publish (2)")
+      ->check(CLI::Range(1, 86400));
+  command->add_flag("--confirmed", what.confirmed, "push: wait for the end of each trial");
+  command->add_flag("--skip-offline", what.skip_offline, "push: leave out agents that are offline");
+  command->add_flag("--dry-run", what.dry_run, "push: check and list, and send nothing");
+  command->add_flag("--json", what.as_json, "Print JSON");
+  command->callback([&] { action = [&] { return run_fleet(what); }; });
+}
+
 /// Returns an error text if the first argument looks like a subcommand but is unknown; else empty.
 std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
   const std::string_view said = argc > 1 ? argv[1] : "";
@@ -506,6 +546,9 @@ int dispatch(int argc, char** argv) {
 
   InitQuestion init;
   add_init(app, init, action);
+
+  FleetQuestion fleet;
+  add_fleet(app, fleet, action);
 
   DecodeQuestion question;
   bool as_request = false;

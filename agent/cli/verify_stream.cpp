@@ -1,11 +1,5 @@
 #include "agent/cli/verify_stream.h"
 
-#include <poll.h>
-#include <signal.h>
-#include <sys/eventfd.h>
-#include <sys/signalfd.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,14 +8,13 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <random>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "agent/cli/report/stream_check.h"
+#include "agent/cli/waiting_broker.h"
 #include "agent/log/log.h"
 #include "agent/text.h"
-#include "agent/uplink/paho/paho_broker.h"
 
 namespace fxagent {
 namespace {
@@ -43,72 +36,6 @@ constexpr std::size_t kMaxPayload = std::size_t{16} << 20;
 
 SteadyTime now() { return std::chrono::steady_clock::now(); }
 
-/// Connection to the broker. This thread can wait for its events, and for signals that end the
-/// wait.
-class Connection final {
- public:
-  enum class Woken : std::uint8_t { news, time_is_up, stop_asked };
-
-  Connection(const MqttConfig& config, std::chrono::seconds keep_session)
-      : news_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-        signals_(block_signals()),
-        broker_(
-            config, /*make_will=*/{},
-            [this] {
-              const std::uint64_t one = 1;
-              // Fails only if the counter is full, and then an event is pending anyway.
-              [[maybe_unused]] const auto written = write(news_, &one, sizeof one);
-            },
-            kMaxPayload, keep_session) {
-    if (news_ < 0 || signals_ < 0) throw std::runtime_error("no free file handle");
-  }
-  Connection(const Connection&) = delete;
-  Connection& operator=(const Connection&) = delete;
-
-  Broker& broker() { return broker_; }
-
-  Woken wait_until(SteadyTime deadline) {
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - now()).count();
-    if (left <= 0) return Woken::time_is_up;
-    pollfd waited[] = {{news_, POLLIN, 0}, {signals_, POLLIN, 0}};
-    poll(waited, 2, static_cast<int>(std::min<std::int64_t>(left, 3'600'000)));
-    if (waited[1].revents != 0) return Woken::stop_asked;
-    std::uint64_t count = 0;
-    [[maybe_unused]] const auto read_bytes = read(news_, &count, sizeof count);
-    return Woken::news;
-  }
-
- private:
-  /// File descriptor, closed after the broker that uses it.
-  class Handle final {
-   public:
-    explicit Handle(int fd) : fd_(fd) {}
-    ~Handle() {
-      if (fd_ >= 0) close(fd_);
-    }
-    Handle(const Handle&) = delete;
-    Handle& operator=(const Handle&) = delete;
-    operator int() const { return fd_; }
-
-   private:
-    int fd_;
-  };
-
-  /// Runs before the library starts a thread, so that no such thread receives these signals.
-  static int block_signals() {
-    sigset_t stop;
-    sigemptyset(&stop);
-    sigaddset(&stop, SIGINT);
-    sigaddset(&stop, SIGTERM);
-    pthread_sigmask(SIG_BLOCK, &stop, nullptr);
-    return signalfd(-1, &stop, SFD_CLOEXEC);
-  }
-
-  Handle news_;
-  Handle signals_;
-  PahoBroker broker_;  // last: its callbacks use the others
-};
-
 /// Times without a connection after the first one.
 struct Interruptions {
   std::uint64_t count = 0;
@@ -128,12 +55,12 @@ class Listener final {
         // A broker keeps no QoS 0 messages for a client that is away.
         keeps_messages_(config.qos > 0),
         check_(std::move(check)),
-        connection_(config, std::min(listen + kPatience, kMostKept)) {}
+        connection_(config, kMaxPayload, std::min(listen + kPatience, kMostKept)) {}
 
   /// Runs until the time is up, a signal arrives, or no server can be listened to at the start.
   /// Returns an empty text if it listened to the end, else the reason.
   std::string run() {
-    using Woken = Connection::Woken;
+    using Woken = WaitingBroker::Woken;
     connect_to(0);
     while (!over_) {
       const Woken woken = connection_.wait_until(std::min(deadline_, timer_));
@@ -257,7 +184,7 @@ class Listener final {
   SteadyTime ended_{};
   bool over_ = false;
   std::string fault_;
-  Connection connection_;  // last, so that it is destroyed first
+  WaitingBroker connection_;  // last, so that it is destroyed first
 };
 
 /// Returns the config with its own client id, which two clients of a broker cannot share, and with

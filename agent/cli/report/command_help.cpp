@@ -99,6 +99,13 @@ Exit status:
     {"init", R"(Examples:
   fxagent init /etc/fxagent
   fxagent init . --id edge7 --broker mqtt://broker --protocol modbus-tcp --port meter:502 --read power=ir:12)"},
+    {"fleet", R"(Examples:
+  fxagent fleet status --broker mqtt://broker --root fx/plant-a
+  fxagent fleet push configs/{agent}.json --broker mqtt://broker --root fx/plant-a --agents edge1,edge2
+Exit status:
+  0  every agent is online and has the config it was sent, or accepted it now
+  1  not so, or no agent was found
+  2  the arguments or a config are wrong, or the broker does not answer)"},
     {"schema", R"(Examples:
   fxagent schema >agent.schema.json)"},
     {"decode", R"(Examples:

@@ -233,6 +233,7 @@ std::string bash_completion(const CLI::App& app) {
     case ${places[${#given[@]}]} in
       PROTOCOL) words=$protocols ;;
       FORMAT) words=$formats ;;
+      WHAT) words='status push' ;;
       # Rows of `export`: device, tag, ...
       DEVICE) words=$("${COMP_WORDS[0]}" export "${given[0]}" 2>/dev/null | sed -n '2,${/^#/!s/,.*//p}' | sort -u) ;;
       ADDRESS) words=$("${COMP_WORDS[0]}" export "${given[0]}" 2>/dev/null | sed -n "s/^${given[1]},\([^,]*\),.*/\1/p") ;;

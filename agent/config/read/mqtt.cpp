@@ -7,11 +7,9 @@
 #include "agent/config/keys.h"
 
 namespace fxagent {
-namespace {
 
 using std::string_view_literals::operator""sv;
 
-/// Returns "mqtt://host:port" with the port filled in, or the fault of the address.
 tl::expected<std::string, std::string_view> normal_server(std::string_view server) {
   std::string out;
   std::string_view port;
@@ -58,6 +56,8 @@ tl::expected<std::string, std::string_view> normal_server(std::string_view serve
   }
   return out + ":" + std::string(port);
 }
+
+namespace {
 
 void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
   TlsSettings tls;

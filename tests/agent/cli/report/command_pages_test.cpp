@@ -70,7 +70,7 @@ TEST(CommandHelp, PagesOfTheProgramAndOfCheckHaveWhatOthersDoNot) {
   for (const char* name :
        {"run",    "check",    "doctor",    "scan",          "config", "plan",   "read",
         "write",  "force-on", "force-off", "verify-stream", "acl",    "audit",  "import",
-        "export", "init",     "schema",    "decode",        "record", "replay", "describe"})
+        "export", "init",     "schema",    "decode",        "record", "replay", "describe", "fleet"})
     app.add_subcommand(name, "Does it");
   add_footers(app);
   const auto count = [](const std::string& page, const std::string& part) {

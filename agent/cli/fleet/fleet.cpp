@@ -1,0 +1,143 @@
+#include "agent/cli/fleet/fleet.h"
+
+#include <array>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "agent/sha256.h"
+
+namespace fxagent {
+namespace {
+
+using Json = nlohmann::json;
+using Presence = FleetAgent::Presence;
+
+constexpr std::string_view kState = "/state";
+constexpr std::string_view kHealth = "/health";
+constexpr std::string_view kReported = "/config/reported";
+constexpr std::string_view kDesired = "/config/desired";
+constexpr std::array<std::string_view, 4> kTopics{kState, kHealth, kReported, kDesired};
+
+/// Returns a member of an object; null if there is none.
+const Json& member(const Json& object, const char* key) {
+  static const Json none;
+  const auto found = object.is_object() ? object.find(key) : object.end();
+  return object.is_object() && found != object.end() ? *found : none;
+}
+std::string text_at(const Json& object, const char* key) {
+  const Json& value = member(object, key);
+  return value.is_string() ? value.get<std::string>() : std::string();
+}
+std::optional<std::int64_t> time_at(const Json& object, const char* key) {
+  const Json& value = member(object, key);
+  if (!value.is_number_integer()) return std::nullopt;
+  return value.get<std::int64_t>();
+}
+
+void take_state(FleetAgent& agent, const Json& state) {
+  const std::string word = text_at(state, "state");
+  agent.presence = word == "online"    ? Presence::online
+                   : word == "offline" ? Presence::offline
+                                       : Presence::unknown;
+  agent.since_ms = time_at(state, "since");
+  agent.offline_reason = word == "offline" ? text_at(state, "reason") : "";
+  agent.conflict = text_at(state, "conflict");
+  agent.receives_commands = member(state, "commands") != Json(false);
+  if (std::string version = text_at(state, "version"); !version.empty())
+    agent.version = std::move(version);
+}
+
+void take_health(FleetAgent& agent, const Json& health) {
+  agent.health_ms = time_at(health, "ts");
+  agent.hash = text_at(member(health, "config"), "hash");
+  if (agent.version.empty()) agent.version = text_at(health, "version");
+}
+
+FleetReport report_of(const Json& said) {
+  FleetReport report;
+  report.state = text_at(said, "state");
+  report.version = text_at(said, "version");
+  report.desired_hash = text_at(said, "desired_hash");
+  report.in_force = text_at(said, "in_force");
+  report.hash = text_at(said, "hash");
+  report.confirmed = member(said, "confirmed") == Json(true);
+  for (const Json& error : member(said, "errors"))
+    if (error.is_string()) report.errors.push_back(error.get<std::string>());
+  return report;
+}
+
+}  // namespace
+
+std::string document_hash(std::string_view document) {
+  return to_text(sha256(document)).substr(0, 16);
+}
+
+Agreement agreement_of(const FleetAgent& agent) {
+  const bool rejected = agent.report && agent.report->state == "rejected";
+  const bool rolled_back = agent.report && agent.report->state == "rolled_back";
+  if (agent.desired && (!agent.report || agent.report->desired_hash != agent.desired->hash))
+    return Agreement::no_answer;
+  if (rejected) return Agreement::refused;
+  if (rolled_back) return Agreement::rolled_back;
+  if (!agent.desired)
+    return agent.report && !agent.report->in_force.empty() ? Agreement::kept
+                                                           : Agreement::local_file;
+  return agent.report->confirmed ? Agreement::as_asked : Agreement::on_trial;
+}
+
+bool is_as_asked(Agreement agreement) {
+  return agreement != Agreement::refused && agreement != Agreement::rolled_back &&
+         agreement != Agreement::no_answer;
+}
+
+std::vector<std::string> Fleet::filters(const std::vector<std::string>& names) const {
+  std::vector<std::string> filters;
+  for (const std::string_view topic : kTopics) {
+    if (names.empty()) filters.push_back(root_ + "/+" + std::string(topic));
+    for (const std::string& name : names)
+      filters.push_back(root_ + "/" + name + std::string(topic));
+  }
+  return filters;
+}
+
+std::string Fleet::desired_topic(const std::string& name) const {
+  return root_ + "/" + name + std::string(kDesired);
+}
+
+const FleetAgent& Fleet::agent(const std::string& name) const {
+  static const FleetAgent unknown;
+  const auto found = agents_.find(name);
+  return found == agents_.end() ? unknown : found->second;
+}
+
+void Fleet::take(std::string_view topic, std::string_view payload) {
+  if (!topic.starts_with(root_) || topic.substr(root_.size()).substr(0, 1) != "/") return;
+  const std::string_view rest = topic.substr(root_.size() + 1);
+  const std::size_t end = rest.find('/');
+  if (end == 0 || end == rest.npos) return;
+  const std::string name(rest.substr(0, end));
+  const std::string_view kind = rest.substr(end);
+  if (kind == kDesired) {
+    if (payload.empty()) {
+      if (const auto found = agents_.find(name); found != agents_.end())
+        found->second.desired.reset();
+      return;
+    }
+    const Json document = Json::parse(payload, nullptr, /*allow_exceptions=*/false);
+    agents_[name].desired = {text_at(document, "version"), document_hash(payload)};
+    return;
+  }
+  if (kind != kState && kind != kHealth && kind != kReported) return;
+  const Json said = Json::parse(payload, nullptr, /*allow_exceptions=*/false);
+  FleetAgent& agent = agents_[name];
+  if (kind == kState)
+    take_state(agent, said);
+  else if (kind == kHealth)
+    take_health(agent, said);
+  else if (payload.empty())
+    agent.report.reset();
+  else
+    agent.report = report_of(said);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,323 @@
+#include "agent/cli/fleet/fleet_command.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <optional>
+#include <random>
+#include <set>
+#include <string_view>
+#include <tl/expected.hpp>
+#include <utility>
+
+#include "agent/cli/exit_status.h"
+#include "agent/cli/fleet/fleet.h"
+#include "agent/cli/fleet/fleet_report.h"
+#include "agent/cli/fleet/rollout.h"
+#include "agent/cli/waiting_broker.h"
+#include "agent/config/config_error.h"
+#include "agent/config/read/mqtt.h"
+#include "agent/log/log.h"
+#include "agent/remote/desired_config.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::seconds;
+
+// Longer than the connect time-out of the MQTT library.
+constexpr seconds kConnectPatience{35};
+constexpr seconds kReadPatience{30};  // for subscriptions, and for all retained messages
+constexpr seconds kQuiet{2};
+constexpr seconds kBatchPatience{30};
+constexpr seconds kTrialPatience{120};  // a trial takes 60 s
+constexpr std::uint64_t kMarkerId = ~std::uint64_t{0};
+
+SteadyTime now() { return std::chrono::steady_clock::now(); }
+
+std::string own_client_id() {
+  char id[32];
+  std::snprintf(id, sizeof id, "fxagent-fleet-%08x", std::random_device{}());
+  return id;
+}
+
+MqttConfig connection_of(const FleetQuestion& what, const std::string& server) {
+  MqttConfig mqtt;
+  mqtt.servers = {server};
+  mqtt.version = what.mqtt_version == "5" ? 5 : 4;
+  mqtt.client_id = own_client_id();
+  mqtt.username = what.user;
+  mqtt.password_file = what.password_file;
+  mqtt.password_env = what.password_env;
+  if (!what.ca_file.empty() || !what.cert_file.empty())
+    mqtt.tls = TlsSettings{what.ca_file, what.cert_file, what.key_file};
+  return mqtt;
+}
+
+/// Reads the fleet from a broker, and publishes documents.
+class FleetSession final {
+ public:
+  FleetSession(const MqttConfig& mqtt, std::string root, seconds quiet)
+      : server_(mqtt.servers.at(0)),
+        marker_(root + "/" + mqtt.client_id),
+        quiet_(quiet),
+        fleet_(std::move(root)),
+        connection_(mqtt, kMaxDesiredBytes) {}
+
+  /// Connects and receives all retained messages of `names`, or of all agents if it is empty.
+  /// Returns a fault, or an empty text.
+  std::string read(const std::vector<std::string>& names) {
+    filters_ = fleet_.filters(names);
+    for (const std::string& name : names) fleet_.add(name);
+    timer_ = now() + kConnectPatience;
+    connection_.broker().connect(0, kReceiveMaximum);
+    while (!is_read_ && fault_.empty()) {
+      step(quiet_since_ ? std::min(timer_, *quiet_since_ + quiet_) : timer_);
+      if (is_read_ || !fault_.empty()) break;
+      if (quiet_since_ && now() >= std::min(timer_, *quiet_since_ + quiet_)) is_read_ = true;
+      if (!quiet_since_ && now() >= timer_) fault_ = server_ + ": no answer";
+    }
+    return fault_;
+  }
+
+  /// Sends each document and waits for its answer, until the rollout is over. `print` is called
+  /// for each batch that begins, and for each push that is decided. Returns a fault, or an empty
+  /// text.
+  template <class Batch, class Decided>
+  std::string push(Rollout& rollout, const Batch& batch_begins, const Decided& decided) {
+    const std::vector<Push>& pushes = rollout.pushes();
+    std::set<std::size_t> reported;
+    const auto report_until = [&](std::size_t end) {
+      for (std::size_t i = 0; i < end; ++i)
+        if (pushes[i].is_decided() && reported.insert(i).second) decided(pushes[i]);
+    };
+    std::size_t batch = 0;
+    rollout_ = &rollout;
+    while (fault_.empty()) {
+      const std::vector<std::size_t> due = rollout.advance(fleet_, now());
+      if (rollout.batch() > batch) {
+        report_until(rollout.begin());
+        batch = rollout.batch();
+        batch_begins(rollout);
+      }
+      report_until(pushes.size());
+      if (rollout.is_over()) break;
+      for (const std::size_t i : due) {
+        Publication document = retained(fleet_.desired_topic(pushes[i].agent), pushes[i].document);
+        document.id = i;
+        connection_.broker().publish(std::move(document));
+      }
+      if (rollout.waits()) step(rollout.deadline());
+    }
+    rollout_ = nullptr;
+    return fault_;
+  }
+
+  const Fleet& fleet() const { return fleet_; }
+
+ private:
+  void step(SteadyTime deadline) {
+    if (connection_.wait_until(deadline) == WaitingBroker::Woken::stop_asked) {
+      fault_ = "stopped by a signal";
+      return;
+    }
+    for (const BrokerEvent& event : connection_.broker().take_events())
+      std::visit([this](const auto& e) { on(e); }, event);
+  }
+
+  void on(const Connected&) {
+    timer_ = now() + kReadPatience;
+    filters_.push_back(marker_);
+    subscribe();
+  }
+  void on(const ConnectFailed& event) { fault_ = server_ + ": " + event.text; }
+  void on(const Subscribed& event) {
+    if (event.filter == marker_) marker_granted_ = event.granted;
+    // A viewer may not read what is desired. The reports alone still say what is in force.
+    else if (!event.granted && !event.filter.ends_with(kDesiredTopic))
+      fault_ = server_ + ": the broker refuses " + event.filter + ": " + event.text;
+    if (++subscribed_ < filters_.size()) return subscribe();
+    // The broker sends this message after the retained messages, because all go through one
+    // queue. If the user may not publish or receive it, a quiet time is the end.
+    quiet_since_ = now();
+    if (!marker_granted_) return;
+    Publication marker;
+    marker.id = kMarkerId;
+    marker.topic = marker_;
+    marker.payload = "end";
+    connection_.broker().publish(std::move(marker));
+  }
+  void on(const Message& event) {
+    if (event.topic == marker_) {
+      is_read_ = true;
+      return;
+    }
+    if (quiet_since_) quiet_since_ = now();
+    fleet_.take(event.topic, event.payload);
+  }
+  void on(const Lost& event) { fault_ = server_ + ": lost: " + event.text; }
+  void on(const MessagesDropped& event) {
+    fault_ = "this program was too slow: " + std::to_string(event.count) + " messages were dropped";
+  }
+  void on(const DeliveryFailed& event) {
+    if (event.id != kMarkerId && rollout_ != nullptr)
+      rollout_->not_accepted(event.id, "the broker did not accept the message: " + event.text);
+  }
+  void on(const Disconnected&) {}
+  void on(const Delivered&) {}
+
+  void subscribe() {
+    connection_.broker().subscribe({filters_.at(subscribed_), /*no_local=*/false});
+  }
+
+  const std::string server_;
+  const std::string marker_;  ///< topic of the message that ends the retained ones
+  const seconds quiet_;
+  Fleet fleet_;
+  std::vector<std::string> filters_;  ///< one after the other; the marker's comes last
+  std::size_t subscribed_ = 0;
+  bool marker_granted_ = false;
+  bool is_read_ = false;
+  SteadyTime timer_ = SteadyTime::max();
+  std::optional<SteadyTime> quiet_since_;  ///< set once everything is subscribed to
+  std::string fault_;
+  Rollout* rollout_ = nullptr;
+  WaitingBroker connection_;  // last, so that it is destroyed first
+};
+
+/// Reads the document of an agent, or returns what is wrong with it.
+tl::expected<Push, std::string> document_for(const std::string& agent, std::string path) {
+  constexpr std::string_view kName = "{agent}";
+  for (auto at = path.find(kName); at != path.npos; at = path.find(kName, at + agent.size()))
+    path.replace(at, kName.size(), agent);
+  std::ifstream file(path, std::ios::binary);
+  Push push;
+  push.agent = agent;
+  push.document.assign(std::istreambuf_iterator<char>(file), {});
+  if (!file) return tl::unexpected(path + " cannot be read");
+  const ReadDesired read = read_desired(push.document);
+  std::string faults;
+  for (const ConfigError& error : read.errors)
+    faults += (faults.empty() ? "" : "\n") + to_string(error, path);
+  if (!faults.empty()) return tl::unexpected(faults);
+  push.version = read.desired.version;
+  push.hash = document_hash(push.document);
+  return push;
+}
+
+bool is_name(const std::string& name) {
+  return !name.empty() && name.size() <= 64 && std::ranges::all_of(name, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
+
+/// Returns what is wrong with the call; empty: nothing.
+std::string fault_of(const FleetQuestion& what) {
+  if (what.root.empty() || what.root.find_first_of("+#") != what.root.npos ||
+      what.root.ends_with('/') || what.root.starts_with('$'))
+    return "--root must be a topic without wildcards, as agent.root of the configs";
+  std::set<std::string> seen;
+  for (const std::string& name : what.agents) {
+    if (!is_name(name)) return "--agents: \"" + name + "\" is not the name of an agent";
+    if (!seen.insert(name).second) return "--agents names " + name + " twice";
+  }
+  if (what.cert_file.empty() != what.key_file.empty()) return "--cert and --key belong together";
+  if (what.what == "status") {
+    if (!what.file.empty() || what.confirmed || what.skip_offline || what.dry_run)
+      return "status takes no FILE, --confirmed, --skip-offline or --dry-run";
+    return {};
+  }
+  if (what.file.empty()) return "push needs a FILE";
+  if (what.all != what.agents.empty()) return "push needs either --agents or --all";
+  return {};
+}
+
+int status(const FleetQuestion& what, FleetSession& session) {
+  if (const std::string fault = session.read(what.agents); !fault.empty())
+    return refused("fleet", fault);
+  std::cout << (what.as_json ? fleet_json(session.fleet(), {}) : fleet_text(session.fleet()));
+  return is_fleet_good(session.fleet()) ? kDone : kFailed;
+}
+
+/// Reads all documents. Prints each fault to stderr and returns nullopt if there is one.
+std::optional<std::vector<Push>> documents(const std::vector<std::string>& agents,
+                                           const std::string& file) {
+  std::vector<Push> pushes;
+  bool good = true;
+  for (const std::string& agent : agents) {
+    auto push = document_for(agent, file);
+    if (push)
+      pushes.push_back(std::move(*push));
+    else
+      good = false, refused("fleet", push.error());
+    // The same file for all has the same faults.
+    if (!good && file.find("{agent}") == file.npos) break;
+  }
+  if (!good) return std::nullopt;
+  return pushes;
+}
+
+int push(const FleetQuestion& what, FleetSession& session) {
+  // Named agents: nothing is asked of the broker until each document is right.
+  std::optional<std::vector<Push>> pushes;
+  if (!what.all && !(pushes = documents(what.agents, what.file))) return kWrong;
+  if (const std::string fault = session.read(what.agents); !fault.empty())
+    return refused("fleet", fault);
+  if (what.all) {
+    std::vector<std::string> names;
+    for (const auto& [name, agent] : session.fleet().agents())
+      if (is_name(name)) names.push_back(name);
+    if (names.empty()) return refused("fleet", "no agent was found", kFailed);
+    pushes = documents(names, what.file);
+    if (!pushes) return kWrong;
+  }
+  RolloutRules rules;
+  rules.batch = what.batch;
+  rules.confirmed = what.confirmed;
+  rules.skip_offline = what.skip_offline;
+  rules.patience = what.wait_s      ? seconds(*what.wait_s)
+                   : what.confirmed ? kTrialPatience
+                                    : kBatchPatience;
+  if (what.dry_run) {
+    std::cout << dry_run_text(*pushes, rules, session.fleet());
+    const bool all_online = std::ranges::all_of(*pushes, [&](const Push& each) {
+      return session.fleet().agent(each.agent).presence == FleetAgent::Presence::online;
+    });
+    return all_online || what.skip_offline ? kDone : kFailed;
+  }
+  std::size_t width = 0;
+  for (const Push& each : *pushes) width = std::max(width, each.agent.size());
+  Rollout rollout(std::move(*pushes), rules);
+  const std::string fault = session.push(
+      rollout,
+      [&](const Rollout& begun) {
+        if (!what.as_json)
+          std::cout << "batch " << begun.batch() << " of " << begun.batches() << std::endl;
+      },
+      [&](const Push& decided) {
+        if (!what.as_json) std::cout << push_text(decided, width) << std::flush;
+      });
+  if (!fault.empty()) refused("fleet", fault);
+  std::cout << (what.as_json ? rollout_json(rollout, fault) : rollout_sum(rollout));
+  if (!fault.empty()) return kWrong;
+  return rollout.is_good() ? kDone : kFailed;
+}
+
+}  // namespace
+
+int run_fleet(const FleetQuestion& what) {
+  log::set_level(log::Level::error);
+  if (const std::string fault = fault_of(what); !fault.empty()) return refused("fleet", fault);
+  const auto server = normal_server(what.broker);
+  if (!server) return refused("fleet", "--broker " + std::string(server.error()));
+  const bool is_push = what.what == "push";
+  const seconds quiet = what.wait_s && !is_push ? seconds(*what.wait_s) : kQuiet;
+  FleetSession session(connection_of(what, *server), what.root, quiet);
+  return is_push ? push(what, session) : status(what, session);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,300 @@
+#include "agent/cli/fleet/fleet_report.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "agent/calendar.h"
+#include "agent/cli/report/table.h"
+#include "agent/text.h"
+
+namespace fxagent {
+namespace {
+
+using OrderedJson = nlohmann::ordered_json;
+using Outcome = Push::Outcome;
+using Presence = FleetAgent::Presence;
+
+/// Most reasons of one agent that the text lists. JSON has all.
+constexpr std::size_t kMostReasons = 10;
+
+/// Escapes text for the terminal, without the backslashes that JSON puts before quotes.
+std::string plain(std::string_view text) {
+  const std::string from = escaped(text, Escape::terminal);
+  std::string out;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    if (from[i] == '\\' && i + 1 < from.size()) {
+      if (from[++i] != '"') out += '\\';
+    }
+    out += from[i];
+  }
+  return out;
+}
+
+/// Returns "2026-11-21 08:30" in UTC.
+std::string minute(std::int64_t ms) {
+  std::string text = utc_text(ms);
+  if (text.size() < 16 || text[10] != 'T') return text;
+  text[10] = ' ';
+  return text.substr(0, 16);
+}
+
+std::string state_text(const FleetAgent& agent) {
+  if (agent.presence == Presence::unknown) return "unknown";
+  std::string text = agent.presence == Presence::online ? "online" : "offline";
+  if (!agent.offline_reason.empty()) text += ", " + plain(agent.offline_reason);
+  if (agent.since_ms)
+    text += " since " + minute(*agent.since_ms);
+  else if (agent.health_ms)
+    text += ", last health " + minute(*agent.health_ms);
+  if (!agent.conflict.empty()) text += ", CONFLICT";
+  if (!agent.receives_commands) text += ", no commands";
+  return text;
+}
+
+/// Returns the config in force: "line2-v7 5f0c9a31".
+std::string config_text(const FleetAgent& agent) {
+  const std::string hash =
+      agent.report && !agent.report->hash.empty() ? agent.report->hash : agent.hash;
+  const std::string name =
+      agent.report && !agent.report->in_force.empty() ? agent.report->in_force : "file";
+  return plain(name) + (hash.empty() ? "" : " " + plain(hash.substr(0, 8)));
+}
+
+std::string word_of(Agreement agreement) {
+  switch (agreement) {
+    case Agreement::local_file:
+      return "local_file";
+    case Agreement::as_asked:
+      return "as_asked";
+    case Agreement::on_trial:
+      return "on_trial";
+    case Agreement::kept:
+      return "kept";
+    case Agreement::refused:
+      return "refused";
+    case Agreement::rolled_back:
+      return "rolled_back";
+    case Agreement::no_answer:
+      return "no_answer";
+  }
+  return {};
+}
+
+/// Returns the version of the document that an agreement is about.
+std::string asked_version(const FleetAgent& agent) {
+  std::string version;
+  if (agent.desired)
+    version = agent.desired->version;
+  else if (agent.report)
+    version = agent.report->version;
+  return version.empty() ? "the document" : plain(version);
+}
+
+std::string agreement_text(const FleetAgent& agent) {
+  switch (agreement_of(agent)) {
+    case Agreement::local_file:
+      return agent.presence == Presence::unknown ? "" : "nothing asked";
+    case Agreement::as_asked:
+      return "as asked";
+    case Agreement::on_trial:
+      return "as asked, on trial";
+    case Agreement::kept:
+      return "kept, nothing asked";
+    case Agreement::refused:
+      return asked_version(agent) + " REFUSED";
+    case Agreement::rolled_back:
+      return asked_version(agent) + " ROLLED BACK";
+    case Agreement::no_answer:
+      return asked_version(agent) + " NOT ANSWERED";
+  }
+  return {};
+}
+
+std::string reasons(const std::vector<std::string>& why, const std::string& before) {
+  std::string text;
+  for (std::size_t i = 0; i < std::min(why.size(), kMostReasons); ++i)
+    text += before + plain(why[i]) + "\n";
+  if (why.size() > kMostReasons)
+    text += before + "and " + std::to_string(why.size() - kMostReasons) + " more\n";
+  return text;
+}
+
+std::string word_of(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::not_sent:
+      return "not_sent";
+    case Outcome::waits:
+      return "no_answer";
+    case Outcome::accepted:
+      return "accepted";
+    case Outcome::refused:
+      return "refused";
+    case Outcome::not_allowed:
+      return "not_allowed";
+    case Outcome::silent:
+      return "no_answer";
+    case Outcome::offline:
+      return "offline";
+    case Outcome::left_out:
+      return "left_out";
+  }
+  return {};
+}
+
+std::string text_of(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::not_allowed:
+      return "not allowed";
+    case Outcome::waits:
+    case Outcome::silent:
+      return "no answer";
+    case Outcome::offline:
+      return "offline, not sent";
+    case Outcome::left_out:
+      return "offline, left out";
+    case Outcome::not_sent:
+      return "not sent";
+    default:
+      return word_of(outcome);
+  }
+}
+
+template <class T>
+OrderedJson or_null(const T& value) {
+  return value.empty() ? OrderedJson() : OrderedJson(value);
+}
+OrderedJson or_null(const std::optional<std::int64_t>& value) {
+  return value ? OrderedJson(*value) : OrderedJson();
+}
+
+std::string dumped(const OrderedJson& out) {
+  return out.dump(-1, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
+}
+
+bool is_agent_good(const FleetAgent& agent) {
+  return agent.presence == Presence::online && agent.conflict.empty() &&
+         is_as_asked(agreement_of(agent));
+}
+
+/// Returns the names of the pushes with one of these outcomes: "edge1, edge2".
+std::string names_of(const std::vector<Push>& pushes, std::initializer_list<Outcome> outcomes) {
+  std::string names;
+  for (const Push& push : pushes)
+    if (std::ranges::find(outcomes, push.outcome) != outcomes.end())
+      names += (names.empty() ? "" : ", ") + plain(push.agent);
+  return names;
+}
+
+}  // namespace
+
+bool is_fleet_good(const Fleet& fleet) {
+  return !fleet.agents().empty() && std::ranges::all_of(fleet.agents(), [](const auto& entry) {
+    return is_agent_good(entry.second);
+  });
+}
+
+std::string fleet_text(const Fleet& fleet) {
+  if (fleet.agents().empty())
+    return "no agent was found: is --root right, and may this user read {root}/+/state?\n";
+  std::vector<Row> rows{{"AGENT", "STATE", "VERSION", "CONFIG", "ASKED"}};
+  std::string refusals;
+  std::size_t online = 0;
+  std::size_t as_asked = 0;
+  for (const auto& [name, agent] : fleet.agents()) {
+    rows.push_back({plain(name), state_text(agent), plain(agent.version),
+                    agent.presence == Presence::unknown && !agent.report ? "" : config_text(agent),
+                    agreement_text(agent)});
+    const Agreement agreement = agreement_of(agent);
+    if (agent.presence == Presence::online) ++online;
+    if (is_as_asked(agreement) && agent.presence != Presence::unknown) ++as_asked;
+    if (agreement == Agreement::refused || agreement == Agreement::rolled_back)
+      refusals += plain(name) +
+                  (agreement == Agreement::refused ? " refuses " : " has rolled back ") +
+                  asked_version(agent) + ":\n" + reasons(agent.report->errors, "  ");
+  }
+  const std::string all = std::to_string(fleet.agents().size());
+  return table_text(rows, rows.front().size()) + refusals + std::to_string(online) + " of " + all +
+         " online, " + std::to_string(as_asked) + " of " + all + " as asked\n";
+}
+
+std::string fleet_json(const Fleet& fleet, const std::string& error) {
+  OrderedJson out;
+  out["ok"] = error.empty() && is_fleet_good(fleet);
+  out["error"] = or_null(error);
+  auto& agents = out["agents"] = OrderedJson::array();
+  for (const auto& [name, agent] : fleet.agents()) {
+    OrderedJson one;
+    one["agent"] = name;
+    one["ok"] = is_agent_good(agent);
+    one["state"] = agent.presence == Presence::online    ? "online"
+                   : agent.presence == Presence::offline ? "offline"
+                                                         : "unknown";
+    one["since"] = or_null(agent.since_ms);
+    one["reason"] = or_null(agent.offline_reason);
+    one["conflict"] = or_null(agent.conflict);
+    one["commands"] = agent.receives_commands;
+    one["health_ts"] = or_null(agent.health_ms);
+    one["version"] = or_null(agent.version);
+    one["config_hash"] = or_null(agent.report ? agent.report->hash : agent.hash);
+    one["in_force"] = or_null(agent.report ? agent.report->in_force : std::string());
+    one["asked"] = or_null(agent.desired ? agent.desired->version : std::string());
+    one["config"] = word_of(agreement_of(agent));
+    one["errors"] = agent.report ? agent.report->errors : std::vector<std::string>();
+    agents.push_back(std::move(one));
+  }
+  return dumped(out);
+}
+
+std::string push_text(const Push& push, std::size_t name_width) {
+  std::string name = plain(push.agent);
+  name.resize(std::max(name.size(), name_width), ' ');
+  return "  " + name + "  " + text_of(push.outcome) + "\n" + reasons(push.why, "    ");
+}
+
+std::string rollout_sum(const Rollout& rollout) {
+  const std::vector<Push>& pushes = rollout.pushes();
+  const auto line = [&](const std::string& before, std::initializer_list<Outcome> outcomes) {
+    const std::string names = names_of(pushes, outcomes);
+    return names.empty() ? "" : before + names + "\n";
+  };
+  const auto accepted = std::ranges::count(pushes, Outcome::accepted, &Push::outcome);
+  return (rollout.is_good() ? "done" : "STOPPED") + std::string(": ") + std::to_string(accepted) +
+         " of " + std::to_string(pushes.size()) + " accepted\n" +
+         line("accepted: ", {Outcome::accepted}) + line("refused: ", {Outcome::refused}) +
+         line("not allowed by the broker: ", {Outcome::not_allowed}) +
+         line("no answer: ", {Outcome::silent, Outcome::waits}) +
+         line("offline: ", {Outcome::offline, Outcome::left_out}) +
+         line("not sent: ", {Outcome::not_sent});
+}
+
+std::string rollout_json(const Rollout& rollout, const std::string& error) {
+  OrderedJson out;
+  out["ok"] = error.empty() && rollout.is_good();
+  out["error"] = or_null(error);
+  auto& agents = out["agents"] = OrderedJson::array();
+  for (const Push& push : rollout.pushes())
+    agents.push_back({{"agent", push.agent},
+                      {"version", push.version},
+                      {"hash", push.hash},
+                      {"outcome", word_of(push.outcome)},
+                      {"why", push.why}});
+  return dumped(out);
+}
+
+std::string dry_run_text(const std::vector<Push>& pushes, const RolloutRules& rules,
+                         const Fleet& fleet) {
+  std::vector<Row> rows{{"BATCH", "AGENT", "STATE", "CONFIG", "WOULD GET"}};
+  for (std::size_t i = 0; i < pushes.size(); ++i) {
+    const Push& push = pushes[i];
+    const FleetAgent& agent = fleet.agent(push.agent);
+    const bool has_it =
+        agent.report && agent.report->desired_hash == push.hash && agent.report->state == "applied";
+    rows.push_back({std::to_string(i / rules.batch + 1), plain(push.agent), state_text(agent),
+                    agent.presence == Presence::unknown ? "" : config_text(agent),
+                    plain(push.version) + (has_it ? ", has it" : "")});
+  }
+  return table_text(rows, rows.front().size());
+}
+
+}  // namespace fxagent

@@ -1,0 +1,91 @@
+#include "agent/cli/fleet/rollout.h"
+
+#include <algorithm>
+#include <span>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+using Outcome = Push::Outcome;
+using Presence = FleetAgent::Presence;
+
+/// Sets the outcome if the agent has answered this document.
+void judge(Push& push, const FleetAgent& agent, bool confirmed) {
+  if (!agent.report || agent.report->desired_hash != push.hash) return;
+  const FleetReport& report = *agent.report;
+  if (report.state == "rejected" || report.state == "rolled_back") {
+    push.outcome = Outcome::refused;
+    if (report.state == "rolled_back") push.why.emplace_back("rolled back");
+    push.why.insert(push.why.end(), report.errors.begin(), report.errors.end());
+  } else if (report.state == "applied" && (report.confirmed || !confirmed)) {
+    push.outcome = Outcome::accepted;
+  }
+}
+
+std::string reason_of_silence(const Push& push, const FleetAgent& agent, bool confirmed) {
+  if (agent.presence != Presence::online) return "the agent went offline";
+  if (confirmed && agent.report && agent.report->desired_hash == push.hash)
+    return "its trial is not over";
+  if (!agent.report)
+    return "no answer; the agent has never reported a config: is agent.remote_config set?";
+  return "no answer";
+}
+
+}  // namespace
+
+Rollout::Rollout(std::vector<Push> pushes, RolloutRules rules)
+    : pushes_(std::move(pushes)), rules_(rules), over_(pushes_.empty()) {}
+
+std::vector<std::size_t> Rollout::advance(const Fleet& fleet, SteadyTime now) {
+  if (over_) return {};
+  for (std::size_t i = begin_; i < end_; ++i) {
+    Push& push = pushes_[i];
+    if (push.is_decided()) continue;
+    judge(push, fleet.agent(push.agent), rules_.confirmed);
+    if (push.is_decided() || now < deadline_) continue;
+    push.outcome = Outcome::silent;
+    push.why.push_back(reason_of_silence(push, fleet.agent(push.agent), rules_.confirmed));
+  }
+  const std::span batch(pushes_.data() + begin_, end_ - begin_);
+  if (!std::ranges::all_of(batch, &Push::is_decided)) return {};
+  deadline_ = SteadyTime::max();
+  if (!std::ranges::all_of(batch, &Push::is_good) || end_ == pushes_.size()) {
+    over_ = true;
+    return {};
+  }
+  return begin_batch(fleet, now);
+}
+
+std::vector<std::size_t> Rollout::begin_batch(const Fleet& fleet, SteadyTime now) {
+  begin_ = end_;
+  end_ = std::min(begin_ + rules_.batch, pushes_.size());
+  deadline_ = now + rules_.patience;
+  std::vector<std::size_t> due;
+  for (std::size_t i = begin_; i < end_; ++i) {
+    Push& push = pushes_[i];
+    const FleetAgent& agent = fleet.agent(push.agent);
+    if (agent.presence == Presence::online) {
+      push.outcome = Outcome::waits;
+      due.push_back(i);
+      continue;
+    }
+    push.outcome = rules_.skip_offline ? Outcome::left_out : Outcome::offline;
+    if (agent.presence == Presence::unknown)
+      push.why.emplace_back("the broker has no state of this agent");
+  }
+  return due;
+}
+
+void Rollout::not_accepted(std::size_t push, const std::string& why) {
+  pushes_.at(push).outcome = Outcome::not_allowed;
+  pushes_.at(push).why.push_back(why);
+}
+
+bool Rollout::waits() const {
+  return std::ranges::find(pushes_, Outcome::waits, &Push::outcome) != pushes_.end();
+}
+
+bool Rollout::is_good() const { return std::ranges::all_of(pushes_, &Push::is_good); }
+
+}  // namespace fxagent

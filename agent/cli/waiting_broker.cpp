@@ -1,0 +1,59 @@
+#include "agent/cli/waiting_broker.h"
+
+#include <poll.h>
+#include <signal.h>
+#include <sys/eventfd.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace fxagent {
+namespace {
+
+/// Runs before the library starts a thread, so that no such thread receives these signals.
+int block_signals() {
+  sigset_t stop;
+  sigemptyset(&stop);
+  sigaddset(&stop, SIGINT);
+  sigaddset(&stop, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &stop, nullptr);
+  return signalfd(-1, &stop, SFD_CLOEXEC);
+}
+
+}  // namespace
+
+WaitingBroker::Handle::~Handle() {
+  if (fd_ >= 0) close(fd_);
+}
+
+WaitingBroker::WaitingBroker(const MqttConfig& config, std::size_t max_payload,
+                             std::chrono::seconds keep_session)
+    : news_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
+      signals_(block_signals()),
+      broker_(
+          config, /*make_will=*/{},
+          [this] {
+            const std::uint64_t one = 1;
+            // Fails only if the counter is full, and then an event is pending anyway.
+            [[maybe_unused]] const auto written = write(news_, &one, sizeof one);
+          },
+          max_payload, keep_session) {
+  if (news_ < 0 || signals_ < 0) throw std::runtime_error("no free file handle");
+}
+
+WaitingBroker::Woken WaitingBroker::wait_until(SteadyTime deadline) {
+  const auto left =
+      std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now())
+          .count();
+  if (left <= 0) return Woken::time_is_up;
+  pollfd waited[] = {{news_, POLLIN, 0}, {signals_, POLLIN, 0}};
+  poll(waited, 2, static_cast<int>(std::min<std::int64_t>(left, 3'600'000)));
+  if (waited[1].revents != 0) return Woken::stop_asked;
+  std::uint64_t count = 0;
+  [[maybe_unused]] const auto read_bytes = read(news_, &count, sizeof count);
+  return Woken::news;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,51 @@
+// Connection to a broker for subcommands: the calling thread waits for its events.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
+#include "agent/uplink/paho/paho_broker.h"
+
+namespace fxagent {
+
+/// A broker whose events the calling thread can wait for, together with the signals SIGINT and
+/// SIGTERM, which end the wait. Create it before any other thread, because it blocks these signals.
+class WaitingBroker final {
+ public:
+  enum class Woken : std::uint8_t { news, time_is_up, stop_asked };
+
+  /// Cuts the payload of a message after `max_payload` + 1 bytes. For `keep_session` see
+  /// PahoBroker.
+  WaitingBroker(const MqttConfig& config, std::size_t max_payload,
+                std::chrono::seconds keep_session = {});
+  WaitingBroker(const WaitingBroker&) = delete;
+  WaitingBroker& operator=(const WaitingBroker&) = delete;
+
+  Broker& broker() { return broker_; }
+
+  /// Waits for an event, a signal or the time.
+  Woken wait_until(SteadyTime deadline);
+
+ private:
+  /// File descriptor, closed after the broker that uses it.
+  class Handle final {
+   public:
+    explicit Handle(int fd) : fd_(fd) {}
+    ~Handle();
+    Handle(const Handle&) = delete;
+    Handle& operator=(const Handle&) = delete;
+    operator int() const { return fd_; }
+
+   private:
+    int fd_;
+  };
+
+  Handle news_;
+  Handle signals_;
+  PahoBroker broker_;  // last: its callbacks use the others
+};
+
+}  // namespace fxagent
