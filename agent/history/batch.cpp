@@ -51,9 +51,8 @@ bool is_text(const Json& object, const char* key) {
 
 bool is_value(const Json& value) {
   if (value.is_array())
-    return std::ranges::all_of(value, [](const Json& element) {
-      return element.is_primitive() && !element.is_null();
-    });
+    return std::ranges::all_of(
+        value, [](const Json& element) { return element.is_primitive() && !element.is_null(); });
   return value.is_primitive() && !value.is_null();
 }
 
@@ -156,8 +155,8 @@ void Batch::add_data(const Message& message, std::string_view agent, std::string
       if (fault.empty()) fault = std::move(own);
       continue;
     }
-    Json& sample = samples_.emplace_back(Json{
-        {"agent", agent}, {"device", device}, {"group_name", group}, {"history", is_history}});
+    Json& sample = samples_.emplace_back(
+        Json{{"agent", agent}, {"device", device}, {"group_name", group}, {"history", is_history}});
     for (const char* key :
          {"seq", "ts", "boot", "meta", "span_ms", "values", "bad", "partial", "written"})
       if (const auto found = row.find(key); found != row.end()) sample[key] = std::move(*found);

@@ -145,16 +145,18 @@ void Consumer::broker_failed(const std::string& why) {
             {{"host", config_.subscriber.host},
              {"port", std::to_string(config_.subscriber.port)},
              {"why", why},
-             {"do", "nothing if it comes back; else check --broker, the user and the broker's log. "
-                    "A second process with this --client-id takes the session over"}});
+             {"do",
+              "nothing if it comes back; else check --broker, the user and the broker's log. "
+              "A second process with this --client-id takes the session over"}});
 }
 
 void Consumer::database_failed(const std::string& why) {
   if (!std::exchange(database_health_.is_good, false)) return;
   log::warn("database_lost",
             {{"why", why},
-             {"do", "start the database, check --database, and run schema.sql; messages wait "
-                    "unacknowledged in the broker until then"}});
+             {"do",
+              "start the database, check --database, and run schema.sql; messages wait "
+              "unacknowledged in the broker until then"}});
 }
 
 void Consumer::database_is_good() {

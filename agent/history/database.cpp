@@ -55,7 +55,8 @@ bool Database::connect(std::string& why) {
     why = one_line(PQerrorMessage(connection_.get()));
     return false;
   }
-  PQsetNoticeProcessor(connection_.get(), [](void*, const char*) {}, nullptr);
+  PQsetNoticeProcessor(
+      connection_.get(), [](void*, const char*) {}, nullptr);
   // Overrides a setting of the role or the database: an acknowledged sample must not be lost.
   const Result set(PQexec(connection_.get(), commit_ == SynchronousCommit::on
                                                  ? "SET synchronous_commit TO on"
@@ -90,8 +91,7 @@ Database::Result Database::run(const char* statement, const char* argument) {
 Put Database::put(const std::string& batch) {
   Put out;
   if (!connect(out.why)) return out;
-  const Result result =
-      run("SELECT stored, repeated FROM history.put($1::jsonb)", batch.c_str());
+  const Result result = run("SELECT stored, repeated FROM history.put($1::jsonb)", batch.c_str());
   if (result && PQresultStatus(result.get()) == PGRES_TUPLES_OK) {
     out.state = PutState::stored;
     out.stored = count_at(result.get(), 0);

@@ -50,7 +50,8 @@ void read_broker(const std::string& url, SubscriberConfig& config) {
 std::string secret(const std::string& path) {
   std::ifstream file(path);
   std::string line;
-  if (!std::getline(file, line)) throw CLI::ValidationError("--password-file", "cannot read " + path);
+  if (!std::getline(file, line))
+    throw CLI::ValidationError("--password-file", "cannot read " + path);
   return line;
 }
 
@@ -99,10 +100,16 @@ int main(int argc, char** argv) {
   app.add_option("--root", subscriber.root, "The root of the agents' configs")
       ->check(without_wildcards)
       ->capture_default_str();
-  app.add_option("--group", subscriber.group,
-                 "Shared subscription. Each message goes to one consumer of the group")
-      ->check(plain_name)
-      ->capture_default_str();
+  bool unshared = false;
+  auto* group =
+      app.add_option("--group", subscriber.group,
+                     "Shared subscription. Each message goes to one consumer of the group")
+          ->check(plain_name)
+          ->capture_default_str();
+  app.add_flag("--unshared", unshared,
+               "Gets every message, whatever other consumers get. mosquitto 2.0.11 forgets shared "
+               "subscriptions when it restarts, and keeps this one")
+      ->excludes(group);
   app.add_option("--keep-days", config.keep_days, "Deletes older samples; 0 keeps all")
       ->check(CLI::Range(0, 36'500))
       ->capture_default_str();
@@ -125,6 +132,7 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     read_broker(broker, subscriber);
+    if (unshared) subscriber.group.clear();
     if (!password_file.empty()) subscriber.password = secret(password_file);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrongCall;

@@ -35,13 +35,14 @@ Subscriber::Subscriber(const SubscriberConfig& config, int stop) : config_(confi
   mosquitto* client = client_.get();
   // Nothing is sent until write(); see the top of the header.
   require(mosquitto_threaded_set(client, true), "libmosquitto");
-  require(mosquitto_int_option(client, MOSQ_OPT_PROTOCOL_VERSION, MQTT_PROTOCOL_V5), "libmosquitto");
+  require(mosquitto_int_option(client, MOSQ_OPT_PROTOCOL_VERSION, MQTT_PROTOCOL_V5),
+          "libmosquitto");
   require(mosquitto_int_option(client, MOSQ_OPT_RECEIVE_MAXIMUM, config_.receive_maximum),
           "--receive-maximum");
   if (!config_.username.empty())
-    require(mosquitto_username_pw_set(client, config_.username.c_str(),
-                                      text_or_null(config_.password)),
-            "--username");
+    require(
+        mosquitto_username_pw_set(client, config_.username.c_str(), text_or_null(config_.password)),
+        "--username");
   if (config_.tls) {
     const bool own_ca = !config_.ca_file.empty();
     require(mosquitto_tls_set(client, text_or_null(config_.ca_file),
@@ -101,15 +102,18 @@ void Subscriber::on_connect(int reason) {
     connected_ = false;
     return;
   }
-  const std::string shared = "$share/" + config_.group + '/' + config_.root;
-  std::array<std::string, 2> filters{shared + "/+/+/data/#", shared + "/+/health"};
+  const std::string share = config_.group.empty() ? "" : "$share/" + config_.group + '/';
+  // Health is not shared: a shared subscription gets no retained message, and the retained health
+  // has the drops of an outage.
+  std::array<std::string, 2> filters{share + config_.root + "/+/+/data/#",
+                                     config_.root + "/+/health"};
   std::array<char*, 2> texts{filters[0].data(), filters[1].data()};
   check(mosquitto_subscribe_multiple(client_.get(), nullptr, 2, texts.data(), 1, 0, nullptr));
 }
 
 void Subscriber::on_subscribe(int count, const int* granted) {
-  const int* refused = std::find_if(granted, granted + count,
-                                    [](int code) { return code >= kRefused; });
+  const int* refused =
+      std::find_if(granted, granted + count, [](int code) { return code >= kRefused; });
   if (refused != granted + count) {
     fault_ =
         std::string("the broker refuses the subscription: ") + mosquitto_reason_string(*refused);
@@ -168,8 +172,10 @@ const std::vector<Message>& Subscriber::receive(std::chrono::milliseconds wait) 
     for (; counted < messages_.size(); ++counted) bytes += messages_[counted].payload.size();
     if (counted >= static_cast<std::size_t>(config_.receive_maximum) || bytes >= kMostBytes) break;
     // Takes what is there, and waits for nothing more.
-    if (counted > 0) left = std::chrono::milliseconds(0);
-    else write();
+    if (counted > 0)
+      left = std::chrono::milliseconds(0);
+    else
+      write();
   }
   return messages_;
 }

@@ -30,7 +30,7 @@ struct SubscriberConfig {
   std::string password;
   std::string client_id;  ///< of this consumer alone
   std::string root = "fx";
-  std::string group = "history";  ///< of the shared subscription
+  std::string group = "history";  ///< of the shared subscription; empty: not shared
   int receive_maximum = 100;      ///< most messages of one batch
   std::uint32_t session_expiry_s = 604'800;
 };
