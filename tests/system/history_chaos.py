@@ -60,7 +60,9 @@ class Ledger:
 
 
 class Chaos:
-    def __init__(self, seed):
+    def __init__(self, seed, without, brokers):
+        self.faults = {kind: weight for kind, weight in FAULTS.items() if kind not in without}
+        self.broker_names = ("a", "b")[:brokers]
         self.random = random.Random(seed)
         self.directory = tempfile.mkdtemp(prefix="fxagent-history-chaos-")
         self.ledger = Ledger()
@@ -74,7 +76,7 @@ class Chaos:
         self.database.start()
         self.database.create()
         self.brokers, self.relays, self.consumers = [], [], []
-        for name in ("a", "b"):
+        for name in self.broker_names:
             kept = os.path.join(self.directory, name)
             os.mkdir(kept)
             broker = Broker(self.directory, BROKER_CONF.format(directory=kept))
@@ -94,8 +96,8 @@ class Chaos:
         self.agent = Agent(self.directory, {
             "agent": {"id": "edge7", "root": "fx/plant-a"},
             "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.relays[0].port}"]},
-            "brokers": [{"name": "second", "servers": [f"mqtt://127.0.0.1:{self.relays[1].port}"]}],
-            "profiles": [{"kind": "json"}, {"kind": "json", "broker": "second"}],
+            "brokers": [{"name": "second", "servers": [f"mqtt://127.0.0.1:{relay.port}"]} for relay in self.relays[1:]],
+            "profiles": [{"kind": "json"}] + [{"kind": "json", "broker": "second"} for _ in self.relays[1:]],
             "store": {"path": store, "sync": "always"},
             "links": [{"name": f"line-{name}", "serial": {"path": os.path.join(self.directory, name), "baud": 9600}}
                       for name in DEVICES],
@@ -128,7 +130,7 @@ class Chaos:
                 entry[1]()
             if next_fault <= now < end:
                 next_fault = now + self.random.uniform(0.3, 2.5)
-                kind = self.random.choices(list(FAULTS), FAULTS.values())[0]
+                kind = self.random.choices(list(self.faults), self.faults.values())[0]
                 start = self.strike(kind)
                 if start:
                     self.kills[kind] += 1
@@ -181,12 +183,17 @@ class Chaos:
             if consumer.stop() != 0:
                 faults.append(f"{consumer.log_path}: not a clean end")
             self.repeated += consumer.counts()["repeated"]
+        doubles = self.database.rows("""SELECT device, seq, ts, boot, history, "values" FROM history.samples
+            JOIN history.reused_numbers USING (agent, device, seq) ORDER BY device, seq, ts""")
+        rows = self.database.value("SELECT count(*) FROM history.samples")
+        self.database.psql("""DELETE FROM history.samples s USING history.samples t WHERE s.agent = t.agent AND
+            s.device = t.device AND s.seq = t.seq AND s.ts > t.ts""")  # compares the rest
         table, sent = stored(self.database), self.ledger.sent
         lost, strange = sent.keys() - table.keys(), table.keys() - sent.keys()
         changed = [key for key in table.keys() & sent.keys() if table[key] != sent[key]]
         gaps = self.database.rows("SELECT * FROM history.gaps")
         for what, found in (("not in the table", sorted(lost)), ("not sent", sorted(strange)), ("changed", changed),
-                            ("gaps", gaps)):
+                            ("gaps", gaps), ("rows of numbers that two samples have", doubles)):
             if found:
                 faults.append(f"{len(found)} {what}: {found[:5]}")
         if self.ledger.differing:
@@ -197,7 +204,7 @@ class Chaos:
             if values != sorted(values) or values[-1] != self.value:
                 faults.append(f"the values of {name} do not rise with the numbers to {self.value}")
         verdicts = self.database.rows("SELECT device, samples, first, last, boots, verdict FROM history.streams")
-        print(f"rows {len(table)}, sent {len(sent)}, sent again {self.ledger.repeats}, gaps {len(gaps)}, doubles 0, "
+        print(f"rows {rows}, sent {len(sent)}, sent again {self.ledger.repeats}, gaps {len(gaps)}, doubles {len(doubles)}, "
               f"stored again and ignored at least {self.repeated}")
         print("kills: " + ", ".join(f"{kind} {count}" for kind, count in sorted(self.kills.items())))
         for verdict in verdicts:
@@ -223,8 +230,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=int, default=600)
     parser.add_argument("--seed", type=int, default=random.randrange(1 << 30))
+    parser.add_argument("--without", default="", help="faults to leave out, separated by commas: " + ", ".join(FAULTS))
+    parser.add_argument("--brokers", type=int, choices=(1, 2), default=2, help="1: needs --without broker")
     options = parser.parse_args()
-    chaos = Chaos(options.seed)
+    chaos = Chaos(options.seed, options.without.split(","), options.brokers)
     print(f"seed {options.seed}, {options.seconds} s, in {chaos.directory}", flush=True)
     faults = ["not finished"]
     try:
