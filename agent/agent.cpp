@@ -235,6 +235,12 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     publisher.add(*profiles.back().outlet,
                   [what](const Config& next) { return settings_of(what, next); });
   }
+  // Each profile commits a sample on its own. After a kill between two commits, only the store of a
+  // profile has the newest number, and it must not be used again. With `sync: offline` the agent's
+  // own store has reserved it.
+  if (config.store.sync_always)
+    for (const ProfileParts& parts : profiles)
+      if (parts.store) field.number_above(first_numbers(config, parts.store.get(), 0));
 
   log::info("agent", {{"state", "starting"},
                       {"id", config.id},

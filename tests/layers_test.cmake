@@ -77,7 +77,11 @@ forbid("^agent/[a-z_]+/" "^agent/http/" "nothing but agent/agent.cpp sees agent/
 forbid("." "^microhttpd\\.h" "only agent/http/http_library.h knows the HTTP library")
 forbid("." "^prometheus/" "only agent/http/exposition.cpp knows Prometheus' library")
 forbid("." "^asio" "asio is agent/field/'s")
-forbid("." "${mqtt}" "only agent/uplink/paho/ knows the MQTT library")
+forbid("." "${mqtt}" "only agent/uplink/paho/ and agent/history/ know an MQTT library")
+forbid("." "^libpq-fe\\.h" "only agent/history/ knows PostgreSQL")
+forbid("^agent/history/" "^agent/(commands|config|field|http|import|remote|recorder|store|uplink|cli|agent)[/.]"
+       "fxhistory is a program of its own: it shares the log with the agent")
+forbid("^agent/([b-gi-z][a-z]*/|[^/]+$)" "^agent/history/" "the agent does not see fxhistory")
 forbid("." "^(sqlite3|SQLiteCpp/)" "only agent/store/ knows SQLite")
 forbid("^(protocol|agent)/" "^tests/" "the product does not know its tests")
 forbid("^tests/(sim/|support/transcripts)" "^(protocol|agent)/" "the simulator shares no code with what it is to prove wrong")
@@ -96,6 +100,7 @@ set(allowed
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
   "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"
   "^agent/uplink/paho/[^ ]+ (mqtt/|MQTT)"
+  "^agent/history/[^ ]+ (mosquitto\\.h|libpq-fe\\.h)$"
   "^agent/remote/kept_file\\.h agent/store/disk/durable_file\\.h$"
   "^agent/config/read/http\\.cpp (arpa/inet|sys/un)\\.h$"
   "^agent/config/source\\.cpp poll\\.h$"

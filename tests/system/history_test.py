@@ -1,0 +1,281 @@
+"""History in PostgreSQL: each sample exactly once, whatever ends between agent and table."""
+
+import json
+import os
+import signal
+import unittest
+
+from history_plant import BROKER_CONF, CONFIG, CRASHING, Consumer, Postgres, rows_of, stored
+from plant import BASE, PlantTest, Watcher, device, wait_for
+
+TAGS = [{"name": "temp", "address": "D100", "group": "fast"},
+        {"name": "recipe", "address": "D210", "count": 3, "group": "fast"},
+        {"name": "running", "address": "M0", "group": "slow"}]
+GROUPS = [{"name": "fast", "interval_ms": 50}, {"name": "slow", "interval_ms": 200}]
+
+
+def dashboard_queries():
+    """Returns (title, SQL) of every query of the dashboard, with its macros and variables replaced."""
+    with open(os.path.join(CONFIG, "grafana-dashboard.json")) as file:
+        board = json.load(file)
+    queries = [(p["title"], t["rawSql"]) for p in board["panels"] for t in p["targets"]]
+    queries += [(v["name"], v["query"]) for v in board["templating"]["list"] if v["type"] == "query"]
+    for old, new in [("$__timeFilter(ts)", "ts BETWEEN now() - interval '1 hour' AND now()"),
+                     ("$__timeGroupAlias(ts, $__interval)", "date_bin('10 s', ts, '2000-01-01') AS time"),
+                     ("$__timeGroupAlias(ts, '1m')", "date_bin('1 min', ts, '2000-01-01') AS time"),
+                     ("$agent", "fx/plant-a/edge7"), ("$device", "'press1'"), ("$tag", "'temp', 'recipe', 'lost'")]:
+        queries = [(title, sql.replace(old, new)) for title, sql in queries]
+    return queries
+
+
+def own_database(test):
+    """Returns the class's server, with an empty database for this test."""
+    server = type(test).server
+    server.start()
+    server.create(test.id().rpartition(".test_")[2])
+    return server
+
+
+class History(PlantTest):
+    """The plant with a database, and two consumers in one share."""
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.server = Postgres()
+        cls.addClassCleanup(cls.server.close)
+
+    def setUp(self):
+        super().setUp()
+        self.database = own_database(self)
+        self.consumers = []
+
+    def begin(self, consumers=2, tags=None, groups=None, **more):
+        os.mkdir(os.path.join(self.directory, "broker"))
+        os.mkdir(os.path.join(self.directory, "store"))
+        self.start([device(tags=TAGS if tags is None else tags, groups=GROUPS if groups is None else groups)],
+                   broker_conf=BROKER_CONF.format(directory=os.path.join(self.directory, "broker")),
+                   store={"path": os.path.join(self.directory, "store"), "sync": "always", **more})
+        self.watchers = [self.watcher]
+        for number in range(consumers):
+            self.consumer(f"history-{number}").start()
+        for consumer in self.consumers:
+            consumer.ready()
+
+    def consumer(self, name, *arguments):
+        out = Consumer(self.directory, name, self.broker.port, self.database.target(), *arguments)
+        self.stack.callback(out.kill)
+        self.consumers.append(out)
+        return out
+
+    def sent(self):
+        """Returns each sample that a watcher has received, by (device, seq)."""
+        out = {}
+        for watcher in self.watchers:
+            with watcher.lock:
+                messages = list(watcher.messages)
+            for _, topic, payload, _ in messages:
+                out.update(rows_of(topic, payload))
+        return out
+
+    def samples(self, count):
+        """Waits for this many further samples."""
+        before = len(self.sent())
+        wait_for(f"{count} samples", lambda: len(self.sent()) >= before + count)
+
+    def end(self):
+        """Stops the agent, waits until the consumers have stored its last sample, and compares. Returns the consumers'
+        counts. The first samples may have been sent before a consumer had subscribed."""
+        self.end_agent()
+        self.watcher.wait(f"{BASE}/state", lambda state: state["state"] == "offline")
+        sent = self.sent()
+        last = max(seq for _, seq in sent)
+        first = self.database.value("SELECT min(seq) FROM history.samples")
+        expected = {key: row for key, row in sent.items() if key[1] >= first}
+        try:
+            wait_for("every sample in the table", lambda: self.database.value(
+                "SELECT count(*) FROM history.samples") >= len(expected))
+        except AssertionError:
+            missing = sorted(expected.keys() - stored(self.database).keys())
+            self.fail(f"{len(missing)} of {len(expected)} samples are not in the table, from {missing[:5]} on")
+        counts = []
+        for consumer in self.consumers:
+            self.assertEqual(consumer.stop(), 0)
+            counts.append(consumer.counts())
+        there = stored(self.database)
+        self.assertEqual(there, expected)
+        self.assertEqual(sorted(seq for _, seq in there), list(range(first, last + 1)))
+        self.assertEqual(self.database.rows("SELECT * FROM history.gaps"), [])
+        self.assertEqual(self.database.value("SELECT verdict FROM history.streams"), "whole")
+        return counts
+
+    def test_the_table_has_each_sample_that_the_agent_sent(self):
+        self.begin()
+        for value in range(1, 30):
+            self.sim.set("press1", "D100", value)
+            self.data(lambda m, value=value: m["values"].get("temp") == value)
+        counts = self.end()
+        for count in counts:
+            self.assertGreater(count["stored"], 0, counts)
+            self.assertEqual((count["repeated"], count["refused"]), (0, 0), counts)
+        values = [row["number"] for row in self.database.rows(
+            "SELECT DISTINCT number FROM history.tags WHERE name = 'temp' AND number > 0 ORDER BY 1", user="grafana")]
+        self.assertEqual(values, list(range(1, 30)))
+
+    def test_a_consumer_that_dies_between_commit_and_acknowledgement_stores_nothing_twice(self):
+        self.begin()
+        victim = self.consumers[0]
+        for _ in range(3):
+            self.assertEqual(victim.stop(), 0)
+            victim.start(CRASHING, {"FXAGENT_CRASH_AT": "history.stored:2"})
+            self.assertEqual(victim.process.wait(30), -signal.SIGKILL)
+            self.samples(20)
+            victim.start()
+            victim.ready()
+            self.samples(5)
+            self.assertEqual(victim.stop(), 0)
+            self.assertGreater(victim.counts()["repeated"], 0)
+            victim.start()
+            victim.ready()
+        self.end()
+
+    def test_a_broker_and_a_database_that_end_lose_nothing(self):
+        # mosquitto 2.0.11 forgets shared subscriptions when it restarts.
+        self.begin(consumers=1)
+        self.consumer("history-all", "--unshared").start()
+        self.consumers[-1].ready()
+        self.samples(20)
+        self.database.kill()
+        for consumer in self.consumers:
+            wait_for("its log", lambda consumer=consumer: "database_lost" in consumer.said())
+        self.samples(20)
+        # The broker stops while it has messages that no consumer can store.
+        self.broker.kill(signal.SIGTERM)
+        wait_for("the agent's log", lambda: "broker_lost" in self.agent.logged())
+        self.broker.start()
+        self.watchers.append(Watcher(self.broker.port))
+        self.watcher = self.watchers[-1]
+        self.samples(20)
+        self.database.start()
+        for consumer in self.consumers:
+            wait_for("its log", lambda consumer=consumer: "database_back" in consumer.said())
+            # The last one counts: they lost the broker, too.
+            wait_for("its log", lambda consumer=consumer: consumer.said().rfind("subscribed") >
+                     consumer.said().rfind("broker_lost"))
+        self.samples(20)
+        self.end()
+
+    def test_what_is_no_sample_is_kept_apart_with_its_reason(self):
+        self.begin(consumers=1)
+        row = {"ts": 1790000000000, "seq": 1, "boot": "9f3c21aa", "meta": "a41c0f5b7d2e9368", "values": {"a": 1}}
+        topic = "fx/plant-a/other/press9/data/fast"
+        bad = [(topic, "{"), (topic, "[" * 100_000), (topic, b"\xff\xfe"), (topic, ""), (topic, {**row, "seq": -1}),
+               (topic, {**row, "seq": 2 ** 64}), (topic, {**row, "ts": 1e300}), (topic, {**row, "values": {"a": {}}}),
+               (topic, {**row, "values": {"a": "\0"}}), (topic + "/history", {"rows": 7}),
+               (topic + "/history", {"rows": [row, {}]}), (topic + "/other/thing", row),
+               ("fx/plant-a/other/health", "7"), ("fx/plant-a/OTHER/press9/data/fast", row)]
+        for where, payload in bad:
+            self.watcher.publish(where, payload)
+        self.watcher.publish(topic, {**row, "seq": 2, "new_key": {"later": 1}})
+        wait_for("the good one", lambda: self.database.value(
+            "SELECT count(*) FROM history.samples WHERE device = 'press9'") == 2)
+        refused = self.database.rows("SELECT topic, reason, bytes FROM history.refused ORDER BY id")
+        self.assertEqual(len(refused), len(bad), refused)
+        self.assertIn("unsupported Unicode", json.dumps(refused))
+        self.samples(5)
+        self.consumers[0].stop()
+        self.assertGreater(self.consumers[0].counts()["stored"], 5)
+
+    def test_what_the_agent_dropped_is_a_reported_drop(self):
+        # A long text fills the smallest store soon.
+        text = [{"name": "text", "address": "D1000", "type": "string", "length": 100, "group": "fast"}]
+        self.begin(tags=text, groups=[{"name": "fast", "interval_ms": 20}], max_bytes=65536)
+        self.sim.set("press1", "D1000", 0x4141)
+        wait_for("a health", lambda: self.database.rows("SELECT * FROM history.dropped"))
+        self.broker.kill(signal.SIGTERM)
+        wait_for("a dropped sample", lambda: "dropped" in self.agent.logged(), 60)
+        self.broker.start()
+        for consumer in self.consumers:
+            wait_for("its log", lambda consumer=consumer: consumer.said().rfind("subscribed") >
+                     consumer.said().rfind("broker_lost") >= 0)
+        wait_for("a verdict", lambda: self.database.rows(
+            "SELECT * FROM history.streams WHERE missing > 0 AND verdict = 'dropped by the agent'"))
+        stream, = self.database.rows("SELECT * FROM history.streams")
+        self.assertEqual((stream["missing"], stream["unexplained"]), (stream["dropped"], 0), stream)
+        # A sample that vanishes is another matter.
+        self.database.psql("DELETE FROM history.samples WHERE seq = (SELECT last - 3 FROM history.streams)")
+        stream, = self.database.rows("SELECT * FROM history.streams")
+        self.assertEqual(stream["unexplained"], 1, stream)
+
+    def test_each_query_of_the_dashboard_gives_rows(self):
+        self.begin()
+        self.watcher.publish("fx/plant-a/edge7/press1/data/fast", "{")
+        self.samples(20)
+        # A gap and a bad tag.
+        wait_for("rows", lambda: self.database.value("SELECT count(*) FROM history.samples") > 20)
+        self.database.psql("DELETE FROM history.samples WHERE seq = (SELECT last - 3 FROM history.streams)")
+        self.database.psql("""UPDATE history.samples SET bad = '{"lost": {"why": "nak"}}'
+                              WHERE seq = (SELECT last - 5 FROM history.streams)""")
+        wait_for("a health", lambda: self.database.rows("SELECT * FROM history.agents"))
+        for title, query in dashboard_queries():
+            self.assertNotRegex(query, r"\$", title)
+            self.assertTrue(self.database.rows(query, user="grafana"), f"{title}: {query}")
+        for name in ("gaps.sql", "examples.sql"):
+            self.assertTrue(self.database.psql(file=os.path.join(CONFIG, name), user="grafana"))
+
+
+class Schema(unittest.TestCase):
+    """The tables alone."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Postgres()
+        cls.addClassCleanup(cls.server.close)
+
+    def setUp(self):
+        self.database = own_database(self)
+
+    def put(self, first, last, days_ago, boot="b1"):
+        """Stores samples with these numbers, and returns (stored, repeated)."""
+        ts = self.database.value(f"SELECT (extract(epoch FROM now() - interval '{days_ago} days') * 1000)::bigint")
+        rows = [{"agent": "fx/a", "device": "d", "seq": seq, "ts": ts + seq, "group_name": "g", "boot": boot, "meta": "m",
+                 "values": {"t": seq}, "history": False} for seq in range(first, last + 1)]
+        batch = json.dumps({"samples": rows, "health": [], "refused": []})
+        row = json.loads(self.database.psql(f"SELECT to_json(p) FROM history.put('{batch}') p", user="writer"))
+        return row["stored"], row["repeated"]
+
+    def test_retention_deletes_whole_days_and_makes_no_gap(self):
+        self.assertEqual(self.put(1, 10, 40), (10, 0))    # a day without a partition
+        self.assertEqual(self.put(11, 20, 0), (10, 0))
+        self.assertEqual(self.put(1000, 1001, -400), (2, 0))  # a clock that is wrong
+        self.assertEqual(self.database.value("SELECT count(*) FROM history.samples_other"), 12)
+        self.database.psql("SELECT history.make_day((now() AT TIME ZONE 'UTC' - interval '40 days')::date)")
+        self.assertEqual(self.database.value("SELECT count(*) FROM history.samples_other"), 2)
+        self.assertEqual(self.database.value("SELECT count(*) FROM history.samples"), 22)
+        done = self.database.psql("SELECT dropped FROM history.maintain('30 days')", user="writer")
+        self.assertEqual(done, "1")
+        self.assertEqual(self.database.value("SELECT min(seq) FROM history.samples"), 11)
+        self.assertEqual(self.database.value("SELECT count(*) FROM history.samples"), 12)
+        self.assertEqual([(g["first"], g["last"], g["kind"]) for g in self.database.rows("SELECT * FROM history.gaps")],
+                         [(21, 999, "missing")])
+
+    def test_numbers_are_stored_once_and_a_new_boot_may_skip_some(self):
+        self.assertEqual(self.put(1, 5, 0), (5, 0))
+        self.psql_again()
+        self.assertEqual(self.put(8, 9, 0), (2, 0))
+        self.assertEqual(self.put(20, 21, 0, boot="b2"), (2, 0))
+        gaps = self.database.rows("SELECT first, last, numbers, kind FROM history.gaps ORDER BY first")
+        self.assertEqual(gaps, [{"first": 6, "last": 7, "numbers": 2, "kind": "missing"},
+                                {"first": 10, "last": 19, "numbers": 10, "kind": "skipped"}])
+        stream, = self.database.rows("SELECT * FROM history.streams")
+        self.assertEqual((stream["missing"], stream["skipped"], stream["unexplained"], stream["verdict"]),
+                         (2, 10, 2, "missing"))
+
+    def psql_again(self):
+        """The schema may be run again, and keeps what is there."""
+        self.database.psql(file=os.path.join(CONFIG, "schema.sql"))
+        self.assertEqual(self.database.value("SELECT count(*) FROM history.samples"), 5)
+
+
+if __name__ == "__main__":
+    unittest.main()
