@@ -253,11 +253,10 @@ std::vector<OnlineBroker> online_brokers(const Config& config) {
   std::vector<OnlineBroker> found;
   look_at(config.mqtt, filters, found);
   for (const BrokerConfig& broker : config.brokers) {
-    const bool hears = broker.commands &&
-                       std::ranges::any_of(config.profiles, [&](const ProfileConfig& profile) {
-                         return profile.kind == ProfileConfig::Kind::json &&
-                                profile.broker == broker.name;
-                       });
+    const bool hears =
+        broker.commands && std::ranges::any_of(config.profiles, [&](const ProfileConfig& profile) {
+          return profile.kind == ProfileConfig::Kind::json && profile.broker == broker.name;
+        });
     look_at(broker.mqtt, hears ? std::vector{commands} : std::vector<std::string>(), found);
   }
   return found;

@@ -68,9 +68,9 @@ TEST_F(CommandPagesTest, FooterBecomesSections) {
 TEST(CommandHelp, PagesOfTheProgramAndOfCheckHaveWhatOthersDoNot) {
   CLI::App app{"fxagent: agent", "fxagent"};
   for (const char* name :
-       {"run",    "check",    "doctor",    "scan",          "config", "plan",   "read",
-        "write",  "force-on", "force-off", "verify-stream", "acl",    "audit",  "import",
-        "export", "init",     "schema",    "decode",        "record", "replay", "describe", "fleet"})
+       {"run",      "check",     "doctor",        "scan",   "config",   "plan",   "read",   "write",
+        "force-on", "force-off", "verify-stream", "acl",    "audit",    "import", "export", "init",
+        "schema",   "decode",    "record",        "replay", "describe", "fleet"})
     app.add_subcommand(name, "Does it");
   add_footers(app);
   const auto count = [](const std::string& page, const std::string& part) {
