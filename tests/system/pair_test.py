@@ -2,6 +2,7 @@
 
 import os
 import signal
+import struct
 import time
 import unittest
 
@@ -90,8 +91,11 @@ class Pair(PairTest):
         self.role("a", "active")
         self.data()
         since = self.watcher.mark()
-        library = os.environ["CLOCK_LIBRARY"]
-        self.start_member("b", environment={"LD_PRELOAD": library, "FXAGENT_CLOCK_MS": "-3600000"})
+        shift = os.path.join(self.directory, "shift")
+        with open(shift, "wb") as out:
+            out.write(struct.pack("=q", -3600))
+        self.start_member("b", environment={"LD_PRELOAD": os.environ["CLOCK_LIBRARY"],
+                                            "SHIFTED_CLOCK": shift})
         self.role("b", "standby", since)
         before = max(self.seqs())
         self.agents["a"].stop(signal.SIGKILL, expected=None)
