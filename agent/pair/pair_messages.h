@@ -24,10 +24,10 @@ std::optional<Place> place_of(std::string_view topic, std::string_view base);
 
 /// `role` "offline" needs `boot` alone.
 struct Status {
-  std::string boot;
-  std::string role;
-  std::string why;
-  std::string peer;
+  std::string boot{};
+  std::string role{};
+  std::string why{};
+  std::string peer{};
   std::int64_t since_ms = 0;
   bool is_third = false;
 };
@@ -43,7 +43,7 @@ std::optional<Heartbeat> heartbeat_from(std::string_view text);
 
 /// A command that the holder is about to carry out, or a mark in the stream of them.
 struct Announcement {
-  std::string boot;
+  std::string boot{};
   std::uint64_t mark = 0;  ///< not 0: a mark, without an entry
   JournalEntry entry{};
 };

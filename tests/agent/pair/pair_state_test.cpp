@@ -228,7 +228,6 @@ class RandomPair final {
     }
   }
   int changes() const { return changes_; }
-  bool has_active() const { return last_active_ > now_ - 6000; }
 
  private:
   struct Member {
@@ -315,8 +314,9 @@ class RandomPair final {
   void check() {
     for (std::size_t i = 0; i < members_.size(); ++i) {
       if (now_ < members_[i].stopped_until || !members_[i].may_send(now_)) continue;
-      if (last_master_ != i)
+      if (last_master_ != i) {
         ASSERT_GE(now_ - last_active_, kQuiet.count() / 2) << "at " << now_;
+      }
       last_master_ = i;
       last_active_ = now_;
     }
