@@ -191,7 +191,7 @@ void PairMember::run(const std::stop_token& stop) {
 
 void PairMember::keep(BootTime now) {
   take_member_events(now);
-  take_evicting_events();
+  take_evicting_events(now);
   take_lease_events(now);
   if (permit_.opens_at() != state_.opens_at()) permit_.open_at(state_.opens_at());
   bool leaving = false;
@@ -378,11 +378,17 @@ void PairMember::lease_ended(bool taken_over, BootTime now) {
   restart_program();
 }
 
-void PairMember::take_evicting_events() {
+void PairMember::drop_lease(BootTime now) {
+  // The end of a connection that is already broken may never be reported.
+  lease_->disconnect();
+  lease_ended(false, now);
+}
+
+void PairMember::take_evicting_events(BootTime now) {
   for (const BrokerEvent& event : evicting_->take_events()) {
     if (claim_ != Claim::evicting) continue;
     if (std::holds_alternative<ConnectFailed>(event)) {
-      lease_->disconnect();
+      drop_lease(now);
     } else if (std::holds_alternative<Connected>(event)) {
       evicting_->disconnect();
       claim_ = Claim::marking;
@@ -423,7 +429,7 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
     case PairState::Order::connect_lease:
       return lease_->connect(server_, kReceiveMaximum);
     case PairState::Order::drop_lease:
-      return lease_->disconnect();
+      return drop_lease(now);
     case PairState::Order::send_heartbeat: {
       std::uint64_t seq = state_.highest_seq();
       {

@@ -76,7 +76,8 @@ class PairMember final {
   void keep(BootTime now);
   void take_member_events(BootTime now);
   void take_lease_events(BootTime now);
-  void take_evicting_events();
+  void take_evicting_events(BootTime now);
+  void drop_lease(BootTime now);
   void hear(const Message& message, BootTime now);
   void hear_result(const std::string& device, const std::string& text);
   void keep_announced(JournalEntry entry);

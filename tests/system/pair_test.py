@@ -59,7 +59,7 @@ class Pair(PairTest):
     def test_command_on_the_wire_gets_one_result_and_is_not_repeated(self):
         self.start_pair()
         done = self.command(id="done-1", op="write", address="D300", value=7)
-        self.assert_result(done, "SUCCEEDED")
+        self.assertEqual(done["status"], "SUCCEEDED", done)
         self.masters.delay = 0.2
         asked = len(self.masters.requests)
         self.send({"id": "wire-1", "op": "write", "address": "D301", "value": 8})
@@ -72,7 +72,7 @@ class Pair(PairTest):
         self.assertIn(result["status"], ("UNKNOWN_OUTCOME", "SUCCEEDED"))
         for identity in ("done-1", "wire-1"):
             again = self.command(id=identity, op="write", address="D300", value=9)
-            self.assert_result(again, "DUPLICATE", "duplicate_id")
+            self.assertEqual(again["status"], "DUPLICATE", again)
         self.assertEqual(self.sim.get("press1", "D300"), 7)
         # The killed one comes back and takes over: it repeats no result that the other one has given.
         self.start_member("a")
