@@ -174,8 +174,8 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   return parts;
 }
 
-/// Waits on standby until this gateway of a pair is to run the agent. A stop signal ends the process
-/// meanwhile. Returns a number below which no sequence number may be used.
+/// Waits on standby until this gateway of a pair is to run the agent. A stop signal ends the
+/// process meanwhile. Returns a number below which no sequence number may be used.
 std::uint64_t stand_by(PairMember& pair) {
   service_manager::notify_ready();
   service_manager::notify_status("standby of its pair");
@@ -232,8 +232,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       config,
       [&config, &pair, submit](AdmittedCommand admitted) {
         if (!pair) return submit(std::move(admitted));
-        const std::string& device =
-            std::as_const(config).devices.at(admitted.command.device).name;
+        const std::string& device = std::as_const(config).devices.at(admitted.command.device).name;
         pair->announce(std::move(admitted), device, submit);
       },
       guarded ? &guarded->journal() : nullptr,

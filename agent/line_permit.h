@@ -34,7 +34,9 @@ class LinePermit final {
   /// True while a request may be sent.
   bool may_send(BootTime now) const { return holds(now) && now >= opens_at(); }
   /// True if the permission was renewed by something that this gateway sent after `t`.
-  bool was_confirmed_after(BootTime t) const { return until_.load() - quiet_.count() / 2 > t.count(); }
+  bool was_confirmed_after(BootTime t) const {
+    return until_.load() - quiet_.count() / 2 > t.count();
+  }
   BootTime opens_at() const { return BootTime(opens_at_.load()); }
   std::chrono::nanoseconds quiet() const { return quiet_; }
 

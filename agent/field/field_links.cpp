@@ -94,9 +94,10 @@ std::string FieldLinks::unfinished() const {
 
 void FieldLinks::make_worker(std::uint32_t link, const std::vector<std::uint32_t>& devices,
                              const std::vector<std::uint64_t>& last_seq) {
-  auto worker = std::make_unique<LinkWorker>(
-      io_.get_executor(), *config_, link, devices, outbox_,
-      transport_for(io_.get_executor(), config_->links[link], permit_), last_seq, polling_, recorder_);
+  auto worker =
+      std::make_unique<LinkWorker>(io_.get_executor(), *config_, link, devices, outbox_,
+                                   transport_for(io_.get_executor(), config_->links[link], permit_),
+                                   last_seq, polling_, recorder_);
   const std::string& name = config_->links[link].name;
   if (traces_all_ || traced_.contains(name)) worker->trace(true);
   const std::lock_guard lock(places_mutex_);

@@ -163,8 +163,8 @@ void PairMember::run(const std::stop_token& stop) {
     bool leaving = false;
     {
       std::unique_lock lock(mutex_);
-      const auto wait = std::clamp<BootTime>(state_.next_wake() - boot_time_now(), kShortestWait,
-                                             kLongestWait);
+      const auto wait =
+          std::clamp<BootTime>(state_.next_wake() - boot_time_now(), kShortestWait, kLongestWait);
       news_.wait_for(lock, wait, [this] { return woken_; });
       woken_ = false;
       if (agent_runs_) state_.agent_began();
@@ -249,8 +249,8 @@ void PairMember::take_member_events(BootTime now) {
       thrown_ = taken_over || now - member_since_ < kSteady ? thrown_ + 1 : 0;
       state_.left(taken_over, now);
       const BootTime pause = taken_over ? BootTime(seconds(1)) : BootTime(kReconnect);
-      again(std::min<BootTime>(pause * (1 << std::min(thrown_, kMostDoublings)) / 2,
-                               kLongestPause));
+      again(
+          std::min<BootTime>(pause * (1 << std::min(thrown_, kMostDoublings)) / 2, kLongestPause));
     } else if constexpr (std::is_same_v<Event, Message>) {
       hear(event, now);
     } else if constexpr (std::is_same_v<Event, Delivered>) {
@@ -454,8 +454,8 @@ void PairMember::publish_status() {
   status.role = to_string(state_.role());
   status.why = state_.why();
   status.peer = state_.peer();
-  status.since_ms = utc_ms(std::chrono::system_clock::now()) -
-                    (state_.since() == BootTime{} ? 0 : age.count());
+  status.since_ms =
+      utc_ms(std::chrono::system_clock::now()) - (state_.since() == BootTime{} ? 0 : age.count());
   status.is_third = state_.is_third();
   Publication publication = retained(topic(), pair_messages::status(pair_.member, status));
   publication.id = next_id_++;

@@ -119,16 +119,16 @@ class PairMember final {
 
   mutable std::mutex mutex_;
   std::condition_variable news_;
-  bool woken_ = false;             ///< under mutex_
-  bool claimed_ = false;           ///< under mutex_
-  bool agent_runs_ = false;        ///< under mutex_
-  bool released_ = false;          ///< under mutex_
-  bool leaving_ = false;           ///< under mutex_
-  bool left_ = false;              ///< under mutex_
-  std::uint64_t floor_ = 0;        ///< under mutex_
-  HighestSeq highest_;             ///< under mutex_
+  bool woken_ = false;               ///< under mutex_
+  bool claimed_ = false;             ///< under mutex_
+  bool agent_runs_ = false;          ///< under mutex_
+  bool released_ = false;            ///< under mutex_
+  bool leaving_ = false;             ///< under mutex_
+  bool left_ = false;                ///< under mutex_
+  std::uint64_t floor_ = 0;          ///< under mutex_
+  HighestSeq highest_;               ///< under mutex_
   std::deque<Waiting> to_announce_;  ///< under mutex_
-  std::set<std::string> boots_;    ///< under mutex_
+  std::set<std::string> boots_;      ///< under mutex_
   std::jthread thread_;
 };
 

@@ -1,5 +1,6 @@
 // Roles of the two gateways of a pair, as a pure state machine: events in, orders out, time as an
-// argument. It decides when this gateway claims the pair, how long it holds it, and when it is over.
+// argument. It decides when this gateway claims the pair, how long it holds it, and when it is
+// over.
 //
 // The fence. A gateway holds the pair while its lease session lasts: the MQTT session with the
 // pair's own client id. A broker keeps one session per client id, so a claim ends the other
@@ -120,15 +121,15 @@ class PairState final {
   std::set<std::string> gone_;         ///< boots that have ended
   std::set<std::string> boots_;        ///< all boots of other processes
   bool third_ = false;
-  std::string holder_;                 ///< boot of the last foreign heartbeat; empty: gone
+  std::string holder_;  ///< boot of the last foreign heartbeat; empty: gone
   BootTime holder_heard_at_{};
   std::uint64_t highest_seq_ = 0;
-  std::string fault_;                  ///< not taken yet
-  std::set<std::string> faults_;       ///< reported in this member session
+  std::string fault_;             ///< not taken yet
+  std::set<std::string> faults_;  ///< reported in this member session
 
   bool connecting_ = false;
-  BootTime not_before_{};              ///< of the next claim
-  int failures_ = 0;                   ///< of claims in a row
+  BootTime not_before_{};  ///< of the next claim
+  int failures_ = 0;       ///< of claims in a row
   BootTime opens_at_{};
   BootTime holds_until_{};
   BootTime heartbeat_at_{};

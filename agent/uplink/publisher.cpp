@@ -327,7 +327,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   }
   const auto last = numbers_to_join(begin, store_, utc_ms_());
   std::vector<std::uint64_t> by_index(change.config.devices.size());
-  for (std::size_t i = 0; i < begin.size(); ++i) 
+  for (std::size_t i = 0; i < begin.size(); ++i)
     by_index[change.devices_begin[i]] = std::max(last[i], settings_.first_seq);
   return by_index;
 }

@@ -42,9 +42,9 @@ class PermittedTransport final : public Transport {
   const std::unique_ptr<Transport> channel_;
   const LinePermit& permit_;
   const std::chrono::nanoseconds listening_;
-  bool closed_ = false;   ///< while open() waits
-  bool has_sent_ = false; ///< since the permit opened
-  BootTime not_before_{}; ///< silence after bytes of another master
+  bool closed_ = false;    ///< while open() waits
+  bool has_sent_ = false;  ///< since the permit opened
+  BootTime not_before_{};  ///< silence after bytes of another master
 };
 
 }  // namespace fxagent

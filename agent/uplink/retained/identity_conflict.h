@@ -26,8 +26,8 @@ class IdentityConflict final {
   /// Returned by other() for an agent whose boot was never received.
   static constexpr std::string_view kUnknown = "unknown";
 
-  /// `boot` is our own. `is_ours` returns true for the boot of another process that may have our id,
-  /// such as the other gateway of a pair; empty: none may.
+  /// `boot` is our own. `is_ours` returns true for the boot of another process that may have our
+  /// id, such as the other gateway of a pair; empty: none may.
   explicit IdentityConflict(std::string boot,
                             std::function<bool(const std::string& boot)> is_ours = {})
       : boot_(std::move(boot)), is_ours_too_(std::move(is_ours)) {}

@@ -50,7 +50,8 @@ TEST(PairMessages, ForeignTextsAreNothing) {
 }
 
 TEST(PairMessages, StatusOfAGatewayThatHasEndedIsOffline) {
-  const auto heard = messages::status_from(messages::status("a", {.boot = "b1", .role = "offline"}));
+  const auto heard =
+      messages::status_from(messages::status("a", {.boot = "b1", .role = "offline"}));
   ASSERT_TRUE(heard);
   EXPECT_EQ(heard->member, "a");
   EXPECT_EQ(heard->boot, "b1");

@@ -214,8 +214,8 @@ TEST(PairState, KnowsTheBootsOfThePair) {
   EXPECT_FALSE(a.state.knows("boot-x"));
 }
 
-/// A broker for two gateways: delivers what they publish after a random time, ends the lease session
-/// of the one when the other claims, and cuts, stops and ends them at random.
+/// A broker for two gateways: delivers what they publish after a random time, ends the lease
+/// session of the one when the other claims, and cuts, stops and ends them at random.
 class RandomPair final {
  public:
   explicit RandomPair(unsigned seed) : random_(seed) {}
@@ -305,7 +305,8 @@ class RandomPair final {
         state.heartbeat_sent(id, at(now_));
         if (!member.lease || cut) continue;
         member.acknowledgements.emplace_back(now_ + delay(), id);
-        if (other(member).joined) other(member).gateway->state.heard_heartbeat(boot(member), 0, at(now_));
+        if (other(member).joined)
+          other(member).gateway->state.heard_heartbeat(boot(member), 0, at(now_));
       }
     }
   }
