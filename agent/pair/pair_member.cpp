@@ -35,6 +35,7 @@ constexpr seconds kUpkeep{1};
 // samples a second.
 constexpr std::uint64_t kReserve = 1'000'000;
 constexpr int kFilters = 4;
+constexpr int kSurelyActive = 4;  // heartbeats of the other gateway
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
   MqttConfig own = mqtt;
@@ -280,6 +281,8 @@ void PairMember::hear(const Message& message, BootTime now) {
     const auto heartbeat = pair_messages::heartbeat_from(message.payload);
     if (!heartbeat) return;
     know(heartbeat->boot);
+    // A retained one may be old; several are of a gateway that is active now.
+    if (place->member != pair_.member && ++heartbeats_ == kSurelyActive) settle_own_results();
     state_.heard_heartbeat(heartbeat->boot, heartbeat->seq, now);
   } else {
     auto announcement = pair_messages::announcement_from(message.payload);
@@ -290,6 +293,15 @@ void PairMember::hear(const Message& message, BootTime now) {
       keep_announced(std::move(announcement->entry));
     }
   }
+}
+
+/// Each result of an earlier process of this gateway was published, or the other gateway has
+/// published another one in its place.
+void PairMember::settle_own_results() {
+  if (!store_) return;
+  StoredJournal& journal = store_->journal();
+  for (const JournalEntry& entry : journal.unacknowledged())
+    if (!entry.result.empty()) journal.acknowledge(entry.device, entry.id, entry.number, {});
 }
 
 void PairMember::keep_announced(JournalEntry entry) {

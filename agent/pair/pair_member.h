@@ -80,6 +80,7 @@ class PairMember final {
   void drop_lease(BootTime now);
   void hear(const Message& message, BootTime now);
   void hear_result(const std::string& device, const std::string& text);
+  void settle_own_results();
   void keep_announced(JournalEntry entry);
   void member_ended(const Lost& lost, BootTime now);
   void lease_ended(bool taken_over, BootTime now);
@@ -111,6 +112,7 @@ class PairMember final {
   bool lease_up_ = false;
   Claim claim_ = Claim::none;
   std::uint64_t next_id_ = 1;
+  int heartbeats_ = 0;  ///< of the other gateway
   std::uint64_t mark_ = 0;
   bool mark_came_ = false;
   std::uint64_t farewell_ = 0;  ///< publication of the last status
