@@ -35,7 +35,6 @@ constexpr seconds kUpkeep{1};
 // samples a second.
 constexpr std::uint64_t kReserve = 1'000'000;
 constexpr int kFilters = 4;
-constexpr int kSurelyActive = 4;  // heartbeats of the other gateway
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
   MqttConfig own = mqtt;
@@ -281,8 +280,10 @@ void PairMember::hear(const Message& message, BootTime now) {
     const auto heartbeat = pair_messages::heartbeat_from(message.payload);
     if (!heartbeat) return;
     know(heartbeat->boot);
-    // A retained one may be old; several are of a gateway that is active now.
-    if (place->member != pair_.member && ++heartbeats_ == kSurelyActive) settle_own_results();
+    if (heartbeat->boot != boot_) {
+      auto& highest = place->member == pair_.member ? own_seq_ : other_seq_;
+      highest = std::max(highest, heartbeat->seq);
+    }
     state_.heard_heartbeat(heartbeat->boot, heartbeat->seq, now);
   } else {
     auto announcement = pair_messages::announcement_from(message.payload);
@@ -424,6 +425,8 @@ void PairMember::go_on_with_claim(BootTime now) {
     evicting_->connect(server_, kReceiveMaximum);
   } else if (claim_ == Claim::marking && mark_came_) {
     claim_ = Claim::claimed;
+    // Numbers grow with each takeover: the other gateway has held the pair after this one.
+    if (other_seq_ > own_seq_) settle_own_results();
     store_->close();
     store_.reset();
     const std::lock_guard lock(mutex_);

@@ -112,7 +112,8 @@ class PairMember final {
   bool lease_up_ = false;
   Claim claim_ = Claim::none;
   std::uint64_t next_id_ = 1;
-  int heartbeats_ = 0;  ///< of the other gateway
+  std::uint64_t own_seq_ = 0;    ///< of the last heartbeat of earlier processes of this gateway
+  std::uint64_t other_seq_ = 0;  ///< of the last heartbeat of the other gateway
   std::uint64_t mark_ = 0;
   bool mark_came_ = false;
   std::uint64_t farewell_ = 0;  ///< publication of the last status
