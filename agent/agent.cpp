@@ -19,6 +19,7 @@
 #include "agent/log/log.h"
 #include "agent/order.h"
 #include "agent/outbox.h"
+#include "agent/pair/pair_member.h"
 #include "agent/process/file_limit.h"
 #include "agent/process/heartbeats.h"
 #include "agent/process/service_manager.h"
@@ -29,6 +30,7 @@
 #include "agent/store/guarded_store.h"
 #include "agent/store/samples/first_numbers.h"
 #include "agent/store/store.h"
+#include "agent/uplink/fenced_broker.h"
 #include "agent/uplink/paho/connect_faults.h"
 #include "agent/uplink/paho/paho_broker.h"
 #include "agent/uplink/payload/json_payload.h"
@@ -172,6 +174,16 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   return parts;
 }
 
+/// Waits on standby until this gateway of a pair is to run the agent. A stop signal ends the
+/// process meanwhile. Returns a number below which no sequence number may be used.
+std::uint64_t stand_by(PairMember& pair) {
+  service_manager::notify_ready();
+  service_manager::notify_status("standby of its pair");
+  return pair.await_claim([] {
+    if (service_manager::watchdog_interval()) service_manager::notify_alive();
+  });
+}
+
 /// Returns the current status in one line; empty if there is none yet.
 std::string current_status(StatusBoard& board) {
   const auto status = board.read(std::chrono::steady_clock::now(), kStatusWithin);
@@ -196,6 +208,15 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       static_cast<std::size_t>(std::min<std::uint64_t>(config.store.max_bytes, kMostBacklogBytes));
 
   const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
+  const auto pair = config.pair ? std::make_unique<PairMember>(config, settings.boot)
+                                : std::unique_ptr<PairMember>();
+  const LinePermit* const permit = pair ? &pair->permit() : nullptr;
+  const std::uint64_t first_seq = pair ? stand_by(*pair) : 0;
+  settings.first_seq = first_seq;
+  if (pair)
+    settings.is_ours = [member = pair.get()](const std::string& boot) {
+      return member->knows(boot);
+    };
   const auto store = config.store.path.empty() ? std::unique_ptr<Store>()
                                                : std::make_unique<Store>(config.store, utc_now());
   Outbox outbox(kOutboxMessages);
@@ -203,10 +224,17 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
                            ? std::make_unique<GuardedStore>(*store, [&outbox] { outbox.notify(); })
                            : std::unique_ptr<GuardedStore>();
   const auto recorder = make_recorder(config);
-  Field field(config, outbox, first_numbers(config, store.get(), utc_now()), Polling::on,
-              recorder.get());
+  std::vector<std::uint64_t> numbers = first_numbers(config, store.get(), utc_now());
+  for (std::uint64_t& number : numbers) number = std::max(number, first_seq);
+  Field field(config, outbox, numbers, Polling::on, recorder.get(), permit);
+  const auto submit = [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); };
   Commands commands(
-      config, [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); },
+      config,
+      [&config, &pair, submit](AdmittedCommand admitted) {
+        if (!pair) return submit(std::move(admitted));
+        const std::string& device = std::as_const(config).devices.at(admitted.command.device).name;
+        pair->announce(std::move(admitted), device, submit);
+      },
       guarded ? &guarded->journal() : nullptr,
       [&field, &outbox](const std::string& link, std::chrono::minutes time, const std::string& text,
                         std::function<void(Reason)> told) {
@@ -219,8 +247,9 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     commands.restore(recover(config, guarded->journal(), utc_now(), now), now, utc_now());
   }
   JsonPayload payload(config, settings.boot, settings.version);
-  PahoBroker broker(
+  PahoBroker session(
       config.mqtt, [&payload] { return payload.last_will(); }, [&outbox] { outbox.notify(); });
+  FencedBroker broker(session, permit);
   Publisher publisher(
       config, settings, payload, outbox, broker, commands, utc_now, guarded.get(),
       [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); },
@@ -254,6 +283,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   if (recorder) field.call_at(SIGUSR2, [&recorder] { recorder->asked(); });
   remote.begin();
   field.start();
+  if (pair) pair->agent_began([&outbox] { return outbox.highest_seq(); });
   Heartbeats signs;
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher);
   std::jthread uplink([&](std::stop_token stop) {
@@ -284,12 +314,17 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   reload.stop();
   watchdog.stage("metrics");
   metrics.reset();
+  if (pair) {
+    outbox.refuse_commands();
+    pair->release();
+  }
   watchdog.stage("links", [&field] { return field.unfinished(); });
   field.stop();
   watchdog.stage("the uplink: the store's disk or the broker");
   uplink.request_stop();
   outbox.notify();
   uplink.join();
+  if (pair) pair->leave();
   watchdog.stage("the reload: a config file or the disk");
   reload.wait_for_end(kReloadEnds);
   watchdog.stage("the log: its reader does not read");

@@ -17,6 +17,7 @@ void Outbox::push_urgent(Put put) {
 }
 
 void Outbox::push(Telemetry message) {
+  if (message.seq > highest_seq()) highest_seq_.store(message.seq, std::memory_order_relaxed);
   bool wake = false;
   {
     const std::lock_guard lock(mutex_);

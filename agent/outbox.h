@@ -62,6 +62,9 @@ class Outbox final {
   using Call = std::function<void(SteadyTime now)>;
   void ask(Call call);
 
+  /// Returns the highest sequence number of all telemetry so far. Any thread.
+  std::uint64_t highest_seq() const { return highest_seq_.load(std::memory_order_relaxed); }
+
   /// Removes and returns everything that waits. Uplink thread.
   Batch take();
   /// Returns at `deadline`, or earlier if something was pushed or notify() was called since the
@@ -80,6 +83,7 @@ class Outbox final {
   const std::size_t max_telemetry_;
   std::atomic<bool> backed_up_ = false;
   std::atomic<bool> refuses_commands_ = false;
+  std::atomic<std::uint64_t> highest_seq_ = 0;  ///< changed by the field thread
   std::mutex mutex_;
   std::condition_variable changed_;
   bool signalled_ = false;

@@ -74,6 +74,11 @@ forbid("^agent/recorder/" "^agent/(commands|config|field|http|import|remote|stor
 forbid("^agent/http/" "^agent/(commands|field|store|uplink|cli|agent)[/.]"
        "agent/http/ sees the status, config and the log")
 forbid("^agent/[a-z_]+/" "^agent/http/" "nothing but agent/agent.cpp sees agent/http/")
+forbid("^agent/[a-z_]+/" "^agent/pair/" "nothing but agent/agent.cpp sees agent/pair/")
+forbid("^agent/pair/" "^agent/(field|http|import|recorder|remote|cli|agent)[/.]"
+       "agent/pair/ sees the broker, the store and the commands' journal")
+forbid("^agent/pair/pair_(state|messages)" "${threads_and_io}"
+       "the decisions of agent/pair/ are pure: time is an argument")
 forbid("." "^microhttpd\\.h" "only agent/http/http_library.h knows the HTTP library")
 forbid("." "^prometheus/" "only agent/http/exposition.cpp knows Prometheus' library")
 forbid("." "^asio" "asio is agent/field/'s")
@@ -106,6 +111,7 @@ set(allowed
   "^agent/config/source\\.cpp poll\\.h$"
   "^agent/recorder/recording_files\\.cpp agent/store/disk/(durable|store)_file\\.h$"
   "^agent/http/[^ ]+ agent/http/"
+  "^agent/pair/[^ ]+ agent/pair/"
   "^agent/http/http_library\\.h microhttpd\\.h$"
   "^agent/http/exposition\\.cpp prometheus/")
 

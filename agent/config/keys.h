@@ -124,6 +124,9 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"", "recorder", object, {}, None{},
      "Flight recorder: the newest frames of each link, written to disk at an anomaly or when "
      "asked. Without it the agent records no frames."},
+    {"", "pair", object, {}, None{},
+     "Standby pair: two gateways at the same devices, of which one is active. Without it the agent "
+     "works alone."},
     {"", "links", array, {}, Required{},
      "Connections to the devices: serial ports, TCP connections and UDP ports."},
     {"", "templates", object, {}, None{},
@@ -226,6 +229,13 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "Number of recordings. The agent deletes the oldest."},
     {"recorder", "max_bytes", integer, kBytes, 32 << 20,
      "Bytes for the recordings. The agent deletes the oldest."},
+
+    {"pair", "member", name, {}, Required{},
+     "Name of this gateway in its pair. The two gateways of a pair have different names; everything "
+     "else in their files is equal."},
+    {"pair", "quiet_ms", integer, {300, 60000}, 1500,
+     "Silence in ms between the last request of the one gateway and the first of the other. An "
+     "active gateway that the broker has not acknowledged for half of this time sends nothing."},
 
     {"links[]", "name", name, {}, Required{}, "Name of the link, unique in the file."},
     {"links[]", "serial", object, {}, None{},

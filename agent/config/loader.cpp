@@ -78,6 +78,21 @@ void finish_recorder(ConfigReader& reader, const ConfigNode& node, const Config&
                            std::to_string(kMostRings >> 20) + " MiB of memory");
 }
 
+std::optional<PairConfig> read_pair(ConfigReader& reader, const ConfigNode& node,
+                                    const Config& config) {
+  reader.check_object(node, config_section("pair"));
+  const auto member = reader.text(node, config_key("pair.member"));
+  PairConfig pair;
+  pair.quiet = reader.integer_as<std::chrono::milliseconds>(node, config_key("pair.quiet_ms"));
+  if (config.store.path.empty())
+    reader.error(node,
+                 "a pair needs a store: the standby keeps the ids of commands there, so that a "
+                 "takeover repeats none");
+  if (!member) return std::nullopt;
+  pair.member = *member;
+  return pair;
+}
+
 Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
   Config config;
   if (!reader.check_object(top, config_section(""))) return config;
@@ -97,6 +112,8 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   config.http = read_http(reader, top);
   const ConfigNode* recorder = reader.object(top, config_key("recorder"));
   if (recorder != nullptr) config.recorder = read_recorder(reader, *recorder);
+  if (const ConfigNode* pair = reader.object(top, config_key("pair")))
+    config.pair = read_pair(reader, *pair, config);
   Links links;
   const ConfigNode* link_array = reader.array(top, config_key("links"));
   if (link_array != nullptr) links = read_links(reader, *link_array, config);

@@ -260,6 +260,13 @@ struct RecorderConfig {
 /// Returns the memory of each link's frames, in bytes, with so many links.
 std::size_t ring_bytes(const RecorderConfig& recorder, std::size_t links);
 
+/// Standby pair: this gateway is one of two at the same devices.
+struct PairConfig {
+  std::string member;  ///< name of this gateway
+  std::chrono::milliseconds quiet{config_key("pair.quiet_ms").number()};
+  friend bool operator==(const PairConfig&, const PairConfig&) = default;
+};
+
 /// One `commands.allow:` entry of `agent.remote_allow`.
 struct RemoteRange {
   /// nullptr: the entry is for devices of the local file. Otherwise it is for every device of this
@@ -300,6 +307,7 @@ struct Config {
   StoreConfig store;
   std::optional<HttpConfig> http;          ///< nullopt: the agent has no HTTP server
   std::optional<RecorderConfig> recorder;  ///< nullopt: the agent records no frames
+  std::optional<PairConfig> pair;          ///< nullopt: the agent works alone
   SharedVector<LinkConfig> links;
   /// After a reload, unchanged devices are shared with the previous config.
   SharedList<DeviceConfig> devices;

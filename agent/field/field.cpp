@@ -23,8 +23,8 @@ constexpr std::chrono::seconds kReportEvery{5};
 /// The thread, and everything that runs on it.
 struct Field::Thread {
   Thread(const Config& config, Outbox& to, const std::vector<std::uint64_t>& last_seq,
-         Polling polling, FlightRecorder* recorder)
-      : outbox(to), report_timer(io), links(io, config, to, last_seq, polling, recorder) {}
+         Polling polling, FlightRecorder* recorder, const LinePermit* permit)
+      : outbox(to), report_timer(io), links(io, config, to, last_seq, polling, recorder, permit) {}
 
   void report_later() {
     report_timer.expires_after(kReportEvery);
@@ -58,8 +58,8 @@ struct Field::Thread {
 };
 
 Field::Field(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
-             Polling polling, FlightRecorder* recorder)
-    : field_(std::make_unique<Thread>(config, outbox, last_seq, polling, recorder)) {}
+             Polling polling, FlightRecorder* recorder, const LinePermit* permit)
+    : field_(std::make_unique<Thread>(config, outbox, last_seq, polling, recorder, permit)) {}
 
 Field::~Field() { stop(); }
 

@@ -10,6 +10,7 @@
 #include "agent/commands/admitted_command.h"
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
+#include "agent/line_permit.h"
 #include "agent/outbox.h"
 #include "agent/recorder/flight_recorder.h"
 
@@ -25,8 +26,10 @@ class Field final {
   /// `outbox` must outlive the field; `config` is copied. Nothing runs yet. `last_seq` has the
   /// sequence number of each device's newest sample; a missing entry counts as 0.
   /// `recorder` must outlive the field; nullptr: frames are not recorded.
+  /// `permit` must outlive the field; nullptr: it may send at any time.
   Field(const Config& config, Outbox& outbox, const std::vector<std::uint64_t>& last_seq,
-        Polling polling = Polling::on, FlightRecorder* recorder = nullptr);
+        Polling polling = Polling::on, FlightRecorder* recorder = nullptr,
+        const LinePermit* permit = nullptr);
   /// Calls stop() unless it was called.
   ~Field();
 

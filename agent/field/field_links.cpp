@@ -9,6 +9,7 @@
 
 #include "agent/commands/result.h"
 #include "agent/field/transport/host_lookup.h"
+#include "agent/field/transport/permitted_transport.h"
 #include "agent/field/transport/serial_transport.h"
 #include "agent/field/transport/tcp_transport.h"
 #include "agent/field/transport/udp_transport.h"
@@ -18,13 +19,21 @@
 namespace fxagent {
 namespace {
 
-std::unique_ptr<Transport> transport_for(const asio::any_io_executor& executor,
-                                         const LinkConfig& link) {
+std::unique_ptr<Transport> channel_for(const asio::any_io_executor& executor,
+                                       const LinkConfig& link) {
   if (const auto* serial = std::get_if<SerialSettings>(&link.channel))
     return make_serial_transport(executor, *serial);
   if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
     return make_udp_transport(executor, *udp);
   return make_tcp_transport(executor, std::get<TcpSettings>(link.channel));
+}
+
+std::unique_ptr<Transport> transport_for(const asio::any_io_executor& executor,
+                                         const LinkConfig& link, const LinePermit* permit) {
+  auto channel = channel_for(executor, link);
+  if (permit == nullptr) return channel;
+  return std::make_unique<PermittedTransport>(executor, std::move(channel), *permit,
+                                              link.listening);
 }
 
 /// Logs a bug that ended one link's coroutine. The other links go on.
@@ -41,11 +50,12 @@ void report_end(const std::exception_ptr& bug, const std::string& link) {
 
 FieldLinks::FieldLinks(asio::io_context& io, const Config& config, Outbox& outbox,
                        const std::vector<std::uint64_t>& last_seq, Polling polling,
-                       FlightRecorder* recorder)
+                       FlightRecorder* recorder, const LinePermit* permit)
     : config_(std::make_shared<const Config>(config)),
       outbox_(outbox),
       polling_(polling),
       recorder_(recorder),
+      permit_(permit),
       io_(io) {
   const auto devices = devices_by_link(*config_);
   places_.resize(config_->links.size());
@@ -84,9 +94,10 @@ std::string FieldLinks::unfinished() const {
 
 void FieldLinks::make_worker(std::uint32_t link, const std::vector<std::uint32_t>& devices,
                              const std::vector<std::uint64_t>& last_seq) {
-  auto worker = std::make_unique<LinkWorker>(
-      io_.get_executor(), *config_, link, devices, outbox_,
-      transport_for(io_.get_executor(), config_->links[link]), last_seq, polling_, recorder_);
+  auto worker =
+      std::make_unique<LinkWorker>(io_.get_executor(), *config_, link, devices, outbox_,
+                                   transport_for(io_.get_executor(), config_->links[link], permit_),
+                                   last_seq, polling_, recorder_);
   const std::string& name = config_->links[link].name;
   if (traces_all_ || traced_.contains(name)) worker->trace(true);
   const std::lock_guard lock(places_mutex_);

@@ -28,10 +28,10 @@ class FieldLinks final {
   using Done = std::function<void()>;
 
   /// `io` and `outbox` must outlive it; `config` is copied. Nothing runs yet. `last_seq`,
-  /// `polling` and `recorder` as in Field.
+  /// `polling`, `recorder` and `permit` as in Field.
   FieldLinks(asio::io_context& io, const Config& config, Outbox& outbox,
              const std::vector<std::uint64_t>& last_seq, Polling polling,
-             FlightRecorder* recorder = nullptr);
+             FlightRecorder* recorder = nullptr, const LinePermit* permit = nullptr);
   FieldLinks(const FieldLinks&) = delete;
   FieldLinks& operator=(const FieldLinks&) = delete;
 
@@ -101,6 +101,7 @@ class FieldLinks final {
   Outbox& outbox_;
   const Polling polling_;
   FlightRecorder* const recorder_;
+  const LinePermit* const permit_;  ///< null: requests may be sent at any time
   asio::io_context& io_;
   /// Changed on the field thread only. Other threads read names and workers under places_mutex_.
   std::vector<Place> places_;

@@ -121,6 +121,7 @@ struct Subscription {
   /// MQTT 5 No Local: the broker does not send back messages that this client publishes or has
   /// published before. This also hides the client's own retained messages.
   bool no_local = false;
+  int qos = 1;  ///< 0: the broker keeps none of its messages while the session is not connected
 };
 
 /// Uplink thread only. No function blocks or throws; every outcome is an event.
@@ -145,7 +146,7 @@ class Broker {
   /// Posts Delivered or DeliveryFailed, or neither if Lost comes first. Posts Lost if the
   /// connection is found closed.
   virtual void publish(Publication publication) = 0;
-  /// Subscribes with QoS 1 and, on MQTT 5, Retain As Published. Posts Subscribed, or nothing if the
+  /// Subscribes and, on MQTT 5, asks for Retain As Published. Posts Subscribed, or nothing if the
   /// broker does not answer.
   virtual void subscribe(Subscription subscription) = 0;
   virtual void unsubscribe(const std::string& filter) = 0;

@@ -7,8 +7,11 @@
 
 namespace fxagent {
 
-OwnTopics::OwnTopics(Parts parts, std::string boot)
-    : parts_(parts), base_(parts.config.base_topic()), identity_(std::move(boot)) {}
+OwnTopics::OwnTopics(Parts parts, std::string boot,
+                     std::function<bool(const std::string& boot)> is_ours)
+    : parts_(parts),
+      base_(parts.config.base_topic()),
+      identity_(std::move(boot), std::move(is_ours)) {}
 
 void OwnTopics::hear(const Message& message, SteadyTime now) {
   parts_.intake.hear(message);

@@ -45,7 +45,8 @@ class OwnTopics final {
     HealthSchedule& health;
   };
   /// `boot` is the agent's own.
-  OwnTopics(Parts parts, std::string boot);
+  OwnTopics(Parts parts, std::string boot,
+            std::function<bool(const std::string& boot)> is_ours = {});
 
   /// Processes a message on any topic.
   void hear(const Message& message, SteadyTime now);

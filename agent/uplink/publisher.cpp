@@ -74,7 +74,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       configs_(config, session_, shutdown_, retained_, store),
       own_topics_({config, commands, session_, connects_, subscriptions_, shutdown_, farewell_,
                    results_, intake_, configs_, retained_, status_, health_},
-                  settings_.boot) {
+                  settings_.boot, settings_.is_ours) {
   subscriptions_.hear_configs(config.remote.enabled);
 }
 
@@ -327,7 +327,8 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   }
   const auto last = numbers_to_join(begin, store_, utc_ms_());
   std::vector<std::uint64_t> by_index(change.config.devices.size());
-  for (std::size_t i = 0; i < begin.size(); ++i) by_index[change.devices_begin[i]] = last[i];
+  for (std::size_t i = 0; i < begin.size(); ++i)
+    by_index[change.devices_begin[i]] = std::max(last[i], settings_.first_seq);
   return by_index;
 }
 

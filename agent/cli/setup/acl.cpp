@@ -20,6 +20,9 @@ constexpr std::array<std::string_view, 7> kAgentWrites{
     "state", "health", "+/state", "+/meta", "+/data/#", "+/result", "+/result/#"};
 constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
 constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
+// Only if the config has a pair.
+constexpr std::array<std::string_view, 3> kPair{"pair/+", "pair/+/heartbeat", "pair/+/journal"};
+constexpr std::array<std::string_view, 1> kPairReads{"+/result"};
 // Only if the config allows remote configs.
 constexpr std::array<std::string_view, 1> kConfigsOut{"config/reported"};
 constexpr std::array<std::string_view, 1> kConfigsIn{"config/desired"};
@@ -130,6 +133,10 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
       users.agent + "\n";
   add(out, "write", base, kAgentWrites);
   add(out, "read", base, kAgentReads);
+  if (config.pair) {
+    add(out, "readwrite", base, kPair);
+    add(out, "read", base, kPairReads);
+  }
   const bool configs = config.remote.enabled;
   if (configs) {
     out += "# It receives remote configs and reports on them.\n";

@@ -74,7 +74,7 @@ void read_range(ConfigReader& reader, const ConfigNode& item, std::string_view t
 /// True if the word names a section that no remote config may change, or a key of one.
 bool is_local_alone(std::string_view word) {
   return std::ranges::any_of(
-      std::array{"agent"sv, "mqtt"sv, "store"sv, "http"sv, "metrics"sv, "recorder"sv},
+      std::array{"agent"sv, "mqtt"sv, "store"sv, "http"sv, "metrics"sv, "recorder"sv, "pair"sv},
       [&](std::string_view section) {
         return word == section || (word.starts_with(section) && word[section.size()] == '.');
       });

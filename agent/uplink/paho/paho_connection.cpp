@@ -178,7 +178,7 @@ void PahoConnection::subscribe(const Subscription& subscription) {
     options.set_no_local(subscription.no_local);
     options.set_retain_as_published(true);
   }
-  client_.subscribe(subscription.filter, 1, nullptr, *this, options);
+  client_.subscribe(subscription.filter, subscription.qos, nullptr, *this, options);
 }
 
 void PahoConnection::post_lost(std::string_view text, int reason_code) noexcept {

@@ -55,6 +55,7 @@ void IdentityConflict::heard(std::string_view payload, SteadyTime now) {
     for (auto& [boot, silent_at] : online_) silent_at = std::min(silent_at, now + kAnswersWithin);
     return;
   }
+  if (is_ours_too_ && is_ours_too_(said.boot)) return;
   if (said.state == "online") {
     other_boot_ = said.boot;
     if (online_.size() >= kMostOthers && !online_.contains(said.boot))

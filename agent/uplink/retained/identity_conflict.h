@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -25,8 +26,11 @@ class IdentityConflict final {
   /// Returned by other() for an agent whose boot was never received.
   static constexpr std::string_view kUnknown = "unknown";
 
-  /// `boot` is our own.
-  explicit IdentityConflict(std::string boot) : boot_(std::move(boot)) {}
+  /// `boot` is our own. `is_ours` returns true for the boot of another process that may have our
+  /// id, such as the other gateway of a pair; empty: none may.
+  explicit IdentityConflict(std::string boot,
+                            std::function<bool(const std::string& boot)> is_ours = {})
+      : boot_(std::move(boot)), is_ours_too_(std::move(is_ours)) {}
 
   /// Processes a text on {base}/state, from any publisher.
   void heard(std::string_view payload, SteadyTime now);
@@ -53,6 +57,7 @@ class IdentityConflict final {
 
  private:
   const std::string boot_;
+  const std::function<bool(const std::string& boot)> is_ours_too_;
   /// Boots that were "online" and have not gone since, and when each counts as gone if it stays
   /// silent.
   std::map<std::string, SteadyTime> online_;

@@ -245,7 +245,9 @@ TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
                                       "recorder.path",
                                       "recorder.link_bytes",
                                       "recorder.files",
-                                      "recorder.max_bytes"};
+                                      "recorder.max_bytes",
+                                      "pair.member",
+                                      "pair.quiet_ms"};
   for (const ConfigKey& key : config_keys::kAll) {
     const std::string section(key.section);
     if (section.empty()) continue;

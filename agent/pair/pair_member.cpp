@@ -1,0 +1,514 @@
+#include "agent/pair/pair_member.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+#include "agent/log/log.h"
+#include "agent/pair/pair_messages.h"
+#include "agent/pair/restart.h"
+#include "agent/uplink/paho/paho_broker.h"
+#include "agent/uplink/topics.h"
+#include "agent/without_signals.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+// The broker keeps the member session for this time, so that a gateway that is restarted misses
+// neither an announced command nor a result.
+constexpr seconds kKeepSession{3600};
+constexpr milliseconds kReconnect{500};
+constexpr seconds kLongestPause{60};
+constexpr int kMostDoublings = 6;
+constexpr seconds kSteady{10};  // a session that lasts so long is not being taken over
+constexpr milliseconds kFarewell{1000};
+constexpr milliseconds kShortestWait{2};
+constexpr milliseconds kLongestWait{200};
+constexpr seconds kUpkeep{1};
+// Sequence numbers that the holder may use until its next heartbeat. A device has at most 1,000
+// samples a second.
+constexpr std::uint64_t kReserve = 1'000'000;
+constexpr int kFilters = 4;
+
+MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
+  MqttConfig own = mqtt;
+  own.client_id += suffix;
+  return own;
+}
+
+/// Writes a line at once: the log's own thread does not outlive a restart.
+void write_at_once(std::string line) {
+  line += '\n';
+  [[maybe_unused]] const auto written = ::write(STDERR_FILENO, line.data(), line.size());
+}
+
+}  // namespace
+
+PairMember::PairMember(const Config& config, std::string boot)
+    : config_(config),
+      pair_(*config.pair),
+      boot_(std::move(boot)),
+      permit_(pair_.quiet),
+      state_({pair_.member, boot_, pair_.quiet}) {
+  const WithoutSignals quiet;
+  thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+}
+
+PairMember::~PairMember() {
+  permit_.revoke();
+  thread_.request_stop();
+  const std::lock_guard lock(mutex_);
+  woken_ = true;
+  news_.notify_all();
+}
+
+std::string PairMember::topic(const char* leaf) const {
+  return pair_messages::topic_of(config_.base_topic(), pair_.member) + leaf;
+}
+
+// ---- called by other threads --------------------------------------------------------------------
+
+std::uint64_t PairMember::await_claim(const std::function<void()>& waits) {
+  std::unique_lock lock(mutex_);
+  while (!claimed_) {
+    lock.unlock();
+    waits();
+    lock.lock();
+    news_.wait_for(lock, seconds(1), [this] { return claimed_; });
+  }
+  return floor_;
+}
+
+void PairMember::agent_began(HighestSeq highest) {
+  const std::lock_guard lock(mutex_);
+  highest_ = std::move(highest);
+  agent_runs_ = woken_ = true;
+  news_.notify_all();
+}
+
+void PairMember::announce(AdmittedCommand command, const std::string& device,
+                          const Submit& submit) {
+  if (command.command.op == Op::read) return submit(std::move(command));
+  pair_messages::Announcement announcement;
+  announcement.boot = boot_;
+  JournalEntry& entry = announcement.entry;
+  const Command& what = command.command;
+  entry.device = device;
+  entry.id = what.id;
+  entry.op = what.op_text;
+  entry.received_ms = what.received_ms;
+  entry.deadline_ms =
+      what.received_ms + std::chrono::ceil<milliseconds>(command.deadline - what.received).count();
+  entry.response_topic = what.response_topic;
+  entry.correlation = what.correlation;
+  Waiting waiting{std::move(command), pair_messages::announcement(announcement), submit};
+  {
+    const std::lock_guard lock(mutex_);
+    if (!released_) {
+      to_announce_.push_back(std::move(waiting));
+      woken_ = true;
+      news_.notify_all();
+      return;
+    }
+  }
+  submit(std::move(waiting.command));
+}
+
+void PairMember::release() {
+  const std::lock_guard lock(mutex_);
+  released_ = woken_ = true;
+  news_.notify_all();
+}
+
+void PairMember::leave() {
+  permit_.revoke();
+  std::unique_lock lock(mutex_);
+  leaving_ = woken_ = true;
+  news_.notify_all();
+  news_.wait_for(lock, 2 * kFarewell, [this] { return left_; });
+}
+
+bool PairMember::knows(const std::string& boot) const {
+  const std::lock_guard lock(mutex_);
+  return boots_.contains(boot);
+}
+
+// ---- the thread ---------------------------------------------------------------------------------
+
+void PairMember::run(const std::stop_token& stop) {
+  const auto notify = [this] {
+    const std::lock_guard lock(mutex_);
+    woken_ = true;
+    news_.notify_all();
+  };
+  store_ = std::make_unique<Store>(config_.store, utc_ms(std::chrono::system_clock::now()));
+  const auto will = [this] {
+    return Will{topic(), pair_messages::status(pair_.member, {.boot = boot_, .role = "offline"}),
+                Retain::yes};
+  };
+  member_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair-" + pair_.member), will,
+                                         notify, kMaxMessageBytes, kKeepSession);
+  lease_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair"), MakeWill{}, notify);
+  evicting_ = std::make_unique<PahoBroker>(config_.mqtt, MakeWill{}, notify);
+  member_->connect(server_, kReceiveMaximum);
+  log_role();
+  std::optional<BootTime> leave_by;
+  while (!stop.stop_requested()) {
+    bool leaving = false;
+    {
+      std::unique_lock lock(mutex_);
+      const auto wait =
+          std::clamp<BootTime>(state_.next_wake() - boot_time_now(), kShortestWait, kLongestWait);
+      news_.wait_for(lock, wait, [this] { return woken_; });
+      woken_ = false;
+      if (agent_runs_) state_.agent_began();
+      leaving = leaving_;
+    }
+    const BootTime now = boot_time_now();
+    if (leaving && !leave_by) {
+      leave_by = now + kFarewell;
+      lease_->disconnect();
+      Publication last = retained(
+          topic(), pair_messages::status(pair_.member, {.boot = boot_, .role = "offline"}));
+      last.id = farewell_ = next_id_++;
+      member_->publish(std::move(last));
+    }
+    keep(now);
+    if (!leave_by || (farewell_ != 0 && now < *leave_by)) continue;
+    member_->disconnect();
+    break;
+  }
+  const std::lock_guard lock(mutex_);
+  left_ = true;
+  news_.notify_all();
+}
+
+void PairMember::keep(BootTime now) {
+  take_member_events(now);
+  take_evicting_events(now);
+  take_lease_events(now);
+  if (permit_.opens_at() != state_.opens_at()) permit_.open_at(state_.opens_at());
+  bool leaving = false;
+  {
+    const std::lock_guard lock(mutex_);
+    leaving = leaving_;
+  }
+  if (leaving) return send_announcements();
+  permit_.extend(state_.holds_until());
+  for (const PairState::Order order : state_.step(now)) carry_out(order, now);
+  go_on_with_claim(now);
+  log_role();
+  send_announcements();
+  if (const std::string fault = state_.take_fault(); !fault.empty())
+    log::error("pair", {{"fault", fault}});
+  if (!member_up_ && connect_at_ != BootTime{} && now >= connect_at_) {
+    connect_at_ = {};
+    member_->connect(server_, kReceiveMaximum);
+  }
+  const SteadyTime steady = std::chrono::steady_clock::now();
+  if (store_ && steady >= upkeep_at_) {
+    store_->upkeep(steady, utc_ms(std::chrono::system_clock::now()));
+    upkeep_at_ = steady + kUpkeep;
+  }
+}
+
+void PairMember::take_member_events(BootTime now) {
+  const auto again = [&](BootTime pause) {
+    member_up_ = false;
+    server_ = (server_ + 1) % config_.mqtt.servers.size();
+    connect_at_ = now + pause;
+  };
+  const auto take = [&](const auto& event) {
+    using Event = std::remove_cvref_t<decltype(event)>;
+    if constexpr (std::is_same_v<Event, Connected>) {
+      member_up_ = true;
+      member_since_ = now;
+      granted_ = 0;
+      const std::string base = config_.base_topic();
+      member_->subscribe({base + "/pair/+"});
+      member_->subscribe({base + "/pair/+/journal"});
+      member_->subscribe({.filter = base + "/pair/+/heartbeat", .qos = 0});
+      member_->subscribe({base + "/+/result"});
+    } else if constexpr (std::is_same_v<Event, Subscribed>) {
+      if (!event.granted)
+        log::error("pair", {{"fault", "the broker refuses the subscription to " + event.filter +
+                                          "; see fxagent acl"}});
+      else if (++granted_ == kFilters)
+        state_.joined(now);
+    } else if constexpr (std::is_same_v<Event, ConnectFailed>) {
+      log::warn("pair", {{"broker", "unreachable"}, {"reason", event.text}});
+      again(kReconnect);
+    } else if constexpr (std::is_same_v<Event, Lost>) {
+      const bool taken_over = event.reason_code == kSessionTakenOver;
+      thrown_ = taken_over || now - member_since_ < kSteady ? thrown_ + 1 : 0;
+      state_.left(taken_over, now);
+      const BootTime pause = taken_over ? BootTime(seconds(1)) : BootTime(kReconnect);
+      again(
+          std::min<BootTime>(pause * (1 << std::min(thrown_, kMostDoublings)) / 2, kLongestPause));
+    } else if constexpr (std::is_same_v<Event, Message>) {
+      hear(event, now);
+    } else if constexpr (std::is_same_v<Event, Delivered>) {
+      if (event.id == farewell_) farewell_ = 0;
+    }
+  };
+  for (const BrokerEvent& event : member_->take_events()) std::visit(take, event);
+}
+
+void PairMember::hear(const Message& message, BootTime now) {
+  const std::string base = config_.base_topic();
+  if (const auto device = device_of(message.topic, base, "result"))
+    return hear_result(std::string(*device), message.payload);
+  const auto place = pair_messages::place_of(message.topic, base);
+  if (!place) return;
+  const auto know = [this](const std::string& boot) {
+    if (boot == boot_) return;
+    const std::lock_guard lock(mutex_);
+    if (boots_.size() < 256) boots_.insert(boot);
+  };
+  if (place->leaf.empty()) {
+    const auto status = pair_messages::status_from(message.payload);
+    if (!status || status->member != place->member) return;
+    know(status->boot);
+    state_.heard(*status, now);
+  } else if (place->leaf == "heartbeat") {
+    const auto heartbeat = pair_messages::heartbeat_from(message.payload);
+    if (!heartbeat) return;
+    know(heartbeat->boot);
+    if (heartbeat->boot != boot_) {
+      auto& highest = place->member == pair_.member ? own_seq_ : other_seq_;
+      highest = std::max(highest, heartbeat->seq);
+    }
+    state_.heard_heartbeat(heartbeat->boot, heartbeat->seq, now);
+  } else {
+    auto announcement = pair_messages::announcement_from(message.payload);
+    if (!announcement) return;
+    if (announcement->mark != 0) {
+      mark_came_ = mark_came_ || (announcement->boot == boot_ && announcement->mark == mark_);
+    } else if (announcement->boot != boot_) {
+      keep_announced(std::move(announcement->entry));
+    }
+  }
+}
+
+/// Each result of an earlier process of this gateway was published, or the other gateway has
+/// published another one in its place.
+void PairMember::settle_own_results() {
+  if (!store_) return;
+  StoredJournal& journal = store_->journal();
+  for (const JournalEntry& entry : journal.unacknowledged())
+    if (!entry.result.empty()) journal.acknowledge(entry.device, entry.id, entry.number, {});
+}
+
+void PairMember::keep_announced(JournalEntry entry) {
+  if (!store_) return;
+  StoredJournal& journal = store_->journal();
+  if (journal.find(entry.device, entry.id)) return;
+  entry.number = journal.next_command_number();
+  // It counts as sent: only the other gateway knows.
+  store_->started().mark(entry.number);
+  journal.journal({&entry, 1});
+}
+
+void PairMember::hear_result(const std::string& device, const std::string& text) {
+  if (!store_) return;
+  const auto result = pair_messages::result_from(text);
+  // The result of a repeated id is not the first one.
+  if (!result || result->status == "DUPLICATE") return;
+  StoredJournal& journal = store_->journal();
+  const bool refused = result->status == "REJECTED" || result->status == "EXPIRED";
+  if (const auto known = journal.find(device, result->id)) {
+    if (known->result.empty() && !known->acknowledged && !refused) {
+      JournalEntry entry = *known;
+      entry.result = text;
+      journal.record(std::move(entry));
+    }
+    return journal.acknowledge(device, result->id, known->number, {});
+  }
+  JournalEntry entry;
+  entry.device = device;
+  entry.id = result->id;
+  entry.op = result->op;
+  entry.received_ms = entry.deadline_ms = utc_ms(std::chrono::system_clock::now());
+  entry.result = text;
+  entry.refused = refused;
+  entry.number = journal.next_command_number();
+  const std::uint64_t number = entry.number;
+  journal.record(std::move(entry));
+  journal.acknowledge(device, result->id, number, {});
+}
+
+// ---- the lease session --------------------------------------------------------------------------
+
+void PairMember::take_lease_events(BootTime now) {
+  const auto take = [&](const auto& event) {
+    using Event = std::remove_cvref_t<decltype(event)>;
+    if constexpr (std::is_same_v<Event, Connected>) {
+      lease_up_ = true;
+      claim_ = Claim::none;
+      state_.lease_began(now);
+    } else if constexpr (std::is_same_v<Event, ConnectFailed>) {
+      log::warn("pair", {{"claim", "failed"}, {"reason", event.text}});
+      lease_ended(false, now);
+    } else if constexpr (std::is_same_v<Event, Lost>) {
+      lease_ended(event.reason_code == kSessionTakenOver, now);
+    } else if constexpr (std::is_same_v<Event, Disconnected>) {
+      lease_ended(false, now);
+    } else if constexpr (std::is_same_v<Event, Delivered>) {
+      if (auto announced = announced_.extract(event.id))
+        announced.mapped().submit(std::move(announced.mapped().command));
+      else
+        state_.heartbeat_acknowledged(event.id, now);
+    } else if constexpr (std::is_same_v<Event, DeliveryFailed>) {
+      log::error("pair", {{"fault", "the broker refuses what this gateway publishes below " +
+                                        topic() + ": " + event.text + "; see fxagent acl"}});
+    }
+  };
+  for (const BrokerEvent& event : lease_->take_events()) std::visit(take, event);
+}
+
+void PairMember::lease_ended(bool taken_over, BootTime now) {
+  permit_.revoke();
+  lease_up_ = false;
+  claim_ = Claim::none;
+  {
+    const std::lock_guard lock(mutex_);
+    if (leaving_ || released_) return;  // the agent is stopping
+  }
+  state_.lease_ended(taken_over, now);
+  if (store_) return;
+  write_at_once(log::line(log::Level::warn, "pair",
+                          {{"role", std::string(to_string(state_.role()))},
+                           {"why", state_.why()},
+                           {"member", pair_.member},
+                           {"boot", boot_},
+                           {"note", "the agent starts anew as the standby"}}));
+  restart_program();
+}
+
+void PairMember::drop_lease(BootTime now) {
+  // The end of a connection that is already broken may never be reported.
+  lease_->disconnect();
+  lease_ended(false, now);
+}
+
+void PairMember::take_evicting_events(BootTime now) {
+  for (const BrokerEvent& event : evicting_->take_events()) {
+    if (claim_ != Claim::evicting) continue;
+    if (std::holds_alternative<ConnectFailed>(event)) {
+      drop_lease(now);
+    } else if (std::holds_alternative<Connected>(event)) {
+      evicting_->disconnect();
+      claim_ = Claim::marking;
+      mark_came_ = false;
+      mark_ = next_id_;
+      Publication mark;
+      mark.id = next_id_++;
+      mark.topic = topic("/journal");
+      mark.payload = pair_messages::announcement({.boot = boot_, .mark = mark_});
+      lease_->publish(std::move(mark));
+    }
+  }
+}
+
+/// The session of the agent ends that of the other gateway, so that nothing more of it is
+/// published. Everything that it had published comes before the mark.
+void PairMember::go_on_with_claim(BootTime now) {
+  if (state_.role() != PairRole::claiming || !permit_.holds(now)) return;
+  if (claim_ == Claim::none) {
+    claim_ = Claim::evicting;
+    evicting_->connect(server_, kReceiveMaximum);
+  } else if (claim_ == Claim::marking && mark_came_) {
+    claim_ = Claim::claimed;
+    // Numbers grow with each takeover: the other gateway has held the pair after this one.
+    if (other_seq_ > own_seq_) settle_own_results();
+    store_->close();
+    store_.reset();
+    const std::lock_guard lock(mutex_);
+    const auto clock = static_cast<std::uint64_t>(utc_ms(std::chrono::system_clock::now()));
+    floor_ = std::max(clock, state_.highest_seq());
+    claimed_ = true;
+    news_.notify_all();
+  }
+}
+
+void PairMember::carry_out(PairState::Order order, BootTime now) {
+  switch (order) {
+    case PairState::Order::publish_status:
+      return publish_status();
+    case PairState::Order::connect_lease:
+      return lease_->connect(server_, kReceiveMaximum);
+    case PairState::Order::drop_lease:
+      return drop_lease(now);
+    case PairState::Order::send_heartbeat: {
+      std::uint64_t seq = state_.highest_seq();
+      {
+        const std::lock_guard lock(mutex_);
+        if (claimed_) seq = std::max(highest_ ? highest_() : 0, floor_) + kReserve;
+      }
+      Publication heartbeat;
+      heartbeat.id = next_id_++;
+      heartbeat.topic = topic("/heartbeat");
+      heartbeat.payload = pair_messages::heartbeat({boot_, seq}, heartbeat.id);
+      heartbeat.retain = Retain::yes;
+      state_.heartbeat_sent(heartbeat.id, now);
+      return lease_->publish(std::move(heartbeat));
+    }
+  }
+}
+
+void PairMember::publish_status() {
+  const auto age = std::chrono::round<milliseconds>(boot_time_now() - state_.since());
+  pair_messages::Status status;
+  status.boot = boot_;
+  status.role = to_string(state_.role());
+  status.why = state_.why();
+  status.peer = state_.peer();
+  status.since_ms =
+      utc_ms(std::chrono::system_clock::now()) - (state_.since() == BootTime{} ? 0 : age.count());
+  status.is_third = state_.is_third();
+  Publication publication = retained(topic(), pair_messages::status(pair_.member, status));
+  publication.id = next_id_++;
+  member_->publish(std::move(publication));
+}
+
+void PairMember::send_announcements() {
+  std::deque<Waiting> waiting;
+  bool released = false;
+  {
+    const std::lock_guard lock(mutex_);
+    released = released_;
+    if (released || lease_up_) waiting = std::exchange(to_announce_, {});
+  }
+  if (released) {
+    for (auto& [id, each] : std::exchange(announced_, {})) each.submit(std::move(each.command));
+    for (Waiting& each : waiting) each.submit(std::move(each.command));
+    return;
+  }
+  for (Waiting& each : waiting) {
+    Publication publication;
+    publication.id = next_id_++;
+    publication.topic = topic("/journal");
+    publication.payload = each.text;
+    const std::uint64_t id = publication.id;
+    announced_.emplace(id, std::move(each));
+    lease_->publish(std::move(publication));
+  }
+}
+
+void PairMember::log_role() {
+  if (state_.role() == logged_) return;
+  logged_ = state_.role();
+  log::info("pair", {{"role", std::string(to_string(logged_))},
+                     {"why", state_.why()},
+                     {"member", pair_.member},
+                     {"boot", boot_},
+                     {"peer", state_.peer()}});
+}
+
+}  // namespace fxagent

@@ -1,0 +1,138 @@
+// This gateway in its pair: keeps its two MQTT sessions on a thread of its own, so that neither a
+// flood of commands nor a full window of samples delays a heartbeat. PairState decides. While this
+// gateway is on standby, it keeps the journal of the active one in its own store.
+//
+// The sessions:
+// * the member session, with the client id of this gateway: hears the other one, the commands that
+//   it announces and their results;
+// * the lease session, with the client id of the pair: only the holder has it.
+//
+// When the agent runs and the lease session ends, the process starts itself anew: nothing of a role
+// that is over can be left, and the new process recovers as after a crash.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "agent/commands/admitted_command.h"
+#include "agent/config/model.h"
+#include "agent/line_permit.h"
+#include "agent/pair/pair_state.h"
+#include "agent/store/store.h"
+#include "agent/uplink/broker.h"
+
+namespace fxagent {
+
+class PairMember final {
+ public:
+  using Submit = std::function<void(AdmittedCommand)>;
+  using HighestSeq = std::function<std::uint64_t()>;
+
+  /// `config` has a pair. `boot`: of this process. Starts the thread. Throws std::system_error.
+  PairMember(const Config& config, std::string boot);
+  ~PairMember();
+  PairMember(const PairMember&) = delete;
+  PairMember& operator=(const PairMember&) = delete;
+
+  /// Waits until this gateway has claimed the pair and its store has the journal of the other one.
+  /// The store is closed afterwards. Calls `waits` about every second. Returns a number below which
+  /// no sequence number may be used. Main thread.
+  std::uint64_t await_claim(const std::function<void()>& waits);
+  /// The agent runs. `highest` returns the highest sequence number in use; any thread.
+  void agent_began(HighestSeq highest);
+  const LinePermit& permit() const { return permit_; }
+
+  /// Announces the command to the other gateway, then passes it to `submit` on the pair's thread. A
+  /// read is passed at once. Uplink thread.
+  void announce(AdmittedCommand command, const std::string& device, const Submit& submit);
+  /// Passes everything that waits to `submit`, without an announcement, and later commands too. The
+  /// field must refuse commands by now.
+  void release();
+  /// Ends the role of this gateway, after the field has stopped: the other one takes over.
+  void leave();
+
+  /// True for the boot of another process of this pair. Any thread.
+  bool knows(const std::string& boot) const;
+
+ private:
+  struct Waiting {
+    AdmittedCommand command;
+    std::string text;
+    Submit submit;
+  };
+  /// Steps of a claim, in order.
+  enum class Claim : std::uint8_t { none, evicting, marking, claimed };
+
+  void run(const std::stop_token& stop);
+  void keep(BootTime now);
+  void take_member_events(BootTime now);
+  void take_lease_events(BootTime now);
+  void take_evicting_events(BootTime now);
+  void drop_lease(BootTime now);
+  void hear(const Message& message, BootTime now);
+  void hear_result(const std::string& device, const std::string& text);
+  void settle_own_results();
+  void keep_announced(JournalEntry entry);
+  void member_ended(const Lost& lost, BootTime now);
+  void lease_ended(bool taken_over, BootTime now);
+  void go_on_with_claim(BootTime now);
+  void carry_out(PairState::Order order, BootTime now);
+  void publish_status();
+  void send_announcements();
+  void log_role();
+  std::string topic(const char* leaf = "") const;
+
+  const Config config_;
+  const PairConfig pair_;
+  const std::string boot_;
+  LinePermit permit_;
+
+  // Of the pair's thread.
+  PairState state_;
+  PairRole logged_ = PairRole::claiming;
+  std::unique_ptr<Store> store_;
+  std::unique_ptr<Broker> member_;
+  std::unique_ptr<Broker> lease_;
+  std::unique_ptr<Broker> evicting_;  ///< the session of the agent, to end that of the other one
+  std::size_t server_ = 0;
+  bool member_up_ = false;
+  int granted_ = 0;
+  int thrown_ = 0;  ///< times in a row that the member session was taken over
+  BootTime member_since_{};
+  BootTime connect_at_{};
+  bool lease_up_ = false;
+  Claim claim_ = Claim::none;
+  std::uint64_t next_id_ = 1;
+  std::uint64_t own_seq_ = 0;    ///< of the last heartbeat of earlier processes of this gateway
+  std::uint64_t other_seq_ = 0;  ///< of the last heartbeat of the other gateway
+  std::uint64_t mark_ = 0;
+  bool mark_came_ = false;
+  std::uint64_t farewell_ = 0;  ///< publication of the last status
+  std::map<std::uint64_t, Waiting> announced_;
+  SteadyTime upkeep_at_{};
+
+  mutable std::mutex mutex_;
+  std::condition_variable news_;
+  bool woken_ = false;               ///< under mutex_
+  bool claimed_ = false;             ///< under mutex_
+  bool agent_runs_ = false;          ///< under mutex_
+  bool released_ = false;            ///< under mutex_
+  bool leaving_ = false;             ///< under mutex_
+  bool left_ = false;                ///< under mutex_
+  std::uint64_t floor_ = 0;          ///< under mutex_
+  HighestSeq highest_;               ///< under mutex_
+  std::deque<Waiting> to_announce_;  ///< under mutex_
+  std::set<std::string> boots_;      ///< under mutex_
+  std::jthread thread_;
+};
+
+}  // namespace fxagent

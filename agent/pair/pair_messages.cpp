@@ -1,0 +1,150 @@
+#include "agent/pair/pair_messages.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "agent/json_writer.h"
+#include "agent/uplink/topics.h"
+#include "protocol/value/bytes.h"
+
+namespace fxagent::pair_messages {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::string_view kPair = "/pair/";
+constexpr std::size_t kLongest = 262144;
+constexpr std::size_t kLongestName = 64;
+
+std::optional<json> object_from(std::string_view text) {
+  if (text.size() > kLongest) return std::nullopt;
+  json found = json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!found.is_object()) return std::nullopt;
+  return found;
+}
+
+std::string word(const json& from, const char* key) {
+  const auto value = from.find(key);
+  return value != from.end() && value->is_string() ? value->get<std::string>() : std::string();
+}
+
+template <class Number>
+Number number(const json& from, const char* key) {
+  const auto value = from.find(key);
+  if (value == from.end()) return 0;
+  if (value->is_number_unsigned() || (value->is_number_integer() && *value >= 0))
+    return value->get<Number>();
+  return 0;
+}
+
+bool is_plain(std::string_view text) {
+  return !text.empty() && text.size() <= kLongestName &&
+         std::ranges::all_of(text, [](char c) { return c > ' ' && c <= '~'; });
+}
+
+}  // namespace
+
+std::string topic_of(const std::string& base, const std::string& member) {
+  return base + std::string(kPair) + member;
+}
+
+std::optional<Place> place_of(std::string_view topic, std::string_view base) {
+  if (!topic.starts_with(base)) return std::nullopt;
+  topic.remove_prefix(base.size());
+  if (!topic.starts_with(kPair)) return std::nullopt;
+  topic.remove_prefix(kPair.size());
+  const auto slash = topic.find('/');
+  const std::string_view member = topic.substr(0, slash);
+  if (!may_be_a_device(member)) return std::nullopt;
+  const std::string_view leaf = slash == topic.npos ? std::string_view() : topic.substr(slash + 1);
+  if (slash != topic.npos && leaf != "heartbeat" && leaf != "journal") return std::nullopt;
+  return Place{std::string(member), std::string(leaf)};
+}
+
+std::string status(const std::string& member, const Status& status) {
+  fxagent::json::Writer out;
+  out.begin_object().key("member").string(member).key("boot").string(status.boot);
+  out.key("role").string(status.role);
+  if (status.role != "offline") {
+    out.key("since_ms").integer(status.since_ms).key("peer").word(status.peer);
+    out.key("why").string(status.why);
+    if (status.is_third) out.key("third").boolean(true);
+  }
+  return out.end_object().take();
+}
+
+std::optional<PairStatus> status_from(std::string_view text) {
+  const auto found = object_from(text);
+  if (!found) return std::nullopt;
+  PairStatus status;
+  status.member = word(*found, "member");
+  status.boot = word(*found, "boot");
+  status.role = word(*found, "role");
+  const auto third = found->find("third");
+  status.is_third = third != found->end() && *third == json(true);
+  if (!may_be_a_device(status.member) || !is_plain(status.boot) || !is_plain(status.role))
+    return std::nullopt;
+  return status;
+}
+
+std::string heartbeat(const Heartbeat& heartbeat, std::uint64_t number) {
+  fxagent::json::Writer out;
+  out.begin_object().key("boot").string(heartbeat.boot).key("n").integer(number);
+  return out.key("seq").integer(heartbeat.seq).end_object().take();
+}
+
+std::optional<Heartbeat> heartbeat_from(std::string_view text) {
+  const auto found = object_from(text);
+  if (!found) return std::nullopt;
+  Heartbeat heartbeat{word(*found, "boot"), number<std::uint64_t>(*found, "seq")};
+  if (!is_plain(heartbeat.boot)) return std::nullopt;
+  // A larger number would leave no room for the numbers after it.
+  heartbeat.seq =
+      std::min(heartbeat.seq, static_cast<std::uint64_t>(fxagent::json::kMaxExactInteger) / 2);
+  return heartbeat;
+}
+
+std::string announcement(const Announcement& announcement) {
+  fxagent::json::Writer out;
+  out.begin_object().key("boot").string(announcement.boot);
+  if (announcement.mark != 0) return out.key("mark").integer(announcement.mark).end_object().take();
+  const JournalEntry& entry = announcement.entry;
+  out.key("device").string(entry.device).key("id").string(entry.id).key("op").string(entry.op);
+  out.key("received_ms").integer(entry.received_ms).key("deadline_ms").integer(entry.deadline_ms);
+  if (!entry.response_topic.empty()) out.key("response_topic").string(entry.response_topic);
+  if (!entry.correlation.empty()) out.key("correlation").string(to_hex(entry.correlation));
+  return out.end_object().take();
+}
+
+std::optional<Announcement> announcement_from(std::string_view text) {
+  const auto found = object_from(text);
+  if (!found) return std::nullopt;
+  Announcement announcement;
+  announcement.boot = word(*found, "boot");
+  announcement.mark = number<std::uint64_t>(*found, "mark");
+  JournalEntry& entry = announcement.entry;
+  entry.device = word(*found, "device");
+  entry.id = word(*found, "id");
+  entry.op = word(*found, "op");
+  entry.received_ms = number<std::int64_t>(*found, "received_ms");
+  entry.deadline_ms = number<std::int64_t>(*found, "deadline_ms");
+  entry.response_topic = word(*found, "response_topic");
+  if (auto correlation = from_hex(word(*found, "correlation")))
+    entry.correlation = std::move(*correlation);
+  const bool is_entry = may_be_a_device(entry.device) && !entry.id.empty();
+  if (!is_plain(announcement.boot) || (announcement.mark == 0 && !is_entry)) return std::nullopt;
+  return announcement;
+}
+
+std::optional<Result> result_from(std::string_view text) {
+  const auto found = object_from(text);
+  if (!found) return std::nullopt;
+  Result result{word(*found, "id"), word(*found, "op"), word(*found, "status")};
+  const auto id = found->find("id");
+  if (id != found->end() && id->is_number_integer()) result.id = id->dump();
+  if (result.id.empty() || result.status.empty()) return std::nullopt;
+  return result;
+}
+
+}  // namespace fxagent::pair_messages

@@ -1,0 +1,61 @@
+// Texts that the gateways of a pair exchange below {base}/pair. Pure. Any thread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "agent/commands/journal.h"
+#include "agent/pair/pair_state.h"
+
+namespace fxagent::pair_messages {
+
+/// Topic of a member: "{base}/pair/{member}", and "/heartbeat" and "/journal" below it.
+std::string topic_of(const std::string& base, const std::string& member);
+
+/// A topic below {base}/pair.
+struct Place {
+  std::string member;
+  std::string leaf;  ///< empty, "heartbeat" or "journal"
+};
+/// Returns nullopt for a topic that is not one of a pair.
+std::optional<Place> place_of(std::string_view topic, std::string_view base);
+
+/// `role` "offline" needs `boot` alone.
+struct Status {
+  std::string boot{};
+  std::string role{};
+  std::string why{};
+  std::string peer{};
+  std::int64_t since_ms = 0;
+  bool is_third = false;
+};
+std::string status(const std::string& member, const Status& status);
+std::optional<PairStatus> status_from(std::string_view text);
+
+struct Heartbeat {
+  std::string boot;
+  std::uint64_t seq = 0;  ///< no sequence number above it has been used
+};
+std::string heartbeat(const Heartbeat& heartbeat, std::uint64_t number);
+std::optional<Heartbeat> heartbeat_from(std::string_view text);
+
+/// A command that the holder is about to carry out, or a mark in the stream of them.
+struct Announcement {
+  std::string boot{};
+  std::uint64_t mark = 0;  ///< not 0: a mark, without an entry
+  JournalEntry entry{};
+};
+std::string announcement(const Announcement& announcement);
+std::optional<Announcement> announcement_from(std::string_view text);
+
+/// A published result, as far as the journal needs it.
+struct Result {
+  std::string id;
+  std::string op;
+  std::string status;
+};
+std::optional<Result> result_from(std::string_view text);
+
+}  // namespace fxagent::pair_messages

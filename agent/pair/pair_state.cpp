@@ -1,0 +1,218 @@
+#include "agent/pair/pair_state.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+using std::chrono::nanoseconds;
+
+// Boots and faults that are remembered; a pair has two gateways.
+constexpr std::size_t kMostBoots = 256;
+constexpr std::size_t kMostPeers = 16;
+constexpr std::size_t kMostSent = 64;
+// The wait between claims that fail doubles up to this many times quiet / 2.
+constexpr int kMostFailures = 5;
+constexpr BootTime kNever = BootTime::max();
+
+}  // namespace
+
+std::string_view to_string(PairRole role) {
+  if (role == PairRole::active) return "active";
+  return role == PairRole::claiming ? "claiming" : "standby";
+}
+
+void PairState::enter(PairRole role, std::string why, BootTime now) {
+  role_ = role;
+  why_ = std::move(why);
+  since_ = now;
+  status_due_ = true;
+}
+
+void PairState::fault(std::string text) {
+  if (faults_.size() >= kMostPeers || !faults_.insert(text).second) return;
+  fault_ = std::move(text);
+}
+
+std::string PairState::take_fault() { return std::exchange(fault_, {}); }
+
+void PairState::remember(const std::string& boot) {
+  if (boots_.size() < kMostBoots) boots_.insert(boot);
+}
+
+// ---- the member session -------------------------------------------------------------------------
+
+void PairState::joined(BootTime now) {
+  joined_at_ = now;
+  own_status_came_ = false;
+  peers_.clear();
+  status_due_ = true;
+}
+
+void PairState::left(bool taken_over, BootTime now) {
+  (void)now;
+  joined_at_.reset();
+  peers_.clear();
+  if (taken_over)
+    fault("two gateways are member " + settings_.member +
+          " of this pair: give each its own pair.member");
+}
+
+void PairState::heard(const PairStatus& status, BootTime now) {
+  if (status.boot == settings_.boot) {
+    own_status_came_ = own_status_came_ || status.member == settings_.member;
+    return;
+  }
+  remember(status.boot);
+  if (status.role == "offline") {
+    if (gone_.size() < kMostBoots) gone_.insert(status.boot);
+    peers_.erase(status.boot);
+    // The last will of an earlier process has replaced our own status.
+    if (status.member == settings_.member) status_due_ = true;
+    if (holder_ == status.boot) holder_.clear();
+    return judge_third(now);
+  }
+  if (gone_.contains(status.boot)) return;
+  // A text from before our own is that of an earlier process.
+  if (status.member == settings_.member) {
+    if (own_status_came_)
+      fault("two gateways are member " + settings_.member +
+            " of this pair: give each its own pair.member");
+    return;
+  }
+  std::erase_if(peers_, [&](const auto& each) { return each.second.member == status.member; });
+  if (peers_.size() >= kMostPeers) return;
+  const bool is_new = !peers_.contains(status.boot);
+  peers_[status.boot] = {status.member, status.role, status.is_third};
+  if (is_new) status_due_ = true;
+  judge_third(now);
+}
+
+/// The gateway that comes last is the third. Gateways that come together are ordered by name.
+void PairState::judge_third(BootTime now) {
+  std::set<std::string> others;
+  std::set<std::string> all;
+  for (const auto& [boot, peer] : peers_) {
+    all.insert(peer.member);
+    if (!peer.is_third) others.insert(peer.member);
+  }
+  if (all.size() >= 2) {
+    std::string names;
+    for (const std::string& name : all) names += (names.empty() ? "" : ", ") + name;
+    fault("a pair has two gateways, and besides member " + settings_.member + " there are " +
+          names + ": stop one, or give it another agent.id");
+  }
+  const bool was = third_;
+  if (others.size() < 2) third_ = false;
+  const bool is_new = joined_at_ && now < *joined_at_ + settings_.quiet / 2;
+  const bool is_last_name = !others.empty() && *others.rbegin() < settings_.member;
+  const bool pair_works = std::ranges::any_of(peers_, [](const auto& each) {
+    return !each.second.is_third && each.second.role != "standby";
+  });
+  if (others.size() >= 2 && role_ == PairRole::standby && is_new && (is_last_name || pair_works))
+    third_ = true;
+  if (third_ != was) status_due_ = true;
+}
+
+void PairState::heard_heartbeat(const std::string& boot, std::uint64_t seq, BootTime now) {
+  highest_seq_ = std::max(highest_seq_, seq);
+  if (boot == settings_.boot) return;
+  remember(boot);
+  if (gone_.contains(boot)) return;
+  holder_ = boot;
+  holder_heard_at_ = now;
+}
+
+std::string PairState::peer() const {
+  std::string name;
+  for (const auto& [boot, peer] : peers_)
+    if (!peer.is_third && (name.empty() || peer.role != "standby")) name = peer.member;
+  return name;
+}
+
+// ---- the lease session --------------------------------------------------------------------------
+
+std::optional<BootTime> PairState::claim_at() const {
+  if (role_ != PairRole::standby || connecting_ || !joined_at_ || third_) return std::nullopt;
+  // If both gateways start at once, the one with the lower name claims first.
+  const bool waits_for_lower_name = std::ranges::any_of(peers_, [this](const auto& each) {
+    return !each.second.is_third && each.second.member < settings_.member;
+  });
+  BootTime at = *joined_at_ + settings_.quiet / 2;
+  if (waits_for_lower_name && since_ == BootTime{}) at += settings_.quiet / 4;
+  if (!holder_.empty()) at = std::max(at, holder_heard_at_ + settings_.quiet / 2);
+  return std::max(at, not_before_);
+}
+
+void PairState::lease_began(BootTime now) {
+  connecting_ = false;
+  failures_ = 0;
+  sent_.clear();
+  opens_at_ = now + settings_.quiet;
+  holds_until_ = {};
+  heartbeat_at_ = now;
+  enter(PairRole::claiming,
+        holder_.empty() ? "no gateway is active" : "the active gateway is silent", now);
+}
+
+void PairState::lease_failed(BootTime now) {
+  connecting_ = false;
+  failures_ = std::min(failures_ + 1, kMostFailures);
+  not_before_ = now + settings_.quiet / 2 * (1 << (failures_ - 1));
+}
+
+void PairState::lease_ended(bool taken_over, BootTime now) {
+  connecting_ = false;
+  drop_ = false;
+  sent_.clear();
+  holds_until_ = {};
+  if (role_ == PairRole::standby) return lease_failed(now);
+  // The new holder's first heartbeat may still be on its way.
+  not_before_ = now + settings_.quiet;
+  enter(PairRole::standby,
+        taken_over ? "the other gateway has claimed the pair" : "the broker is not reachable", now);
+}
+
+void PairState::heartbeat_sent(std::uint64_t id, BootTime now) {
+  sent_[id] = now;
+  if (sent_.size() > kMostSent) sent_.erase(sent_.begin());
+  heartbeat_at_ = now + settings_.quiet / 6;
+}
+
+void PairState::heartbeat_acknowledged(std::uint64_t id, BootTime now) {
+  (void)now;
+  const auto found = sent_.find(id);
+  if (found == sent_.end() || role_ == PairRole::standby) return;
+  holds_until_ = std::max(holds_until_, found->second + settings_.quiet / 2);
+  sent_.erase(sent_.begin(), std::next(found));
+}
+
+std::vector<PairState::Order> PairState::step(BootTime now) {
+  std::vector<Order> orders;
+  if (role_ == PairRole::claiming && agent_runs_ && now >= opens_at_ && now < holds_until_)
+    enter(PairRole::active, why_, now);
+  if (const auto at = claim_at(); at && now >= *at) {
+    connecting_ = true;
+    orders.push_back(Order::connect_lease);
+  }
+  if (role_ != PairRole::standby) {
+    // A session whose broker has answered nothing for so long is of no use.
+    const BootTime last_sign = std::max(holds_until_, opens_at_ - settings_.quiet);
+    if (now >= last_sign + 2 * settings_.quiet && !std::exchange(drop_, true))
+      orders.push_back(Order::drop_lease);
+    if (now >= heartbeat_at_) orders.push_back(Order::send_heartbeat);
+  }
+  if (joined_at_ && std::exchange(status_due_, false)) orders.push_back(Order::publish_status);
+  return orders;
+}
+
+BootTime PairState::next_wake() const {
+  BootTime wake = claim_at().value_or(kNever);
+  if (role_ == PairRole::standby) return wake;
+  wake = std::min(wake, heartbeat_at_);
+  if (role_ == PairRole::claiming && agent_runs_) wake = std::min(wake, opens_at_);
+  return wake;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,140 @@
+// Roles of the two gateways of a pair, as a pure state machine: events in, orders out, time as an
+// argument. It decides when this gateway claims the pair, how long it holds it, and when it is
+// over.
+//
+// The fence. A gateway holds the pair while its lease session lasts: the MQTT session with the
+// pair's own client id. A broker keeps one session per client id, so a claim ends the other
+// gateway's. The holder sends heartbeats over that session. One that was sent at `t` and
+// acknowledged proves that no other gateway had claimed by `t`, and permits requests until
+// `t` + quiet / 2. A claimer waits for `quiet` after the broker has accepted its session, so the
+// permission of the other gateway has ended for at least quiet / 2 by then.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/line_permit.h"
+
+namespace fxagent {
+
+enum class PairRole : std::uint8_t { standby, claiming, active };
+/// Returns "standby", "claiming" or "active".
+std::string_view to_string(PairRole role);
+
+struct PairSettings {
+  std::string member;  ///< name of this gateway
+  std::string boot;    ///< of this process
+  std::chrono::nanoseconds quiet{};
+};
+
+/// The status that a gateway publishes about itself.
+struct PairStatus {
+  std::string member;
+  std::string boot;
+  std::string role;  ///< of PairRole, or "offline"
+  bool is_third = false;
+};
+
+class PairState final {
+ public:
+  enum class Order : std::uint8_t {
+    publish_status,  ///< role, reason or peer has changed
+    connect_lease,   ///< connect the lease session
+    send_heartbeat,  ///< over the lease session; report it with heartbeat_sent()
+    drop_lease       ///< end the lease session
+  };
+
+  explicit PairState(PairSettings settings) : settings_(std::move(settings)) {}
+
+  // The member session, over which this gateway hears the other one.
+  /// It is connected and its subscriptions are granted.
+  void joined(BootTime now);
+  /// It has ended. `taken_over`: another client has its client id.
+  void left(bool taken_over, BootTime now);
+  void heard(const PairStatus& status, BootTime now);
+  /// A heartbeat of the holder. `seq`: no sequence number above it was used.
+  void heard_heartbeat(const std::string& boot, std::uint64_t seq, BootTime now);
+
+  // The lease session.
+  void lease_began(BootTime now);
+  void lease_failed(BootTime now);
+  /// It has ended. `taken_over`: the other gateway has claimed.
+  void lease_ended(bool taken_over, BootTime now);
+  void heartbeat_sent(std::uint64_t id, BootTime now);
+  void heartbeat_acknowledged(std::uint64_t id, BootTime now);
+
+  /// The agent runs, so that this gateway becomes active when its wait is over.
+  void agent_began() { agent_runs_ = true; }
+
+  /// Returns what is due, in order. Call after each event and at next_wake().
+  std::vector<Order> step(BootTime now);
+  BootTime next_wake() const;
+
+  PairRole role() const { return role_; }
+  /// Reason for the role, for people and for the log.
+  const std::string& why() const { return why_; }
+  BootTime since() const { return since_; }
+  bool is_third() const { return third_; }
+  /// Member name of the other gateway; empty: it is not there.
+  std::string peer() const;
+  /// Time until which the last acknowledged heartbeat permits requests.
+  BootTime holds_until() const { return holds_until_; }
+  /// Time at which the first request may be sent.
+  BootTime opens_at() const { return opens_at_; }
+  /// Highest number of all heartbeats so far.
+  std::uint64_t highest_seq() const { return highest_seq_; }
+  /// Returns a fault that a person must repair; once for each. Empty: none.
+  std::string take_fault();
+  /// True for the boot of another gateway of this pair, or of an earlier process of this one.
+  bool knows(const std::string& boot) const { return boots_.contains(boot); }
+
+ private:
+  void enter(PairRole role, std::string why, BootTime now);
+  void fault(std::string text);
+  void judge_third(BootTime now);
+  void remember(const std::string& boot);
+  /// Returns the time from which this gateway may claim; nullopt: an event must come first.
+  std::optional<BootTime> claim_at() const;
+
+  struct Peer {
+    std::string member;
+    std::string role;
+    bool is_third = false;
+  };
+
+  const PairSettings settings_;
+  PairRole role_ = PairRole::standby;
+  std::string why_ = "start";
+  BootTime since_{};
+  bool status_due_ = true;
+  bool agent_runs_ = false;
+
+  std::optional<BootTime> joined_at_;  ///< nullopt: the member session is not there
+  bool own_status_came_ = false;       ///< in this member session
+  std::map<std::string, Peer> peers_;  ///< by boot
+  std::set<std::string> gone_;         ///< boots that have ended
+  std::set<std::string> boots_;        ///< all boots of other processes
+  bool third_ = false;
+  std::string holder_;  ///< boot of the last foreign heartbeat; empty: gone
+  BootTime holder_heard_at_{};
+  std::uint64_t highest_seq_ = 0;
+  std::string fault_;             ///< not taken yet
+  std::set<std::string> faults_;  ///< reported in this member session
+
+  bool connecting_ = false;
+  BootTime not_before_{};  ///< of the next claim
+  int failures_ = 0;       ///< of claims in a row
+  BootTime opens_at_{};
+  BootTime holds_until_{};
+  BootTime heartbeat_at_{};
+  std::map<std::uint64_t, BootTime> sent_;  ///< heartbeats without an acknowledgement
+  bool drop_ = false;
+};
+
+}  // namespace fxagent

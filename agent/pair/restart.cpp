@@ -1,0 +1,33 @@
+#include "agent/pair/restart.h"
+
+#include <linux/close_range.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+namespace fxagent {
+
+void restart_program() {
+  std::ifstream file("/proc/self/cmdline", std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  std::vector<char*> arguments;
+  for (std::size_t at = 0; at < text.size(); at = text.find('\0', at) + 1)
+    arguments.push_back(&text[at]);
+  arguments.push_back(nullptr);
+  // The new program inherits the mask of this thread: that of the main thread after its start.
+  sigset_t blocked;
+  sigemptyset(&blocked);
+  sigaddset(&blocked, SIGTERM);
+  sigaddset(&blocked, SIGINT);
+  sigaddset(&blocked, SIGHUP);
+  pthread_sigmask(SIG_SETMASK, &blocked, nullptr);
+  ::close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
+  ::execv("/proc/self/exe", arguments.data());
+  ::_exit(1);
+}
+
+}  // namespace fxagent

@@ -1,0 +1,10 @@
+// Starts the program anew in the same process.
+#pragma once
+
+namespace fxagent {
+
+/// Replaces the program by a fresh copy of itself with the same arguments. Closes every file except
+/// stdin, stdout and stderr. Ends the process if that fails; its service manager restarts it.
+[[noreturn]] void restart_program();
+
+}  // namespace fxagent

@@ -1,0 +1,348 @@
+#include "agent/pair/pair_state.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using Order = PairState::Order;
+
+constexpr milliseconds kQuiet{1200};
+constexpr BootTime kStart = std::chrono::hours(1);
+
+BootTime at(int ms) { return kStart + milliseconds(ms); }
+
+/// A gateway and what it was told to do.
+struct Gateway {
+  explicit Gateway(const std::string& member = "a", const std::string& boot = "boot-a")
+      : state({member, boot, kQuiet}) {}
+
+  bool steps(int ms, Order wanted) {
+    const auto orders = state.step(at(ms));
+    return std::ranges::find(orders, wanted) != orders.end();
+  }
+  /// Claims at `ms`; its first heartbeat is acknowledged at once.
+  void claim(int ms) {
+    state.lease_began(at(ms));
+    beat(ms);
+    state.agent_began();
+  }
+  void beat(int ms) {
+    state.step(at(ms));
+    state.heartbeat_sent(++id, at(ms));
+    state.heartbeat_acknowledged(id, at(ms));
+  }
+
+  PairState state;
+  std::uint64_t id = 0;
+};
+
+TEST(PairState, GatewayAloneClaimsAfterHalfTheSilence) {
+  Gateway a;
+  EXPECT_FALSE(a.steps(0, Order::connect_lease)) << "it has not joined";
+  a.state.joined(at(0));
+  EXPECT_FALSE(a.steps(599, Order::connect_lease));
+  EXPECT_EQ(a.state.next_wake(), at(600));
+  EXPECT_TRUE(a.steps(600, Order::connect_lease));
+  EXPECT_FALSE(a.steps(601, Order::connect_lease)) << "once";
+}
+
+TEST(PairState, FirstRequestComesAfterTheSilence) {
+  Gateway a;
+  a.state.joined(at(0));
+  a.claim(1000);
+  EXPECT_EQ(a.state.role(), PairRole::claiming);
+  EXPECT_EQ(a.state.opens_at(), at(2200));
+  a.beat(2199);
+  a.state.step(at(2199));
+  EXPECT_EQ(a.state.role(), PairRole::claiming);
+  a.state.step(at(2200));
+  EXPECT_EQ(a.state.role(), PairRole::active);
+}
+
+TEST(PairState, PermissionCountsFromTheSendingOfAHeartbeatAndNotFromItsAcknowledgement) {
+  Gateway a;
+  a.state.joined(at(0));
+  a.claim(1000);
+  EXPECT_EQ(a.state.holds_until(), at(1600));
+  a.state.heartbeat_sent(7, at(1200));
+  EXPECT_EQ(a.state.holds_until(), at(1600));
+  a.state.heartbeat_acknowledged(7, at(60000));  // the process was stopped for a minute
+  EXPECT_EQ(a.state.holds_until(), at(1800));
+}
+
+TEST(PairState, StandbyWaitsWhileTheHolderIsHeard) {
+  Gateway b("b", "boot-b");
+  b.state.joined(at(0));
+  for (int ms = 0; ms < 5000; ms += 200) {
+    b.state.heard_heartbeat("boot-a", 5, at(ms));
+    EXPECT_FALSE(b.steps(ms + 199, Order::connect_lease)) << ms;
+  }
+  EXPECT_TRUE(b.steps(4800 + 600, Order::connect_lease));
+  EXPECT_EQ(b.state.highest_seq(), 5U);
+}
+
+TEST(PairState, StandbyClaimsAtOnceWhenTheHolderHasEnded) {
+  Gateway b("b", "boot-b");
+  b.state.joined(at(0));
+  b.state.heard({"a", "boot-a", "active"}, at(0));
+  b.state.heard_heartbeat("boot-a", 0, at(5000));
+  b.state.heard({"a", "boot-a", "offline"}, at(5010));
+  EXPECT_TRUE(b.steps(5010, Order::connect_lease));
+  b.state.lease_failed(at(5020));
+  b.state.heard_heartbeat("boot-a", 0, at(5021));  // was on its way
+  EXPECT_TRUE(b.steps(5620, Order::connect_lease)) << "a boot that has ended holds nothing";
+}
+
+TEST(PairState, LoserIsStandbyAndDoesNotThrash) {
+  Gateway a;
+  a.state.joined(at(0));
+  a.claim(1000);
+  a.beat(2200);
+  a.state.step(at(2200));
+  ASSERT_EQ(a.state.role(), PairRole::active);
+  a.state.lease_ended(true, at(2300));
+  EXPECT_EQ(a.state.role(), PairRole::standby);
+  EXPECT_EQ(a.state.holds_until(), BootTime{});
+  EXPECT_EQ(a.state.why(), "the other gateway has claimed the pair");
+  EXPECT_FALSE(a.steps(3499, Order::connect_lease));
+  a.state.heartbeat_acknowledged(a.id, at(3499));
+  EXPECT_EQ(a.state.holds_until(), BootTime{}) << "a late acknowledgement permits nothing";
+}
+
+TEST(PairState, BrokerThatAcknowledgesNothingIsLeft) {
+  Gateway a;
+  a.state.joined(at(0));
+  a.claim(1000);
+  a.beat(2200);
+  EXPECT_FALSE(a.steps(2800 + 2399, Order::drop_lease));
+  EXPECT_TRUE(a.steps(2800 + 2400, Order::drop_lease));
+  EXPECT_FALSE(a.steps(2800 + 2401, Order::drop_lease)) << "once";
+}
+
+TEST(PairState, FailedClaimsGrowApart) {
+  Gateway a;
+  a.state.joined(at(0));
+  ASSERT_TRUE(a.steps(600, Order::connect_lease));
+  int now = 600;
+  for (const int wait : {600, 1200, 2400, 4800, 9600, 9600}) {
+    a.state.lease_failed(at(now));
+    EXPECT_FALSE(a.steps(now + wait - 1, Order::connect_lease)) << wait;
+    EXPECT_TRUE(a.steps(now + wait, Order::connect_lease)) << wait;
+    now += wait;
+  }
+}
+
+TEST(PairState, WithoutItsMemberSessionAGatewayClaimsNothing) {
+  Gateway a;
+  a.state.joined(at(0));
+  a.state.left(false, at(100));
+  EXPECT_FALSE(a.steps(100000, Order::connect_lease));
+  EXPECT_EQ(a.state.take_fault(), "");
+}
+
+TEST(PairState, LowerNameClaimsFirstIfBothStart) {
+  Gateway a("a", "boot-a");
+  Gateway b("b", "boot-b");
+  for (Gateway* each : {&a, &b}) each->state.joined(at(0));
+  a.state.heard({"b", "boot-b", "standby"}, at(1));
+  b.state.heard({"a", "boot-a", "standby"}, at(1));
+  EXPECT_TRUE(a.steps(600, Order::connect_lease));
+  EXPECT_FALSE(b.steps(600, Order::connect_lease));
+  EXPECT_TRUE(b.steps(900, Order::connect_lease)) << "if the other one does not";
+}
+
+TEST(PairState, ThirdGatewayIsNamedAndNeverClaims) {
+  Gateway c("c", "boot-c");
+  c.state.joined(at(0));
+  c.state.heard({"a", "boot-a", "active"}, at(1));
+  c.state.heard({"b", "boot-b", "standby"}, at(2));
+  EXPECT_TRUE(c.state.is_third());
+  EXPECT_NE(c.state.take_fault().find("a, b"), std::string::npos);
+  EXPECT_EQ(c.state.take_fault(), "") << "once";
+  EXPECT_FALSE(c.steps(60000, Order::connect_lease));
+  c.state.heard({"a", "boot-a", "offline"}, at(60001));
+  EXPECT_FALSE(c.state.is_third()) << "it is the second now";
+}
+
+TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
+  Gateway b("b", "boot-b");
+  b.state.joined(at(0));
+  b.state.heard({"a", "boot-a", "active"}, at(1));
+  b.state.heard_heartbeat("boot-a", 0, at(9990));
+  b.state.heard({"0", "boot-0", "standby"}, at(10000));
+  EXPECT_FALSE(b.state.is_third());
+  EXPECT_NE(b.state.take_fault().find("0, a"), std::string::npos);
+  b.state.heard({"0", "boot-0", "standby", true}, at(10001));
+  b.state.heard({"a", "boot-a", "offline"}, at(10002));
+  EXPECT_TRUE(b.steps(10002, Order::connect_lease));
+}
+
+TEST(PairState, TwoGatewaysOfOneNameAreNamed) {
+  Gateway a("a", "boot-1");
+  a.state.joined(at(0));
+  a.state.heard({"a", "boot-0", "active"}, at(1));
+  EXPECT_EQ(a.state.take_fault(), "") << "an earlier process may have left it";
+  a.state.heard({"a", "boot-1", "standby"}, at(2));
+  a.state.heard({"a", "boot-2", "standby"}, at(3));
+  EXPECT_NE(a.state.take_fault().find("pair.member"), std::string::npos);
+  Gateway other("a", "boot-2");
+  other.state.joined(at(0));
+  other.state.left(true, at(10));
+  EXPECT_NE(other.state.take_fault().find("pair.member"), std::string::npos);
+}
+
+TEST(PairState, KnowsTheBootsOfThePair) {
+  Gateway a;
+  a.state.joined(at(0));
+  a.state.heard({"b", "boot-b", "offline"}, at(1));
+  a.state.heard_heartbeat("boot-old", 0, at(1));
+  EXPECT_TRUE(a.state.knows("boot-b"));
+  EXPECT_TRUE(a.state.knows("boot-old"));
+  EXPECT_FALSE(a.state.knows("boot-a"));
+  EXPECT_FALSE(a.state.knows("boot-x"));
+}
+
+/// A broker for two gateways: delivers what they publish after a random time, ends the lease
+/// session of the one when the other claims, and cuts, stops and ends them at random.
+class RandomPair final {
+ public:
+  explicit RandomPair(unsigned seed) : random_(seed) {}
+
+  void run(int until_ms) {
+    for (now_ = 0; now_ < until_ms; ++now_) {
+      if (chance(2000)) disturb();
+      for (Member& each : members_) step(each);
+      check();
+    }
+  }
+  int changes() const { return changes_; }
+
+ private:
+  struct Member {
+    explicit Member(std::string member) : name(std::move(member)) { begin(); }
+    void begin() {
+      gateway.emplace(name, name + std::to_string(++boots));
+      joined = lease = false;
+    }
+    bool may_send(int now) const {
+      const PairState& state = gateway->state;
+      return at(now) >= state.opens_at() && at(now) < state.holds_until();
+    }
+    const std::string name;
+    int boots = 0;
+    std::optional<Gateway> gateway;
+    bool joined = false;
+    bool lease = false;        ///< as the broker sees it
+    bool lease_known = false;  ///< as the gateway sees it
+    int stopped_until = 0;
+    int cut_until = 0;
+    std::vector<std::pair<int, std::uint64_t>> acknowledgements;
+  };
+
+  bool chance(int of) { return std::uniform_int_distribution(0, of - 1)(random_) == 0; }
+  int delay() { return std::uniform_int_distribution(0, 40)(random_); }
+  Member& other(const Member& of) { return &of == &members_[0] ? members_[1] : members_[0]; }
+  std::string boot(const Member& of) const { return of.name + std::to_string(of.boots); }
+
+  void disturb() {
+    Member& member = members_[chance(2) ? 0 : 1];
+    if (chance(3)) member.stopped_until = now_ + std::uniform_int_distribution(1, 5000)(random_);
+    if (chance(3)) member.cut_until = now_ + std::uniform_int_distribution(1, 5000)(random_);
+    if (!chance(3)) return;
+    other(member).gateway->state.heard({member.name, boot(member), "offline"}, at(now_));
+    member.begin();
+    member.lease_known = false;
+    member.acknowledgements.clear();
+  }
+
+  void step(Member& member) {
+    if (now_ < member.stopped_until) return;
+    PairState& state = member.gateway->state;
+    const bool cut = now_ < member.cut_until;
+    if (cut && member.joined) {
+      member.joined = false;
+      state.left(false, at(now_));
+      if (member.lease_known) state.lease_ended(false, at(now_));
+      member.lease = member.lease_known = false;
+    }
+    if (!cut && !member.joined) {
+      member.joined = true;
+      state.joined(at(now_));
+    }
+    if (member.lease_known && !member.lease) {
+      member.lease_known = false;
+      state.lease_ended(true, at(now_));
+    }
+    std::erase_if(member.acknowledgements, [&](const auto& each) {
+      if (each.first > now_) return false;
+      if (member.lease_known) state.heartbeat_acknowledged(each.second, at(now_));
+      return true;
+    });
+    for (const Order order : state.step(at(now_))) {
+      if (order == Order::connect_lease && cut) state.lease_failed(at(now_));
+      if (order == Order::connect_lease && !cut) {
+        other(member).lease = false;
+        member.lease = member.lease_known = true;
+        member.acknowledgements.clear();
+        state.lease_began(at(now_));
+        state.agent_began();
+        ++changes_;
+      }
+      if (order == Order::send_heartbeat) {
+        const std::uint64_t id = ++ids_;
+        state.heartbeat_sent(id, at(now_));
+        if (!member.lease || cut) continue;
+        member.acknowledgements.emplace_back(now_ + delay(), id);
+        if (other(member).joined)
+          other(member).gateway->state.heard_heartbeat(boot(member), 0, at(now_));
+      }
+    }
+  }
+
+  /// A gateway that is stopped sends nothing; one that runs asks before each request.
+  void check() {
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      if (now_ < members_[i].stopped_until || !members_[i].may_send(now_)) continue;
+      if (last_master_ != i) {
+        ASSERT_GE(now_ - last_active_, kQuiet.count() / 2) << "at " << now_;
+      }
+      last_master_ = i;
+      last_active_ = now_;
+    }
+  }
+
+  std::mt19937 random_;
+  std::array<Member, 2> members_{Member("a"), Member("b")};
+  int now_ = 0;
+  int changes_ = 0;
+  std::uint64_t ids_ = 0;
+  std::size_t last_master_ = 2;
+  int last_active_ = -100000;
+};
+
+TEST(PairState, RandomPairNeverHasTwoMastersAndAlwaysGetsOneAgain) {
+  int changes = 0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomPair pair(seed);
+    pair.run(60000);
+    if (HasFatalFailure()) return;
+    changes += pair.changes();
+  }
+  EXPECT_GT(changes, 40);
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,173 @@
+#!/usr/bin/python3
+"""Ends, stops and cuts off the gateways of a pair at random while commands come all the time. To be run by hand:
+
+    FXAGENT=… FXSIM=… tests/system/pair_kills.py --kills 200 --seed 7
+
+Each fault is a kill -9, a SIGSTOP with SIGCONT later, or a cut of one gateway from the broker. Prints what it has counted, and
+ends with 1 if two masters were on the line, a command was carried out twice or has not exactly one result, or a sequence number was
+used again.
+"""
+
+import argparse
+import asyncio
+import collections
+import json
+import random
+import signal
+import sys
+import threading
+import time
+import unittest
+
+from pair_plant import BASE, PairTest
+from plant import free_port
+
+ARGUMENTS = None
+FIRST_ADDRESS, ADDRESSES = 300, 100
+
+
+class Cut:
+    """A relay to the broker for one gateway. While `is_cut`, it passes nothing and closes nothing: packets are lost."""
+
+    def __init__(self, target):
+        self.target = target
+        self.port = free_port()
+        self.is_cut = False
+        self.loop = asyncio.new_event_loop()
+        self.writers = set()
+        ready = threading.Event()
+
+        def run():
+            asyncio.set_event_loop(self.loop)
+            self.loop.run_until_complete(asyncio.start_server(self._serve, "127.0.0.1", self.port, reuse_address=True))
+            ready.set()
+            self.loop.run_forever()
+        threading.Thread(target=run, daemon=True).start()
+        assert ready.wait(30)
+
+    async def _serve(self, reader, writer):
+        while self.is_cut:
+            await asyncio.sleep(0.05)
+        try:
+            broker_reader, broker_writer = await asyncio.open_connection("127.0.0.1", self.target)
+        except OSError:
+            writer.close()
+            return
+
+        async def pump(source, sink):
+            while data := await source.read(65536):
+                while self.is_cut:  # delivered late, as by a network that comes back
+                    await asyncio.sleep(0.02)
+                sink.write(data)
+                await sink.drain()
+        tasks = [asyncio.ensure_future(pump(reader, broker_writer)), asyncio.ensure_future(pump(broker_reader, writer))]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            broker_writer.close()
+            writer.close()
+
+
+class Kills(PairTest):
+    def test_kills(self):
+        dice = random.Random(ARGUMENTS.seed)
+        self.start_plant()
+        cuts = {name: Cut(self.broker.port) for name in "ab"}
+        for name in "ab":
+            self.start_member(name, config=self.config(name, port=cuts[name].port))
+        self.data()
+        stop = threading.Event()
+        sent = {}
+        sender = threading.Thread(target=self.send_commands, args=(stop, sent, random.Random(ARGUMENTS.seed + 1)))
+        sender.start()
+        takeovers = []
+        counts = collections.Counter()
+        try:
+            for number in range(ARGUMENTS.kills):
+                self.fault(dice, cuts, takeovers, counts)
+                if (number + 1) % 10 == 0:
+                    print(f"{number + 1} faults, longest takeover {max(takeovers, default=0):.2f} s", flush=True)
+        finally:
+            stop.set()
+            sender.join()
+        since = self.watcher.mark()
+        self.data(since=since)
+        self.command(id="the-last", op="read", address="D100")
+        time.sleep(2)
+        self.report(sent, takeovers, counts)
+
+    def send_commands(self, stop, sent, dice):
+        """Each command writes its own value; a value that appears twice in the PLC's log was written twice."""
+        number = 0
+        while not stop.wait(dice.uniform(0.02, 0.2)):
+            number += 1
+            identity = f"c{number}"
+            address = f"D{FIRST_ADDRESS + number % ADDRESSES}"
+            sent[identity] = (address, number % 30000 + 1)
+            command = {"id": identity, "op": "write", "address": address, "value": number % 30000 + 1}
+            self.watcher.client.publish(f"{BASE}/press1/command", json.dumps(command), 1)
+            if dice.random() < 0.1 and number > 20:
+                old = f"c{number - dice.randrange(1, 20)}"
+                command = {"id": old, "op": "write", "address": sent[old][0], "value": sent[old][1]}
+                self.watcher.client.publish(f"{BASE}/press1/command", json.dumps(command), 1)
+
+    def active(self):
+        requests = self.masters.requests
+        return requests[-1][1] if requests else "a"
+
+    def fault(self, dice, cuts, takeovers, counts):
+        name = self.active()
+        other = "b" if name == "a" else "a"
+        kind = dice.choice(["kill", "stop", "cut"])
+        counts[kind] += 1
+        began = time.monotonic()
+        agent = self.agents[name]
+        if kind == "kill":
+            agent.stop(signal.SIGKILL, expected=None)
+        elif kind == "stop":
+            agent.process.send_signal(signal.SIGSTOP)
+        else:
+            cuts[name].is_cut = True
+        takeovers.append(self.polls(other, began) - began)
+        time.sleep(dice.uniform(0, 2))
+        since = self.watcher.mark()
+        if kind == "kill":
+            agent.start()
+        elif kind == "stop":
+            agent.process.send_signal(signal.SIGCONT)
+        else:
+            cuts[name].is_cut = False
+        self.watcher.wait(f"{BASE}/pair/{name}", lambda s: s.get("role") == "standby", since)
+        # The other fault may come at any time after that.
+        time.sleep(dice.uniform(0.8, 2))
+
+    def report(self, sent, takeovers, counts):
+        results = collections.defaultdict(list)
+        for result in self.watcher.payloads(f"{BASE}/press1/result"):
+            if result and result["status"] != "DUPLICATE":
+                results[result["id"]].append(result["status"])
+        writes = collections.Counter(
+            (entry["device"], entry["values"][0]) for entry in self.sim.commands("press1") if entry.get("values"))
+        seqs = [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")]
+        gaps = self.masters.changes()
+        double = [gap for gap in gaps if gap < self.FENCE_S]
+        repeated = [each for each in results.items() if len(each[1]) > 1]
+        twice = [each for each, count in writes.items() if count > 1]
+        statuses = collections.Counter(status for each in results.values() for status in each)
+        print(f"faults {sum(counts.values())} {dict(counts)}\nlongest takeover {max(takeovers):.2f} s, "
+              f"median {sorted(takeovers)[len(takeovers) // 2]:.2f} s\nchanges of master {len(gaps)}, shortest gap "
+              f"{min(gaps, default=0):.3f} s\ndouble masters {len(double)}\ncommands sent {len(sent)}\nresults {dict(statuses)}\n"
+              f"without a result (lost while nobody had subscribed) {len([i for i in sent if i not in results])}\n"
+              f"more than one result {len(repeated)} {repeated[:5]}\nwritten twice {len(twice)} {twice[:5]}\n"
+              f"samples {len(seqs)}\nseq used again {len(seqs) - len(set(seqs))}", flush=True)
+        self.assertEqual((double, repeated, twice, len(seqs) - len(set(seqs))), ([], [], [], 0))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    ARGUMENTS = parser.parse_args()
+    unittest.main(argv=sys.argv[:1])

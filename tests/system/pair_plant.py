@@ -1,0 +1,160 @@
+"""The plant of a standby pair: two agents, one broker, one PLC, and a relay that sees the bytes of both agents."""
+
+import asyncio
+import json
+import os
+import threading
+import time
+
+from plant import BASE, Agent, Broker, PlantTest, Watcher, device, free_port, wait_for
+
+QUIET_MS = 1500
+
+
+class Masters:
+    """Stands between both agents and the PLC, with a port for each, and records the time of each request. The PLC has
+    one line: an answer goes to the agent that has asked."""
+
+    def __init__(self, plc_port, names):
+        self.plc_port = plc_port
+        self.ports = {name: free_port() for name in names}
+        self.requests = []  # (monotonic time, name)
+        self.delay = 0.0  # of requests on their way to the PLC, after they were recorded
+        self.loop = asyncio.new_event_loop()
+        self.ready = threading.Event()
+        self.thread = threading.Thread(target=self._run, daemon=True)
+        self.thread.start()
+        assert self.ready.wait(30)
+
+    def _run(self):
+        asyncio.set_event_loop(self.loop)
+        for name, port in self.ports.items():
+            self.loop.run_until_complete(asyncio.start_server(
+                lambda r, w, name=name: self._serve(r, w, name), "127.0.0.1", port, reuse_address=True))
+        self.ready.set()
+        self.loop.run_forever()
+
+    async def _serve(self, reader, writer, name):
+        try:
+            plc_reader, plc_writer = await asyncio.open_connection("127.0.0.1", self.plc_port)
+        except OSError:
+            writer.close()
+            return
+        async def up():
+            while data := await reader.read(4096):
+                self.requests.append((time.monotonic(), name))
+                if self.delay:
+                    await asyncio.sleep(self.delay)
+                plc_writer.write(data)
+                await plc_writer.drain()
+        async def down():
+            while data := await plc_reader.read(4096):
+                writer.write(data)
+                await writer.drain()
+        tasks = [asyncio.ensure_future(up()), asyncio.ensure_future(down())]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            plc_writer.close()
+            writer.close()
+
+    def last(self, name):
+        return max((t for t, n in list(self.requests) if n == name), default=None)
+
+    def first_after(self, name, moment):
+        return min((t for t, n in list(self.requests) if n == name and t > moment), default=None)
+
+    def changes(self):
+        """Returns the gaps in s between requests of different agents."""
+        requests = sorted(self.requests)
+        return [b[0] - a[0] for a, b in zip(requests, requests[1:]) if a[1] != b[1]]
+
+    def close(self):
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        self.thread.join(10)
+
+
+class PairTest(PlantTest):
+    """A broker, a PLC and the agents of a pair, each in a directory of its own."""
+
+    # Scheduling of a busy machine may delay a request that was permitted in time.
+    FENCE_S = QUIET_MS / 2000 * 0.9
+
+    def setUp(self):
+        super().setUp()
+        self.agents = {}
+        self.masters = None
+
+    def tearDown(self):
+        trouble = []
+        for agent in self.agents.values():
+            try:
+                status = agent.stop()
+                if status:
+                    trouble.append(status)
+            except Exception as error:
+                trouble.append(repr(error))
+        if self.masters:
+            self.masters.close()
+        super().tearDown()
+        self.assertEqual(trouble, [])
+
+    def start_plant(self, names=("a", "b")):
+        self.broker = Broker(self.directory)
+        self.broker.start()
+        self.start_sim([self.plc(tcp=0)])
+        self.masters = Masters(self.sim.ports["press1"], names)
+        self.watcher = Watcher(self.broker.port)
+
+    def config(self, member, port=None, **more):
+        out = {
+            "agent": {"id": "edge7", "root": "fx/plant-a"},
+            "mqtt": {"servers": [f"mqtt://127.0.0.1:{port or self.broker.port}"]},
+            "store": {"path": os.path.join(self.directory, f"store-{member}")},
+            "pair": {"member": member, "quiet_ms": QUIET_MS},
+            "links": [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": self.masters.ports[member]}}],
+            "devices": [device()],
+        }
+        out.update(more)
+        return out
+
+    def start_member(self, name, key=None, environment=None, config=None):
+        directory = os.path.join(self.directory, key or name)
+        os.makedirs(directory, exist_ok=True)
+        agent = Agent(directory, config or self.config(name))
+        # The base class prints logs of its own directory alone.
+        agent.log_path = os.path.join(self.directory, f"agent-{key or name}.log")
+        agent.start(environment=environment)
+        self.agents[key or name] = agent
+        return agent
+
+    def role(self, name, wanted, since=0, patience=30):
+        return self.watcher.wait(f"{BASE}/pair/{name}", lambda s: s.get("role") == wanted, since, patience)
+
+    def start_pair(self):
+        """Starts both; returns when `a` is active and `b` on standby."""
+        self.start_plant()
+        self.start_member("a")
+        self.role("a", "active")
+        since = self.watcher.mark()
+        self.start_member("b")
+        self.role("b", "standby", since)
+        self.data()
+
+    def polls(self, name, moment):
+        return wait_for(f"a request of {name}", lambda: self.masters.first_after(name, moment))
+
+    def assert_never_both(self):
+        gaps = self.masters.changes()
+        self.assertGreaterEqual(min(gaps, default=99), self.FENCE_S, gaps)
+
+    def seqs(self):
+        return [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")]
+
+    def faults(self, name):
+        return [line for line in self.agents[name].logged().splitlines() if " pair fault=" in line]
+
+
+__all__ = ["BASE", "Masters", "PairTest", "QUIET_MS", "json"]

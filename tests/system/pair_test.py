@@ -1,0 +1,143 @@
+"""Two gateways at one line: one is active, and the other takes over."""
+
+import os
+import signal
+import struct
+import time
+import unittest
+
+from pair_plant import BASE, PairTest
+from plant import wait_for
+
+
+class Pair(PairTest):
+    def test_standby_takes_over_from_a_killed_gateway_within_3_s_and_never_both_send(self):
+        self.start_pair()
+        since = self.watcher.mark()
+        self.agents["a"].stop(signal.SIGKILL, expected=None)
+        killed = time.monotonic()
+        first = self.polls("b", killed)
+        self.role("b", "active", since)
+        self.data(since=since)
+        # The limit of 3 s has a second of room for a busy machine.
+        self.assertLess(first - killed, 4.0)
+        self.assert_never_both()
+        # And back: the killed one returns as the standby, and takes over in turn.
+        since = self.watcher.mark()
+        self.start_member("a")
+        self.role("a", "standby", since)
+        self.assertGreater(self.masters.last("b"), killed)
+        self.agents["b"].stop(signal.SIGKILL, expected=None)
+        self.polls("a", time.monotonic())
+        self.assert_never_both()
+        seqs = self.seqs()
+        self.assertEqual(len(set(seqs)), len(seqs), "a sequence number was used again")
+        self.assertEqual(seqs, sorted(seqs))
+        self.assertNotIn("identity_conflict", self.agents["a"].logged() + self.agents["b"].logged())
+
+    def test_clean_stop_hands_over(self):
+        self.start_pair()
+        self.agents["a"].stop()
+        stopped = time.monotonic()
+        self.polls("b", stopped)
+        self.assert_never_both()
+
+    def test_paused_gateway_wakes_as_the_standby_and_sends_nothing(self):
+        self.start_pair()
+        with self.agents["a"].frozen():
+            paused = time.monotonic()
+            self.polls("b", paused)
+            since = self.watcher.mark()
+        woken = time.monotonic()
+        self.role("a", "standby", since)
+        last = self.masters.last("a")
+        self.assertLess(last, woken, "it has sent with an old permission")
+        self.assert_never_both()
+        self.data(since=self.watcher.mark())
+        self.assertEqual(self.masters.last("a"), last)
+
+    def test_command_on_the_wire_gets_one_result_and_is_not_repeated(self):
+        self.start_pair()
+        done = self.command(id="done-1", op="write", address="D300", value=7)
+        self.assertEqual(done["status"], "SUCCEEDED", done)
+        self.masters.delay = 0.2
+        asked = len(self.masters.requests)
+        self.send({"id": "wire-1", "op": "write", "address": "D301", "value": 8})
+        self.watcher.wait(f"{BASE}/pair/a/journal", lambda m: m.get("id") == "wire-1")
+        wait_for("a request", lambda: len(self.masters.requests) > asked)
+        self.agents["a"].stop(signal.SIGKILL, expected=None)
+        self.masters.delay = 0
+        self.polls("b", time.monotonic())
+        result = self.result("wire-1")
+        self.assertIn(result["status"], ("UNKNOWN_OUTCOME", "SUCCEEDED"))
+        for identity in ("done-1", "wire-1"):
+            again = self.command(id=identity, op="write", address="D300", value=9)
+            self.assertEqual(again["status"], "DUPLICATE", again)
+        self.assertEqual(self.sim.get("press1", "D300"), 7)
+        # The killed one comes back and takes over: it repeats no result that the other one has given.
+        self.start_member("a")
+        since = self.watcher.mark()
+        self.role("a", "standby", since)
+        self.agents["b"].stop(signal.SIGKILL, expected=None)
+        self.polls("a", time.monotonic())
+        self.command(id="last-1", op="write", address="D302", value=1)
+        for identity in ("done-1", "wire-1"):
+            first = [r for r in self.results(identity) if r["status"] != "DUPLICATE"]
+            self.assertEqual(len(first), 1, first)
+
+    def test_clock_of_the_standby_is_an_hour_behind(self):
+        self.start_plant()
+        self.start_member("a")
+        self.role("a", "active")
+        self.data()
+        since = self.watcher.mark()
+        shift = os.path.join(self.directory, "shift")
+        with open(shift, "wb") as out:
+            out.write(struct.pack("=q", -3600))
+        self.start_member("b", environment={"LD_PRELOAD": os.environ["CLOCK_LIBRARY"],
+                                            "SHIFTED_CLOCK": shift})
+        self.role("b", "standby", since)
+        before = max(self.seqs())
+        self.agents["a"].stop(signal.SIGKILL, expected=None)
+        since = self.watcher.mark()
+        self.polls("b", time.monotonic())
+        first = self.data(since=since)
+        self.assertGreater(first["seq"], before)
+
+    def test_without_a_broker_the_active_gateway_is_silent(self):
+        self.start_pair()
+        self.broker.kill()
+        wait_for("silence", lambda: time.monotonic() - max(t for t, _ in self.masters.requests) > 1.5)
+        silent_since = time.monotonic()
+        self.broker.start()
+        wait_for("a request of either", lambda: max(t for t, _ in self.masters.requests) > silent_since)
+        self.assert_never_both()
+
+    def test_third_gateway_is_named_and_stays_on_standby(self):
+        self.start_plant(("a", "b", "c"))
+        for name, role in (("a", "active"), ("b", "standby")):
+            since = self.watcher.mark()
+            self.start_member(name)
+            self.role(name, role, since)
+        self.start_member("c")
+        wait_for("the fault", lambda: self.faults("c"))
+        self.watcher.wait(f"{BASE}/pair/c", lambda s: s.get("third"))
+        self.agents["a"].stop(signal.SIGKILL, expected=None)
+        self.polls("b", time.monotonic())
+        self.assertIsNone(self.masters.last("c"))
+
+    def test_two_gateways_of_one_name_are_named(self):
+        self.start_pair()
+        clone = self.config("a", store={"path": os.path.join(self.directory, "store-clone")})
+        self.start_member("a", "clone", config=clone)
+        wait_for("the fault", lambda: any("pair.member" in line for name in ("a", "clone")
+                                          for line in self.faults(name)))
+        since = self.watcher.mark()
+        for _ in range(3):
+            self.data(since=since)
+            since = self.watcher.mark()
+        self.assertNotIn("role=active", self.agents["clone"].logged())
+
+
+if __name__ == "__main__":
+    unittest.main()
