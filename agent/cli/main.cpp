@@ -146,10 +146,11 @@ int run(const RunCall& call) {
   }
   const auto traced = traced_links(*config, call, remote);
   if (!traced) return kWrong;
-  // Each profile may have a store of its own.
-  const int more = kThreadsOfAStore * static_cast<int>(config->profiles.size());
+  // Each profile may have a store of its own, and a pair has a thread.
+  const int more =
+      kThreadsOfAStore * static_cast<int>(config->profiles.size()) + (config->pair ? 1 : 0);
   if (const std::string missing = lacks(more, 0); more > 0 && !missing.empty())
-    throw std::runtime_error("cannot start the profiles: " + missing);
+    throw std::runtime_error("cannot start the profiles or the pair: " + missing);
   malloc_trim(0);  // returns the memory that a large file took
   log_warnings(*config);
   try {

@@ -112,8 +112,8 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   config.http = read_http(reader, top);
   const ConfigNode* recorder = reader.object(top, config_key("recorder"));
   if (recorder != nullptr) config.recorder = read_recorder(reader, *recorder);
-  if (const ConfigNode* pair = reader.object(top, config_key("pair")))
-    config.pair = read_pair(reader, *pair, config);
+  const ConfigNode* pair = reader.object(top, config_key("pair"));
+  if (pair != nullptr) config.pair = read_pair(reader, *pair, config);
   Links links;
   const ConfigNode* link_array = reader.array(top, config_key("links"));
   if (link_array != nullptr) links = read_links(reader, *link_array, config);
@@ -124,6 +124,11 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
   if (const ConfigNode* profiles = reader.array(top, config_key("profiles")))
     read_profiles(reader, *profiles, config);
+  const auto is_pair = [](const auto& named) { return named.name == "pair"; };
+  if (config.pair &&
+      (std::ranges::any_of(config.devices, is_pair) || std::ranges::any_of(config.links, is_pair)))
+    reader.error(
+        *pair, "a device or a link has the name \"pair\", and the pair uses its topics: rename it");
   set_silences(config);
   if (config.recorder) finish_recorder(reader, *recorder, config);
   if (const auto memory = reader.room().size().memory(); memory > kMuchMemory)

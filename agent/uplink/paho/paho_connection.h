@@ -49,7 +49,7 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
   /// Posts the loss of the connection once, whichever thread detects it first. Any thread.
   void post_lost(std::string_view text, int reason_code = 0) noexcept;
 
-  /// Paho acknowledges a message when its callback has returned, and calls it under the lock that
+  /// Paho acknowledges a message before it calls the callback, and calls it under the lock that
   /// each publish() takes. So a callback must not wait; to hold messages back, the socket is not
   /// read. After disconnect(), what is held stays held.
   void hold_messages(bool held, std::size_t let_in) noexcept;
