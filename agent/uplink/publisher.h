@@ -59,7 +59,7 @@ struct PublisherSettings {
   /// commands, until half of these bytes are delivered.
   std::size_t result_bytes = std::size_t{16} << 20;
   /// True for the boot of another process that may have our id; empty: none may.
-  std::function<bool(const std::string& boot)> is_ours;
+  std::function<bool(const std::string& boot)> is_ours{};
   std::uint64_t first_seq = 0;    ///< devices that begin later have no sequence number below it
   std::uint32_t jitter_seed = 1;  ///< of the retry delays; differs between agents
 };
