@@ -114,14 +114,15 @@ struct ProfileParts {
   std::unique_ptr<Store> store;
   std::unique_ptr<GuardedStore> guarded;
   std::unique_ptr<Profile> profile;
-  std::unique_ptr<Broker> broker;
+  std::unique_ptr<Broker> session;
+  std::unique_ptr<Broker> broker;  ///< the session, fenced
   std::unique_ptr<Outlet> outlet;
 };
 
 /// Makes the profile. `config` belongs to the uplink. `take_order` gets its commands.
 ProfileParts make_profile(const Config& config, const ProfileConfig& what,
                           const PublisherSettings& run, TakeOrder take_order, Outbox& outbox,
-                          std::uint32_t seed) {
+                          std::uint32_t seed, const LinePermit* permit) {
   const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
   const auto wake = [&outbox] { outbox.notify(); };
   const BrokerConfig* broker = broker_named(config, what.broker);
@@ -166,9 +167,10 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   settings.boot = run.boot;
   settings.backlog_bytes = run.backlog_bytes;
   settings.jitter_seed = seed;
-  parts.broker = std::make_unique<PahoBroker>(
+  parts.session = std::make_unique<PahoBroker>(
       settings.mqtt, [profile = parts.profile.get()] { return profile->last_will(); }, wake,
       is_discovery ? kMaxDiscoveryBytes : kMaxMessageBytes);
+  parts.broker = std::make_unique<FencedBroker>(*parts.session, permit);
   parts.outlet = std::make_unique<Outlet>(config, std::move(settings), *parts.profile,
                                           *parts.broker, utc_now, parts.guarded.get());
   return parts;
@@ -260,7 +262,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     const auto take_order = [&publisher](Order order) {
       publisher.take_order(std::move(order), std::chrono::steady_clock::now());
     };
-    profiles.push_back(make_profile(config, what, settings, take_order, outbox, random()));
+    profiles.push_back(make_profile(config, what, settings, take_order, outbox, random(), permit));
     publisher.add(*profiles.back().outlet,
                   [what](const Config& next) { return settings_of(what, next); });
   }

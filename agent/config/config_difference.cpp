@@ -180,6 +180,9 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
             running.http ? "the address at the start" : "no HTTP server");
   must_stay("/recorder", running.recorder == wanted.recorder,
             running.recorder ? "the recorder of the start" : "no recorder");
+  // Another broker would have a lease of its own.
+  must_stay("/mqtt", !running.pair || running.mqtt == wanted.mqtt,
+            "the broker of the pair's lease at the start");
   must_stay("/pair", running.pair == wanted.pair,
             running.pair ? "the pair of the start" : "no pair");
   return errors;

@@ -78,6 +78,9 @@ void finish_recorder(ConfigReader& reader, const ConfigNode& node, const Config&
                            std::to_string(kMostRings >> 20) + " MiB of memory");
 }
 
+// Levels that the filters of other topics end with.
+constexpr std::array<std::string_view, 4> kTakenMembers{"state", "meta", "command", "result"};
+
 std::optional<PairConfig> read_pair(ConfigReader& reader, const ConfigNode& node,
                                     const Config& config) {
   reader.check_object(node, config_section("pair"));
@@ -88,7 +91,15 @@ std::optional<PairConfig> read_pair(ConfigReader& reader, const ConfigNode& node
     reader.error(node,
                  "a pair needs a store: the standby keeps the ids of commands there, so that a "
                  "takeover repeats none");
+  if (config.mqtt.version != 5)
+    reader.error(node, "a pair needs MQTT 5: the broker keeps what the standby must not miss");
+  if (config.remote.servers)
+    reader.error(node,
+                 "a remote config could move one gateway to another broker: remove mqtt.servers "
+                 "from agent.remote_allow");
   if (!member) return std::nullopt;
+  if (std::ranges::find(kTakenMembers, *member) != kTakenMembers.end())
+    reader.error(node, "member must not be " + *member + ", which is a level of other topics");
   pair.member = *member;
   return pair;
 }
@@ -129,6 +140,13 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
       (std::ranges::any_of(config.devices, is_pair) || std::ranges::any_of(config.links, is_pair)))
     reader.error(
         *pair, "a device or a link has the name \"pair\", and the pair uses its topics: rename it");
+  for (const DeviceConfig& device : config.devices)
+    if (config.pair && 2 * device.timeout > config.pair->quiet) {
+      reader.warn(*pair, "the answer of " + std::string(device.name) +
+                             " may come after the other gateway has begun: make quiet_ms at least "
+                             "twice its timeout_ms");
+      break;
+    }
   set_silences(config);
   if (config.recorder) finish_recorder(reader, *recorder, config);
   if (const auto memory = reader.room().size().memory(); memory > kMuchMemory)

@@ -15,6 +15,8 @@ using Json = nlohmann::json;
 
 constexpr std::size_t kMostKept = std::size_t{64} << 10;  // bytes of a refused payload
 constexpr std::size_t kMostDepth = 32;                    // of JSON
+constexpr std::size_t kMostText = 256;                    // bytes of `boot`, `meta` or `why`
+constexpr std::size_t kMostTopic = 512;                   // bytes of a refused topic
 constexpr std::int64_t kLastMs = 253'402'300'799'999;     // the end of the year 9999
 
 /// Fault of a message or row. An empty text: none.
@@ -44,9 +46,20 @@ std::optional<std::int64_t> whole_number(const Json& object, const char* key, st
   return value;
 }
 
+/// True if the member is a short text: it is part of an index.
 bool is_text(const Json& object, const char* key) {
   const auto found = object.find(key);
-  return found != object.end() && found->is_string();
+  return found != object.end() && found->is_string() &&
+         found->get_ref<const std::string&>().size() <= kMostText;
+}
+
+/// True if a key or a text has the character NUL, which PostgreSQL cannot store.
+bool has_nul(const Json& json) {
+  if (json.is_string()) return json.get_ref<const std::string&>().find('\0') != std::string::npos;
+  for (const auto& [key, member] : json.items())
+    if (key.find('\0') != std::string::npos || (!json.is_primitive() && has_nul(member)))
+      return true;
+  return false;
 }
 
 bool is_value(const Json& value) {
@@ -77,6 +90,7 @@ Fault fault_of(const Json& sample) {
   if (span != sample.end() && !span->is_number()) return "span_ms is no number";
   const auto partial = sample.find("partial");
   if (partial != sample.end() && !partial->is_boolean()) return "partial is no bool";
+  if (has_nul(sample)) return "a text has the character NUL";
   return {};
 }
 
@@ -191,11 +205,11 @@ void Batch::add_health(const Message& message, std::string_view agent) {
 
 void Batch::refuse(const Message& message, const std::string& reason) {
   const std::string_view kept = std::string_view(message.payload).substr(0, kMostKept);
-  refused_.push_back({{"topic", message.topic},
+  refused_.push_back({{"topic", message.topic.substr(0, kMostTopic)},
                       {"reason", reason},
                       {"payload", hex(kept)},
                       {"bytes", message.payload.size()},
-                      {"digest", to_text(sha256(message.payload))}});
+                      {"digest", to_text(sha256(message.topic + '\n' + message.payload))}});
 }
 
 std::string Batch::text() const {

@@ -27,11 +27,12 @@ std::uint64_t count_at(const PGresult* result, int column) {
   return std::strtoull(PQgetvalue(result, 0, column), nullptr, 10);
 }
 
-/// True for classes 22 and 23 of SQLSTATE: data exceptions and violated constraints.
+/// True for classes 22, 23 and 54 of SQLSTATE: data exceptions, violated constraints, and values
+/// that are too large for the database.
 bool is_wrong_data(const PGresult* result) {
   const char* state = PQresultErrorField(result, PG_DIAG_SQLSTATE);
   const std::string_view code = state == nullptr ? "" : state;
-  return code.starts_with("22") || code.starts_with("23");
+  return code.starts_with("22") || code.starts_with("23") || code.starts_with("54");
 }
 
 std::string primary_message(const PGresult* result) {
@@ -47,9 +48,11 @@ Database::Database(std::string target, SynchronousCommit commit, int stop)
 bool Database::connect(std::string& why) {
   if (connection_ && PQstatus(connection_.get()) == CONNECTION_OK) return true;
   // Values in `target_` override these. The time-outs detect a server that vanished.
-  const char* const keys[] = {"connect_timeout", "tcp_user_timeout", "fallback_application_name",
-                              "dbname", nullptr};
-  const char* const values[] = {"5", "15000", "fxhistory", target_.c_str(), nullptr};
+  const char* const keys[] = {
+      "connect_timeout",  "tcp_user_timeout",          "keepalives_idle", "keepalives_interval",
+      "keepalives_count", "fallback_application_name", "dbname",          nullptr};
+  const char* const values[] = {"5",         "15000",         "10",   "5", "3",
+                                "fxhistory", target_.c_str(), nullptr};
   connection_.reset(PQconnectdbParams(keys, values, /*expand_dbname=*/1));
   if (PQstatus(connection_.get()) != CONNECTION_OK) {
     why = one_line(PQerrorMessage(connection_.get()));
@@ -63,6 +66,7 @@ bool Database::connect(std::string& why) {
                                                  : "SET synchronous_commit TO off"));
   if (PQresultStatus(set.get()) == PGRES_COMMAND_OK) return true;
   why = one_line(PQerrorMessage(connection_.get()));
+  connection_.reset();
   return false;
 }
 

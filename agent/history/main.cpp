@@ -31,6 +31,10 @@ void read_broker(const std::string& url, SubscriberConfig& config) {
     rest = url.substr(8);
   else
     throw CLI::ValidationError("--broker", "not mqtt://HOST:PORT or mqtts://HOST:PORT: " + url);
+  if (rest.find_first_of("/@") != std::string::npos)  // the text may have a password
+    throw CLI::ValidationError("--broker",
+                               "must end after the port; user and password are --username and "
+                               "--password-file");
   config.tls = url.starts_with("mqtts://");
   config.port = config.tls ? 8883 : 1883;
   const std::size_t bracket = rest.rfind(']');

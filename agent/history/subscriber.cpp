@@ -15,6 +15,7 @@ namespace {
 constexpr int kKeepAlive = 30;                            // s
 constexpr std::chrono::milliseconds kMisc{1000};          // interval of the library's own duties
 constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // of a batch; one message may exceed it
+constexpr std::uint32_t kLargestMessage = 16 << 20;       // the broker discards larger ones
 constexpr int kRefused = 0x80;                            // first reason code of a refusal
 
 const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
@@ -83,6 +84,7 @@ std::string Subscriber::connect() {
   mosquitto_property* properties = nullptr;
   mosquitto_property_add_int32(&properties, MQTT_PROP_SESSION_EXPIRY_INTERVAL,
                                config_.session_expiry_s);
+  mosquitto_property_add_int32(&properties, MQTT_PROP_MAXIMUM_PACKET_SIZE, kLargestMessage);
   const int status =
       mosquitto_connect_bind_v5(client_.get(), config_.host.c_str(), config_.port, kKeepAlive,
                                 /*bind_address=*/nullptr, properties);
@@ -187,6 +189,9 @@ void Subscriber::acknowledge() {
 
 void Subscriber::disconnect() {
   if (!connected_) return;
+  // A batch that was not committed: anything written now would carry its acknowledgements. The
+  // socket is closed without a DISCONNECT, and the broker sends the batch again.
+  if (!messages_.empty()) return;
   write();
   mosquitto_disconnect_v5(client_.get(), 0, nullptr);
   write();

@@ -35,6 +35,7 @@ constexpr seconds kUpkeep{1};
 // samples a second.
 constexpr std::uint64_t kReserve = 1'000'000;
 constexpr int kFilters = 4;
+constexpr int kMostClaims = 4;  // times `quiet` until a claim without its mark is given up
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
   MqttConfig own = mqtt;
@@ -153,7 +154,7 @@ void PairMember::run(const std::stop_token& stop) {
                 Retain::yes};
   };
   member_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair-" + pair_.member), will,
-                                         notify, kMaxMessageBytes, kKeepSession);
+                                         notify, pair_messages::kLongestText, kKeepSession);
   lease_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair"), MakeWill{}, notify);
   evicting_ = std::make_unique<PahoBroker>(config_.mqtt, MakeWill{}, notify);
   member_->connect(server_, kReceiveMaximum);
@@ -229,6 +230,11 @@ void PairMember::take_member_events(BootTime now) {
     if constexpr (std::is_same_v<Event, Connected>) {
       member_up_ = true;
       member_since_ = now;
+      if (!event.session_present)
+        log::warn("pair", {{"session", "new"},
+                           {"note",
+                            "commands that the other gateway announced before are not known "
+                            "here; repeat none of them after a takeover"}});
       granted_ = 0;
       const std::string base = config_.base_topic();
       member_->subscribe({base + "/pair/+"});
@@ -258,6 +264,7 @@ void PairMember::take_member_events(BootTime now) {
     }
   };
   for (const BrokerEvent& event : member_->take_events()) std::visit(take, event);
+  member_->hold_messages(false);  // a burst of results has paused the reading
 }
 
 void PairMember::hear(const Message& message, BootTime now) {
@@ -420,6 +427,10 @@ void PairMember::take_evicting_events(BootTime now) {
 /// published. Everything that it had published comes before the mark.
 void PairMember::go_on_with_claim(BootTime now) {
   if (state_.role() != PairRole::claiming || !permit_.holds(now)) return;
+  // A broker that refuses the mark, or a member session that is away: the other gateway may do
+  // better.
+  if (claim_ != Claim::claimed && now >= state_.opens_at() + kMostClaims * pair_.quiet)
+    return drop_lease(now);
   if (claim_ == Claim::none) {
     claim_ = Claim::evicting;
     evicting_->connect(server_, kReceiveMaximum);

@@ -14,11 +14,10 @@ namespace {
 using nlohmann::json;
 
 constexpr std::string_view kPair = "/pair/";
-constexpr std::size_t kLongest = 262144;
 constexpr std::size_t kLongestName = 64;
 
 std::optional<json> object_from(std::string_view text) {
-  if (text.size() > kLongest) return std::nullopt;
+  if (text.size() > kLongestText) return std::nullopt;
   json found = json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (!found.is_object()) return std::nullopt;
   return found;

@@ -1,6 +1,7 @@
 // Texts that the gateways of a pair exchange below {base}/pair. Pure. Any thread.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -10,6 +11,9 @@
 #include "agent/pair/pair_state.h"
 
 namespace fxagent::pair_messages {
+
+/// Longest text in bytes; longer ones are ignored.
+inline constexpr std::size_t kLongestText = 262144;
 
 /// Topic of a member: "{base}/pair/{member}", and "/heartbeat" and "/journal" below it.
 std::string topic_of(const std::string& base, const std::string& member);

@@ -62,6 +62,8 @@ void PairState::left(bool taken_over, BootTime now) {
 void PairState::heard(const PairStatus& status, BootTime now) {
   if (status.boot == settings_.boot) {
     own_status_came_ = own_status_came_ || status.member == settings_.member;
+    // The last will of an earlier session has replaced it.
+    if (status.role == "offline") status_due_ = true;
     return;
   }
   remember(status.boot);
@@ -73,7 +75,7 @@ void PairState::heard(const PairStatus& status, BootTime now) {
     if (holder_ == status.boot) holder_.clear();
     return judge_third(now);
   }
-  if (gone_.contains(status.boot)) return;
+  gone_.erase(status.boot);  // only its session had ended
   // A text from before our own is that of an earlier process.
   if (status.member == settings_.member) {
     if (own_status_came_)
@@ -81,7 +83,9 @@ void PairState::heard(const PairStatus& status, BootTime now) {
             " of this pair: give each its own pair.member");
     return;
   }
-  std::erase_if(peers_, [&](const auto& each) { return each.second.member == status.member; });
+  std::erase_if(peers_, [&](const auto& each) {
+    return each.second.member == status.member && each.first != status.boot;
+  });
   if (peers_.size() >= kMostPeers) return;
   const bool is_new = !peers_.contains(status.boot);
   peers_[status.boot] = {status.member, status.role, status.is_third};

@@ -4,9 +4,11 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <system_error>
 #include <vector>
 
 namespace fxagent {
@@ -26,7 +28,11 @@ void restart_program() {
   sigaddset(&blocked, SIGHUP);
   pthread_sigmask(SIG_SETMASK, &blocked, nullptr);
   ::close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
-  ::execv("/proc/self/exe", arguments.data());
+  // By its path, so that the process keeps its name.
+  std::error_code missing;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", missing);
+  if (!missing) ::execv(program.c_str(), arguments.data());
+  ::execv("/proc/self/exe", arguments.data());  // the file has been replaced
   ::_exit(1);
 }
 

@@ -158,7 +158,7 @@ END $$;
 
 -- Makes the partition of a day of UTC, and moves rows of that day from samples_other. Returns true if it was missing.
 CREATE OR REPLACE FUNCTION history.make_day(day date) RETURNS boolean
-LANGUAGE plpgsql SECURITY DEFINER SET search_path = history, pg_temp AS $$
+LANGUAGE plpgsql SECURITY DEFINER SET search_path = history, pg_temp SET lock_timeout = '2s' AS $$
 DECLARE
   name text := 'samples_' || to_char(day, 'YYYYMMDD');
   first timestamptz := day::timestamp AT TIME ZONE 'UTC';
@@ -177,10 +177,10 @@ BEGIN
 END $$;
 
 -- Makes the partitions from yesterday to `ahead` days from now, and deletes samples older than `keep` by whole days (null:
--- keeps all). Returns the number of partitions made and dropped. fxhistory calls it every hour; cron may call it instead.
+-- keeps all). Waits at most 2 s for a lock, because inserts wait behind it. Returns the number of partitions made and dropped. fxhistory calls it every hour; cron may call it instead.
 CREATE OR REPLACE FUNCTION history.maintain(keep interval DEFAULT NULL, ahead integer DEFAULT 3,
                                             OUT made integer, OUT dropped integer)
-LANGUAGE plpgsql SECURITY DEFINER SET search_path = history, pg_temp AS $$
+LANGUAGE plpgsql SECURITY DEFINER SET search_path = history, pg_temp SET lock_timeout = '2s' AS $$
 DECLARE
   today date := (now() AT TIME ZONE 'UTC')::date;
   oldest date := ((now() - keep) AT TIME ZONE 'UTC')::date;
@@ -207,8 +207,12 @@ BEGIN
   IF EXISTS (SELECT FROM samples WHERE ts < before) THEN
     LOCK TABLE samples IN ACCESS EXCLUSIVE MODE;
     INSERT INTO forgotten AS f (agent, device, seq)
-    SELECT s.agent, s.device, max(s.seq) FROM samples s WHERE s.ts < before GROUP BY s.agent, s.device
-    ORDER BY s.agent, s.device
+    -- A deleted sample with a wrong, old time must not hide gaps between samples that are kept.
+    SELECT o.agent, o.device,
+           least(o.last, (SELECT k.seq - 1 FROM samples k WHERE k.agent = o.agent AND k.device = o.device AND k.ts >= before
+                          ORDER BY k.seq LIMIT 1))
+    FROM (SELECT agent, device, max(seq) AS last FROM samples WHERE ts < before GROUP BY agent, device) AS o
+    ORDER BY o.agent, o.device
     ON CONFLICT (agent, device) DO UPDATE SET seq = greatest(f.seq, excluded.seq);
   END IF;
   IF to_regclass('history.samples_other') IS NULL THEN

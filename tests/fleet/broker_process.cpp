@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -18,6 +19,7 @@ void BrokerProcess::start() {
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "fork");
   if (pid_ > 0) return;
+  prctl(PR_SET_PDEATHSIG, SIGKILL);  // it does not outlive a killed player
   // Our sockets are close-on-exec already.
   if (!log_.empty()) {
     const int file = open(log_.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0644);

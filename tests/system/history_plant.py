@@ -57,7 +57,7 @@ class Postgres:
                 # A backend of the killed server may still have its memory.
                 with open(self.log_path, "a") as log:
                     self.process = subprocess.Popen(
-                        [os.path.join(self.bin, "postgres"), "-D", self.data, "-k", self.directory,
+                        ["setpriv", "--pdeathsig", "KILL", os.path.join(self.bin, "postgres"), "-D", self.data, "-k", self.directory,
                          "-c", "listen_addresses=", "-c", "shared_buffers=16MB"],
                         stdout=log, stderr=log, cwd=self.directory, **self.as_user)
             return subprocess.run([os.path.join(self.bin, "pg_isready"), "-q", "-h", self.directory],
@@ -117,7 +117,10 @@ class Postgres:
     def close(self):
         if self.process is not None:
             self.process.send_signal(signal.SIGINT)  # fast shutdown
-            self.process.wait(PATIENCE)
+            try:
+                self.process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                self.kill()
             self.process = None
         shutil.rmtree(self.directory, ignore_errors=True)
 
@@ -134,7 +137,7 @@ class Consumer:
     def start(self, program=FXHISTORY, environment=None):
         self.said_before = len(text_of(self.log_path))
         with open(self.log_path, "a") as log:
-            self.process = subprocess.Popen([program, *self.command], stderr=log,
+            self.process = subprocess.Popen(["setpriv", "--pdeathsig", "KILL", program, *self.command], stderr=log,
                                             env=dict(os.environ, **(environment or {})))
 
     def said(self):

@@ -6,7 +6,7 @@ import os
 import threading
 import time
 
-from plant import BASE, Agent, Broker, PlantTest, Watcher, device, free_port, wait_for
+from plant import Agent, BASE, Broker, device, free_port, PlantTest, Sim, wait_for, Watcher
 
 QUIET_MS = 1500
 
@@ -101,10 +101,11 @@ class PairTest(PlantTest):
         super().tearDown()
         self.assertEqual(trouble, [])
 
-    def start_plant(self, names=("a", "b")):
+    def start_plant(self, names=("a", "b"), lifetime_s=600):
         self.broker = Broker(self.directory)
         self.broker.start()
-        self.start_sim([self.plc(tcp=0)])
+        self.sim = Sim(self.directory, [self.plc(tcp=0)], lifetime_s)
+        self.sim.start()
         self.masters = Masters(self.sim.ports["press1"], names)
         self.watcher = Watcher(self.broker.port)
 

@@ -293,11 +293,23 @@ class RabbitCluster:
         self.epmd = subprocess.Popen(["setpriv", "--pdeathsig", "KILL", EPMD, "-address", "127.0.0.1",
                                       "-port", str(self.epmd_port)], env=environment,
                                      stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.wait_for_epmd()
         for node in self.nodes:
             node.write()
             node.start()
             node.wait()
         self.control(self.nodes[0], *POLICY)
+
+    def wait_for_epmd(self):
+        """Returns when it accepts connections. A node that finds none starts a daemon of its own."""
+        end = time.monotonic() + START_PATIENCE
+        while True:
+            try:
+                return socket.create_connection(("127.0.0.1", self.epmd_port), START_PATIENCE).close()
+            except OSError:
+                if time.monotonic() > end or self.epmd.poll() is not None:
+                    raise
+                time.sleep(0.05)
 
     def servers(self, first=0):
         """Returns `mqtt.servers` of an agent that begins with node `first` + 1."""

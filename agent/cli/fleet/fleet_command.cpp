@@ -78,8 +78,10 @@ class FleetSession final {
     while (!is_read_ && fault_.empty()) {
       step(quiet_since_ ? std::min(timer_, *quiet_since_ + quiet_) : timer_);
       if (is_read_ || !fault_.empty()) break;
-      if (quiet_since_ && now() >= std::min(timer_, *quiet_since_ + quiet_)) is_read_ = true;
-      if (!quiet_since_ && now() >= timer_) fault_ = server_ + ": no answer";
+      if (quiet_since_ && now() >= *quiet_since_ + quiet_)
+        is_read_ = true;
+      else if (now() >= timer_)
+        fault_ = server_ + ": no answer";
     }
     return fault_;
   }
@@ -136,15 +138,19 @@ class FleetSession final {
   }
   void on(const ConnectFailed& event) { fault_ = server_ + ": " + event.text; }
   void on(const Subscribed& event) {
+    timer_ = now() + kReadPatience;
     if (event.filter == marker_) marker_granted_ = event.granted;
     // A viewer may not read what is desired. The reports alone still say what is in force.
     else if (!event.granted && !event.filter.ends_with(kDesiredTopic))
       fault_ = server_ + ": the broker refuses " + event.filter + ": " + event.text;
     if (++subscribed_ < filters_.size()) return subscribe();
     // The broker sends this message after the retained messages, because all go through one
-    // queue. If the user may not publish or receive it, a quiet time is the end.
-    quiet_since_ = now();
-    if (!marker_granted_) return;
+    // queue. If the user may not receive it, or it has not come by its acknowledgement, a quiet
+    // time is the end.
+    if (!marker_granted_) {
+      quiet_since_ = now();
+      return;
+    }
     Publication marker;
     marker.id = kMarkerId;
     marker.topic = marker_;
@@ -156,6 +162,7 @@ class FleetSession final {
       is_read_ = true;
       return;
     }
+    timer_ = now() + kReadPatience;
     if (quiet_since_) quiet_since_ = now();
     fleet_.take(event.topic, event.payload);
   }
@@ -164,11 +171,15 @@ class FleetSession final {
     fault_ = "this program was too slow: " + std::to_string(event.count) + " messages were dropped";
   }
   void on(const DeliveryFailed& event) {
-    if (event.id != kMarkerId && rollout_ != nullptr)
+    if (event.id == kMarkerId)
+      quiet_since_ = now();
+    else if (rollout_ != nullptr)
       rollout_->not_accepted(event.id, "the broker did not accept the message: " + event.text);
   }
   void on(const Disconnected&) {}
-  void on(const Delivered&) {}
+  void on(const Delivered& event) {
+    if (event.id == kMarkerId) quiet_since_ = now();
+  }
 
   void subscribe() {
     connection_.broker().subscribe({filters_.at(subscribed_), /*no_local=*/false});
@@ -183,7 +194,7 @@ class FleetSession final {
   bool marker_granted_ = false;
   bool is_read_ = false;
   SteadyTime timer_ = SteadyTime::max();
-  std::optional<SteadyTime> quiet_since_;  ///< set once everything is subscribed to
+  std::optional<SteadyTime> quiet_since_;  ///< set once the marker may not come
   std::string fault_;
   Rollout* rollout_ = nullptr;
   WaitingBroker connection_;  // last, so that it is destroyed first

@@ -25,6 +25,10 @@ asio::awaitable<Result<void>> PermittedTransport::open(SteadyTime deadline) {
     deadline += wait;
     if (closed_) co_return fail(ErrorCode::link_down, "closed while it waited for the pair");
   }
+  // A serial server may accept one connection only: it is the holder's.
+  if (!permit_.holds(boot_time_now()))
+    co_return fail(ErrorCode::link_down,
+                   "the broker does not confirm that this gateway is the active one");
   co_return co_await channel_->open(deadline);
 }
 

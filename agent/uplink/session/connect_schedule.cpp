@@ -74,7 +74,8 @@ SteadyTime ConnectSchedule::after_loss(SteadyTime connected_at, SteadyTime now) 
     thrown_rounds_ = 1;
     return now + last_pause_ + backoff_.up_to(mqtt_.reconnect_spread);
   }
-  if (next_of_round()) return now + backoff_.up_to(kFirstSpread);
+  if (next_of_round())
+    return now + backoff_.up_to(std::max<seconds>(kFirstSpread, mqtt_.reconnect_spread));
   last_pause_ = backoff_.after(thrown_rounds_++, kLastRetryOfThrown);
   return now + last_pause_ + backoff_.up_to(mqtt_.reconnect_spread);
 }

@@ -48,6 +48,26 @@ struct Gateway {
   std::uint64_t id = 0;
 };
 
+TEST(PairState, StatusThatIsRepeatedIsNotAnswered) {
+  Gateway a;
+  a.state.joined(at(0));
+  EXPECT_TRUE(a.steps(0, Order::publish_status));
+  a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
+  EXPECT_TRUE(a.steps(10, Order::publish_status)) << "the first one: it may have missed ours";
+  a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(20));
+  EXPECT_FALSE(a.steps(20, Order::publish_status)) << "the two would answer each other forever";
+}
+
+TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
+  Gateway a;
+  a.state.joined(at(0));
+  a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
+  a.state.heard({.member = "b", .boot = "boot-b", .role = "offline"}, at(20));
+  EXPECT_EQ(a.state.peer(), "");
+  a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(30));
+  EXPECT_EQ(a.state.peer(), "b");
+}
+
 TEST(PairState, GatewayAloneClaimsAfterHalfTheSilence) {
   Gateway a;
   EXPECT_FALSE(a.steps(0, Order::connect_lease)) << "it has not joined";
