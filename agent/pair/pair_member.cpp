@@ -149,6 +149,7 @@ void PairMember::run(const std::stop_token& stop) {
     news_.notify_all();
   };
   store_ = std::make_unique<Store>(config_.store, utc_ms(std::chrono::system_clock::now()));
+  for (const JournalEntry& entry : store_->journal().unacknowledged()) own_.insert(entry.number);
   const auto will = [this] {
     return Will{topic(), pair_messages::status(pair_.member, {.boot = boot_, .role = "offline"}),
                 Retain::yes};
@@ -303,13 +304,13 @@ void PairMember::hear(const Message& message, BootTime now) {
   }
 }
 
-/// Each result of an earlier process of this gateway was published, or the other gateway has
-/// published another one in its place.
-void PairMember::settle_own_results() {
-  if (!store_) return;
+/// Acknowledges the commands of an earlier process of this gateway: the other gateway knew each
+/// from its announcement, and has published its result. Only reads and refusals were not announced.
+void PairMember::settle_own_commands() {
   StoredJournal& journal = store_->journal();
   for (const JournalEntry& entry : journal.unacknowledged())
-    if (!entry.result.empty()) journal.acknowledge(entry.device, entry.id, entry.number, {});
+    if (own_.contains(entry.number) && !entry.refused && entry.op != to_string(Op::read))
+      journal.acknowledge(entry.device, entry.id, entry.number, {});
 }
 
 void PairMember::keep_announced(JournalEntry entry) {
@@ -434,18 +435,22 @@ void PairMember::go_on_with_claim(BootTime now) {
   if (claim_ == Claim::none) {
     claim_ = Claim::evicting;
     evicting_->connect(server_, kReceiveMaximum);
-  } else if (claim_ == Claim::marking && mark_came_) {
-    claim_ = Claim::claimed;
-    // Numbers grow with each takeover: the other gateway has held the pair after this one.
-    if (other_seq_ > own_seq_) settle_own_results();
-    store_->close();
-    store_.reset();
+  }
+  if (claim_ != Claim::marking || !mark_came_) return;
+  claim_ = Claim::claimed;
+  // Numbers grow with each takeover: the other gateway has held the pair after this one.
+  if (other_seq_ > own_seq_) settle_own_commands();
+  store_->close();
+  store_.reset();
+  {
     const std::lock_guard lock(mutex_);
     const auto clock = static_cast<std::uint64_t>(utc_ms(std::chrono::system_clock::now()));
     floor_ = std::max(clock, state_.highest_seq());
     claimed_ = true;
     news_.notify_all();
   }
+  // At once: the number shows the other gateway that this one has held the pair.
+  carry_out(PairState::Order::send_heartbeat, now);
 }
 
 void PairMember::carry_out(PairState::Order order, BootTime now) {

@@ -80,7 +80,7 @@ class PairMember final {
   void drop_lease(BootTime now);
   void hear(const Message& message, BootTime now);
   void hear_result(const std::string& device, const std::string& text);
-  void settle_own_results();
+  void settle_own_commands();
   void keep_announced(JournalEntry entry);
   void member_ended(const Lost& lost, BootTime now);
   void lease_ended(bool taken_over, BootTime now);
@@ -100,6 +100,9 @@ class PairMember final {
   PairState state_;
   PairRole logged_ = PairRole::claiming;
   std::unique_ptr<Store> store_;
+  /// Journal numbers of commands of an earlier process that had no acknowledged result at the
+  /// start.
+  std::set<std::uint64_t> own_;
   std::unique_ptr<Broker> member_;
   std::unique_ptr<Broker> lease_;
   std::unique_ptr<Broker> evicting_;  ///< the session of the agent, to end that of the other one
