@@ -118,6 +118,7 @@ gateways:
 YAML
 touch "$work/ansible.cfg"
 playbook() { ANSIBLE_CONFIG=$work/ansible.cfg HOME=$work ansible-playbook -i "$work/inventory.yml" "$@"; }
+# shellcheck disable=SC2016  # dpkg-query expands it
 version_of() { chroot "$work/$1" dpkg-query --show --showformat='${Version}' fxagent; }
 
 echo "ansible_trial: install.yml, first run"
