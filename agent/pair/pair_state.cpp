@@ -87,19 +87,23 @@ void PairState::heard(const PairStatus& status, BootTime now) {
     return each.second.member == status.member && each.first != status.boot;
   });
   if (peers_.size() >= kMostPeers) return;
-  const bool is_new = !peers_.contains(status.boot);
-  peers_[status.boot] = {status.member, status.role, status.is_third};
-  if (is_new) status_due_ = true;
+  // The broker sends the statuses that it has before the one that we publish when we have joined.
+  const auto known = peers_.find(status.boot);
+  const bool was_here = known == peers_.end() ? !own_status_came_ : known->second.was_here;
+  if (known == peers_.end()) status_due_ = true;
+  peers_[status.boot] = {status.member, status.role, status.is_third, was_here};
   judge_third(now);
 }
 
-/// The gateway that comes last is the third. Gateways that come together are ordered by name.
+/// The gateway that finds two others is the third. Gateways that come together are ordered by name.
 void PairState::judge_third(BootTime now) {
   std::set<std::string> others;
+  std::set<std::string> before;
   std::set<std::string> all;
   for (const auto& [boot, peer] : peers_) {
     all.insert(peer.member);
     if (!peer.is_third) others.insert(peer.member);
+    if (!peer.is_third && peer.was_here) before.insert(peer.member);
   }
   if (all.size() >= 2) {
     std::string names;
@@ -111,11 +115,8 @@ void PairState::judge_third(BootTime now) {
   if (others.size() < 2) third_ = false;
   const bool is_new = joined_at_ && now < *joined_at_ + settings_.quiet / 2;
   const bool is_last_name = !others.empty() && *others.rbegin() < settings_.member;
-  const bool pair_works = std::ranges::any_of(peers_, [](const auto& each) {
-    return !each.second.is_third && each.second.role != "standby";
-  });
-  if (others.size() >= 2 && role_ == PairRole::standby && is_new && (is_last_name || pair_works))
-    third_ = true;
+  const bool comes_last = before.size() >= 2 || (is_new && is_last_name);
+  if (others.size() >= 2 && role_ == PairRole::standby && comes_last) third_ = true;
   if (third_ != was) status_due_ = true;
 }
 

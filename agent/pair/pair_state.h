@@ -106,6 +106,7 @@ class PairState final {
     std::string member;
     std::string role;
     bool is_third = false;
+    bool was_here = false;  ///< before us
   };
 
   const PairSettings settings_;

@@ -200,6 +200,7 @@ TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
   Gateway b("b", "boot-b");
   b.state.joined(at(0));
   b.state.heard({"a", "boot-a", "active"}, at(1));
+  b.state.heard({"b", "boot-b", "standby"}, at(2));  // its own, which it published when it joined
   b.state.heard_heartbeat("boot-a", 0, at(9990));
   b.state.heard({"0", "boot-0", "standby"}, at(10000));
   EXPECT_FALSE(b.state.is_third());
