@@ -117,6 +117,9 @@ void PairState::judge_third(BootTime now) {
   const bool is_last_name = !others.empty() && *others.rbegin() < settings_.member;
   const bool comes_last = before.size() >= 2 || (is_new && is_last_name);
   if (others.size() >= 2 && role_ == PairRole::standby && comes_last) third_ = true;
+  // If one of the pair has ended, the other one takes over, and this gateway only then is the
+  // second.
+  if (was && !third_) not_before_ = std::max(not_before_, now + 3 * settings_.quiet);
   if (third_ != was) status_due_ = true;
 }
 

@@ -194,6 +194,7 @@ TEST(PairState, ThirdGatewayIsNamedAndNeverClaims) {
   EXPECT_FALSE(c.steps(60000, Order::connect_lease));
   c.state.heard({"a", "boot-a", "offline"}, at(60001));
   EXPECT_FALSE(c.state.is_third()) << "it is the second now";
+  EXPECT_FALSE(c.steps(61100, Order::connect_lease)) << "the other one of the pair goes first";
 }
 
 TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
