@@ -458,7 +458,10 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
     case PairState::Order::publish_status:
       return publish_status();
     case PairState::Order::connect_lease:
-      return lease_->connect(server_, kReceiveMaximum);
+      lease_->connect(server_, kReceiveMaximum);
+      // Its acknowledgement wakes Paho's receiving thread, which polls the known connections for up
+      // to 1 s before it includes a new one.
+      return publish_status();
     case PairState::Order::drop_lease:
       return drop_lease(now);
     case PairState::Order::send_heartbeat: {
