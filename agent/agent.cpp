@@ -114,8 +114,7 @@ struct ProfileParts {
   std::unique_ptr<Store> store;
   std::unique_ptr<GuardedStore> guarded;
   std::unique_ptr<Profile> profile;
-  std::unique_ptr<Broker> session;
-  std::unique_ptr<Broker> broker;  ///< the session, fenced
+  std::unique_ptr<Broker> broker;
   std::unique_ptr<Outlet> outlet;
 };
 
@@ -167,10 +166,11 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   settings.boot = run.boot;
   settings.backlog_bytes = run.backlog_bytes;
   settings.jitter_seed = seed;
-  parts.session = std::make_unique<PahoBroker>(
-      settings.mqtt, [profile = parts.profile.get()] { return profile->last_will(); }, wake,
-      is_discovery ? kMaxDiscoveryBytes : kMaxMessageBytes);
-  parts.broker = std::make_unique<FencedBroker>(*parts.session, permit);
+  parts.broker =
+      fenced(std::make_unique<PahoBroker>(
+                 settings.mqtt, [profile = parts.profile.get()] { return profile->last_will(); },
+                 wake, is_discovery ? kMaxDiscoveryBytes : kMaxMessageBytes),
+             permit);
   parts.outlet = std::make_unique<Outlet>(config, std::move(settings), *parts.profile,
                                           *parts.broker, utc_now, parts.guarded.get());
   return parts;
@@ -249,11 +249,12 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     commands.restore(recover(config, guarded->journal(), utc_now(), now), now, utc_now());
   }
   JsonPayload payload(config, settings.boot, settings.version);
-  PahoBroker session(
-      config.mqtt, [&payload] { return payload.last_will(); }, [&outbox] { outbox.notify(); });
-  FencedBroker broker(session, permit);
+  const auto broker = fenced(
+      std::make_unique<PahoBroker>(
+          config.mqtt, [&payload] { return payload.last_will(); }, [&outbox] { outbox.notify(); }),
+      permit);
   Publisher publisher(
-      config, settings, payload, outbox, broker, commands, utc_now, guarded.get(),
+      config, settings, payload, outbox, *broker, commands, utc_now, guarded.get(),
       [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); },
       [&field] { field.report(); });
 

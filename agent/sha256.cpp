@@ -27,4 +27,6 @@ std::string to_text(ByteView digest) {
   return out;
 }
 
+std::string short_hash(std::string_view text) { return to_text(ByteView(sha256(text)).first(8)); }
+
 }  // namespace fxagent

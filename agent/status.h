@@ -37,10 +37,11 @@ struct SampleCounts {
   std::uint64_t published = 0;  ///< number of sends, including repeats; not part of the balance
   bool miscounted = false;      ///< the field's own count differs from what arrived
 
+  /// Samples that the broker has not acknowledged yet.
+  std::uint64_t waiting() const { return queued + in_flight + stored; }
   /// True if each sample is in exactly one place.
   bool balanced() const {
-    return !miscounted && collected + recovered ==
-                              suppressed + queued + in_flight + stored + acknowledged + dropped;
+    return !miscounted && collected + recovered == suppressed + waiting() + acknowledged + dropped;
   }
 };
 

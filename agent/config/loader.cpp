@@ -17,7 +17,6 @@
 namespace fxagent {
 namespace {
 
-constexpr std::size_t kHashBytes = 8;
 // The text of a frame is at most this many times as long as its place in the ring.
 constexpr std::uint64_t kTextOfRing = 4;
 constexpr std::uint64_t kMostRings = std::uint64_t{64} << 20;
@@ -172,7 +171,7 @@ tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
     return tl::unexpected(ConfigErrors{ConfigError{"", 0, "could not be read completely"}});
   if (reader.failed()) return tl::unexpected(reader.errors());
   config.warnings = reader.warnings();
-  config.hash = to_text(ByteView(sha256(text)).first(kHashBytes));
+  config.hash = short_hash(text);
   return config;
 }
 

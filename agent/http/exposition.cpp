@@ -223,10 +223,7 @@ class Page final {
                     "Samples lost for the profile.", count(&SampleCounts::dropped));
     of_each_profile("fxagent_profile_samples_waiting", kGauge,
                     "Samples that the profile's broker has not acknowledged yet.",
-                    [](const ProfileStatus& profile) {
-                      const SampleCounts& samples = profile.samples;
-                      return number(samples.queued + samples.in_flight + samples.stored);
-                    });
+                    [](const ProfileStatus& profile) { return number(profile.samples.waiting()); });
   }
 
   void of_store() {

@@ -64,7 +64,7 @@ void write_agent(Writer& out, const AgentStatus& status) {
   const SampleCounts& samples = status.samples;
   out.key("samples").begin_object().key("collected").integer(samples.collected);
   out.key("acknowledged").integer(samples.acknowledged).key("dropped").integer(samples.dropped);
-  out.key("waiting").integer(samples.queued + samples.in_flight + samples.stored).end_object();
+  out.key("waiting").integer(samples.waiting()).end_object();
   out.key("store").begin_object().key("state").string(status.store_state);
   out.key("bytes").integer(status.store_bytes).key("hours_left");
   status.hours_left ? out.number(*status.hours_left) : out.null();

@@ -203,8 +203,8 @@ class Examination final {
                        (online_ == 1 ? " answers" : " answer");
     if (status_.broker.connected) return text + "; the broker is connected";
     const SampleCounts& samples = status_.samples;
-    const std::uint64_t waiting = samples.stored + samples.queued + samples.in_flight;
-    if (waiting > 0) text += "; " + counted(waiting, "sample") + " kept for the broker";
+    if (samples.waiting() > 0)
+      text += "; " + counted(samples.waiting(), "sample") + " kept for the broker";
     if (samples.stored > 0 && status_.store_state == "disk")
       text += ", " + std::to_string(samples.stored) + " of them on disk";
     return text;

@@ -137,7 +137,7 @@ void PairMember::leave() {
 
 bool PairMember::knows(const std::string& boot) const {
   const std::lock_guard lock(mutex_);
-  return boots_.contains(boot);
+  return state_.knows(boot);
 }
 
 // ---- the thread ---------------------------------------------------------------------------------
@@ -254,7 +254,7 @@ void PairMember::take_member_events(BootTime now) {
     } else if constexpr (std::is_same_v<Event, Lost>) {
       const bool taken_over = event.reason_code == kSessionTakenOver;
       thrown_ = taken_over || now - member_since_ < kSteady ? thrown_ + 1 : 0;
-      state_.left(taken_over, now);
+      state_.left(taken_over);
       const BootTime pause = taken_over ? BootTime(seconds(1)) : BootTime(kReconnect);
       again(
           std::min<BootTime>(pause * (1 << std::min(thrown_, kMostDoublings)) / 2, kLongestPause));
@@ -274,24 +274,19 @@ void PairMember::hear(const Message& message, BootTime now) {
     return hear_result(std::string(*device), message.payload);
   const auto place = pair_messages::place_of(message.topic, base);
   if (!place) return;
-  const auto know = [this](const std::string& boot) {
-    if (boot == boot_) return;
-    const std::lock_guard lock(mutex_);
-    if (boots_.size() < 256) boots_.insert(boot);
-  };
   if (place->leaf.empty()) {
     const auto status = pair_messages::status_from(message.payload);
     if (!status || status->member != place->member) return;
-    know(status->boot);
+    const std::lock_guard lock(mutex_);
     state_.heard(*status, now);
   } else if (place->leaf == "heartbeat") {
     const auto heartbeat = pair_messages::heartbeat_from(message.payload);
     if (!heartbeat) return;
-    know(heartbeat->boot);
     if (heartbeat->boot != boot_) {
       auto& highest = place->member == pair_.member ? own_seq_ : other_seq_;
       highest = std::max(highest, heartbeat->seq);
     }
+    const std::lock_guard lock(mutex_);
     state_.heard_heartbeat(heartbeat->boot, heartbeat->seq, now);
   } else {
     auto announcement = pair_messages::announcement_from(message.payload);
@@ -371,7 +366,7 @@ void PairMember::take_lease_events(BootTime now) {
       if (auto announced = announced_.extract(event.id))
         announced.mapped().submit(std::move(announced.mapped().command));
       else
-        state_.heartbeat_acknowledged(event.id, now);
+        state_.heartbeat_acknowledged(event.id);
     } else if constexpr (std::is_same_v<Event, DeliveryFailed>) {
       log::error("pair", {{"fault", "the broker refuses what this gateway publishes below " +
                                         topic() + ": " + event.text + "; see fxagent acl"}});

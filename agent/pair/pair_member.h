@@ -82,7 +82,6 @@ class PairMember final {
   void hear_result(const std::string& device, const std::string& text);
   void settle_own_commands();
   void keep_announced(JournalEntry entry);
-  void member_ended(const Lost& lost, BootTime now);
   void lease_ended(bool taken_over, BootTime now);
   void go_on_with_claim(BootTime now);
   void carry_out(PairState::Order order, BootTime now);
@@ -97,7 +96,7 @@ class PairMember final {
   LinePermit permit_;
 
   // Of the pair's thread.
-  PairState state_;
+  PairState state_;  ///< what it hears is written under mutex_, for knows()
   PairRole logged_ = PairRole::claiming;
   std::unique_ptr<Store> store_;
   /// Journal numbers of commands of an earlier process that had no acknowledged result at the
@@ -134,7 +133,6 @@ class PairMember final {
   std::uint64_t floor_ = 0;          ///< under mutex_
   HighestSeq highest_;               ///< under mutex_
   std::deque<Waiting> to_announce_;  ///< under mutex_
-  std::set<std::string> boots_;      ///< under mutex_
   std::jthread thread_;
 };
 

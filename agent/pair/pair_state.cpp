@@ -50,8 +50,7 @@ void PairState::joined(BootTime now) {
   status_due_ = true;
 }
 
-void PairState::left(bool taken_over, BootTime now) {
-  (void)now;
+void PairState::left(bool taken_over) {
   joined_at_.reset();
   peers_.clear();
   if (taken_over)
@@ -188,8 +187,7 @@ void PairState::heartbeat_sent(std::uint64_t id, BootTime now) {
   heartbeat_at_ = now + settings_.quiet / 6;
 }
 
-void PairState::heartbeat_acknowledged(std::uint64_t id, BootTime now) {
-  (void)now;
+void PairState::heartbeat_acknowledged(std::uint64_t id) {
   const auto found = sent_.find(id);
   if (found == sent_.end() || role_ == PairRole::standby) return;
   holds_until_ = std::max(holds_until_, found->second + settings_.quiet / 2);

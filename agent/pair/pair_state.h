@@ -56,7 +56,7 @@ class PairState final {
   /// It is connected and its subscriptions are granted.
   void joined(BootTime now);
   /// It has ended. `taken_over`: another client has its client id.
-  void left(bool taken_over, BootTime now);
+  void left(bool taken_over);
   void heard(const PairStatus& status, BootTime now);
   /// A heartbeat of the holder. `seq`: no sequence number above it was used.
   void heard_heartbeat(const std::string& boot, std::uint64_t seq, BootTime now);
@@ -67,7 +67,7 @@ class PairState final {
   /// It has ended. `taken_over`: the other gateway has claimed.
   void lease_ended(bool taken_over, BootTime now);
   void heartbeat_sent(std::uint64_t id, BootTime now);
-  void heartbeat_acknowledged(std::uint64_t id, BootTime now);
+  void heartbeat_acknowledged(std::uint64_t id);
 
   /// The agent runs, so that this gateway becomes active when its wait is over.
   void agent_began() { agent_runs_ = true; }

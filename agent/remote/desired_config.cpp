@@ -20,7 +20,6 @@ using Json = nlohmann::json;
 using Kind = ConfigNode::Kind;
 using std::string_view_literals::operator""sv;
 
-constexpr std::size_t kHashBytes = 8;
 constexpr std::array kKeys{"version"sv, "config"sv, "patch"sv, "by"sv};
 /// Keys of `mqtt` with credentials, or with the place where they are kept.
 constexpr std::array kSecrets{"username"sv,     "password"sv,           "password_file"sv,
@@ -253,7 +252,7 @@ std::string without_lines(std::string text) {
 
 ReadDesired read_desired(std::string_view payload) {
   ReadDesired out;
-  out.desired.hash = to_text(ByteView(sha256(payload)).first(kHashBytes));
+  out.desired.hash = short_hash(payload);
   if (payload.size() > kMaxDesiredBytes) {
     out.errors.push_back({"", 0, "larger than " + std::to_string(kMaxDesiredBytes >> 20) + " MiB"});
     return out;

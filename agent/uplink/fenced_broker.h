@@ -16,32 +16,35 @@ namespace fxagent {
 
 class FencedBroker final : public Broker {
  public:
-  /// Both outlive it. `permit` null: no fence.
-  FencedBroker(Broker& broker, const LinePermit* permit) : broker_(broker), permit_(permit) {}
+  /// `permit` outlives it.
+  FencedBroker(std::unique_ptr<Broker> broker, const LinePermit& permit)
+      : broker_(std::move(broker)), permit_(permit) {}
 
-  void use(const MqttConfig& mqtt) override { broker_.use(mqtt); }
+  void use(const MqttConfig& mqtt) override { broker_->use(mqtt); }
   void connect(std::size_t index, std::uint16_t receive_maximum) override {
     own_.clear();
-    const bool is_confirmed = permit_ == nullptr || permit_->was_confirmed_after(lost_at_);
-    if (is_open() && is_confirmed) return broker_.connect(index, receive_maximum);
+    if (is_open() && permit_.was_confirmed_after(lost_at_))
+      return broker_->connect(index, receive_maximum);
     own_.emplace_back(ConnectFailed{"the other gateway of the pair may be active"});
   }
-  void disconnect(bool with_will) override { broker_.disconnect(with_will); }
-  bool is_connected() const override { return own_.empty() && broker_.is_connected(); }
+  void disconnect(bool with_will) override { broker_->disconnect(with_will); }
+  bool is_connected() const override { return own_.empty() && broker_->is_connected(); }
   void publish(Publication publication) override {
     if (!own_.empty()) return;
-    if (is_open()) return broker_.publish(std::move(publication));
-    broker_.disconnect(true);
+    if (is_open()) return broker_->publish(std::move(publication));
+    broker_->disconnect(true);
     own_.emplace_back(Lost{"this gateway of the pair is not confirmed as the active one", 0});
   }
-  void subscribe(Subscription subscription) override { broker_.subscribe(std::move(subscription)); }
-  void unsubscribe(const std::string& filter) override { broker_.unsubscribe(filter); }
-  void await_acknowledgements(bool awaited) override { broker_.await_acknowledgements(awaited); }
+  void subscribe(Subscription subscription) override {
+    broker_->subscribe(std::move(subscription));
+  }
+  void unsubscribe(const std::string& filter) override { broker_->unsubscribe(filter); }
+  void await_acknowledgements(bool awaited) override { broker_->await_acknowledgements(awaited); }
   void hold_messages(bool held, std::size_t let_in) override {
-    broker_.hold_messages(held, let_in);
+    broker_->hold_messages(held, let_in);
   }
   std::vector<BrokerEvent> take_events() override {
-    std::vector<BrokerEvent> events = broker_.take_events();
+    std::vector<BrokerEvent> events = broker_->take_events();
     for (const BrokerEvent& event : events)
       if (std::holds_alternative<Lost>(event)) lost_at_ = boot_time_now();
     if (own_.empty()) return events;
@@ -49,14 +52,20 @@ class FencedBroker final : public Broker {
   }
 
  private:
-  bool is_open() const { return permit_ == nullptr || permit_->holds(boot_time_now()); }
+  bool is_open() const { return permit_.holds(boot_time_now()); }
 
-  Broker& broker_;
-  const LinePermit* const permit_;
+  const std::unique_ptr<Broker> broker_;
+  const LinePermit& permit_;
   std::vector<BrokerEvent> own_;  ///< not taken yet
   /// A lost session may be one that the other gateway has ended: it is opened again only after a
   /// heartbeat that was sent later.
   BootTime lost_at_{};
 };
+
+/// Returns the broker with the fence of a pair, or as it is if `permit` is null.
+inline std::unique_ptr<Broker> fenced(std::unique_ptr<Broker> broker, const LinePermit* permit) {
+  if (permit == nullptr) return broker;
+  return std::make_unique<FencedBroker>(std::move(broker), *permit);
+}
 
 }  // namespace fxagent

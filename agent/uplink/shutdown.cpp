@@ -67,9 +67,8 @@ void Shutdown::finish(SteadyTime now) {
     parts_.store->close();
   }
   const SampleCounts left = parts_.status.samples();
-  log::info("uplink_stopped",
-            {{"samples_left", std::to_string(left.queued + left.in_flight + left.stored)},
-             {"results_left", std::to_string(parts_.results.size())}});
+  log::info("uplink_stopped", {{"samples_left", std::to_string(left.waiting())},
+                               {"results_left", std::to_string(parts_.results.size())}});
 }
 
 }  // namespace fxagent

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "agent/sha256.h"
+#include "agent/uplink/broker.h"
 
 namespace fxagent {
 namespace {
@@ -14,9 +15,7 @@ using Presence = FleetAgent::Presence;
 
 constexpr std::string_view kState = "/state";
 constexpr std::string_view kHealth = "/health";
-constexpr std::string_view kReported = "/config/reported";
-constexpr std::string_view kDesired = "/config/desired";
-constexpr std::array<std::string_view, 4> kTopics{kState, kHealth, kReported, kDesired};
+constexpr std::array<std::string_view, 4> kTopics{kState, kHealth, kReportedTopic, kDesiredTopic};
 
 /// Returns a member of an object; null if there is none.
 const Json& member(const Json& object, const char* key) {
@@ -68,10 +67,6 @@ FleetReport report_of(const Json& said) {
 
 }  // namespace
 
-std::string document_hash(std::string_view document) {
-  return to_text(sha256(document)).substr(0, 16);
-}
-
 Agreement agreement_of(const FleetAgent& agent) {
   const bool rejected = agent.report && agent.report->state == "rejected";
   const bool rolled_back = agent.report && agent.report->state == "rolled_back";
@@ -101,7 +96,7 @@ std::vector<std::string> Fleet::filters(const std::vector<std::string>& names) c
 }
 
 std::string Fleet::desired_topic(const std::string& name) const {
-  return root_ + "/" + name + std::string(kDesired);
+  return root_ + "/" + name + std::string(kDesiredTopic);
 }
 
 const FleetAgent& Fleet::agent(const std::string& name) const {
@@ -117,17 +112,17 @@ void Fleet::take(std::string_view topic, std::string_view payload) {
   if (end == 0 || end == rest.npos) return;
   const std::string name(rest.substr(0, end));
   const std::string_view kind = rest.substr(end);
-  if (kind == kDesired) {
+  if (kind == kDesiredTopic) {
     if (payload.empty()) {
       if (const auto found = agents_.find(name); found != agents_.end())
         found->second.desired.reset();
       return;
     }
     const Json document = Json::parse(payload, nullptr, /*allow_exceptions=*/false);
-    agents_[name].desired = {text_at(document, "version"), document_hash(payload)};
+    agents_[name].desired = {text_at(document, "version"), short_hash(payload)};
     return;
   }
-  if (kind != kState && kind != kHealth && kind != kReported) return;
+  if (kind != kState && kind != kHealth && kind != kReportedTopic) return;
   const Json said = Json::parse(payload, nullptr, /*allow_exceptions=*/false);
   FleetAgent& agent = agents_[name];
   if (kind == kState)

@@ -82,7 +82,4 @@ class Fleet final {
   std::map<std::string, FleetAgent> agents_;
 };
 
-/// Returns the hash that an agent reports for a document: the first 16 digits of its SHA-256.
-std::string document_hash(std::string_view document);
-
 }  // namespace fxagent

@@ -21,6 +21,7 @@
 #include "agent/cli/waiting_broker.h"
 #include "agent/config/config_error.h"
 #include "agent/config/read/mqtt.h"
+#include "agent/config/read/reader.h"
 #include "agent/log/log.h"
 #include "agent/remote/desired_config.h"
 
@@ -216,14 +217,8 @@ tl::expected<Push, std::string> document_for(const std::string& agent, std::stri
     faults += (faults.empty() ? "" : "\n") + to_string(error, path);
   if (!faults.empty()) return tl::unexpected(faults);
   push.version = read.desired.version;
-  push.hash = document_hash(push.document);
+  push.hash = read.desired.hash;
   return push;
-}
-
-bool is_name(const std::string& name) {
-  return !name.empty() && name.size() <= 64 && std::ranges::all_of(name, [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
-  });
 }
 
 /// Returns what is wrong with the call; empty: nothing.

@@ -208,7 +208,7 @@ Meta device_meta(const DeviceConfig& device) {
   tags.end_object();
   const std::string text = tags.take();
   Meta meta;
-  meta.hash = to_text(ByteView(sha256(text)).first(8));
+  meta.hash = short_hash(text);
   Writer out;
   out.begin_object().key("hash").string(meta.hash).key("tags").raw(text).end_object();
   meta.text = out.take();

@@ -41,7 +41,7 @@ struct Gateway {
   void beat(int ms) {
     state.step(at(ms));
     state.heartbeat_sent(++id, at(ms));
-    state.heartbeat_acknowledged(id, at(ms));
+    state.heartbeat_acknowledged(id);
   }
 
   PairState state;
@@ -98,7 +98,7 @@ TEST(PairState, PermissionCountsFromTheSendingOfAHeartbeatAndNotFromItsAcknowled
   EXPECT_EQ(a.state.holds_until(), at(1600));
   a.state.heartbeat_sent(7, at(1200));
   EXPECT_EQ(a.state.holds_until(), at(1600));
-  a.state.heartbeat_acknowledged(7, at(60000));  // the process was stopped for a minute
+  a.state.heartbeat_acknowledged(7);  // the process was stopped for a minute
   EXPECT_EQ(a.state.holds_until(), at(1800));
 }
 
@@ -137,7 +137,7 @@ TEST(PairState, LoserIsStandbyAndDoesNotThrash) {
   EXPECT_EQ(a.state.holds_until(), BootTime{});
   EXPECT_EQ(a.state.why(), "the other gateway has claimed the pair");
   EXPECT_FALSE(a.steps(3499, Order::connect_lease));
-  a.state.heartbeat_acknowledged(a.id, at(3499));
+  a.state.heartbeat_acknowledged(a.id);
   EXPECT_EQ(a.state.holds_until(), BootTime{}) << "a late acknowledgement permits nothing";
 }
 
@@ -167,7 +167,7 @@ TEST(PairState, FailedClaimsGrowApart) {
 TEST(PairState, WithoutItsMemberSessionAGatewayClaimsNothing) {
   Gateway a;
   a.state.joined(at(0));
-  a.state.left(false, at(100));
+  a.state.left(false);
   EXPECT_FALSE(a.steps(100000, Order::connect_lease));
   EXPECT_EQ(a.state.take_fault(), "");
 }
@@ -221,7 +221,7 @@ TEST(PairState, TwoGatewaysOfOneNameAreNamed) {
   EXPECT_NE(a.state.take_fault().find("pair.member"), std::string::npos);
   Gateway other("a", "boot-2");
   other.state.joined(at(0));
-  other.state.left(true, at(10));
+  other.state.left(true);
   EXPECT_NE(other.state.take_fault().find("pair.member"), std::string::npos);
 }
 
@@ -295,7 +295,7 @@ class RandomPair final {
     const bool cut = now_ < member.cut_until;
     if (cut && member.joined) {
       member.joined = false;
-      state.left(false, at(now_));
+      state.left(false);
       if (member.lease_known) state.lease_ended(false, at(now_));
       member.lease = member.lease_known = false;
     }
@@ -309,7 +309,7 @@ class RandomPair final {
     }
     std::erase_if(member.acknowledgements, [&](const auto& each) {
       if (each.first > now_) return false;
-      if (member.lease_known) state.heartbeat_acknowledged(each.second, at(now_));
+      if (member.lease_known) state.heartbeat_acknowledged(each.second);
       return true;
     });
     for (const Order order : state.step(at(now_))) {

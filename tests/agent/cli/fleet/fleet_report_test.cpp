@@ -4,6 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "agent/sha256.h"
+
 namespace fxagent {
 namespace {
 
@@ -17,7 +19,7 @@ Fleet three_agents() {
   const auto report = [](const std::string& state, const std::string& in_force) {
     return R"({"version": "v8", "hash": "5f0c9a31e7d2b846", "state": ")" + state +
            R"(", "errors": ["/devices/0/link: there is no link \"line9\""], "desired_hash": ")" +
-           document_hash(kSent) + R"(", "in_force": ")" + in_force + R"(", "confirmed": true})";
+           short_hash(kSent) + R"(", "in_force": ")" + in_force + R"(", "confirmed": true})";
   };
   for (const char* name : {"edge1", "edge2"}) {
     fleet.take("fx/" + std::string(name) + "/state", online);
@@ -84,7 +86,7 @@ TEST(FleetReport, SumOfARolloutNamesEachOutcome) {
   for (std::size_t i = 0; i < pushes.size(); ++i) {
     pushes[i].agent = "edge" + std::to_string(i + 1);
     pushes[i].version = "v8";
-    pushes[i].hash = document_hash(kSent);
+    pushes[i].hash = short_hash(kSent);
   }
   Rollout rollout(pushes, {});
   const Fleet fleet = three_agents();
@@ -101,7 +103,7 @@ TEST(FleetReport, DryRunListsBatchesAndWhoHasTheDocument) {
   std::vector<Push> pushes(2);
   pushes[0].agent = "edge1";
   pushes[1].agent = "edge3";
-  for (Push& push : pushes) push.version = "v8", push.hash = document_hash(kSent);
+  for (Push& push : pushes) push.version = "v8", push.hash = short_hash(kSent);
   const std::string text = dry_run_text(pushes, {}, three_agents());
   EXPECT_NE(text.find("  1      edge1  online"), std::string::npos) << text;
   EXPECT_NE(text.find("v8, has it"), std::string::npos) << text;

@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "agent/sha256.h"
+
 namespace fxagent {
 namespace {
 
@@ -65,7 +67,7 @@ TEST(Fleet, AgreementComparesTheReportWithTheDocument) {
   EXPECT_EQ(agreement(), Agreement::no_answer) << "it has never reported";
   fleet.take("fx/e/config/reported", fleet_report("applied", "0000000000000000"));
   EXPECT_EQ(agreement(), Agreement::no_answer) << "it reported on another document";
-  const std::string hash = document_hash(kDocument);
+  const std::string hash = short_hash(kDocument);
   fleet.take("fx/e/config/reported", fleet_report("applied", hash, false));
   EXPECT_EQ(agreement(), Agreement::on_trial);
   fleet.take("fx/e/config/reported", fleet_report("applied", hash));
@@ -83,7 +85,7 @@ TEST(Fleet, AgreementComparesTheReportWithTheDocument) {
 }
 
 TEST(Fleet, HashIsThatOfTheInterface) {
-  EXPECT_EQ(document_hash("abc"), "ba7816bf8f01cfea") << "SHA-256 of abc, FIPS 180-2";
+  EXPECT_EQ(short_hash("abc"), "ba7816bf8f01cfea") << "SHA-256 of abc, FIPS 180-2";
 }
 
 TEST(Fleet, SubscribesByWildcardOrByName) {

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "agent/sha256.h"
+
 namespace fxagent {
 namespace {
 
@@ -22,7 +24,7 @@ class RolloutTest : public ::testing::Test {
       push.agent = name;
       push.document = "x";
       push.version = "v2";
-      push.hash = document_hash(push.document);
+      push.hash = short_hash(push.document);
       pushes.push_back(push);
       set_online(name, true);
     }
@@ -36,8 +38,8 @@ class RolloutTest : public ::testing::Test {
               const std::string& document = "x") {
     fleet.take("fx/" + name + "/config/reported",
                R"({"state": ")" + state + R"(", "errors": ["no link"], "desired_hash": ")" +
-                   document_hash(document) + R"(", "confirmed": )" +
-                   (confirmed ? "true" : "false") + "}");
+                   short_hash(document) + R"(", "confirmed": )" + (confirmed ? "true" : "false") +
+                   "}");
   }
   static std::vector<Outcome> outcomes(const Rollout& rollout) {
     std::vector<Outcome> out;
