@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
                                     std::istreambuf_iterator<char>());
       // Also tries every prefix, because a wire may stop anywhere; fewer prefixes of a long file,
       // which cannot be a frame.
-      const std::size_t step = 1 + bytes.size() / 1024;
+      const std::size_t step = bytes.size() <= 1024 ? 1 : bytes.size() / 256;
       for (std::size_t size = bytes.size() % step; size <= bytes.size(); size += step)
         LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(bytes.data()), size);
       ++files;

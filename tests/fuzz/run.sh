@@ -1,7 +1,7 @@
 #!/bin/bash
 # Builds the fuzz targets with clang, ASan and UBSan, and runs each for a while:
 #   tests/fuzz/run.sh [--seconds N] [TARGET...]
-# 20 s each by default; the targets are decode, import, inputs, profile, store and stream. libFuzzer writes interesting
+# 20 s each by default; the targets are decode, import, inputs, profile, recording, store and stream. libFuzzer writes interesting
 # inputs to BUILD_DIR (build-fuzz) for the next run; the corpus here is only read. An input that fails is kept there too, and
 # its file is named. CMAKE_ARGS: additional arguments of the configure step. JOBS: number of parallel targets, one per
 # core by default. The last line counts targets; exit status 0 only if all passed.
@@ -20,7 +20,7 @@ while [ $# -gt 0 ]; do
       shift 2
       ;;
     -*)
-      echo "usage: tests/fuzz/run.sh [--seconds N] [decode|import|inputs|profile|store|stream...]" >&2
+      echo "usage: tests/fuzz/run.sh [--seconds N] [decode|import|inputs|profile|recording|store|stream...]" >&2
       exit 2
       ;;
     *)
@@ -29,7 +29,7 @@ while [ $# -gt 0 ]; do
       ;;
   esac
 done
-[ ${#targets[@]} -gt 0 ] || targets=(decode import inputs profile store stream)
+[ ${#targets[@]} -gt 0 ] || targets=(decode import inputs profile recording store stream)
 
 clang=$(command -v clang++-19 || command -v clang++ || true)
 if [ -z "$clang" ]; then
