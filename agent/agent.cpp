@@ -186,6 +186,20 @@ std::uint64_t stand_by(PairMember& pair) {
   });
 }
 
+/// Recovers the commands of earlier runs, and those that the other gateway of the pair announced
+/// and that the disk refuses.
+Recovered recover_with(const std::vector<JournalEntry>& announced, const Config& config,
+                       CommandJournal& journal, std::int64_t utc_ms, SteadyTime now) {
+  std::vector<KnownId> ids = journal.known_ids();
+  std::vector<JournalEntry> unacknowledged = journal.unacknowledged();
+  for (const JournalEntry& entry : announced) {
+    ids.push_back({entry.device, entry.id, entry.number, entry.received_ms, entry.deadline_ms,
+                   entry.refused});
+    if (!entry.acknowledged) unacknowledged.push_back(entry);
+  }
+  return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now);
+}
+
 /// Returns the current status in one line; empty if there is none yet.
 std::string current_status(StatusBoard& board) {
   const auto status = board.read(std::chrono::steady_clock::now(), kStatusWithin);
@@ -210,6 +224,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       static_cast<std::size_t>(std::min<std::uint64_t>(config.store.max_bytes, kMostBacklogBytes));
 
   const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
+  Heartbeats signs(config.pair.has_value());
   const auto pair = config.pair ? std::make_unique<PairMember>(config, settings.boot)
                                 : std::unique_ptr<PairMember>();
   const LinePermit* const permit = pair ? &pair->permit() : nullptr;
@@ -246,7 +261,9 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       });
   if (guarded) {
     const auto now = std::chrono::steady_clock::now();
-    commands.restore(recover(config, guarded->journal(), utc_now(), now), now, utc_now());
+    const auto announced = pair ? pair->hand_over_to(*store) : std::vector<JournalEntry>();
+    commands.restore(recover_with(announced, config, guarded->journal(), utc_now(), now), now,
+                     utc_now());
   }
   JsonPayload payload(config, settings.boot, settings.version);
   const auto broker = fenced(
@@ -286,8 +303,9 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   if (recorder) field.call_at(SIGUSR2, [&recorder] { recorder->asked(); });
   remote.begin();
   field.start();
-  if (pair) pair->agent_began([&outbox] { return outbox.highest_seq(); });
-  Heartbeats signs;
+  if (pair)
+    pair->agent_began([&outbox] { return outbox.highest_seq(); },
+                      [&signs] { signs.pair_went_on(); });
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher);
   std::jthread uplink([&](std::stop_token stop) {
     ThreadProgress library("MQTTAsync_");

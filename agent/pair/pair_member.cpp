@@ -35,12 +35,26 @@ constexpr seconds kUpkeep{1};
 // samples a second.
 constexpr std::uint64_t kReserve = 1'000'000;
 constexpr int kFilters = 4;
+// Commands that a standby with a full disk remembers, as many as the agent does without a store.
+constexpr std::size_t kMostUnwritten = 10'000;
 constexpr int kMostClaims = 4;  // times `quiet` until a claim without its mark is given up
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
   MqttConfig own = mqtt;
   own.client_id += suffix;
   return own;
+}
+
+/// Writes an announced command to the journal and gives it its number. It counts as sent: only the
+/// other gateway knows. Returns false if the disk refuses it, so that it is in memory alone.
+bool keep_as_sent(Store& store, JournalEntry& entry) {
+  StoredJournal& journal = store.journal();
+  entry.number = journal.next_command_number();
+  store.started().mark(entry.number);
+  const bool was_written = journal.journal({&entry, 1});
+  if (!entry.result.empty()) journal.record(entry);
+  if (entry.acknowledged) journal.acknowledge(entry.device, entry.id, entry.number, {});
+  return was_written;
 }
 
 /// Writes a line at once: the log's own thread does not outlive a restart.
@@ -77,18 +91,33 @@ std::string PairMember::topic(const char* leaf) const {
 
 std::uint64_t PairMember::await_claim(const std::function<void()>& waits) {
   std::unique_lock lock(mutex_);
+  std::uint64_t rounds = rounds_;
   while (!claimed_) {
-    lock.unlock();
-    waits();
-    lock.lock();
+    if (rounds_ != rounds) {
+      rounds = rounds_;
+      lock.unlock();
+      waits();
+      lock.lock();
+    }
     news_.wait_for(lock, seconds(1), [this] { return claimed_; });
   }
   return floor_;
 }
 
-void PairMember::agent_began(HighestSeq highest) {
+std::vector<JournalEntry> PairMember::hand_over_to(Store& store) {
+  std::vector<JournalEntry> entries;
+  {
+    const std::lock_guard lock(mutex_);
+    entries = std::exchange(unwritten_, {});
+  }
+  for (JournalEntry& entry : entries) keep_as_sent(store, entry);
+  return entries;
+}
+
+void PairMember::agent_began(HighestSeq highest, std::function<void()> goes_on) {
   const std::lock_guard lock(mutex_);
   highest_ = std::move(highest);
+  goes_on_ = std::move(goes_on);
   agent_runs_ = woken_ = true;
   news_.notify_all();
 }
@@ -169,6 +198,8 @@ void PairMember::run(const std::stop_token& stop) {
           std::clamp<BootTime>(state_.next_wake() - boot_time_now(), kShortestWait, kLongestWait);
       news_.wait_for(lock, wait, [this] { return woken_; });
       woken_ = false;
+      ++rounds_;
+      if (goes_on_) goes_on_();
       if (agent_runs_) state_.agent_began();
       leaving = leaving_;
     }
@@ -312,10 +343,26 @@ void PairMember::keep_announced(JournalEntry entry) {
   if (!store_) return;
   StoredJournal& journal = store_->journal();
   if (journal.find(entry.device, entry.id)) return;
-  entry.number = journal.next_command_number();
-  // It counts as sent: only the other gateway knows.
-  store_->started().mark(entry.number);
-  journal.journal({&entry, 1});
+  if (keep_as_sent(*store_, entry)) return;
+  if (refused_by_disk_.empty())
+    log::error("pair", {{"fault",
+                         "the store cannot be written; until it can, the commands that the "
+                         "other gateway announces are remembered in memory alone"}});
+  if (refused_by_disk_.size() < kMostUnwritten)
+    refused_by_disk_.try_emplace({entry.device, entry.id});
+}
+
+/// The entries may have a result by now.
+void PairMember::collect_unwritten() {
+  std::vector<JournalEntry> entries;
+  for (const auto& [place, is_answered] : refused_by_disk_) {
+    auto entry = store_->journal().find(place.first, place.second);
+    if (!entry) continue;
+    entry->acknowledged = is_answered;
+    entries.push_back(*std::move(entry));
+  }
+  const std::lock_guard lock(mutex_);
+  unwritten_ = std::move(entries);
 }
 
 void PairMember::hear_result(const std::string& device, const std::string& text) {
@@ -331,6 +378,8 @@ void PairMember::hear_result(const std::string& device, const std::string& text)
       entry.result = text;
       journal.record(std::move(entry));
     }
+    const auto refused_by_disk = refused_by_disk_.find({device, result->id});
+    if (refused_by_disk != refused_by_disk_.end()) refused_by_disk->second = true;
     return journal.acknowledge(device, result->id, known->number, {});
   }
   JournalEntry entry;
@@ -370,6 +419,8 @@ void PairMember::take_lease_events(BootTime now) {
     } else if constexpr (std::is_same_v<Event, DeliveryFailed>) {
       log::error("pair", {{"fault", "the broker refuses what this gateway publishes below " +
                                         topic() + ": " + event.text + "; see fxagent acl"}});
+      if (auto announced = announced_.extract(event.id))
+        refused_.push_back(std::move(announced.mapped()));
     }
   };
   for (const BrokerEvent& event : lease_->take_events()) std::visit(take, event);
@@ -435,6 +486,7 @@ void PairMember::go_on_with_claim(BootTime now) {
   claim_ = Claim::claimed;
   // Numbers grow with each takeover: the other gateway has held the pair after this one.
   if (other_seq_ > own_seq_) settle_own_commands();
+  collect_unwritten();
   store_->close();
   store_.reset();
   {
@@ -501,9 +553,17 @@ void PairMember::send_announcements() {
   }
   if (released) {
     for (auto& [id, each] : std::exchange(announced_, {})) each.submit(std::move(each.command));
+    for (Waiting& each : std::exchange(refused_, {})) each.submit(std::move(each.command));
     for (Waiting& each : waiting) each.submit(std::move(each.command));
     return;
   }
+  // The field answers them as expired.
+  const SteadyTime now = std::chrono::steady_clock::now();
+  std::erase_if(refused_, [&](Waiting& each) {
+    if (now <= each.command.deadline) return false;
+    each.submit(std::move(each.command));
+    return true;
+  });
   for (Waiting& each : waiting) {
     Publication publication;
     publication.id = next_id_++;

@@ -20,8 +20,11 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"
@@ -44,11 +47,15 @@ class PairMember final {
   PairMember& operator=(const PairMember&) = delete;
 
   /// Waits until this gateway has claimed the pair and its store has the journal of the other one.
-  /// The store is closed afterwards. Calls `waits` about every second. Returns a number below which
-  /// no sequence number may be used. Main thread.
+  /// The store is closed afterwards. Calls `waits` about every second while the pair's thread goes
+  /// on. Returns a number below which no sequence number may be used. Main thread.
   std::uint64_t await_claim(const std::function<void()>& waits);
-  /// The agent runs. `highest` returns the highest sequence number in use; any thread.
-  void agent_began(HighestSeq highest);
+  /// Passes to `store`, the agent's, the announced commands that the disk refused on standby, and
+  /// returns them as they stand there. After await_claim(). Main thread.
+  std::vector<JournalEntry> hand_over_to(Store& store);
+  /// The agent runs. `highest` returns the highest sequence number in use; any thread. `goes_on` is
+  /// called in each round of the pair's thread.
+  void agent_began(HighestSeq highest, std::function<void()> goes_on);
   const LinePermit& permit() const { return permit_; }
 
   /// Announces the command to the other gateway, then passes it to `submit` on the pair's thread. A
@@ -82,6 +89,7 @@ class PairMember final {
   void hear_result(const std::string& device, const std::string& text);
   void settle_own_commands();
   void keep_announced(JournalEntry entry);
+  void collect_unwritten();
   void lease_ended(bool taken_over, BootTime now);
   void go_on_with_claim(BootTime now);
   void carry_out(PairState::Order order, BootTime now);
@@ -120,19 +128,25 @@ class PairMember final {
   bool mark_came_ = false;
   std::uint64_t farewell_ = 0;  ///< publication of the last status
   std::map<std::uint64_t, Waiting> announced_;
+  std::vector<Waiting> refused_;  ///< by the broker; they end at their deadlines
+  /// Commands that the disk refused, by device and id; true: the other gateway has answered.
+  std::map<std::pair<std::string, std::string>, bool> refused_by_disk_;
   SteadyTime upkeep_at_{};
 
   mutable std::mutex mutex_;
   std::condition_variable news_;
-  bool woken_ = false;               ///< under mutex_
-  bool claimed_ = false;             ///< under mutex_
-  bool agent_runs_ = false;          ///< under mutex_
-  bool released_ = false;            ///< under mutex_
-  bool leaving_ = false;             ///< under mutex_
-  bool left_ = false;                ///< under mutex_
-  std::uint64_t floor_ = 0;          ///< under mutex_
-  HighestSeq highest_;               ///< under mutex_
-  std::deque<Waiting> to_announce_;  ///< under mutex_
+  bool woken_ = false;                   ///< under mutex_
+  bool claimed_ = false;                 ///< under mutex_
+  bool agent_runs_ = false;              ///< under mutex_
+  bool released_ = false;                ///< under mutex_
+  bool leaving_ = false;                 ///< under mutex_
+  bool left_ = false;                    ///< under mutex_
+  std::uint64_t rounds_ = 0;             ///< under mutex_
+  std::uint64_t floor_ = 0;              ///< under mutex_
+  HighestSeq highest_;                   ///< under mutex_
+  std::function<void()> goes_on_;        ///< under mutex_
+  std::vector<JournalEntry> unwritten_;  ///< under mutex_; of refused_by_disk_
+  std::deque<Waiting> to_announce_;      ///< under mutex_
   std::jthread thread_;
 };
 

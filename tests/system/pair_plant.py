@@ -101,8 +101,8 @@ class PairTest(PlantTest):
         super().tearDown()
         self.assertEqual(trouble, [])
 
-    def start_plant(self, names=("a", "b"), lifetime_s=600):
-        self.broker = Broker(self.directory)
+    def start_plant(self, names=("a", "b"), lifetime_s=600, broker_conf=""):
+        self.broker = Broker(self.directory, broker_conf)
         self.broker.start()
         self.sim = Sim(self.directory, [self.plc(tcp=0)], lifetime_s)
         self.sim.start()
@@ -134,13 +134,13 @@ class PairTest(PlantTest):
     def role(self, name, wanted, since=0, patience=30):
         return self.watcher.wait(f"{BASE}/pair/{name}", lambda s: s.get("role") == wanted, since, patience)
 
-    def start_pair(self):
-        """Starts both; returns when `a` is active and `b` on standby."""
-        self.start_plant()
+    def start_pair(self, standby=None, **more):
+        """Starts both; returns when `a` is active and `b` on standby. `standby`: changes of the config of `b`."""
+        self.start_plant(**more)
         self.start_member("a")
         self.role("a", "active")
         since = self.watcher.mark()
-        self.start_member("b")
+        self.start_member("b", config=self.config("b", **(standby or {})))
         self.role("b", "standby", since)
         self.data()
 

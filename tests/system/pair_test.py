@@ -6,6 +6,7 @@ import struct
 import time
 import unittest
 
+from chaos_plant import Disk
 from pair_plant import BASE, PairTest
 from plant import wait_for
 
@@ -75,8 +76,8 @@ class Pair(PairTest):
             self.assertEqual(again["status"], "DUPLICATE", again)
         self.assertEqual(self.sim.get("press1", "D300"), 7)
         # The killed one comes back and takes over: it repeats no result that the other one has given.
-        self.start_member("a")
         since = self.watcher.mark()
+        self.start_member("a")
         self.role("a", "standby", since)
         self.agents["b"].stop(signal.SIGKILL, expected=None)
         self.polls("a", time.monotonic())
@@ -84,6 +85,53 @@ class Pair(PairTest):
         for identity in ("done-1", "wire-1"):
             first = [r for r in self.results(identity) if r["status"] != "DUPLICATE"]
             self.assertEqual(len(first), 1, first)
+
+    def test_command_that_the_broker_does_not_let_be_announced_expires(self):
+        rules = os.path.join(self.directory, "rules")
+        with open(rules, "w") as out:
+            out.write("topic readwrite #\n")
+        os.chmod(self.directory, 0o755)  # mosquitto runs as another user
+        self.start_pair(broker_conf=f"acl_file {rules}")
+        with open(rules, "w") as out:
+            out.write(f"topic readwrite #\ntopic deny {BASE}/pair/a/journal\n")
+        self.broker.process.send_signal(signal.SIGHUP)
+        # The broker says nowhere that it has read the rules.
+        results = []
+
+        def refused():
+            results.append(self.command(op="write", address="D300", value=len(results) + 1,
+                                        expires=int(time.time() * 1000) + 1000))
+            return results[-1]["status"] != "SUCCEEDED"
+
+        wait_for("a refusal", refused)
+        self.assertEqual(results[-1]["status"], "EXPIRED", results)
+        self.assertEqual(self.sim.get("press1", "D300"), len(results) - 1)
+        self.assertIn("fxagent acl", " ".join(self.faults("a")))
+        self.assertEqual(self.command(op="read", address="D300")["status"], "SUCCEEDED")
+
+    def test_standby_with_a_full_disk_remembers_what_was_announced(self):
+        disk = Disk(self.directory)
+        self.addCleanup(disk.close)
+        self.start_pair(standby={"store": {"path": os.path.join(disk.path, "store")}})
+        standby = self.agents["b"].process.pid
+        self.assertTrue(disk.fill(standby))
+        ids = []
+
+        def refused():
+            ids.append(f"full-{len(ids)}")
+            self.assertEqual(self.command(id=ids[-1], op="write", address="D300", value=7)["status"], "SUCCEEDED")
+            return any("cannot be written" in line for line in self.faults("b"))
+
+        wait_for("a commit that fails", refused)
+        self.command(id="full-last", op="write", address="D300", value=7)
+        self.agents["a"].stop(signal.SIGKILL, expected=None)
+        self.polls("b", time.monotonic())
+        disk.heal(standby)
+        wait_for("a new command", lambda: self.command(op="write", address="D301", value=1)["status"] == "SUCCEEDED")
+        for identity in (*ids, "full-last"):
+            self.assertEqual(self.command(id=identity, op="write", address="D300", value=9)["status"], "DUPLICATE")
+            self.assertEqual(len([r for r in self.results(identity) if r["status"] != "DUPLICATE"]), 1)
+        self.assertEqual(self.sim.get("press1", "D300"), 7)
 
     def test_clock_of_the_standby_is_an_hour_behind(self):
         self.start_plant()

@@ -48,5 +48,15 @@ TEST(Heartbeats, BothHaveToGoOn) {
   EXPECT_EQ(progress.stands_still(), "field");
 }
 
+TEST(Heartbeats, PairHasToGoOnIfThereIsOne) {
+  Heartbeats progress(true);
+  progress.field_went_on();
+  progress.uplink_went_on();
+  EXPECT_EQ(progress.stands_still(), "pair");
+  progress.pair_went_on();
+  EXPECT_EQ(progress.stands_still(), "");
+  EXPECT_EQ(progress.stands_still(), "field and uplink and pair");
+}
+
 }  // namespace
 }  // namespace fxagent
