@@ -328,6 +328,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   ServiceReports reports(signs, {ask, [&] { return current_status(publisher.board()); }},
                          std::chrono::steady_clock::now());
   const int signal = wait_for_stop(watchdog, reports);
+  if (pair) pair->will_stop();
   watchdog.stage("the log: its reader does not read");
   service_manager::notify_stopping();
   service_manager::notify_status("stopping");

@@ -150,6 +150,11 @@ void PairMember::announce(AdmittedCommand command, const std::string& device,
   submit(std::move(waiting.command));
 }
 
+void PairMember::will_stop() {
+  const std::lock_guard lock(mutex_);
+  stops_ = true;
+}
+
 void PairMember::release() {
   const std::lock_guard lock(mutex_);
   released_ = woken_ = true;
@@ -432,7 +437,7 @@ void PairMember::lease_ended(bool taken_over, BootTime now) {
   claim_ = Claim::none;
   {
     const std::lock_guard lock(mutex_);
-    if (leaving_ || released_) return;  // the agent is stopping
+    if (stops_) return;
   }
   state_.lease_ended(taken_over, now);
   if (store_) return;
@@ -496,6 +501,7 @@ void PairMember::go_on_with_claim(BootTime now) {
     claimed_ = true;
     news_.notify_all();
   }
+  state_.has_claimed();
   // At once: the number shows the other gateway that this one has held the pair.
   carry_out(PairState::Order::send_heartbeat, now);
 }

@@ -61,6 +61,8 @@ class PairMember final {
   /// Announces the command to the other gateway, then passes it to `submit` on the pair's thread. A
   /// read is passed at once. Uplink thread.
   void announce(AdmittedCommand command, const std::string& device, const Submit& submit);
+  /// The agent is stopping: the end of the lease does not start it anew.
+  void will_stop();
   /// Passes everything that waits to `submit`, without an announcement, and later commands too. The
   /// field must refuse commands by now.
   void release();
@@ -138,6 +140,7 @@ class PairMember final {
   bool woken_ = false;                   ///< under mutex_
   bool claimed_ = false;                 ///< under mutex_
   bool agent_runs_ = false;              ///< under mutex_
+  bool stops_ = false;                   ///< under mutex_
   bool released_ = false;                ///< under mutex_
   bool leaving_ = false;                 ///< under mutex_
   bool left_ = false;                    ///< under mutex_

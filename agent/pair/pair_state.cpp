@@ -194,6 +194,11 @@ void PairState::heartbeat_acknowledged(std::uint64_t id) {
   sent_.erase(sent_.begin(), std::next(found));
 }
 
+void PairState::has_claimed() {
+  sent_.clear();
+  holds_until_ = {};
+}
+
 std::vector<PairState::Order> PairState::step(BootTime now) {
   std::vector<Order> orders;
   if (role_ == PairRole::claiming && agent_runs_ && now >= opens_at_ && now < holds_until_)

@@ -68,6 +68,9 @@ class PairState final {
   void lease_ended(bool taken_over, BootTime now);
   void heartbeat_sent(std::uint64_t id, BootTime now);
   void heartbeat_acknowledged(std::uint64_t id);
+  /// This gateway has the journal of the other one. Heartbeats sent before name no number of its
+  /// own: they permit nothing any more.
+  void has_claimed();
 
   /// The agent runs, so that this gateway becomes active when its wait is over.
   void agent_began() { agent_runs_ = true; }

@@ -102,6 +102,19 @@ TEST(PairState, PermissionCountsFromTheSendingOfAHeartbeatAndNotFromItsAcknowled
   EXPECT_EQ(a.state.holds_until(), at(1800));
 }
 
+TEST(PairState, OnlyAHeartbeatAfterTheClaimPermitsRequests) {
+  Gateway a;
+  a.state.joined(at(0));
+  a.claim(0);
+  a.state.heartbeat_sent(++a.id, at(1000));
+  a.state.has_claimed();
+  EXPECT_EQ(a.state.holds_until(), BootTime{});
+  a.state.heartbeat_acknowledged(a.id);  // sent before, without a number of this gateway
+  EXPECT_EQ(a.state.holds_until(), BootTime{});
+  a.beat(1100);
+  EXPECT_EQ(a.state.holds_until(), at(1100) + kQuiet / 2);
+}
+
 TEST(PairState, StandbyWaitsWhileTheHolderIsHeard) {
   Gateway b("b", "boot-b");
   b.state.joined(at(0));
