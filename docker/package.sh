@@ -1,6 +1,6 @@
 #!/bin/sh
-# Builds the Debian packages of this tree in the build directory: fxagent_VERSION_ARCHITECTURE.deb, and fxagent-sim
-# with the simulator:
+# Builds the Debian packages of this tree in the build directory: fxagent_VERSION_ARCHITECTURE.deb, fxagent-sim with
+# the simulator, and fxagent-history with the history in a database:
 #   docker/package.sh
 # Installs missing packages first (only then as root). BUILD_DIR: the build directory, `build` in the project by
 # default; an existing build is reused. The last lines name the packages.
@@ -20,10 +20,12 @@ export FXAGENT_BUILD_DIR DEB_RULES_REQUIRES_ROOT
 export CCACHE_DIR
 cd "$root"
 mkdir -p "$FXAGENT_BUILD_DIR"
-rm -f "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb" "$FXAGENT_BUILD_DIR/fxagent-sim_"*"_$architecture.deb"
+made() { for name in fxagent fxagent-sim fxagent-history; do echo "$FXAGENT_BUILD_DIR/${name}_"*"_$architecture.deb"; done; }
+# shellcheck disable=SC2046 # several files
+rm -f $(made)
 # Removes debhelper's staging files and its marks of completed steps. Its own `clean` would search the whole tree for
 # backup copies.
-tidy() { rm -rf debian/fxagent debian/fxagent-sim debian/pages debian/.debhelper debian/files debian/debhelper-build-stamp debian/*.substvars debian/*.debhelper debian/*.debhelper.log; }
+tidy() { rm -rf debian/fxagent debian/fxagent-sim debian/fxagent-history debian/pages debian/.debhelper debian/files debian/debhelper-build-stamp debian/*.substvars debian/*.debhelper debian/*.debhelper.log; }
 tidy
 # The output is long and only of interest after a failure.
 log=$FXAGENT_BUILD_DIR/package.log
@@ -32,4 +34,5 @@ if ! dpkg-architecture --host-arch "$architecture" --command "debian/rules binar
   exit 1
 fi
 tidy
-ls "$FXAGENT_BUILD_DIR/fxagent_"*"_$architecture.deb" "$FXAGENT_BUILD_DIR/fxagent-sim_"*"_$architecture.deb"
+# shellcheck disable=SC2046 # several files
+ls $(made)

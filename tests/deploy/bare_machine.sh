@@ -146,11 +146,15 @@ show_package() {
   in_root fxagent check config/agent.example.json
   show_acl
   in_root docker/install.sh repository proof
-  in_root sh -exc 'lintian --fail-on error,warning --tag-display-limit 0 build/fxagent_*.deb build/fxagent-sim_*.deb
+  in_root sh -exc 'lintian --fail-on error,warning --tag-display-limit 0 build/fxagent_*.deb build/fxagent-sim_*.deb \
+      build/fxagent-history_*.deb
     apt-get install --yes ./build/fxagent-sim_*.deb
     fxsim --version
     fxagent check /usr/share/doc/fxagent-sim/examples/demo.json
-    apt-get purge --yes fxagent-sim
+    apt-get install --yes --no-install-recommends ./build/fxagent-history_*.deb
+    fxhistory --help
+    systemd-analyze verify --man=no /lib/systemd/system/fxhistory@all.service
+    apt-get purge --yes fxagent-sim fxagent-history
     systemd-analyze verify --man=no /lib/systemd/system/fxagent.service
     systemd-analyze security --offline=true --threshold=25 --no-pager /lib/systemd/system/fxagent.service | tail -n 1'
   in_root sh -c 'python3 -B tests/deploy/package_trial.py build/fxagent_*.deb'
