@@ -199,10 +199,20 @@ void add_check(CLI::App& app, std::string& path, CheckQuestion& what,
   command->callback([&] { action = [&] { return run_check(path, what); }; });
 }
 
+/// Loads the config of a call that uses the lines itself. Warns if another gateway may use them.
+std::optional<Config> loaded_for_lines(const std::string& path) {
+  auto config = loaded(path);
+  if (config && config->pair)
+    std::cerr << "note: the other gateway of the pair may use the line now, and this call does not "
+                 "ask it. Two masters disturb each other: stop both agents first, or send the "
+                 "command over MQTT\n";
+  return config;
+}
+
 int one_shot(const std::string& path, const OneShot& what) {
   log::set_level(log::Level::error);
   std::signal(SIGPIPE, SIG_IGN);
-  auto config = loaded(path);
+  auto config = loaded_for_lines(path);
   return config ? run_one_shot(std::move(*config), what) : kWrong;
 }
 
@@ -479,7 +489,7 @@ int dispatch(int argc, char** argv) {
                              "Write a copy of the config with the changes to this new file");
   doctor_command->callback([&] {
     action = [&] {
-      const auto config = loaded(path);
+      const auto config = loaded_for_lines(path);
       return config ? run_doctor(*config, path, doctor) : kWrong;
     };
   });

@@ -1,24 +1,46 @@
 """The plant of a standby pair: two agents, one broker, one PLC, and a relay that sees the bytes of both agents."""
 
 import asyncio
+import contextlib
 import json
 import os
+import select
+import socket
 import threading
 import time
+import tty
 
 from plant import Agent, BASE, Broker, device, free_port, PlantTest, Sim, wait_for, Watcher
 
 QUIET_MS = 1500
 
 
-class Masters:
+class Requests:
+    """The requests of all agents at one PLC: (monotonic time, name)."""
+
+    def __init__(self):
+        self.requests = []
+
+    def last(self, name):
+        return max((t for t, n in list(self.requests) if n == name), default=None)
+
+    def first_after(self, name, moment):
+        return min((t for t, n in list(self.requests) if n == name and t > moment), default=None)
+
+    def changes(self):
+        """Returns the gaps in s between requests of different agents."""
+        requests = sorted(self.requests)
+        return [b[0] - a[0] for a, b in zip(requests, requests[1:]) if a[1] != b[1]]
+
+
+class Masters(Requests):
     """Stands between both agents and the PLC, with a port for each, and records the time of each request. The PLC has
     one line: an answer goes to the agent that has asked."""
 
     def __init__(self, plc_port, names):
+        super().__init__()
         self.plc_port = plc_port
         self.ports = {name: free_port() for name in names}
-        self.requests = []  # (monotonic time, name)
         self.delay = 0.0  # of requests on their way to the PLC, after they were recorded
         self.loop = asyncio.new_event_loop()
         self.ready = threading.Event()
@@ -60,20 +82,56 @@ class Masters:
             plc_writer.close()
             writer.close()
 
-    def last(self, name):
-        return max((t for t, n in list(self.requests) if n == name), default=None)
-
-    def first_after(self, name, moment):
-        return min((t for t, n in list(self.requests) if n == name and t > moment), default=None)
-
-    def changes(self):
-        """Returns the gaps in s between requests of different agents."""
-        requests = sorted(self.requests)
-        return [b[0] - a[0] for a, b in zip(requests, requests[1:]) if a[1] != b[1]]
+    def link(self, name):
+        return {"tcp": {"host": "127.0.0.1", "port": self.ports[name]}}
 
     def close(self):
         self.loop.call_soon_threadsafe(self.loop.stop)
         self.thread.join(10)
+
+
+class SerialBus(Requests):
+    """Two wires with a serial adapter for each agent, and the PLC: everybody hears every byte."""
+
+    def __init__(self, plc_port, names):
+        super().__init__()
+        self.plc = socket.create_connection(("127.0.0.1", plc_port))
+        self.adapters = {}
+        self.slaves = []  # held open: without them a read fails while no agent has its port open
+        for name in names:
+            ours, theirs = os.openpty()
+            tty.setraw(theirs)
+            os.set_blocking(ours, False)
+            self.adapters[ours] = name
+            self.slaves.append(theirs)
+        self.paths = {name: os.ttyname(slave) for name, slave in zip(names, self.slaves)}
+        self.ends = False
+        self.thread = threading.Thread(target=self._run, daemon=True)
+        self.thread.start()
+
+    def _run(self):
+        while not self.ends:
+            for source in select.select([self.plc, *self.adapters], [], [], 0.1)[0]:
+                if source is self.plc:
+                    data = source.recv(4096)
+                else:
+                    data = os.read(source, 4096)
+                    self.requests.append((time.monotonic(), self.adapters[source]))
+                    self.plc.sendall(data)
+                for adapter in self.adapters:
+                    if adapter is not source:
+                        with contextlib.suppress(BlockingIOError):  # a closed port keeps what it has room for
+                            os.write(adapter, data)
+
+    def link(self, name):
+        return {"serial": {"path": self.paths[name], "baud": 9600}}
+
+    def close(self):
+        self.ends = True
+        self.thread.join(10)
+        for descriptor in (*self.adapters, *self.slaves):
+            os.close(descriptor)
+        self.plc.close()
 
 
 class PairTest(PlantTest):
@@ -101,12 +159,12 @@ class PairTest(PlantTest):
         super().tearDown()
         self.assertEqual(trouble, [])
 
-    def start_plant(self, names=("a", "b"), lifetime_s=600, broker_conf=""):
+    def start_plant(self, names=("a", "b"), lifetime_s=600, broker_conf="", masters=Masters):
         self.broker = Broker(self.directory, broker_conf)
         self.broker.start()
         self.sim = Sim(self.directory, [self.plc(tcp=0)], lifetime_s)
         self.sim.start()
-        self.masters = Masters(self.sim.ports["press1"], names)
+        self.masters = masters(self.sim.ports["press1"], names)
         self.watcher = Watcher(self.broker.port)
 
     def config(self, member, port=None, **more):
@@ -115,7 +173,7 @@ class PairTest(PlantTest):
             "mqtt": {"servers": [f"mqtt://127.0.0.1:{port or self.broker.port}"]},
             "store": {"path": os.path.join(self.directory, f"store-{member}")},
             "pair": {"member": member, "quiet_ms": QUIET_MS},
-            "links": [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": self.masters.ports[member]}}],
+            "links": [{"name": "line1"} | self.masters.link(member)],
             "devices": [device()],
         }
         out.update(more)
@@ -134,13 +192,15 @@ class PairTest(PlantTest):
     def role(self, name, wanted, since=0, patience=30):
         return self.watcher.wait(f"{BASE}/pair/{name}", lambda s: s.get("role") == wanted, since, patience)
 
-    def start_pair(self, standby=None, **more):
-        """Starts both; returns when `a` is active and `b` on standby. `standby`: changes of the config of `b`."""
+    def start_pair(self, both=None, standby=None, **more):
+        """Starts both; returns when `a` is active and `b` on standby. `both`: changes of the configs, which may depend
+        on the plant; `standby`: changes of that of `b`."""
         self.start_plant(**more)
-        self.start_member("a")
+        changes = both() if both else {}
+        self.start_member("a", config=self.config("a", **changes))
         self.role("a", "active")
         since = self.watcher.mark()
-        self.start_member("b", config=self.config("b", **(standby or {})))
+        self.start_member("b", config=self.config("b", **changes, **(standby or {})))
         self.role("b", "standby", since)
         self.data()
 
@@ -158,4 +218,4 @@ class PairTest(PlantTest):
         return [line for line in self.agents[name].logged().splitlines() if " pair fault=" in line]
 
 
-__all__ = ["BASE", "Masters", "PairTest", "QUIET_MS", "json"]
+__all__ = ["BASE", "Masters", "PairTest", "QUIET_MS", "SerialBus", "json"]

@@ -3,12 +3,14 @@
 import os
 import signal
 import struct
+import subprocess
 import time
 import unittest
 
+from broker_test import certificates
 from chaos_plant import Disk
-from pair_plant import BASE, PairTest
-from plant import wait_for
+from pair_plant import BASE, PairTest, SerialBus
+from plant import FXAGENT, PATIENCE, free_port, wait_for
 
 
 class Pair(PairTest):
@@ -42,6 +44,10 @@ class Pair(PairTest):
         stopped = time.monotonic()
         self.polls("b", stopped)
         self.assert_never_both()
+        # A call on the other machine uses the line without asking, and says so.
+        call = subprocess.run([FXAGENT, "read", self.agents["a"].path, "press1", "D300"], capture_output=True, text=True,
+                              timeout=PATIENCE)
+        self.assertIn("the other gateway of the pair", call.stderr)
 
     def test_paused_gateway_wakes_as_the_standby_and_sends_nothing(self):
         self.start_pair()
@@ -132,6 +138,28 @@ class Pair(PairTest):
             self.assertEqual(self.command(id=identity, op="write", address="D300", value=9)["status"], "DUPLICATE")
             self.assertEqual(len([r for r in self.results(identity) if r["status"] != "DUPLICATE"]), 1)
         self.assertEqual(self.sim.get("press1", "D300"), 7)
+
+    def test_serial_adapters_on_one_bus_and_a_broker_with_tls(self):
+        certificates(self.directory)
+        os.chmod(self.directory, 0o755)  # mosquitto runs as another user
+        port = free_port()
+        files = {key: os.path.join(self.directory, name) for key, name in
+                 (("cafile", "ca.pem"), ("certfile", "server.pem"), ("keyfile", "server.key"))}
+        self.start_pair(masters=SerialBus,
+                        broker_conf=f"listener {port} 127.0.0.1\n" + "".join(f"{k} {v}\n" for k, v in files.items()),
+                        both=lambda: {"mqtt": {"servers": [f"mqtts://127.0.0.1:{port}"],
+                                               "tls": {"ca_file": files["cafile"]}}})
+        self.assertIsNone(self.masters.last("b"))
+        for active, standby in (("a", "b"), ("b", "a")):
+            self.agents[active].stop(signal.SIGKILL, expected=None)
+            self.polls(standby, time.monotonic())
+            result = self.command(op="write", address="D300", value=ord(standby))
+            self.assertEqual(result["status"], "SUCCEEDED", result)
+            since = self.watcher.mark()
+            self.start_member(active, config=self.agents[active].config)
+            self.role(active, "standby", since)
+        self.assertEqual(self.sim.get("press1", "D300"), ord("a"))
+        self.assert_never_both()
 
     def test_clock_of_the_standby_is_an_hour_behind(self):
         self.start_plant()
