@@ -186,13 +186,15 @@ std::uint64_t stand_by(PairMember& pair) {
   });
 }
 
-/// Recovers the commands of earlier runs, and those that the other gateway of the pair announced
-/// and that the disk refuses.
-Recovered recover_with(const std::vector<JournalEntry>& announced, const Config& config,
+/// Recovers the commands of earlier runs. `heard` are newer entries than those on disk.
+Recovered recover_with(const std::vector<JournalEntry>& heard, const Config& config,
                        CommandJournal& journal, std::int64_t utc_ms, SteadyTime now) {
   std::vector<KnownId> ids = journal.known_ids();
   std::vector<JournalEntry> unacknowledged = journal.unacknowledged();
-  for (const JournalEntry& entry : announced) {
+  for (const JournalEntry& entry : heard) {
+    std::erase_if(unacknowledged, [&](const JournalEntry& other) {
+      return other.device == entry.device && other.id == entry.id;
+    });
     ids.push_back({entry.device, entry.id, entry.number, entry.received_ms, entry.deadline_ms,
                    entry.refused});
     if (!entry.acknowledged) unacknowledged.push_back(entry);
@@ -261,8 +263,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       });
   if (guarded) {
     const auto now = std::chrono::steady_clock::now();
-    const auto announced = pair ? pair->hand_over_to(*store) : std::vector<JournalEntry>();
-    commands.restore(recover_with(announced, config, guarded->journal(), utc_now(), now), now,
+    const auto heard = pair ? pair->hand_over_to(*store) : std::vector<JournalEntry>();
+    commands.restore(recover_with(heard, config, guarded->journal(), utc_now(), now), now,
                      utc_now());
   }
   JsonPayload payload(config, settings.boot, settings.version);
@@ -305,7 +307,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   field.start();
   if (pair)
     pair->agent_began([&outbox] { return outbox.highest_seq(); },
-                      [&signs] { signs.pair_went_on(); });
+                      [&signs] { signs.pair_went_on(); },
+                      [&watchdog] { return watchdog.has_signal(); });
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher);
   std::jthread uplink([&](std::stop_token stop) {
     ThreadProgress library("MQTTAsync_");
@@ -328,7 +331,6 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   ServiceReports reports(signs, {ask, [&] { return current_status(publisher.board()); }},
                          std::chrono::steady_clock::now());
   const int signal = wait_for_stop(watchdog, reports);
-  if (pair) pair->will_stop();
   watchdog.stage("the log: its reader does not read");
   service_manager::notify_stopping();
   service_manager::notify_status("stopping");

@@ -20,9 +20,8 @@ export FXAGENT_BUILD_DIR DEB_RULES_REQUIRES_ROOT
 export CCACHE_DIR
 cd "$root"
 mkdir -p "$FXAGENT_BUILD_DIR"
-made() { for name in fxagent fxagent-sim fxagent-history; do echo "$FXAGENT_BUILD_DIR/${name}_"*"_$architecture.deb"; done; }
-# shellcheck disable=SC2046 # several files
-rm -f $(made)
+packages="fxagent fxagent-sim fxagent-history"
+for name in $packages; do rm -f "$FXAGENT_BUILD_DIR/${name}_"*"_$architecture.deb"; done
 # Removes debhelper's staging files and its marks of completed steps. Its own `clean` would search the whole tree for
 # backup copies.
 tidy() { rm -rf debian/fxagent debian/fxagent-sim debian/fxagent-history debian/pages debian/.debhelper debian/files debian/debhelper-build-stamp debian/*.substvars debian/*.debhelper debian/*.debhelper.log; }
@@ -34,5 +33,4 @@ if ! dpkg-architecture --host-arch "$architecture" --command "debian/rules binar
   exit 1
 fi
 tidy
-# shellcheck disable=SC2046 # several files
-ls $(made)
+for name in $packages; do ls "$FXAGENT_BUILD_DIR/${name}_"*"_$architecture.deb"; done

@@ -35,8 +35,6 @@ constexpr seconds kUpkeep{1};
 // samples a second.
 constexpr std::uint64_t kReserve = 1'000'000;
 constexpr int kFilters = 4;
-// Commands that a standby with a full disk remembers, as many as the agent does without a store.
-constexpr std::size_t kMostUnwritten = 10'000;
 constexpr int kMostClaims = 4;  // times `quiet` until a claim without its mark is given up
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
@@ -45,16 +43,28 @@ MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
   return own;
 }
 
-/// Writes an announced command to the journal and gives it its number. It counts as sent: only the
-/// other gateway knows. Returns false if the disk refuses it, so that it is in memory alone.
-bool keep_as_sent(Store& store, JournalEntry& entry) {
+/// Writes entries of another store to this one. A command that only the other one has gets a new
+/// number, and counts as sent.
+void take_over(std::vector<JournalEntry>& entries, Store& store) {
   StoredJournal& journal = store.journal();
-  entry.number = journal.next_command_number();
-  store.started().mark(entry.number);
-  const bool was_written = journal.journal({&entry, 1});
-  if (!entry.result.empty()) journal.record(entry);
-  if (entry.acknowledged) journal.acknowledge(entry.device, entry.id, entry.number, {});
-  return was_written;
+  std::vector<JournalEntry> commands;
+  std::vector<JournalEntry> results;
+  for (JournalEntry& entry : entries) {
+    const auto known = journal.find(entry.device, entry.id);
+    const bool is_known = known && known->number == entry.number;
+    if (!is_known) {
+      entry.number = journal.next_command_number();
+      store.started().mark(entry.number);
+    }
+    if (!entry.result.empty())
+      results.push_back(entry);
+    else if (!is_known)
+      commands.push_back(entry);
+  }
+  journal.journal(commands);
+  journal.record(std::move(results));
+  for (const JournalEntry& entry : entries)
+    if (entry.acknowledged) journal.acknowledge(entry.device, entry.id, entry.number, {});
 }
 
 /// Writes a line at once: the log's own thread does not outlive a restart.
@@ -70,7 +80,8 @@ PairMember::PairMember(const Config& config, std::string boot)
       pair_(*config.pair),
       boot_(std::move(boot)),
       permit_(pair_.quiet),
-      state_({pair_.member, boot_, pair_.quiet}) {
+      state_({pair_.member, boot_, pair_.quiet}),
+      store_(std::make_unique<Store>(config_.store, utc_ms(std::chrono::system_clock::now()))) {
   const WithoutSignals quiet;
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
@@ -110,14 +121,16 @@ std::vector<JournalEntry> PairMember::hand_over_to(Store& store) {
     const std::lock_guard lock(mutex_);
     entries = std::exchange(unwritten_, {});
   }
-  for (JournalEntry& entry : entries) keep_as_sent(store, entry);
+  take_over(entries, store);
   return entries;
 }
 
-void PairMember::agent_began(HighestSeq highest, std::function<void()> goes_on) {
+void PairMember::agent_began(HighestSeq highest, std::function<void()> goes_on,
+                             std::function<bool()> is_stopping) {
   const std::lock_guard lock(mutex_);
   highest_ = std::move(highest);
   goes_on_ = std::move(goes_on);
+  is_stopping_ = std::move(is_stopping);
   agent_runs_ = woken_ = true;
   news_.notify_all();
 }
@@ -150,11 +163,6 @@ void PairMember::announce(AdmittedCommand command, const std::string& device,
   submit(std::move(waiting.command));
 }
 
-void PairMember::will_stop() {
-  const std::lock_guard lock(mutex_);
-  stops_ = true;
-}
-
 void PairMember::release() {
   const std::lock_guard lock(mutex_);
   released_ = woken_ = true;
@@ -182,7 +190,6 @@ void PairMember::run(const std::stop_token& stop) {
     woken_ = true;
     news_.notify_all();
   };
-  store_ = std::make_unique<Store>(config_.store, utc_ms(std::chrono::system_clock::now()));
   for (const JournalEntry& entry : store_->journal().unacknowledged()) own_.insert(entry.number);
   const auto will = [this] {
     return Will{topic(), pair_messages::status(pair_.member, {.boot = boot_, .role = "offline"}),
@@ -237,7 +244,7 @@ void PairMember::keep(BootTime now) {
     const std::lock_guard lock(mutex_);
     leaving = leaving_;
   }
-  if (leaving) return send_announcements();
+  if (leaving || over_) return send_announcements();
   permit_.extend(state_.holds_until());
   for (const PairState::Order order : state_.step(now)) carry_out(order, now);
   go_on_with_claim(now);
@@ -348,26 +355,10 @@ void PairMember::keep_announced(JournalEntry entry) {
   if (!store_) return;
   StoredJournal& journal = store_->journal();
   if (journal.find(entry.device, entry.id)) return;
-  if (keep_as_sent(*store_, entry)) return;
-  if (refused_by_disk_.empty())
-    log::error("pair", {{"fault",
-                         "the store cannot be written; until it can, the commands that the "
-                         "other gateway announces are remembered in memory alone"}});
-  if (refused_by_disk_.size() < kMostUnwritten)
-    refused_by_disk_.try_emplace({entry.device, entry.id});
-}
-
-/// The entries may have a result by now.
-void PairMember::collect_unwritten() {
-  std::vector<JournalEntry> entries;
-  for (const auto& [place, is_answered] : refused_by_disk_) {
-    auto entry = store_->journal().find(place.first, place.second);
-    if (!entry) continue;
-    entry->acknowledged = is_answered;
-    entries.push_back(*std::move(entry));
-  }
-  const std::lock_guard lock(mutex_);
-  unwritten_ = std::move(entries);
+  entry.number = journal.next_command_number();
+  // It counts as sent: only the other gateway knows.
+  store_->started().mark(entry.number);
+  journal.journal({&entry, 1});
 }
 
 void PairMember::hear_result(const std::string& device, const std::string& text) {
@@ -383,8 +374,6 @@ void PairMember::hear_result(const std::string& device, const std::string& text)
       entry.result = text;
       journal.record(std::move(entry));
     }
-    const auto refused_by_disk = refused_by_disk_.find({device, result->id});
-    if (refused_by_disk != refused_by_disk_.end()) refused_by_disk->second = true;
     return journal.acknowledge(device, result->id, known->number, {});
   }
   JournalEntry entry;
@@ -437,7 +426,8 @@ void PairMember::lease_ended(bool taken_over, BootTime now) {
   claim_ = Claim::none;
   {
     const std::lock_guard lock(mutex_);
-    if (stops_) return;
+    over_ = is_stopping_ && is_stopping_();
+    if (over_) return;
   }
   state_.lease_ended(taken_over, now);
   if (store_) return;
@@ -491,17 +481,19 @@ void PairMember::go_on_with_claim(BootTime now) {
   claim_ = Claim::claimed;
   // Numbers grow with each takeover: the other gateway has held the pair after this one.
   if (other_seq_ > own_seq_) settle_own_commands();
-  collect_unwritten();
   store_->close();
+  auto unwritten = store_->journal().unwritten();
   store_.reset();
+  state_.has_claimed();
+  permit_.revoke();
   {
     const std::lock_guard lock(mutex_);
+    unwritten_ = std::move(unwritten);
     const auto clock = static_cast<std::uint64_t>(utc_ms(std::chrono::system_clock::now()));
     floor_ = std::max(clock, state_.highest_seq());
     claimed_ = true;
     news_.notify_all();
   }
-  state_.has_claimed();
   // At once: the number shows the other gateway that this one has held the pair.
   carry_out(PairState::Order::send_heartbeat, now);
 }

@@ -50,19 +50,19 @@ class PairMember final {
   /// The store is closed afterwards. Calls `waits` about every second while the pair's thread goes
   /// on. Returns a number below which no sequence number may be used. Main thread.
   std::uint64_t await_claim(const std::function<void()>& waits);
-  /// Passes to `store`, the agent's, the announced commands that the disk refused on standby, and
-  /// returns them as they stand there. After await_claim(). Main thread.
+  /// Passes to `store`, the agent's, what the disk refused to record on standby, and returns it as
+  /// it stands there. After await_claim(). Main thread.
   std::vector<JournalEntry> hand_over_to(Store& store);
-  /// The agent runs. `highest` returns the highest sequence number in use; any thread. `goes_on` is
-  /// called in each round of the pair's thread.
-  void agent_began(HighestSeq highest, std::function<void()> goes_on);
+  /// The agent runs. `highest` returns the highest sequence number in use. `goes_on` is called in
+  /// each round of the pair's thread. `is_stopping` returns true if the agent is to stop: then the
+  /// end of the lease does not start it anew. All three are called on the pair's thread.
+  void agent_began(HighestSeq highest, std::function<void()> goes_on,
+                   std::function<bool()> is_stopping);
   const LinePermit& permit() const { return permit_; }
 
   /// Announces the command to the other gateway, then passes it to `submit` on the pair's thread. A
   /// read is passed at once. Uplink thread.
   void announce(AdmittedCommand command, const std::string& device, const Submit& submit);
-  /// The agent is stopping: the end of the lease does not start it anew.
-  void will_stop();
   /// Passes everything that waits to `submit`, without an announcement, and later commands too. The
   /// field must refuse commands by now.
   void release();
@@ -91,7 +91,6 @@ class PairMember final {
   void hear_result(const std::string& device, const std::string& text);
   void settle_own_commands();
   void keep_announced(JournalEntry entry);
-  void collect_unwritten();
   void lease_ended(bool taken_over, BootTime now);
   void go_on_with_claim(BootTime now);
   void carry_out(PairState::Order order, BootTime now);
@@ -123,6 +122,7 @@ class PairMember final {
   BootTime connect_at_{};
   bool lease_up_ = false;
   Claim claim_ = Claim::none;
+  bool over_ = false;  ///< the lease ended while the agent stops
   std::uint64_t next_id_ = 1;
   std::uint64_t own_seq_ = 0;    ///< of the last heartbeat of earlier processes of this gateway
   std::uint64_t other_seq_ = 0;  ///< of the last heartbeat of the other gateway
@@ -131,8 +131,6 @@ class PairMember final {
   std::uint64_t farewell_ = 0;  ///< publication of the last status
   std::map<std::uint64_t, Waiting> announced_;
   std::vector<Waiting> refused_;  ///< by the broker; they end at their deadlines
-  /// Commands that the disk refused, by device and id; true: the other gateway has answered.
-  std::map<std::pair<std::string, std::string>, bool> refused_by_disk_;
   SteadyTime upkeep_at_{};
 
   mutable std::mutex mutex_;
@@ -140,7 +138,6 @@ class PairMember final {
   bool woken_ = false;                   ///< under mutex_
   bool claimed_ = false;                 ///< under mutex_
   bool agent_runs_ = false;              ///< under mutex_
-  bool stops_ = false;                   ///< under mutex_
   bool released_ = false;                ///< under mutex_
   bool leaving_ = false;                 ///< under mutex_
   bool left_ = false;                    ///< under mutex_
@@ -148,7 +145,8 @@ class PairMember final {
   std::uint64_t floor_ = 0;              ///< under mutex_
   HighestSeq highest_;                   ///< under mutex_
   std::function<void()> goes_on_;        ///< under mutex_
-  std::vector<JournalEntry> unwritten_;  ///< under mutex_; of refused_by_disk_
+  std::function<bool()> is_stopping_;    ///< under mutex_
+  std::vector<JournalEntry> unwritten_;  ///< under mutex_
   std::deque<Waiting> to_announce_;      ///< under mutex_
   std::jthread thread_;
 };

@@ -1,5 +1,5 @@
-// Reports to the service manager while the agent runs. Feeds the watchdog while field and uplink
-// give signs of life, and sends a status line. Time is an argument. Main thread.
+// Reports to the service manager while the agent runs. Feeds the watchdog while field, uplink
+// and pair give signs of life, and sends a status line. Time is an argument. Main thread.
 #pragma once
 
 #include <chrono>
@@ -32,8 +32,8 @@ class ServiceReports final {
 
   /// Returns the time of the next tell(); nullopt: no service manager listens.
   std::optional<Time> next() const;
-  /// Does what is due. If field or uplink hangs, the watchdog is not fed; the log and the status
-  /// name the one.
+  /// Does what is due. If one of them hangs, the watchdog is not fed; the log and the status name
+  /// it.
   void tell(Time now);
 
  private:
@@ -45,7 +45,7 @@ class ServiceReports final {
   const std::optional<std::chrono::nanoseconds> feed_every_;  ///< nullopt: no watchdog is set
   std::optional<Time> feed_at_;
   std::optional<Time> status_at_;  ///< nullopt: no service manager listens
-  std::string stands_still_;       ///< as last reported; empty: neither hangs
+  std::string stands_still_;       ///< as last reported; empty: none hangs
   std::string status_;             ///< as last sent
   Time sent_at_{};                 ///< time of the last send
 };

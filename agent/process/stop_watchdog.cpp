@@ -52,6 +52,11 @@ std::optional<int> StopWatchdog::await_signal(std::chrono::nanoseconds patience)
   return signal_;
 }
 
+bool StopWatchdog::has_signal() {
+  const std::lock_guard lock(mutex_);
+  return signal_ != 0;
+}
+
 void StopWatchdog::begin(const char* what) {
   const std::lock_guard lock(mutex_);
   begun_ = true;

@@ -39,6 +39,9 @@ class StopWatchdog final {
   /// The same, for at most `patience`; nullopt: none came.
   std::optional<int> await_signal(std::chrono::nanoseconds patience);
 
+  /// True if a stop signal has come. Any thread.
+  bool has_signal();
+
   /// Sets what the agent is waiting for, which the line of a forced end reports. `more` returns
   /// details; it is called on the watchdog's thread and must outlive the stage. Main thread.
   void stage(const char* what, std::function<std::string()> more = {});

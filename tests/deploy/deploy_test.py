@@ -188,7 +188,7 @@ class Packages(unittest.TestCase):
                 current = line.split(":")[0]
             elif current and re.match(r"(agent|protocol|tests/sim/CMakeFiles/fxsim(_core)?\.dir)/", current):
                 used.add(os.path.normpath(os.path.join(build, line.strip())))
-        for target in ("agent/fxagent", "tests/sim/fxsim"):
+        for target in ("agent/fxagent", "agent/fxhistory", "tests/sim/fxsim"):
             link = output_of("ninja", "-C", build, "-t", "commands", target).splitlines()[-1]
             used.update(re.findall(r"(?<= )(/\S+\.(?:so|a)[0-9.]*)(?= |$)", link))
         system = {path for path in used if path.startswith(("/usr/", "/lib/"))}
@@ -511,7 +511,7 @@ class Dockerfile(unittest.TestCase):
                         os.makedirs(place, exist_ok=True)
                     shutil.copy(in_root(source), place)
             output_of("cmake", "-S", ".", "-B", "build", "-G", "Ninja", "-DFXAGENT_TESTS=OFF", "-DFXAGENT_SIM=ON", cwd=tree)
-            plan = output_of("ninja", "-C", "build", "-n", "fxagent", "fxsim", cwd=tree)
+            plan = output_of("ninja", "-C", "build", "-n", "fxagent", "fxsim", "fxhistory", cwd=tree)
             for program in ("agent/fxagent", "tests/sim/fxsim"):
                 self.assertIn("Linking CXX executable " + program, plan)
 

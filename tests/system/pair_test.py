@@ -106,18 +106,19 @@ class Pair(PairTest):
 
         def refused():
             results.append(self.command(op="write", address="D300", value=len(results) + 1,
-                                        expires=int(time.time() * 1000) + 1000))
-            return results[-1]["status"] != "SUCCEEDED"
+                                        expires=int(time.time() * 1000) + 3000))
+            return any("fxagent acl" in line for line in self.faults("a"))
 
         wait_for("a refusal", refused)
         self.assertEqual(results[-1]["status"], "EXPIRED", results)
         self.assertEqual(self.sim.get("press1", "D300"), len(results) - 1)
-        self.assertIn("fxagent acl", " ".join(self.faults("a")))
         self.assertEqual(self.command(op="read", address="D300")["status"], "SUCCEEDED")
 
     def test_standby_with_a_full_disk_remembers_what_was_announced(self):
         disk = Disk(self.directory)
-        self.addCleanup(disk.close)
+        self.stack.callback(disk.close)
+        if not disk.is_mounted:
+            self.skipTest("no file system can be mounted here, and a limit of file sizes silences the log")
         self.start_pair(standby={"store": {"path": os.path.join(disk.path, "store")}})
         standby = self.agents["b"].process.pid
         self.assertTrue(disk.fill(standby))
@@ -126,15 +127,15 @@ class Pair(PairTest):
         def refused():
             ids.append(f"full-{len(ids)}")
             self.assertEqual(self.command(id=ids[-1], op="write", address="D300", value=7)["status"], "SUCCEEDED")
-            return any("cannot be written" in line for line in self.faults("b"))
+            return "state=memory" in self.agents["b"].logged()
 
         wait_for("a commit that fails", refused)
-        self.command(id="full-last", op="write", address="D300", value=7)
+        ids.append("full-last")
+        self.command(id=ids[-1], op="write", address="D300", value=7)
         self.agents["a"].stop(signal.SIGKILL, expected=None)
-        self.polls("b", time.monotonic())
+        self.data(since=self.watcher.mark())
         disk.heal(standby)
-        wait_for("a new command", lambda: self.command(op="write", address="D301", value=1)["status"] == "SUCCEEDED")
-        for identity in (*ids, "full-last"):
+        for identity in ids:
             self.assertEqual(self.command(id=identity, op="write", address="D300", value=9)["status"], "DUPLICATE")
             self.assertEqual(len([r for r in self.results(identity) if r["status"] != "DUPLICATE"]), 1)
         self.assertEqual(self.sim.get("press1", "D300"), 7)

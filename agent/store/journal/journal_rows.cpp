@@ -26,6 +26,12 @@ void JournalRows::acknowledge(std::string device, std::string id, std::uint64_t 
     to_acknowledge_.push_back({std::move(device), std::move(id), number, std::move(total_ms)});
 }
 
+std::set<std::pair<std::string, std::string>> JournalRows::acknowledged_ids() const {
+  std::set<std::pair<std::string, std::string>> ids;
+  for (const Acknowledgement& each : to_acknowledge_) ids.emplace(each.device, each.id);
+  return ids;
+}
+
 bool JournalRows::has_pending() const { return waiting_.size() != 0 || !to_acknowledge_.empty(); }
 
 void JournalRows::begin_commit() {

@@ -5,7 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "agent/commands/journal.h"
@@ -39,6 +41,10 @@ class JournalRows final : public StorePart {
   const JournalEntry* waiting(const std::string& device, const std::string& id) const {
     return waiting_.find(device, id);
   }
+  /// Every entry that waits.
+  const UnrecordedCommands& waiting() const { return waiting_; }
+  /// Device and id of every acknowledgement that waits.
+  std::set<std::pair<std::string, std::string>> acknowledged_ids() const;
   /// Shifts the times in memory, after the calendar was set.
   void move_waiting_times(std::int64_t by_ms) { waiting_.move_times(by_ms); }
 

@@ -77,6 +77,22 @@ std::vector<JournalEntry> StoredJournal::unacknowledged_of(const std::string& de
   return entries;
 }
 
+std::vector<JournalEntry> StoredJournal::unwritten() {
+  std::vector<JournalEntry> entries;
+  auto acknowledged = rows_.acknowledged_ids();
+  for (const JournalEntry& entry : rows_.waiting()) {
+    entries.push_back(entry);
+    entries.back().acknowledged = acknowledged.erase({entry.device, entry.id}) != 0;
+  }
+  for (const auto& [device, id] : acknowledged) {
+    auto entry = find(device, id);
+    if (!entry) continue;
+    entry->acknowledged = true;
+    entries.push_back(*std::move(entry));
+  }
+  return entries;
+}
+
 void StoredJournal::shrink() {
   const std::uint64_t most = std::max(config_.max_bytes / kShareOfJournal, not_to_be_shrunk_);
   if (!disk_.is_writable() || rows_.bytes() <= most) return;

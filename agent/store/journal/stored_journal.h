@@ -37,6 +37,9 @@ class StoredJournal final : public CommandJournal {
   std::vector<KnownId> known_ids_of(const std::string& device) override;
   std::vector<JournalEntry> unacknowledged_of(const std::string& device) override;
 
+  /// Returns every entry of which the disk has refused a part, as it stands in memory.
+  std::vector<JournalEntry> unwritten();
+
   /// If commands take more than half of max_bytes, deletes refused ones, then acknowledged results,
   /// oldest first. Samples make room for the rest.
   void shrink();
