@@ -3,7 +3,7 @@
 # commit into it, and runs a new user's commands there by chroot:
 #   tests/deploy/bare_machine.sh [demo|tests|package|docker|all]… [-- CTEST ARGUMENTS]
 # demo     config/demo/run.sh, and the time until the first live value
-# tests    tests/run.sh, with the ctest arguments; without any also the benches, once and short
+# tests    tests/run.sh, with the ctest arguments
 # package  README.md, Install, word for word, which builds and installs the package; then --version, check of the
 #          example, the recipe of docs/operate/brokers-and-access.md against the mosquitto it configures, lintian,
 #          systemd-analyze, tests/deploy/package_trial.py (upgrade, remove, purge, a signed repository), and
@@ -131,11 +131,7 @@ show_demo() {
   [ -n "$first" ]
 }
 
-# The benches find their requirements here too: a compiled agent and the packages.
-show_tests() {
-  in_root tests/run.sh "$@"
-  [ $# -gt 0 ] || in_root env BUILD_DIR=/root/fxagent/build tests/bench/run.sh --smoke
-}
+show_tests() { in_root tests/run.sh "$@"; }
 
 show_package() {
   local block

@@ -41,6 +41,34 @@ TEST(StoredJournal, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
       std::any_of(ids.begin(), ids.end(), [](const auto& known) { return known.id == "x"; }));
 }
 
+TEST(StoredJournal, UnwrittenIsEveryEntryOfWhichTheDiskHasRefusedAPart) {
+  Shelf shelf;
+  shelf.open();
+  StoredJournal& journal = shelf.store->journal();
+  JournalEntry early = shelf.arrived("early");
+  ASSERT_TRUE(journal.journal(std::vector{early}));
+  shelf.store->upkeep(kStart, kNow);
+  EXPECT_TRUE(journal.unwritten().empty());
+  {
+    const DiskLimit full(1000);
+    early.result = "{1}";
+    journal.record(early);
+    journal.acknowledge("a", "early", early.number);
+    EXPECT_FALSE(journal.journal(std::vector{shelf.arrived("late")}));
+    const auto unwritten = journal.unwritten();
+    ASSERT_EQ(unwritten.size(), 2U);
+    EXPECT_EQ(unwritten.at(0).id, "early");
+    EXPECT_EQ(unwritten.at(0).result, "{1}");
+    EXPECT_EQ(unwritten.at(0).number, early.number);
+    EXPECT_TRUE(unwritten.at(0).acknowledged);
+    EXPECT_EQ(unwritten.at(1).id, "late");
+    EXPECT_FALSE(unwritten.at(1).acknowledged);
+  }
+  shelf.store->upkeep(kStart + 1s, kNow);
+  shelf.store->upkeep(kStart + 11s, kNow);
+  EXPECT_TRUE(journal.unwritten().empty());
+}
+
 TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   Shelf shelf;
   shelf.open();
