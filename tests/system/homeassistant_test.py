@@ -237,9 +237,13 @@ class HomeAssistant(PlantTest):
         wanted = {"temp": "23.4", "speeds/0": "0", "speeds/1": "-7", "speeds/2": "0", "lamps/0": "on", "lamps/1": "off",
                   "running": "on", "lamp": "off", "setpoint": "50", "ratio_1": "10.5", "total": "0", "level": "12.5",
                   "stage": "fault", "mode": "say \"go\" \\ {{ it's }} %}", "label": "AB", "recipe": "ab"}
-        good = self.data(lambda m: m["values"].get("recipe") == "ab" and m["values"].get("level") == 12.5)
-        self.feed(entities, good)
-        self.assertEqual(self.states(entities), wanted)
+
+        def all_are_shown():  # the values were set one after the other, while the agent polled
+            self.feed(entities, self.watcher.payloads(f"{BASE}/press1/data/fast")[-1])
+            return self.states(entities) == wanted
+
+        self.data()
+        wait_for("all values", all_are_shown)
 
         since = self.watcher.mark()
         self.command(op="write", tag="setpoint", value=51)

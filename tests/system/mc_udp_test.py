@@ -138,13 +138,14 @@ class McOverUdp(PlantTest):
         for name in BLOCKS:
             self.watcher.wait_count(f"{BASE}/press1/data/{name}", count[name] + 10)
 
-        good = 0
+        def good(name):
+            messages = self.watcher.payloads(f"{BASE}/press1/data/{name}")
+            return [message["values"][name] for message in messages if name in message["values"]]
+
         for name, first in BLOCKS.items():
-            for message in self.watcher.payloads(f"{BASE}/press1/data/{name}"):
-                if name in message["values"]:
-                    good += 1
-                    self.assertEqual(message["values"][name], list(range(first, first + WORDS)))
-        self.assertGreater(good, 30)
+            wait_for("good samples", lambda name=name: len(good(name)) > 10)
+            for values in good(name):
+                self.assertEqual(values, list(range(first, first + WORDS)))
         written = [entry["value"] for entry in self.sim.commands("press1")]
         self.assertEqual(len(written), len(set(written)), written)
         self.assertEqual(len(self.network.writes), len(set(self.network.writes)))
