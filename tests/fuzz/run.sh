@@ -45,8 +45,8 @@ cmake --build "$build" --target "${targets[@]/%/_fuzz}"
 fuzz() {
   local target=$1 kept=$build/fuzz-corpus/$1 quiet=()
   mkdir -p "$kept"
-  # The store's files are on a file system: its log lines are not libFuzzer's output.
-  if [ "$target" = store ]; then quiet=(-close_fd_mask=2); fi
+  # Leaves out the log lines of these.
+  if [ "$target" = store ] || [ "$target" = profile ]; then quiet=(-close_fd_mask=2); fi
   # An input takes less than a second, even with sanitizers; after 30 s it hangs, however busy the machine is.
   exec "$build/tests/fuzz/${target}_fuzz" -max_total_time="$seconds" -timeout=30 -rss_limit_mb=1024 \
     -verbosity=0 -print_final_stats=1 -artifact_prefix="$build/fuzz-$target-" "${quiet[@]}" \
