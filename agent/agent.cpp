@@ -186,22 +186,6 @@ std::uint64_t stand_by(PairMember& pair) {
   });
 }
 
-/// Recovers the commands of earlier runs. `heard` are newer entries than those on disk.
-Recovered recover_with(const std::vector<JournalEntry>& heard, const Config& config,
-                       CommandJournal& journal, std::int64_t utc_ms, SteadyTime now) {
-  std::vector<KnownId> ids = journal.known_ids();
-  std::vector<JournalEntry> unacknowledged = journal.unacknowledged();
-  for (const JournalEntry& entry : heard) {
-    std::erase_if(unacknowledged, [&](const JournalEntry& other) {
-      return other.device == entry.device && other.id == entry.id;
-    });
-    ids.push_back({entry.device, entry.id, entry.number, entry.received_ms, entry.deadline_ms,
-                   entry.refused});
-    if (!entry.acknowledged) unacknowledged.push_back(entry);
-  }
-  return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now);
-}
-
 /// Returns the current status in one line; empty if there is none yet.
 std::string current_status(StatusBoard& board) {
   const auto status = board.read(std::chrono::steady_clock::now(), kStatusWithin);
@@ -264,8 +248,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   if (guarded) {
     const auto now = std::chrono::steady_clock::now();
     const auto heard = pair ? pair->hand_over_to(*store) : std::vector<JournalEntry>();
-    commands.restore(recover_with(heard, config, guarded->journal(), utc_now(), now), now,
-                     utc_now());
+    commands.restore(recover(config, guarded->journal(), utc_now(), now, heard), now, utc_now());
   }
   JsonPayload payload(config, settings.boot, settings.version);
   const auto broker = fenced(

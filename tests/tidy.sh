@@ -1,7 +1,7 @@
 #!/bin/bash
 # Runs clang-tidy with the checks of .clang-tidy on the files without coroutines and libraries: protocol/, the files
 # in agent/ itself, its commands/, config/, import/, http/, recorder/ and remote/, and the pure units of field/.
-#   tests/tidy.sh                the files of a folder together, which takes a seventh of the time
+#   tests/tidy.sh                the files of a folder together, which takes less time
 #   tests/tidy.sh --each         each file by itself: it must also include what it uses
 #   tests/tidy.sh FILE...        only these files, each by itself
 # On coroutines clang-tidy does not terminate. BUILD_DIR: the configured directory with the compile commands,

@@ -16,6 +16,11 @@
 namespace fxagent {
 namespace {
 
+KnownId id_of(const JournalEntry& entry) {
+  return {entry.device,      entry.id,          entry.number,
+          entry.received_ms, entry.deadline_ms, entry.refused};
+}
+
 /// Returns the command as received, or nullopt if the journal does not have it.
 std::optional<Command> command_of(const JournalEntry& entry, std::uint32_t device,
                                   std::int64_t utc_ms, SteadyTime now) {
@@ -84,8 +89,7 @@ class KnownCommands final {
         entry.audit = audit::result(entry.number, entry.device, entry.result, {}, utc_ms_);
       journal_.record(entry);
     }
-    found.ids.push_back({entry.device, entry.id, entry.number, entry.received_ms, entry.deadline_ms,
-                         entry.refused});
+    found.ids.push_back(id_of(entry));
     CommandResult result = recorded_result(entry.result);
     result.device = device;
     result.number = entry.number;
@@ -104,8 +108,17 @@ class KnownCommands final {
 }  // namespace
 
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
-                  SteadyTime now) {
-  return recover(config, journal, journal.known_ids(), journal.unacknowledged(), utc_ms, now);
+                  SteadyTime now, const std::vector<JournalEntry>& newer) {
+  std::vector<KnownId> ids = journal.known_ids();
+  std::vector<JournalEntry> unacknowledged = journal.unacknowledged();
+  for (const JournalEntry& entry : newer) {
+    ids.push_back(id_of(entry));
+    std::erase_if(unacknowledged, [&](const JournalEntry& other) {
+      return other.device == entry.device && other.id == entry.id;
+    });
+    if (!entry.acknowledged) unacknowledged.push_back(entry);
+  }
+  return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now);
 }
 
 Recovered recover_of(const std::vector<std::string>& devices, const Config& config,

@@ -24,9 +24,10 @@ struct Recovered {
   std::vector<Command> interrupted;
 };
 
-/// Call before the field and the uplink start.
+/// Call before the field and the uplink start. Each entry in `newer` replaces that of the same
+/// device and id in the journal, whose disk may have refused it.
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
-                  SteadyTime now);
+                  SteadyTime now, const std::vector<JournalEntry>& newer = {});
 /// Same for these devices only, which are new to this run. Uplink thread.
 Recovered recover_of(const std::vector<std::string>& devices, const Config& config,
                      CommandJournal& journal, std::int64_t utc_ms, SteadyTime now);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -65,6 +66,19 @@ TEST_F(RecoveryTest, InterruptedCommandIsReadBackByItsOwnPayload) {
   EXPECT_EQ(found.interrupted[0].id, "mine");
   EXPECT_EQ(found.interrupted[0].number, 1U);
   EXPECT_TRUE(found.unacknowledged.empty());
+}
+
+TEST_F(RecoveryTest, NewerEntryReplacesThatOfTheJournalAndMakesItsIdKnown) {
+  ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1), order("answered", 2)}));
+  JournalEntry answered = order("answered", 2);
+  answered.result = "{}";
+  answered.acknowledged = true;
+  JournalEntry heard = order("heard", 3);
+  heard.acknowledged = true;
+  const Recovered found = recover(config, store->journal(), kNow, kStart, {answered, heard});
+  ASSERT_EQ(found.unacknowledged.size(), 1U);
+  EXPECT_EQ(found.unacknowledged[0].id, "mine");
+  EXPECT_TRUE(std::ranges::any_of(found.ids, [](const KnownId& id) { return id.id == "heard"; }));
 }
 
 // Otherwise its id would be remembered for longer, and its deadline would move away.
