@@ -193,6 +193,7 @@ class Audit(PlantTest):
 
     def test_without_a_store_it_says_so(self):
         self.start()
+        self.ready()  # until then the agent does not take the signal to stop
         status, out, err = self.audit()
         self.assertEqual((status, out), (2, ""))
         self.assertIn("store.path", err)
