@@ -10,7 +10,6 @@ namespace {
 
 using std::chrono::seconds;
 
-constexpr seconds kConnectTimeout{10};
 constexpr seconds kKeepAlive{30};
 constexpr seconds kHealthEvery{60};
 constexpr seconds kNoAcknowledgement{30};
@@ -80,7 +79,7 @@ void Player::step(Time now) {
   }
   if (link_ == Link::waiting && now >= retry_at_) {
     link_ = Link::connecting;
-    deadline_ = now + kConnectTimeout;
+    deadline_ = now + reconnect_.patience();
     ++figures_.attempts;
     connection_.open(plan_.servers[(reconnect_.server() + first_server_) % plan_.servers.size()],
                      source_);

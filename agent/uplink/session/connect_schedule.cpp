@@ -8,6 +8,9 @@ namespace {
 
 using std::chrono::seconds;
 
+constexpr seconds kPatience{30};  // longer than the library's own connect time-out
+// A broker under load, or behind a slow line, has at least the library's 10 s in the next round.
+constexpr seconds kPatienceOfFirstRound{3};
 constexpr seconds kSteady{10};  // a connection that lasts this long is stable
 // It must also last this many times as long as the pause before it. Another agent with our id
 // pauses as often as we do, and at most two and a half times as long, plus the spread.
@@ -29,6 +32,10 @@ constexpr seconds kLastRetryOfThrown{60};
 SteadyTime::duration ConnectSchedule::steady_after() const {
   return std::max<SteadyTime::duration>(kSteady,
                                         kSteadyPauses * last_pause_ + mqtt_.reconnect_spread);
+}
+
+SteadyTime::duration ConnectSchedule::patience() const {
+  return mqtt_.servers.size() > 1 && failed_rounds_ == 0 ? kPatienceOfFirstRound : kPatience;
 }
 
 void ConnectSchedule::connection_began(SteadyTime now) {

@@ -1,8 +1,8 @@
 // Chooses the next server and the time of the attempt. A round tries all servers from the first, at
 // once, and a growing delay follows it. After the loss of a stable connection the round begins
-// after a random part of a second, and tries the lost server last: it may be silent, which costs
-// the whole connect time-out. With `reconnect_spread_s` the agents of a fleet reconnect at random
-// times within it. Uplink thread. Time is an argument.
+// after a random part of a second, and tries the lost server last, because it may be silent. With
+// `reconnect_spread_s` the agents of a fleet reconnect at random times within it. Uplink thread.
+// Time is an argument.
 #pragma once
 
 #include <cstddef>
@@ -24,6 +24,9 @@ class ConnectSchedule final {
   /// Index in the config of the server to which the session is connected, or the next to try.
   std::size_t index() const { return server_; }
   const std::string& server() const { return mqtt_.servers.at(server_); }
+  /// Longest time that the next attempt may take. In the first round of several servers it is
+  /// short: another server may answer at once.
+  SteadyTime::duration patience() const;
   /// Lifetime after which a connection is stable: no other client keeps taking it over.
   SteadyTime::duration steady_after() const;
 

@@ -10,7 +10,6 @@ namespace {
 
 using std::chrono::seconds;
 
-constexpr seconds kConnectPatience{30};    // longer than the library's own connect time-out
 constexpr seconds kNoAcknowledgement{30};  // a broker silent for this long is abandoned
 constexpr std::chrono::milliseconds kBetweenLooks{100};  // between checks of the connection
 constexpr seconds kLibraryForgot{1};                     // time for the library to report a loss
@@ -85,7 +84,7 @@ void Session::keep(SteadyTime now) {
 
 void Session::connect(SteadyTime now) {
   link_ = Link::connecting;
-  connect_deadline_ = now + kConnectPatience;
+  connect_deadline_ = now + connects_.patience();
   broker_.connect(connects_.index(), receive_maximum_);
 }
 

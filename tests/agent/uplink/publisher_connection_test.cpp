@@ -119,6 +119,14 @@ TEST_F(PublisherConnectionTest, MessagesOfQos0DoNotHideABrokerThatAcknowledgesNo
   EXPECT_EQ(bench.broker.connects.size(), 2U);
 }
 
+TEST_F(PublisherConnectionTest, ServerThatDoesNotAnswerIsLeftForTheNextOne) {
+  bench.broker.reachable = false;
+  bench.broker.answers = false;
+  bench.step();
+  EXPECT_LE(until_next_connect(bench), 3100ms);
+  EXPECT_EQ(bench.broker.connects, (std::vector<std::size_t>{0, 1}));
+}
+
 TEST_F(PublisherConnectionTest, LossInTheMiddleOfConnectingIsAnAttemptThatFailed) {
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.broker.reachable = false;

@@ -61,6 +61,19 @@ TEST(ConnectSchedule, ServerOfALostConnectionIsTriedLast) {
   }
 }
 
+TEST(ConnectSchedule, SilentServerCostsLittleUntilAllHaveBeenTried) {
+  ScheduleOfAgent agent;
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    EXPECT_EQ(agent.schedule.patience(), 3s);
+    agent.schedule.after_failure(kScheduleStart);
+  }
+  EXPECT_EQ(agent.schedule.patience(), 30s);
+  agent.connect_to(2);
+  EXPECT_EQ(agent.schedule.patience(), 3s) << "the next round after a loss";
+  agent.mqtt.servers.resize(1);
+  EXPECT_EQ(agent.schedule.patience(), 30s) << "there is no other";
+}
+
 TEST(ConnectSchedule, OnlyServerIsTriedAgain) {
   ScheduleOfAgent agent;
   agent.mqtt.servers = {"mqtt://one"};
