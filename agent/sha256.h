@@ -15,7 +15,7 @@ using Digest = std::array<std::uint8_t, 32>;
 Digest sha256(std::string_view text);
 /// Writes two lower-case hex digits a byte. Not libcrypto's OPENSSL_buf2hexstr_ex(), which writes
 /// upper case.
-std::string to_text(ByteView digest);
+std::string to_text(ByteView bytes);
 /// First 8 bytes of the digest of a config, a document or a meta, by which MQTT clients compare
 /// them.
 std::string short_hash(std::string_view text);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <utility>
 
 namespace fxagent {
@@ -75,6 +76,13 @@ void append_for(std::string& out, std::uint32_t character, std::string_view byte
 
 }  // namespace
 
+bool is_name(std::string_view text) {
+  constexpr std::size_t kLongest = 64;
+  return !text.empty() && text.size() <= kLongest && std::ranges::all_of(text, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
+
 bool is_utf8(std::string_view text) { return utf8::is_valid(text); }
 
 void append_escaped(std::string& out, std::string_view text, Escape how, std::size_t most) {
@@ -114,6 +122,12 @@ std::string ms_text(std::chrono::nanoseconds duration) {
   std::snprintf(text, sizeof text, "%.1f",
                 std::chrono::duration<double, std::milli>(duration).count());
   return text;
+}
+
+std::string random_digits() {
+  char digits[9];
+  std::snprintf(digits, sizeof digits, "%08x", std::random_device{}());
+  return digits;
 }
 
 }  // namespace fxagent

@@ -1,16 +1,32 @@
-// Text for display: escapes what comes from outside, and writes durations. utfcpp decides what is
-// UTF-8 (RFC 3629: no overlong forms, no surrogates, nothing above U+10FFFF). Any thread.
+// Small functions for text: escapes what comes from outside, and writes durations. utfcpp decides
+// what is UTF-8 (RFC 3629: no overlong forms, no surrogates, nothing above U+10FFFF). Any thread.
 #pragma once
 
+#include <charconv>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 
 namespace fxagent {
 
 bool is_utf8(std::string_view text);
+/// True if `text` can be the name of an agent, a device or the like: 1 to 64 characters a-z, 0-9,
+/// _ and -.
+bool is_name(std::string_view text);
+
+/// Returns the number that the whole text spells in decimal; nullopt if it does not, or if Number
+/// cannot hold it.
+template <class Number>
+std::optional<Number> number_from(std::string_view text) {
+  Number number{};
+  const char* const end = text.data() + text.size();
+  const auto [stop, fault] = std::from_chars(text.data(), end, number);
+  return fault == std::errc() && stop == end ? std::optional(number) : std::nullopt;
+}
 
 /// Escaping by place of display. "Foreign" means a byte that is not part of valid UTF-8.
 enum class Escape : std::uint8_t {
@@ -29,5 +45,8 @@ std::string escaped(std::string_view text, Escape how, std::size_t most = std::s
 
 /// Returns the duration in milliseconds, "12.5".
 std::string ms_text(std::chrono::nanoseconds duration);
+
+/// Returns eight hex digits by chance, for a client id that no other client has.
+std::string random_digits();
 
 }  // namespace fxagent

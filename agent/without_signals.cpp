@@ -1,8 +1,24 @@
 #include "agent/without_signals.h"
 
+#include <sys/signalfd.h>
+
 #include <csignal>
 
 namespace fxagent {
+
+sigset_t block_stop_signals() {
+  sigset_t stop;
+  sigemptyset(&stop);
+  sigaddset(&stop, SIGINT);
+  sigaddset(&stop, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &stop, nullptr);
+  return stop;
+}
+
+int stop_descriptor() {
+  const sigset_t stop = block_stop_signals();
+  return signalfd(-1, &stop, SFD_CLOEXEC);
+}
 
 WithoutSignals::WithoutSignals() {
   sigset_t all;

@@ -1,9 +1,14 @@
-// Keeps signals on the main thread.
+// Keeps signals on the main thread, and off all threads.
 #pragma once
 
 #include <csignal>
 
 namespace fxagent {
+
+/// Blocks SIGINT and SIGTERM in this thread and in those that it starts. Returns the two.
+sigset_t block_stop_signals();
+/// Same. Returns a descriptor that is readable when one is pending, or -1.
+int stop_descriptor();
 
 /// Threads started during its lifetime receive no signals: those are for the main thread.
 class WithoutSignals final {

@@ -103,11 +103,20 @@ std::optional<Config> loaded(const std::string& path) {
   return std::nullopt;
 }
 
+std::optional<Config> loaded_for_lines(const std::string& path) {
+  auto config = loaded(path);
+  if (config && config->pair)
+    std::cerr << "note: the other gateway of the pair may use the line now, and this call does not "
+                 "ask it. Two masters disturb each other: stop both agents first, or send the "
+                 "command over MQTT\n";
+  return config;
+}
+
 int run_check(const std::string& path, const CheckQuestion& what) {
   if (!what.target.empty())
     if (const std::string fault = target_fault(what.target); !fault.empty())
       return refused("check", fault);
-  const auto config = loaded(path);
+  const auto config = what.online ? loaded_for_lines(path) : loaded(path);
   if (!config) return kWrong;
   if (!what.desired.empty()) return check_desired(path, *config, what.desired);
   for (const std::string& warning : config->warnings)

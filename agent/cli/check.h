@@ -15,6 +15,8 @@ void print_errors(const std::vector<ConfigError>& errors, const std::string& pat
 
 /// Loads a config. Prints the errors on stderr and returns nullopt if it is wrong.
 std::optional<Config> loaded(const std::string& path);
+/// The same for a call that uses the lines itself. Prints a note if another gateway may use them.
+std::optional<Config> loaded_for_lines(const std::string& path);
 
 struct CheckQuestion {
   std::string desired;   ///< file with a remote config to check instead; empty: none

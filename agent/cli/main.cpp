@@ -12,6 +12,7 @@
 #include <exception>
 #include <functional>
 #include <iostream>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -43,10 +44,13 @@
 #include "agent/config/suggestions.h"
 #include "agent/log/log.h"
 #include "agent/process/process_facts.h"
+#include "agent/process/restart.h"
+#include "agent/process/service_manager.h"
 #include "agent/process/startup.h"
 #include "agent/process/stop_watchdog.h"
 #include "agent/remote/remote_config.h"
 #include "agent/remote/trial_time.h"
+#include "agent/without_signals.h"
 
 namespace {
 
@@ -111,6 +115,28 @@ std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, con
   return links;
 }
 
+/// Loads the config, and logs its errors. A gateway of a pair that starts itself anew waits until
+/// its file is right: systemd does not start a program again whose config is wrong.
+std::optional<Config> started_config(RemoteConfig& remote, const std::string& path,
+                                     StopWatchdog& watchdog) {
+  constexpr std::chrono::seconds kLookAgain{2};
+  std::vector<ConfigError> said;
+  while (true) {
+    auto config =
+        remote.start({std::chrono::steady_clock::now(), utc_ms(std::chrono::system_clock::now())});
+    if (config) return std::move(*config);
+    if (config.error() != said) {
+      said = config.error();
+      for (const ConfigError& error : said)
+        log::say(log::Level::error, "config", to_string(error, path));
+    }
+    if (!was_restarted()) return std::nullopt;
+    service_manager::notify_status("standby of its pair, waits for a config without errors");
+    service_manager::notify_alive();
+    watchdog.await_signal(kLookAgain);
+  }
+}
+
 int run(const RunCall& call) {
   log::set_level(*log::level_from(call.log_level));
   log::set_format(*log::format_from(call.log_format));
@@ -124,11 +150,7 @@ int run(const RunCall& call) {
     throw std::runtime_error("cannot start: " + missing);
   // Blocked before any thread starts: only the watchdog receives the stop signals, only the reload
   // SIGHUP.
-  sigset_t stop_signals;
-  sigemptyset(&stop_signals);
-  sigaddset(&stop_signals, SIGTERM);
-  sigaddset(&stop_signals, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
+  const sigset_t stop_signals = block_stop_signals();
   sigset_t reload_signal;
   sigemptyset(&reload_signal);
   sigaddset(&reload_signal, SIGHUP);
@@ -137,13 +159,8 @@ int run(const RunCall& call) {
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
   RemoteConfig remote(call.path, trial_time(), boot_id());
-  auto config =
-      remote.start({std::chrono::steady_clock::now(), utc_ms(std::chrono::system_clock::now())});
-  if (!config) {
-    for (const ConfigError& error : config.error())
-      log::say(log::Level::error, "config", to_string(error, call.path));
-    return kWrong;
-  }
+  auto config = started_config(remote, call.path, watchdog);
+  if (!config) return kWrong;
   const auto traced = traced_links(*config, call, remote);
   if (!traced) return kWrong;
   // Each profile may have a store of its own, and a pair has a thread.
@@ -197,16 +214,6 @@ void add_check(CLI::App& app, std::string& path, CheckQuestion& what,
       ->excludes(online);
   command->add_flag("--json", what.as_json, "Print the results of --online as JSON")->needs(online);
   command->callback([&] { action = [&] { return run_check(path, what); }; });
-}
-
-/// Loads the config of a call that uses the lines itself. Warns if another gateway may use them.
-std::optional<Config> loaded_for_lines(const std::string& path) {
-  auto config = loaded(path);
-  if (config && config->pair)
-    std::cerr << "note: the other gateway of the pair may use the line now, and this call does not "
-                 "ask it. Two masters disturb each other: stop both agents first, or send the "
-                 "command over MQTT\n";
-  return config;
 }
 
 int one_shot(const std::string& path, const OneShot& what) {

@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
-#include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <optional>
-#include <random>
 #include <semaphore>
 #include <system_error>
 #include <utility>
@@ -19,6 +17,7 @@
 #include "agent/log/log.h"
 #include "agent/outbox.h"
 #include "agent/process/port_access.h"
+#include "agent/text.h"
 #include "agent/uplink/paho/paho_broker.h"
 
 namespace fxagent {
@@ -34,12 +33,6 @@ constexpr std::chrono::minutes kFieldPatience{5};
 // Polls each group once: the next cycle lies beyond the end of any check.
 constexpr std::chrono::hours kNeverAgain{24};
 constexpr std::size_t kMostSamples = 100'000;
-
-std::string eight_digits() {
-  char digits[9];
-  std::snprintf(digits, sizeof digits, "%08x", std::random_device{}());
-  return digits;
-}
 
 // ---- links --------------------------------------------------------------------------------------
 
@@ -114,7 +107,7 @@ std::optional<OnlineHolder> holder_of(const Config& config, std::size_t index,
 
 std::vector<OnlineLink> links_of(const Config& config, const std::string& path) {
   const auto agents = running_agents(path);
-  const std::string command_id = "check-" + eight_digits();
+  const std::string command_id = "check-" + random_digits();
   std::vector<OnlineLink> links;
   for (const LinkConfig& link : config.links)
     links.push_back({.name = link.name, .place = place_of(link)});
@@ -241,7 +234,7 @@ class BrokerLook final {
 void look_at(MqttConfig mqtt, const std::vector<std::string>& filters,
              std::vector<OnlineBroker>& found) {
   // Uses its own client id: the agent's id would disconnect the running agent.
-  mqtt.client_id += "-check-" + eight_digits();
+  mqtt.client_id += "-check-" + random_digits();
   for (std::size_t i = 0; i < mqtt.servers.size(); ++i)
     found.push_back(BrokerLook(mqtt, i, filters).run());
 }

@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <random>
 #include <utility>
 #include <vector>
 
@@ -191,9 +189,7 @@ class Listener final {
 /// the credentials given on the command line.
 MqttConfig connection_of(const MqttConfig& config, const VerifyStream& what) {
   MqttConfig own = config;
-  char suffix[17];
-  std::snprintf(suffix, sizeof suffix, "-verify-%08x", std::random_device{}());
-  own.client_id += suffix;
+  own.client_id += "-verify-" + random_digits();
   if (what.username.empty() && what.password_file.empty() && what.password_env.empty()) return own;
   if (!what.username.empty()) own.username = what.username;
   own.password.clear();

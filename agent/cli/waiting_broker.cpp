@@ -1,28 +1,15 @@
 #include "agent/cli/waiting_broker.h"
 
 #include <poll.h>
-#include <signal.h>
 #include <sys/eventfd.h>
-#include <sys/signalfd.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <stdexcept>
 
+#include "agent/without_signals.h"
+
 namespace fxagent {
-namespace {
-
-/// Runs before the library starts a thread, so that no such thread receives these signals.
-int block_signals() {
-  sigset_t stop;
-  sigemptyset(&stop);
-  sigaddset(&stop, SIGINT);
-  sigaddset(&stop, SIGTERM);
-  pthread_sigmask(SIG_BLOCK, &stop, nullptr);
-  return signalfd(-1, &stop, SFD_CLOEXEC);
-}
-
-}  // namespace
 
 WaitingBroker::Handle::~Handle() {
   if (fd_ >= 0) close(fd_);
@@ -31,7 +18,7 @@ WaitingBroker::Handle::~Handle() {
 WaitingBroker::WaitingBroker(const MqttConfig& config, std::size_t max_payload,
                              std::chrono::seconds keep_session)
     : news_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-      signals_(block_signals()),
+      signals_(stop_descriptor()),
       broker_(
           config, /*make_will=*/{},
           [this] {

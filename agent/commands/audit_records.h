@@ -17,9 +17,9 @@ struct Receipt {
   std::uint64_t number = 0;
   std::string device;
   std::string topic;
-  std::string payload;  ///< at least its beginning
+  std::string payload{};  ///< at least its beginning
   std::size_t payload_bytes = 0;
-  std::string by;  ///< sender as named by the command, not verified; empty: none
+  std::string by{};  ///< sender as named by the command, not verified; empty: none
   bool retained = false;
   std::int64_t received_ms = 0;
 };

@@ -86,22 +86,11 @@ class CommandJournal {
   virtual CommandStarts* starts() { return nullptr; }
   /// Returns the entry of this id, even if the disk has not accepted it yet.
   virtual std::optional<JournalEntry> find(const std::string& device, const std::string& id) = 0;
-  /// Returns the ids of commands that are over, oldest first.
-  virtual std::vector<KnownId> known_ids() = 0;
+  /// Returns the ids of commands that are over, oldest first. `device` empty: of all devices.
+  virtual std::vector<KnownId> known_ids(const std::string& device) = 0;
   /// Returns, oldest first, what the broker has not acknowledged: every command without a result,
-  /// and the newest results of each device.
-  virtual std::vector<JournalEntry> unacknowledged() = 0;
-  // Same for one device that joins in the middle of a run.
-  virtual std::vector<KnownId> known_ids_of(const std::string& device) {
-    auto ids = known_ids();
-    std::erase_if(ids, [&device](const KnownId& each) { return each.device != device; });
-    return ids;
-  }
-  virtual std::vector<JournalEntry> unacknowledged_of(const std::string& device) {
-    auto entries = unacknowledged();
-    std::erase_if(entries, [&device](const JournalEntry& each) { return each.device != device; });
-    return entries;
-  }
+  /// and the newest results of each device. `device` empty: of all devices.
+  virtual std::vector<JournalEntry> unacknowledged(const std::string& device) = 0;
 };
 
 }  // namespace fxagent

@@ -109,8 +109,8 @@ class KnownCommands final {
 
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
                   SteadyTime now, const std::vector<JournalEntry>& newer) {
-  std::vector<KnownId> ids = journal.known_ids();
-  std::vector<JournalEntry> unacknowledged = journal.unacknowledged();
+  std::vector<KnownId> ids = journal.known_ids({});
+  std::vector<JournalEntry> unacknowledged = journal.unacknowledged({});
   for (const JournalEntry& entry : newer) {
     ids.push_back(id_of(entry));
     std::erase_if(unacknowledged, [&](const JournalEntry& other) {
@@ -126,8 +126,8 @@ Recovered recover_of(const std::vector<std::string>& devices, const Config& conf
   std::vector<KnownId> ids;
   std::vector<JournalEntry> unacknowledged;
   for (const std::string& device : devices) {
-    std::ranges::move(journal.known_ids_of(device), std::back_inserter(ids));
-    std::ranges::move(journal.unacknowledged_of(device), std::back_inserter(unacknowledged));
+    std::ranges::move(journal.known_ids(device), std::back_inserter(ids));
+    std::ranges::move(journal.unacknowledged(device), std::back_inserter(unacknowledged));
   }
   return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now);
 }

@@ -7,6 +7,7 @@
 #include "agent/config/keys.h"
 #include "agent/config/loader.h"
 #include "agent/config/read/templates.h"
+#include "agent/text.h"
 
 namespace fxagent {
 namespace {
@@ -31,7 +32,7 @@ bool takes_number(std::string_view section, std::string_view name) {
 void put_n(ConfigNode& node, const std::string& section, const std::string& n) {
   for (ConfigNode& child : node.children) {
     const bool is_item = node.kind == Kind::array;
-    const auto number = number_of_n(n);
+    const auto number = number_from<std::int64_t>(n);
     if (child.kind == Kind::string && child.text == "{n}" && number && !is_item &&
         takes_number(section, child.key)) {
       child.kind = Kind::integer;

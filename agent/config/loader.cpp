@@ -83,7 +83,7 @@ constexpr std::array<std::string_view, 4> kTakenMembers{"state", "meta", "comman
 std::optional<PairConfig> read_pair(ConfigReader& reader, const ConfigNode& node,
                                     const Config& config) {
   reader.check_object(node, config_section("pair"));
-  const auto member = reader.text(node, config_key("pair.member"));
+  const auto member = reader.name(node, config_key("pair.member"));
   PairConfig pair;
   pair.quiet = reader.integer_as<std::chrono::milliseconds>(node, config_key("pair.quiet_ms"));
   if (config.store.path.empty())
@@ -92,10 +92,11 @@ std::optional<PairConfig> read_pair(ConfigReader& reader, const ConfigNode& node
                  "takeover repeats none");
   if (config.mqtt.version != 5)
     reader.error(node, "a pair needs MQTT 5: the broker keeps what the standby must not miss");
-  if (config.remote.servers)
-    reader.error(node,
-                 "a remote config could move one gateway to another broker: remove mqtt.servers "
-                 "from agent.remote_allow");
+  if (config.remote.enabled)
+    reader.error(
+        node,
+        "a pair has no remote config, because the gateway on standby would miss it: remove "
+        "agent.remote_config, and change the files of both gateways");
   if (!member) return std::nullopt;
   if (std::ranges::find(kTakenMembers, *member) != kTakenMembers.end())
     reader.error(node, "member must not be " + *member + ", which is a level of other topics");
@@ -142,8 +143,10 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   for (const DeviceConfig& device : config.devices)
     if (config.pair && 2 * device.timeout > config.pair->quiet) {
       reader.warn(*pair, "the answer of " + std::string(device.name) +
-                             " may come after the other gateway has begun: make quiet_ms at least "
-                             "twice its timeout_ms");
+                             " may come after the other gateway has begun: make its timeout_ms " +
+                             std::to_string((config.pair->quiet / 2).count()) +
+                             " or less, or quiet_ms " +
+                             std::to_string((2 * device.timeout).count()) + " or more");
       break;
     }
   set_silences(config);

@@ -10,27 +10,16 @@
 #include "agent/commands/result.h"
 #include "agent/field/transport/host_lookup.h"
 #include "agent/field/transport/permitted_transport.h"
-#include "agent/field/transport/serial_transport.h"
-#include "agent/field/transport/tcp_transport.h"
-#include "agent/field/transport/udp_transport.h"
+#include "agent/field/transport/transport.h"
 #include "agent/field_health.h"
 #include "agent/log/log.h"
 
 namespace fxagent {
 namespace {
 
-std::unique_ptr<Transport> channel_for(const asio::any_io_executor& executor,
-                                       const LinkConfig& link) {
-  if (const auto* serial = std::get_if<SerialSettings>(&link.channel))
-    return make_serial_transport(executor, *serial);
-  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
-    return make_udp_transport(executor, *udp);
-  return make_tcp_transport(executor, std::get<TcpSettings>(link.channel));
-}
-
 std::unique_ptr<Transport> transport_for(const asio::any_io_executor& executor,
                                          const LinkConfig& link, const LinePermit* permit) {
-  auto channel = channel_for(executor, link);
+  auto channel = make_transport(executor, link);
   if (permit == nullptr) return channel;
   return std::make_unique<PermittedTransport>(executor, std::move(channel), *permit,
                                               link.listening);

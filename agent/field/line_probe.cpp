@@ -10,10 +10,7 @@
 #include <exception>
 #include <utility>
 
-#include "agent/field/transport/serial_transport.h"
-#include "agent/field/transport/tcp_transport.h"
 #include "agent/field/transport/transport.h"
-#include "agent/field/transport/udp_transport.h"
 
 namespace fxagent {
 namespace {
@@ -27,20 +24,11 @@ bool is_question(const Request& request) {
          (control != nullptr && control->kind == Control::Kind::identify);
 }
 
-std::unique_ptr<Transport> transport_of(const asio::any_io_executor& executor,
-                                        const LinkConfig& link) {
-  if (const auto* serial = std::get_if<SerialSettings>(&link.channel))
-    return make_serial_transport(executor, *serial);
-  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
-    return make_udp_transport(executor, *udp);
-  return make_tcp_transport(executor, std::get<TcpSettings>(link.channel));
-}
-
 }  // namespace
 
 struct LineProbe::Line {
   Line(const LinkConfig& link, std::chrono::milliseconds least_gap)
-      : transport(transport_of(io.get_executor(), link)),
+      : transport(make_transport(io.get_executor(), link)),
         char_time(link.char_time),
         gap(least_gap),
         rest(io) {}

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "agent/sha256.h"
+#include "agent/text.h"
 
 namespace fxagent::history {
 namespace {
@@ -21,12 +22,6 @@ constexpr std::int64_t kLastMs = 253'402'300'799'999;     // the end of the year
 
 /// Fault of a message or row. An empty text: none.
 using Fault = std::string;
-
-bool is_name(std::string_view text) {
-  return !text.empty() && text.size() <= 64 && std::ranges::all_of(text, [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
-  });
-}
 
 /// Removes the first level of `topic`, with its slash, and returns it.
 std::string_view take_level(std::string_view& topic) {
@@ -120,17 +115,6 @@ Json parsed(const std::string& payload) {
   return Json::parse(payload, nullptr, /*allow_exceptions=*/false);
 }
 
-std::string hex(std::string_view bytes) {
-  constexpr std::string_view kDigits = "0123456789abcdef";
-  std::string out;
-  out.reserve(bytes.size() * 2);
-  for (const char c : bytes) {
-    out += kDigits[static_cast<unsigned char>(c) >> 4];
-    out += kDigits[static_cast<unsigned char>(c) & 15];
-  }
-  return out;
-}
-
 }  // namespace
 
 Batch::Batch(std::string root) : root_(std::move(root)) {}
@@ -207,7 +191,7 @@ void Batch::refuse(const Message& message, const std::string& reason) {
   const std::string_view kept = std::string_view(message.payload).substr(0, kMostKept);
   refused_.push_back({{"topic", message.topic.substr(0, kMostTopic)},
                       {"reason", reason},
-                      {"payload", hex(kept)},
+                      {"payload", to_text(as_bytes(kept))},
                       {"bytes", message.payload.size()},
                       {"digest", to_text(sha256(message.topic + '\n' + message.payload))}});
 }

@@ -1,8 +1,5 @@
 // fxhistory: stores the samples of agents in PostgreSQL, each exactly once. See
 // docs/operate/history-database.md.
-#include <signal.h>
-#include <sys/signalfd.h>
-
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <exception>
@@ -13,6 +10,7 @@
 
 #include "agent/history/consumer.h"
 #include "agent/log/log.h"
+#include "agent/without_signals.h"
 
 namespace {
 
@@ -57,20 +55,6 @@ std::string secret(const std::string& path) {
   if (!std::getline(file, line))
     throw CLI::ValidationError("--password-file", "cannot read " + path);
   return line;
-}
-
-/// Blocks the stop signals before any thread starts. Returns a descriptor that is readable when one
-/// is pending.
-int stop_descriptor() {
-  std::signal(SIGPIPE, SIG_IGN);
-  sigset_t stop;
-  sigemptyset(&stop);
-  sigaddset(&stop, SIGINT);
-  sigaddset(&stop, SIGTERM);
-  pthread_sigmask(SIG_BLOCK, &stop, nullptr);
-  const int descriptor = signalfd(-1, &stop, SFD_CLOEXEC);
-  if (descriptor < 0) throw std::runtime_error("no free file handle");
-  return descriptor;
 }
 
 std::string without_wildcards(const std::string& text) {
@@ -142,7 +126,10 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : kWrongCall;
   }
   try {
-    Consumer(config, stop_descriptor()).run();
+    std::signal(SIGPIPE, SIG_IGN);
+    const int stop = stop_descriptor();
+    if (stop < 0) throw std::runtime_error("no free file handle");
+    Consumer(config, stop).run();
   } catch (const std::exception& error) {
     log::say(log::Level::error, "fxhistory", std::string("fxhistory: ") + error.what());
     return kFailedToStart;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <chrono>
 #include <optional>
 #include <string_view>
@@ -14,6 +13,7 @@
 #include "agent/http/page_verdict.h"
 #include "agent/json_writer.h"
 #include "agent/log/recent_events.h"
+#include "agent/text.h"
 
 namespace fxagent {
 namespace {
@@ -25,13 +25,6 @@ constexpr std::size_t kMostProblems = 50;
 
 HttpAnswer json_answer(unsigned status, std::string text) {
   return {status, kJson, std::make_shared<const std::string>(std::move(text)), {}};
-}
-
-std::optional<std::uint64_t> number_of(std::string_view text) {
-  std::uint64_t number = 0;
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (fault != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return number;
 }
 
 template <class T>
@@ -238,7 +231,7 @@ struct PageApi::Asked {
     const auto number = [&](std::string_view name) -> std::optional<std::uint64_t> {
       const auto given = request.arguments.find(name);
       if (given == request.arguments.end()) return std::nullopt;
-      const auto value = number_of(given->second);
+      const auto value = number_from<std::uint64_t>(given->second);
       is_good = is_good && value.has_value();
       return value;
     };
@@ -254,8 +247,9 @@ struct PageApi::Asked {
       const std::string_view one = rest.substr(0, rest.find(','));
       rest.remove_prefix(std::min(rest.size(), one.size() + 1));
       const std::size_t dot = one.find('.');
-      const auto device = number_of(one.substr(0, dot));
-      const auto group = dot == one.npos ? std::nullopt : number_of(one.substr(dot + 1));
+      const auto device = number_from<std::uint64_t>(one.substr(0, dot));
+      const auto group =
+          dot == one.npos ? std::nullopt : number_from<std::uint64_t>(one.substr(dot + 1));
       if (!device || !group || asked.groups.size() == kMostGroups) return std::nullopt;
       asked.groups.emplace_back(*device, *group);
     }

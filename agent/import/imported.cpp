@@ -8,6 +8,7 @@
 
 #include "agent/config/json/pretty.h"
 #include "agent/config/loader.h"
+#include "agent/text.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {
@@ -65,12 +66,8 @@ std::string_view key_in(std::string_view pointer) {
 std::optional<int> port_number(std::string_view port) {
   const std::size_t colon = port.rfind(':');
   if (colon == port.npos || colon == 0) return std::nullopt;
-  int number = 0;
-  const auto digits = port.substr(colon + 1);
-  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-  const bool good =
-      fault == std::errc() && end == digits.data() + digits.size() && number > 0 && number < kPorts;
-  return good ? std::optional(number) : std::nullopt;
+  const auto number = number_from<int>(port.substr(colon + 1));
+  return number && *number > 0 && *number < kPorts ? number : std::nullopt;
 }
 
 /// Returns the name of a link or tag; empty if it has none.

@@ -2,7 +2,6 @@
 // not contain the settings of channel and device (port, station, byte order).
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -10,6 +9,7 @@
 
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
+#include "agent/text.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {
@@ -59,14 +59,6 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 14> kTypes{{
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-template <class Number>
-std::optional<Number> number_in(std::string_view text) {
-  Number number{};
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
-  const bool good = !text.empty() && fault == std::errc() && end == text.data() + text.size();
-  return good ? std::optional(number) : std::nullopt;
-}
-
 /// Address converted from Kepware's spelling to ours.
 struct Place {
   std::string address;
@@ -84,7 +76,7 @@ std::optional<Place> melsec_string(std::string_view text) {
   Place place;
   place.address = text.substr(0, 1);
   place.address += text.substr(3, dot - 3);
-  place.length = number_in<std::int64_t>(text.substr(dot + 1));
+  place.length = number_from<std::int64_t>(text.substr(dot + 1));
   place.word_order = text[2] == 'H' ? "high_first" : "low_first";
   return place;
 }
@@ -94,7 +86,7 @@ std::optional<Place> melsec_string(std::string_view text) {
 Place place_of(std::string_view text, bool is_string) {
   Place place;
   if (const std::size_t bracket = text.find('['); bracket != text.npos && text.ends_with(']')) {
-    place.count = number_in<std::int64_t>(text.substr(bracket + 1, text.size() - bracket - 2));
+    place.count = number_from<std::int64_t>(text.substr(bracket + 1, text.size() - bracket - 2));
     text = text.substr(0, bracket);
     while (text.ends_with(' ')) text.remove_suffix(1);
   }
@@ -107,7 +99,7 @@ Place place_of(std::string_view text, bool is_string) {
       place.word_order = length.ends_with('H') ? "high_first" : "low_first";
       length.remove_suffix(1);
     }
-    place.length = number_in<std::int64_t>(length);
+    place.length = number_from<std::int64_t>(length);
     text = text.substr(0, dot);
   }
   const bool is_modbus = !text.empty() && is_digit(text.front());
@@ -144,10 +136,10 @@ bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
   double scale = 1;
   double offset = 0;
   if (mode == "linear") {
-    const auto from = number_in<double>(cell(row, raw_low));
-    const auto to = number_in<double>(cell(row, raw_high));
-    const auto low = number_in<double>(cell(row, scaled_low));
-    const auto high = number_in<double>(cell(row, scaled_high));
+    const auto from = number_from<double>(cell(row, raw_low));
+    const auto to = number_from<double>(cell(row, raw_high));
+    const auto low = number_from<double>(cell(row, scaled_low));
+    const auto high = number_from<double>(cell(row, scaled_high));
     if (!from || !to || !low || !high || *from == *to || *low == *high) {
       leave_out(row, "its linear scaling has an empty range");
       return false;
@@ -194,7 +186,7 @@ void TagReader::take(const CsvRow& row) {
     tag.keys["access"] = "read_write";
   if (rights == "wo" || rights == "w")
     out_.note(row.line, "not imported: write only; a tag can always be read");
-  if (const auto rate = number_in<std::int64_t>(cell(row, scan_rate)))
+  if (const auto rate = number_from<std::int64_t>(cell(row, scan_rate)))
     tag.keys["group"] = groups_.at(*rate);
   if (!cell(row, eng_units).empty()) tag.keys["unit"] = literal(cell(row, eng_units));
   describe(tag, cell(row, description));

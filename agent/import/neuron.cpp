@@ -12,6 +12,7 @@
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
 #include "agent/import/json_source.h"
+#include "agent/text.h"
 
 namespace fxagent {
 namespace {
@@ -130,9 +131,9 @@ std::optional<TagPlace> modbus_place(std::string_view text, bool is_string) {
   const std::size_t mark = text.find('!');
   const std::string_view unit = text.substr(0, mark);
   TagPlace place;
-  const auto [end, fault] = std::from_chars(unit.data(), unit.data() + unit.size(), place.unit);
-  if (mark == text.npos || fault != std::errc() || end != unit.data() + unit.size())
-    return std::nullopt;
+  const auto number = number_from<decltype(place.unit)>(unit);
+  if (mark == text.npos || !number) return std::nullopt;
+  place.unit = *number;
   text.remove_prefix(mark + 1);
   if (const std::size_t hash = text.find('#'); hash != text.npos) {
     place.order = order_of(text.substr(hash + 1));
@@ -471,11 +472,7 @@ std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& 
       return column == std::string::npos ? std::string_view() : row->at(column);
     };
     const auto add_number = [&](JsonObject& object, std::string_view title) {
-      const std::string_view text = cell(title);
-      double value = 0;
-      const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
-      if (!text.empty() && fault == std::errc() && end == text.data() + text.size())
-        object[title] = json_number(value);
+      if (const auto value = number_from<double>(cell(title))) object[title] = json_number(*value);
     };
     JsonObject tag;
     for (const auto key : {"name", "address", "description", "unit"}) tag[key] = cell(key);

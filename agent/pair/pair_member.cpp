@@ -7,9 +7,10 @@
 #include <utility>
 #include <variant>
 
+#include "agent/commands/audit_records.h"
 #include "agent/log/log.h"
 #include "agent/pair/pair_messages.h"
-#include "agent/pair/restart.h"
+#include "agent/process/restart.h"
 #include "agent/uplink/paho/paho_broker.h"
 #include "agent/uplink/topics.h"
 #include "agent/without_signals.h"
@@ -92,6 +93,11 @@ PairMember::~PairMember() {
   const std::lock_guard lock(mutex_);
   woken_ = true;
   news_.notify_all();
+}
+
+std::string PairMember::offline_status() const {
+  return pair_messages::status(pair_.member,
+                               {.boot = boot_, .role = "offline", .quiet = pair_.quiet});
 }
 
 std::string PairMember::topic(const char* leaf) const {
@@ -191,10 +197,7 @@ void PairMember::run(const std::stop_token& stop) {
     news_.notify_all();
   };
   for (const JournalEntry& entry : store_->journal().unacknowledged()) own_.insert(entry.number);
-  const auto will = [this] {
-    return Will{topic(), pair_messages::status(pair_.member, {.boot = boot_, .role = "offline"}),
-                Retain::yes};
-  };
+  const auto will = [this] { return Will{topic(), offline_status(), Retain::yes}; };
   member_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair-" + pair_.member), will,
                                          notify, pair_messages::kLongestText, kKeepSession);
   lease_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair"), MakeWill{}, notify);
@@ -219,8 +222,7 @@ void PairMember::run(const std::stop_token& stop) {
     if (leaving && !leave_by) {
       leave_by = now + kFarewell;
       lease_->disconnect();
-      Publication last = retained(
-          topic(), pair_messages::status(pair_.member, {.boot = boot_, .role = "offline"}));
+      Publication last = retained(topic(), offline_status());
       last.id = farewell_ = next_id_++;
       member_->publish(std::move(last));
     }
@@ -281,7 +283,8 @@ void PairMember::take_member_events(BootTime now) {
                             "here; repeat none of them after a takeover"}});
       granted_ = 0;
       const std::string base = config_.base_topic();
-      member_->subscribe({base + "/pair/+"});
+      // Not those of the time without this session: they name gateways that are gone.
+      member_->subscribe({.filter = base + "/pair/+", .qos = 0});
       member_->subscribe({base + "/pair/+/journal"});
       member_->subscribe({.filter = base + "/pair/+/heartbeat", .qos = 0});
       member_->subscribe({base + "/+/result"});
@@ -337,7 +340,7 @@ void PairMember::hear(const Message& message, BootTime now) {
     if (announcement->mark != 0) {
       mark_came_ = mark_came_ || (announcement->boot == boot_ && announcement->mark == mark_);
     } else if (announcement->boot != boot_) {
-      keep_announced(std::move(announcement->entry));
+      keep_announced(std::move(announcement->entry), message.topic);
     }
   }
 }
@@ -351,11 +354,17 @@ void PairMember::settle_own_commands() {
       journal.acknowledge(entry.device, entry.id, entry.number, {});
 }
 
-void PairMember::keep_announced(JournalEntry entry) {
+void PairMember::keep_announced(JournalEntry entry, const std::string& announced_on) {
   if (!store_) return;
   StoredJournal& journal = store_->journal();
   if (journal.find(entry.device, entry.id)) return;
   entry.number = journal.next_command_number();
+  const audit::Receipt receipt{.number = entry.number,
+                               .device = entry.device,
+                               .topic = announced_on,
+                               .received_ms = entry.received_ms};
+  entry.audit =
+      audit::admitted(receipt, entry.id, entry.op, utc_ms(std::chrono::system_clock::now()));
   // It counts as sent: only the other gateway knows.
   store_->started().mark(entry.number);
   journal.journal({&entry, 1});
@@ -536,6 +545,7 @@ void PairMember::publish_status() {
   status.since_ms =
       utc_ms(std::chrono::system_clock::now()) - (state_.since() == BootTime{} ? 0 : age.count());
   status.is_third = state_.is_third();
+  status.quiet = pair_.quiet;
   Publication publication = retained(topic(), pair_messages::status(pair_.member, status));
   publication.id = next_id_++;
   member_->publish(std::move(publication));

@@ -90,7 +90,7 @@ class PairMember final {
   void hear(const Message& message, BootTime now);
   void hear_result(const std::string& device, const std::string& text);
   void settle_own_commands();
-  void keep_announced(JournalEntry entry);
+  void keep_announced(JournalEntry entry, const std::string& announced_on);
   void lease_ended(bool taken_over, BootTime now);
   void go_on_with_claim(BootTime now);
   void carry_out(PairState::Order order, BootTime now);
@@ -98,6 +98,7 @@ class PairMember final {
   void send_announcements();
   void log_role();
   std::string topic(const char* leaf = "") const;
+  std::string offline_status() const;
 
   const Config config_;
   const PairConfig pair_;

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "agent/json_writer.h"
-#include "agent/uplink/topics.h"
+#include "agent/text.h"
 #include "protocol/value/bytes.h"
 
 namespace fxagent::pair_messages {
@@ -15,6 +15,7 @@ using nlohmann::json;
 
 constexpr std::string_view kPair = "/pair/";
 constexpr std::size_t kLongestName = 64;
+constexpr std::chrono::seconds kLongestQuiet{60};
 
 std::optional<json> object_from(std::string_view text) {
   if (text.size() > kLongestText) return std::nullopt;
@@ -55,7 +56,7 @@ std::optional<Place> place_of(std::string_view topic, std::string_view base) {
   topic.remove_prefix(kPair.size());
   const auto slash = topic.find('/');
   const std::string_view member = topic.substr(0, slash);
-  if (!may_be_a_device(member)) return std::nullopt;
+  if (!is_name(member)) return std::nullopt;
   const std::string_view leaf = slash == topic.npos ? std::string_view() : topic.substr(slash + 1);
   if (slash != topic.npos && leaf != "heartbeat" && leaf != "journal") return std::nullopt;
   return Place{std::string(member), std::string(leaf)};
@@ -64,7 +65,7 @@ std::optional<Place> place_of(std::string_view topic, std::string_view base) {
 std::string status(const std::string& member, const Status& status) {
   fxagent::json::Writer out;
   out.begin_object().key("member").string(member).key("boot").string(status.boot);
-  out.key("role").string(status.role);
+  out.key("role").string(status.role).key("quiet_ms").integer(status.quiet.count());
   if (status.role != "offline") {
     out.key("since_ms").integer(status.since_ms).key("peer").word(status.peer);
     out.key("why").string(status.why);
@@ -82,7 +83,11 @@ std::optional<PairStatus> status_from(std::string_view text) {
   status.role = word(*found, "role");
   const auto third = found->find("third");
   status.is_third = third != found->end() && *third == json(true);
-  if (!may_be_a_device(status.member) || !is_plain(status.boot) || !is_plain(status.role))
+  // No setting is longer.
+  const std::int64_t most = std::chrono::milliseconds(kLongestQuiet).count();
+  status.quiet =
+      std::chrono::milliseconds(std::min(number<std::int64_t>(*found, "quiet_ms"), most));
+  if (!is_name(status.member) || !is_plain(status.boot) || !is_plain(status.role))
     return std::nullopt;
   return status;
 }
@@ -131,7 +136,7 @@ std::optional<Announcement> announcement_from(std::string_view text) {
   entry.response_topic = word(*found, "response_topic");
   if (auto correlation = from_hex(word(*found, "correlation")))
     entry.correlation = std::move(*correlation);
-  const bool is_entry = may_be_a_device(entry.device) && !entry.id.empty();
+  const bool is_entry = is_name(entry.device) && !entry.id.empty();
   if (!is_plain(announcement.boot) || (announcement.mark == 0 && !is_entry)) return std::nullopt;
   return announcement;
 }

@@ -1,6 +1,7 @@
 // Texts that the gateways of a pair exchange below {base}/pair. Pure. Any thread.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -26,7 +27,7 @@ struct Place {
 /// Returns nullopt for a topic that is not one of a pair.
 std::optional<Place> place_of(std::string_view topic, std::string_view base);
 
-/// `role` "offline" needs `boot` alone.
+/// `role` "offline" needs `boot` and `quiet` alone.
 struct Status {
   std::string boot{};
   std::string role{};
@@ -34,6 +35,7 @@ struct Status {
   std::string peer{};
   std::int64_t since_ms = 0;
   bool is_third = false;
+  std::chrono::milliseconds quiet{};
 };
 std::string status(const std::string& member, const Status& status);
 std::optional<PairStatus> status_from(std::string_view text);

@@ -16,6 +16,10 @@ constexpr std::size_t kMostSent = 64;
 constexpr int kMostFailures = 5;
 constexpr BootTime kNever = BootTime::max();
 
+std::string in_ms(nanoseconds time) {
+  return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count());
+}
+
 }  // namespace
 
 std::string_view to_string(PairRole role) {
@@ -66,6 +70,13 @@ void PairState::heard(const PairStatus& status, BootTime now) {
     return;
   }
   remember(status.boot);
+  if (status.quiet != nanoseconds(0) && status.quiet != settings_.quiet) {
+    quiet_ = std::max(quiet_, status.quiet);
+    if (status.role != "offline")
+      fault("quiet_ms of member " + status.member + " is " + in_ms(status.quiet) +
+            ", and of member " + settings_.member + " " + in_ms(settings_.quiet) +
+            ": make them equal; until then both wait for the longer one");
+  }
   if (status.role == "offline") {
     if (gone_.size() < kMostBoots) gone_.insert(status.boot);
     peers_.erase(status.boot);
@@ -112,13 +123,13 @@ void PairState::judge_third(BootTime now) {
   }
   const bool was = third_;
   if (others.size() < 2) third_ = false;
-  const bool is_new = joined_at_ && now < *joined_at_ + settings_.quiet / 2;
+  const bool is_new = joined_at_ && now < *joined_at_ + quiet_ / 2;
   const bool is_last_name = !others.empty() && *others.rbegin() < settings_.member;
   const bool comes_last = before.size() >= 2 || (is_new && is_last_name);
   if (others.size() >= 2 && role_ == PairRole::standby && comes_last) third_ = true;
   // If one of the pair has ended, the other one takes over, and this gateway only then is the
   // second.
-  if (was && !third_) not_before_ = std::max(not_before_, now + 3 * settings_.quiet);
+  if (was && !third_) not_before_ = std::max(not_before_, now + 3 * quiet_);
   if (third_ != was) status_due_ = true;
 }
 
@@ -146,9 +157,9 @@ std::optional<BootTime> PairState::claim_at() const {
   const bool waits_for_lower_name = std::ranges::any_of(peers_, [this](const auto& each) {
     return !each.second.is_third && each.second.member < settings_.member;
   });
-  BootTime at = *joined_at_ + settings_.quiet / 2;
-  if (waits_for_lower_name && since_ == BootTime{}) at += settings_.quiet / 4;
-  if (!holder_.empty()) at = std::max(at, holder_heard_at_ + settings_.quiet / 2);
+  BootTime at = *joined_at_ + quiet_ / 2;
+  if (waits_for_lower_name && since_ == BootTime{}) at += quiet_ / 4;
+  if (!holder_.empty()) at = std::max(at, holder_heard_at_ + quiet_ / 2);
   return std::max(at, not_before_);
 }
 
@@ -156,7 +167,7 @@ void PairState::lease_began(BootTime now) {
   connecting_ = false;
   failures_ = 0;
   sent_.clear();
-  opens_at_ = now + settings_.quiet;
+  opens_at_ = now + quiet_;
   holds_until_ = {};
   heartbeat_at_ = now;
   enter(PairRole::claiming,
@@ -166,7 +177,7 @@ void PairState::lease_began(BootTime now) {
 void PairState::lease_failed(BootTime now) {
   connecting_ = false;
   failures_ = std::min(failures_ + 1, kMostFailures);
-  not_before_ = now + settings_.quiet / 2 * (1 << (failures_ - 1));
+  not_before_ = now + quiet_ / 2 * (1 << (failures_ - 1));
 }
 
 void PairState::lease_ended(bool taken_over, BootTime now) {
@@ -176,9 +187,12 @@ void PairState::lease_ended(bool taken_over, BootTime now) {
   holds_until_ = {};
   if (role_ == PairRole::standby) return lease_failed(now);
   // The new holder's first heartbeat may still be on its way.
-  not_before_ = now + settings_.quiet;
+  not_before_ = now + quiet_;
   enter(PairRole::standby,
-        taken_over ? "the other gateway has claimed the pair" : "the broker is not reachable", now);
+        taken_over ? "the other gateway has claimed the pair"
+                   : "its session has ended: the broker or the network is away, or this process "
+                     "was stopped",
+        now);
 }
 
 void PairState::heartbeat_sent(std::uint64_t id, BootTime now) {
@@ -209,8 +223,8 @@ std::vector<PairState::Order> PairState::step(BootTime now) {
   }
   if (role_ != PairRole::standby) {
     // A session whose broker has answered nothing for so long is of no use.
-    const BootTime last_sign = std::max(holds_until_, opens_at_ - settings_.quiet);
-    if (now >= last_sign + 2 * settings_.quiet && !std::exchange(drop_, true))
+    const BootTime last_sign = std::max(holds_until_, opens_at_ - quiet_);
+    if (now >= last_sign + 2 * quiet_ && !std::exchange(drop_, true))
       orders.push_back(Order::drop_lease);
     if (now >= heartbeat_at_) orders.push_back(Order::send_heartbeat);
   }

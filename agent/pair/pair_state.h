@@ -7,7 +7,8 @@
 // gateway's. The holder sends heartbeats over that session. One that was sent at `t` and
 // acknowledged proves that no other gateway had claimed by `t`, and permits requests until
 // `t` + quiet / 2. A claimer waits for `quiet` after the broker has accepted its session, so the
-// permission of the other gateway has ended for at least quiet / 2 by then.
+// permission of the other gateway has ended for at least quiet / 2 by then. If the settings of the
+// two differ, which is a fault, each waits for the longer one.
 #pragma once
 
 #include <chrono>
@@ -39,6 +40,7 @@ struct PairStatus {
   std::string boot;
   std::string role;  ///< of PairRole, or "offline"
   bool is_third = false;
+  std::chrono::nanoseconds quiet{};  ///< its setting; 0: not named
 };
 
 class PairState final {
@@ -50,7 +52,8 @@ class PairState final {
     drop_lease       ///< end the lease session
   };
 
-  explicit PairState(PairSettings settings) : settings_(std::move(settings)) {}
+  explicit PairState(PairSettings settings)
+      : settings_(std::move(settings)), quiet_(settings_.quiet) {}
 
   // The member session, over which this gateway hears the other one.
   /// It is connected and its subscriptions are granted.
@@ -113,6 +116,7 @@ class PairState final {
   };
 
   const PairSettings settings_;
+  std::chrono::nanoseconds quiet_;  ///< the longest of all gateways that were heard
   PairRole role_ = PairRole::standby;
   std::string why_ = "start";
   BootTime since_{};

@@ -1,5 +1,7 @@
 #include "agent/process/port_access.h"
 
+#include "agent/text.h"
+
 #include <dirent.h>
 #include <grp.h>
 #include <pwd.h>
@@ -10,7 +12,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <climits>
 #include <cstdio>
 #include <cstdlib>
@@ -38,10 +39,7 @@ Directory open_directory(const std::string& path) { return Directory(::opendir(p
 std::optional<int> next_number(DIR* directory) {
   // No other thread reads this stream.
   while (const dirent* entry = ::readdir(directory)) {  // NOLINT(concurrency-mt-unsafe)
-    const std::string_view name = entry->d_name;
-    int number = 0;
-    const auto [end, fault] = std::from_chars(name.data(), name.data() + name.size(), number);
-    if (fault == std::errc() && end == name.data() + name.size()) return number;
+    if (const auto number = number_from<int>(entry->d_name)) return number;
   }
   return std::nullopt;
 }

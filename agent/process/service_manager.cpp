@@ -1,12 +1,13 @@
 #include "agent/process/service_manager.h"
 
+#include "agent/text.h"
+
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -21,13 +22,6 @@ std::string_view variable(const char* name) {
   // The environment does not change while the agent runs.
   const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe)
   return value == nullptr ? std::string_view() : value;
-}
-
-std::optional<std::uint64_t> number(std::string_view text) {
-  std::uint64_t value = 0;
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (fault != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
 }
 
 /// Time to wait for room in a socket that is full because it is not read.
@@ -91,9 +85,10 @@ void notify_status(std::string_view line) {
 // sd_watchdog_enabled(3).
 std::optional<std::chrono::nanoseconds> watchdog_interval() {
   constexpr std::uint64_t longest_us = std::chrono::microseconds(std::chrono::years(100)).count();
-  const auto within_us = number(variable("WATCHDOG_USEC"));
+  const auto within_us = number_from<std::uint64_t>(variable("WATCHDOG_USEC"));
   const std::string_view pid = variable("WATCHDOG_PID");
-  const bool is_ours = pid.empty() || number(pid) == static_cast<std::uint64_t>(::getpid());
+  const bool is_ours =
+      pid.empty() || number_from<std::uint64_t>(pid) == static_cast<std::uint64_t>(::getpid());
   if (!is_ours || !within_us || *within_us == 0 || *within_us > longest_us) return std::nullopt;
   return std::chrono::microseconds(*within_us) / 4;
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "agent/calendar.h"
+#include "agent/text.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {
@@ -37,14 +37,6 @@ std::string_view next_word(std::string_view& text) {
   return word;
 }
 
-template <class Number>
-std::optional<Number> number_of(std::string_view text) {
-  Number number{};
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (fault != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return number;
-}
-
 std::string text_of(const OptionValue& value) {
   if (const auto* number = std::get_if<std::int64_t>(&value)) return std::to_string(*number);
   if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
@@ -59,7 +51,7 @@ std::optional<OptionValue> option_value(const ProtocolInfo& protocol, std::strin
   if (spec == protocol.options.end()) return std::nullopt;
   switch (spec->kind) {
     case OptionSpec::Kind::integer: {
-      const auto number = number_of<std::int64_t>(text);
+      const auto number = number_from<std::int64_t>(text);
       if (!number || *number < spec->min || *number > spec->max) return std::nullopt;
       return OptionValue(*number);
     }
@@ -113,7 +105,7 @@ std::optional<std::int64_t> us_from(std::string_view text) {
   if (text.size() != kTimeText || !text.ends_with('Z') || text[kTimeText - 8] != '.')
     return std::nullopt;
   const auto ms = utc_ms_from(text.substr(0, kTimeText - 8));
-  const auto rest = number_of<std::uint32_t>(text.substr(kTimeText - 7, 6));
+  const auto rest = number_from<std::uint32_t>(text.substr(kTimeText - 7, 6));
   if (!ms || !rest) return std::nullopt;
   return *ms * 1000 + *rest;
 }
@@ -171,7 +163,7 @@ class Reader final {
   }
 
   std::string device(std::string_view line) {
-    if (number_of<std::uint32_t>(next_word(line)) != out_.devices.size())
+    if (number_from<std::uint32_t>(next_word(line)) != out_.devices.size())
       return "devices must be numbered 0, 1, 2 … in this order";
     if (out_.devices.size() >= kNoDevice) return "a recording has at most 65,535 devices";
     RecordedDevice device;
@@ -203,11 +195,11 @@ class Reader final {
     if (way == kWays.end()) return "after the time, out, in, failed or unasked must follow";
     frame.way = static_cast<Way>(way - kWays.begin());
     const std::string_view device = next_word(line);
-    const auto number = number_of<std::uint16_t>(device);
+    const auto number = number_from<std::uint16_t>(device);
     if (device != "-" && (!number || *number >= out_.devices.size()))
       return "the number of the device has no line `device`";
     frame.device = number.value_or(kNoDevice);
-    const auto after = number_of<double>(next_word(line));
+    const auto after = number_from<double>(next_word(line));
     if (!after || !(*after >= 0 && *after <= kMostAfterMs))
       return "the milliseconds must be a number from 0 to 1000000000";
     frame.after = std::chrono::nanoseconds(std::llround(*after * 1e6));

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "agent/log/log.h"
+#include "agent/text.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
@@ -28,7 +29,7 @@ void OwnTopics::hear_command(const Message& message, std::string_view name) {
   const bool is_known =
       parts_.commands.device_named(name) || parts_.commands.link_named(name) != nullptr;
   if (!is_known) log::warn("command_for_unknown_device", {{"topic", log::excerpt(message.topic)}});
-  if (is_known || may_be_a_device(name))
+  if (is_known || is_name(name))
     parts_.intake.add(message, std::string(name), parts_.results.is_full());
 }
 

@@ -31,14 +31,6 @@ std::optional<std::string_view> device_of(std::string_view topic, std::string_vi
   return topic.substr(0, slash);
 }
 
-bool may_be_a_device(std::string_view name) {
-  constexpr std::size_t kLongestName = 64;
-  const auto is_part = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
-  };
-  return !name.empty() && name.size() <= kLongestName && std::ranges::all_of(name, is_part);
-}
-
 std::optional<DataTopic> data_topic_of(std::string_view topic, std::string_view base) {
   if (!starts_with(topic, base, "/")) return std::nullopt;
   topic.remove_prefix(base.size() + 1);

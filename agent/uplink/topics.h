@@ -16,9 +16,6 @@ bool is_publishable(std::string_view topic);
 std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
                                           std::string_view leaf);
 
-/// True if a device can have this name: 1 to 64 characters of a-z, 0-9, _ and -.
-bool may_be_a_device(std::string_view name);
-
 /// Parts of a sample topic: "{base}/{device}/data/{group}", or that followed by "/history".
 struct DataTopic {
   std::string_view device;

@@ -14,6 +14,10 @@ namespace fxagent {
 using Bytes = std::vector<std::uint8_t>;
 using ByteView = std::span<const std::uint8_t>;
 
+inline ByteView as_bytes(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
 /// Returns "02 30 03": upper case, one blank between bytes.
 std::string to_hex(ByteView bytes);
 

@@ -1,5 +1,6 @@
 """Two gateways at one line: one is active, and the other takes over."""
 
+import json
 import os
 import signal
 import struct
@@ -77,6 +78,10 @@ class Pair(PairTest):
         self.polls("b", time.monotonic())
         result = self.result("wire-1")
         self.assertIn(result["status"], ("UNKNOWN_OUTCOME", "SUCCEEDED"))
+        audit = subprocess.run([FXAGENT, "audit", "--json", self.agents["b"].path], capture_output=True, text=True,
+                               timeout=PATIENCE)
+        told = {line["id"]: line["status"] for line in map(json.loads, audit.stdout.splitlines())}
+        self.assertEqual(told.get("wire-1"), result["status"], audit)
         for identity in ("done-1", "wire-1"):
             again = self.command(id=identity, op="write", address="D300", value=9)
             self.assertEqual(again["status"], "DUPLICATE", again)
@@ -188,6 +193,29 @@ class Pair(PairTest):
         silent_since = time.monotonic()
         self.broker.start()
         wait_for("a request of either", lambda: max(t for t, _ in self.masters.requests) > silent_since)
+        self.assert_never_both()
+
+    def test_file_with_an_error_does_not_end_a_gateway_that_starts_anew(self):
+        self.start_pair()
+        right = self.agents["a"].config
+        with open(self.agents["a"].path, "a") as out:
+            out.write("{")
+        since = self.watcher.mark()
+        self.broker.kill()
+        wait_for("the restart", lambda: "agent starts anew" in self.agents["a"].logged())
+        self.broker.start()
+        wait_for("the error", lambda: " not JSON" in self.agents["a"].logged())
+        self.role("b", "active", since)
+        self.data(since=since)
+        since = self.watcher.mark()
+        self.agents["a"].write(right)
+        self.role("a", "standby", since)
+
+    def test_settings_that_differ_are_named_and_the_longer_one_counts(self):
+        self.start_pair(standby={"pair": {"member": "b", "quiet_ms": 400}})
+        wait_for("the fault", lambda: any("quiet_ms of member a is 1500" in line for line in self.faults("b")))
+        self.agents["a"].stop(signal.SIGKILL, expected=None)
+        self.polls("b", time.monotonic())
         self.assert_never_both()
 
     def test_third_gateway_is_named_and_stays_on_standby(self):

@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
-#include <cstdio>
 #include <fstream>
 #include <iostream>
 #include <iterator>
 #include <optional>
-#include <random>
 #include <set>
 #include <string_view>
 #include <tl/expected.hpp>
@@ -24,6 +22,7 @@
 #include "agent/config/read/reader.h"
 #include "agent/log/log.h"
 #include "agent/remote/desired_config.h"
+#include "agent/text.h"
 
 namespace fxagent {
 namespace {
@@ -40,17 +39,11 @@ constexpr std::uint64_t kMarkerId = ~std::uint64_t{0};
 
 SteadyTime now() { return std::chrono::steady_clock::now(); }
 
-std::string own_client_id() {
-  char id[32];
-  std::snprintf(id, sizeof id, "fxagent-fleet-%08x", std::random_device{}());
-  return id;
-}
-
 MqttConfig connection_of(const FleetQuestion& what, const std::string& server) {
   MqttConfig mqtt;
   mqtt.servers = {server};
   mqtt.version = what.mqtt_version == "5" ? 5 : 4;
-  mqtt.client_id = own_client_id();
+  mqtt.client_id = "fxagent-fleet-" + random_digits();
   mqtt.username = what.user;
   mqtt.password_file = what.password_file;
   mqtt.password_env = what.password_env;

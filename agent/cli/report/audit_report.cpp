@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <nlohmann/json.hpp>
 
 #include "agent/calendar.h"
@@ -150,16 +149,6 @@ std::string note_text(const Json& note) {
   return out + plain(note);
 }
 
-/// Parses `text` as a non-negative decimal number; nullopt if any other character is in it.
-std::optional<std::int64_t> number_from(std::string_view text) {
-  std::int64_t number = 0;
-  const auto read = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (text.empty() || text.front() == '-' || read.ec != std::errc() ||
-      read.ptr != text.data() + text.size())
-    return std::nullopt;
-  return number;
-}
-
 }  // namespace
 
 void Report::add(const Record& record) {
@@ -201,14 +190,15 @@ std::vector<Line> Report::take() {
 }
 
 std::optional<std::int64_t> since_from(std::string_view text, std::int64_t now_ms) {
-  if (const auto utc_ms = number_from(text)) return utc_ms;
+  if (text.starts_with('-')) return std::nullopt;
+  if (const auto utc_ms = number_from<std::int64_t>(text)) return utc_ms;
   if (const auto utc_ms = utc_ms_from(text)) return utc_ms;
   if (text.empty()) return std::nullopt;
   constexpr std::string_view units = "smhd";
   constexpr std::array<std::int64_t, 4> lengths{1000, 60000, 3600000, 86400000};
   constexpr std::int64_t kMost = 1000000;
   const std::size_t unit = units.find(text.back());
-  const auto count = number_from(text.substr(0, text.size() - 1));
+  const auto count = number_from<std::int64_t>(text.substr(0, text.size() - 1));
   if (unit == std::string_view::npos || !count || *count > kMost) return std::nullopt;
   return now_ms - *count * lengths[unit];
 }

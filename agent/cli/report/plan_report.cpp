@@ -1,12 +1,12 @@
 #include "agent/cli/report/plan_report.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <set>
 #include <utility>
 
 #include "agent/line_time.h"
+#include "agent/text.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "protocol/range_ends.h"
@@ -447,13 +447,11 @@ Result<WhatIf> parse_what_if(const std::string& what) {
   WhatIf out;
   out.device = text.substr(0, blank);
   const std::string number = trimmed(std::string_view(text).substr(at + 1));
-  std::int64_t interval = 0;
-  const char* end = number.data() + number.size();
-  const auto [stop, error] = std::from_chars(number.data(), end, interval);
-  if (error != std::errc{} || stop != end || interval < 0 || interval > kLongestInterval)
+  const auto interval = number_from<std::int64_t>(number);
+  if (!interval || *interval < 0 || *interval > kLongestInterval)
     return refuse(what, "the interval after @ must be 0 to " + std::to_string(kLongestInterval) +
                             " ms, not \"" + number + "\"");
-  out.interval = milliseconds(interval);
+  out.interval = milliseconds(*interval);
   const std::string places = text.substr(blank + 1, at - blank - 1);
   const RangeEnds ends = range_ends(places);
   out.first = ends.first;

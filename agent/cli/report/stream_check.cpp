@@ -1,12 +1,12 @@
 #include "agent/cli/report/stream_check.h"
 
 #include <algorithm>
-#include <charconv>
 #include <functional>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/text.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
@@ -23,12 +23,7 @@ const Json* find(const Json& object, const char* key) {
 std::optional<std::uint64_t> number_of(const Json& json) {
   if (json.is_number_unsigned()) return json.get<std::uint64_t>();
   const auto* text = json.get_ptr<const std::string*>();
-  if (text == nullptr) return std::nullopt;
-  std::uint64_t number = 0;
-  const char* end = text->data() + text->size();
-  const auto [stopped, error] = std::from_chars(text->data(), end, number);
-  if (text->empty() || stopped != end || error != std::errc()) return std::nullopt;
-  return number;
+  return text == nullptr ? std::nullopt : number_from<std::uint64_t>(*text);
 }
 
 /// Parses JSON. Returns nullopt if it is invalid, or nested so deeply that walking it could exhaust

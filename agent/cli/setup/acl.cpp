@@ -23,6 +23,7 @@ constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
 // Only if the config has a pair.
 constexpr std::array<std::string_view, 3> kPair{"pair/+", "pair/+/heartbeat", "pair/+/journal"};
 constexpr std::array<std::string_view, 1> kPairReads{"+/result"};
+constexpr std::array<std::string_view, 1> kPairStatus{"pair/+"};
 // Only if the config allows remote configs.
 constexpr std::array<std::string_view, 1> kConfigsOut{"config/reported"};
 constexpr std::array<std::string_view, 1> kConfigsIn{"config/desired"};
@@ -153,6 +154,7 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
   const auto add_reader = [&](std::string_view role, const std::string& name) {
     out += "\n# " + std::string(role) + "\nuser " + name + "\n";
     add(out, "read", base, kAgentWrites);
+    if (config.pair) add(out, "read", base, kPairStatus);
     if (configs) add(out, "read", base, kConfigsOut);
     add(out, "read", profiles.out);
   };

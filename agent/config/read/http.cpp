@@ -4,12 +4,12 @@
 #include <sys/un.h>
 
 #include <array>
-#include <charconv>
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
 
 #include "agent/config/keys.h"
+#include "agent/text.h"
 
 namespace fxagent {
 namespace {
@@ -21,13 +21,6 @@ constexpr std::string_view kListenForms =
 bool is_address(int family, const std::string& text) {
   std::array<unsigned char, sizeof(in6_addr)> bytes{};
   return ::inet_pton(family, text.c_str(), bytes.data()) == 1;
-}
-
-std::optional<std::uint16_t> port_of(std::string_view text) {
-  std::uint16_t port = 0;
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), port);
-  if (fault != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return port;
 }
 
 tl::expected<HttpConfig, std::string> unix_listen(std::string_view path) {
@@ -51,7 +44,7 @@ tl::expected<HttpConfig, std::string> listen_of(std::string_view text) {
     return tl::unexpected(std::string(kListenForms));
   HttpConfig config;
   config.address = in_brackets ? text.substr(1, colon - 2) : text.substr(0, colon);
-  const auto port = port_of(text.substr(colon + 1));
+  const auto port = number_from<std::uint16_t>(text.substr(colon + 1));
   if (!port) return tl::unexpected(std::string("needs a port from 0 to 65535 after the address"));
   config.port = *port;
   if (config.address.empty())

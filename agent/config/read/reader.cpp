@@ -1,13 +1,14 @@
 #include "agent/config/read/reader.h"
-#include "agent/config/suggestions.h"
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <system_error>
 #include <unordered_map>
 #include <utility>
+
+#include "agent/config/suggestions.h"
+#include "agent/text.h"
 
 namespace fxagent {
 namespace {
@@ -58,12 +59,6 @@ bool has_control(std::string_view text) {
 
 }  // namespace
 
-bool is_name(std::string_view text) {
-  return !text.empty() && text.size() <= 64 && std::ranges::all_of(text, [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
-  });
-}
-
 bool has_place_of_n(std::string_view text) { return place_of_n(text) != std::string_view::npos; }
 
 std::string with_n(std::string_view text, std::string_view n) {
@@ -73,13 +68,6 @@ std::string with_n(std::string_view text, std::string_view n) {
        from = at + kPlaceOfN.size())
     out.append(text.substr(from, at - from)).append(n);
   return out.append(text.substr(from));
-}
-
-std::optional<std::int64_t> number_of_n(std::string_view n) {
-  std::int64_t number = 0;
-  const auto [end, fault] = std::from_chars(n.data(), n.data() + n.size(), number);
-  const bool is_number = !n.empty() && fault == std::errc() && end == n.data() + n.size();
-  return is_number ? std::optional(number) : std::nullopt;
 }
 
 ConfigReader::ConfigReader(const ConfigTree& tree, Environment environment,
@@ -339,7 +327,7 @@ std::optional<double> ConfigReader::number_in(const ConfigNode& node) const {
   if (node.kind == Kind::integer || node.kind == Kind::number) return node.number;
   if (node.kind != Kind::string || node.text != kPlaceOfN || origin_ == nullptr)
     return std::nullopt;
-  const auto number = number_of_n(origin_->n);
+  const auto number = number_from<std::int64_t>(origin_->n);
   return number ? std::optional(static_cast<double>(*number)) : std::nullopt;
 }
 

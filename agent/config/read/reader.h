@@ -17,16 +17,11 @@
 
 namespace fxagent {
 
-/// True if `text` has the form that topics and commands use: [a-z0-9_-]{1,64}.
-bool is_name(std::string_view text);
-
 /// True if the text contains `{n}`, which a device's key `n` replaces. After a `$` it is the
 /// environment variable `n` instead.
 bool has_place_of_n(std::string_view text);
 /// Returns `text` with every such `{n}` replaced.
 std::string with_n(std::string_view text, std::string_view n);
-/// Returns `n` as a number, 7 for "07"; nullopt if it is not a number.
-std::optional<std::int64_t> number_of_n(std::string_view n);
 
 /// Getters return nullopt or nullptr if the key is absent or its value is wrong. They report a
 /// wrong value, and an absent key that is required, so that the caller reads on and finds the other

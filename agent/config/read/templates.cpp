@@ -1,7 +1,6 @@
 #include "agent/config/read/templates.h"
 
 #include <algorithm>
-#include <charconv>
 #include <memory>
 #include <unordered_map>
 #include <unordered_set>
@@ -9,6 +8,7 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/suggestions.h"
+#include "agent/text.h"
 #include "protocol/catalog.h"
 #include "protocol/range_ends.h"
 
@@ -36,11 +36,7 @@ std::string too_many() {
 
 /// Returns the number in `digits`; nullopt if it has other characters or more than kLongestNumber.
 std::optional<std::size_t> number_in(std::string_view digits) {
-  std::size_t number = 0;
-  if (digits.empty() || digits.size() > kLongestNumber) return std::nullopt;
-  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-  const bool good = fault == std::errc() && end == digits.data() + digits.size();
-  return good ? std::optional(number) : std::nullopt;
+  return digits.size() > kLongestNumber ? std::nullopt : number_from<std::size_t>(digits);
 }
 
 std::string padded(std::size_t number, std::size_t width) {

@@ -1,12 +1,15 @@
 // PORT: bytes to and from one channel, with a deadline. Field thread only.
 #pragma once
 
+#include <asio/any_io_executor.hpp>
 #include <asio/awaitable.hpp>
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 
+#include "agent/config/model.h"
 #include "agent/steady_time.h"
 #include "protocol/value/bytes.h"
 #include "protocol/value/result.h"
@@ -61,5 +64,9 @@ class Transport {
   /// Closes the channel. Waiting reads and writes end with link_down.
   virtual void close() noexcept = 0;
 };
+
+/// Returns a closed transport to the port or address of the link.
+std::unique_ptr<Transport> make_transport(const asio::any_io_executor& executor,
+                                          const LinkConfig& link);
 
 }  // namespace fxagent

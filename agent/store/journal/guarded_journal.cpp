@@ -61,13 +61,13 @@ std::optional<JournalEntry> GuardedJournal::find(const std::string& device, cons
       [this, device, id] { return journal_.find(device, id); });
 }
 
-std::vector<KnownId> GuardedJournal::known_ids_of(const std::string& device) {
-  return guard_.ask<std::vector<KnownId>>([this, device] { return journal_.known_ids_of(device); });
+std::vector<KnownId> GuardedJournal::known_ids(const std::string& device) {
+  return guard_.ask<std::vector<KnownId>>([this, device] { return journal_.known_ids(device); });
 }
 
-std::vector<JournalEntry> GuardedJournal::unacknowledged_of(const std::string& device) {
+std::vector<JournalEntry> GuardedJournal::unacknowledged(const std::string& device) {
   return guard_.ask<std::vector<JournalEntry>>(
-      [this, device] { return journal_.unacknowledged_of(device); });
+      [this, device] { return journal_.unacknowledged(device); });
 }
 
 void GuardedJournal::take_up(DiskGuard::Work before) {

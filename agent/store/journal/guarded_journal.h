@@ -46,10 +46,8 @@ class GuardedJournal final : public CommandJournal {
                    std::string total_ms = {}) override;
   CommandStarts* starts() override { return &marker_; }
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
-  std::vector<KnownId> known_ids() override { return known_ids_of({}); }
-  std::vector<JournalEntry> unacknowledged() override { return unacknowledged_of({}); }
-  std::vector<KnownId> known_ids_of(const std::string& device) override;
-  std::vector<JournalEntry> unacknowledged_of(const std::string& device) override;
+  std::vector<KnownId> known_ids(const std::string& device = {}) override;
+  std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
 
   /// Call after a hang. Passes what has waited to the store. `before` runs on the disk's thread,
   /// ahead of the journal's own work.

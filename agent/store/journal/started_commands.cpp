@@ -13,13 +13,13 @@
 #include <utility>
 
 #include "agent/log/log.h"
+#include "agent/process/process_facts.h"
 #include "agent/store/disk/store_file.h"
 
 namespace fxagent {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'f', 'x', 's', 't', 'a', 'r', 't', '1'};
-constexpr const char* kBootId = "/proc/sys/kernel/random/boot_id";
 constexpr std::size_t kBootIdLength = 36;
 constexpr std::int64_t kSecond = 1'000'000'000;
 // The kernel records the time of a change as it makes it, close to the time in the mark. In a copy
@@ -42,17 +42,6 @@ bool write_whole(int handle, const void* data, std::size_t size, std::size_t at)
   const auto written = ::pwrite(handle, data, size, static_cast<off_t>(at));
   if (written >= 0 && static_cast<std::size_t>(written) < size) errno = ENOSPC;
   return written == static_cast<ssize_t>(size);
-}
-
-/// Returns the kernel's boot id, new at each start of the machine; empty if it cannot be read.
-std::string boot_id() {
-  const int handle = ::open(kBootId, O_RDONLY | O_CLOEXEC);
-  if (handle < 0) return {};
-  std::array<char, kBootIdLength> text{};
-  const auto got = ::read(handle, text.data(), text.size());
-  ::close(handle);
-  return got == static_cast<ssize_t>(text.size()) ? std::string(text.data(), text.size())
-                                                  : std::string();
 }
 
 }  // namespace
@@ -163,8 +152,8 @@ void StartedCommands::withdraw(const std::string& why) {
 std::optional<StartedCommands::Head> StartedCommands::head_of_now(std::uint64_t floor) const {
   const std::string boot = boot_id();
   struct statx found {};
-  if (boot.empty() || ::statx(AT_FDCWD, database_.c_str(), AT_SYMLINK_NOFOLLOW,
-                              STATX_INO | STATX_BTIME, &found) != 0)
+  if (boot.size() != kBootIdLength || ::statx(AT_FDCWD, database_.c_str(), AT_SYMLINK_NOFOLLOW,
+                                              STATX_INO | STATX_BTIME, &found) != 0)
     return std::nullopt;
   Head head;
   std::copy(boot.begin(), boot.end(), head.boot.begin());

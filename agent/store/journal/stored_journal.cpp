@@ -58,17 +58,13 @@ std::optional<JournalEntry> StoredJournal::find(const std::string& device, const
   return found;
 }
 
-std::vector<KnownId> StoredJournal::known_ids() { return known_ids_of({}); }
-
-std::vector<JournalEntry> StoredJournal::unacknowledged() { return unacknowledged_of({}); }
-
-std::vector<KnownId> StoredJournal::known_ids_of(const std::string& device) {
+std::vector<KnownId> StoredJournal::known_ids(const std::string& device) {
   std::vector<KnownId> ids;
   if (rows_.table()) disk_.attempt("read", [&] { ids = rows_.table()->known_ids(device); });
   return ids;
 }
 
-std::vector<JournalEntry> StoredJournal::unacknowledged_of(const std::string& device) {
+std::vector<JournalEntry> StoredJournal::unacknowledged(const std::string& device) {
   std::vector<JournalEntry> entries;
   if (rows_.table())
     disk_.attempt("read", [&] { entries = rows_.table()->unacknowledged(device); });

@@ -32,10 +32,8 @@ class StoredJournal final : public CommandJournal {
   void acknowledge(std::string device, std::string id, std::uint64_t number,
                    std::string total_ms = {}) override;
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
-  std::vector<KnownId> known_ids() override;
-  std::vector<JournalEntry> unacknowledged() override;
-  std::vector<KnownId> known_ids_of(const std::string& device) override;
-  std::vector<JournalEntry> unacknowledged_of(const std::string& device) override;
+  std::vector<KnownId> known_ids(const std::string& device = {}) override;
+  std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
 
   /// Returns every entry of which the disk has refused a part, as it stands in memory.
   std::vector<JournalEntry> unwritten();

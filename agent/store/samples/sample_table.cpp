@@ -9,10 +9,6 @@ using sqlite::from_sql;
 using sqlite::number;
 using sqlite::text;
 
-ByteView as_bytes(std::string_view content) {
-  return {reinterpret_cast<const std::uint8_t*>(content.data()), content.size()};
-}
-
 }  // namespace
 
 SampleTable::SampleTable(SQLite::Database& database)

@@ -51,8 +51,8 @@ class FakeJournal final : public CommandJournal {
     return found == entries.end() ? std::nullopt : std::optional(found->second);
   }
   bool hangs() const override { return disk_hangs; }
-  std::vector<KnownId> known_ids() override { return {}; }
-  std::vector<JournalEntry> unacknowledged() override { return {}; }
+  std::vector<KnownId> known_ids(const std::string&) override { return {}; }
+  std::vector<JournalEntry> unacknowledged(const std::string&) override { return {}; }
   CommandStarts* starts() override { return &started; }
 
   void keep(const JournalEntry& entry) {

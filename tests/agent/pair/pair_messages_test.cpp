@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+
 namespace fxagent {
 namespace {
 
+using namespace std::chrono_literals;
 namespace messages = pair_messages;
 
 TEST(PairMessages, AnnouncementKeepsWhatTheOtherGatewayMustAnswer) {
@@ -51,8 +54,9 @@ TEST(PairMessages, ForeignTextsAreNothing) {
 
 TEST(PairMessages, StatusOfAGatewayThatHasEndedIsOffline) {
   const auto heard =
-      messages::status_from(messages::status("a", {.boot = "b1", .role = "offline"}));
+      messages::status_from(messages::status("a", {.boot = "b1", .role = "offline", .quiet = 2s}));
   ASSERT_TRUE(heard);
+  EXPECT_EQ(heard->quiet, 2s);
   EXPECT_EQ(heard->member, "a");
   EXPECT_EQ(heard->boot, "b1");
   EXPECT_EQ(heard->role, "offline");
@@ -60,6 +64,11 @@ TEST(PairMessages, StatusOfAGatewayThatHasEndedIsOffline) {
   messages::Status third{.boot = "b1", .role = "standby"};
   third.is_third = true;
   EXPECT_TRUE(messages::status_from(messages::status("a", third))->is_third);
+  EXPECT_EQ(messages::status_from(messages::status("a", third))->quiet, 0s);
+  EXPECT_EQ(messages::status_from(
+                R"({"member":"a","boot":"x","role":"active","quiet_ms":9000000000000000})")
+                ->quiet,
+            60s);
 }
 
 TEST(PairMessages, IdOfAResultMayBeANumber) {

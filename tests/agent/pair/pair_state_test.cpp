@@ -115,6 +115,31 @@ TEST(PairState, OnlyAHeartbeatAfterTheClaimPermitsRequests) {
   EXPECT_EQ(a.state.holds_until(), at(1100) + kQuiet / 2);
 }
 
+TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
+  Gateway b("b", "boot-b");
+  b.state.joined(at(0));
+  b.state.heard({"a", "boot-a", "active", false, 2 * kQuiet}, at(0));
+  EXPECT_EQ(b.state.take_fault(),
+            "quiet_ms of member a is 2400, and of member b 1200: make them equal; until then both "
+            "wait for the longer one");
+  b.state.heard_heartbeat("boot-a", 5, at(0));
+  // Half of 2400 ms, and a quarter more after the start, because its name is the higher one.
+  EXPECT_FALSE(b.steps(1799, Order::connect_lease));
+  EXPECT_TRUE(b.steps(1800, Order::connect_lease));
+  b.claim(1800);
+  EXPECT_EQ(b.state.opens_at(), at(1800 + 2400)) << "member a may send for 1200 ms";
+  EXPECT_EQ(b.state.holds_until(), at(1800 + 600));
+}
+
+TEST(PairState, SettingOfAGatewayThatHasEndedCounts) {
+  Gateway b("b", "boot-b");
+  b.state.joined(at(0));
+  b.state.heard({"a", "boot-a", "offline", false, 2 * kQuiet}, at(0));
+  EXPECT_EQ(b.state.take_fault(), "") << "its file may be right by now";
+  b.claim(1300);
+  EXPECT_EQ(b.state.opens_at(), at(1300 + 2400));
+}
+
 TEST(PairState, StandbyWaitsWhileTheHolderIsHeard) {
   Gateway b("b", "boot-b");
   b.state.joined(at(0));

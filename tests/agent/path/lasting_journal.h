@@ -50,23 +50,28 @@ class LastingJournal final : public CommandJournal, private CommandStarts {
     const auto known = entries_.find({device, id});
     return known == entries_.end() ? std::nullopt : std::optional(known->second);
   }
-  std::vector<KnownId> known_ids() override {
+  std::vector<KnownId> known_ids(const std::string& device) override {
     std::vector<KnownId> out;
     for (const JournalEntry& entry : oldest_first())
-      if (!entry.result.empty())
+      if (!entry.result.empty() && is_of(entry, device))
         out.push_back({entry.device, entry.id, entry.number, entry.received_ms, entry.deadline_ms,
                        entry.refused});
     return out;
   }
-  std::vector<JournalEntry> unacknowledged() override {
+  std::vector<JournalEntry> unacknowledged(const std::string& device) override {
     std::vector<JournalEntry> out = oldest_first();
-    std::erase_if(out, [](const JournalEntry& entry) { return entry.acknowledged; });
+    std::erase_if(out, [&](const JournalEntry& entry) {
+      return entry.acknowledged || !is_of(entry, device);
+    });
     for (JournalEntry& entry : out)
       entry.surely_not_sent = entry.result.empty() && !started_.contains(entry.number);
     return out;
   }
 
  private:
+  static bool is_of(const JournalEntry& entry, const std::string& device) {
+    return device.empty() || entry.device == device;
+  }
   void mark(std::uint64_t number, Done done) override {
     if (!fate_.has_ended()) started_.insert(number);
     done(true);

@@ -1,9 +1,10 @@
-#include "agent/pair/restart.h"
+#include "agent/process/restart.h"
 
 #include <linux/close_range.h>
 #include <unistd.h>
 
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -12,8 +13,19 @@
 #include <vector>
 
 namespace fxagent {
+namespace {
+
+constexpr const char* kRestarted = "FXAGENT_RESTARTED";
+
+}  // namespace
+
+// No other thread of the agent changes the environment.
+bool was_restarted() {
+  return std::getenv(kRestarted) != nullptr;
+}  // NOLINT(concurrency-mt-unsafe)
 
 void restart_program() {
+  ::setenv(kRestarted, "1", 1);  // NOLINT(concurrency-mt-unsafe)
   std::ifstream file("/proc/self/cmdline", std::ios::binary);
   std::string text{std::istreambuf_iterator<char>(file), {}};
   std::vector<char*> arguments;

@@ -1,0 +1,20 @@
+#include "agent/field/transport/transport.h"
+
+#include <variant>
+
+#include "agent/field/transport/serial_transport.h"
+#include "agent/field/transport/tcp_transport.h"
+#include "agent/field/transport/udp_transport.h"
+
+namespace fxagent {
+
+std::unique_ptr<Transport> make_transport(const asio::any_io_executor& executor,
+                                          const LinkConfig& link) {
+  if (const auto* serial = std::get_if<SerialSettings>(&link.channel))
+    return make_serial_transport(executor, *serial);
+  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
+    return make_udp_transport(executor, *udp);
+  return make_tcp_transport(executor, std::get<TcpSettings>(link.channel));
+}
+
+}  // namespace fxagent
