@@ -85,9 +85,9 @@ class Chaos:
             relay.start()
             self.brokers.append(broker)
             self.relays.append(relay)
-            self.add_consumer(f"all-{name}", broker, "--unshared")
+            self.add_consumer(f"all-{name}", broker)
         for number in range(2):
-            self.add_consumer(f"shared-{number}", self.brokers[0])
+            self.add_consumer(f"shared-{number}", self.brokers[0], "--group", "history")
         self.sim = Sim(self.directory, [{"name": name, "model": "FX3U", "pty": os.path.join(self.directory, name), "baud": 0,
                                          "turnaround_ms": 1} for name in DEVICES], lifetime_s=36000)
         self.sim.start()
