@@ -4,7 +4,7 @@
     FXAGENT=build/agent/fxagent FXSIM=build/tests/sim/fxsim tests/system/history_chaos.py --seconds 600 --seed 7
 
 The agent publishes on two brokers, because a broker killed by SIGKILL loses what it has acknowledged. Each broker has
-an unshared consumer; the first one also has two that share. All write into one table. A relay before each broker
+a consumer without a group; the first one also has two that share. All write into one table. A relay before each broker
 records what the agent sent: that is the truth, and no broker is asked for it. A broker is killed only when the table has
 everything that was sent before the last such kill. The registers count up, so the values must rise with the numbers.
 
