@@ -28,6 +28,9 @@ class Batch final {
   void refuse(const Message& message, const std::string& reason);
 
   std::size_t refused() const { return refused_.size(); }
+  /// Topic and reason of the first refused message. Call only if there is one.
+  std::string first_refused_topic() const { return refused_.front()["topic"]; }
+  std::string first_refused_reason() const { return refused_.front()["reason"]; }
   /// Returns the argument of history.put(): {"samples": […], "health": […], "refused": […]}.
   std::string text() const;
 

@@ -3,6 +3,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "agent/failpoint.h"
@@ -11,49 +12,62 @@
 namespace fxagent::history {
 namespace {
 
-constexpr std::chrono::milliseconds kFirstPause{100};
-constexpr std::chrono::milliseconds kLongestPause{5000};
 constexpr std::chrono::milliseconds kIdle{1000};
+constexpr std::chrono::milliseconds kNone{0};
 constexpr std::chrono::hours kMaintenance{1};
 constexpr std::chrono::minutes kMaintenanceRetry{1};
 constexpr std::chrono::minutes kCounts{1};
 
-}  // namespace
-
-std::chrono::milliseconds Consumer::Backoff::next() {
-  pause_ = std::clamp(pause_ * 2, kFirstPause, kLongestPause);
-  return pause_;
+void log_refused(const Batch& batch) {
+  log::warn("messages_refused", {{"count", std::to_string(batch.refused())},
+                                 {"topic", log::excerpt(batch.first_refused_topic())},
+                                 {"why", batch.first_refused_reason()},
+                                 {"do", "see the table history.refused"}});
 }
+
+}  // namespace
 
 Consumer::Consumer(const ConsumerConfig& config, int stop)
     : config_(config),
       stop_(stop),
-      database_(config.database, config.commit, stop),
+      database_(config.database, config.commit, stop, [this] { subscriber_.keep_alive(); }),
       subscriber_(config.subscriber, stop) {}
 
-bool Consumer::stopped(std::chrono::milliseconds wait) const {
-  pollfd waited{stop_, POLLIN, 0};
-  return poll(&waited, 1, static_cast<int>(wait.count())) > 0;
+/// Waits for the stop. Keeps the connection to the broker alive, and takes no message from it.
+bool Consumer::stopped(std::chrono::milliseconds wait) {
+  const Clock::time_point end = Clock::now() + wait;
+  while (true) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now());
+    pollfd waited{stop_, POLLIN, 0};
+    if (poll(&waited, 1, static_cast<int>(std::clamp(left, kNone, kIdle).count())) > 0) return true;
+    subscriber_.keep_alive();
+    if (left <= kIdle) return false;
+  }
 }
 
 void Consumer::run() {
   next_counts_ = Clock::now() + kCounts;
-  while (!stopped(std::chrono::milliseconds(0))) {
+  while (!stopped(kNone)) {
     maintain();
     if (!is_connected()) continue;
     const std::vector<Message>& messages = subscriber_.receive(kIdle);
     if (!messages.empty()) {
+      silence_.received();
       if (!store(messages)) break;
       failpoint("history.stored");
       subscriber_.acknowledge();
     }
     if (!was_subscribed_ && subscriber_.is_subscribed()) {
       was_subscribed_ = true;
-      broker_health_ = {};
-      log::info("subscribed", {{"host", config_.subscriber.host},
-                               {"port", std::to_string(config_.subscriber.port)},
-                               {"group", config_.subscriber.group}});
+      broker_is_good_ = true;
+      broker_backoff_.subscribed(Clock::now());
+      silence_.subscribed(Clock::now());
+      log_subscription();
     }
+    if (silence_.is_over(Clock::now()))
+      log::warn("no_message_yet",
+                {{"root", config_.subscriber.root},
+                 {"do", "check --root, and that the broker lets this user read below it"}});
     if (Clock::now() >= next_counts_) {
       next_counts_ = Clock::now() + kCounts;
       log_counts("counts");
@@ -68,13 +82,13 @@ bool Consumer::is_connected() {
   if (subscriber_.is_connected()) return true;
   if (!subscriber_.fault().empty()) {
     broker_failed(subscriber_.fault());
-    if (stopped(broker_health_.backoff.next())) return false;
+    if (stopped(broker_backoff_.next(Clock::now()))) return false;
   }
   was_subscribed_ = false;
   const std::string why = subscriber_.connect();
   if (why.empty()) return true;
   broker_failed(why);
-  stopped(broker_health_.backoff.next());
+  stopped(broker_backoff_.next(Clock::now()));
   return false;
 }
 
@@ -87,12 +101,14 @@ bool Consumer::store(const std::vector<Message>& messages) {
   if (result.state == PutState::wrong_data) {
     if (messages.size() == 1) {
       Batch refused(config_.subscriber.root);
-      refused.refuse(messages.front(), "the database refuses it: " + result.why);
+      refused.refuse(messages.front(), "the database refuses it: " + result.fault.why);
       if (!put(refused, result)) return false;
       if (result.state == PutState::wrong_data)
         log::error("message_lost", {{"topic", log::excerpt(messages.front().topic)},
-                                    {"why", result.why},
+                                    {"why", result.fault.why},
                                     {"do", "report this: a message could not even be refused"}});
+      else
+        log_refused(refused);
       refused_ += refused.refused();
       ++messages_;
       return true;
@@ -106,9 +122,7 @@ bool Consumer::store(const std::vector<Message>& messages) {
   stored_ += result.stored;
   repeated_ += result.repeated;
   refused_ += batch.refused();
-  if (batch.refused() > 0)
-    log::warn("messages_refused", {{"count", std::to_string(batch.refused())},
-                                   {"do", "see the table history.refused"}});
+  if (batch.refused() > 0) log_refused(batch);
   return true;
 }
 
@@ -121,8 +135,8 @@ bool Consumer::put(const Batch& batch, Put& result) {
       database_is_good();
       return true;
     }
-    database_failed(result.why);
-    if (stopped(database_health_.backoff.next())) return false;
+    database_failed(result.fault);
+    if (stopped(database_backoff_.next())) return false;
   }
 }
 
@@ -130,38 +144,53 @@ bool Consumer::put(const Batch& batch, Put& result) {
 /// partition go to samples_other.
 void Consumer::maintain() {
   if (Clock::now() < next_maintenance_) return;
-  const std::string why = database_.maintain(config_.keep_days);
-  next_maintenance_ = Clock::now() + (why.empty() ? Clock::duration(kMaintenance)
-                                                  : Clock::duration(kMaintenanceRetry));
-  if (why.empty())
-    database_is_good();
+  const std::optional<DatabaseFault> fault = database_.maintain(config_.keep_days);
+  next_maintenance_ =
+      Clock::now() + (fault ? Clock::duration(kMaintenanceRetry) : Clock::duration(kMaintenance));
+  if (fault)
+    database_failed(*fault);
   else
-    database_failed(why);
+    database_is_good();
+}
+
+void Consumer::log_subscription() {
+  const SubscriberConfig& config = config_.subscriber;
+  const bool resumed = subscriber_.is_resumed();
+  log::info("subscribed",
+            {{"host", config.host},
+             {"port", std::to_string(config.port)},
+             {"root", config.root},
+             {"client_id", config.client_id},
+             {"group", config.group},
+             {"session", resumed ? "resumed" : "new"},
+             {"note", resumed ? "messages have waited in the broker since the last connection"
+                              : "the broker has no messages from before. If this client id ran "
+                                "before, some may be lost: see history.gaps"}});
 }
 
 void Consumer::broker_failed(const std::string& why) {
-  if (!std::exchange(broker_health_.is_good, false)) return;
+  if (!std::exchange(broker_is_good_, false)) return;
   log::warn("broker_lost",
             {{"host", config_.subscriber.host},
              {"port", std::to_string(config_.subscriber.port)},
              {"why", why},
-             {"do",
-              "nothing if it comes back; else check --broker, the user and the broker's log. "
-              "A second process with this --client-id takes the session over"}});
+             {"do", broker_backoff_.is_short(Clock::now())
+                        ? "end any other process with this --client-id; else see the broker's log"
+                        : "nothing if it comes back; else check --broker, the user and the "
+                          "broker's log"}});
 }
 
-void Consumer::database_failed(const std::string& why) {
-  if (!std::exchange(database_health_.is_good, false)) return;
-  log::warn("database_lost",
-            {{"why", why},
-             {"do",
-              "start the database, check --database, and run schema.sql; messages wait "
-              "unacknowledged in the broker until then"}});
+/// Logs each cure once per outage.
+void Consumer::database_failed(const DatabaseFault& fault) {
+  if (std::exchange(database_cure_, fault.cure) == fault.cure) return;
+  log::warn("database_lost", {{"why", fault.why},
+                              {"do", fault.cure},
+                              {"note", "messages wait unacknowledged in the broker"}});
 }
 
 void Consumer::database_is_good() {
-  database_health_.backoff.reset();
-  if (!std::exchange(database_health_.is_good, true)) log::info("database_back");
+  database_backoff_.reset();
+  if (!std::exchange(database_cure_, "").empty()) log::info("database_back");
 }
 
 void Consumer::log_counts(const char* event) const {

@@ -7,10 +7,10 @@
 
 #include <chrono>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
+#include "agent/history/backoff.h"
 #include "agent/history/database.h"
 #include "agent/history/subscriber.h"
 
@@ -34,29 +34,14 @@ class Consumer final {
  private:
   using Clock = std::chrono::steady_clock;
 
-  /// Doubling pause between attempts.
-  class Backoff final {
-   public:
-    std::chrono::milliseconds next();
-    void reset() { pause_ = std::chrono::milliseconds(0); }
-
-   private:
-    std::chrono::milliseconds pause_{0};
-  };
-
-  /// State of the broker or the database, logged when it changes.
-  struct Health {
-    bool is_good = true;
-    Backoff backoff;
-  };
-
-  bool stopped(std::chrono::milliseconds wait) const;
+  bool stopped(std::chrono::milliseconds wait);
   bool is_connected();
+  void log_subscription();
   bool store(const std::vector<Message>& messages);
   bool put(const Batch& batch, Put& result);
   void maintain();
   void broker_failed(const std::string& why);
-  void database_failed(const std::string& why);
+  void database_failed(const DatabaseFault& fault);
   void database_is_good();
   void log_counts(const char* event) const;
 
@@ -64,8 +49,12 @@ class Consumer final {
   const int stop_;
   Database database_;
   Subscriber subscriber_;
-  Health broker_health_;
-  Health database_health_;
+  bool broker_is_good_ = true;
+  BrokerBackoff broker_backoff_;
+  Silence silence_;
+  /// Cure of the last failure that was logged. Empty if the database is good.
+  std::string database_cure_;
+  Backoff database_backoff_{std::chrono::milliseconds(100), std::chrono::seconds(5)};
   bool was_subscribed_ = false;
   Clock::time_point next_maintenance_{};
   Clock::time_point next_counts_{};

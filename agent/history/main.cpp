@@ -1,12 +1,13 @@
 // fxhistory: stores the samples of agents in PostgreSQL, each exactly once. See
 // docs/operate/history-database.md.
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <csignal>
 #include <exception>
 #include <fstream>
-#include <map>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 
 #include "agent/history/consumer.h"
 #include "agent/log/log.h"
@@ -48,18 +49,36 @@ void read_broker(const std::string& url, SubscriberConfig& config) {
   config.host = rest;
 }
 
-/// Returns the first line of a file.
+/// Returns the first line of the password file.
 std::string secret(const std::string& path) {
   std::ifstream file(path);
   std::string line;
-  if (!std::getline(file, line))
-    throw CLI::ValidationError("--password-file", "cannot read " + path);
+  if (!std::getline(file, line) || line.empty())
+    throw CLI::ValidationError("--password-file", path + ": the first line is empty");
   return line;
+}
+
+std::string on_or_off(const std::string& text) {
+  return text == "on" || text == "off" ? std::string() : "must be on or off: " + text;
 }
 
 std::string without_wildcards(const std::string& text) {
   const bool wrong = text.empty() || text.starts_with('$') || text.find_first_of("+#") != text.npos;
   return wrong ? "may not be empty, begin with $, or contain + or #: " + text : std::string();
+}
+
+std::string not_empty(const std::string& text) {
+  return text.empty() ? "may not be empty" : std::string();
+}
+
+std::string readable_file(const std::string& path) {
+  errno = 0;
+  std::ifstream file(path);
+  // A directory opens, and cannot be read.
+  if (file) file.peek();
+  if (file && errno == 0) return {};
+  if (errno == 0) return path + ": the file is empty";
+  return path + ": " + std::generic_category().message(errno);
 }
 
 std::string plain_name(const std::string& text) {
@@ -81,23 +100,19 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--database", config.database,
                  "Connection string of libpq: \"host=/run/postgresql dbname=history\"")
+      ->check(fault_of_target)
       ->required();
   app.add_option("--client-id", subscriber.client_id,
                  "MQTT client id, a different one for each consumer, and always the same")
+      ->check(not_empty)
       ->required();
   app.add_option("--root", subscriber.root, "The root of the agents' configs")
       ->check(without_wildcards)
       ->capture_default_str();
-  bool unshared = false;
-  auto* group =
-      app.add_option("--group", subscriber.group,
-                     "Shared subscription. Each message goes to one consumer of the group")
-          ->check(plain_name)
-          ->capture_default_str();
-  app.add_flag("--unshared", unshared,
-               "Gets every message, whatever other consumers get. mosquitto 2.0.11 forgets shared "
-               "subscriptions when it restarts, and keeps this one")
-      ->excludes(group);
+  app.add_option("--group", subscriber.group,
+                 "Shares the messages with the consumers of this name: each message goes to one of "
+                 "them, also to an absent one. Without it, this consumer gets every message")
+      ->check(plain_name);
   app.add_option("--keep-days", config.keep_days, "Deletes older samples; 0 keeps all")
       ->check(CLI::Range(0, 36'500))
       ->capture_default_str();
@@ -107,20 +122,33 @@ int main(int argc, char** argv) {
   app.add_option("--session-expiry-s", subscriber.session_expiry_s,
                  "Time for which the broker keeps messages while this consumer is away")
       ->capture_default_str();
-  app.add_option("--synchronous-commit", config.commit,
+  app.add_option("--keep-alive-s", subscriber.keep_alive_s,
+                 "The broker drops this consumer after 1.5 times this silence")
+      ->check(CLI::Range(5, 65'535))
+      ->capture_default_str();
+  std::string commit = "on";
+  app.add_option("--synchronous-commit", commit,
                  "on; off is faster, and a crash of the database loses acknowledged samples")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, SynchronousCommit>{
-          {"on", SynchronousCommit::on}, {"off", SynchronousCommit::off}}))
-      ->default_str("on");
-  app.add_option("--username", subscriber.username, "MQTT user");
-  app.add_option("--password-file", password_file, "File with the MQTT password in its first line");
-  app.add_option("--ca-file", subscriber.ca_file, "CA of the broker (the system's)");
-  app.add_option("--cert-file", subscriber.cert_file, "Client certificate");
-  app.add_option("--key-file", subscriber.key_file, "Key of the client certificate");
+      ->check(on_or_off)
+      ->capture_default_str();
+  auto* username = app.add_option("--username", subscriber.username, "MQTT user");
+  app.add_option("--password-file", password_file, "File with the MQTT password in its first line")
+      ->check(readable_file)
+      ->needs(username);
+  app.add_option("--ca-file", subscriber.ca_file, "CA of the broker (the system's)")
+      ->check(readable_file);
+  auto* certificate = app.add_option("--cert-file", subscriber.cert_file, "Client certificate");
+  auto* key = app.add_option("--key-file", subscriber.key_file, "Key of the client certificate");
+  certificate->check(readable_file)->needs(key);
+  key->check(readable_file)->needs(certificate);
+  app.set_version_flag("--version", FXAGENT_VERSION);
   try {
     app.parse(argc, argv);
     read_broker(broker, subscriber);
-    if (unshared) subscriber.group.clear();
+    config.commit = commit == "on" ? SynchronousCommit::on : SynchronousCommit::off;
+    const bool has_files = !subscriber.ca_file.empty() || !subscriber.cert_file.empty();
+    if (has_files && !subscriber.tls)
+      throw CLI::ValidationError("--broker", "--ca-file and --cert-file need mqtts://");
     if (!password_file.empty()) subscriber.password = secret(password_file);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrongCall;

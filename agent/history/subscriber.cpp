@@ -3,6 +3,7 @@
 #include <mqtt_protocol.h>
 #include <openssl/ssl.h>
 #include <poll.h>
+#include <sys/socket.h>
 
 #include <algorithm>
 #include <array>
@@ -12,7 +13,8 @@
 namespace fxagent::history {
 namespace {
 
-constexpr int kKeepAlive = 30;                            // s
+using Clock = std::chrono::steady_clock;
+
 constexpr std::chrono::milliseconds kMisc{1000};          // interval of the library's own duties
 constexpr std::size_t kMostBytes = std::size_t{4} << 20;  // of a batch; one message may exceed it
 constexpr std::uint32_t kLargestMessage = 16 << 20;       // the broker discards larger ones
@@ -51,10 +53,11 @@ Subscriber::Subscriber(const SubscriberConfig& config, int stop) : config_(confi
                               text_or_null(config_.key_file), nullptr),
             "--ca-file, --cert-file, --key-file");
   }
-  mosquitto_connect_v5_callback_set(
-      client, [](mosquitto*, void* object, int reason, int, const mosquitto_property*) {
-        self(object).on_connect(reason);
-      });
+  mosquitto_connect_v5_callback_set(client, [](mosquitto*, void* object, int reason, int flags,
+                                               const mosquitto_property* properties) {
+    // Bit 0: session present (MQTT 5, section 3.2.2.1).
+    self(object).on_connect(reason, (flags & 1) != 0, properties);
+  });
   mosquitto_subscribe_v5_callback_set(
       client, [](mosquitto*, void* object, int, int count, const int* granted,
                  const mosquitto_property*) { self(object).on_subscribe(count, granted); });
@@ -77,17 +80,16 @@ Subscriber::~Subscriber() {
 }
 
 std::string Subscriber::connect() {
-  connected_ = false;
-  subscribed_ = false;
+  connected_ = accepted_ = subscribed_ = between_packets_ = false;
   messages_.clear();
   fault_.clear();
   mosquitto_property* properties = nullptr;
   mosquitto_property_add_int32(&properties, MQTT_PROP_SESSION_EXPIRY_INTERVAL,
                                config_.session_expiry_s);
   mosquitto_property_add_int32(&properties, MQTT_PROP_MAXIMUM_PACKET_SIZE, kLargestMessage);
-  const int status =
-      mosquitto_connect_bind_v5(client_.get(), config_.host.c_str(), config_.port, kKeepAlive,
-                                /*bind_address=*/nullptr, properties);
+  const int status = mosquitto_connect_bind_v5(client_.get(), config_.host.c_str(), config_.port,
+                                               config_.keep_alive_s,
+                                               /*bind_address=*/nullptr, properties);
   const int system_error = errno;
   mosquitto_property_free_all(&properties);
   if (status == MOSQ_ERR_SUCCESS) {
@@ -98,12 +100,20 @@ std::string Subscriber::connect() {
                                   : mosquitto_strerror(status);
 }
 
-void Subscriber::on_connect(int reason) {
+void Subscriber::on_connect(int reason, bool resumed, const mosquitto_property* properties) {
   if (reason != 0) {
     fault_ = std::string("the broker refuses the connection: ") + mosquitto_reason_string(reason);
     connected_ = false;
     return;
   }
+  accepted_ = true;
+  resumed_ = resumed;
+  auto keep_alive_s = static_cast<std::uint16_t>(config_.keep_alive_s);
+  // The broker may demand a shorter time. Leaves the value as it is if not.
+  mosquitto_property_read_int16(properties, MQTT_PROP_SERVER_KEEP_ALIVE, &keep_alive_s,
+                                /*skip_first=*/false);
+  ping_interval_ = std::chrono::seconds(keep_alive_s / 3);
+  next_ping_ = Clock::now() + ping_interval_;
   const std::string share = config_.group.empty() ? "" : "$share/" + config_.group + '/';
   // Health is not shared: a shared subscription gets no retained message, and the retained health
   // has the drops of an outage.
@@ -138,8 +148,25 @@ void Subscriber::check(int status) {
 }
 
 void Subscriber::write() {
-  if (connected_ && mosquitto_want_write(client_.get()))
-    check(mosquitto_loop_write(client_.get(), 1));
+  if (!connected_) return;
+  if (mosquitto_want_write(client_.get())) check(mosquitto_loop_write(client_.get(), 1));
+  between_packets_ = !mosquitto_want_write(client_.get());
+}
+
+void Subscriber::keep_alive() {
+  if (messages_.empty()) write();
+  const auto now = Clock::now();
+  if (!connected_ || !accepted_ || !between_packets_ || now < next_ping_) return;
+  next_ping_ = now + ping_interval_;
+  // The queue of libmosquitto begins with acknowledgements. So this packet goes past it.
+  constexpr std::array<unsigned char, 2> kPingRequest{0xC0, 0};  // MQTT 5, section 3.12
+  constexpr int kSize = kPingRequest.size();
+  auto* tls = static_cast<SSL*>(mosquitto_ssl_get(client_.get()));
+  const int socket = mosquitto_socket(client_.get());
+  const bool is_sent = tls != nullptr ? SSL_write(tls, kPingRequest.data(), kSize) == kSize
+                                      : send(socket, kPingRequest.data(), kSize,
+                                             MSG_DONTWAIT | MSG_NOSIGNAL) == kSize;
+  if (!is_sent) check(MOSQ_ERR_CONN_LOST);
 }
 
 /// Reads one packet, if one arrives within `wait`. Returns false if none did.
@@ -164,7 +191,6 @@ bool Subscriber::read_once(std::chrono::milliseconds wait) {
 
 const std::vector<Message>& Subscriber::receive(std::chrono::milliseconds wait) {
   messages_.clear();
-  if (connected_) check(mosquitto_loop_misc(client_.get()));
   write();
   if (!connected_) return messages_;
   std::size_t bytes = 0;
@@ -179,6 +205,8 @@ const std::vector<Message>& Subscriber::receive(std::chrono::milliseconds wait) 
     else
       write();
   }
+  // After reading: an answer to keep_alive() may have waited. This queues packets and sends none.
+  if (connected_) check(mosquitto_loop_misc(client_.get()));
   return messages_;
 }
 

@@ -1,5 +1,4 @@
-// The MQTT session of a consumer: MQTT 5, a shared subscription, a session that outlives the
-// connection. One thread.
+// The MQTT session of a consumer: MQTT 5, a session that outlives the connection. One thread.
 //
 // Acknowledges messages only in acknowledge(). libmosquitto queues the PUBACK when it has read a
 // message, and in this mode it sends its queue only when the caller writes. So this class does not
@@ -30,8 +29,9 @@ struct SubscriberConfig {
   std::string password;
   std::string client_id;  ///< of this consumer alone
   std::string root = "fx";
-  std::string group = "history";  ///< of the shared subscription; empty: not shared
-  int receive_maximum = 100;      ///< most messages of one batch
+  std::string group;          ///< of the shared subscription; empty: not shared
+  int receive_maximum = 100;  ///< most messages of one batch
+  int keep_alive_s = 30;      ///< at least 5
   std::uint32_t session_expiry_s = 604'800;
 };
 
@@ -52,12 +52,17 @@ class Subscriber final {
   const std::vector<Message>& receive(std::chrono::milliseconds wait);
   /// Acknowledges all messages of the last receive().
   void acknowledge();
+  /// Sends a PINGREQ if one is due. Takes and acknowledges no message. Call it at least once a
+  /// second while messages are unacknowledged.
+  void keep_alive();
   /// Ends the connection. The broker keeps the session, and what was not acknowledged.
   void disconnect();
 
   bool is_connected() const { return connected_; }
   /// True once the broker has confirmed the subscriptions of this connection.
   bool is_subscribed() const { return subscribed_; }
+  /// True if the broker had kept the session of this client id.
+  bool is_resumed() const { return resumed_; }
   /// Reason why the connection was lost, or the subscription refused.
   const std::string& fault() const { return fault_; }
 
@@ -66,7 +71,7 @@ class Subscriber final {
     void operator()(mosquitto* client) const { mosquitto_destroy(client); }
   };
 
-  void on_connect(int reason);
+  void on_connect(int reason, bool resumed, const mosquitto_property* properties);
   void on_subscribe(int count, const int* granted);
   void on_disconnect(int reason);
   void check(int status);
@@ -78,7 +83,13 @@ class Subscriber final {
   std::unique_ptr<mosquitto, Destroy> client_;
   std::vector<Message> messages_;
   bool connected_ = false;
+  bool accepted_ = false;  // the broker has answered CONNECT
   bool subscribed_ = false;
+  bool resumed_ = false;
+  /// True if the last packet that libmosquitto began to send was sent as a whole.
+  bool between_packets_ = false;
+  std::chrono::seconds ping_interval_{};
+  std::chrono::steady_clock::time_point next_ping_{};
   std::string fault_;
 };
 

@@ -177,7 +177,8 @@ BEGIN
 END $$;
 
 -- Makes the partitions from yesterday to `ahead` days from now, and deletes samples older than `keep` by whole days (null:
--- keeps all). Waits at most 2 s for a lock, because inserts wait behind it. Returns the number of partitions made and dropped. fxhistory calls it every hour; cron may call it instead.
+-- keeps all; less than 1 day is an error). Waits at most 2 s for a lock, because inserts wait behind it. Returns the number of
+-- partitions made and dropped. fxhistory calls it every hour; cron may call it instead.
 CREATE OR REPLACE FUNCTION history.maintain(keep interval DEFAULT NULL, ahead integer DEFAULT 3,
                                             OUT made integer, OUT dropped integer)
 LANGUAGE plpgsql SECURITY DEFINER SET search_path = history, pg_temp SET lock_timeout = '2s' AS $$
@@ -188,6 +189,11 @@ DECLARE
   day date;
   part regclass;
 BEGIN
+  -- PostgreSQL reads '400' as 400 s.
+  IF keep < interval '1 day' THEN
+    RAISE EXCEPTION 'history.maintain: % is shorter than 1 day, nothing was deleted', keep
+      USING ERRCODE = 'invalid_parameter_value', HINT = 'Write the unit: history.maintain(''400 days'').';
+  END IF;
   made := 0;
   dropped := 0;
   -- A maintenance in progress does the same.
@@ -232,8 +238,9 @@ END $$;
 
 -- ---- Reading ---------------------------------------------------------------------------------------------------------
 
--- One row a tag. `quality` is good, or the reason why the tag has no value. An array has one row for each element. `number`
--- is null for texts; 1 and 0 for true and false. `text` is the value as text, exact also beyond 2^53.
+-- One row a tag. `quality` is good, or the reason why the tag has no value. An array has one row for each element. A bad
+-- array has as many as its last value, and one row if it never had a value. `number` is null for texts; 1 and 0 for true and
+-- false. `text` is the value as text, exact also beyond 2^53.
 CREATE OR REPLACE VIEW history.tags AS
 SELECT s.agent, s.device, s.group_name, s.ts, s.seq, t.key AS name, e.ordinality - 1 AS element,
        CASE jsonb_typeof(e.value) WHEN 'number' THEN e.value::double precision
@@ -243,8 +250,10 @@ FROM history.samples s, jsonb_each(s."values") AS t,
      jsonb_array_elements(CASE jsonb_typeof(t.value) WHEN 'array' THEN t.value ELSE jsonb_build_array(t.value) END)
        WITH ORDINALITY AS e
 UNION ALL
-SELECT s.agent, s.device, s.group_name, s.ts, s.seq, b.key, 0, NULL, NULL, b.value->>'why'
-FROM history.samples s, jsonb_each(s.bad) AS b;
+SELECT s.agent, s.device, s.group_name, s.ts, s.seq, b.key, e.element, NULL, NULL, b.value->>'why'
+FROM history.samples s, jsonb_each(s.bad) AS b,
+     generate_series(0, CASE jsonb_typeof(b.value->'last') WHEN 'array' THEN
+       greatest(jsonb_array_length(b.value->'last') - 1, 0) ELSE 0 END) AS e(element);
 
 -- Numbers that two different samples have; see the top of this file.
 CREATE OR REPLACE VIEW history.reused_numbers AS
@@ -263,7 +272,8 @@ FROM (SELECT s.agent, s.device, s.seq, s.boot, s.ts,
       WINDOW w AS (PARTITION BY s.agent, s.device ORDER BY s.seq)) AS n
 WHERE n.before_boot IS NOT NULL AND n.seq > n.before_seq + 1;
 
--- One row a device. `dropped` is what the agent reported as dropped, `unexplained` what is missing beyond that.
+-- One row a device. `dropped`: samples that the agent reported as dropped. `unexplained`: missing beyond that. The verdict
+-- names skipped numbers: with `sync: always` they are a loss.
 CREATE OR REPLACE VIEW history.streams AS
 SELECT s.agent, s.device, s.samples, s.first, s.last, s.boots, coalesce(g.missing, 0) AS missing,
        coalesce(g.skipped, 0) AS skipped, coalesce(d.dropped, 0) AS dropped,
@@ -271,7 +281,8 @@ SELECT s.agent, s.device, s.samples, s.first, s.last, s.boots, coalesce(g.missin
        CASE WHEN coalesce(g.missing, 0) = 0 THEN 'whole'
             WHEN g.missing <= coalesce(d.dropped, 0) THEN 'dropped by the agent'
             WHEN coalesce(a.waiting, 0) > 0 THEN 'may still arrive'
-            ELSE 'missing' END AS verdict
+            ELSE 'missing' END
+       || CASE WHEN g.skipped > 0 THEN ', ' || g.skipped || ' numbers skipped at a restart' ELSE '' END AS verdict
 FROM (SELECT agent, device, count(DISTINCT seq) AS samples, min(seq) AS first, max(seq) AS last,
              count(DISTINCT boot) AS boots
       FROM history.samples GROUP BY agent, device) AS s

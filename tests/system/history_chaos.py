@@ -4,7 +4,7 @@
     FXAGENT=build/agent/fxagent FXSIM=build/tests/sim/fxsim tests/system/history_chaos.py --seconds 600 --seed 7
 
 The agent publishes on two brokers, because a broker killed by SIGKILL loses what it has acknowledged. Each broker has
-an unshared consumer; the first one also has two that share. All write into one table. A relay before each broker
+a consumer without a group; the first one also has two that share. All write into one table. A relay before each broker
 records what the agent sent: that is the truth, and no broker is asked for it. A broker is killed only when the table has
 everything that was sent before the last such kill. The registers count up, so the values must rise with the numbers.
 
@@ -85,9 +85,9 @@ class Chaos:
             relay.start()
             self.brokers.append(broker)
             self.relays.append(relay)
-            self.add_consumer(f"all-{name}", broker, "--unshared")
+            self.add_consumer(f"all-{name}", broker)
         for number in range(2):
-            self.add_consumer(f"shared-{number}", self.brokers[0])
+            self.add_consumer(f"shared-{number}", self.brokers[0], "--group", "history")
         self.sim = Sim(self.directory, [{"name": name, "model": "FX3U", "pty": os.path.join(self.directory, name), "baud": 0,
                                          "turnaround_ms": 1} for name in DEVICES], lifetime_s=36000)
         self.sim.start()

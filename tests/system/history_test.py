@@ -2,10 +2,13 @@
 
 import json
 import os
+import re
 import signal
+import subprocess
+import time
 import unittest
 
-from history_plant import BROKER_CONF, CONFIG, CRASHING, Consumer, Postgres, rows_of, stored
+from history_plant import BROKER_CONF, CONFIG, CRASHING, FXHISTORY, Consumer, Postgres, rows_of, stored
 from plant import BASE, PlantTest, Watcher, device, wait_for
 
 TAGS = [{"name": "temp", "address": "D100", "group": "fast"},
@@ -58,7 +61,7 @@ class History(PlantTest):
                    store={"path": os.path.join(self.directory, "store"), "sync": "always", **more})
         self.watchers = [self.watcher]
         for number in range(consumers):
-            self.consumer(f"history-{number}").start()
+            self.consumer(f"history-{number}", "--group", "history").start()
         for consumer in self.consumers:
             consumer.ready()
 
@@ -147,7 +150,7 @@ class History(PlantTest):
     def test_a_broker_and_a_database_that_end_lose_nothing(self):
         # mosquitto 2.0.11 forgets shared subscriptions when it restarts.
         self.begin(consumers=1)
-        self.consumer("history-all", "--unshared").start()
+        self.consumer("history-all").start()
         self.consumers[-1].ready()
         self.samples(20)
         self.database.kill()
@@ -172,9 +175,10 @@ class History(PlantTest):
 
     def test_a_consumer_that_stops_while_the_database_is_away_acknowledges_nothing(self):
         self.begin(consumers=0)
-        consumer = self.consumer("history-all", "--unshared")
+        consumer = self.consumer("history-all")
         consumer.start()
         consumer.ready()
+        self.assertRegex(consumer.said(), "subscribed .*root=fx/plant-a client_id=history-all group=.* session=new ")
         self.samples(10)
         self.database.kill()
         wait_for("its log", lambda: "database_lost" in consumer.said())
@@ -183,7 +187,57 @@ class History(PlantTest):
         self.database.start()
         consumer.start()
         consumer.ready()
+        self.assertIn("session=resumed", consumer.said())
         self.samples(10)
+        self.end()
+
+    def test_a_connection_outlives_a_database_that_is_away(self):
+        self.begin(consumers=0)
+        # The broker drops a client after 7.5 s of silence, and its messages 1 s later.
+        consumer = self.consumer("history-all", "--keep-alive-s", "5", "--session-expiry-s", "1")
+        consumer.start()
+        consumer.ready()
+        self.samples(10)
+        self.database.kill()
+        wait_for("its log", lambda: "database_lost" in consumer.said())
+        self.assertIn("not reachable: start the database", consumer.said())
+        time.sleep(15)
+        self.database.start()
+        wait_for("its log", lambda: "database_back" in consumer.said())
+        self.samples(10)
+        self.assertNotIn("broker_lost", consumer.said())
+        self.end()
+
+    def test_two_processes_with_one_client_id_leave_each_other_in_peace_soon(self):
+        self.begin(consumers=0)
+        first, second = self.consumer("history-all"), self.consumer("history-all")
+        first.start()
+        first.ready()
+        second.start()
+        time.sleep(6)
+        log = first.said()
+        self.assertIn("end any other process with this --client-id", log)
+        self.assertLess(log.count("broker_lost"), 8, log)  # of both
+        second.kill()
+        count = self.database.value("SELECT count(*) FROM history.samples")
+        wait_for("rows of the first one", lambda: self.database.value("SELECT count(*) FROM history.samples") > count + 20)
+
+    def test_a_retired_consumer_of_a_group_takes_no_share(self):
+        self.begin(consumers=0)
+        absent = self.consumer("absent", "--group", "history")
+        self.consumers.remove(absent)
+        absent.start()
+        absent.ready()
+        self.assertEqual(absent.stop(), 0)
+        # The command of docs/operate/history-database.md. It discards the messages of the client id, too.
+        done = subprocess.run(["mosquitto_sub", "-V", "mqttv5", "-p", str(self.broker.port), "-i", "absent", "-t", "retired",
+                               "-E"], capture_output=True, text=True, check=False)
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "", ""))
+        self.database.psql("DELETE FROM history.samples")
+        present = self.consumer("present", "--group", "history")
+        present.start()
+        present.ready()
+        self.samples(20)
         self.end()
 
     def test_what_is_no_sample_is_kept_apart_with_its_reason(self):
@@ -203,6 +257,7 @@ class History(PlantTest):
         refused = self.database.rows("SELECT topic, reason, bytes FROM history.refused ORDER BY id")
         self.assertEqual(len(refused), len(bad), refused)
         self.assertIn("the character NUL", json.dumps(refused))
+        self.assertRegex(self.consumers[0].said(), f'messages_refused .*topic={topic} why="the payload is not JSON"')
         self.samples(5)
         self.consumers[0].stop()
         self.assertGreater(self.consumers[0].counts()["stored"], 5)
@@ -211,7 +266,7 @@ class History(PlantTest):
         # A long text fills the smallest store soon.
         text = [{"name": "text", "address": "D1000", "type": "string", "length": 100, "group": "fast"}]
         self.begin(consumers=0, tags=text, groups=[{"name": "fast", "interval_ms": 20}], max_bytes=65536)
-        self.consumer("history-all", "--unshared").start()  # mosquitto forgets shared subscriptions
+        self.consumer("history-all").start()
         self.consumers[0].ready()
         self.sim.set("press1", "D1000", 0x4141)
         wait_for("rows", lambda: self.database.value("SELECT count(*) FROM history.samples") > 20)
@@ -294,12 +349,75 @@ class Schema(unittest.TestCase):
                                 {"first": 10, "last": 19, "numbers": 10, "kind": "skipped"}])
         stream, = self.database.rows("SELECT * FROM history.streams")
         self.assertEqual((stream["missing"], stream["skipped"], stream["unexplained"], stream["verdict"]),
-                         (2, 10, 2, "missing"))
+                         (2, 10, 2, "missing, 10 numbers skipped at a restart"))
+        self.assertEqual(self.put(6, 7, 0), (2, 0))
+        self.assertEqual(self.database.value("SELECT verdict FROM history.streams"), "whole, 10 numbers skipped at a restart")
+
+    def test_a_bad_array_is_bad_in_each_element(self):
+        arrays = [({"a": [1, 2, 3], "b": [1, 2]}, None), ({"a": [3, 4, 5]}, {"b": {"why": "nak"}}),
+                  ({}, {"a": {"why": "timeout", "last": [3, 4, 5]}, "b": {"why": "nak"}})]
+        ts = self.database.value("SELECT (extract(epoch FROM now()) * 1000)::bigint")
+        rows = [{"agent": "fx/plant-a/edge7", "device": "press1", "seq": seq, "ts": ts, "group_name": "g", "boot": "b",
+                 "meta": "m", "values": values, "bad": bad, "history": False}
+                for seq, (values, bad) in enumerate(arrays)]
+        self.database.psql(f"SELECT history.put('{json.dumps({'samples': rows, 'health': [], 'refused': []})}')")
+        newest = [("a", 0, "timeout"), ("a", 1, "timeout"), ("a", 2, "timeout"), ("b", 0, "nak")]
+        queries = dict(dashboard_queries())
+        with open(os.path.join(CONFIG, "examples.sql")) as file:
+            examples = file.read().split(";")
+        for query in (queries["Newest values"], examples[0]):
+            self.assertEqual([(r["name"], r["element"], r["quality"]) for r in self.database.rows(query)], newest)
+        means = [r["mean"] for r in self.database.rows(examples[1].replace("'temp'", "'a'"))]
+        self.assertEqual(means, [2, 3, 4])
+        query = queries["Mean values"].replace("'temp'", "'a'")
+        self.assertEqual({r["metric"]: r["value"] for r in self.database.rows(query)},
+                         {"press1.a": 2, "press1.a.1": 3, "press1.a.2": 4})
+
+    def test_retention_of_less_than_a_day_is_refused(self):
+        self.assertEqual(self.put(1, 10, 3), (10, 0))
+        with self.assertRaisesRegex(AssertionError, r"shorter than 1 day(.|\n)*maintain\('400 days'\)"):
+            self.database.psql("SELECT history.maintain('400')", user="writer")
+        self.assertEqual(self.database.value("SELECT count(*) FROM history.samples"), 10)
 
     def psql_again(self):
         """The schema may be run again, and keeps what is there."""
         self.database.psql(file=os.path.join(CONFIG, "schema.sql"))
         self.assertEqual(self.database.value("SELECT count(*) FROM history.samples"), 5)
+
+
+class Calls(unittest.TestCase):
+    """Wrong calls end with status 2 and one readable line."""
+
+    def test_wrong_calls(self):
+        tls = ["--broker", "mqtts://127.0.0.1:1"]
+        file = os.path.join(CONFIG, "schema.sql")
+        for arguments, said in [
+                (["--database", ""], "--database: may not be empty"),
+                (["--database", "host=a b"], "--database: missing"),
+                (["--client-id", ""], "--client-id: may not be empty"),
+                (["--broker", "http://a"], "--broker: not mqtt://HOST:PORT"),
+                (["--synchronous-commit", "maybe"], "--synchronous-commit: must be on or off: maybe"),
+                ([*tls, "--ca-file", "/missing"], "--ca-file: /missing: No such file"),
+                ([*tls, "--ca-file", "/"], "--ca-file: /: Is a directory"),
+                ([*tls, "--cert-file", file], "--cert-file requires --key-file"),
+                ([*tls, "--key-file", file], "--key-file requires --cert-file"),
+                (["--ca-file", file], "--broker: --ca-file and --cert-file need mqtts://"),
+                (["--password-file", file], "--password-file requires --username"),
+                (["--username", "a", "--password-file", "/missing"], "--password-file: /missing: No such file")]:
+            required = [] if arguments[0] == "--client-id" else ["--client-id", "a"]
+            required += [] if arguments[0] == "--database" else ["--database", "dbname=a"]
+            done = subprocess.run([FXHISTORY, *required, *arguments], capture_output=True, text=True, timeout=10, check=False)
+            self.assertEqual(done.returncode, 2, arguments)
+            self.assertTrue(done.stderr.startswith(said), f"{arguments}: {done.stderr}")
+
+    def test_the_manual_page_has_every_option(self):
+        text = subprocess.run([FXHISTORY, "--help"], capture_output=True, text=True, check=True).stdout
+        with open(os.path.join(CONFIG, "..", "..", "debian", "fxhistory.1")) as file:
+            page = file.read().replace("\\-", "-")
+        options = re.findall(r"--[a-z-]+", text)
+        self.assertIn("--version", options)
+        for option in set(options):
+            self.assertIn(f"\\fB{option}\\fR", page)
 
 
 if __name__ == "__main__":
