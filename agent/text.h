@@ -23,9 +23,9 @@ bool is_name(std::string_view text);
 template <class Number>
 std::optional<Number> number_from(std::string_view text) {
   Number number{};
-  const char* const end = text.data() + text.size();
-  const auto [stop, fault] = std::from_chars(text.data(), end, number);
-  return fault == std::errc() && stop == end ? std::optional(number) : std::nullopt;
+  const auto [stop, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
+  const bool is_whole = fault == std::errc() && stop == text.data() + text.size();
+  return is_whole ? std::optional(number) : std::nullopt;
 }
 
 /// Escaping by place of display. "Foreign" means a byte that is not part of valid UTF-8.
