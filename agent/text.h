@@ -46,7 +46,7 @@ std::string escaped(std::string_view text, Escape how, std::size_t most = std::s
 /// Returns the duration in milliseconds, "12.5".
 std::string ms_text(std::chrono::nanoseconds duration);
 
-/// Returns eight hex digits by chance, for a client id that no other client has.
+/// Returns eight random hex digits, for a client id that no other client has.
 std::string random_digits();
 
 }  // namespace fxagent

@@ -1,4 +1,4 @@
-// Keeps signals on the main thread, and off all threads.
+// Blocks signals.
 #pragma once
 
 #include <csignal>

@@ -91,12 +91,12 @@ struct RunCall {
 };
 
 /// Resolves the links to trace to indexes in Config::links. Returns nullopt, after an error on
-/// stderr, if a link does not exist. With a remote config in force an unknown link is only a
-/// warning: its sender may have removed the link, and the agent must still start.
+/// stderr, if a link does not exist. With a remote config in force, or in a gateway of a pair that
+/// starts itself anew, an unknown link is only a warning: the agent must still start.
 std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, const RunCall& call,
                                                        const RemoteConfig& remote) {
   const auto status = remote.status();
-  const bool is_local = !status || status->version.empty();
+  const bool is_local = (!status || status->version.empty()) && !was_restarted();
 
   std::vector<std::string_view> names;
   names.reserve(config.links.size());

@@ -57,7 +57,7 @@ void Consumer::run() {
       failpoint("history.stored");
       subscriber_.acknowledge();
     }
-    if (!was_subscribed_ && subscriber_.is_subscribed()) {
+    if (!was_subscribed_ && subscriber_.is_subscribed() && subscriber_.is_connected()) {
       was_subscribed_ = true;
       broker_is_good_ = true;
       broker_backoff_.subscribed(Clock::now());
@@ -163,7 +163,7 @@ void Consumer::log_subscription() {
              {"client_id", config.client_id},
              {"group", config.group},
              {"session", resumed ? "resumed" : "new"},
-             {"note", resumed ? "messages have waited in the broker since the last connection"
+             {"note", resumed ? "messages may have waited in the broker since the last connection"
                               : "the broker has no messages from before. If this client id ran "
                                 "before, some may be lost: see history.gaps"}});
 }
@@ -183,9 +183,10 @@ void Consumer::broker_failed(const std::string& why) {
 /// Logs each cure once per outage.
 void Consumer::database_failed(const DatabaseFault& fault) {
   if (std::exchange(database_cure_, fault.cure) == fault.cure) return;
-  log::warn("database_lost", {{"why", fault.why},
-                              {"do", fault.cure},
-                              {"note", "messages wait unacknowledged in the broker"}});
+  log::warn("database_lost",
+            {{"why", fault.why},
+             {"do", fault.cure},
+             {"note", "what cannot be stored waits unacknowledged in the broker"}});
 }
 
 void Consumer::database_is_good() {

@@ -49,8 +49,10 @@ std::string cure_of_connection(const PGconn* connection, std::string_view why) {
   if (PQconnectionNeedsPassword(connection) != 0 || why.find("password") != why.npos)
     return "check the password in the file that passfile= in --database names. The file has mode "
            "0600 and belongs to the user of this process";
-  // "The database system is starting up" is also FATAL.
-  if (why.find("FATAL:") != why.npos && why.find("the database system is") == why.npos)
+  // "The database system is starting up" and "sorry, too many clients already" are also FATAL.
+  const bool is_busy = why.find("the database system is") != why.npos ||
+                       why.find("too many") != why.npos || why.find("slots") != why.npos;
+  if (why.find("FATAL:") != why.npos && !is_busy)
     return "the server refuses this user or database: check user= and dbname= in --database, and "
            "pg_hba.conf";
   return cure_of("");

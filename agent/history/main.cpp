@@ -74,11 +74,9 @@ std::string not_empty(const std::string& text) {
 std::string readable_file(const std::string& path) {
   errno = 0;
   std::ifstream file(path);
-  // A directory opens, and cannot be read.
-  if (file) file.peek();
-  if (file && errno == 0) return {};
-  if (errno == 0) return path + ": the file is empty";
-  return path + ": " + std::generic_category().message(errno);
+  if (file) file.peek();  // a directory opens, and cannot be read
+  if (file) return {};
+  return path + ": " + (errno == 0 ? "the file is empty" : std::generic_category().message(errno));
 }
 
 std::string plain_name(const std::string& text) {

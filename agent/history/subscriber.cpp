@@ -112,7 +112,7 @@ void Subscriber::on_connect(int reason, bool resumed, const mosquitto_property* 
   // The broker may demand a shorter time. Leaves the value as it is if not.
   mosquitto_property_read_int16(properties, MQTT_PROP_SERVER_KEEP_ALIVE, &keep_alive_s,
                                 /*skip_first=*/false);
-  ping_interval_ = std::chrono::seconds(keep_alive_s / 3);
+  ping_interval_ = std::chrono::seconds(std::max(1, keep_alive_s / 3));
   next_ping_ = Clock::now() + ping_interval_;
   const std::string share = config_.group.empty() ? "" : "$share/" + config_.group + '/';
   // Health is not shared: a shared subscription gets no retained message, and the retained health

@@ -196,7 +196,7 @@ void PairMember::run(const std::stop_token& stop) {
     woken_ = true;
     news_.notify_all();
   };
-  for (const JournalEntry& entry : store_->journal().unacknowledged()) own_.insert(entry.number);
+  for (const JournalEntry& entry : store_->journal().unacknowledged({})) own_.insert(entry.number);
   const auto will = [this] { return Will{topic(), offline_status(), Retain::yes}; };
   member_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair-" + pair_.member), will,
                                          notify, pair_messages::kLongestText, kKeepSession);
@@ -283,7 +283,8 @@ void PairMember::take_member_events(BootTime now) {
                             "here; repeat none of them after a takeover"}});
       granted_ = 0;
       const std::string base = config_.base_topic();
-      // Not those of the time without this session: they name gateways that are gone.
+      // QoS 0: the broker queues none while this session is away. Queued statuses would name
+      // gateways that have ended.
       member_->subscribe({.filter = base + "/pair/+", .qos = 0});
       member_->subscribe({base + "/pair/+/journal"});
       member_->subscribe({.filter = base + "/pair/+/heartbeat", .qos = 0});
@@ -349,7 +350,7 @@ void PairMember::hear(const Message& message, BootTime now) {
 /// from its announcement, and has published its result. Only reads and refusals were not announced.
 void PairMember::settle_own_commands() {
   StoredJournal& journal = store_->journal();
-  for (const JournalEntry& entry : journal.unacknowledged())
+  for (const JournalEntry& entry : journal.unacknowledged({}))
     if (own_.contains(entry.number) && !entry.refused && entry.op != to_string(Op::read))
       journal.acknowledge(entry.device, entry.id, entry.number, {});
 }
@@ -377,11 +378,14 @@ void PairMember::hear_result(const std::string& device, const std::string& text)
   if (!result || result->status == "DUPLICATE") return;
   StoredJournal& journal = store_->journal();
   const bool refused = result->status == "REJECTED" || result->status == "EXPIRED";
+  const std::int64_t now = utc_ms(std::chrono::system_clock::now());
   if (const auto known = journal.find(device, result->id)) {
     if (known->result.empty() && !known->acknowledged && !refused) {
       JournalEntry entry = *known;
       entry.result = text;
+      entry.audit = audit::result(entry.number, device, text, {}, now);
       journal.record(std::move(entry));
+      journal.note(audit::delivery(known->number, device, result->id, true, now));
     }
     return journal.acknowledge(device, result->id, known->number, {});
   }
@@ -389,7 +393,7 @@ void PairMember::hear_result(const std::string& device, const std::string& text)
   entry.device = device;
   entry.id = result->id;
   entry.op = result->op;
-  entry.received_ms = entry.deadline_ms = utc_ms(std::chrono::system_clock::now());
+  entry.received_ms = entry.deadline_ms = now;
   entry.result = text;
   entry.refused = refused;
   entry.number = journal.next_command_number();

@@ -71,7 +71,9 @@ void PairState::heard(const PairStatus& status, BootTime now) {
   }
   remember(status.boot);
   if (status.quiet != nanoseconds(0) && status.quiet != settings_.quiet) {
-    quiet_ = std::max(quiet_, status.quiet);
+    const nanoseconds longer = std::max(nanoseconds(0), status.quiet - quiet_);
+    quiet_ += longer;
+    if (role_ == PairRole::claiming) opens_at_ += longer;
     if (status.role != "offline")
       fault("quiet_ms of member " + status.member + " is " + in_ms(status.quiet) +
             ", and of member " + settings_.member + " " + in_ms(settings_.quiet) +
@@ -191,7 +193,7 @@ void PairState::lease_ended(bool taken_over, BootTime now) {
   enter(PairRole::standby,
         taken_over ? "the other gateway has claimed the pair"
                    : "its session has ended: the broker or the network is away, or this process "
-                     "was stopped",
+                     "was paused",
         now);
 }
 

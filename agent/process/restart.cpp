@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -16,22 +17,26 @@ namespace fxagent {
 namespace {
 
 constexpr const char* kRestarted = "FXAGENT_RESTARTED";
+char restarted[] = "FXAGENT_RESTARTED=1";
 
 }  // namespace
 
-// No other thread of the agent changes the environment.
 bool was_restarted() {
-  return std::getenv(kRestarted) != nullptr;
-}  // NOLINT(concurrency-mt-unsafe)
+  // The environment does not change while the agent runs.
+  return std::getenv(kRestarted) != nullptr;  // NOLINT(concurrency-mt-unsafe)
+}
 
 void restart_program() {
-  ::setenv(kRestarted, "1", 1);  // NOLINT(concurrency-mt-unsafe)
   std::ifstream file("/proc/self/cmdline", std::ios::binary);
   std::string text{std::istreambuf_iterator<char>(file), {}};
   std::vector<char*> arguments;
   for (std::size_t at = 0; at < text.size(); at = text.find('\0', at) + 1)
     arguments.push_back(&text[at]);
   arguments.push_back(nullptr);
+  std::vector<char*> variables{restarted};
+  for (char** each = environ; *each != nullptr; ++each)
+    if (std::string_view(*each) != restarted) variables.push_back(*each);
+  variables.push_back(nullptr);
   // The new program inherits the mask of this thread: that of the main thread after its start.
   sigset_t blocked;
   sigemptyset(&blocked);
@@ -43,8 +48,8 @@ void restart_program() {
   // By its path, so that the process keeps its name.
   std::error_code missing;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", missing);
-  if (!missing) ::execv(program.c_str(), arguments.data());
-  ::execv("/proc/self/exe", arguments.data());  // the file has been replaced
+  if (!missing) ::execve(program.c_str(), arguments.data(), variables.data());
+  ::execve("/proc/self/exe", arguments.data(), variables.data());  // the file has been replaced
   ::_exit(1);
 }
 

@@ -1,6 +1,5 @@
 #include "agent/uplink/topics.h"
 
-#include <algorithm>
 
 #include "agent/text.h"
 

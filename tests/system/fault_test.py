@@ -218,16 +218,22 @@ class Faults(PlantTest):
                    [self.serial(), self.serial("line2", "press2")])
         self.state("press2", "online")
         self.data(name="press2")
-        since = self.watcher.mark()
-        for kind in ("nak", "wrong_sum", "truncated", "late", "silent", "garbage_before",
-                     "noise_after", "echo", "split", "drop"):
+
+        def longest_gap(kind):
             mark = self.watcher.mark()
             self.sim.fault("press1", kind, count=3)
-            self.watcher.wait_count(f"{BASE}/press2/data/fast", 4, since=mark)
+            self.watcher.wait_count(f"{BASE}/press2/data/fast", 5, since=mark)
             self.sim.ask(cmd="clear_faults", plc="press1")
-        stamps = self.stamps("press2", since=since)
-        self.assert_mostly_below([b - a for a, b in zip(stamps, stamps[1:])], 100 + SCHEDULING_MS)
-        self.assertLessEqual(abs((stamps[-1] - stamps[0]) / 100 - (len(stamps) - 1)), max(1, len(stamps) / 10))
+            stamps = self.stamps("press2", since=mark)
+            return max(b - a for a, b in zip(stamps, stamps[1:]))
+
+        for kind in ("nak", "wrong_sum", "truncated", "late", "silent", "garbage_before",
+                     "noise_after", "echo", "split", "drop"):
+            # A stall of the machine does not repeat with the fault; one by the fault does.
+            gaps = []
+            while not gaps or (gaps[-1] >= 100 + SCHEDULING_MS and len(gaps) < 4):
+                gaps.append(longest_gap(kind))
+            self.assertLess(gaps[-1], 100 + SCHEDULING_MS, (kind, gaps))
         self.data(lambda m: "bad" not in m, since=self.watcher.mark())
 
     def test_a_pty_that_vanishes_is_opened_again_under_its_path(self):

@@ -10,7 +10,7 @@ import unittest
 
 from broker_test import certificates
 from chaos_plant import Disk
-from pair_plant import BASE, PairTest, SerialBus
+from pair_plant import BASE, PairTest, QUIET_MS, SerialBus
 from plant import FXAGENT, PATIENCE, free_port, wait_for
 
 
@@ -81,7 +81,7 @@ class Pair(PairTest):
         audit = subprocess.run([FXAGENT, "audit", "--json", self.agents["b"].path], capture_output=True, text=True,
                                timeout=PATIENCE)
         told = {line["id"]: line["status"] for line in map(json.loads, audit.stdout.splitlines())}
-        self.assertEqual(told.get("wire-1"), result["status"], audit)
+        self.assertEqual((told.get("done-1"), told.get("wire-1")), ("SUCCEEDED", result["status"]), audit)
         for identity in ("done-1", "wire-1"):
             again = self.command(id=identity, op="write", address="D300", value=9)
             self.assertEqual(again["status"], "DUPLICATE", again)
@@ -215,7 +215,8 @@ class Pair(PairTest):
         self.start_pair(standby={"pair": {"member": "b", "quiet_ms": 400}})
         wait_for("the fault", lambda: any("quiet_ms of member a is 1500" in line for line in self.faults("b")))
         self.agents["a"].stop(signal.SIGKILL, expected=None)
-        self.polls("b", time.monotonic())
+        killed = time.monotonic()
+        self.assertGreater(self.polls("b", killed) - killed, QUIET_MS / 1000 - 0.1)
         self.assert_never_both()
 
     def test_third_gateway_is_named_and_stays_on_standby(self):

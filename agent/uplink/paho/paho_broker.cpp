@@ -133,8 +133,6 @@ void PahoBroker::retire() {
 }
 
 void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
-  const auto over = std::chrono::steady_clock::now() - kCallbacksOver;
-  std::erase_if(retired_, [over](const Retired& retired) { return retired.since < over; });
   retire();
   const std::uint64_t number = ++connections_;
   inbox_->begin(number);
@@ -208,6 +206,11 @@ void PahoBroker::hold_messages(bool held, std::size_t let_in) {
   if (connection_) connection_->hold_messages(held, let_in);
 }
 
-std::vector<BrokerEvent> PahoBroker::take_events() { return inbox_->take(); }
+std::vector<BrokerEvent> PahoBroker::take_events() {
+  // An attempt that was abandoned must not connect after all, beside its successor.
+  const auto over = std::chrono::steady_clock::now() - kCallbacksOver;
+  std::erase_if(retired_, [over](const Retired& retired) { return retired.since < over; });
+  return inbox_->take();
+}
 
 }  // namespace fxagent

@@ -9,7 +9,7 @@ namespace {
 using std::chrono::seconds;
 
 constexpr seconds kPatience{30};  // longer than the library's own connect time-out
-// A broker under load, or behind a slow line, has at least the library's 10 s in the next round.
+// A broker under load, or behind a slow line, has the library's 10 s in the next round.
 constexpr seconds kPatienceOfFirstRound{3};
 constexpr seconds kSteady{10};  // a connection that lasts this long is stable
 // It must also last this many times as long as the pause before it. Another agent with our id
