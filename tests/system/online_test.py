@@ -81,7 +81,7 @@ class Online(PlantTest):
         self.assertIn(f"broker mqtt://127.0.0.1:{closed}: does not answer\n", said)
 
     def test_an_agent_that_runs_is_left_alone_and_asked_over_mqtt(self):
-        self.start()
+        self.start([device(timeout_ms=10000)])  # longer than any stall of a busy simulator
         self.ready()
         since = self.watcher.mark()
         status, said, _ = self.check("--json")
