@@ -1,6 +1,5 @@
 #include "agent/uplink/topics.h"
 
-
 #include "agent/text.h"
 
 namespace fxagent {
