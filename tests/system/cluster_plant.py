@@ -263,7 +263,11 @@ class ClusterPlant:
 
     def faults(self):
         """Returns every broken promise as a text. Call it after settle()."""
-        out = [f"sample {seq} of {agent} is missing" for agent, seq in self.observer.missing()]
+        missing = collections.defaultdict(list)
+        for agent, seq in self.observer.missing():
+            missing[agent].append(seq)
+        out = [f"{len(seqs)} samples of {agent} are missing, {seqs[0]} to {seqs[-1]}, the first of all is "
+               f"{min(self.observer.seqs[agent])}" for agent, seqs in missing.items()]
         for agent, identity, value in self.commander.sent:
             own = {text for text in self.observer.own(agent, identity)}
             if len(own) != 1:

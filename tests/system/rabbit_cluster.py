@@ -10,6 +10,7 @@ docs/operate/cluster.md shows CONFIG and POLICY as the config that was tested.
 
 import asyncio
 import contextlib
+import json
 import os
 import secrets
 import shutil
@@ -42,7 +43,7 @@ cluster_formation.discovery_retry_limit = 2
 # The minority of a split cluster stops; it would lose what it accepts.
 cluster_partition_handling = pause_minority
 # A node that does not answer counts as dead after this many seconds. The default is 60.
-net_ticktime = 4
+net_ticktime = {net_ticktime}
 log.file.level = info
 """
 
@@ -196,7 +197,8 @@ class Node:
     def write(self):
         peers = "\n".join(f"cluster_formation.classic_config.nodes.{n} = rmq{n}@localhost"
                           for n in range(1, len(self.cluster.nodes) + 1))
-        for name, text in (("rabbitmq.conf", CONFIG.format(mqtt_port=self.mqtt_port, peers=peers)),
+        for name, text in (("rabbitmq.conf", CONFIG.format(mqtt_port=self.mqtt_port, peers=peers,
+                                                            net_ticktime=self.cluster.net_ticktime)),
                            ("advanced.config", ADVANCED), ("enabled_plugins", "[rabbitmq_mqtt].\n")):
             with open(os.path.join(self.directory, name), "w") as out:
                 out.write(text)
@@ -265,7 +267,8 @@ class Node:
 class RabbitCluster:
     """The nodes are numbered from 1. Use it as a context: the end of the block ends all processes."""
 
-    def __init__(self, directory, nodes=3):
+    def __init__(self, directory, nodes=3, net_ticktime=4):
+        self.net_ticktime = net_ticktime
         self.directory = os.path.join(directory, "rabbit")
         os.mkdir(self.directory)
         cookie = os.path.join(self.directory, ".erlang.cookie")
@@ -310,6 +313,22 @@ class RabbitCluster:
                 if time.monotonic() > end or self.epmd.poll() is not None:
                     raise
                 time.sleep(0.05)
+
+    def wait_until_whole(self, patience):
+        """Waits until each classic queue has a mirror with all its messages, and each quorum queue all its nodes. A
+        node that fails before may take messages with it. Returns the queues that are not whole in time."""
+        deadline = time.monotonic() + patience
+        while True:
+            queues = json.loads(self.control(self.nodes[0], "--quiet", "list_queues", "name", "type", "online",
+                                             "synchronised_slave_pids", "--formatter", "json"))
+            waiting = [queue for queue in queues if not self._is_whole(queue)]
+            if not waiting or time.monotonic() > deadline:
+                return waiting
+
+    def _is_whole(self, queue):
+        if queue["type"] == "quorum":
+            return len(queue["online"]) == len(self.nodes)
+        return bool(queue["synchronised_slave_pids"])
 
     def servers(self, first=0):
         """Returns `mqtt.servers` of an agent that begins with node `first` + 1."""

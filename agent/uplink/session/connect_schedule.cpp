@@ -15,10 +15,11 @@ constexpr seconds kSteady{10};  // a connection that lasts this long is stable
 // It must also last this many times as long as the pause before it. Another agent with our id
 // pauses as often as we do, and at most two and a half times as long, plus the spread.
 constexpr int kSteadyPauses = 3;
-// Together the pause after the loss of a stable connection: all agents of a dead broker connect
-// within a second, and none at the moment of its death. A fleet adds `reconnect_spread_s`.
-constexpr std::chrono::milliseconds kFirstPause{250};
+// After the loss of a stable connection the agents of a dead broker connect within a second. If
+// there is no other server, none connects at the moment of its death. A fleet adds
+// `reconnect_spread_s`.
 constexpr seconds kFirstSpread{1};
+constexpr std::chrono::milliseconds kPauseOfOnlyServer{250};
 constexpr seconds kLastRetry{30};
 // A broker that restarts, or accepts a user again, is reached within 5 s. After a longer outage
 // than this, the delay grows to kLastRetry.
@@ -77,7 +78,8 @@ SteadyTime ConnectSchedule::after_failure(SteadyTime now) {
 SteadyTime ConnectSchedule::after_loss(SteadyTime connected_at, SteadyTime now) {
   if (now - connected_at >= steady_after()) {
     begin_round(server_);
-    last_pause_ = kFirstPause + backoff_.up_to(kFirstSpread);
+    last_pause_ = backoff_.up_to(kFirstSpread);
+    if (mqtt_.servers.size() == 1) last_pause_ += kPauseOfOnlyServer;
     thrown_rounds_ = 1;
     return now + last_pause_ + backoff_.up_to(mqtt_.reconnect_spread);
   }

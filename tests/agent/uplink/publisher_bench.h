@@ -31,7 +31,8 @@ struct PublisherBench {
   std::vector<AdmittedCommand> admitted;  ///< commands given to the field
   std::vector<std::vector<std::uint64_t>> found_late;
   SteadyTime now = kStart;
-  PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0"};
+  /// The first number of the seed 1 would be 0: a reconnect without a pause.
+  PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0", .jitter_seed = 1'000'003};
   std::unique_ptr<Store> store;  ///< null: no store
   std::unique_ptr<GuardedStore> guarded;
   std::unique_ptr<JsonPayload> format;

@@ -738,6 +738,7 @@ TEST_F(PublisherFloodTest, NextConnectionAfterALossMaySendAheadAgain) {
   bench.advance(1s);
   ASSERT_EQ(bench.broker.sends_ahead, 1);
   bench.broker.lose();
+  bench.settle();
   bench.advance(5s);
   EXPECT_EQ(bench.broker.sends_ahead, kReceiveMaximum);
 }
