@@ -19,6 +19,7 @@
 #include "agent/process/port_access.h"
 #include "agent/text.h"
 #include "agent/uplink/paho/paho_broker.h"
+#include "agent/uplink/topics.h"
 
 namespace fxagent {
 namespace {
@@ -201,9 +202,9 @@ class BrokerLook final {
   void on(const Lost& event) { end("it closed the connection: " + event.text); }
   void on(const Subscribed& event) {
     if (!event.granted)
-      return end(
-          "it refuses to let the agent's user subscribe to " + event.filter + " (" + event.text +
-          "): the agent would receive no commands; fxagent acl prints access rules for mosquitto");
+      return end("it refuses to let the agent's user subscribe to " + event.filter + " (" +
+                 event.text +
+                 "): the agent needs it; fxagent acl prints access rules for mosquitto");
     ++subscribed_;
     subscribe();
   }
@@ -243,6 +244,9 @@ std::vector<OnlineBroker> online_brokers(const Config& config) {
   const std::string commands = config.base_topic() + "/+/command";
   std::vector<std::string> filters{commands};
   if (config.remote.enabled) filters.push_back(config.base_topic() + std::string(kDesiredTopic));
+  if (config.pair)
+    for (const std::string_view topic : kPairTopics)
+      filters.push_back(config.base_topic() + "/" + std::string(topic));
   std::vector<OnlineBroker> found;
   look_at(config.mqtt, filters, found);
   for (const BrokerConfig& broker : config.brokers) {

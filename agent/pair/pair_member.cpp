@@ -35,7 +35,7 @@ constexpr seconds kUpkeep{1};
 // Sequence numbers that the holder may use until its next heartbeat. A device has at most 1,000
 // samples a second.
 constexpr std::uint64_t kReserve = 1'000'000;
-constexpr int kFilters = 4;
+constexpr int kFilters = kPairTopics.size() + 1;  // and results
 constexpr int kMostClaims = 4;  // times `quiet` until a claim without its mark is given up
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
@@ -251,6 +251,7 @@ void PairMember::keep(BootTime now) {
   for (const PairState::Order order : state_.step(now)) carry_out(order, now);
   go_on_with_claim(now);
   log_role();
+  log_peer();
   send_announcements();
   if (const std::string fault = state_.take_fault(); !fault.empty())
     log::error("pair", {{"fault", fault}});
@@ -283,12 +284,12 @@ void PairMember::take_member_events(BootTime now) {
                             "here; repeat none of them after a takeover"}});
       granted_ = 0;
       const std::string base = config_.base_topic();
+      member_->subscribe({base + "/+/result"});
       // QoS 0: the broker queues none while this session is away. Queued statuses would name
       // gateways that have ended.
-      member_->subscribe({.filter = base + "/pair/+", .qos = 0});
-      member_->subscribe({base + "/pair/+/journal"});
-      member_->subscribe({.filter = base + "/pair/+/heartbeat", .qos = 0});
-      member_->subscribe({base + "/+/result"});
+      for (const std::string_view heard : kPairTopics)
+        member_->subscribe({.filter = base + "/" + std::string(heard),
+                            .qos = heard.ends_with("/journal") ? 1 : 0});
     } else if constexpr (std::is_same_v<Event, Subscribed>) {
       if (!event.granted)
         log::error("pair", {{"fault", "the broker refuses the subscription to " + event.filter +
@@ -595,6 +596,16 @@ void PairMember::log_role() {
                      {"member", pair_.member},
                      {"boot", boot_},
                      {"peer", state_.peer()}});
+}
+
+void PairMember::log_peer() {
+  if (!state_.knows_peer() || logged_peer_ == state_.peer()) return;
+  logged_peer_ = state_.peer();
+  if (logged_peer_->empty())
+    log::warn("pair", {{"peer", ""},
+                       {"note", "the other gateway is away; if this one fails, none takes over"}});
+  else
+    log::info("pair", {{"peer", *logged_peer_}});
 }
 
 }  // namespace fxagent

@@ -97,6 +97,7 @@ class PairMember final {
   void publish_status();
   void send_announcements();
   void log_role();
+  void log_peer();
   std::string topic(const char* leaf = "") const;
   std::string offline_status() const;
 
@@ -108,6 +109,7 @@ class PairMember final {
   // Of the pair's thread.
   PairState state_;  ///< what it hears is written under mutex_, for knows()
   PairRole logged_ = PairRole::claiming;
+  std::optional<std::string> logged_peer_;
   std::unique_ptr<Store> store_;
   /// Journal numbers of commands of an earlier process that had no acknowledged result at the
   /// start.

@@ -1,6 +1,7 @@
 // Topic names: checks those to publish to, and parses incoming ones. Pure. Any thread.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,6 +16,10 @@ bool is_publishable(std::string_view topic);
 /// Returns the device of "{base}/{device}/{leaf}"; nullopt for every other form.
 std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
                                           std::string_view leaf);
+
+/// What the gateways of a pair publish below {base}/, and each of them hears.
+inline constexpr std::array<std::string_view, 3> kPairTopics{"pair/+", "pair/+/heartbeat",
+                                                             "pair/+/journal"};
 
 /// Parts of a sample topic: "{base}/{device}/data/{group}", or that followed by "/history".
 struct DataTopic {

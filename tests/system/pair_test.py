@@ -45,6 +45,9 @@ class Pair(PairTest):
         stopped = time.monotonic()
         self.polls("b", stopped)
         self.assert_never_both()
+        peers = [line.split(" peer=")[1].split()[0] for line in self.agents["b"].logged().splitlines()
+                 if " info pair peer=" in line or " warning pair peer=" in line]
+        self.assertEqual(peers, ["a", '""'])
         # A call on the other machine uses the line without asking, and says so.
         call = subprocess.run([FXAGENT, "read", self.agents["a"].path, "press1", "D300"], capture_output=True, text=True,
                               timeout=PATIENCE)

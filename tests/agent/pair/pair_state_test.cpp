@@ -68,6 +68,18 @@ TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
   EXPECT_EQ(a.state.peer(), "b");
 }
 
+TEST(PairState, PeerIsKnownWhenTheStatusesOfTheBrokerHaveCome) {
+  Gateway a;
+  a.state.joined(at(0));
+  a.state.heard({.member = "b", .boot = "boot-b", .role = "active"}, at(10));
+  EXPECT_FALSE(a.state.knows_peer());
+  a.state.heard({.member = "a", .boot = "boot-a", .role = "standby"}, at(20));
+  EXPECT_TRUE(a.state.knows_peer());
+  EXPECT_EQ(a.state.peer(), "b");
+  a.state.left(false);
+  EXPECT_FALSE(a.state.knows_peer()) << "its own session has ended, not that of the other";
+}
+
 TEST(PairState, GatewayAloneClaimsAfterHalfTheSilence) {
   Gateway a;
   EXPECT_FALSE(a.steps(0, Order::connect_lease)) << "it has not joined";
