@@ -168,6 +168,37 @@ class Documents(unittest.TestCase):
                 if kind == "wot":  # it has no place for shared schemas
                     self.assertNotIn("$ref", done.stdout)
 
+    def test_the_topics_of_profiles_are_channels(self):
+        profiles = [{"kind": "json"}, {"kind": "plain", "topic": "plant/{device}/{group}-{tag}"},
+                    {"kind": "sparkplug", "group": "g", "host": "scada"}, {"kind": "homeassistant"},
+                    {"kind": "thingsboard"}]
+        path = os.path.join(tempfile.mkdtemp(prefix="fxagent-describe-"), "agent.json")
+        self.addCleanup(shutil.rmtree, os.path.dirname(path))
+        with open(path, "w", encoding="utf-8") as out:
+            json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://a"], "qos": 0}, "profiles": profiles,
+                       "links": [{"name": "line1", "serial": {"path": "/dev/ttyUSB0"}}], "devices": [device()]}, out)
+        done = described(path, "--asyncapi")
+        self.assertEqual(judged("asyncapi", done.stdout), ([], []), done.stderr)
+        document = json.loads(done.stdout)
+        value = document["channels"]["plain_value"]
+        self.assertEqual((value["address"], value["parameters"]),
+                         ("plant/{device}/{group}-{tag}", {"device": {"enum": ["press1"]}, "group": {}, "tag": {}}))
+        self.assertEqual(document["operations"]["send.plain_value"]["bindings"]["mqtt"],
+                         {"qos": 0, "retain": True, "bindingVersion": "0.2.0"})
+        self.assertEqual(document["operations"]["receive.plain_command"]["action"], "receive")
+        self.assertEqual(document["channels"]["sparkplug_device_data"]["address"], "spBv1.0/g/DDATA/edge7/{device}")
+        self.assertEqual([name for name, message in document["components"]["messages"].items()
+                          if "protobuf" in message.get("contentType", "")],
+                         ["sparkplug_node_birth", "sparkplug_node_death", "sparkplug_device_birth",
+                          "sparkplug_device_death", "sparkplug_device_data", "sparkplug_node_command",
+                          "sparkplug_device_command"])
+        # The access rules have the same topics.
+        rules = subprocess.run([FXAGENT, "acl", path, "--agent", "edge"], capture_output=True, text=True,
+                               timeout=PATIENCE, check=True).stdout
+        for rule in ("write plant/+/+", "read plant/+/+/set", "write spBv1.0/g/DDATA/edge7/+", "read spBv1.0/STATE/scada",
+                     "read homeassistant/device/+/config", "read v1/gateway/rpc"):
+            self.assertIn(f"topic {rule}\n", rules)
+
     def test_spoiled_documents_are_not(self):
         path = os.path.join(ROOT, "config", "agent.example.json")
         spoil = {"schema": lambda d: d["$defs"]["sample"].update(type="thing"),

@@ -9,12 +9,14 @@
 
 #include "agent/cli/describe/payload_page.h"
 #include "agent/cli/describe/payloads.h"
+#include "agent/cli/describe/profile_topics.h"
 #include "agent/cli/describe/topics.h"
 
 namespace fxagent::contract {
 namespace {
 
 constexpr std::string_view kJson = "application/json";
+constexpr std::string_view kProtobuf = "application/vnd.google.protobuf";
 constexpr std::string_view kBinding = "0.2.0";
 
 Json pointer(const std::string& place) { return {{"$ref", "#/" + place}}; }
@@ -62,7 +64,8 @@ class Document {
     Json channel{{"address", is_own ? place.address : address_of(*place.topic)},
                  {"title", place.topic->summary},
                  {"messages", {{place.schema, pointer("components/messages/" + place.schema)}}}};
-    if (!is_own && !place.topic->is_of_agent()) channel["parameters"] = parameters_of(*place.topic);
+    if (!is_own && !place.topic->is_of_agent())
+      channel["parameters"] = parameters_of(place.topic->address);
     append(channels, key, std::move(channel));
     if (is_own || !messages.contains(place.schema))
       append(messages, place.schema,
@@ -70,6 +73,23 @@ class Document {
               {"contentType", kJson},
               {"payload", pointer("components/schemas/" + place.schema)}});
     add_operation(place, key);
+  }
+
+  /// The payloads of profiles have no schema: others define most of them.
+  void add(const ProfileTopic& topic) {
+    const std::string key(topic.name);
+    Json channel{{"address", topic.address},
+                 {"title", topic.summary},
+                 {"messages", {{key, pointer("components/messages/" + key)}}}};
+    if (Json parameters = parameters_of(topic.address); !parameters.empty())
+      channel["parameters"] = std::move(parameters);
+    append(channels, key, std::move(channel));
+    Json message{{"name", key}};
+    if (topic.is_protobuf()) message["contentType"] = kProtobuf;
+    append(messages, key, std::move(message));
+    const bool sends = topic.sender == Sender::agent;
+    append(operations, (sends ? "send." : "receive.") + key,
+           operation(sends, key, topic.summary, topic.qos, topic.retain));
   }
 
   Json channels = Json::object();
@@ -81,32 +101,37 @@ class Document {
     return config_.base_topic() + "/" + std::string(topic.address);
   }
 
-  Json parameters_of(const Topic& topic) const {
-    Json names = Json::array();
-    if (topic.has("{device}"))
-      for (const DeviceConfig& device : config_.devices) names.push_back(device.name);
-    if (topic.has("{link}"))
+  Json parameters_of(std::string_view address) const {
+    Json out = Json::object();
+    for (const std::string name : {"device", "group", "tag", "link", "object"})
+      if (address.find("{" + name + "}") != address.npos) out[name] = Json::object();
+    if (out.contains("device"))
+      for (const DeviceConfig& device : config_.devices) out["device"]["enum"] += device.name;
+    if (out.contains("link"))
       for (const LinkConfig& link : config_.links)
-        if (link.allow_yield) names.push_back(link.name);
-    return {{topic.has("{link}") ? "link" : "device", {{"enum", std::move(names)}}}};
+        if (link.allow_yield) out["link"]["enum"] += link.name;
+    return out;
   }
 
   void add_operation(const Place& place, const std::string& key) {
     const Topic& topic = *place.topic;
     const bool sends = topic.sender == Sender::agent;
     const int qos = topic.quality == Quality::as_configured ? config_.mqtt.qos : 1;
-    Json operation{{"action", sends ? "send" : "receive"},
-                   {"channel", pointer("channels/" + key)},
-                   {"summary", topic.summary},
-                   {"bindings",
-                    {{"mqtt",
-                      {{"qos", qos},
-                       {"retain", topic.retain == Retain::yes},
-                       {"bindingVersion", kBinding}}}}}};
-    if (topic.name == "command") operation["reply"] = reply("result");
-    if (topic.name == "link_command") operation["reply"] = reply("link_result");
-    if (topic.name == "desired") operation["reply"] = reply("reported");
-    append(operations, (sends ? "send." : "receive.") + key, std::move(operation));
+    Json out = operation(sends, key, topic.summary, qos, topic.retain);
+    if (topic.name == "command") out["reply"] = reply("result");
+    if (topic.name == "link_command") out["reply"] = reply("link_result");
+    if (topic.name == "desired") out["reply"] = reply("reported");
+    append(operations, (sends ? "send." : "receive.") + key, std::move(out));
+  }
+
+  static Json operation(bool sends, const std::string& channel, std::string_view summary, int qos,
+                        Retain retain) {
+    return {{"action", sends ? "send" : "receive"},
+            {"channel", pointer("channels/" + channel)},
+            {"summary", summary},
+            {"bindings",
+             {{"mqtt",
+               {{"qos", qos}, {"retain", retain == Retain::yes}, {"bindingVersion", kBinding}}}}}};
   }
 
   static Json reply(const std::string& channel) {
@@ -122,6 +147,7 @@ class Document {
 Json asyncapi(const Config& config, std::string_view version) {
   Document document(config);
   for (const Place& place : places(config)) document.add(place);
+  for (const ProfileTopic& topic : profile_topics(config)) document.add(topic);
   Json schemas = schemas_of(config);
   move_references(schemas);
   const Json login = login_of(config.mqtt);

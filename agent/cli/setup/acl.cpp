@@ -7,8 +7,9 @@
 #include <string_view>
 #include <vector>
 
+#include "agent/cli/describe/profile_topics.h"
 #include "agent/cli/exit_status.h"
-#include "agent/config/plain_topic.h"
+#include "agent/uplink/topics.h"
 
 namespace fxagent {
 namespace {
@@ -21,7 +22,6 @@ constexpr std::array<std::string_view, 7> kAgentWrites{
 constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
 constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
 // Only if the config has a pair.
-constexpr std::array<std::string_view, 3> kPair{"pair/+", "pair/+/heartbeat", "pair/+/journal"};
 constexpr std::array<std::string_view, 1> kPairReads{"+/result"};
 constexpr std::array<std::string_view, 1> kPairStatus{"pair/+"};
 // Only if the config allows remote configs.
@@ -56,44 +56,21 @@ std::string faults_of(const AclQuestion& what) {
   return faults;
 }
 
-/// Topics of the profiles on the broker of `mqtt` that have a session of their own.
-struct ProfileTopics {
+/// Filters of the profiles' topics.
+struct ProfileFilters {
   std::vector<std::string> out;       ///< the agent publishes there
   std::vector<std::string> commands;  ///< from operators
   std::vector<std::string> in;        ///< from others
 };
 
-ProfileTopics profile_topics(const Config& config) {
-  ProfileTopics topics;
-  for (const ProfileConfig& profile : config.profiles) {
-    if (!profile.broker.empty()) continue;
-    if (profile.kind == ProfileConfig::Kind::plain) {
-      const std::string tags = PlainTopic::parse(profile.topic, config.root, config.id)->filter();
-      topics.out.insert(topics.out.end(), {config.base_topic() + "/plain", tags, tags + "/history",
-                                           tags + "/result"});
-      topics.commands.push_back(tags + "/set");
-    } else if (profile.kind == ProfileConfig::Kind::sparkplug) {
-      const std::string group = "spBv1.0/" + profile.group + "/";
-      topics.out.push_back(config.base_topic() + "/sparkplug");
-      for (const char* type : {"NBIRTH/", "NDEATH/"})
-        topics.out.push_back(group + type + profile.node);
-      for (const char* type : {"DBIRTH/", "DDEATH/", "DDATA/"})
-        topics.out.push_back(group + type + profile.node + "/+");
-      topics.commands.insert(topics.commands.end(), {group + "NCMD/" + profile.node,
-                                                     group + "DCMD/" + profile.node + "/+"});
-      if (!profile.host.empty())
-        topics.in.push_back((profile.old_state ? "STATE/" : "spBv1.0/STATE/") + profile.host);
-    } else if (profile.kind == ProfileConfig::Kind::homeassistant) {
-      const std::string devices = profile.prefix + "/device/+/config";
-      topics.out.push_back(devices);
-      topics.in.insert(topics.in.end(), {devices, profile.prefix + "/status"});
-    } else if (profile.kind == ProfileConfig::Kind::thingsboard) {
-      for (const char* type : {"connect", "disconnect", "telemetry", "attributes", "rpc"})
-        topics.out.push_back(std::string("v1/gateway/") + type);
-      topics.commands.emplace_back("v1/gateway/rpc");
-    }
-  }
-  return topics;
+ProfileFilters profile_filters(const Config& config) {
+  ProfileFilters filters;
+  for (const contract::ProfileTopic& topic : contract::profile_topics(config))
+    (topic.sender == contract::Sender::agent ? filters.out
+     : topic.is_command                      ? filters.commands
+                                             : filters.in)
+        .push_back(topic.filter());
+  return filters;
 }
 
 void add(std::string& out, std::string_view access, const std::vector<std::string>& topics) {
@@ -135,7 +112,7 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
   add(out, "write", base, kAgentWrites);
   add(out, "read", base, kAgentReads);
   if (config.pair) {
-    add(out, "readwrite", base, kPair);
+    add(out, "readwrite", base, kPairTopics);
     add(out, "read", base, kPairReads);
   }
   const bool configs = config.remote.enabled;
@@ -144,7 +121,7 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
     add(out, "write", base, kConfigsOut);
     add(out, "read", base, kConfigsIn);
   }
-  const ProfileTopics profiles = profile_topics(config);
+  const ProfileFilters profiles = profile_filters(config);
   if (!profiles.out.empty()) {
     out += "# Its profiles.\n";
     add(out, "write", profiles.out);

@@ -1,0 +1,112 @@
+#include "agent/cli/describe/profile_topics.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/config/plain_topic.h"
+
+namespace fxagent::contract {
+namespace {
+
+using Topics = std::vector<ProfileTopic>;
+
+ProfileTopic sent(std::string_view name, std::string address, std::string_view summary,
+                  Retain retain = Retain::no, int qos = 1) {
+  return {name, std::move(address), summary, Sender::agent, retain, qos};
+}
+
+ProfileTopic command(std::string_view name, std::string address, std::string_view summary) {
+  return {name, std::move(address), summary, Sender::client, Retain::no, 1, /*is_command=*/true};
+}
+
+ProfileTopic heard(std::string_view name, std::string address, std::string_view summary,
+                   Retain retain) {
+  return {name, std::move(address), summary, Sender::client, retain};
+}
+
+void add_plain(const Config& config, const ProfileConfig& profile, Topics& out) {
+  const std::string tag =
+      PlainTopic::parse(profile.topic, config.root, config.id)->of("{device}", "{group}", "{tag}");
+  const int qos = config.mqtt.qos;
+  out.push_back(sent("plain_state", config.base_topic() + "/plain",
+                     "State of the profile plain; also its last will", Retain::yes));
+  out.push_back(
+      sent("plain_value", tag, "The value of a tag; null while it is bad", Retain::yes, qos));
+  out.push_back(sent("plain_history", tag + "/history",
+                     "Values of an outage, as pairs of time in ms and value", Retain::no, qos));
+  out.push_back(sent("plain_result", tag + "/result", "The result of each value that was set"));
+  out.push_back(
+      command("plain_command", tag + "/set", "A value to write to the tag. Never retain it"));
+}
+
+void add_sparkplug(const Config& config, const ProfileConfig& profile, Topics& out) {
+  const std::string group = "spBv1.0/" + profile.group + "/";
+  const std::string node = "/" + profile.node;
+  const std::string device = node + "/{device}";
+  out.push_back(sent("sparkplug_marker", config.base_topic() + "/sparkplug",
+                     "Its acknowledgement proves the delivery of what was sent before it"));
+  out.push_back(
+      sent("sparkplug_node_birth", group + "NBIRTH" + node, "Birth of the node", Retain::no, 0));
+  out.push_back(sent("sparkplug_node_death", group + "NDEATH" + node,
+                     "Death of the node; also its last will"));
+  out.push_back(sent("sparkplug_device_birth", group + "DBIRTH" + device,
+                     "Birth of a device, with all its metrics", Retain::no, 0));
+  out.push_back(sent("sparkplug_device_death", group + "DDEATH" + device, "Death of a device",
+                     Retain::no, 0));
+  out.push_back(sent("sparkplug_device_data", group + "DDATA" + device, "Metrics that have changed",
+                     Retain::no, 0));
+  out.push_back(command("sparkplug_node_command", group + "NCMD" + node,
+                        "A command for the node: a rebirth"));
+  out.push_back(command("sparkplug_device_command", group + "DCMD" + device,
+                        "Commands for a device: each metric is one"));
+  if (!profile.host.empty())
+    out.push_back(heard("sparkplug_host",
+                        (profile.old_state ? "STATE/" : "spBv1.0/STATE/") + profile.host,
+                        "State of the primary host", Retain::yes));
+}
+
+void add_homeassistant(const ProfileConfig& profile, Topics& out) {
+  const std::string device = profile.prefix + "/device/{object}/config";
+  out.push_back(
+      sent("homeassistant_device", device, "Device discovery of Home Assistant", Retain::yes));
+  out.push_back(heard("homeassistant_old", device,
+                      "The agent's own, to clear those of devices that are gone", Retain::yes));
+  out.push_back(heard("homeassistant_status", profile.prefix + "/status",
+                      "Birth message of Home Assistant", Retain::no));
+}
+
+void add_thingsboard(Topics& out) {
+  const std::string gateway = "v1/gateway/";
+  out.push_back(sent("thingsboard_connect", gateway + "connect", "A device is online"));
+  out.push_back(sent("thingsboard_disconnect", gateway + "disconnect", "A device is offline"));
+  out.push_back(sent("thingsboard_telemetry", gateway + "telemetry", "Values"));
+  out.push_back(sent("thingsboard_attributes", gateway + "attributes", "States of the devices"));
+  out.push_back(sent("thingsboard_result", gateway + "rpc", "The result of each command"));
+  out.push_back(command("thingsboard_command", gateway + "rpc", "A command for a device"));
+}
+
+}  // namespace
+
+std::string ProfileTopic::filter() const {
+  std::string out = address;
+  for (std::size_t brace = out.find('{'); brace != out.npos; brace = out.find('{')) {
+    const std::size_t slash = out.rfind('/', brace);
+    const std::size_t begin = slash == out.npos ? 0 : slash + 1;
+    out.replace(begin, std::min(out.find('/', brace), out.size()) - begin, "+");
+  }
+  return out;
+}
+
+std::vector<ProfileTopic> profile_topics(const Config& config) {
+  Topics out;
+  for (const ProfileConfig& profile : config.profiles) {
+    if (!profile.broker.empty()) continue;
+    if (profile.kind == ProfileConfig::Kind::plain) add_plain(config, profile, out);
+    if (profile.kind == ProfileConfig::Kind::sparkplug) add_sparkplug(config, profile, out);
+    if (profile.kind == ProfileConfig::Kind::homeassistant) add_homeassistant(profile, out);
+    if (profile.kind == ProfileConfig::Kind::thingsboard) add_thingsboard(out);
+  }
+  return out;
+}
+
+}  // namespace fxagent::contract
