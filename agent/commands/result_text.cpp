@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/json_member.h"
 #include "agent/json_writer.h"
 
 namespace fxagent {
@@ -167,14 +168,10 @@ CommandResult recorded_result(std::string text) {
     result.detail = "the record of the result is damaged";
     return result;
   }
-  const auto word = [&json](const char* key) {
-    const auto value = json.find(key);
-    return value != json.end() && value->is_string() ? value->get<std::string>() : std::string();
-  };
   for (const CommandStatus status : kCommandStatuses)
-    if (word("status") == to_string(status)) result.status = status;
+    if (text_at(json, "status") == to_string(status)) result.status = status;
   for (const PlcAnswer answer : {PlcAnswer::ack, PlcAnswer::nak})
-    if (word("plc") == to_string(answer)) result.plc = answer;
+    if (text_at(json, "plc") == to_string(answer)) result.plc = answer;
   result.recorded = std::move(text);
   return result;
 }

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/json_member.h"
 #include "agent/log/log.h"
 
 namespace fxagent {
@@ -153,11 +154,7 @@ std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
     return refusal(kUnauthorized, "Authorization must be Bearer and a token of http.token_file");
   }
   const auto body = nlohmann::json::parse(request.body, nullptr, /*allow_exceptions=*/false);
-  const auto text = [&body](const char* key) -> std::string {
-    const auto member = body.is_object() ? body.find(key) : body.end();
-    return member != body.end() && member->is_string() ? member->get<std::string>() : "";
-  };
-  const std::string device = text("device");
+  const std::string device = text_at(body, "device");
   if (device.empty())
     return refusal(kBadRequest,
                    "the body must be a command as JSON, with the name of its device "
@@ -165,7 +162,7 @@ std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
   Order order;
   order.device = device;
   order.payload = without_device(request.body);
-  order.sender = "page:" + (name->empty() ? text("by").substr(0, kLongestName) : *name);
+  order.sender = "page:" + (name->empty() ? text_at(body, "by").substr(0, kLongestName) : *name);
   order.tell = [inbox = inbox_, number = request.number](const std::string& result) {
     const std::lock_guard lock(inbox->mutex);
     inbox->results.push_back({number, result + "\n"});

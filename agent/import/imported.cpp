@@ -8,6 +8,7 @@
 
 #include "agent/config/json/pretty.h"
 #include "agent/config/loader.h"
+#include "agent/json_member.h"
 #include "agent/text.h"
 #include "protocol/catalog.h"
 
@@ -70,12 +71,6 @@ std::optional<int> port_number(std::string_view port) {
   return number && *number > 0 && *number < kPorts ? number : std::nullopt;
 }
 
-/// Returns the name of a link or tag; empty if it has none.
-std::string name_of(const JsonObject& object) {
-  const auto name = object.find("name");
-  return name != object.end() && name->is_string() ? name->get<std::string>() : std::string();
-}
-
 /// Removes the tags that have errors, or only their access or description if the errors are there.
 /// Returns false if there was nothing to remove.
 bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
@@ -89,7 +84,7 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
   for (const auto& [place, reasons] : std::views::reverse(refused)) {
     auto& tags = imported.devices[place.first].tags;
     const auto tag = tags.begin() + static_cast<std::ptrdiff_t>(place.second);
-    const std::string text = json_text(name_of(tag->keys)) + ": " + reasons.front()->text;
+    const std::string text = json_text(text_at(tag->keys, "name")) + ": " + reasons.front()->text;
     const auto all_of_key = [&](std::string_view key) {
       return std::ranges::all_of(
           reasons, [&](const ConfigError* error) { return error->pointer.ends_with(key); });
@@ -119,7 +114,7 @@ bool drop_of_link(Imported& imported, const ConfigError& error, std::string_view
   const std::string key(key_in(pointer.substr(kSerial.size())));
   if (key == "path" || !link.contains("serial") || !link["serial"].contains(key)) return false;
   link["serial"].erase(key);
-  imported.note(0, "not imported: " + key + " of " + name_of(link) + ": " + error.text);
+  imported.note(0, "not imported: " + key + " of " + text_at(link, "name") + ": " + error.text);
   return true;
 }
 

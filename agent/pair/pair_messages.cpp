@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/config/keys.h"
+#include "agent/json_member.h"
 #include "agent/json_writer.h"
 #include "agent/text.h"
 #include "protocol/value/bytes.h"
@@ -15,7 +17,6 @@ using nlohmann::json;
 
 constexpr std::string_view kPair = "/pair/";
 constexpr std::size_t kLongestName = 64;
-constexpr std::chrono::seconds kLongestQuiet{60};
 
 std::optional<json> object_from(std::string_view text) {
   if (text.size() > kLongestText) return std::nullopt;
@@ -24,18 +25,11 @@ std::optional<json> object_from(std::string_view text) {
   return found;
 }
 
-std::string word(const json& from, const char* key) {
-  const auto value = from.find(key);
-  return value != from.end() && value->is_string() ? value->get<std::string>() : std::string();
-}
-
 template <class Number>
 Number number(const json& from, const char* key) {
-  const auto value = from.find(key);
-  if (value == from.end()) return 0;
-  if (value->is_number_unsigned() || (value->is_number_integer() && *value >= 0))
-    return value->get<Number>();
-  return 0;
+  const json& value = member(from, key);
+  const bool is_natural = value.is_number_unsigned() || (value.is_number_integer() && value >= 0);
+  return is_natural ? value.get<Number>() : 0;
 }
 
 bool is_plain(std::string_view text) {
@@ -78,15 +72,13 @@ std::optional<PairStatus> status_from(std::string_view text) {
   const auto found = object_from(text);
   if (!found) return std::nullopt;
   PairStatus status;
-  status.member = word(*found, "member");
-  status.boot = word(*found, "boot");
-  status.role = word(*found, "role");
-  const auto third = found->find("third");
-  status.is_third = third != found->end() && *third == json(true);
-  // No setting is longer.
-  const std::int64_t most = std::chrono::milliseconds(kLongestQuiet).count();
+  status.member = text_at(*found, "member");
+  status.boot = text_at(*found, "boot");
+  status.role = text_at(*found, "role");
+  status.is_third = member(*found, "third") == json(true);
+  constexpr std::int64_t longest = config_key("pair.quiet_ms").limits.max;
   status.quiet =
-      std::chrono::milliseconds(std::min(number<std::int64_t>(*found, "quiet_ms"), most));
+      std::chrono::milliseconds(std::min(number<std::int64_t>(*found, "quiet_ms"), longest));
   if (!is_name(status.member) || !is_plain(status.boot) || !is_plain(status.role))
     return std::nullopt;
   return status;
@@ -101,7 +93,7 @@ std::string heartbeat(const Heartbeat& heartbeat, std::uint64_t number) {
 std::optional<Heartbeat> heartbeat_from(std::string_view text) {
   const auto found = object_from(text);
   if (!found) return std::nullopt;
-  Heartbeat heartbeat{word(*found, "boot"), number<std::uint64_t>(*found, "seq")};
+  Heartbeat heartbeat{text_at(*found, "boot"), number<std::uint64_t>(*found, "seq")};
   if (!is_plain(heartbeat.boot)) return std::nullopt;
   // A larger number would leave no room for the numbers after it.
   heartbeat.seq =
@@ -125,16 +117,16 @@ std::optional<Announcement> announcement_from(std::string_view text) {
   const auto found = object_from(text);
   if (!found) return std::nullopt;
   Announcement announcement;
-  announcement.boot = word(*found, "boot");
+  announcement.boot = text_at(*found, "boot");
   announcement.mark = number<std::uint64_t>(*found, "mark");
   JournalEntry& entry = announcement.entry;
-  entry.device = word(*found, "device");
-  entry.id = word(*found, "id");
-  entry.op = word(*found, "op");
+  entry.device = text_at(*found, "device");
+  entry.id = text_at(*found, "id");
+  entry.op = text_at(*found, "op");
   entry.received_ms = number<std::int64_t>(*found, "received_ms");
   entry.deadline_ms = number<std::int64_t>(*found, "deadline_ms");
-  entry.response_topic = word(*found, "response_topic");
-  if (auto correlation = from_hex(word(*found, "correlation")))
+  entry.response_topic = text_at(*found, "response_topic");
+  if (auto correlation = from_hex(text_at(*found, "correlation")))
     entry.correlation = std::move(*correlation);
   const bool is_entry = is_name(entry.device) && !entry.id.empty();
   if (!is_plain(announcement.boot) || (announcement.mark == 0 && !is_entry)) return std::nullopt;
@@ -144,9 +136,8 @@ std::optional<Announcement> announcement_from(std::string_view text) {
 std::optional<Result> result_from(std::string_view text) {
   const auto found = object_from(text);
   if (!found) return std::nullopt;
-  Result result{word(*found, "id"), word(*found, "op"), word(*found, "status")};
-  const auto id = found->find("id");
-  if (id != found->end() && id->is_number_integer()) result.id = id->dump();
+  Result result{text_at(*found, "id"), text_at(*found, "op"), text_at(*found, "status")};
+  if (const json& id = member(*found, "id"); id.is_number_integer()) result.id = id.dump();
   if (result.id.empty() || result.status.empty()) return std::nullopt;
   return result;
 }

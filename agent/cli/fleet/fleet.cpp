@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/json_member.h"
 #include "agent/sha256.h"
 #include "agent/uplink/broker.h"
 
@@ -17,16 +18,6 @@ constexpr std::string_view kState = "/state";
 constexpr std::string_view kHealth = "/health";
 constexpr std::array<std::string_view, 4> kTopics{kState, kHealth, kReportedTopic, kDesiredTopic};
 
-/// Returns a member of an object; null if there is none.
-const Json& member(const Json& object, const char* key) {
-  static const Json none;
-  const auto found = object.is_object() ? object.find(key) : object.end();
-  return object.is_object() && found != object.end() ? *found : none;
-}
-std::string text_at(const Json& object, const char* key) {
-  const Json& value = member(object, key);
-  return value.is_string() ? value.get<std::string>() : std::string();
-}
 std::optional<std::int64_t> time_at(const Json& object, const char* key) {
   const Json& value = member(object, key);
   if (!value.is_number_integer()) return std::nullopt;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "agent/calendar.h"
+#include "agent/json_member.h"
 #include "agent/text.h"
 
 namespace fxagent::audit {
@@ -17,19 +18,8 @@ Json parsed(std::string_view text) {
   return json.is_object() ? json : Json::object();
 }
 
-const Json& at(const Json& object, const char* key) {
-  static const Json nothing;
-  const auto found = object.is_object() ? object.find(key) : object.end();
-  return found == object.end() ? nothing : *found;
-}
-
-std::string text_of(const Json& object, const char* key) {
-  const Json& value = at(object, key);
-  return value.is_string() ? value.get<std::string>() : std::string();
-}
-
 std::int64_t time_at(const Json& object, const char* key) {
-  const Json& value = at(object, key);
+  const Json& value = member(object, key);
   return value.is_number_integer() ? value.get<std::int64_t>() : 0;
 }
 
@@ -43,21 +33,21 @@ std::string plain(const Json& value) {
 std::string place_text(const Json& target) {
   std::string out;
   for (const char* key : {"tag", "address"})
-    if (at(target, key).is_string()) out += " " + plain(at(target, key));
-  if (!at(target, "value").is_null()) out += " = " + plain(at(target, "value"));
+    if (member(target, key).is_string()) out += " " + plain(member(target, key));
+  if (!member(target, "value").is_null()) out += " = " + plain(member(target, "value"));
   return out;
 }
 
 std::string outcome_text(const Json& outcome) {
-  std::string out = plain(at(outcome, "status"));
-  if (at(outcome, "plc").is_string()) out += ", " + plain(at(outcome, "plc"));
-  if (at(outcome, "done").is_number())
-    out += ", " + plain(at(outcome, "done")) + " of " + plain(at(outcome, "of"));
-  if (at(outcome, "reason").is_string()) out += ", " + plain(at(outcome, "reason"));
-  if (at(outcome, "detail").is_string()) out += ": " + plain(at(outcome, "detail"));
-  if (at(outcome, "verify").is_object())
-    out += ", read back " + plain(at(at(outcome, "verify"), "read"));
-  if (at(outcome, "dry_run") == true) out += ", dry run";
+  std::string out = plain(member(outcome, "status"));
+  if (member(outcome, "plc").is_string()) out += ", " + plain(member(outcome, "plc"));
+  if (member(outcome, "done").is_number())
+    out += ", " + plain(member(outcome, "done")) + " of " + plain(member(outcome, "of"));
+  if (member(outcome, "reason").is_string()) out += ", " + plain(member(outcome, "reason"));
+  if (member(outcome, "detail").is_string()) out += ": " + plain(member(outcome, "detail"));
+  if (member(outcome, "verify").is_object())
+    out += ", read back " + plain(member(member(outcome, "verify"), "read"));
+  if (member(outcome, "dry_run") == true) out += ", dry run";
   return out;
 }
 
@@ -67,7 +57,7 @@ std::string frames_text(const Json& frames) {
   for (const Json& frame : frames) {
     const bool leaves = frame.contains("out");
     out += std::string(out.empty() ? "" : " ") + (leaves ? "> " : "< ") +
-           plain(at(frame, leaves ? "out" : "in"));
+           plain(member(frame, leaves ? "out" : "in"));
   }
   return out;
 }
@@ -75,16 +65,16 @@ std::string frames_text(const Json& frames) {
 std::string line_text(const Json& line) {
   const std::int64_t received = time_at(line, "received");
   std::string out = received == 0 ? "before the records" : utc_text(received);
-  out += " " + plain(at(line, "device")) + " ";
-  out += at(line, "id").is_null() ? "(no id)" : plain(at(line, "id"));
+  out += " " + plain(member(line, "device")) + " ";
+  out += member(line, "id").is_null() ? "(no id)" : plain(member(line, "id"));
   // Quoted, because the sender chose the name: it must not pass for the text after it.
-  if (at(line, "by").is_string()) out += " by \"" + plain(at(line, "by")) + "\"";
-  out += ": " + (at(line, "op").is_string() ? plain(at(line, "op")) : "(no op)");
-  if (at(line, "targets").is_array())
-    for (const Json& target : at(line, "targets")) out += place_text(target) + ",";
+  if (member(line, "by").is_string()) out += " by \"" + plain(member(line, "by")) + "\"";
+  out += ": " + (member(line, "op").is_string() ? plain(member(line, "op")) : "(no op)");
+  if (member(line, "targets").is_array())
+    for (const Json& target : member(line, "targets")) out += place_text(target) + ",";
   out += place_text(line) + ": ";
-  out += at(line, "status").is_string() ? outcome_text(line) : "no result is recorded";
-  const std::string frames = frames_text(at(line, "frames"));
+  out += member(line, "status").is_string() ? outcome_text(line) : "no result is recorded";
+  const std::string frames = frames_text(member(line, "frames"));
   if (!frames.empty()) out += " | " + frames;
   if (const std::int64_t told = time_at(line, "acknowledged"); told != 0)
     out += " | acknowledged " + utc_text(told);
@@ -98,23 +88,23 @@ Json line_of(std::uint64_t number, const Json& came, const Json& outcome, const 
   Json line;
   line["arrival"] = number;
   for (const char* key : {"received", "device", "topic", "by", "retained"})
-    line[key] = at(came, key);
-  if (line["device"].is_null()) line["device"] = at(outcome, "device");
-  if (line["device"].is_null()) line["device"] = at(told, "device");
-  line["id"] = at(came, "id");
-  line["op"] = at(came, "op");
+    line[key] = member(came, key);
+  if (line["device"].is_null()) line["device"] = member(outcome, "device");
+  if (line["device"].is_null()) line["device"] = member(told, "device");
+  line["id"] = member(came, "id");
+  line["op"] = member(came, "op");
   line["status"] = nullptr;
-  const Json& result = at(outcome, "result");
+  const Json& result = member(outcome, "result");
   if (result.is_object())
     for (const auto& item : result.items()) line[item.key()] = item.value();
-  if (line["id"].is_null()) line["id"] = at(told, "id");
-  if (line["received"].is_null()) line["received"] = at(at(line, "t"), "received");
-  line["frames"] = at(outcome, "frames").is_array() ? at(outcome, "frames") : Json::array();
+  if (line["id"].is_null()) line["id"] = member(told, "id");
+  if (line["received"].is_null()) line["received"] = member(member(line, "t"), "received");
+  line["frames"] = member(outcome, "frames").is_array() ? member(outcome, "frames") : Json::array();
   line["frames_omitted"] = time_at(outcome, "frames_omitted");
-  line["finished"] = at(outcome, "ts");
-  line["acknowledged"] = at(told, "acknowledged") == true ? at(told, "ts") : Json();
-  line["refused_by_broker"] = at(told, "acknowledged") == false;
-  for (const char* key : {"payload", "payload_bytes"}) line[key] = at(came, key);
+  line["finished"] = member(outcome, "ts");
+  line["acknowledged"] = member(told, "acknowledged") == true ? member(told, "ts") : Json();
+  line["refused_by_broker"] = member(told, "acknowledged") == false;
+  for (const char* key : {"payload", "payload_bytes"}) line[key] = member(came, key);
   return line;
 }
 
@@ -122,30 +112,31 @@ Json line_of(std::uint64_t number, const Json& came, const Json& outcome, const 
 /// 0f3a…
 std::string config_text(const Json& note) {
   std::string out = utc_text(time_at(note, "ts")) + " config ";
-  if (at(note, "version").is_string())
-    out += "\"" + plain(at(note, "version")) + "\"";
+  if (member(note, "version").is_string())
+    out += "\"" + plain(member(note, "version")) + "\"";
   else
-    out += at(note, "desired_hash").is_null() ? "withdrawn" : "(no version)";
-  if (at(note, "by").is_string()) out += " by \"" + plain(at(note, "by")) + "\"";
-  out += ": " + plain(at(note, "state"));
-  const Json& errors = at(note, "errors");
+    out += member(note, "desired_hash").is_null() ? "withdrawn" : "(no version)";
+  if (member(note, "by").is_string()) out += " by \"" + plain(member(note, "by")) + "\"";
+  out += ": " + plain(member(note, "state"));
+  const Json& errors = member(note, "errors");
   if (errors.is_array() && !errors.empty()) {
     out += ": " + plain(errors.front());
     const std::int64_t all = time_at(note, "errors_in_all");
     if (all > 1) out += " (and " + std::to_string(all - 1) + " more)";
   }
-  return out + " | in force " + plain(at(note, "hash"));
+  return out + " | in force " + plain(member(note, "hash"));
 }
 
 std::string note_text(const Json& note) {
-  const std::string kind = text_of(note, "kind");
+  const std::string kind = text_at(note, "kind");
   if (kind == "config") return config_text(note);
   std::string out = utc_text(time_at(note, "ts")) + " the audit: ";
-  if (kind == "pruned") return out + "records up to " + plain(at(note, "up_to")) + " were removed";
+  if (kind == "pruned")
+    return out + "records up to " + plain(member(note, "up_to")) + " were removed";
   if (kind == "begun")
-    return out + "started again; the file before it is " + plain(at(note, "after"));
+    return out + "started again; the file before it is " + plain(member(note, "after"));
   if (kind == "lost")
-    return out + plain(at(note, "records")) + " records were dropped for lack of space";
+    return out + plain(member(note, "records")) + " records were dropped for lack of space";
   return out + plain(note);
 }
 
@@ -153,8 +144,8 @@ std::string note_text(const Json& note) {
 
 void Report::add(const Record& record) {
   const Json said = parsed(record.text);
-  const std::string kind = text_of(said, "kind");
-  const Json& number = at(said, "arrival");
+  const std::string kind = text_at(said, "kind");
+  const Json& number = member(said, "arrival");
   if (!number.is_number_unsigned()) {
     Line note;
     note.at_ms = time_at(said, "ts");

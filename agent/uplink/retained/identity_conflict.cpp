@@ -5,6 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/json_member.h"
+
 namespace fxagent {
 namespace {
 
@@ -30,12 +32,7 @@ AgentState agent_state_of(std::string_view payload) {
   AgentState found;
   if (payload.size() > kLongestState) return found;
   const auto json = nlohmann::json::parse(payload, nullptr, /*allow_exceptions=*/false);
-  const auto word = [&json](const char* key) {
-    if (!json.is_object()) return std::string();
-    const auto value = json.find(key);
-    return value != json.end() && value->is_string() ? value->get<std::string>() : std::string();
-  };
-  found = {word("state"), word("reason"), word("boot")};
+  found = {text_at(json, "state"), text_at(json, "reason"), text_at(json, "boot")};
   const auto is_plain = [](char c) { return c > ' ' && c <= '~'; };
   if (found.boot.size() > kLongestBoot || !std::ranges::all_of(found.boot, is_plain))
     found.boot = IdentityConflict::kUnknown;
