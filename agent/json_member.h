@@ -6,11 +6,13 @@
 
 namespace fxagent {
 
-/// nlohmann::json or ordered_json.
+/// nlohmann::json or ordered_json. Other types have functions of these names, too.
 template <class Json>
-concept JsonValue = nlohmann::detail::is_basic_json<Json>::value;
+concept JsonValue = requires {
+  typename Json::json_pointer;
+};
 
-/// Returns a member of an object; null if there is none, or `object` is none.
+/// Returns the member `key`; null if it is absent, or if `object` is not an object.
 template <JsonValue Json>
 const Json& member(const Json& object, const char* key) {
   static const Json none;

@@ -251,7 +251,7 @@ void PairMember::keep(BootTime now) {
   for (const PairState::Order order : state_.step(now)) carry_out(order, now);
   go_on_with_claim(now);
   log_role();
-  log_peer();
+  log_peer(now);
   send_announcements();
   if (const std::string fault = state_.take_fault(); !fault.empty())
     log::error("pair", {{"fault", fault}});
@@ -285,8 +285,8 @@ void PairMember::take_member_events(BootTime now) {
       granted_ = 0;
       const std::string base = config_.base_topic();
       member_->subscribe({base + "/+/result"});
-      // QoS 0: the broker queues none while this session is away. Queued statuses would name
-      // gateways that have ended.
+      // QoS 0, except for the journal: the broker queues none while this session is away. Queued
+      // statuses would name gateways that have ended.
       for (const std::string_view heard : kPairTopics)
         member_->subscribe({.filter = base + "/" + std::string(heard),
                             .qos = heard.ends_with("/journal") ? 1 : 0});
@@ -598,9 +598,10 @@ void PairMember::log_role() {
                      {"peer", state_.peer()}});
 }
 
-void PairMember::log_peer() {
-  if (!state_.knows_peer() || logged_peer_ == state_.peer()) return;
-  logged_peer_ = state_.peer();
+void PairMember::log_peer(BootTime now) {
+  const std::string peer = state_.peer();
+  if (logged_peer_ == peer || (peer.empty() && !state_.knows_peer(now))) return;
+  logged_peer_ = peer;
   if (logged_peer_->empty())
     log::warn("pair", {{"peer", ""},
                        {"note", "the other gateway is away; if this one fails, none takes over"}});

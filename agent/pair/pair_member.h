@@ -97,7 +97,7 @@ class PairMember final {
   void publish_status();
   void send_announcements();
   void log_role();
-  void log_peer();
+  void log_peer(BootTime now);
   std::string topic(const char* leaf = "") const;
   std::string offline_status() const;
 

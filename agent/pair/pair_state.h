@@ -89,8 +89,8 @@ class PairState final {
   bool is_third() const { return third_; }
   /// Member name of the other gateway; empty: it is not there.
   std::string peer() const;
-  /// True if the statuses that the broker had when this gateway joined have come.
-  bool knows_peer() const { return joined_at_ && own_status_came_; }
+  /// True if a gateway that is there has had the time to answer since this one joined.
+  bool knows_peer(BootTime now) const { return joined_at_ && now >= *joined_at_ + quiet_; }
   /// Time until which the last acknowledged heartbeat permits requests.
   BootTime holds_until() const { return holds_until_; }
   /// Time at which the first request may be sent.

@@ -17,7 +17,7 @@ bool is_publishable(std::string_view topic);
 std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
                                           std::string_view leaf);
 
-/// What the gateways of a pair publish below {base}/, and each of them hears.
+/// Topics below {base}/ that both gateways of a pair publish and receive.
 inline constexpr std::array<std::string_view, 3> kPairTopics{"pair/+", "pair/+/heartbeat",
                                                              "pair/+/journal"};
 

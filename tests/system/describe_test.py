@@ -192,6 +192,11 @@ class Documents(unittest.TestCase):
                          ["sparkplug_node_birth", "sparkplug_node_death", "sparkplug_device_birth",
                           "sparkplug_device_death", "sparkplug_device_data", "sparkplug_node_command",
                           "sparkplug_device_command"])
+        rpc = document["channels"]["thingsboard_result"]
+        self.assertEqual((rpc["address"], list(rpc["messages"])),
+                         ("v1/gateway/rpc", ["thingsboard_result", "thingsboard_command"]))
+        self.assertEqual(document["operations"]["receive.thingsboard_command"]["messages"],
+                         [{"$ref": "#/channels/thingsboard_result/messages/thingsboard_command"}])
         # The access rules have the same topics.
         rules = subprocess.run([FXAGENT, "acl", path, "--agent", "edge"], capture_output=True, text=True,
                                timeout=PATIENCE, check=True).stdout

@@ -319,16 +319,23 @@ class RabbitCluster:
         node that fails before may take messages with it. Returns the queues that are not whole in time."""
         deadline = time.monotonic() + patience
         while True:
-            queues = json.loads(self.control(self.nodes[0], "--quiet", "list_queues", "name", "type", "online",
-                                             "synchronised_slave_pids", "--formatter", "json"))
-            waiting = [queue for queue in queues if not self._is_whole(queue)]
+            waiting = [queue for queue in self._queues() if not self._is_whole(queue)]
             if not waiting or time.monotonic() > deadline:
                 return waiting
+            time.sleep(0.5)
+
+    def _queues(self):
+        """Returns all queues. While the cluster does not answer, they are one that is not whole."""
+        try:
+            return json.loads(self.control(self.nodes[0], "--quiet", "list_queues", "name", "type", "online",
+                                           "synchronised_slave_pids", "--formatter", "json"))
+        except (subprocess.SubprocessError, ValueError):
+            return [{"name": "no answer"}]
 
     def _is_whole(self, queue):
-        if queue["type"] == "quorum":
-            return len(queue["online"]) == len(self.nodes)
-        return bool(queue["synchronised_slave_pids"])
+        if queue.get("type") == "quorum":
+            return len(queue.get("online", "")) == len(self.nodes)
+        return bool(queue.get("synchronised_slave_pids"))
 
     def servers(self, first=0):
         """Returns `mqtt.servers` of an agent that begins with node `first` + 1."""

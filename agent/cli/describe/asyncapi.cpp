@@ -1,6 +1,7 @@
 #include "agent/cli/describe/asyncapi.h"
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -16,7 +17,6 @@ namespace fxagent::contract {
 namespace {
 
 constexpr std::string_view kJson = "application/json";
-constexpr std::string_view kProtobuf = "application/vnd.google.protobuf";
 constexpr std::string_view kBinding = "0.2.0";
 
 Json pointer(const std::string& place) { return {{"$ref", "#/" + place}}; }
@@ -75,21 +75,23 @@ class Document {
     add_operation(place, key);
   }
 
-  /// The payloads of profiles have no schema: others define most of them.
+  /// Messages of profiles have no schema: other projects define most of them.
   void add(const ProfileTopic& topic) {
-    const std::string key(topic.name);
-    Json channel{{"address", topic.address},
-                 {"title", topic.summary},
-                 {"messages", {{key, pointer("components/messages/" + key)}}}};
-    if (Json parameters = parameters_of(topic.address); !parameters.empty())
-      channel["parameters"] = std::move(parameters);
-    append(channels, key, std::move(channel));
-    Json message{{"name", key}};
-    if (topic.is_protobuf()) message["contentType"] = kProtobuf;
-    append(messages, key, std::move(message));
+    const std::string name(topic.name);
+    const auto [place, is_new] = of_address_.try_emplace(topic.address, name);
+    const std::string& key = place->second;
+    if (is_new) {
+      Json channel{{"address", topic.address}, {"title", topic.summary}};
+      if (Json parameters = parameters_of(topic.address); !parameters.empty())
+        channel["parameters"] = std::move(parameters);
+      append(channels, key, std::move(channel));
+    }
+    channels[key]["messages"][name] = pointer("components/messages/" + name);
+    append(messages, name, {{"name", name}, {"contentType", topic.content_type}});
     const bool sends = topic.sender == Sender::agent;
-    append(operations, (sends ? "send." : "receive.") + key,
-           operation(sends, key, topic.summary, topic.qos, topic.retain));
+    Json out = operation(sends, key, topic.summary, topic.qos, topic.retain);
+    out["messages"] = {pointer("channels/" + key + "/messages/" + name)};
+    append(operations, (sends ? "send." : "receive.") + name, std::move(out));
   }
 
   Json channels = Json::object();
@@ -139,7 +141,8 @@ class Document {
   }
 
   const Config& config_;
-  std::set<std::string> keys_;  ///< of `channels`
+  std::set<std::string> keys_;                     ///< of `channels`
+  std::map<std::string, std::string> of_address_;  ///< the key of a profile's channel
 };
 
 }  // namespace

@@ -10,18 +10,34 @@ namespace {
 
 using Topics = std::vector<ProfileTopic>;
 
+constexpr std::string_view kProtobuf = "application/vnd.google.protobuf";
+constexpr std::string_view kText = "text/plain";
+
 ProfileTopic sent(std::string_view name, std::string address, std::string_view summary,
                   Retain retain = Retain::no, int qos = 1) {
-  return {name, std::move(address), summary, Sender::agent, retain, qos};
+  return {.name = name,
+          .address = std::move(address),
+          .summary = summary,
+          .retain = retain,
+          .qos = qos};
+}
+
+ProfileTopic received(std::string_view name, std::string address, std::string_view summary,
+                      Retain retain = Retain::no) {
+  ProfileTopic topic = sent(name, std::move(address), summary, retain);
+  topic.sender = Sender::client;
+  return topic;
 }
 
 ProfileTopic command(std::string_view name, std::string address, std::string_view summary) {
-  return {name, std::move(address), summary, Sender::client, Retain::no, 1, /*is_command=*/true};
+  ProfileTopic topic = received(name, std::move(address), summary);
+  topic.is_command = true;
+  return topic;
 }
 
-ProfileTopic heard(std::string_view name, std::string address, std::string_view summary,
-                   Retain retain) {
-  return {name, std::move(address), summary, Sender::client, retain};
+ProfileTopic with_type(std::string_view content_type, ProfileTopic topic) {
+  topic.content_type = content_type;
+  return topic;
 }
 
 void add_plain(const Config& config, const ProfileConfig& profile, Topics& out) {
@@ -43,36 +59,38 @@ void add_sparkplug(const Config& config, const ProfileConfig& profile, Topics& o
   const std::string group = "spBv1.0/" + profile.group + "/";
   const std::string node = "/" + profile.node;
   const std::string device = node + "/{device}";
-  out.push_back(sent("sparkplug_marker", config.base_topic() + "/sparkplug",
-                     "Its acknowledgement proves the delivery of what was sent before it"));
-  out.push_back(
-      sent("sparkplug_node_birth", group + "NBIRTH" + node, "Birth of the node", Retain::no, 0));
-  out.push_back(sent("sparkplug_node_death", group + "NDEATH" + node,
-                     "Death of the node; also its last will"));
-  out.push_back(sent("sparkplug_device_birth", group + "DBIRTH" + device,
-                     "Birth of a device, with all its metrics", Retain::no, 0));
-  out.push_back(sent("sparkplug_device_death", group + "DDEATH" + device, "Death of a device",
-                     Retain::no, 0));
-  out.push_back(sent("sparkplug_device_data", group + "DDATA" + device, "Metrics that have changed",
-                     Retain::no, 0));
-  out.push_back(command("sparkplug_node_command", group + "NCMD" + node,
-                        "A command for the node: a rebirth"));
-  out.push_back(command("sparkplug_device_command", group + "DCMD" + device,
-                        "Commands for a device: each metric is one"));
-  if (!profile.host.empty())
-    out.push_back(heard("sparkplug_host",
-                        (profile.old_state ? "STATE/" : "spBv1.0/STATE/") + profile.host,
-                        "State of the primary host", Retain::yes));
+  out.push_back(with_type(
+      kText, sent("sparkplug_marker", config.base_topic() + "/sparkplug",
+                  "Empty. Its acknowledgement proves the delivery of what was sent before it")));
+  for (ProfileTopic topic :
+       {sent("sparkplug_node_birth", group + "NBIRTH" + node, "Birth of the node", Retain::no, 0),
+        sent("sparkplug_node_death", group + "NDEATH" + node,
+             "Death of the node: the last will, or with QoS 0 when the agent ends"),
+        sent("sparkplug_device_birth", group + "DBIRTH" + device,
+             "Birth of a device, with all its metrics", Retain::no, 0),
+        sent("sparkplug_device_death", group + "DDEATH" + device, "Death of a device", Retain::no,
+             0),
+        sent("sparkplug_device_data", group + "DDATA" + device, "Metrics that have changed",
+             Retain::no, 0),
+        command("sparkplug_node_command", group + "NCMD" + node,
+                "A command for the node: a rebirth"),
+        command("sparkplug_device_command", group + "DCMD" + device,
+                "Commands for a device: each metric is one")})
+    out.push_back(with_type(kProtobuf, std::move(topic)));
+  if (profile.host.empty()) return;
+  ProfileTopic host =
+      received("sparkplug_host", (profile.old_state ? "STATE/" : "spBv1.0/STATE/") + profile.host,
+               "State of the primary host", Retain::yes);
+  if (profile.old_state) host.content_type = kText;
+  out.push_back(std::move(host));
 }
 
 void add_homeassistant(const ProfileConfig& profile, Topics& out) {
-  const std::string device = profile.prefix + "/device/{object}/config";
-  out.push_back(
-      sent("homeassistant_device", device, "Device discovery of Home Assistant", Retain::yes));
-  out.push_back(heard("homeassistant_old", device,
-                      "The agent's own, to clear those of devices that are gone", Retain::yes));
-  out.push_back(heard("homeassistant_status", profile.prefix + "/status",
-                      "Birth message of Home Assistant", Retain::no));
+  out.push_back(sent("homeassistant_device", profile.prefix + "/device/{object}/config",
+                     "Device discovery of Home Assistant", Retain::yes));
+  out.back().is_read_back = true;
+  out.push_back(with_type(kText, received("homeassistant_status", profile.prefix + "/status",
+                                          "Birth message of Home Assistant")));
 }
 
 void add_thingsboard(Topics& out) {
@@ -89,11 +107,12 @@ void add_thingsboard(Topics& out) {
 
 std::string ProfileTopic::filter() const {
   std::string out = address;
-  for (std::size_t brace = out.find('{'); brace != out.npos; brace = out.find('{')) {
-    const std::size_t slash = out.rfind('/', brace);
-    const std::size_t begin = slash == out.npos ? 0 : slash + 1;
-    out.replace(begin, std::min(out.find('/', brace), out.size()) - begin, "+");
-  }
+  for (const std::string_view placeholder : {"{device}", "{group}", "{tag}", "{object}"})
+    if (const std::size_t brace = out.find(placeholder); brace != out.npos) {
+      const std::size_t slash = out.rfind('/', brace);
+      const std::size_t begin = slash == out.npos ? 0 : slash + 1;
+      out.replace(begin, std::min(out.find('/', brace), out.size()) - begin, "+");
+    }
   return out;
 }
 

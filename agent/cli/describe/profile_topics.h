@@ -18,13 +18,11 @@ struct ProfileTopic {
   Sender sender = Sender::agent;
   Retain retain = Retain::no;
   int qos = 1;
-  bool is_command = false;  ///< operators publish to it
+  bool is_command = false;    ///< operators publish to it
+  bool is_read_back = false;  ///< the agent also receives its own
+  std::string_view content_type = "application/json";
 
-  /// True for a Sparkplug payload; otherwise it is JSON.
-  bool is_protobuf() const {
-    return address.starts_with("spBv1.0/") && !address.starts_with("spBv1.0/STATE/");
-  }
-  /// Returns the filter of a subscription: a level with a placeholder is "+".
+  /// Returns the filter for all names: a level with a placeholder is "+".
   std::string filter() const;
 };
 std::vector<ProfileTopic> profile_topics(const Config& config);

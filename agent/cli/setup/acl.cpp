@@ -21,7 +21,7 @@ constexpr std::array<std::string_view, 7> kAgentWrites{
     "state", "health", "+/state", "+/meta", "+/data/#", "+/result", "+/result/#"};
 constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
 constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
-// Only if the config has a pair.
+// Only if the config has a pair, besides kPairTopics.
 constexpr std::array<std::string_view, 1> kPairReads{"+/result"};
 constexpr std::array<std::string_view, 1> kPairStatus{"pair/+"};
 // Only if the config allows remote configs.
@@ -65,11 +65,14 @@ struct ProfileFilters {
 
 ProfileFilters profile_filters(const Config& config) {
   ProfileFilters filters;
-  for (const contract::ProfileTopic& topic : contract::profile_topics(config))
-    (topic.sender == contract::Sender::agent ? filters.out
-     : topic.is_command                      ? filters.commands
-                                             : filters.in)
-        .push_back(topic.filter());
+  for (const contract::ProfileTopic& topic : contract::profile_topics(config)) {
+    const bool is_sent = topic.sender == contract::Sender::agent;
+    if (is_sent) filters.out.push_back(topic.filter());
+    if (topic.is_command)
+      filters.commands.push_back(topic.filter());
+    else if (!is_sent || topic.is_read_back)
+      filters.in.push_back(topic.filter());
+  }
   return filters;
 }
 

@@ -15,10 +15,10 @@ constexpr seconds kSteady{10};  // a connection that lasts this long is stable
 // It must also last this many times as long as the pause before it. Another agent with our id
 // pauses as often as we do, and at most two and a half times as long, plus the spread.
 constexpr int kSteadyPauses = 3;
-// After the loss of a stable connection the agents of a dead broker connect within a second. If
-// there is no other server, none connects at the moment of its death. A fleet adds
-// `reconnect_spread_s`.
+// After the loss of a stable connection the agents of a dead broker connect within a second. A
+// fleet adds `reconnect_spread_s`.
 constexpr seconds kFirstSpread{1};
+// With one server, no agent connects at the moment of its death: the broker may be restarting.
 constexpr std::chrono::milliseconds kPauseOfOnlyServer{250};
 constexpr seconds kLastRetry{30};
 // A broker that restarts, or accepts a user again, is reached within 5 s. After a longer outage

@@ -68,16 +68,14 @@ TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
   EXPECT_EQ(a.state.peer(), "b");
 }
 
-TEST(PairState, PeerIsKnownWhenTheStatusesOfTheBrokerHaveCome) {
+TEST(PairState, PeerThatIsThereHasTimeToAnswer) {
   Gateway a;
+  EXPECT_FALSE(a.state.knows_peer(at(5000)));
   a.state.joined(at(0));
-  a.state.heard({.member = "b", .boot = "boot-b", .role = "active"}, at(10));
-  EXPECT_FALSE(a.state.knows_peer());
-  a.state.heard({.member = "a", .boot = "boot-a", .role = "standby"}, at(20));
-  EXPECT_TRUE(a.state.knows_peer());
-  EXPECT_EQ(a.state.peer(), "b");
+  EXPECT_FALSE(a.state.knows_peer(at(1199)));
+  EXPECT_TRUE(a.state.knows_peer(at(1200)));
   a.state.left(false);
-  EXPECT_FALSE(a.state.knows_peer()) << "its own session has ended, not that of the other";
+  EXPECT_FALSE(a.state.knows_peer(at(5000))) << "its own session has ended, not that of the other";
 }
 
 TEST(PairState, GatewayAloneClaimsAfterHalfTheSilence) {
