@@ -109,7 +109,8 @@ class Online(PlantTest):
         self.begin()
         network = {"name": "line2", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}
         self.watcher = Watcher(self.broker.port)
-        self.start_agent([device(), METER], [self.serial(), network])
+        # The timeout is longer than any stall of a busy simulator.
+        self.start_agent([device(timeout_ms=10000), METER], [self.serial(), network])
         self.ready()
         since = self.watcher.mark()
         edited = os.path.join(self.directory, "edited.json")
