@@ -103,6 +103,7 @@ def run(plant, cluster, given, kinds, chance):
     except AssertionError as error:
         failed.append(str(error))
     failed += plant.faults()
+    times["all"] = [seconds for away in times.values() for seconds in away]
     for kind, away in times.items():
         print(f"{kind}: {len(away)} reconnects, p50 {percentile(away, 0.5):.2f} p99 {percentile(away, 0.99):.2f} "
               f"max {max(away, default=0):.2f} s")
