@@ -41,6 +41,7 @@ class Pair(PairTest):
 
     def test_clean_stop_hands_over(self):
         self.start_pair()
+        wait_for("b to know a", lambda: " pair peer=a" in self.agents["b"].logged())
         self.agents["a"].stop()
         stopped = time.monotonic()
         self.polls("b", stopped)
