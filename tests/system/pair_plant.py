@@ -10,7 +10,7 @@ import threading
 import time
 import tty
 
-from plant import Agent, BASE, Broker, device, free_port, PATIENCE, PlantTest, Sim, wait_for, Watcher
+from plant import Agent, BASE, Broker, device, free_port, PlantTest, Sim, wait_for, Watcher
 
 QUIET_MS = 1500
 
@@ -203,17 +203,6 @@ class PairTest(PlantTest):
         self.start_member("b", config=self.config("b", **changes, **(standby or {})))
         self.role("b", "standby", since)
         self.data()
-
-    def command(self, **command):
-        """Sends a command until it has a result, and returns that: while no gateway is active, none receives it."""
-        command.setdefault("id", self.next_id())
-        since = self.watcher.mark()
-        for _ in range(3):
-            self.send(command)
-            with contextlib.suppress(AssertionError):
-                return self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == command["id"], since,
-                                         PATIENCE / 2)
-        raise AssertionError(f"no result of {command}")
 
     def polls(self, name, moment):
         return wait_for(f"a request of {name}", lambda: self.masters.first_after(name, moment))
