@@ -12,13 +12,10 @@
 #include <exception>
 #include <functional>
 #include <iostream>
-#include <optional>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "agent/agent.h"
 #include "agent/cli/audit.h"
 #include "agent/cli/check.h"
 #include "agent/cli/decode.h"
@@ -33,34 +30,18 @@
 #include "agent/cli/report/command_help.h"
 #include "agent/cli/report/command_pages.h"
 #include "agent/cli/report/schema.h"
+#include "agent/cli/run.h"
 #include "agent/cli/setup/acl.h"
 #include "agent/cli/setup/init.h"
 #include "agent/cli/verify_stream.h"
-#include "agent/config/config_error.h"
 #include "agent/config/expand.h"
 #include "agent/config/json/tree.h"
-#include "agent/config/log_warnings.h"
-#include "agent/config/model.h"
 #include "agent/config/suggestions.h"
 #include "agent/log/log.h"
-#include "agent/process/process_facts.h"
-#include "agent/process/restart.h"
-#include "agent/process/service_manager.h"
-#include "agent/process/startup.h"
-#include "agent/process/stop_watchdog.h"
-#include "agent/remote/remote_config.h"
-#include "agent/remote/trial_time.h"
-#include "agent/without_signals.h"
 
 namespace {
 
 using namespace fxagent;
-
-// Threads: watchdog, log, field and its name lookups, recorder, uplink, reload, three of the store
-// and two of the MQTT library.
-constexpr int kThreads = 12;
-constexpr int kThreadsOfAStore = 3;
-constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
 
 /// Prints the config with all devices expanded.
 int expand(const std::string& path) {
@@ -82,119 +63,22 @@ void end_at_a_stop_signal() {
   std::signal(SIGINT, end_at_once);
 }
 
-/// Options of `run`.
-struct RunCall {
-  std::string path;
-  std::string log_level = "info";
-  std::string log_format = "text";
-  std::vector<std::string> traced;  ///< links by name
-};
-
-/// Resolves the links to trace to indexes in Config::links. Returns nullopt, after an error on
-/// stderr, if a link does not exist. With a remote config in force, or in a gateway of a pair that
-/// starts itself anew, an unknown link is only a warning: the agent must still start.
-std::optional<std::vector<std::uint32_t>> traced_links(const Config& config, const RunCall& call,
-                                                       const RemoteConfig& remote) {
-  const auto status = remote.status();
-  const bool is_local = (!status || status->version.empty()) && !was_restarted();
-
-  std::vector<std::string_view> names;
-  names.reserve(config.links.size());
-  for (const LinkConfig& link : config.links) names.push_back(link.name);
-  std::vector<std::uint32_t> links;
-  for (const std::string& name : call.traced) {
-    const auto found = std::ranges::find(names, name);
-    if (found == names.end()) {
-      log::say(is_local ? log::Level::error : log::Level::warn, "config",
-               "--trace: there is no link " + shown(name) + did_you_mean(name, names));
-      if (is_local) return std::nullopt;
-      continue;
-    }
-    links.push_back(static_cast<std::uint32_t>(found - names.begin()));
-  }
-  return links;
-}
-
-/// Loads the config, and logs its errors. A gateway of a pair that starts itself anew waits until
-/// its file is right: systemd does not start a program again whose config is wrong.
-std::optional<Config> started_config(RemoteConfig& remote, const std::string& path,
-                                     StopWatchdog& watchdog) {
-  constexpr std::chrono::seconds kLookAgain{2};
-  std::vector<ConfigError> said;
-  while (true) {
-    auto config =
-        remote.start({std::chrono::steady_clock::now(), utc_ms(std::chrono::system_clock::now())});
-    if (config) return std::move(*config);
-    if (config.error() != said) {
-      said = config.error();
-      for (const ConfigError& error : said)
-        log::say(log::Level::error, "config", to_string(error, path));
-    }
-    if (!was_restarted()) return std::nullopt;
-    service_manager::notify_status("standby of its pair, waits for a config without errors");
-    service_manager::notify_alive();
-    watchdog.await_signal(kLookAgain);
-  }
-}
-
-int run(const RunCall& call) {
-  log::set_level(*log::level_from(call.log_level));
-  log::set_format(*log::format_from(call.log_format));
-  std::signal(SIGPIPE, SIG_IGN);
-  std::signal(SIGUSR1, SIG_IGN);  // until the field uses it to switch traces
-  std::signal(SIGUSR2, SIG_IGN);  // and this one to ask for recordings
-  std::signal(SIGHUP, SIG_IGN);
-  // A file at its size limit counts as a disk that rejects writes; it must not end the process.
-  std::signal(SIGXFSZ, SIG_IGN);
-  if (const std::string missing = lacks(kThreads, kRoomToBegin); !missing.empty())
-    throw std::runtime_error("cannot start: " + missing);
-  // Blocked before any thread starts: only the watchdog receives the stop signals, only the reload
-  // SIGHUP.
-  const sigset_t stop_signals = block_stop_signals();
-  sigset_t reload_signal;
-  sigemptyset(&reload_signal);
-  sigaddset(&reload_signal, SIGHUP);
-  pthread_sigmask(SIG_BLOCK, &reload_signal, nullptr);
-  std::signal(SIGHUP, SIG_DFL);  // an ignored signal would not stay pending
-  StopWatchdog watchdog(stop_signals);
-  const log::InBackground background;
-  RemoteConfig remote(call.path, trial_time(), boot_id());
-  auto config = started_config(remote, call.path, watchdog);
-  if (!config) return kWrong;
-  const auto traced = traced_links(*config, call, remote);
-  if (!traced) return kWrong;
-  // Each profile may have a store of its own, and a pair has a thread.
-  const int more =
-      kThreadsOfAStore * static_cast<int>(config->profiles.size()) + (config->pair ? 1 : 0);
-  if (const std::string missing = lacks(more, 0); more > 0 && !missing.empty())
-    throw std::runtime_error("cannot start the profiles or the pair: " + missing);
-  malloc_trim(0);  // returns the memory that a large file took
-  log_warnings(*config);
-  try {
-    run_agent(std::move(*config), call.path, remote, watchdog, *traced);
-  } catch (const std::exception& error) {
-    log::say(log::Level::error, "agent", std::string("fxagent: ") + error.what());
-    return 1;
-  }
-  return 0;
-}
-
-void add_run(CLI::App& app, RunCall& call, std::function<int()>& action) {
+void add_run(CLI::App& app, RunQuestion& what, std::function<int()>& action) {
   CLI::App* command =
       app.add_subcommand("run", "Poll, publish and carry out commands until SIGTERM");
-  command->add_option("CONFIG", call.path, "Config file")->required();
-  command->add_option("--log-level", call.log_level, "error, warn, info or debug (info)")
+  command->add_option("CONFIG", what.path, "Config file")->required();
+  command->add_option("--log-level", what.log_level, "error, warn, info or debug (info)")
       ->check(CLI::IsMember({"error", "warn", "info", "debug"}))
       ->envname("FXAGENT_LOG_LEVEL");
-  command->add_option("--log-format", call.log_format, "text or json (text)")
+  command->add_option("--log-format", what.log_format, "text or json (text)")
       ->check(CLI::IsMember({"text", "json"}))
       ->envname("FXAGENT_LOG_FORMAT");
   command
-      ->add_option("--trace", call.traced,
+      ->add_option("--trace", what.traced,
                    "Log every frame of this link and what it means; repeatable")
       ->expected(1)
       ->take_all();
-  command->callback([&] { action = [&] { return run(call); }; });
+  command->callback([&] { action = [&] { return run_until_stopped(what); }; });
 }
 
 void add_check(CLI::App& app, std::string& path, CheckQuestion& what,
@@ -214,6 +98,54 @@ void add_check(CLI::App& app, std::string& path, CheckQuestion& what,
       ->excludes(online);
   command->add_flag("--json", what.as_json, "Print the results of --online as JSON")->needs(online);
   command->callback([&] { action = [&] { return run_check(path, what); }; });
+}
+
+void add_doctor(CLI::App& app, std::string& path, DoctorQuestion& what,
+                std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("doctor", "Find out why a device does not answer as the config says");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_option("--fix", what.fix,
+                      "Write a copy of the config with the changes to this new file");
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded_for_lines(path);
+      return config ? run_doctor(*config, path, what) : kWrong;
+    };
+  });
+}
+
+void add_scan(CLI::App& app, std::string& port, std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("scan", "Find what answers on a serial port, without a config");
+  command->add_option("PORT", port, "/dev/ttyUSB0")->required();
+  command->callback([&] { action = [&] { return run_scan(port); }; });
+}
+
+void add_config(CLI::App& app, std::string& path, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("config", "Print a config file in another form");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_flag("--expand")
+      ->description("The default: every device in full, without templates");
+  command->callback([&] { action = [&] { return expand(path); }; });
+}
+
+void add_plan(CLI::App& app, std::string& path, PlanQuestion& what, std::function<int()>& action) {
+  CLI::App* command =
+      app.add_subcommand("plan", "Show the reads, their line time and the load of each line");
+  command->add_option("CONFIG", path, "Config file")->required();
+  command->add_flag("--json", what.as_json, "Print JSON");
+  command
+      ->add_option("--what-if", what.what_ifs,
+                   "\"DEVICE FIRST..LAST@MS\": the plan before and after these tags")
+      ->expected(1)
+      ->take_all();
+  command->callback([&] {
+    action = [&] {
+      const auto config = loaded(path);
+      return config ? run_plan(*config, what) : kWrong;
+    };
+  });
 }
 
 int one_shot(const std::string& path, const OneShot& what) {
@@ -464,6 +396,21 @@ void add_fleet(CLI::App& app, FleetQuestion& what, std::function<int()>& action)
   command->callback([&] { action = [&] { return run_fleet(what); }; });
 }
 
+void add_decode(CLI::App& app, DecodeQuestion& what, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("decode", "Explain a frame field by field");
+  command->add_option("PROTOCOL", what.protocol, "Protocol name in the config")->required();
+  command->add_option("HEX", what.hex, "The frame in hex")->required();
+  command->add_option("--model", what.model, "FX model that names the devices");
+  auto* request = command->add_flag_callback(
+      "--request", [&] { what.direction = Direction::request; }, "The frame is a request");
+  command
+      ->add_flag_callback(
+          "--reply", [&] { what.direction = Direction::reply; }, "The frame is a reply")
+      ->excludes(request);
+  command->add_flag("--json", what.as_json, "Print JSON");
+  command->callback([&] { action = [&] { return run_decode(what); }; });
+}
+
 /// Returns an error text if the first argument looks like a subcommand but is unknown; else empty.
 std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
   const std::string_view said = argc > 1 ? argv[1] : "";
@@ -482,54 +429,20 @@ int dispatch(int argc, char** argv) {
   std::function<int()> action;
   std::string path;
 
-  RunCall run_call;
-  add_run(app, run_call, action);
+  RunQuestion run;
+  add_run(app, run, action);
 
   CheckQuestion check;
   add_check(app, path, check, action);
 
   DoctorQuestion doctor;
-  CLI::App* doctor_command =
-      app.add_subcommand("doctor", "Find out why a device does not answer as the config says");
-  doctor_command->add_option("CONFIG", path, "Config file")->required();
-  doctor_command->add_option("--fix", doctor.fix,
-                             "Write a copy of the config with the changes to this new file");
-  doctor_command->callback([&] {
-    action = [&] {
-      const auto config = loaded_for_lines(path);
-      return config ? run_doctor(*config, path, doctor) : kWrong;
-    };
-  });
-
+  add_doctor(app, path, doctor, action);
   std::string port;
-  CLI::App* scan_command =
-      app.add_subcommand("scan", "Find what answers on a serial port, without a config");
-  scan_command->add_option("PORT", port, "/dev/ttyUSB0")->required();
-  scan_command->callback([&] { action = [&] { return run_scan(port); }; });
+  add_scan(app, port, action);
 
-  CLI::App* config_command = app.add_subcommand("config", "Print a config file in another form");
-  config_command->add_option("CONFIG", path, "Config file")->required();
-  config_command->add_flag("--expand")
-      ->description("The default: every device in full, without templates");
-  config_command->callback([&] { action = [&] { return expand(path); }; });
-
-  std::vector<std::string> what_ifs;
-  bool plan_as_json = false;
-  CLI::App* plan_command =
-      app.add_subcommand("plan", "Show the reads, their line time and the load of each line");
-  plan_command->add_option("CONFIG", path, "Config file")->required();
-  plan_command->add_flag("--json", plan_as_json, "Print JSON");
-  plan_command
-      ->add_option("--what-if", what_ifs,
-                   "\"DEVICE FIRST..LAST@MS\": the plan before and after these tags")
-      ->expected(1)
-      ->take_all();
-  plan_command->callback([&] {
-    action = [&] {
-      const auto config = loaded(path);
-      return config ? run_plan(*config, what_ifs, plan_as_json) : kWrong;
-    };
-  });
+  add_config(app, path, action);
+  PlanQuestion plan;
+  add_plan(app, path, plan, action);
 
   OneShot what;
   add_one_shot(app, "read", "Read a device", Op::read, path, what, action);
@@ -568,22 +481,8 @@ int dispatch(int argc, char** argv) {
   FleetQuestion fleet;
   add_fleet(app, fleet, action);
 
-  DecodeQuestion question;
-  bool as_request = false;
-  bool as_reply = false;
-  CLI::App* decode_command = app.add_subcommand("decode", "Explain a frame field by field");
-  decode_command->add_option("PROTOCOL", question.protocol, "Protocol name in the config")
-      ->required();
-  decode_command->add_option("HEX", question.hex, "The frame in hex")->required();
-  decode_command->add_option("--model", question.model, "FX model that names the devices");
-  auto* request_flag = decode_command->add_flag("--request", as_request, "The frame is a request");
-  decode_command->add_flag("--reply", as_reply, "The frame is a reply")->excludes(request_flag);
-  decode_command->add_flag("--json", question.as_json, "Print JSON");
-  decode_command->callback([&] {
-    if (as_request) question.direction = Direction::request;
-    if (as_reply) question.direction = Direction::reply;
-    action = [&] { return run_decode(question); };
-  });
+  DecodeQuestion decode;
+  add_decode(app, decode, action);
 
   // Set before parsing: a missing argument of a subcommand must not prevent --version.
   for (CLI::App* command : app.get_subcommands({}))

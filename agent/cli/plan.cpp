@@ -273,22 +273,22 @@ std::set<std::uint32_t> links_with_more(const Config& before, const Config& afte
 
 }  // namespace
 
-int run_plan(const Config& config, const std::vector<std::string>& what_ifs, bool as_json) {
+int run_plan(const Config& config, const PlanQuestion& question) {
   Config changed = config;
-  for (const std::string& what : what_ifs) {
+  for (const std::string& what : question.what_ifs) {
     if (const auto added = add_what_if(changed, what); !added)
       return refused("--what-if", added.error().text);
   }
   const Reports before = plan_links(config);
-  if (what_ifs.empty()) {
-    if (as_json)
+  if (question.what_ifs.empty()) {
+    if (question.as_json)
       std::cout << to_json(before).dump() << '\n';
     else
       print_plan(before);
     return kDone;
   }
   const Reports after = plan_links(changed);
-  if (as_json)
+  if (question.as_json)
     std::cout << Json({{"before", to_json(before)}, {"after", to_json(after)}}).dump() << '\n';
   else
     for (const std::uint32_t link : links_with_more(config, changed))

@@ -8,8 +8,13 @@
 
 namespace fxagent {
 
-/// Prints the plan to stdout; with `what_ifs`, the plan before and after them. Exit status: 0, or 2
+struct PlanQuestion {
+  std::vector<std::string> what_ifs;  ///< each "DEVICE FIRST..LAST@MS"
+  bool as_json = false;
+};
+
+/// Prints the plan to stdout; with what-ifs, the plan before and after them. Exit status: 0, or 2
 /// if a what-if is wrong (reason on stderr).
-int run_plan(const Config& config, const std::vector<std::string>& what_ifs, bool as_json);
+int run_plan(const Config& config, const PlanQuestion& question);
 
 }  // namespace fxagent

@@ -289,7 +289,7 @@ int run_init(InitQuestion what) {
   std::cout << "\nfxagent check " << path << '\n' << std::flush;
   run_check(path, {});
   std::cout << "\nfxagent plan " << path << '\n';
-  run_plan(*config, {}, /*as_json=*/false);
+  run_plan(*config, {});
   std::cout << "\nNext: fxagent check --online " << path << '\n';
   return kDone;
 }

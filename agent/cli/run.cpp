@@ -1,0 +1,135 @@
+#include "agent/cli/run.h"
+
+#include <malloc.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <optional>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "agent/agent.h"
+#include "agent/cli/exit_status.h"
+#include "agent/config/config_error.h"
+#include "agent/config/json/tree.h"
+#include "agent/config/log_warnings.h"
+#include "agent/config/model.h"
+#include "agent/config/suggestions.h"
+#include "agent/log/log.h"
+#include "agent/process/process_facts.h"
+#include "agent/process/restart.h"
+#include "agent/process/service_manager.h"
+#include "agent/process/startup.h"
+#include "agent/process/stop_watchdog.h"
+#include "agent/remote/remote_config.h"
+#include "agent/remote/trial_time.h"
+#include "agent/steady_time.h"
+#include "agent/without_signals.h"
+
+namespace fxagent {
+namespace {
+
+// Threads: watchdog, log, field and its name lookups, recorder, uplink, reload, three of the store
+// and two of the MQTT library.
+constexpr int kThreads = 12;
+constexpr int kThreadsOfAStore = 3;
+constexpr std::size_t kRoomToBegin = std::size_t{16} << 20;
+
+/// Resolves the links to trace to indexes in Config::links. Returns nullopt, after an error on
+/// stderr, if a link does not exist. With a remote config in force, or in a gateway of a pair that
+/// starts itself anew, an unknown link is only a warning: the agent must still start.
+std::optional<std::vector<std::uint32_t>> traced_links(const Config& config,
+                                                       const RunQuestion& what,
+                                                       const RemoteConfig& remote) {
+  const auto status = remote.status();
+  const bool is_local = (!status || status->version.empty()) && !was_restarted();
+
+  std::vector<std::string_view> names;
+  names.reserve(config.links.size());
+  for (const LinkConfig& link : config.links) names.push_back(link.name);
+  std::vector<std::uint32_t> links;
+  for (const std::string& name : what.traced) {
+    const auto found = std::ranges::find(names, name);
+    if (found == names.end()) {
+      log::say(is_local ? log::Level::error : log::Level::warn, "config",
+               "--trace: there is no link " + shown(name) + did_you_mean(name, names));
+      if (is_local) return std::nullopt;
+      continue;
+    }
+    links.push_back(static_cast<std::uint32_t>(found - names.begin()));
+  }
+  return links;
+}
+
+/// Loads the config, and logs its errors. A gateway of a pair that starts itself anew waits until
+/// its file is right: systemd does not start a program again whose config is wrong.
+std::optional<Config> started_config(RemoteConfig& remote, const std::string& path,
+                                     StopWatchdog& watchdog) {
+  constexpr std::chrono::seconds kLookAgain{2};
+  std::vector<ConfigError> said;
+  while (true) {
+    auto config =
+        remote.start({std::chrono::steady_clock::now(), utc_ms(std::chrono::system_clock::now())});
+    if (config) return std::move(*config);
+    if (config.error() != said) {
+      said = config.error();
+      for (const ConfigError& error : said)
+        log::say(log::Level::error, "config", to_string(error, path));
+    }
+    if (!was_restarted()) return std::nullopt;
+    service_manager::notify_status("standby of its pair, waits for a config without errors");
+    service_manager::notify_alive();
+    watchdog.await_signal(kLookAgain);
+  }
+}
+
+}  // namespace
+
+int run_until_stopped(const RunQuestion& what) {
+  log::set_level(*log::level_from(what.log_level));
+  log::set_format(*log::format_from(what.log_format));
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGUSR1, SIG_IGN);  // until the field uses it to switch traces
+  std::signal(SIGUSR2, SIG_IGN);  // and this one to ask for recordings
+  std::signal(SIGHUP, SIG_IGN);
+  // A file at its size limit counts as a disk that rejects writes; it must not end the process.
+  std::signal(SIGXFSZ, SIG_IGN);
+  if (const std::string missing = lacks(kThreads, kRoomToBegin); !missing.empty())
+    throw std::runtime_error("cannot start: " + missing);
+  // Blocked before any thread starts: only the watchdog receives the stop signals, only the reload
+  // SIGHUP.
+  const sigset_t stop_signals = block_stop_signals();
+  sigset_t reload_signal;
+  sigemptyset(&reload_signal);
+  sigaddset(&reload_signal, SIGHUP);
+  pthread_sigmask(SIG_BLOCK, &reload_signal, nullptr);
+  std::signal(SIGHUP, SIG_DFL);  // an ignored signal would not stay pending
+  StopWatchdog watchdog(stop_signals);
+  const log::InBackground background;
+  RemoteConfig remote(what.path, trial_time(), boot_id());
+  auto config = started_config(remote, what.path, watchdog);
+  if (!config) return kWrong;
+  const auto traced = traced_links(*config, what, remote);
+  if (!traced) return kWrong;
+  // Each profile may have a store of its own, and a pair has a thread.
+  const int more =
+      kThreadsOfAStore * static_cast<int>(config->profiles.size()) + (config->pair ? 1 : 0);
+  if (const std::string missing = lacks(more, 0); more > 0 && !missing.empty())
+    throw std::runtime_error("cannot start the profiles or the pair: " + missing);
+  malloc_trim(0);  // returns the memory that a large file took
+  log_warnings(*config);
+  try {
+    run_agent(std::move(*config), what.path, remote, watchdog, *traced);
+  } catch (const std::exception& error) {
+    log::say(log::Level::error, "agent", std::string("fxagent: ") + error.what());
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace fxagent
