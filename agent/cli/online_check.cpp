@@ -244,11 +244,9 @@ std::vector<OnlineBroker> online_brokers(const Config& config) {
   const std::string commands = config.base_topic() + "/+/command";
   std::vector<std::string> filters{commands};
   if (config.remote.enabled) filters.push_back(config.base_topic() + std::string(kDesiredTopic));
-  if (config.pair) {
-    filters.push_back(config.base_topic() + "/+/result");
+  if (config.pair)
     for (const std::string_view topic : kPairTopics)
       filters.push_back(config.base_topic() + "/" + std::string(topic));
-  }
   std::vector<OnlineBroker> found;
   look_at(config.mqtt, filters, found);
   for (const BrokerConfig& broker : config.brokers) {

@@ -7,7 +7,6 @@
 #include <utility>
 #include <variant>
 
-#include "agent/commands/audit_records.h"
 #include "agent/log/log.h"
 #include "agent/pair/pair_messages.h"
 #include "agent/process/restart.h"
@@ -31,41 +30,15 @@ constexpr seconds kSteady{10};  // a session that lasts so long is not being tak
 constexpr milliseconds kFarewell{1000};
 constexpr milliseconds kShortestWait{2};
 constexpr milliseconds kLongestWait{200};
-constexpr seconds kUpkeep{1};
 // Sequence numbers that the holder may use until its next heartbeat. A device has at most 1,000
 // samples a second.
 constexpr std::uint64_t kReserve = 1'000'000;
-constexpr int kFilters = kPairTopics.size() + 1;  // and results
 constexpr int kMostClaims = 4;  // times `quiet` until a claim without its mark is given up
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
   MqttConfig own = mqtt;
   own.client_id += suffix;
   return own;
-}
-
-/// Writes entries of another store to this one. A command that only the other one has gets a new
-/// number, and counts as sent.
-void take_over(std::vector<JournalEntry>& entries, Store& store) {
-  StoredJournal& journal = store.journal();
-  std::vector<JournalEntry> commands;
-  std::vector<JournalEntry> results;
-  for (JournalEntry& entry : entries) {
-    const auto known = journal.find(entry.device, entry.id);
-    const bool is_known = known && known->number == entry.number;
-    if (!is_known) {
-      entry.number = journal.next_command_number();
-      store.started().mark(entry.number);
-    }
-    if (!entry.result.empty())
-      results.push_back(entry);
-    else if (!is_known)
-      commands.push_back(entry);
-  }
-  journal.journal(commands);
-  journal.record(std::move(results));
-  for (const JournalEntry& entry : entries)
-    if (entry.acknowledged) journal.acknowledge(entry.device, entry.id, entry.number, {});
 }
 
 /// Writes a line at once: the log's own thread does not outlive a restart.
@@ -82,7 +55,7 @@ PairMember::PairMember(const Config& config, std::string boot)
       boot_(std::move(boot)),
       permit_(pair_.quiet),
       state_({pair_.member, boot_, pair_.quiet}),
-      store_(std::make_unique<Store>(config_.store, utc_ms(std::chrono::system_clock::now()))) {
+      journal_(std::make_unique<StandbyJournal>(config_.store)) {
   const WithoutSignals quiet;
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
@@ -196,7 +169,6 @@ void PairMember::run(const std::stop_token& stop) {
     woken_ = true;
     news_.notify_all();
   };
-  for (const JournalEntry& entry : store_->journal().unacknowledged({})) own_.insert(entry.number);
   const auto will = [this] { return Will{topic(), offline_status(), Retain::yes}; };
   member_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair-" + pair_.member), will,
                                          notify, pair_messages::kLongestText, kKeepSession);
@@ -259,11 +231,7 @@ void PairMember::keep(BootTime now) {
     connect_at_ = {};
     member_->connect(server_, kReceiveMaximum);
   }
-  const SteadyTime steady = std::chrono::steady_clock::now();
-  if (store_ && steady >= upkeep_at_) {
-    store_->upkeep(steady, utc_ms(std::chrono::system_clock::now()));
-    upkeep_at_ = steady + kUpkeep;
-  }
+  if (journal_) journal_->upkeep(std::chrono::steady_clock::now());
 }
 
 void PairMember::take_member_events(BootTime now) {
@@ -284,17 +252,17 @@ void PairMember::take_member_events(BootTime now) {
                             "here; repeat none of them after a takeover"}});
       granted_ = 0;
       const std::string base = config_.base_topic();
-      member_->subscribe({base + "/+/result"});
-      // QoS 0, except for the journal: the broker queues none while this session is away. Queued
-      // statuses would name gateways that have ended.
+      // With QoS 0 the broker queues nothing while this session is away. Queued statuses would name
+      // gateways that have ended.
       for (const std::string_view heard : kPairTopics)
-        member_->subscribe({.filter = base + "/" + std::string(heard),
-                            .qos = heard.ends_with("/journal") ? 1 : 0});
+        member_->subscribe(
+            {.filter = base + "/" + std::string(heard),
+             .qos = heard.ends_with("/journal") || heard.ends_with("/result") ? 1 : 0});
     } else if constexpr (std::is_same_v<Event, Subscribed>) {
       if (!event.granted)
         log::error("pair", {{"fault", "the broker refuses the subscription to " + event.filter +
                                           "; see fxagent acl"}});
-      else if (++granted_ == kFilters)
+      else if (++granted_ == kPairTopics.size())
         state_.joined(now);
     } else if constexpr (std::is_same_v<Event, ConnectFailed>) {
       log::warn("pair", {{"broker", "unreachable"}, {"reason", event.text}});
@@ -318,8 +286,10 @@ void PairMember::take_member_events(BootTime now) {
 
 void PairMember::hear(const Message& message, BootTime now) {
   const std::string base = config_.base_topic();
-  if (const auto device = device_of(message.topic, base, "result"))
-    return hear_result(std::string(*device), message.payload);
+  if (const auto device = device_of(message.topic, base, "result")) {
+    if (journal_) journal_->keep_result(std::string(*device), message.payload);
+    return;
+  }
   const auto place = pair_messages::place_of(message.topic, base);
   if (!place) return;
   if (place->leaf.empty()) {
@@ -341,66 +311,10 @@ void PairMember::hear(const Message& message, BootTime now) {
     if (!announcement) return;
     if (announcement->mark != 0) {
       mark_came_ = mark_came_ || (announcement->boot == boot_ && announcement->mark == mark_);
-    } else if (announcement->boot != boot_) {
-      keep_announced(std::move(announcement->entry), message.topic);
+    } else if (announcement->boot != boot_ && journal_) {
+      journal_->keep_announced(std::move(announcement->entry), message.topic);
     }
   }
-}
-
-/// Acknowledges the commands of an earlier process of this gateway: the other gateway knew each
-/// from its announcement, and has published its result. Only reads and refusals were not announced.
-void PairMember::settle_own_commands() {
-  StoredJournal& journal = store_->journal();
-  for (const JournalEntry& entry : journal.unacknowledged({}))
-    if (own_.contains(entry.number) && !entry.refused && entry.op != to_string(Op::read))
-      journal.acknowledge(entry.device, entry.id, entry.number, {});
-}
-
-void PairMember::keep_announced(JournalEntry entry, const std::string& announced_on) {
-  if (!store_) return;
-  StoredJournal& journal = store_->journal();
-  if (journal.find(entry.device, entry.id)) return;
-  entry.number = journal.next_command_number();
-  const audit::Receipt receipt{.number = entry.number,
-                               .device = entry.device,
-                               .topic = announced_on,
-                               .received_ms = entry.received_ms};
-  entry.audit =
-      audit::admitted(receipt, entry.id, entry.op, utc_ms(std::chrono::system_clock::now()));
-  // It counts as sent: only the other gateway knows.
-  store_->started().mark(entry.number);
-  journal.journal({&entry, 1});
-}
-
-void PairMember::hear_result(const std::string& device, const std::string& text) {
-  if (!store_) return;
-  const auto result = pair_messages::result_from(text);
-  // The result of a repeated id is not the first one.
-  if (!result || result->status == "DUPLICATE") return;
-  StoredJournal& journal = store_->journal();
-  const bool refused = result->status == "REJECTED" || result->status == "EXPIRED";
-  const std::int64_t now = utc_ms(std::chrono::system_clock::now());
-  if (const auto known = journal.find(device, result->id)) {
-    if (known->result.empty() && !known->acknowledged && !refused) {
-      JournalEntry entry = *known;
-      entry.result = text;
-      entry.audit = audit::result(entry.number, device, text, {}, now);
-      journal.record(std::move(entry));
-      journal.note(audit::delivery(known->number, device, result->id, true, now));
-    }
-    return journal.acknowledge(device, result->id, known->number, {});
-  }
-  JournalEntry entry;
-  entry.device = device;
-  entry.id = result->id;
-  entry.op = result->op;
-  entry.received_ms = entry.deadline_ms = now;
-  entry.result = text;
-  entry.refused = refused;
-  entry.number = journal.next_command_number();
-  const std::uint64_t number = entry.number;
-  journal.record(std::move(entry));
-  journal.acknowledge(device, result->id, number, {});
 }
 
 // ---- the lease session --------------------------------------------------------------------------
@@ -444,7 +358,7 @@ void PairMember::lease_ended(bool taken_over, BootTime now) {
     if (over_) return;
   }
   state_.lease_ended(taken_over, now);
-  if (store_) return;
+  if (journal_) return;
   write_at_once(log::line(log::Level::warn, "pair",
                           {{"role", std::string(to_string(state_.role()))},
                            {"why", state_.why()},
@@ -494,10 +408,9 @@ void PairMember::go_on_with_claim(BootTime now) {
   if (claim_ != Claim::marking || !mark_came_) return;
   claim_ = Claim::claimed;
   // Numbers grow with each takeover: the other gateway has held the pair after this one.
-  if (other_seq_ > own_seq_) settle_own_commands();
-  store_->close();
-  auto unwritten = store_->journal().unwritten();
-  store_.reset();
+  if (other_seq_ > own_seq_) journal_->settle_own_commands();
+  auto unwritten = journal_->close();
+  journal_.reset();
   state_.has_claimed();
   permit_.revoke();
   {
@@ -517,10 +430,7 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
     case PairState::Order::publish_status:
       return publish_status();
     case PairState::Order::connect_lease:
-      lease_->connect(server_, kReceiveMaximum);
-      // Its acknowledgement wakes Paho's receiving thread, which polls the known connections for up
-      // to 1 s before it includes a new one.
-      return publish_status();
+      return lease_->connect(server_, kReceiveMaximum);
     case PairState::Order::drop_lease:
       return drop_lease(now);
     case PairState::Order::send_heartbeat: {

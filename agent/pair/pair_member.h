@@ -20,7 +20,6 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <string>
 #include <thread>
 #include <utility>
@@ -30,6 +29,7 @@
 #include "agent/config/model.h"
 #include "agent/line_permit.h"
 #include "agent/pair/pair_state.h"
+#include "agent/pair/standby_journal.h"
 #include "agent/store/store.h"
 #include "agent/uplink/broker.h"
 
@@ -88,9 +88,6 @@ class PairMember final {
   void take_evicting_events(BootTime now);
   void drop_lease(BootTime now);
   void hear(const Message& message, BootTime now);
-  void hear_result(const std::string& device, const std::string& text);
-  void settle_own_commands();
-  void keep_announced(JournalEntry entry, const std::string& announced_on);
   void lease_ended(bool taken_over, BootTime now);
   void go_on_with_claim(BootTime now);
   void carry_out(PairState::Order order, BootTime now);
@@ -110,16 +107,13 @@ class PairMember final {
   PairState state_;  ///< what it hears is written under mutex_, for knows()
   PairRole logged_ = PairRole::claiming;
   std::optional<std::string> logged_peer_;
-  std::unique_ptr<Store> store_;
-  /// Journal numbers of commands of an earlier process that had no acknowledged result at the
-  /// start.
-  std::set<std::uint64_t> own_;
+  std::unique_ptr<StandbyJournal> journal_;  ///< until this gateway has claimed the pair
   std::unique_ptr<Broker> member_;
   std::unique_ptr<Broker> lease_;
   std::unique_ptr<Broker> evicting_;  ///< the session of the agent, to end that of the other one
   std::size_t server_ = 0;
   bool member_up_ = false;
-  int granted_ = 0;
+  std::size_t granted_ = 0;
   int thrown_ = 0;  ///< times in a row that the member session was taken over
   BootTime member_since_{};
   BootTime connect_at_{};
@@ -134,7 +128,6 @@ class PairMember final {
   std::uint64_t farewell_ = 0;  ///< publication of the last status
   std::map<std::uint64_t, Waiting> announced_;
   std::vector<Waiting> refused_;  ///< by the broker; they end at their deadlines
-  SteadyTime upkeep_at_{};
 
   mutable std::mutex mutex_;
   std::condition_variable news_;

@@ -18,8 +18,8 @@ std::optional<std::string_view> device_of(std::string_view topic, std::string_vi
                                           std::string_view leaf);
 
 /// Topics below {base}/ that both gateways of a pair publish and receive.
-inline constexpr std::array<std::string_view, 3> kPairTopics{"pair/+", "pair/+/heartbeat",
-                                                             "pair/+/journal"};
+inline constexpr std::array<std::string_view, 4> kPairTopics{"pair/+", "pair/+/heartbeat",
+                                                             "pair/+/journal", "+/result"};
 
 /// Parts of a sample topic: "{base}/{device}/data/{group}", or that followed by "/history".
 struct DataTopic {

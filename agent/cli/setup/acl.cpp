@@ -21,8 +21,7 @@ constexpr std::array<std::string_view, 7> kAgentWrites{
     "state", "health", "+/state", "+/meta", "+/data/#", "+/result", "+/result/#"};
 constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
 constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
-// Only if the config has a pair, besides kPairTopics.
-constexpr std::array<std::string_view, 1> kPairReads{"+/result"};
+// Only if the config has a pair.
 constexpr std::array<std::string_view, 1> kPairStatus{"pair/+"};
 // Only if the config allows remote configs.
 constexpr std::array<std::string_view, 1> kConfigsOut{"config/reported"};
@@ -114,10 +113,7 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
       users.agent + "\n";
   add(out, "write", base, kAgentWrites);
   add(out, "read", base, kAgentReads);
-  if (config.pair) {
-    add(out, "readwrite", base, kPairTopics);
-    add(out, "read", base, kPairReads);
-  }
+  if (config.pair) add(out, "readwrite", base, kPairTopics);
   const bool configs = config.remote.enabled;
   if (configs) {
     out += "# It receives remote configs and reports on them.\n";

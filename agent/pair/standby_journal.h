@@ -1,0 +1,46 @@
+// The journal of the active gateway, as the standby keeps it in its own store: the commands that
+// the active one announces, and their results.
+#pragma once
+
+#include <cstdint>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "agent/commands/journal.h"
+#include "agent/config/model.h"
+#include "agent/steady_time.h"
+#include "agent/store/store.h"
+
+namespace fxagent {
+
+/// The pair's thread.
+class StandbyJournal final {
+ public:
+  /// Opens this gateway's store.
+  explicit StandbyJournal(const StoreConfig& config);
+
+  /// Keeps a command that the active gateway announced on `topic`.
+  void keep_announced(JournalEntry entry, const std::string& topic);
+  /// Keeps a result that the active gateway published, as in docs/interface.md.
+  void keep_result(const std::string& device, const std::string& text);
+  /// Acknowledges the commands of an earlier process of this gateway: the other gateway knew each
+  /// from its announcement, and has published its result.
+  void settle_own_commands();
+  void upkeep(SteadyTime now);
+  /// Closes the store. Returns the entries that the disk refused to record.
+  std::vector<JournalEntry> close();
+
+ private:
+  Store store_;
+  /// Journal numbers of commands of an earlier process that had no acknowledged result at the
+  /// start.
+  std::set<std::uint64_t> own_;
+  SteadyTime upkeep_at_{};
+};
+
+/// Writes entries of another store to this one. A command that only the other one has gets a new
+/// number, and counts as sent.
+void take_over(std::vector<JournalEntry>& entries, Store& store);
+
+}  // namespace fxagent
