@@ -7,14 +7,12 @@
 #include <openssl/err.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
-#include <pthread.h>
 #include <sys/socket.h>
 
-#include <array>
 #include <atomic>
 #include <cerrno>
-#include <string_view>
 
+#include "agent/uplink/paho/connect_notice.h"
 #include "agent/uplink/paho/packet_guard.h"
 #include "agent/uplink/paho/tls_read_bound.h"
 
@@ -29,12 +27,6 @@ constexpr int kTlsAlert = 0x15;
 thread_local ConnectFaults faults;
 thread_local Clock::time_point noted_at{};
 std::atomic<int> paho_lookups = 0;  // calls of getaddrinfo() in progress
-
-bool is_paho() noexcept {
-  std::array<char, 16> name{};  // pthread_setname_np(3): no name is longer
-  return pthread_getname_np(pthread_self(), name.data(), name.size()) == 0 &&
-         std::string_view(name.data()).starts_with("MQTTAsync_");
-}
 
 /// Resets the record, so that nothing of an earlier attempt remains.
 void begin_anew() noexcept {
@@ -90,7 +82,7 @@ extern "C" {
 int getaddrinfo(const char* host, const char* service, const addrinfo* hints, addrinfo** found) {
   using LookUp = int (*)(const char*, const char*, const addrinfo*, addrinfo**);
   static const auto look_up = reinterpret_cast<LookUp>(dlsym(RTLD_NEXT, "getaddrinfo"));
-  const bool counts = fxagent::is_paho();
+  const bool counts = fxagent::is_paho_thread();
   if (counts) ++fxagent::paho_lookups;
   const int fault = look_up(host, service, hints, found);
   if (counts) --fxagent::paho_lookups;
@@ -111,7 +103,10 @@ int getsockopt_of_paho(int fd, int level, int name, void* value, socklen_t* size
   if (level == SOL_SOCKET && name == SO_ERROR && outcome == 0) {
     fxagent::begin_anew();
     fxagent::faults.socket = *static_cast<const int*>(value);
-    if (fxagent::is_paho()) fxagent::follow_packets(fd);
+    if (fxagent::is_paho_thread()) {
+      fxagent::note_connect_outcome(fd);
+      fxagent::follow_packets(fd);
+    }
   }
   return outcome;
 }
