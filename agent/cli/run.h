@@ -13,9 +13,9 @@ struct RunQuestion {
   std::vector<std::string> traced;  ///< links by name
 };
 
-/// Exit status: 0 after a stop signal, 1 if the agent could not run, 2 if the config is wrong; the
-/// reason is in the log. Throws std::runtime_error if the process may not have enough threads or
-/// memory. Call before any thread starts.
+/// Exit status: 0 after a stop signal, 1 if the agent could not run, 2 if the config or a traced
+/// link is wrong; the reason is in the log. Throws std::runtime_error if the process may not have
+/// enough threads or memory. Call before any thread starts.
 int run_until_stopped(const RunQuestion& what);
 
 }  // namespace fxagent

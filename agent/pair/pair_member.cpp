@@ -408,7 +408,7 @@ void PairMember::go_on_with_claim(BootTime now) {
   if (claim_ != Claim::marking || !mark_came_) return;
   claim_ = Claim::claimed;
   // Numbers grow with each takeover: the other gateway has held the pair after this one.
-  if (other_seq_ > own_seq_) journal_->settle_own_commands();
+  if (other_seq_ > own_seq_) journal_->acknowledge_own_commands();
   auto unwritten = journal_->close();
   journal_.reset();
   state_.has_claimed();

@@ -66,7 +66,7 @@ void StandbyJournal::keep_result(const std::string& device, const std::string& t
 }
 
 // Only reads and refusals were not announced.
-void StandbyJournal::settle_own_commands() {
+void StandbyJournal::acknowledge_own_commands() {
   StoredJournal& journal = store_.journal();
   for (const JournalEntry& entry : journal.unacknowledged({}))
     if (own_.contains(entry.number) && !entry.refused && entry.op != to_string(Op::read))

@@ -14,7 +14,7 @@
 
 namespace fxagent {
 
-/// The pair's thread.
+/// Made before the pair's thread starts; then the pair's thread.
 class StandbyJournal final {
  public:
   /// Opens this gateway's store.
@@ -26,7 +26,7 @@ class StandbyJournal final {
   void keep_result(const std::string& device, const std::string& text);
   /// Acknowledges the commands of an earlier process of this gateway: the other gateway knew each
   /// from its announcement, and has published its result.
-  void settle_own_commands();
+  void acknowledge_own_commands();
   void upkeep(SteadyTime now);
   /// Closes the store. Returns the entries that the disk refused to record.
   std::vector<JournalEntry> close();

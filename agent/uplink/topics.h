@@ -17,9 +17,11 @@ bool is_publishable(std::string_view topic);
 std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
                                           std::string_view leaf);
 
-/// Topics below {base}/ that both gateways of a pair publish and receive.
-inline constexpr std::array<std::string_view, 4> kPairTopics{"pair/+", "pair/+/heartbeat",
-                                                             "pair/+/journal", "+/result"};
+/// Topics below {base}/ that both gateways of a pair publish and receive. Results come before the
+/// journal: a standby that had an announcement without its result would report the command as
+/// interrupted.
+inline constexpr std::array<std::string_view, 4> kPairTopics{"+/result", "pair/+",
+                                                             "pair/+/heartbeat", "pair/+/journal"};
 
 /// Parts of a sample topic: "{base}/{device}/data/{group}", or that followed by "/history".
 struct DataTopic {

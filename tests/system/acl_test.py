@@ -89,8 +89,8 @@ class BrokerAcl(PlantTest):
                          "username": username, "password_file": secret},
                 "links": [self.serial()], "devices": [device()]}
 
-    def start_secured(self, *roles, **agent):
-        """Starts a broker with the concatenated files of two agents, and the agent edge7."""
+    def start_secured(self, *roles, pair=None, **agent):
+        """Starts a broker with the concatenated files of two agents. `agent` and `pair` are added to their configs."""
         os.chmod(self.directory, 0o755)
         passwords = os.path.join(self.directory, "passwords")
         with open(passwords, "w") as out:
@@ -104,6 +104,8 @@ class BrokerAcl(PlantTest):
             for name in ("edge7", "edge8"):
                 config = self.config(name, name)
                 config["agent"].update(agent)
+                if pair:
+                    config |= {"pair": pair, "store": {"path": os.path.join(self.directory, "store")}}
                 status, text, errors = self.acl(config, "--operator", "anna", "--viewer", "viktor", *roles)
                 self.assertEqual((status, errors), (0, ""))
                 out.write(text)
@@ -244,6 +246,20 @@ class BrokerAcl(PlantTest):
         self.assertEqual(users["erna"].publish(f"{BASE}/press1/command"), NOT_AUTHORISED)
         self.assertEqual(users["stranger"].received, [])
         self.assertNotIn("refused", self.agent.logged())
+
+    def test_each_gateway_of_a_pair_publishes_and_receives_what_the_other_one_needs(self):
+        self.start_secured(pair={"member": "a"})
+        gateway, other, viewer = self.user("edge7"), self.user("edge7"), self.user("viktor")
+        topics = [f"{BASE}/{leaf}" for leaf in ("pair/a", "pair/a/heartbeat", "pair/a/journal", "press1/result")]
+        other.subscribe(f"{BASE}/pair/+", f"{BASE}/pair/+/heartbeat", f"{BASE}/pair/+/journal", f"{BASE}/+/result")
+        viewer.subscribe(f"{BASE}/#")
+        for topic in topics:
+            self.assertEqual(gateway.publish(topic), 0, topic)
+            self.assertEqual(viewer.publish(topic), NOT_AUTHORISED, topic)
+            other.got(topic)
+        viewer.got(topics[-1])
+        self.assertEqual({topic for topic, _ in viewer.received}, {topics[0], topics[-1]},
+                         "a viewer sees the status of the pair, not what the gateways tell each other")
 
     def test_names_that_cannot_stand_there_are_refused(self):
         self.broker = Broker(self.directory)

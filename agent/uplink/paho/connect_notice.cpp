@@ -8,7 +8,6 @@
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 
-#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <ctime>
@@ -20,8 +19,14 @@
 namespace fxagent {
 namespace {
 
-/// Sockets of Paho whose connect() is in progress. One that Paho closes before it asks for the
-/// outcome stays until its number is used again; it is in no poll() until then.
+bool has_name(std::string_view beginning) noexcept {
+  std::array<char, 16> name{};  // pthread_setname_np(3): no name is longer
+  return pthread_getname_np(pthread_self(), name.data(), name.size()) == 0 &&
+         std::string_view(name.data()).starts_with(beginning);
+}
+
+/// The sockets of Paho whose connect() is in progress. If Paho closes one before it reads the
+/// outcome, its number stays until Paho connects a socket with the same number.
 class Connecting final {
  public:
   void insert(int fd) {
@@ -35,9 +40,10 @@ class Connecting final {
     const std::lock_guard lock(mutex_);
     sockets_.erase(fd);
   }
-  /// Waits as poll() does, but returns early if a socket is connected or a new one is made.
+  /// Waits as poll() does, but returns early when a socket is connected or a new one was inserted.
   int wait(pollfd* fds, nfds_t count, int timeout_ms) {
-    std::vector<pollfd> all(fds, fds + count);
+    thread_local std::vector<pollfd> all;
+    all.assign(fds, fds + count);
     {
       const std::lock_guard lock(mutex_);
       for (pollfd& each : all)
@@ -67,19 +73,21 @@ class Connecting final {
 };
 
 Connecting& connecting() {
-  static Connecting* const sockets = new Connecting;  // Paho's threads may outlive main()
+  static auto* const sockets = new Connecting;  // never deleted: Paho's threads outlive main()
   return *sockets;
 }
 
 }  // namespace
 
-bool is_paho_thread() noexcept {
-  std::array<char, 16> name{};  // pthread_setname_np(3): no name is longer
-  return pthread_getname_np(pthread_self(), name.data(), name.size()) == 0 &&
-         std::string_view(name.data()).starts_with("MQTTAsync_");
-}
+bool is_paho_thread() noexcept { return has_name("MQTTAsync_"); }
 
-void note_connect_outcome(int fd) noexcept { connecting().erase(fd); }
+void note_connect_outcome(int fd) noexcept {
+  try {
+    connecting().erase(fd);
+  } catch (...) {
+    // Out of memory: nothing has been inserted either.
+  }
+}
 
 }  // namespace fxagent
 
@@ -88,23 +96,29 @@ extern "C" {
 int connect(int fd, const sockaddr* address, socklen_t size) {
   using Connect = int (*)(int, const sockaddr*, socklen_t);
   static const auto libc_connect = reinterpret_cast<Connect>(dlsym(RTLD_NEXT, "connect"));
+  const bool is_paho = fxagent::is_paho_thread();
+  if (is_paho) fxagent::note_connect_outcome(fd);  // of an earlier socket with this number
   const int outcome = libc_connect(fd, address, size);
-  const int error = errno;
-  if (outcome != 0 && error == EINPROGRESS && fxagent::is_paho_thread()) try {
-      fxagent::connecting().insert(fd);
-    } catch (...) {
-      // Out of memory: Paho notices the connection later.
-    }
-  errno = error;
+  if (!is_paho || outcome == 0 || errno != EINPROGRESS) return outcome;
+  try {
+    fxagent::connecting().insert(fd);
+  } catch (...) {
+    // Out of memory: Paho notices the connection later.
+  }
+  errno = EINPROGRESS;
   return outcome;
 }
 
 int poll(pollfd* fds, nfds_t count, int timeout_ms) {
-  if (timeout_ms > 0 && fxagent::is_paho_thread()) try {
+  // Only the thread that reads. Paho's other one resolves names, which may poll, too.
+  thread_local const bool is_reading = fxagent::has_name("MQTTAsync_rcv");
+  if (is_reading && timeout_ms > 0) {
+    try {
       return fxagent::connecting().wait(fds, count, timeout_ms);
     } catch (...) {
-      // Out of memory: an ordinary poll().
+      // Out of memory: waits as others do.
     }
+  }
   const timespec time{timeout_ms / 1000, timeout_ms % 1000 * 1'000'000L};
   return ::ppoll(fds, count, timeout_ms < 0 ? nullptr : &time, nullptr);
 }

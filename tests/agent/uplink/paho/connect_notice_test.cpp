@@ -1,9 +1,9 @@
 #include "agent/uplink/paho/connect_notice.h"
 
-#include <arpa/inet.h>
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 #include <poll.h>
 #include <pthread.h>
 #include <sys/socket.h>
@@ -13,21 +13,19 @@
 #include <cerrno>
 #include <chrono>
 #include <future>
-#include <thread>
 
 namespace fxagent {
 namespace {
 
-using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr int kPatienceMs = 120'000;
 
-/// Runs `what` on a thread with the name of one of Paho's.
+/// Runs `what` on a thread with the name of the one that reads for Paho.
 template <typename What>
 auto as_paho(What what) {
   return std::async(std::launch::async, [what] {
-    pthread_setname_np(pthread_self(), "MQTTAsync_test");
+    pthread_setname_np(pthread_self(), "MQTTAsync_rcv");
     return what();
   });
 }
@@ -43,7 +41,7 @@ class ConnectNotice : public ::testing::Test {
     ASSERT_EQ(listen(listener_, 4), 0);
     client_ = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK, 0);
     ASSERT_EQ(pipe2(silent_.data(), O_CLOEXEC), 0);
-    as_paho([this] { ends_early(silent_[0], 1); }).get();  // forgets sockets of earlier tests
+    as_paho([this] { take_wake(); }).get();  // of an earlier test
   }
   void TearDown() override {
     note_connect_outcome(client_);
@@ -54,6 +52,8 @@ class ConnectNotice : public ::testing::Test {
     ASSERT_NE(connect(client_, reinterpret_cast<sockaddr*>(&address_), size_), 0);
     ASSERT_EQ(errno, EINPROGRESS);
   }
+  /// Ends the early end of a wait that a new socket causes. Another end then has another cause.
+  void take_wake() { ends_early(silent_[0], 1); }
   /// Returns true if a poll() for something to read ends before its timeout.
   static bool ends_early(int fd, int timeout_ms) {
     const auto began = Clock::now();
@@ -83,6 +83,7 @@ TEST_F(ConnectNotice, SharedLibrariesFindTheProgramsOwn) {
 TEST_F(ConnectNotice, WaitOfPahoEndsWhenItsSocketIsConnected) {
   EXPECT_TRUE(as_paho([this] {
                 begin_connect();
+                take_wake();
                 return ends_early(client_, kPatienceMs);
               }).get());
 }
@@ -96,6 +97,7 @@ TEST_F(ConnectNotice, WaitOfPahoEndsWhenAnotherOfItsThreadsMakesASocket) {
 TEST_F(ConnectNotice, WaitLastsOnceTheOutcomeIsKnown) {
   EXPECT_FALSE(as_paho([this] {
                  begin_connect();
+                 take_wake();
                  EXPECT_TRUE(ends_early(client_, kPatienceMs));
                  note_connect_outcome(client_);
                  return ends_early(client_, 20);
@@ -111,6 +113,7 @@ TEST_F(ConnectNotice, SocketsOfOtherThreadsAreLeftAlone) {
 TEST_F(ConnectNotice, WhatPollFindsIsPassedOn) {
   as_paho([this] {
     begin_connect();
+    take_wake();
     EXPECT_TRUE(ends_early(client_, kPatienceMs));
     EXPECT_EQ(write(silent_[1], "x", 1), 1);
     std::array<pollfd, 2> asked{{{.fd = silent_[0], .events = POLLIN, .revents = 0},

@@ -1,0 +1,152 @@
+#include "agent/pair/standby_journal.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "agent/commands/audit_records.h"
+#include "tests/support/scratch.h"
+
+namespace fxagent {
+namespace {
+
+constexpr const char* kTopic = "fx/p/pair/a/journal";
+
+std::string result(const std::string& id, const std::string& status) {
+  return R"({"id":")" + id + R"(","op":"write","status":")" + status + R"("})";
+}
+
+JournalEntry command(const std::string& id, const char* op = "write") {
+  JournalEntry made;
+  made.device = "press1";
+  made.id = id;
+  made.op = op;
+  made.received_ms = utc_ms(std::chrono::system_clock::now());
+  made.deadline_ms = made.received_ms + 10000;
+  return made;
+}
+
+class StandbyJournalTest : public ::testing::Test {
+ protected:
+  StandbyJournalTest() { config_.path = scratch_.path("store"); }
+
+  void stand_by() { journal_ = std::make_unique<StandbyJournal>(config_); }
+  /// Ends the standby. Returns the same store, as the agent opens it after a takeover.
+  Store& take_over_store() {
+    EXPECT_EQ(journal_->close().size(), 0U);
+    journal_.reset();
+    return open_store();
+  }
+  Store& open_store() {
+    store_.reset();
+    store_ = std::make_unique<Store>(config_, utc_ms(std::chrono::system_clock::now()));
+    return *store_;
+  }
+  JournalEntry kept(const std::string& id) {
+    const auto found = store_->journal().find("press1", id);
+    EXPECT_TRUE(found) << id;
+    return found.value_or(JournalEntry{});
+  }
+
+  test::Scratch scratch_;
+  StoreConfig config_;
+  std::unique_ptr<StandbyJournal> journal_;
+  std::unique_ptr<Store> store_;
+};
+
+TEST_F(StandbyJournalTest, AnnouncedCommandWaitsForItsResultAndCountsAsSent) {
+  stand_by();
+  journal_->keep_announced(command("1"), kTopic);
+  take_over_store();
+  EXPECT_EQ(kept("1").result, "");
+  EXPECT_FALSE(kept("1").acknowledged);
+  EXPECT_FALSE(kept("1").surely_not_sent);
+}
+
+TEST_F(StandbyJournalTest, ResultEndsItsCommand) {
+  stand_by();
+  journal_->keep_announced(command("1"), kTopic);
+  journal_->keep_result("press1", result("1", "SUCCEEDED"));
+  take_over_store();
+  EXPECT_EQ(kept("1").result, result("1", "SUCCEEDED"));
+  EXPECT_TRUE(kept("1").acknowledged);
+}
+
+TEST_F(StandbyJournalTest, ResultThatCameBeforeItsAnnouncementIsKept) {
+  stand_by();
+  journal_->keep_result("press1", result("1", "SUCCEEDED"));
+  journal_->keep_announced(command("1"), kTopic);
+  take_over_store();
+  EXPECT_EQ(kept("1").result, result("1", "SUCCEEDED"));
+  EXPECT_TRUE(kept("1").acknowledged);
+}
+
+TEST_F(StandbyJournalTest, FirstResultOfAnIdIsKept) {
+  stand_by();
+  journal_->keep_announced(command("1"), kTopic);
+  journal_->keep_result("press1", result("1", "DUPLICATE"));
+  journal_->keep_result("press1", result("1", "FAILED"));
+  journal_->keep_result("press1", result("1", "SUCCEEDED"));
+  take_over_store();
+  EXPECT_EQ(kept("1").result, result("1", "FAILED"));
+}
+
+TEST_F(StandbyJournalTest, RefusedCommandHasNoAnnouncementAndIsKnown) {
+  stand_by();
+  journal_->keep_result("press1", result("1", "REJECTED"));
+  take_over_store();
+  EXPECT_TRUE(kept("1").refused);
+  EXPECT_TRUE(kept("1").acknowledged);
+}
+
+TEST_F(StandbyJournalTest, ForeignTextsAreIgnored) {
+  stand_by();
+  for (const char* text : {"", "{", "[]", R"({"id":"1"})"}) journal_->keep_result("press1", text);
+  EXPECT_TRUE(take_over_store().journal().unacknowledged({}).empty());
+  EXPECT_TRUE(store_->journal().known_ids({}).empty());
+}
+
+TEST_F(StandbyJournalTest, OwnCommandsOfAnEarlierProcessAreAcknowledgedButReadsAreNot) {
+  stand_by();
+  Store& earlier = take_over_store();
+  JournalEntry write = command("w");
+  JournalEntry read = command("r", "read");
+  for (JournalEntry* each : {&write, &read}) {
+    each->number = earlier.journal().next_command_number();
+    audit::Receipt receipt;
+    receipt.number = each->number;
+    each->audit = audit::admitted(receipt, each->id, each->op, each->received_ms);
+    ASSERT_TRUE(earlier.journal().journal({each, 1}));
+  }
+  earlier.close();
+  store_.reset();
+  stand_by();
+  journal_->keep_announced(command("n"), kTopic);
+  journal_->acknowledge_own_commands();
+  take_over_store();
+  EXPECT_TRUE(kept("w").acknowledged);
+  EXPECT_FALSE(kept("r").acknowledged);
+  EXPECT_FALSE(kept("n").acknowledged) << "the other gateway announced it";
+}
+
+TEST_F(StandbyJournalTest, TakenOverEntryGetsANumberOfTheOtherStore) {
+  stand_by();
+  Store& store = take_over_store();
+  std::vector<JournalEntry> entries{command("open"), command("done")};
+  entries[1].result = result("done", "SUCCEEDED");
+  entries[1].acknowledged = true;
+  take_over(entries, store);
+  EXPECT_LT(0U, entries[0].number);
+  EXPECT_LT(entries[0].number, entries[1].number);
+  store.close();
+  open_store();
+  EXPECT_EQ(kept("open").result, "");
+  EXPECT_EQ(kept("done").result, entries[1].result);
+  EXPECT_TRUE(kept("done").acknowledged);
+}
+
+}  // namespace
+}  // namespace fxagent
