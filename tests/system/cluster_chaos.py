@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Kills, pauses and cuts off the nodes of a RabbitMQ cluster, one after the other, while agents publish and carry out
-commands:
+"""Kills and pauses the nodes of a RabbitMQ cluster and cuts them off from their clients or from each other, one after the
+other, while agents publish and carry out commands:
 
     FXAGENT=… FXSIM=… tests/system/cluster_chaos.py --agents 50 --seconds 600 --seed 1
 
@@ -20,7 +20,7 @@ import time
 from cluster_plant import ClusterPlant, most_within, percentile
 from rabbit_cluster import RabbitCluster
 
-KINDS = ("kill", "pause", "cut")
+KINDS = ("kill", "pause", "cut", "split")
 WINDOW_S = 0.1
 
 
@@ -42,6 +42,7 @@ def main():
     parser.add_argument("--keep-alive", type=int, default=2, help="seconds")
     parser.add_argument("--net-ticktime", type=int, default=4, help="seconds")
     parser.add_argument("--kinds", default=",".join(KINDS))
+    parser.add_argument("--observers", type=int, default=3, help="each begins on another node")
     parser.add_argument("--same-order", action="store_true")
     parser.add_argument("--logs", action="store_true", help="keep the directory with all logs")
     given = parser.parse_args()
@@ -55,9 +56,16 @@ def main():
         cluster.start()
         print(f"seed {given.seed}; cluster up after {time.monotonic() - begin:.1f} s; {directory or ''}", flush=True)
         with ClusterPlant(directory or temporary, cluster, given.agents, given.interval_ms, given.commands_per_second,
-                          given.same_order, given.keep_alive) as plant:
+                          given.same_order, given.keep_alive, given.observers) as plant:
             print("agents on the nodes: " + " ".join(str(len(plant.on_node(node))) for node in cluster.nodes), flush=True)
             return run(plant, cluster, given, kinds, chance)
+
+
+def missing(plant, cluster):
+    """Returns a line on the samples that the observers miss. Equal numbers of routes mean that the nodes agree."""
+    gaps = [set(observer.missing()) for observer in plant.observers]
+    return (f"missing at the observers {' '.join(str(len(gap)) for gap in gaps)}, at all {len(set.intersection(*gaps))}; "
+            f"routes of the nodes {' '.join(map(str, cluster.routes()))}")
 
 
 def run(plant, cluster, given, kinds, chance):
@@ -71,16 +79,20 @@ def run(plant, cluster, given, kinds, chance):
         if kind not in kinds or not names:
             continue
         at, mono = time.time(), time.monotonic()
-        {"kill": node.kill, "pause": node.pause, "cut": node.proxy.cut}[kind]()
+        {"kill": node.kill, "pause": node.pause, "cut": node.proxy.cut, "split": node.split}[kind]()
         time.sleep(chance.uniform(8, 15))  # the length of the fault
         if kind == "kill":
             node.start()
         elif kind == "pause":
             node.resume()
+        elif kind == "split":
+            node.join()
         else:
             node.proxy.heal()
         back = time.time()
         node.wait()
+        if kind == "pause" and node.restart_if_apart():
+            print(f"  node {number + 1} was apart and is started anew", flush=True)
         up = time.time() - back
         plant.all_connected(120)
         if single := cluster.wait_until_whole(20):
@@ -97,12 +109,14 @@ def run(plant, cluster, given, kinds, chance):
               f"p99 {percentile(away, 0.99):.2f} max {max(away, default=0):.2f} s; connects {len(tried)}, most in "
               f"100 ms {most_within(tried, WINDOW_S)}, accepted {most_within(accepted, WINDOW_S)}; lost on other nodes "
               f"{others}; node up after {up:.1f} s", flush=True)
+        print("  " + missing(plant, cluster), flush=True)
     failed = []
     try:
         plant.settle()
     except AssertionError as error:
         failed.append(str(error))
     failed += plant.faults()
+    print(missing(plant, cluster))
     times["all"] = [seconds for away in times.values() for seconds in away]
     for kind, away in times.items():
         print(f"{kind}: {len(away)} reconnects, p50 {percentile(away, 0.5):.2f} p99 {percentile(away, 0.99):.2f} "

@@ -45,8 +45,8 @@ def most_within(times, window):
 class Observer:
     """Keeps what arrives, and sends commands. Connects to the next node when it loses one."""
 
-    def __init__(self, ports):
-        self.ports = ports
+    def __init__(self, ports, name="observer", first=0):
+        self.ports, self.first = ports, first
         self.lock = threading.Lock()
         self.seqs = collections.defaultdict(collections.Counter)  # agent -> seq -> times received
         self.results = collections.defaultdict(list)  # (agent, id) -> payloads in bytes
@@ -55,7 +55,7 @@ class Observer:
         self.losses, self.why = 0, ""
         self.ended = threading.Event()
         self.subscribed = threading.Event()
-        self.client = mqtt.Client("observer", clean_session=False, protocol=mqtt.MQTTv311)
+        self.client = mqtt.Client(name, clean_session=False, protocol=mqtt.MQTTv311)
         self.client.max_queued_messages_set(0)
         self.client.on_connect = lambda client, *_: client.subscribe("fx/#", 1)
         self.client.on_subscribe = lambda *_: self.subscribed.set()
@@ -64,7 +64,7 @@ class Observer:
         self.thread.start()
 
     def _run(self):
-        turn = 0
+        turn = self.first
         while not self.ended.is_set():
             try:
                 self.client.connect("127.0.0.1", self.ports[turn % len(self.ports)], keepalive=3)
@@ -164,28 +164,33 @@ class Commander:
 
 
 class ClusterPlant:
-    """Use it as a context. `same_order`: all agents have the nodes in the same order; else each begins with another."""
+    """Use it as a context. `same_order`: all agents have the nodes in the same order; else each begins with another.
+    The first observer sends the commands. More of them show whether a lost message is missing everywhere."""
 
-    def __init__(self, directory, cluster, agents, interval_ms, per_second, same_order=False, keep_alive=2):
+    def __init__(self, directory, cluster, agents, interval_ms, per_second, same_order=False, keep_alive=2, observers=1):
         self.cluster = cluster
         self.names = [f"a{i}" for i in range(agents)]
         self.node_of_port = {str(node.port): node for node in cluster.nodes}
         self.stack = contextlib.ExitStack()
         try:
-            self._start(directory, interval_ms, per_second, same_order, keep_alive)
+            self._start(directory, interval_ms, per_second, same_order, keep_alive, observers)
         except BaseException:
             self.stack.close()
             raise
 
-    def _start(self, directory, interval_ms, per_second, same_order, keep_alive):
+    def _start(self, directory, interval_ms, per_second, same_order, keep_alive, observers):
         ports = {name: free_port() for name in self.names}
         self.sim = Sim(directory, [{"name": name, "model": "FX3U", "tcp": port, "baud": 0, "turnaround_ms": 1,
                                     "plant": "counter"} for name, port in ports.items()], lifetime_s=7200)
         self.sim.start()
         self.stack.callback(self.sim.stop)
-        self.observer = Observer([node.mqtt_port for node in self.cluster.nodes])
-        self.stack.callback(self.observer.close)
-        assert self.observer.subscribed.wait(60), "the observer found no node"
+        nodes = [node.mqtt_port for node in self.cluster.nodes]
+        self.observers = []
+        for number in range(observers):
+            self.observers.append(observer := Observer(nodes, f"observer{number + 1}", number))
+            self.stack.callback(observer.close)
+            assert observer.subscribed.wait(60), "the observer found no node"
+        self.observer = self.observers[0]
         self.agents = {}
         for number, (name, port) in enumerate(ports.items()):
             home = os.path.join(directory, name)

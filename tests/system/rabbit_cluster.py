@@ -255,6 +255,39 @@ class Node:
     def resume(self):
         self.process.send_signal(signal.SIGCONT)
 
+    def split(self):
+        """Cuts the node off from the other nodes, not from its clients. It notices at once."""
+        self._set_cookie_of_others("split")
+
+    def join(self):
+        """Ends a split()."""
+        with open(os.path.join(self.cluster.directory, ".erlang.cookie")) as cookie:
+            self._set_cookie_of_others(cookie.read())
+
+    def _set_cookie_of_others(self, cookie):
+        others = ", ".join(f"'{node.name}'" for node in self.cluster.nodes if node is not self)
+        self.cluster.control(self, "--quiet", "eval", f"[begin erlang:set_cookie(Node, '{cookie}'), "
+                             f"erlang:disconnect_node(Node) end || Node <- [{others}]].")
+
+    def restart_if_apart(self, patience=10.0):
+        """Restarts a node whose tables differ from those of the others after a pause, and returns True; pause_minority does
+        not restart it. docs/operate/cluster.md has the same check."""
+        deadline = time.monotonic() + patience
+        while 2 * self.partitions() < len(self.cluster.nodes):
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(0.2)
+        self.kill()
+        self.start()
+        self.wait()
+        return True
+
+    def partitions(self):
+        """Returns from how many other nodes this one has been apart since its start; 0: no answer."""
+        with contextlib.suppress(subprocess.SubprocessError):
+            return int(self.cluster.control(self, "--quiet", "eval", "length(rabbit_node_monitor:partitions())."))
+        return 0
+
     def logged(self):
         out = ""
         for name in (self.log_path, os.path.join(self.directory, "log", self.name + ".log")):
@@ -336,6 +369,17 @@ class RabbitCluster:
         if queue.get("type") == "quorum":
             return len(queue.get("online", "")) == len(self.nodes)
         return bool(queue.get("synchronised_slave_pids"))
+
+    def routes(self):
+        """Returns how many routes each node has; None: no answer. After a pause they may differ. A message then reaches
+        only the queues that the publisher's own node knows."""
+        out = []
+        for node in self.nodes:
+            try:
+                out.append(int(self.control(node, "--quiet", "eval", "ets:info(rabbit_route, size).")))
+            except (subprocess.SubprocessError, ValueError):
+                out.append(None)
+        return out
 
     def servers(self, first=0):
         """Returns `mqtt.servers` of an agent that begins with node `first` + 1."""
