@@ -22,6 +22,7 @@ from rabbit_cluster import RabbitCluster
 
 KINDS = ("kill", "pause", "cut", "split")
 WINDOW_S = 0.1
+REJOIN_S = 10  # period of the timer in docs/operate/cluster.md
 
 
 def plan(chance):
@@ -91,8 +92,8 @@ def run(plant, cluster, given, kinds, chance):
             node.proxy.heal()
         back = time.time()
         node.wait()
-        if kind == "pause" and node.restart_if_apart():
-            print(f"  node {number + 1} was apart and is started anew", flush=True)
+        time.sleep(chance.uniform(0, REJOIN_S))
+        restarted = cluster.rejoin()
         up = time.time() - back
         plant.all_connected(120)
         if single := cluster.wait_until_whole(20):
@@ -108,7 +109,7 @@ def run(plant, cluster, given, kinds, chance):
         print(f"{kind:5} node {number + 1}: {len(names):2} agents, back p50 {percentile(away, 0.5):.2f} "
               f"p99 {percentile(away, 0.99):.2f} max {max(away, default=0):.2f} s; connects {len(tried)}, most in "
               f"100 ms {most_within(tried, WINDOW_S)}, accepted {most_within(accepted, WINDOW_S)}; lost on other nodes "
-              f"{others}; node up after {up:.1f} s", flush=True)
+              f"{others}; node up after {up:.1f} s{', restarted' if restarted else ''}", flush=True)
         print("  " + missing(plant, cluster), flush=True)
     failed = []
     try:

@@ -88,6 +88,7 @@ class ClusterPage(unittest.TestCase):
         for line in rabbit_cluster.CONFIG.splitlines():
             if not line.startswith("#") and "{" not in line:
                 self.assertIn("\n" + line + "\n", page)
+        self.assertIn(f"eval '\n{rabbit_cluster.REJOIN}')", page)
         _, name, pattern, definition, *_ = rabbit_cluster.POLICY
         self.assertIn(f"rabbitmqctl set_policy {name} '{pattern}' \\\n  '{definition}' --apply-to queues\n", page)
 

@@ -19,6 +19,7 @@ import tempfile
 import threading
 import time
 import unittest
+import weakref
 
 import paho.mqtt.client as mqtt
 from paho.mqtt.packettypes import PacketTypes
@@ -110,7 +111,7 @@ def device(name="press1", link="line1", tags=None, groups=None, **more):
 
 class Broker:
     """One mosquitto on its own port; start() and kill() may be repeated. Its output is in mosquitto-PORT.log next to
-    its settings."""
+    its settings. After a kill() its watchers subscribe before an agent connects: the broker has lost their sessions."""
 
     def __init__(self, directory, extra=""):
         self.port = free_port()
@@ -120,8 +121,19 @@ class Broker:
         with open(self.conf, "w") as out:
             out.write(f"listener {self.port} 127.0.0.1\nlog_dest stderr\n{anonymous}{extra}\n")
         self.process = None
+        self.watched = []  # (watcher, its subscriptions so far) at the last kill()
 
     def start(self):
+        with contextlib.ExitStack() as frozen:
+            if self.watched:
+                for agent in list(Agent.running):
+                    if agent.process is not None and agent.process.poll() is None:
+                        frozen.enter_context(agent.frozen())
+            self._start()
+            for watcher, before in self.watched:
+                wait_for("a watcher to be back", lambda: watcher.closed or watcher.subscriptions > before)
+
+    def _start(self):
         self.said_before = len(text_of(self.log_path))
         with open(self.log_path, "a") as log:
             self.process = subprocess.Popen([BROKER, "-c", self.conf], stdout=log, stderr=log)
@@ -145,11 +157,13 @@ class Broker:
         self.process.send_signal(sign)
         self.process.wait()
         self.process = None
+        self.watched = [(watcher, watcher.subscriptions) for watcher in Watcher.open if watcher.port == self.port]
 
 
 class Watcher:
     """Records every message on `topics` with its time, in the order of arrival. The broker drops messages for a watcher
     that falls 1,000 behind."""
+    open = weakref.WeakSet()
 
     def __init__(self, port, version=5, username=None, password=None, topics="#"):
         self.messages = []
@@ -160,14 +174,18 @@ class Watcher:
         self.client = mqtt.Client(f"watcher-{time.monotonic_ns()}", protocol=protocol)
         if username:
             self.client.username_pw_set(username, password)
-        self.subscribed = threading.Event()
+        self.port, self.closed, self.subscriptions = port, False, 0
         self.client.on_connect = lambda *_: self.client.subscribe(topics, 1)
-        self.client.on_subscribe = lambda *_: self.subscribed.set()
+        self.client.on_subscribe = self._on_subscribe
         self.client.on_message = self._on_message
-        self.client.reconnect_delay_set(1, 1)
+        self.client.reconnect_delay_set(0.05, 0.05)
         self.client.connect_async("127.0.0.1", port, keepalive=10)
         self.client.loop_start()
-        assert self.subscribed.wait(PATIENCE), "the watcher found no broker"
+        wait_for("the watcher to find its broker", lambda: self.subscriptions)
+        Watcher.open.add(self)
+
+    def _on_subscribe(self, *_):
+        self.subscriptions += 1
 
     def _on_message(self, _client, _user, message):
         # A payload that is not JSON stays unchanged, so that it equals nothing a test expects.
@@ -222,6 +240,8 @@ class Watcher:
             assert message.is_published(), "the broker did not acknowledge a message on " + topic
 
     def close(self):
+        self.closed = True
+        Watcher.open.discard(self)
         self.client.disconnect()
         self.client.loop_stop()
 
@@ -301,6 +321,8 @@ class Sim:
 
 
 class Agent:
+    running = weakref.WeakSet()
+
     def __init__(self, directory, config, arguments=()):
         self.directory = directory
         self.arguments = arguments  # of `run`, after the config
@@ -321,12 +343,14 @@ class Agent:
                                         stderr=self.log,
                                         stdout=subprocess.DEVNULL,
                                         env=dict(os.environ, **(environment or {})), **more)
+        Agent.running.add(self)
 
     def stop(self, sign=signal.SIGTERM, expected=0):
         """Stops the agent and returns its exit status, which sanitizers make non-zero. `expected` None: any status."""
         if self.process is None:
             return None
         process, self.process = self.process, None
+        Agent.running.discard(self)
         ended_by_itself = process.poll() is not None
         process.send_signal(sign)
         try:
@@ -344,11 +368,12 @@ class Agent:
     @contextlib.contextmanager
     def frozen(self):
         """Stops all threads of the agent inside the block, as on a suspended machine."""
-        self.process.send_signal(signal.SIGSTOP)
+        process = self.process
+        process.send_signal(signal.SIGSTOP)
         try:
             yield
         finally:
-            self.process.send_signal(signal.SIGCONT)
+            process.send_signal(signal.SIGCONT)
 
     def logged(self):
         with open(self.log_path) as text:

@@ -58,6 +58,19 @@ POLICY = ["set_policy", "mqtt-sessions", "^mqtt-subscription-",
           '{"ha-mode":"exactly","ha-params":2,"ha-sync-mode":"automatic"}', "--apply-to", "queues"]
 
 
+# Finds the node that keeps its own tables, because it was paused or its links failed for a moment. pause_minority restarts
+# it in neither case.
+REJOIN = """\
+N = rabbit_mnesia:cluster_nodes(all), R = rabbit_node_monitor:partitions(N),
+A = [X || {X, P} <- R, length(P) >= length(N) div 2 + 1],
+case {lists:all(fun({_, P}) -> P == [] end, R), A} of
+  {true, _} -> fine;
+  {_, [X]} when X == node(), length(R) == length(N) -> restart;
+  {_, [X]} when X /= node() -> other;
+  _ -> alarm
+end."""
+
+
 def available():
     """True if this machine has RabbitMQ."""
     return os.path.exists(PROGRAM) and EPMD is not None
@@ -269,24 +282,11 @@ class Node:
         self.cluster.control(self, "--quiet", "eval", f"[begin erlang:set_cookie(Node, '{cookie}'), "
                              f"erlang:disconnect_node(Node) end || Node <- [{others}]].")
 
-    def restart_if_apart(self, patience=10.0):
-        """Restarts a node whose tables differ from those of the others after a pause, and returns True; pause_minority does
-        not restart it. docs/operate/cluster.md has the same check."""
-        deadline = time.monotonic() + patience
-        while 2 * self.partitions() < len(self.cluster.nodes):
-            if time.monotonic() > deadline:
-                return False
-            time.sleep(0.2)
-        self.kill()
-        self.start()
-        self.wait()
-        return True
-
-    def partitions(self):
-        """Returns from how many other nodes this one has been apart since its start; 0: no answer."""
+    def rejoin(self):
+        """Returns the answer of REJOIN on this node: restart, fine, other or alarm; "no answer" if it has none."""
         with contextlib.suppress(subprocess.SubprocessError):
-            return int(self.cluster.control(self, "--quiet", "eval", "length(rabbit_node_monitor:partitions())."))
-        return 0
+            return self.cluster.control(self, "--quiet", "eval", REJOIN).strip()
+        return "no answer"
 
     def logged(self):
         out = ""
@@ -369,6 +369,22 @@ class RabbitCluster:
         if queue.get("type") == "quorum":
             return len(queue.get("online", "")) == len(self.nodes)
         return bool(queue.get("synchronised_slave_pids"))
+
+    def rejoin(self, patience=20.0):
+        """Does what docs/operate/cluster.md lets a timer do on each node: restarts the node that REJOIN names. Returns
+        True if it did; False if each node answered `fine`. Raises AssertionError if no node is named in time."""
+        deadline = time.monotonic() + patience
+        while True:
+            answers = [node.rejoin() for node in self.nodes]
+            for node, answer in zip(self.nodes, answers):
+                if answer == "restart":
+                    node.kill()
+                    node.start()
+                    node.wait()
+                    return True
+            if set(answers) == {"fine"}:
+                return False
+            assert time.monotonic() < deadline, f"no node can be named: {answers}"
 
     def routes(self):
         """Returns how many routes each node has; None: no answer. After a pause they may differ. A message then reaches
