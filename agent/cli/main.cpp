@@ -36,12 +36,23 @@
 #include "agent/cli/verify_stream.h"
 #include "agent/config/expand.h"
 #include "agent/config/json/tree.h"
+#include "agent/config/model.h"
 #include "agent/config/suggestions.h"
 #include "agent/log/log.h"
 
 namespace {
 
 using namespace fxagent;
+
+/// Returns the action of a subcommand that needs a valid config. `path` and `what` outlive it.
+template <typename Question>
+std::function<int()> with_config(const std::string& path, const Question& what,
+                                 int (*run)(const Config&, const Question&)) {
+  return [&path, &what, run] {
+    const auto config = loaded(path);
+    return config ? run(*config, what) : kWrong;
+  };
+}
 
 /// Prints the config with all devices expanded.
 int expand(const std::string& path) {
@@ -140,12 +151,7 @@ void add_plan(CLI::App& app, std::string& path, PlanQuestion& what, std::functio
                    "\"DEVICE FIRST..LAST@MS\": the plan before and after these tags")
       ->expected(1)
       ->take_all();
-  command->callback([&] {
-    action = [&] {
-      const auto config = loaded(path);
-      return config ? run_plan(*config, what) : kWrong;
-    };
-  });
+  command->callback([&] { action = with_config(path, what, run_plan); });
 }
 
 int one_shot(const std::string& path, const OneShot& what) {
@@ -207,12 +213,7 @@ void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
   command->add_option("--password-env", what.password_env, "Variable that holds its password")
       ->excludes(file);
   command->add_flag("--json", what.as_json, "Print JSON");
-  command->callback([&] {
-    action = [&] {
-      const auto config = loaded(path);
-      return config ? run_verify_stream(*config, what) : kWrong;
-    };
-  });
+  command->callback([&] { action = with_config(path, what, run_verify_stream); });
 }
 
 void add_audit(CLI::App& app, std::string& path, AuditQuestion& what,
@@ -228,12 +229,7 @@ void add_audit(CLI::App& app, std::string& path, AuditQuestion& what,
       ->add_option("--head", what.head,
                    "RECORDS:HASH of a health message: check that it is in the chain")
       ->needs(verify);
-  command->callback([&] {
-    action = [&] {
-      const auto config = loaded(path);
-      return config ? run_audit(*config, what) : kWrong;
-    };
-  });
+  command->callback([&] { action = with_config(path, what, run_audit); });
 }
 
 void add_record(CLI::App& app, std::string& path, RecordQuestion& what,
@@ -242,12 +238,7 @@ void add_record(CLI::App& app, std::string& path, RecordQuestion& what,
       app.add_subcommand("record", "Ask the running agent to write its newest frames to files");
   command->add_option("CONFIG", path, "Config file")->required();
   command->add_option("LINK", what.links, "Only these links");
-  command->callback([&] {
-    action = [&] {
-      const auto config = loaded(path);
-      return config ? run_record(*config, what) : kWrong;
-    };
-  });
+  command->callback([&] { action = with_config(path, what, run_record); });
 }
 
 void add_replay(CLI::App& app, ReplayQuestion& what, std::function<int()>& action) {
@@ -276,12 +267,7 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
   command->add_option("--viewer", what.viewers, "User who reads everything; repeatable")
       ->expected(1)
       ->take_all();
-  command->callback([&] {
-    action = [&] {
-      const auto config = loaded(path);
-      return config ? run_acl(*config, what) : kWrong;
-    };
-  });
+  command->callback([&] { action = with_config(path, what, run_acl); });
 }
 
 void add_describe(CLI::App& app, DescribeQuestion& what, std::function<int()>& action) {

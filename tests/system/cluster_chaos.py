@@ -82,14 +82,7 @@ def run(plant, cluster, given, kinds, chance):
         at, mono = time.time(), time.monotonic()
         {"kill": node.kill, "pause": node.pause, "cut": node.proxy.cut, "split": node.split}[kind]()
         time.sleep(chance.uniform(8, 15))  # the length of the fault
-        if kind == "kill":
-            node.start()
-        elif kind == "pause":
-            node.resume()
-        elif kind == "split":
-            node.join()
-        else:
-            node.proxy.heal()
+        {"kill": node.start, "pause": node.resume, "cut": node.proxy.heal, "split": node.join}[kind]()
         back = time.time()
         node.wait()
         time.sleep(chance.uniform(0, REJOIN_S))

@@ -131,7 +131,7 @@ class Broker:
                         frozen.enter_context(agent.frozen())
             self._start()
             for watcher, before in self.watched:
-                wait_for("a watcher to be back", lambda: watcher.closed or watcher.subscriptions > before)
+                wait_for("a watcher to be back", lambda: watcher not in Watcher.open or watcher.subscriptions > before)
 
     def _start(self):
         self.said_before = len(text_of(self.log_path))
@@ -174,7 +174,7 @@ class Watcher:
         self.client = mqtt.Client(f"watcher-{time.monotonic_ns()}", protocol=protocol)
         if username:
             self.client.username_pw_set(username, password)
-        self.port, self.closed, self.subscriptions = port, False, 0
+        self.port, self.subscriptions = port, 0
         self.client.on_connect = lambda *_: self.client.subscribe(topics, 1)
         self.client.on_subscribe = self._on_subscribe
         self.client.on_message = self._on_message
@@ -240,7 +240,6 @@ class Watcher:
             assert message.is_published(), "the broker did not acknowledge a message on " + topic
 
     def close(self):
-        self.closed = True
         Watcher.open.discard(self)
         self.client.disconnect()
         self.client.loop_stop()

@@ -282,7 +282,7 @@ class Node:
         self.cluster.control(self, "--quiet", "eval", f"[begin erlang:set_cookie(Node, '{cookie}'), "
                              f"erlang:disconnect_node(Node) end || Node <- [{others}]].")
 
-    def rejoin(self):
+    def rejoin_answer(self):
         """Returns the answer of REJOIN on this node: restart, fine, other or alarm; "no answer" if it has none."""
         with contextlib.suppress(subprocess.SubprocessError):
             return self.cluster.control(self, "--quiet", "eval", REJOIN).strip()
@@ -375,7 +375,7 @@ class RabbitCluster:
         True if it did; False if each node answered `fine`. Raises AssertionError if no node is named in time."""
         deadline = time.monotonic() + patience
         while True:
-            answers = [node.rejoin() for node in self.nodes]
+            answers = [node.rejoin_answer() for node in self.nodes]
             for node, answer in zip(self.nodes, answers):
                 if answer == "restart":
                     node.kill()
