@@ -18,6 +18,9 @@ bool is_utf8(std::string_view text);
 /// _ and -.
 bool is_name(std::string_view text);
 
+/// Returns `text` without the blanks, tabs and line ends around it.
+std::string_view trimmed(std::string_view text);
+
 /// Returns the number that the whole text spells in decimal; nullopt if it does not, or if Number
 /// cannot hold it.
 template <class Number>

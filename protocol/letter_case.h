@@ -1,4 +1,4 @@
-// Converts ASCII letters to upper or lower case, independent of the locale.
+// Upper and lower case of ASCII letters, independent of the locale.
 #pragma once
 
 #include <string>
@@ -8,5 +8,7 @@ namespace fxagent {
 
 std::string upper(std::string_view text);
 std::string lower(std::string_view text);
+char lower(char letter);
+bool equal_but_for_case(std::string_view a, std::string_view b);
 
 }  // namespace fxagent

@@ -8,6 +8,7 @@
 #include "agent/counted.h"
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
+#include "protocol/letter_case.h"
 
 namespace fxagent {
 namespace {
@@ -53,11 +54,11 @@ std::string_view comment_of(const CsvRow& row, const CsvRow* head) {
   return label;
 }
 
-std::string lower(std::string_view text) {
-  std::string out;
-  for (const char c : text)
-    out += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c == '.' ? '_' : c;
-  return out;
+/// Returns the name for a device without a comment: "d100_3" for D100.3.
+std::string name_of(std::string_view address) {
+  std::string name = lower(address);
+  std::ranges::replace(name, '.', '_');
+  return name;
 }
 
 }  // namespace
@@ -99,7 +100,7 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
     }
     ImportedTag tag{row->line, {}};
     const std::size_t before = out.notes.size();
-    tag.keys["name"] = names.make(comment, lower(address), row->line, out.notes);
+    tag.keys["name"] = names.make(comment, name_of(address), row->line, out.notes);
     tag.is_changed = out.notes.size() > before;
     tag.keys["address"] = literal(address);
     describe(tag, comment);

@@ -39,7 +39,8 @@ const std::vector<ConfigNode>& children_at(const ConfigNode& node, std::string_v
   return found == nullptr ? none : found->children;
 }
 
-std::string other_keys(const ConfigNode& node, std::initializer_list<std::string_view> known) {
+void note_other_keys(Imported& out, const ConfigTree& tree, const ConfigNode& node,
+                     const std::string& what, std::initializer_list<std::string_view> known) {
   std::string list;
   for (const ConfigNode& member : node.children) {
     const bool says_nothing =
@@ -49,7 +50,7 @@ std::string other_keys(const ConfigNode& node, std::initializer_list<std::string
       continue;
     list += (list.empty() ? "" : ", ") + std::string(member.key);
   }
-  return list;
+  if (!list.empty()) out.note(tree.line_of(node.offset), "not imported: " + list + " of " + what);
 }
 
 }  // namespace fxagent

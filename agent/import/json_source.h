@@ -21,8 +21,9 @@ std::optional<std::int64_t> integer_at(const ConfigNode& node, std::string_view 
 /// Returns the members or items of `key`; empty if there is no such key.
 const std::vector<ConfigNode>& children_at(const ConfigNode& node, std::string_view key);
 
-/// Returns the keys of an object that are not in `known`, separated by ", ", so that none is
-/// dropped silently. Skips empty values (null, "", an empty list).
-std::string other_keys(const ConfigNode& node, std::initializer_list<std::string_view> known);
+/// Notes the keys of an object that are not in `known`, so that none is dropped silently. Skips
+/// empty values (null, "", an empty list). `what` names the object.
+void note_other_keys(Imported& out, const ConfigTree& tree, const ConfigNode& node,
+                     const std::string& what, std::initializer_list<std::string_view> known);
 
 }  // namespace fxagent

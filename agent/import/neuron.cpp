@@ -214,8 +214,6 @@ class NeuronReader {
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
   std::string port_of(const Driver& driver, std::string_view protocol);
   JsonObject serial_of(const Driver& driver, std::string_view protocol);
-  void list_unread_keys(const ConfigNode& node, const std::string& what,
-                        std::initializer_list<std::string_view> known);
   void read_params(const Driver& driver);
   void read_driver(const Driver& driver);
   ImportedDevice& device_of(const Driver& driver, std::string_view protocol, std::int64_t unit);
@@ -236,13 +234,6 @@ class NeuronReader {
   std::map<std::pair<std::size_t, std::string_view>, std::string> groups_;
   std::map<std::size_t, NameMaker> group_names_;
 };
-
-/// Notes the keys of `node` that are not in `known`. `what` names the node.
-void NeuronReader::list_unread_keys(const ConfigNode& node, const std::string& what,
-                                    std::initializer_list<std::string_view> known) {
-  if (const std::string keys = other_keys(node, known); !keys.empty())
-    out_.note(line_of(node), "not imported: " + keys + " of " + what);
-}
 
 std::string NeuronReader::port_of(const Driver& driver, std::string_view protocol) {
   if (!options_.port.empty()) return options_.port;
@@ -375,9 +366,9 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   if (const std::string_view unit = text_at(node, "unit"); !unit.empty())
     tag.keys["unit"] = literal(unit);
   const bool is_rounded = number_at(node, "precision").value_or(0) != 0;
-  list_unread_keys(node, std::string(name),
-                   {"name", "address", "type", "attribute", "decimal", "bias", "description",
-                    "unit", is_rounded ? "" : "precision"});
+  note_other_keys(out_, tree_, node, std::string(name),
+                  {"name", "address", "type", "attribute", "decimal", "bias", "description", "unit",
+                   is_rounded ? "" : "precision"});
   describe(tag, text_at(node, "description"));
   tag.keys["group"] = known->second;
   tag.is_changed = out_.notes.size() > before;
@@ -416,15 +407,15 @@ void NeuronReader::read_driver(const Driver& driver) {
   order_ = order_64_ = {};
   if (driver.params != nullptr && protocol.starts_with("modbus")) read_params(driver);
   const std::string what = "the node " + std::string(driver.name);
-  list_unread_keys(*driver.node, what,
-                   {"name", "plugin", "params", "groups", "nodes", "tags", "settings"});
+  note_other_keys(out_, tree_, *driver.node, what,
+                  {"name", "plugin", "params", "groups", "nodes", "tags", "settings"});
   if (driver.params != nullptr)
-    list_unread_keys(*driver.params, what,
-                     {"link", "device", "host", "port", "connection_mode", "baud", "data", "parity",
-                      "stop", "timeout", "interval", "endianess", "endianess_64", "address_base"});
+    note_other_keys(out_, tree_, *driver.params, what,
+                    {"link", "device", "host", "port", "connection_mode", "baud", "data", "parity",
+                     "stop", "timeout", "interval", "endianess", "endianess_64", "address_base"});
   for (const Driver::Group& group : driver.groups)
-    list_unread_keys(*group.node, "the group " + std::string(group.name),
-                     {"driver", "group", "name", "interval", "tags"});
+    note_other_keys(out_, tree_, *group.node, "the group " + std::string(group.name),
+                    {"driver", "group", "name", "interval", "tags"});
   for (const Driver::Group& group : driver.groups)
     for (const ConfigNode* tag : group.tags) read_tag(driver, group, *tag, protocol);
 }

@@ -106,9 +106,6 @@ class ThingsboardReader {
 
  private:
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
-  /// Notes the keys of `node` that are not in `known`. `what` names the node.
-  void list_unread_keys(const ConfigNode& node, const std::string& what,
-                        std::initializer_list<std::string_view> known);
   void read_slave(const ConfigNode& slave);
   void read_publishing(const ConfigNode& slave, IntervalGroups& groups);
   void leave_out_slave(const ConfigNode& slave, const std::string& kind);
@@ -125,12 +122,6 @@ class ThingsboardReader {
   /// Places of the current slave that attributeUpdates and rpc may write, by table and address.
   std::set<std::pair<char, std::int64_t>> written_;
 };
-
-void ThingsboardReader::list_unread_keys(const ConfigNode& node, const std::string& what,
-                                         std::initializer_list<std::string_view> known) {
-  if (const std::string keys = other_keys(node, known); !keys.empty())
-    out_.note(line_of(node), "not imported: " + keys + " of " + what);
-}
 
 std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view protocol) {
   if (!options_.port.empty()) return links_.to(options_.port);
@@ -176,9 +167,9 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   if (address.empty() || writes(function))
     return leave_out("it has no function that reads, or no address");
   const bool is_bit = table == '0' || table == '1';
-  list_unread_keys(node, std::string(name),
-                   {"tag", "type", "functionCode", "objectsCount", "address", "bit", "byteOrder",
-                    "wordOrder", "divider", "multiplier"});
+  note_other_keys(out_, tree_, node, std::string(name),
+                  {"tag", "type", "functionCode", "objectsCount", "address", "bit", "byteOrder",
+                   "wordOrder", "divider", "multiplier"});
   ImportedTag tag{line, {}};
   tag.keys["name"] = names.make(name, "tag", line, out_.notes);
   if (type == "bool" && !is_bit) {
@@ -260,28 +251,28 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
     device.keys["timeout_ms"] = json_number(std::round(*seconds * 1000));
   if (const auto gap = integer_at(slave, "delayBetweenRequestsMs"); gap && *gap > 0)
     device.keys["gap_ms"] = *gap;
-  list_unread_keys(slave, "the slave " + std::string(text_at(slave, "deviceName")),
-                   {"type",
-                    "method",
-                    "host",
-                    "port",
-                    "baudrate",
-                    "bytesize",
-                    "parity",
-                    "stopbits",
-                    "unitId",
-                    "deviceName",
-                    "byteOrder",
-                    "wordOrder",
-                    "pollPeriod",
-                    "timeout",
-                    "delayBetweenRequestsMs",
-                    "sendDataOnlyOnChange",
-                    "reportStrategy",
-                    "attributes",
-                    "timeseries",
-                    "attributeUpdates",
-                    "rpc"});
+  note_other_keys(out_, tree_, slave, "the slave " + std::string(text_at(slave, "deviceName")),
+                  {"type",
+                   "method",
+                   "host",
+                   "port",
+                   "baudrate",
+                   "bytesize",
+                   "parity",
+                   "stopbits",
+                   "unitId",
+                   "deviceName",
+                   "byteOrder",
+                   "wordOrder",
+                   "pollPeriod",
+                   "timeout",
+                   "delayBetweenRequestsMs",
+                   "sendDataOnlyOnChange",
+                   "reportStrategy",
+                   "attributes",
+                   "timeseries",
+                   "attributeUpdates",
+                   "rpc"});
 
   written_.clear();
   for (const auto list : {"attributeUpdates"sv, "rpc"sv})
@@ -317,9 +308,9 @@ Imported ThingsboardReader::read() {
   connector_ = places.connector;
   const ConfigNode* master = places.file->find("master");
   for (const ConfigNode& slave : children_at(*master, "slaves")) read_slave(slave);
-  list_unread_keys(*master, "\"master\"", {"slaves"});
-  list_unread_keys(*places.file, "the file",
-                   {"master", "slave", "configurationJson", "sendDataOnlyOnChange"});
+  note_other_keys(out_, tree_, *master, "\"master\"", {"slaves"});
+  note_other_keys(out_, tree_, *places.file, "the file",
+                  {"master", "slave", "configurationJson", "sendDataOnlyOnChange"});
   if (const ConfigNode* slave = places.file->find("slave");
       slave != nullptr && !slave->children.empty())
     out_.note(line_of(*slave), "left out: \"slave\", the gateway's own Modbus server");

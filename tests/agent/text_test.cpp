@@ -45,5 +45,12 @@ TEST(Text, WhatIsTooLongEndsWithDotsBehindAWholeCharacter) {
   EXPECT_EQ(out, "before abc...");
 }
 
+TEST(Text, TrimmedLosesWhatSurroundsIt) {
+  EXPECT_EQ(trimmed(" \ta b\r\n"), "a b");
+  EXPECT_EQ(trimmed("a"), "a");
+  EXPECT_EQ(trimmed(" \t\r\n"), "");
+  EXPECT_EQ(trimmed(""), "");
+}
+
 }  // namespace
 }  // namespace fxagent

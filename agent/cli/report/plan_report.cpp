@@ -425,12 +425,6 @@ tl::unexpected<Error> refuse(const std::string& what, const std::string& why) {
   return fail(ErrorCode::bad_request, "\"" + what + "\": " + why);
 }
 
-std::string trimmed(std::string_view text) {
-  const auto first = text.find_first_not_of(' ');
-  if (first == std::string_view::npos) return {};
-  return std::string(text.substr(first, text.find_last_not_of(' ') + 1 - first));
-}
-
 struct WhatIf {
   std::string device;
   std::string first;
@@ -439,14 +433,14 @@ struct WhatIf {
 };
 
 Result<WhatIf> parse_what_if(const std::string& what) {
-  const std::string text = trimmed(what);
+  const std::string text(trimmed(what));
   const auto blank = text.find(' ');
   const auto at = text.rfind('@');
   if (blank == std::string::npos || at == std::string::npos || at < blank)
     return refuse(what, "write DEVICE FIRST..LAST@MS, as in \"press1 D500..D563@200\"");
   WhatIf out;
   out.device = text.substr(0, blank);
-  const std::string number = trimmed(std::string_view(text).substr(at + 1));
+  const std::string number(trimmed(std::string_view(text).substr(at + 1)));
   const auto interval = number_from<std::int64_t>(number);
   if (!interval || *interval < 0 || *interval > kLongestInterval)
     return refuse(what, "the interval after @ must be 0 to " + std::to_string(kLongestInterval) +

@@ -9,6 +9,7 @@
 
 #include "agent/config/suggestions.h"
 #include "agent/text.h"
+#include "protocol/letter_case.h"
 
 namespace fxagent {
 namespace {
@@ -369,10 +370,7 @@ std::string ConfigReader::without_secrets(const ConfigNode& at, std::string text
   const auto expanded = expand(in_file, nullptr);
   if (!expanded || expanded->empty() || *expanded == in_file) return text;
   // A protocol may quote an address in capitals.
-  const auto same = [](char a, char b) {
-    return std::tolower(static_cast<unsigned char>(a)) ==
-           std::tolower(static_cast<unsigned char>(b));
-  };
+  const auto same = [](char a, char b) { return lower(a) == lower(b); };
   std::string out;
   auto from = text.cbegin();
   while (true) {

@@ -7,6 +7,7 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/suggestions.h"
+#include "agent/text.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {
@@ -19,12 +20,6 @@ constexpr std::string_view kRange = "commands.allow:";
 constexpr std::string_view kForms =
     "links, devices, mqtt.servers, commands.allow_run_stop, or commands.allow: and a range of "
     "addresses, after a protocol and a model for devices that are not in this file";
-
-std::string_view trimmed(std::string_view text) {
-  const auto first = text.find_first_not_of(' ');
-  if (first == text.npos) return {};
-  return text.substr(first, text.find_last_not_of(' ') + 1 - first);
-}
 
 /// True if the devices of `protocol` have this range. An empty `model` means the widest model.
 bool has_range(const ProtocolInfo& protocol, std::string_view model, std::string_view range) {
