@@ -58,8 +58,8 @@ struct Connected {
 struct ConnectFailed {
   std::string text;
 };
-/// An established connection is gone: it was closed, the broker sent a DISCONNECT, or a call found
-/// it closed. Posted once per connection. Publications not yet Delivered will not be Delivered.
+/// An established connection is gone: it was closed, or the broker sent a DISCONNECT. Posted once
+/// per connection. Publications not yet Delivered will not be Delivered.
 struct Lost {
   std::string text;
   int reason_code = 0;  ///< from the broker's MQTT 5 DISCONNECT; 0: it sent none
@@ -143,8 +143,7 @@ class Broker {
   /// True if the library reports the connection as up. If false, Lost has been posted or will be,
   /// unless the library failed to report the loss.
   virtual bool is_connected() const = 0;
-  /// Posts Delivered or DeliveryFailed, or neither if Lost comes first. Posts Lost if the
-  /// connection is found closed.
+  /// Posts Delivered or DeliveryFailed, or neither if Lost comes first.
   virtual void publish(Publication publication) = 0;
   /// Subscribes and, on MQTT 5, asks for Retain As Published. Posts Subscribed, or nothing if the
   /// broker does not answer.

@@ -119,7 +119,12 @@ PahoBroker::~PahoBroker() {
   }
 }
 
+void PahoBroker::found_closed() {
+  if (!closed_since_) closed_since_ = std::chrono::steady_clock::now();
+}
+
 void PahoBroker::retire() {
+  closed_since_.reset();
   if (!connection_) return;
   inbox_->begin(0);
   if (connection_->is_connected()) {
@@ -176,8 +181,7 @@ void PahoBroker::publish(Publication publication) {
   try {
     if (connection_) connection_->publish(std::move(publication));
   } catch (const mqtt::exception& error) {
-    if (is_disconnected(error.get_return_code()))
-      return connection_->post_lost("disconnected before the message was published");
+    if (is_disconnected(error.get_return_code())) return found_closed();
     inbox_->post(connections_, DeliveryFailed{id, 0, error.what()});
   }
 }
@@ -186,8 +190,7 @@ void PahoBroker::subscribe(Subscription subscription) {
   try {
     if (connection_) connection_->subscribe(subscription);
   } catch (const mqtt::exception& error) {
-    if (is_disconnected(error.get_return_code()))
-      return connection_->post_lost("disconnected before the subscription");
+    if (is_disconnected(error.get_return_code())) return found_closed();
     inbox_->post(connections_, Subscribed{subscription.filter, false, error.what()});
   }
 }
@@ -210,6 +213,7 @@ std::vector<BrokerEvent> PahoBroker::take_events() {
   // An attempt that was abandoned must not connect after all, beside its successor.
   const auto over = std::chrono::steady_clock::now() - kCallbacksOver;
   std::erase_if(retired_, [over](const Retired& retired) { return retired.since < over; });
+  if (closed_since_ && *closed_since_ < over) connection_->post_lost("found closed");
   return inbox_->take();
 }
 

@@ -52,6 +52,7 @@ class PahoBroker final : public Broker {
 
  private:
   void retire();
+  void found_closed();
 
   MqttConfig config_;
   const MakeWill make_will_;
@@ -62,6 +63,9 @@ class PahoBroker final : public Broker {
   std::shared_ptr<PahoInbox> inbox_;
   std::uint64_t connections_ = 0;  ///< number of the current connection, or of the last
   std::unique_ptr<PahoConnection> connection_;
+  /// A call found the connection closed; unless Paho's callback gives the reason within 1 s, the
+  /// loss is reported without one.
+  std::optional<std::chrono::steady_clock::time_point> closed_since_;
   struct Retired {
     std::unique_ptr<PahoConnection> connection;
     std::chrono::steady_clock::time_point since;
