@@ -59,6 +59,7 @@ class Cluster(unittest.TestCase):
 
     def test_no_sample_and_no_command_is_lost_with_a_node(self):
         first, second, third = self.cluster.nodes
+        wait_for("node 2 to find nothing", lambda: "rabbitmq-rejoin" not in second.rejoin(), LIMIT_S)
         with ClusterPlant(self.directory, self.cluster, AGENTS, interval_ms=500, per_second=5,
                           keep_alive=KEEP_ALIVE) as plant:
             self.more_results(plant)
@@ -66,6 +67,7 @@ class Cluster(unittest.TestCase):
             self.assertIn("a0", names, "it begins with the first of its servers")
             first.kill()
             self.moved(plant, names, first)
+            self.assertIn("rabbitmq-rejoin: no answer", first.rejoin())
             self.more_samples(plant, plant.names)
             self.more_results(plant)
             # Without the dead node: its return takes up to 35 s. The clients of the second one receive nothing more.
@@ -82,13 +84,13 @@ class Cluster(unittest.TestCase):
 
 class ClusterPage(unittest.TestCase):
     def test_the_page_shows_the_config_that_is_tested(self):
-        path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "docs", "operate", "cluster.md")
-        with open(path) as text:
+        with open(rabbit_cluster.PAGE) as text:
             page = text.read()
         for line in rabbit_cluster.CONFIG.splitlines():
             if not line.startswith("#") and "{" not in line:
                 self.assertIn("\n" + line + "\n", page)
-        self.assertIn(f"eval '\n{rabbit_cluster.REJOIN}')", page)
+        self.assertIn(f"OnUnitInactiveSec={rabbit_cluster.REJOIN_S:.0f}s\nAccuracySec=1s\n", page)
+        self.assertIn("systemctl restart --no-block rabbitmq-server", rabbit_cluster.rejoin_script())
         _, name, pattern, definition, *_ = rabbit_cluster.POLICY
         self.assertIn(f"rabbitmqctl set_policy {name} '{pattern}' \\\n  '{definition}' --apply-to queues\n", page)
 

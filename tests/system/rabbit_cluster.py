@@ -2,16 +2,16 @@
 
 Each node has its own directory, and a TCP proxy before its MQTT port, by which a test cuts it off from its clients. All
 nodes use one epmd of their own, so they neither find nor disturb another RabbitMQ of the machine. Children are ended
-by their pid, also if this process dies. Start nodes in the main thread: the kernel ends them with the thread that
-started them.
+by their pid, also if this process dies. The kernel ends a node with the thread that started it.
 
-docs/operate/cluster.md shows CONFIG and POLICY as the config that was tested.
+docs/operate/cluster.md shows CONFIG and POLICY as the config that was tested. Its script runs here as it stands there.
 """
 
 import asyncio
 import contextlib
 import json
 import os
+import re
 import secrets
 import shutil
 import signal
@@ -58,17 +58,16 @@ POLICY = ["set_policy", "mqtt-sessions", "^mqtt-subscription-",
           '{"ha-mode":"exactly","ha-params":2,"ha-sync-mode":"automatic"}', "--apply-to", "queues"]
 
 
-# Finds the node that keeps its own tables, because it was paused or its links failed for a moment. pause_minority restarts
-# it in neither case.
-REJOIN = """\
-N = rabbit_mnesia:cluster_nodes(all), R = rabbit_node_monitor:partitions(N),
-A = [X || {X, P} <- R, length(P) >= length(N) div 2 + 1],
-case {lists:all(fun({_, P}) -> P == [] end, R), A} of
-  {true, _} -> fine;
-  {_, [X]} when X == node(), length(R) == length(N) -> restart;
-  {_, [X]} when X /= node() -> other;
-  _ -> alarm
-end."""
+# docs/operate/cluster.md lets a timer run its script on each node, this many seconds after its last run.
+REJOIN_S = 10.0
+PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "docs", "operate", "cluster.md")
+
+
+def rejoin_script():
+    """Returns the script that the page shows. Here its commands systemctl and logger only print their arguments."""
+    with open(PAGE) as page:
+        script = re.search(r"^```\n(#!/bin/sh\n.*?)^```$", page.read(), re.DOTALL | re.MULTILINE).group(1)
+    return 'systemctl() { echo "$*"; }\nlogger() { echo "$*" >&2; }\n' + script
 
 
 def available():
@@ -201,6 +200,7 @@ class Node:
         self.log_path = os.path.join(self.directory, "output.log")
         self.process = None
         self.proxy = Proxy(cluster.proxies, number, self.mqtt_port)
+        self.lock = threading.RLock()  # of `process`: a Rejoin restarts the node in its own thread
 
     @property
     def port(self):
@@ -247,20 +247,21 @@ class Node:
         while not mqtt_answers(self.mqtt_port):
             if time.monotonic() > deadline:
                 raise AssertionError(f"{self.name} was not up after {patience:.0f} s:\n{self.logged()[-5000:]}")
-            try:
-                self.process.wait(0.1)
-                self.start()
-            except subprocess.TimeoutExpired:
-                pass
+            if self.cluster.closing.wait(0.1):
+                raise AssertionError("the cluster is being closed")
+            with self.lock:
+                if self.process.poll() is not None:
+                    self.start()
         self.proxy.listen()
 
     def kill(self):
-        if self.process is None:
-            return
-        self.process.kill()
-        self.process.wait()
-        self.process = None
-        self.proxy.refuse()
+        with self.lock:
+            if self.process is None:
+                return
+            self.process.kill()
+            self.process.wait()
+            self.process = None
+            self.proxy.refuse()
 
     def pause(self):
         self.process.send_signal(signal.SIGSTOP)
@@ -282,11 +283,26 @@ class Node:
         self.cluster.control(self, "--quiet", "eval", f"[begin erlang:set_cookie(Node, '{cookie}'), "
                              f"erlang:disconnect_node(Node) end || Node <- [{others}]].")
 
-    def rejoin_answer(self):
-        """Returns the answer of REJOIN on this node: restart, fine, other or alarm; "no answer" if it has none."""
-        with contextlib.suppress(subprocess.SubprocessError):
-            return self.cluster.control(self, "--quiet", "eval", REJOIN).strip()
-        return "no answer"
+    def restart(self):
+        """Does what `systemctl restart` does. Returns when the node serves."""
+        with self.lock:
+            with contextlib.suppress(subprocess.SubprocessError):
+                self.cluster.control(self, "stop")
+                self.process.wait(90)  # TimeoutStopSec of systemd
+            self.kill()
+            self.start()
+            self.wait()
+
+    def rejoin(self):
+        """Runs the script of docs/operate/cluster.md. Returns what it says: nothing if all is fine, or the arguments of its
+        systemctl and its messages to the log."""
+        environment = self.environment()
+        environment["PATH"] = "/usr/lib/rabbitmq/bin:" + environment["PATH"]
+        try:
+            return subprocess.run(["sh", "-c", rejoin_script()], env=environment, stdin=subprocess.DEVNULL, text=True,
+                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=60).stdout
+        except subprocess.TimeoutExpired:
+            return "killed after TimeoutStartSec\n"
 
     def logged(self):
         out = ""
@@ -295,6 +311,39 @@ class Node:
                 with open(name, errors="replace") as text:
                     out += text.read()
         return out
+
+
+class Rejoin:
+    """The timer of docs/operate/cluster.md on one node, in a thread, and what systemd does when its script asks for a
+    restart. A node that the thread has started ends with it."""
+
+    def __init__(self, node):
+        self.node = node
+        self.last = (0.0, "")  # when the last run began, and what it said: nothing if all is fine
+        self.restarts = 0
+        self.failed = None  # the exception that has ended the timer
+        self.thread = threading.Thread(target=self._run, daemon=True)
+        self.thread.start()
+
+    def _run(self):
+        try:
+            cluster = self.node.cluster
+            cluster.closing.wait(REJOIN_S * self.node.number / len(cluster.nodes))  # not all at the same time
+            while not cluster.closing.wait(REJOIN_S):
+                self._check()
+        except Exception as error:
+            self.failed = error
+
+    def _check(self):
+        began = time.monotonic()
+        said = self.node.rejoin()
+        self.last = (began, said)
+        if said:
+            with open(os.path.join(self.node.directory, "rejoin.log"), "a") as log:
+                log.write(f"{time.strftime('%T')} {said}")
+        if "restart --no-block rabbitmq-server" in said:
+            self.restarts += 1
+            self.node.restart()
 
 
 class RabbitCluster:
@@ -311,9 +360,9 @@ class RabbitCluster:
         self.proxies = Proxies()
         self.epmd_port = free_port()
         self.epmd = None
-        self.nodes = []
-        for number in range(1, nodes + 1):
-            self.nodes.append(Node(self, number))
+        self.nodes = [Node(self, number) for number in range(1, nodes + 1)]
+        self.timers = []
+        self.closing = threading.Event()
 
     def __enter__(self):
         return self
@@ -370,32 +419,36 @@ class RabbitCluster:
             return len(queue.get("online", "")) == len(self.nodes)
         return bool(queue.get("synchronised_slave_pids"))
 
-    def rejoin(self, patience=20.0):
-        """Does what docs/operate/cluster.md lets a timer do on each node: restarts the node that REJOIN names. Returns
-        True if it did; False if each node answered `fine`. Raises AssertionError if no node is named in time."""
+    def start_timers(self):
+        self.timers = [Rejoin(node) for node in self.nodes]
+
+    def restarts(self):
+        return sum(timer.restarts for timer in self.timers)
+
+    def wait_until_fine(self, patience=300.0):
+        """Returns when each node reaches all others, and after that the script of each timer found nothing."""
         deadline = time.monotonic() + patience
-        while True:
-            answers = [node.rejoin_answer() for node in self.nodes]
-            for node, answer in zip(self.nodes, answers):
-                if answer == "restart":
-                    node.kill()
-                    node.start()
-                    node.wait()
-                    return True
-            if set(answers) == {"fine"}:
-                return False
-            assert time.monotonic() < deadline, f"no node can be named: {answers}"
+        see_all = None
+        while not see_all or not all(began > see_all and not said for began, said in [timer.last for timer in self.timers]):
+            for timer in self.timers:
+                if timer.failed:
+                    raise timer.failed
+            assert time.monotonic() < deadline, f"the timers said {[timer.last[1] for timer in self.timers]}"
+            if not see_all and all(self.evaluate(node, "length(rabbit_mnesia:cluster_nodes(running)).") == len(self.nodes)
+                                   for node in self.nodes):
+                see_all = time.monotonic()
+            time.sleep(0.1)
 
     def routes(self):
         """Returns how many routes each node has; None: no answer. After a pause they may differ. A message then reaches
         only the queues that the publisher's own node knows."""
-        out = []
-        for node in self.nodes:
-            try:
-                out.append(int(self.control(node, "--quiet", "eval", "ets:info(rabbit_route, size).")))
-            except (subprocess.SubprocessError, ValueError):
-                out.append(None)
-        return out
+        return [self.evaluate(node, "ets:info(rabbit_route, size).") for node in self.nodes]
+
+    def evaluate(self, node, expression):
+        """Returns the number that an Erlang expression yields on a node; None: no answer."""
+        with contextlib.suppress(subprocess.SubprocessError, ValueError):
+            return int(self.control(node, "--quiet", "eval", expression))
+        return None
 
     def servers(self, first=0):
         """Returns `mqtt.servers` of an agent that begins with node `first` + 1."""
@@ -409,6 +462,9 @@ class RabbitCluster:
                               timeout=START_PATIENCE, check=True).stdout
 
     def close(self):
+        self.closing.set()
+        for timer in self.timers:
+            timer.thread.join()
         for node in self.nodes:
             with contextlib.suppress(Exception):
                 node.kill()
