@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
-#include <cstdio>
 #include <functional>
 #include <memory>
 #include <random>
@@ -30,6 +29,7 @@
 #include "agent/store/guarded_store.h"
 #include "agent/store/samples/first_numbers.h"
 #include "agent/store/store.h"
+#include "agent/text.h"
 #include "agent/uplink/fenced_broker.h"
 #include "agent/uplink/paho/connect_faults.h"
 #include "agent/uplink/paho/paho_broker.h"
@@ -55,13 +55,6 @@ constexpr std::chrono::seconds kReloadEnds{2};
 // Its own discovery messages come back to the profile `homeassistant`.
 constexpr std::size_t kMaxDiscoveryBytes = std::size_t{4} << 20;
 constexpr std::size_t kMostBacklogBytes = std::size_t{64} << 20;
-
-/// Returns 8 hex digits, new at every start.
-std::string new_boot_id(std::random_device& random) {
-  char text[9];
-  std::snprintf(text, sizeof text, "%08x", random());
-  return text;
-}
 
 /// Waits for the signal that ends the agent. Reports to the service manager until then.
 int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
@@ -203,7 +196,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   auto in_force = std::make_shared<const Config>(config);
   std::random_device random;
   PublisherSettings settings;
-  settings.boot = new_boot_id(random);
+  settings.boot = random_digits();
   settings.version = FXAGENT_VERSION;
   settings.jitter_seed = random();
   settings.backlog_bytes =

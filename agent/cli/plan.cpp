@@ -11,6 +11,7 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/plan_report.h"
 #include "agent/cli/report/table.h"
+#include "agent/counted.h"
 
 namespace fxagent {
 namespace {
@@ -124,10 +125,6 @@ void print_heading(const LinkReport& link) {
             << (link.baud ? std::to_string(*link.baud) + " baud" : std::string("unknown speed"));
 }
 
-std::string counted(std::uint32_t number, const std::string& what) {
-  return std::to_string(number) + " " + what + (number == 1 ? "" : "s");
-}
-
 std::string size_text(const ExchangeReport& exchange) {
   return exchange.bits % 8 == 0 ? counted(exchange.bytes(), "byte") : counted(exchange.bits, "bit");
 }
@@ -154,7 +151,7 @@ std::string places_text(const ExchangeReport& exchange) {
   constexpr std::size_t kShown = 4;
   const auto& all = exchange.addresses;
   if (!exchange.gathered) return all.front();
-  std::string text = counted(static_cast<std::uint32_t>(all.size()), "place") + ": ";
+  std::string text = counted(all.size(), "place") + ": ";
   for (std::size_t i = 0; i < std::min(kShown, all.size()); ++i)
     text += (i > 0 ? ", " : "") + all[i];
   return text + (all.size() > kShown ? " ..." : "");

@@ -1,11 +1,11 @@
 #include "agent/http/page_config.h"
 
 #include <chrono>
-#include <variant>
 #include <vector>
 
 #include "agent/json_writer.h"
 #include "agent/line_time.h"
+#include "protocol/options.h"
 #include "protocol/plan/plan.h"
 
 namespace fxagent {
@@ -15,9 +15,7 @@ using json::Writer;
 
 std::string model_of(const DeviceConfig& device) {
   if (device.options == nullptr) return {};
-  const auto found = device.options->find("model");
-  const auto* model =
-      found == device.options->end() ? nullptr : std::get_if<std::string>(&found->second);
+  const auto* model = option<std::string>(*device.options, "model");
   return model == nullptr ? std::string() : *model;
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "agent/config/model.h"
+#include "agent/counted.h"
 
 namespace fxagent {
 namespace {
@@ -14,11 +15,6 @@ constexpr double kFullLoad = 100;
 constexpr std::int64_t kDropCountsMs = 3'600'000;
 // A clock before this day was never set: 2025-01-01.
 constexpr std::int64_t kFirstSetMs = 1'735'689'600'000;
-
-/// Returns the number with its noun: "1 device", "3 devices".
-std::string counted(std::uint64_t count, const std::string& noun) {
-  return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
-}
 
 class Examination final {
  public:

@@ -1,7 +1,6 @@
 #include "agent/uplink/sparkplug/metric.h"
 
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <string_view>
@@ -9,6 +8,7 @@
 #include <variant>
 
 #include "agent/json_writer.h"
+#include "agent/text.h"
 #include "agent/uplink/sparkplug/sparkplug.pb.h"
 
 namespace fxagent::sparkplug {
@@ -43,28 +43,13 @@ Type scalar_type(DataType type, bool scaled) {
   return Type::string;
 }
 
-Type array_of(Type type) {
-  switch (type) {
-    case Type::boolean:
-      return Type::boolean_array;
-    case Type::string:
-      return Type::string_array;
-    default:  // Int8 is 1 and Int8Array is 22, and so on to Double
-      return static_cast<Type>(static_cast<std::uint32_t>(type) + 21);
-  }
-}
+/// Number of an array type, less that of its elements.
+constexpr int kArray = 21;
+static_assert(static_cast<int>(Type::boolean_array) == static_cast<int>(Type::boolean) + kArray);
+static_assert(static_cast<int>(Type::string_array) == static_cast<int>(Type::string) + kArray);
 
-Type element_of(Type type) {
-  switch (type) {
-    case Type::boolean_array:
-      return Type::boolean;
-    case Type::string_array:
-      return Type::string;
-    default:
-      return static_cast<Type>(static_cast<std::uint32_t>(type) - 21);
-  }
-}
-
+Type array_of(Type type) { return static_cast<Type>(static_cast<int>(type) + kArray); }
+Type element_of(Type type) { return static_cast<Type>(static_cast<int>(type) - kArray); }
 bool is_array(Type type) { return type >= Type::int16_array; }
 
 std::size_t bytes_of(Type type) {
@@ -86,12 +71,7 @@ std::optional<std::uint64_t> integer_bits(const Scalar& scalar) {
   if (const auto* number = std::get_if<std::int64_t>(&scalar))
     return static_cast<std::uint64_t>(*number);
   const auto* big = std::get_if<BigInteger>(&scalar);
-  if (big == nullptr) return std::nullopt;
-  std::uint64_t value = 0;
-  const char* end = big->digits.data() + big->digits.size();
-  const auto [stop, fault] = std::from_chars(big->digits.data(), end, value);
-  if (fault != std::errc() || stop != end) return std::nullopt;
-  return value;
+  return big == nullptr ? std::nullopt : number_from<std::uint64_t>(big->digits);
 }
 
 /// Returns the element as the number of little-endian bytes that its type has in an array.
