@@ -119,6 +119,7 @@ def run(plant, cluster, given, kinds, chance):
     print(f"samples {plant.observer.samples()}, repeats {plant.observer.repeats()}, missing "
           f"{len(plant.observer.missing())}; commands {len(plant.commander.sent)}, sent again {plant.commander.resent}, "
           f"results repeated byte for byte {same}, DUPLICATE {duplicates}; observer's connections {plant.observer.losses + 1}")
+    print(f"nodes restarted {cluster.restarts()}, killed since they did not stop {sum(t.killed for t in cluster.timers)}")
     print(f"broken promises: {len(failed)}")
     for fault in failed[:20]:
         print("  " + fault)

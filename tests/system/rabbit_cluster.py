@@ -284,14 +284,17 @@ class Node:
                              f"erlang:disconnect_node(Node) end || Node <- [{others}]].")
 
     def restart(self):
-        """Does what `systemctl restart` does. Returns when the node serves."""
+        """Does what `systemctl restart` does, and returns when the node serves. Returns False if it had to be killed."""
         with self.lock:
+            is_clean = False
             with contextlib.suppress(subprocess.SubprocessError):
                 self.cluster.control(self, "stop")
                 self.process.wait(90)  # TimeoutStopSec of systemd
+                is_clean = True
             self.kill()
             self.start()
             self.wait()
+            return is_clean
 
     def rejoin(self):
         """Runs the script of docs/operate/cluster.md. Returns what it says: nothing if all is fine, or the arguments of its
@@ -320,7 +323,7 @@ class Rejoin:
     def __init__(self, node):
         self.node = node
         self.last = (0.0, "")  # when the last run began, and what it said: nothing if all is fine
-        self.restarts = 0
+        self.restarts, self.killed = 0, 0  # restarts, and how many of them were not clean
         self.failed = None  # the exception that has ended the timer
         self.thread = threading.Thread(target=self._run, daemon=True)
         self.thread.start()
@@ -343,7 +346,7 @@ class Rejoin:
                 log.write(f"{time.strftime('%T')} {said}")
         if "restart --no-block rabbitmq-server" in said:
             self.restarts += 1
-            self.node.restart()
+            self.killed += not self.node.restart()
 
 
 class RabbitCluster:
