@@ -29,8 +29,9 @@ fi
 rm -f "$missed"
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-# With a registry that does not answer at all, each of these calls takes 20 s twice.
-if (cd "$target" && timeout 300 npm ci --no-audit --no-fund --loglevel=error --fetch-timeout=20000 --fetch-retries=1 \
+# With a registry that does not answer at all, each of these calls takes 20 s twice. On idle processor time beside a build, all
+# of them can take many minutes.
+if (cd "$target" && timeout 1200 npm ci --no-audit --no-fund --loglevel=error --fetch-timeout=20000 --fetch-retries=1 \
   --fetch-retry-mintimeout=1000) >"$log" 2>&1; then
   cp "$folder/package-lock.json" "$fetched"
 else

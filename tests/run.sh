@@ -4,7 +4,7 @@
 # Installs missing packages first (only then as root). BUILD_DIR: the build directory, `build` in the project by
 # default. CMAKE_ARGS: additional arguments of the configure step, such as -DFXAGENT_SANITIZE=address. BUILD_TARGETS:
 # targets to build instead of everything; then nothing is fetched from npm. BUILD_ONLY: if set, no test runs. JOBS:
-# number of parallel tests, three per core by default.
+# number of parallel tests, three per core by default. TMPDIR: the directory of the tests' files, in memory by default.
 # FXAGENT_TEST_SEED: repeats the random tests of a run that printed it.
 # The last lines are ctest's own, followed by the names of skipped tests. The exit status is ctest's.
 # Up to three system tests that failed run once more, alone and with the same seed, and are named if they pass then:
@@ -28,6 +28,9 @@ fi
 cmake --build "$build" ${BUILD_TARGETS:+--target $BUILD_TARGETS}
 [ -z "${BUILD_ONLY:-}" ] || exit 0
 
+# Their stores are in memory: what a build has written can hold up an fsync for seconds, and tests measure time.
+memory=$(df --output=avail -B 1M /dev/shm 2>/dev/null | tail -n 1) || memory=0
+if [ -z "${TMPDIR:-}" ] && [ "$memory" -ge 2000 ]; then export TMPDIR=/dev/shm; fi
 # Tests of the whole agent mostly wait; tests that measure time run alone.
 export FXAGENT_TEST_SEED=${FXAGENT_TEST_SEED:-$((RANDOM * 32768 + RANDOM))}
 echo "random tests: FXAGENT_TEST_SEED=$FXAGENT_TEST_SEED"

@@ -13,7 +13,6 @@ import random
 import signal
 import socket
 import sys
-import tempfile
 import threading
 import time
 import unittest
@@ -67,9 +66,6 @@ class ReloadTest(PlantTest):
         self.recorders = {}
         self.last_reload = None
         self.store = os.path.join(self.directory, "store")
-        # Delays by a busy disk are not the subject here.
-        if os.access("/dev/shm", os.W_OK):
-            self.store = self.stack.enter_context(tempfile.TemporaryDirectory(dir="/dev/shm"))
 
     def recorder(self, name):
         if name not in self.recorders:
