@@ -7,9 +7,8 @@
 
 namespace fxagent::sparkplug {
 
-PrimaryHost::PrimaryHost(std::string id, bool old_state)
-    : topic_(id.empty() ? "" : (old_state ? "STATE/" : "spBv1.0/STATE/") + id),
-      old_state_(old_state) {}
+PrimaryHost::PrimaryHost(std::string topic, bool old_state)
+    : topic_(std::move(topic)), old_state_(old_state) {}
 
 void PrimaryHost::hear(std::string_view payload) {
   if (old_state_) {
@@ -26,7 +25,7 @@ void PrimaryHost::hear(std::string_view payload) {
                                    {"text", log::excerpt(payload)},
                                    {"note", old_state_ ? "expected ONLINE or OFFLINE"
                                                        : "expected {\"online\": true or false, "
-                                                         "\"timestamp\": ms}"}});
+                                                         "\"timestamp\": number}"}});
 }
 
 /// A state that is older than the last online state is a leftover.

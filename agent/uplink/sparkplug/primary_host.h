@@ -10,11 +10,10 @@ namespace fxagent::sparkplug {
 
 class PrimaryHost final {
  public:
-  /// `id` is empty if no host is waited for. `old_state`: its state is ONLINE or OFFLINE on
-  /// STATE/{id}, as before Sparkplug 3.0.
-  PrimaryHost(std::string id, bool old_state);
+  /// `topic` is that of its state; empty: no host is waited for. `old_state`: the state is ONLINE
+  /// or OFFLINE, as before Sparkplug 3.0.
+  PrimaryHost(std::string topic, bool old_state);
 
-  /// Topic of its state; empty: no host is waited for.
   const std::string& topic() const { return topic_; }
   /// Nothing is known of it in a new session.
   void connection_began() {
@@ -33,10 +32,10 @@ class PrimaryHost final {
   enum class State : std::uint8_t { unknown, online, offline };
   void set(State state, std::int64_t timestamp);
 
-  const std::string topic_;
-  const bool old_state_;
+  std::string topic_;
+  bool old_state_;
   State state_ = State::unknown;
-  // Timestamps in this session.
+  // Timestamps in this session, in the host's unit.
   std::int64_t last_ms_ = 0;         ///< of the last state
   std::int64_t last_online_ms_ = 0;  ///< of the last one with which it was online
 };

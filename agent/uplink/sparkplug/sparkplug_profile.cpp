@@ -21,12 +21,9 @@ using sparkplug::Type;
 
 constexpr std::string_view kNodeRebirth = "Node Control/Rebirth";
 constexpr std::string_view kDeviceRebirth = "Device Control/Rebirth";
-constexpr std::chrono::seconds kRebirthEvery{1};
 constexpr std::chrono::milliseconds kLatest{60'000};  // far longer than a sample waits to be sent
 // Numbers of a session and of its messages wrap at 256.
 constexpr std::uint64_t kNumbers = 256;
-// Bytes of a PUBLISH besides its payload: the topic and the headers.
-constexpr std::size_t kRoomForTopic = 512;
 
 std::uint64_t stamp(std::int64_t utc_ms) { return static_cast<std::uint64_t>(utc_ms); }
 
@@ -90,6 +87,11 @@ std::size_t hash_of(const Value& value) {
   return hash;
 }
 
+sparkplug::PrimaryHost host_of(const ProfileConfig& profile) {
+  if (profile.host.empty()) return {"", /*old_state=*/false};
+  return {(profile.old_state ? "STATE/" : "spBv1.0/STATE/") + profile.host, profile.old_state};
+}
+
 /// Finds tags by name. The tags of a sample follow each other in the order of the config.
 class TagFinder final {
  public:
@@ -117,13 +119,12 @@ SparkplugProfile::SparkplugProfile(const Config& config, const ProfileConfig& pr
                                    std::function<std::int64_t()> utc_ms)
     : config_(config),
       name_(name_of(profile)),
-      broker_(profile.broker),
       prefix_("spBv1.0/" + profile.group + "/"),
       node_(profile.node),
       take_order_(std::move(take_order)),
       new_id_(std::move(new_id)),
       utc_ms_(std::move(utc_ms)),
-      host_(profile.host, profile.old_state),
+      births_(config, profile.broker, host_of(profile)),
       devices_(config.devices.size()) {
   for (std::uint32_t i = 0; i < devices_.size(); ++i) prepare(i);
 }
@@ -137,18 +138,12 @@ void SparkplugProfile::prepare(std::uint32_t index) {
   state.first_alias = next_alias_;
   state.last.resize(device.tags.size());
   next_alias_ += device.tags.size() + 1;
-  index_[device.name] = index;
-}
-
-std::optional<std::uint32_t> SparkplugProfile::index_of(std::string_view device) const {
-  const auto found = index_.find(device);
-  return found == index_.end() ? std::nullopt : std::optional(found->second);
 }
 
 // ---- session ------------------------------------------------------------------------------------
 
 Will SparkplugProfile::last_will() {
-  if (std::exchange(has_connected_, false)) bd_seq_ = (bd_seq_ + 1) % kNumbers;
+  births_.next_session();
   const Publication death = node_death(utc_ms_());
   return {death.topic, death.payload, Retain::no};
 }
@@ -156,35 +151,12 @@ Will SparkplugProfile::last_will() {
 std::vector<Subscription> SparkplugProfile::subscriptions() const {
   std::vector<Subscription> filters{{prefix_ + "NCMD/" + node_, /*no_local=*/false},
                                     {prefix_ + "DCMD/" + node_ + "/+", /*no_local=*/false}};
-  if (!host_.topic().empty()) filters.push_back({host_.topic(), /*no_local=*/false});
+  if (!births_.host_topic().empty()) filters.push_back({births_.host_topic(), /*no_local=*/false});
   return filters;
 }
 
-void SparkplugProfile::connection_began(const Connected& connected) {
-  has_connected_ = true;
-  host_.connection_began();
-  max_packet_ = connected.maximum_packet;
-  rebirth_ = true;
-  born_at_ = {};
-  leaves_ = false;
-  for (Device& device : devices_) device.is_too_large = false;
-}
-
-void SparkplugProfile::connection_ended() {
-  is_born_ = false;
-  rebirth_ = false;
-  dead_.clear();
-  for (Device& device : devices_) device.is_born = false;
-}
-
-bool SparkplugProfile::take_leave() { return std::exchange(leaves_, false); }
-
-SteadyTime SparkplugProfile::next_wake() const {
-  return rebirth_ && host_.is_online() ? born_at_ + kRebirthEvery : SteadyTime::max();
-}
-
 std::vector<Publication> SparkplugProfile::farewell(std::int64_t utc_ms) {
-  if (!is_born_) return {};
+  if (!births_.is_born()) return {};
   return {node_death(utc_ms)};
 }
 
@@ -202,29 +174,14 @@ Publication SparkplugProfile::message(std::string_view type, const std::string& 
 }
 
 std::vector<Publication> SparkplugProfile::due(SteadyTime now, std::int64_t utc_ms) {
+  using Kind = sparkplug::BirthSchedule::Step::Kind;
   std::vector<Publication> messages;
-  if (!host_.is_online() || (!rebirth_ && !is_born_)) return messages;
-  if (rebirth_) {
-    if (is_born_ && now < born_at_ + kRebirthEvery) return messages;
-    rebirth_ = false;
-    is_born_ = true;
-    born_at_ = now;
-    dead_.clear();
-    messages.push_back(node_birth(utc_ms));
-    for (std::uint32_t i = 0; i < devices_.size(); ++i) {
-      devices_[i].is_born = false;
-      due_.insert(i);
-    }
-  }
-  for (const std::string& name : std::exchange(dead_, {}))
-    messages.push_back(device_death(name, utc_ms));
-  for (const std::uint32_t i : std::exchange(due_, {})) {
-    Device& device = devices_[i];
-    if (device.is_alive == device.is_born) continue;
-    if (!device.is_alive) {
-      device.is_born = false;
-      messages.push_back(device_death(config_.devices[i].name, utc_ms));
-    } else if (auto birth = device_birth(i, utc_ms)) {
+  for (const auto& [kind, index, device] : births_.due(now)) {
+    if (kind == Kind::node_birth) {
+      messages.push_back(node_birth(utc_ms));
+    } else if (kind == Kind::device_death) {
+      messages.push_back(device_death(device, utc_ms));
+    } else if (auto birth = device_birth(index, utc_ms)) {
       messages.push_back(std::move(*birth));
     }
   }
@@ -248,12 +205,11 @@ Publication SparkplugProfile::node_death(std::int64_t utc_ms) const {
 Packet SparkplugProfile::session_packet(std::int64_t utc_ms) const {
   Packet packet;
   packet.set_timestamp(stamp(utc_ms));
-  add_metric(packet, "bdSeq", utc_ms, Type::int64).set_long_value(bd_seq_);
+  add_metric(packet, "bdSeq", utc_ms, Type::int64).set_long_value(births_.session() % kNumbers);
   return packet;
 }
 
-/// Returns nullopt, and leaves the device dead, if the broker does not accept the size: the message
-/// would be missing in the order of `seq`.
+/// Returns nullopt if the broker does not accept the size.
 std::optional<Publication> SparkplugProfile::device_birth(std::uint32_t index,
                                                           std::int64_t utc_ms) {
   const DeviceConfig& device = config_.devices.at(index);
@@ -280,17 +236,7 @@ std::optional<Publication> SparkplugProfile::device_birth(std::uint32_t index,
   Metric& rebirth = add_metric(packet, kDeviceRebirth, newest, Type::boolean);
   rebirth.set_alias(state.first_alias + device.tags.size());
   rebirth.set_boolean_value(false);
-  if (const std::size_t bytes = packet.ByteSizeLong(); bytes + kRoomForTopic > max_packet_) {
-    if (std::exchange(state.is_too_large, true)) return std::nullopt;
-    log::error("birth_too_large",
-               {{"device", device.name},
-                {"bytes", std::to_string(bytes)},
-                {"note", "the broker accepts " + std::to_string(max_packet_) +
-                             " bytes: raise its limit, or divide the device's tags among several "
-                             "devices of the config"}});
-    return std::nullopt;
-  }
-  state.is_born = true;
+  if (!births_.accepts_birth(index, packet.ByteSizeLong())) return std::nullopt;
   state.born_ms = 0;
   for (Last& last : state.last) {
     last.sent = hash_of(last.value);
@@ -308,20 +254,8 @@ Publication SparkplugProfile::device_death(const std::string& name, std::int64_t
   return message("DDEATH", name, packet);
 }
 
-void SparkplugProfile::device_state(const DeviceStatus& status) {
-  devices_.at(status.device).is_alive = status.is_alive();
-  due_.insert(status.device);
-}
-
 void SparkplugProfile::change(const ConfigChange& change) {
-  for (const std::uint32_t i : change.devices_end) {
-    const auto found =
-        std::ranges::find(index_, i, &std::pair<const std::string, std::uint32_t>::second);
-    if (found == index_.end()) continue;
-    if (devices_.at(i).is_born) dead_.push_back(found->first);
-    index_.erase(found);
-    devices_[i] = Device{};
-  }
+  births_.change(change);
   devices_.resize(config_.devices.size());
   for (const std::uint32_t i : change.devices_begin) prepare(i);
 }
@@ -340,13 +274,13 @@ void SparkplugProfile::saw(const Telemetry& sample) {
 
 /// A device that does not answer has no metrics: its samples wait until it does.
 bool SparkplugProfile::may_send(const std::string& device) const {
-  const auto index = index_of(device);
-  return !index || (devices_[*index].is_alive && !devices_[*index].is_too_large);
+  const auto index = births_.index_of(device);
+  return !index || births_.may_send(*index);
 }
 
 std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
                                                   const SampleRecord& sample) {
-  const auto index = index_of(stream.first);
+  const auto index = births_.index_of(stream.first);
   if (!index) return {};
   Device& device = devices_[*index];
   const DeviceConfig& config = config_.devices[*index];
@@ -382,17 +316,16 @@ std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
 }
 
 /// A message that was refused is missing in the order of `seq`.
-void SparkplugProfile::undelivered(const std::string&) { rebirth_ = true; }
+void SparkplugProfile::undelivered(const std::string&) { births_.request_rebirth(); }
 
 std::unique_ptr<HistoryMessage> SparkplugProfile::begin_history(std::size_t max_bytes) {
-  return std::make_unique<SparkplugHistory>(
-      std::min(max_bytes, max_packet_ - std::min(max_packet_, kRoomForTopic)));
+  return std::make_unique<SparkplugHistory>(std::min(max_bytes, births_.most_bytes()));
 }
 
 std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
   Packet gathered;
   Packet packet;
-  const auto index = index_of(batch.device);
+  const auto index = births_.index_of(batch.device);
   if (index && gathered.ParseFromString(batch.payload)) {
     const DeviceConfig& config = config_.devices[*index];
     TagFinder tags(config);
@@ -416,12 +349,7 @@ std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
 // ---- commands -----------------------------------------------------------------------------------
 
 void SparkplugProfile::hear(const Message& message) {
-  if (message.topic == host_.topic()) {
-    host_.hear(message.payload);
-    // With one server there is nowhere to go: the session waits there for the host.
-    leaves_ = host_.is_offline() && (is_born_ || broker_of(config_, broker_).servers.size() > 1);
-    return;
-  }
+  if (births_.hear(message)) return;
   const std::string devices = prefix_ + "DCMD/" + node_ + "/";
   if (message.topic == prefix_ + "NCMD/" + node_) return hear_node_command(message);
   if (message.topic.starts_with(devices))
@@ -438,12 +366,12 @@ void SparkplugProfile::hear_node_command(const Message& message) {
     if (metric.name() != kNodeRebirth || !metric.boolean_value())
       return ignore_command(
           message, "the node has only the command " + std::string(kNodeRebirth) + " = true");
-    rebirth_ = true;
+    births_.request_rebirth();
   }
 }
 
 void SparkplugProfile::hear_device_command(const Message& message, const std::string& device) {
-  const auto index = index_of(device);
+  const auto index = births_.index_of(device);
   if (!index) return ignore_command(message, "no such device");
   Packet packet;
   if (!packet.ParseFromString(message.payload))
@@ -470,7 +398,7 @@ void SparkplugProfile::hear_device_command(const Message& message, const std::st
     } else if (message.retained || !metric.boolean_value()) {
       ignore_command(message, std::string(kDeviceRebirth) + " must be true, and not retained");
     } else {
-      rebirth_ = true;
+      births_.request_rebirth();
     }
   }
 }

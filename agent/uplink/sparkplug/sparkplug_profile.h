@@ -10,16 +10,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "agent/uplink/profile/profile.h"
-#include "agent/uplink/sparkplug/primary_host.h"
+#include "agent/uplink/sparkplug/birth_schedule.h"
 
 namespace fxagent {
 
@@ -38,18 +36,20 @@ class SparkplugProfile final : public Profile {
 
   Will last_will() override;
   std::vector<Subscription> subscriptions() const override;
-  void connection_began(const Connected& connected) override;
-  void connection_ended() override;
+  void connection_began(const Connected& connected) override {
+    births_.connection_began(connected);
+  }
+  void connection_ended() override { births_.connection_ended(); }
   void hear(const Message& message) override;
-  void device_state(const DeviceStatus& status) override;
+  void device_state(const DeviceStatus& status) override { births_.device_state(status); }
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
-  bool is_ready() const override { return is_born_ && !rebirth_; }
-  SteadyTime next_wake() const override;
+  bool is_ready() const override { return births_.is_born() && !births_.is_rebirth_due(); }
+  SteadyTime next_wake() const override { return births_.next_wake(); }
   std::vector<Publication> farewell(std::int64_t utc_ms) override;
   bool leaves_with_will() const override { return true; }
-  bool take_leave() override;
-  void refused() override { rebirth_ = true; }
+  bool take_leave() override { return births_.take_leave(); }
+  void refused() override { births_.request_rebirth(); }
 
   bool may_send(const std::string& device) const override;
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
@@ -69,10 +69,7 @@ class SparkplugProfile final : public Profile {
     std::optional<BadReason> sent_bad;
   };
   struct Device {
-    bool is_alive = false;      ///< it answers
-    bool is_too_large = false;  ///< its birth, for the broker of this session
-    bool is_born = false;       ///< in this session
-    std::int64_t born_ms = 0;   ///< newest value of its birth
+    std::int64_t born_ms = 0;  ///< newest value of its birth
     std::uint64_t first_alias = 0;
     std::vector<Last> last;  ///< by tag
   };
@@ -87,7 +84,6 @@ class SparkplugProfile final : public Profile {
   Publication node_death(std::int64_t utc_ms) const;
   sparkplug::Packet session_packet(std::int64_t utc_ms) const;
   void prepare(std::uint32_t index);
-  std::optional<std::uint32_t> index_of(std::string_view device) const;
 
   void hear_node_command(const Message& message);
   void hear_device_command(const Message& message, const std::string& device);
@@ -96,27 +92,16 @@ class SparkplugProfile final : public Profile {
 
   const Config& config_;
   const std::string name_;
-  const std::string broker_;
   const std::string prefix_;  ///< "spBv1.0/{group}/"
   const std::string node_;
   const TakeOrder take_order_;
   const std::function<std::string()> new_id_;
   const std::function<std::int64_t()> utc_ms_;
 
-  sparkplug::PrimaryHost host_;
+  sparkplug::BirthSchedule births_;
   std::vector<Device> devices_;  ///< as Config::devices
-  std::set<std::uint32_t> due_;  ///< devices whose birth or death may be due
-  std::map<std::string, std::uint32_t, std::less<>> index_;
-  std::vector<std::string> dead_;  ///< names of devices whose death is due
   std::uint64_t next_alias_ = 1;
-  std::uint64_t bd_seq_ = 0;    ///< of the last CONNECT
-  bool has_connected_ = false;  ///< since the last will was made
-  std::uint64_t seq_ = 0;       ///< of the next message
-  std::size_t max_packet_ = 0;
-  bool is_born_ = false;  ///< the node, in this session
-  bool rebirth_ = false;  ///< a rebirth is due
-  bool leaves_ = false;   ///< the host is offline: go to the next server
-  SteadyTime born_at_{};
+  std::uint64_t seq_ = 0;  ///< of the next message
 };
 
 }  // namespace fxagent

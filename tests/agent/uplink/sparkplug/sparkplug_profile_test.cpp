@@ -186,8 +186,7 @@ TEST_F(SparkplugTest, BirthThatTheBrokerDoesNotAcceptLeavesNoGap) {
 }
 
 TEST(SparkplugHost, OnlyItsOwnNewestStateCounts) {
-  PrimaryHost host("scada", /*old_state=*/false);
-  EXPECT_EQ(host.topic(), "spBv1.0/STATE/scada");
+  PrimaryHost host("spBv1.0/STATE/scada", /*old_state=*/false);
   EXPECT_FALSE(host.is_online());
   EXPECT_FALSE(host.is_offline());
   host.hear(R"({"online": true, "timestamp": 100})");
@@ -205,8 +204,7 @@ TEST(SparkplugHost, OnlyItsOwnNewestStateCounts) {
 }
 
 TEST(SparkplugHost, StateBeforeSparkplug3IsAWord) {
-  PrimaryHost host("scada", /*old_state=*/true);
-  EXPECT_EQ(host.topic(), "STATE/scada");
+  PrimaryHost host("STATE/scada", /*old_state=*/true);
   host.hear("ONLINE");
   EXPECT_TRUE(host.is_online());
   host.hear(R"({"online": false, "timestamp": 1})");
