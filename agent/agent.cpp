@@ -41,6 +41,7 @@
 #include "agent/uplink/profile/thingsboard_profile.h"
 #include "agent/uplink/publisher.h"
 #include "agent/uplink/sparkplug/sparkplug_profile.h"
+#include "agent/uplink/sparkplug/typed_commands.h"
 #include "agent/uplink/status/status_line.h"
 
 namespace fxagent {
@@ -97,8 +98,7 @@ std::unique_ptr<FlightRecorder> make_recorder(const Config& config) {
 /// Returns the settings of the profile's session: those of its broker, with a client id of its own.
 MqttConfig settings_of(const ProfileConfig& profile, const Config& config) {
   MqttConfig mqtt = broker_of(config, profile.broker);
-  const auto kind = static_cast<std::size_t>(profile.kind);
-  mqtt.client_id += "-" + std::string(config_keys::kProfiles.at(kind));
+  mqtt.client_id += "-" + std::string(kind_of(profile));
   return mqtt;
 }
 
@@ -120,13 +120,6 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   const BrokerConfig* broker = broker_named(config, what.broker);
   if (broker != nullptr && !broker->commands) take_order = {};
   ProfileParts parts;
-  const bool is_discovery = what.kind == ProfileConfig::Kind::homeassistant;
-  if (!config.store.path.empty() && !is_discovery) {
-    StoreConfig own = config.store;
-    own.path += "/" + name_of(what);
-    parts.store = std::make_unique<Store>(own, utc_now());
-    parts.guarded = std::make_unique<GuardedStore>(*parts.store, wake);
-  }
   auto new_id = [begin = run.boot + "-" + name_of(what) + "-", next = std::uint64_t{1}]() mutable {
     return begin + std::to_string(next++);
   };
@@ -153,12 +146,23 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
                                                          std::move(new_id), utc_now);
       settings.marker_topic = config.base_topic() + "/sparkplug";
       break;
+    case ProfileConfig::Kind::sparkplug_commands:
+      parts.profile =
+          std::make_unique<TypedCommandsProfile>(config, what, std::move(take_order), utc_now);
+      break;
+  }
+  if (!config.store.path.empty() && parts.profile->wants_samples()) {
+    StoreConfig own = config.store;
+    own.path += "/" + name_of(what);
+    parts.store = std::make_unique<Store>(own, utc_now());
+    parts.guarded = std::make_unique<GuardedStore>(*parts.store, wake);
   }
   settings.name = name_of(what);
   settings.mqtt = settings_of(what, config);
   settings.boot = run.boot;
   settings.backlog_bytes = run.backlog_bytes;
   settings.jitter_seed = seed;
+  const bool is_discovery = what.kind == ProfileConfig::Kind::homeassistant;
   parts.broker =
       fenced(std::make_unique<PahoBroker>(
                  settings.mqtt, [profile = parts.profile.get()] { return profile->last_will(); },

@@ -1,8 +1,13 @@
 // Members of JSON objects that other programs wrote. Pure. Any thread.
 #pragma once
 
+#include <cstdint>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+
+#include "protocol/value/value.h"
 
 namespace fxagent {
 
@@ -25,6 +30,18 @@ template <JsonValue Json>
 std::string text_at(const Json& object, const char* key) {
   const Json& value = member(object, key);
   return value.is_string() ? value.template get<std::string>() : std::string();
+}
+
+/// Returns a boolean, a number or a text; nullopt for null, an array or an object.
+inline std::optional<Scalar> scalar_of(const nlohmann::json& json) {
+  if (json.is_boolean()) return Scalar(json.get<bool>());
+  if (json.is_number_unsigned() &&
+      json.get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()})
+    return Scalar(BigInteger{json.dump()});
+  if (json.is_number_integer()) return Scalar(json.get<std::int64_t>());
+  if (json.is_number_float()) return Scalar(json.get<double>());
+  if (json.is_string()) return Scalar(json.get<std::string>());
+  return std::nullopt;
 }
 
 }  // namespace fxagent

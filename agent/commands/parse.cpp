@@ -10,6 +10,7 @@
 #include "agent/commands/command_keys.h"
 #include "agent/commands/faults.h"
 #include "agent/config/json/tree.h"
+#include "agent/json_member.h"
 #include "agent/json_writer.h"
 
 namespace fxagent {
@@ -68,17 +69,6 @@ std::size_t structures_in(std::string_view text) {
     if (!in_string && (text[i] == '{' || text[i] == '[')) ++count;
   }
   return count;
-}
-
-std::optional<Scalar> scalar_of(const Json& json) {
-  if (json.is_boolean()) return Scalar(json.get<bool>());
-  if (json.is_number_unsigned() &&
-      json.get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()})
-    return Scalar(BigInteger{json.dump()});
-  if (json.is_number_integer()) return Scalar(json.get<std::int64_t>());
-  if (json.is_number_float()) return Scalar(json.get<double>());
-  if (json.is_string()) return Scalar(json.get<std::string>());
-  return std::nullopt;
 }
 
 std::string not_a_scalar(const Json& json, const std::string& what) {

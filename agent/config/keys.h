@@ -403,6 +403,9 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"profiles[]", "old_state", boolean, {}, false,
      "`sparkplug`: the host announces itself on `STATE/{host}` with `ONLINE` or `OFFLINE`, as "
      "before Sparkplug 3.0."},
+    {"profiles[]", "commands", boolean, {}, false,
+     "`sparkplug`: commands as typed commands of Sparkplug C with correlated answers, too, in a "
+     "session of their own."},
     {"profiles[]", "prefix", text, {}, "homeassistant",
      "`homeassistant`: first level of its discovery topics."},
     {"profiles[]", "deadline_s", integer, kExpiry, 10,

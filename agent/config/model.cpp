@@ -63,8 +63,13 @@ std::vector<std::pair<std::string, const MqttConfig*>> brokers_of(const Config& 
   return brokers;
 }
 
+std::string_view kind_of(const ProfileConfig& profile) {
+  if (profile.kind == ProfileConfig::Kind::sparkplug_commands) return "sparkplug-commands";
+  return config_keys::kProfiles.at(static_cast<std::size_t>(profile.kind));
+}
+
 std::string name_of(const ProfileConfig& profile) {
-  const std::string kind(config_keys::kProfiles.at(static_cast<std::size_t>(profile.kind)));
+  const std::string kind(kind_of(profile));
   return profile.broker.empty() ? kind : kind + "@" + profile.broker;
 }
 

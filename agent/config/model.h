@@ -207,8 +207,16 @@ struct BrokerConfig {
 /// A form in which values are published. The agent's own session has `json`; every other profile
 /// has an MQTT session of its own.
 struct ProfileConfig {
-  /// In the order of the catalogue's choices.
-  enum class Kind : std::uint8_t { json, plain, sparkplug, homeassistant, thingsboard };
+  /// In the order of the catalogue's choices. `sparkplug_commands` is none of them: it comes with
+  /// `commands` of a `sparkplug`, whose group, node and host it has.
+  enum class Kind : std::uint8_t {
+    json,
+    plain,
+    sparkplug,
+    homeassistant,
+    thingsboard,
+    sparkplug_commands
+  };
   Kind kind = Kind::json;
   std::string broker;           ///< name; empty: that of `mqtt`
   std::string topic;            ///< plain: with {device}, {group} and {tag} to replace
@@ -225,6 +233,8 @@ const BrokerConfig* broker_named(const Config& config, const std::string& name);
 const MqttConfig& broker_of(const Config& config, const std::string& name);
 /// Returns the settings of every broker, with their place in the file: "/mqtt", "/brokers/0" …
 std::vector<std::pair<std::string, const MqttConfig*>> brokers_of(const Config& config);
+/// Returns the kind of the profile, as in its name.
+std::string_view kind_of(const ProfileConfig& profile);
 /// Returns the name of the profile, unique in a config: "plain", or "plain@cloud" for a broker.
 std::string name_of(const ProfileConfig& profile);
 

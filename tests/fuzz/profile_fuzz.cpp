@@ -8,6 +8,7 @@
 
 #include "agent/uplink/profile/plain_profile.h"
 #include "agent/uplink/sparkplug/sparkplug_profile.h"
+#include "agent/uplink/sparkplug/typed_commands.h"
 #include "tests/agent/uplink/plant.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -34,6 +35,27 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     PlainProfile profile(config, what, take, new_id);
     message.topic = "fx/plant-a/edge7/press1/setpoint/set";
     profile.hear(message);
+    return 0;
+  }
+  if ((data[0] & 32) != 0) {
+    std::size_t orders = 0;
+    const auto carry_out = [&](const Order& order) {
+      ++orders;
+      const auto command = nlohmann::json::parse(order.payload, nullptr, false);
+      // Bytes that are no UTF-8 stay in it, for admission to refuse.
+      if (!command.is_discarded() && !command.contains("op")) std::abort();
+      order.tell(R"({"status":"SUCCEEDED","value":1})");
+    };
+    what.kind = ProfileConfig::Kind::sparkplug_commands;
+    what.host.clear();
+    TypedCommandsProfile profile(config, what, carry_out, [] { return std::int64_t{1}; });
+    profile.connection_began(Connected{});
+    const std::size_t births = profile.due(SteadyTime{}, 1).size();
+    constexpr const char* topics[] = {"", "spCv1.0/g/NCMD/n", "spCv1.0/g/DCMD/n/press1",
+                                      "spCv1.0/g/REBIRTH/n"};
+    message.topic = topics[data[0] % 4];
+    profile.hear(message);
+    if (births != 1 || profile.due(SteadyTime{}, 1).size() < orders) std::abort();
     return 0;
   }
   what.kind = ProfileConfig::Kind::sparkplug;

@@ -164,32 +164,34 @@ class MoreBrokers(Profiles):
         self.assertEqual(there.payloads(f"{BASE}/press1/result"), [])
 
 
-class Sparkplug(Profiles):
+class SparkplugPlant(Profiles):
     GROUP, NODE = "plant-a", "edge7"
 
-    def begin_sparkplug(self, devices=None, host=None, brokers=None, **more):
+    def begin_sparkplug(self, devices=None, host=None, brokers=None, commands=False, **more):
         peers = os.environ["NODE_PEERS"]
         if not os.path.isdir(os.path.join(peers, "node_modules", "sparkplug-payload")):
             self.skipTest("sparkplug-payload is not there: tests/run.sh fetches it from npm's registry")
         profile = {"kind": "sparkplug", "group": self.GROUP}
         if host:
             profile["host"] = host
+        if commands:
+            profile["commands"] = True
         if brokers:
             profile["broker"] = brokers[0]["name"]
             more["brokers"] = brokers
         self.broker = Broker(self.directory)
         self.broker.start()
-        self.judge = self.spawn_host()
+        self.judge = self.spawn_host(script="sparkplug_c_host.js" if commands else "sparkplug_host.js")
         self.start_sim(more.pop("plcs", None))
         self.watcher = Watcher(self.broker.port, topics=f"{BASE}/#")
         self.start_agent(devices or [device(tags=TAGS)], store={"path": os.path.join(self.directory, "store")},
                          profiles=[{"kind": "json"}, profile], **more)
 
-    def spawn_host(self, *more, broker=None):
+    def spawn_host(self, *more, broker=None, script="sparkplug_host.js"):
         log = open(os.path.join(self.directory, "host.log"), "a")
         self.stack.callback(log.close)
         process = subprocess.Popen(
-            ["node", os.path.join(os.environ["NODE_PEERS"], "sparkplug_host.js"), str((broker or self.broker).port),
+            ["node", os.path.join(os.environ["NODE_PEERS"], script), str((broker or self.broker).port),
              self.GROUP, self.NODE, *more], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True)
         host = Host(process)
         self.stack.callback(host.close)
@@ -199,6 +201,8 @@ class Sparkplug(Profiles):
     def assert_no_faults(self):
         self.assertEqual([m for m in self.judge.seen() if m.get("faults")], [])
 
+
+class Sparkplug(SparkplugPlant):
     def test_births_then_data_by_alias(self):
         self.begin_sparkplug()
         birth = self.judge.wait("DBIRTH")
@@ -367,8 +371,144 @@ class Sparkplug(Profiles):
         self.assertEqual(faults, [])
 
 
+class TypedCommands(SparkplugPlant):
+    def ask(self, name, device="press1", id="", **more):
+        """Sends a command, and returns its answer. Each has an id of its own."""
+        if id == "":
+            self.asked = getattr(self, "asked", 0) + 1
+            id = f"c{self.asked}"
+        mark = self.judge.mark()
+        self.judge.order(command={"device": device, "name": name, "id": id, **more})
+        return self.judge.wait("DRESP" if device else "NRESP", lambda m: m["id"] == (id or ""), since=mark)
+
+    def write(self, tag, kind, value, **more):
+        return self.ask(f"Write/{tag}", arguments=[{"name": "value", "type": kind, "value": value}], **more)
+
+    def test_commands_of_the_birth_are_carried_out_and_answered(self):
+        self.begin_sparkplug(commands=True)
+        commands = self.judge.wait("DBIRTH")["commands"]
+        self.assertEqual(set(commands), {"Write/setpoint", "Write/lamp"})
+        self.assertEqual(commands["Write/setpoint"],
+                         {"arguments": [{"name": "value", "type": "Int16", "engLow": 0, "engHigh": 1000}],
+                          "results": [{"name": "value", "type": "Int16"}]})
+        answer = self.write("setpoint", "Int16", 55)
+        self.assertEqual((answer["code"], answer["message"], answer["results"]), (0, "SUCCEEDED, ACK", {"value": 55}))
+        self.assertEqual(self.write("lamp", "Boolean", True)["results"], {"value": True})
+        self.assertEqual(self.sim.get("press1", "D200"), 55)
+        self.result("scada/c1")
+        # Other keys of a command are arguments, too.
+        value = {"name": "value", "type": "Int16", "value": 56}
+        self.assertEqual(self.ask("Write/setpoint", arguments=[value, {"name": "dry_run", "type": "Boolean", "value": True}])
+                         ["results"], {"value": 56})
+        self.assertEqual(self.ask("Write/setpoint", arguments=[value, {"name": "expect", "type": "Int16", "value": 1}])
+                         ["code"], 1)
+        expired = {"name": "expires", "type": "Int64", "value": 1}
+        self.assertEqual(self.ask("Write/setpoint", arguments=[value, expired])["code"], 4)
+        self.assertEqual(self.sim.get("press1", "D200"), 55)
+        self.assert_no_faults()
+
+    def test_each_bad_request_is_answered_and_nothing_is_carried_out(self):
+        self.begin_sparkplug(commands=True)
+        self.judge.wait("DBIRTH")
+        value = {"name": "value", "type": "Int16", "value": 7}
+        for name, arguments, more, word in [
+                ("Write/setpoint", [{**value, "value": 5000}], {}, "out_of_range"),
+                ("Write/setpoint", [{**value, "type": "String", "value": "x"}], {}, "bad_value"),
+                ("Write/setpoint", [{**value, "type": "Boolean", "value": True}], {}, "bad_value"),
+                ("Write/setpoint", [{**value, "type": "Int16Array", "value": [7, 0]}], {}, "bad_value"),
+                ("Write/setpoint", [], {}, "bad_value"),
+                ("Write/setpoint", [value, value], {}, "bad_json"),
+                ("Write/setpoint", [value, {**value, "name": "tag"}], {}, "bad_json"),
+                ("Write/setpoint", [value, {**value, "name": "speed"}], {}, "bad_json"),
+                ("Write/setpiont", [value], {}, "unknown_tag"),
+                ("Write/temp", [value], {}, "not_writable"),
+                ("Write/", [value], {}, "unknown_tag"),
+                ("Run", [], {}, "not_allowed"),
+                ("Reboot", [], {}, "bad_op"),
+                ("", [], {}, "bad_op"),
+                ("Write/setpoint", [value], {"device": "press9"}, "unknown_device"),
+                ("Write/setpoint", [value], {"device": "line1"}, "unknown_device"),
+                ("Write/setpoint", [value], {"device": None}, "bad_op"),
+                ("Write/setpoint", [value], {"source": ""}, "missing_id"),
+                ("Write/setpoint", [value], {"id": None}, "missing_id"),
+                ("Write/setpoint", [value], {"retain": True}, "retained")]:
+            with self.subTest(name=name, word=word, more=more):
+                answer = self.ask(name, arguments=arguments, **more)
+                self.assertEqual((answer["code"], answer["results"]), (3, {}))
+                self.assertTrue(answer["message"].startswith(f"REJECTED: {word}: "), answer["message"])
+        self.assertEqual(self.sim.commands("press1"), [])
+        self.assert_no_faults()
+
+    def test_a_repeated_request_is_not_carried_out_again(self):
+        self.begin_sparkplug(commands=True)
+        self.judge.wait("DBIRTH")
+        self.assertEqual(self.write("setpoint", "Int16", 7, id="one")["code"], 0)
+        again = self.write("setpoint", "Int16", 8, id="one")
+        self.assertEqual(again["code"], 5)
+        self.assertIn("the first had SUCCEEDED", again["message"])
+        # Another host counts on its own. Nor does a repeat become new when the agent was killed.
+        self.assertEqual(self.write("setpoint", "Int16", 9, id="one", source="historian")["code"], 0)
+        self.agent.stop(signal.SIGKILL)
+        mark = self.judge.mark()
+        self.agent.start()
+        self.judge.wait("DBIRTH", since=mark)
+        self.assertEqual(self.write("setpoint", "Int16", 10, id="one")["code"], 5)
+        self.assertEqual([e["value"] for e in self.sim.commands("press1")], [7, 9])
+        self.assert_no_faults()
+
+    def test_what_the_plc_answers_is_in_the_answer(self):
+        self.begin_sparkplug(commands=True)
+        self.judge.wait("DBIRTH")
+        self.sim.fault("press1", "nak", match="write", count=2)
+        answer = self.write("setpoint", "Int16", 7)
+        self.assertEqual(answer["code"], 1)
+        self.assertTrue(answer["message"].startswith("FAILED, NAK: nak"), answer["message"])
+        self.sim.fault("press1", "silent", count=-1)
+        self.judge.wait("DDEATH")
+        self.assertEqual(self.write("setpoint", "Int16", 8)["code"], 1)
+        mark = self.judge.mark()
+        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.judge.wait("DBIRTH", since=mark)
+        self.assertEqual(self.write("setpoint", "Int16", 9)["code"], 0)
+        self.assert_no_faults()
+
+    def test_rebirth_is_a_verb_and_a_storm_of_it_is_one_a_second(self):
+        self.begin_sparkplug(commands=True)
+        self.judge.wait("DBIRTH")
+        mark = self.judge.mark()
+        for _ in range(50):
+            self.judge.order(rebirth=True)
+        self.judge.wait("DREBIRTH", since=mark)
+        self.assertEqual(self.write("setpoint", "Int16", 9)["code"], 0)
+        self.assertLessEqual(len([m for m in self.judge.seen(mark) if m["type"] == "NREBIRTH"]), 2)
+        self.assertEqual([m for m in self.judge.seen(mark) if m["type"] == "NBIRTH"], [])
+        self.assert_no_faults()
+
+    def test_the_node_waits_for_its_host_and_dies_with_the_agent(self):
+        self.begin_sparkplug(commands=True, host="scada")
+        payload_b = self.spawn_host()
+        wait_for("the session", lambda: "for sparkplug-commands" in self.agent.logged())
+        self.data()
+        self.assertEqual([m["type"] for m in self.judge.seen()], ["ready"])
+        now = time.time_ns()
+        self.judge.order(state=True, host="scada", timestamp=now)
+        first = self.judge.wait("NBIRTH")["bdSeq"]
+        self.judge.order(state=False, host="scada", timestamp=now + 1)
+        self.assertEqual(self.judge.wait("NDEATH")["bdSeq"], first)
+        mark = self.judge.mark()
+        self.judge.order(state=True, host="scada", timestamp=now + 2)
+        self.assertEqual(self.judge.wait("NBIRTH", since=mark)["bdSeq"], first + 1)
+        self.judge.wait("DBIRTH", since=mark)
+        self.assertEqual(self.write("setpoint", "Int16", 9)["code"], 0)
+        self.assertEqual([m["type"] for m in payload_b.seen()], ["ready"], "B has another topic for its host")
+        mark = self.judge.mark()
+        self.agent.stop(signal.SIGKILL)
+        self.assertEqual(self.judge.wait("NDEATH", since=mark)["bdSeq"], first + 1)
+        self.assert_no_faults()
+
+
 class Host:
-    """The host of sparkplug_host.js, with all that it has printed."""
+    """A host of Sparkplug B or C, with all that it has printed."""
 
     def __init__(self, process):
         self.process = process

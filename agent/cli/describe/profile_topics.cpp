@@ -85,6 +85,37 @@ void add_sparkplug(const Config& config, const ProfileConfig& profile, Topics& o
   out.push_back(std::move(host));
 }
 
+void add_typed_commands(const ProfileConfig& profile, Topics& out) {
+  const std::string group = "spCv1.0/" + profile.group + "/";
+  const std::string node = "/" + profile.node;
+  const std::string device = node + "/{device}";
+  const auto add = [&](ProfileTopic topic, int qos = 0) {
+    topic.qos = qos;
+    out.push_back(with_type(kProtobuf, std::move(topic)));
+  };
+  add(sent("sparkplug_c_node_birth", group + "NBIRTH" + node, "Birth of the node"));
+  add(sent("sparkplug_c_node_rebirth", group + "NREBIRTH" + node,
+           "The same, because a host asked"));
+  add(sent("sparkplug_c_node_death", group + "NDEATH" + node,
+           "Death of the node: the last will, or with QoS 0 when the agent ends"),
+      1);
+  add(sent("sparkplug_c_device_birth", group + "DBIRTH" + device,
+           "Birth of a device, with its commands"));
+  add(sent("sparkplug_c_device_rebirth", group + "DREBIRTH" + device,
+           "The same, because a host asked"));
+  add(sent("sparkplug_c_device_death", group + "DDEATH" + device, "Death of a device"));
+  add(sent("sparkplug_c_node_answer", group + "NRESP" + node,
+           "The answer to a command for the node: it has none"));
+  add(sent("sparkplug_c_device_answer", group + "DRESP" + device, "The answer to a command"));
+  add(command("sparkplug_c_rebirth", group + "REBIRTH" + node, "Asks for all births"));
+  add(command("sparkplug_c_node_command", group + "NCMD" + node, "Typed commands for the node"));
+  add(command("sparkplug_c_device_command", group + "DCMD" + device,
+              "Typed commands for a device"));
+  if (profile.host.empty()) return;
+  out.push_back(received("sparkplug_c_host", "spCv1.0/STATE/" + profile.host,
+                         "State of the primary host", Retain::yes));
+}
+
 void add_homeassistant(const ProfileConfig& profile, Topics& out) {
   out.push_back(sent("homeassistant_device", profile.prefix + "/device/{object}/config",
                      "Device discovery of Home Assistant", Retain::yes));
@@ -122,6 +153,7 @@ std::vector<ProfileTopic> profile_topics(const Config& config) {
     if (!profile.broker.empty()) continue;
     if (profile.kind == ProfileConfig::Kind::plain) add_plain(config, profile, out);
     if (profile.kind == ProfileConfig::Kind::sparkplug) add_sparkplug(config, profile, out);
+    if (profile.kind == ProfileConfig::Kind::sparkplug_commands) add_typed_commands(profile, out);
     if (profile.kind == ProfileConfig::Kind::homeassistant) add_homeassistant(profile, out);
     if (profile.kind == ProfileConfig::Kind::thingsboard) add_thingsboard(out);
   }

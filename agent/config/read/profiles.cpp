@@ -137,6 +137,19 @@ void read_sparkplug(ConfigReader& reader, const ConfigNode& node, const Config& 
     reader.warn(*node.find("old_state"), "has no effect without host");
 }
 
+/// Returns the profile that comes with `commands` of a `sparkplug`.
+ProfileConfig typed_commands(ConfigReader& reader, const ConfigNode& node, const Config& config,
+                             ProfileConfig sparkplug) {
+  const BrokerConfig* broker = broker_named(config, sparkplug.broker);
+  if (broker != nullptr && !broker->commands)
+    reader.error(
+        *node.find("commands"),
+        "the broker " + broker->name + " may not send commands: add \"commands\": true to it");
+  sparkplug.kind = ProfileConfig::Kind::sparkplug_commands;
+  sparkplug.old_state = false;
+  return sparkplug;
+}
+
 void read_prefix(ConfigReader& reader, const ConfigNode& node, ProfileConfig& profile) {
   const ConfigKey& key = config_key("profiles[].prefix");
   profile.prefix = reader.text(node, key).value_or(std::string(key.word()));
@@ -149,7 +162,7 @@ void read_prefix(ConfigReader& reader, const ConfigNode& node, ProfileConfig& pr
 /// Reports keys of other kinds.
 void check_kind(ConfigReader& reader, const ConfigNode& node, ProfileConfig::Kind kind) {
   constexpr std::array kPlain{"topic"sv, "site"sv, "area"sv, "line"sv};
-  constexpr std::array kSparkplug{"group"sv, "node"sv, "host"sv, "old_state"sv};
+  constexpr std::array kSparkplug{"group"sv, "node"sv, "host"sv, "old_state"sv, "commands"sv};
   const auto only = [&](const auto& keys, ProfileConfig::Kind owner, std::string_view word) {
     for (const std::string_view key : keys)
       if (const ConfigNode* at = node.find(key); at != nullptr && kind != owner)
@@ -188,10 +201,13 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
         reader.integer_as<std::chrono::seconds>(node, config_key("profiles[].deadline_s"));
     if (!names.insert(name_of(profile)).second)
       reader.error(node, "this kind stands twice for the same broker");
-    if (profile.kind == ProfileConfig::Kind::json && profile.broker.empty())
+    if (profile.kind == ProfileConfig::Kind::json && profile.broker.empty()) {
       has_json = true;
-    else
-      config.profiles.push_back(std::move(profile));
+      continue;
+    }
+    config.profiles.push_back(profile);
+    if (reader.boolean(node, config_key("profiles[].commands")))
+      config.profiles.push_back(typed_commands(reader, node, config, std::move(profile)));
   }
   for (const ProfileConfig& profile : config.profiles)
     if (profile.kind == ProfileConfig::Kind::homeassistant && !profile.broker.empty() &&

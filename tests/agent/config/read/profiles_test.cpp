@@ -44,6 +44,23 @@ TEST(ProfilesConfig, SparkplugTakesItsNodeFromTheAgent) {
   EXPECT_EQ(name_of(config.profiles[1]), "sparkplug");
 }
 
+TEST(ProfilesConfig, TypedCommandsAreAProfileBesideTheirSparkplug) {
+  const Config config = good(with_profiles(
+      R"({"kind": "sparkplug", "group": "a", "host": "scada", "old_state": true, "commands": true})"));
+  ASSERT_EQ(config.profiles.size(), 3U);
+  EXPECT_EQ(name_of(config.profiles[1]), "sparkplug");
+  const ProfileConfig& typed = config.profiles[2];
+  EXPECT_EQ(name_of(typed), "sparkplug-commands");
+  EXPECT_EQ(typed.group + " " + typed.node + " " + typed.host, "a edge7 scada");
+  EXPECT_FALSE(typed.old_state);
+  const std::string there =
+      R"({"kind": "sparkplug", "group": "a", "broker": "cloud", "commands": true})";
+  expect_error(with_profiles(there), "/profiles/2/commands", {"cloud", "\"commands\": true"});
+  json plant = json::parse(with_profiles(there));
+  plant["brokers"][0]["commands"] = true;
+  EXPECT_EQ(name_of(good(plant.dump()).profiles.back()), "sparkplug-commands@cloud");
+}
+
 TEST(ProfilesConfig, PlainNamesOfThePlantStandInTheTopic) {
   const Config config = good(with_profiles(
       R"({"kind": "plain", "topic": "{site}/{area}/{line}/{device}/{tag}", "site": "Ulm",
@@ -60,6 +77,8 @@ TEST(ProfilesConfig, EachFaultNamesItsPlaceAndItsCure) {
   expect_error(with_profiles(R"({"kind": "sparkplug"})"), place, {"needs group"});
   expect_error(with_profiles(R"({"kind": "sparkplug", "group": "a/b"})"), place + "/group",
                {"must not have"});
+  expect_error(with_profiles(R"({"kind": "plain", "commands": true})"), place + "/commands",
+               {"belongs to the kind sparkplug"});
   expect_error(with_profiles(R"({"kind": "plain", "group": "a"})"), place + "/group",
                {"belongs to the kind sparkplug"});
   expect_error(changed("/profiles", R"([{"kind": "plain"}])"), "/profiles", {"needs", "json"});

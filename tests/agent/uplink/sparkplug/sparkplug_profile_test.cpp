@@ -3,19 +3,20 @@
 #include <gtest/gtest.h>
 
 #include <optional>
-#include <sstream>
 #include <string>
 #include <vector>
 
 #include "agent/store/samples/sample_record.h"
 #include "agent/uplink/sparkplug/primary_host.h"
 #include "tests/agent/uplink/plant.h"
+#include "tests/agent/uplink/sparkplug/bytes.h"
 
 namespace fxagent {
 namespace {
 
 using namespace std::chrono_literals;
 using sparkplug::PrimaryHost;
+using test::bytes;
 
 constexpr std::int64_t kBornMs = 1790000000000;
 
@@ -62,12 +63,6 @@ class SparkplugTest : public testing::Test {
       topics.push_back(each.topic.substr(std::string("spBv1.0/plant-a/").size()));
     }
     return topics;
-  }
-  static std::string bytes(const char* hex) {
-    std::istringstream words(hex);
-    std::string out;
-    for (unsigned value = 0; words >> std::hex >> value;) out += static_cast<char>(value);
-    return out;
   }
 
   using Topics = std::vector<std::string>;

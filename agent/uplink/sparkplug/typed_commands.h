@@ -1,0 +1,89 @@
+// The profile `sparkplug-commands`: typed commands with correlated answers, as a Sparkplug C edge
+// node in a session of its own. The values stay with the profile `sparkplug`.
+//
+// Each writable tag is a command `Write/{tag}` of its device with the argument `value`; `Run` and
+// `Stop` are commands where the config allows them. A request becomes one command of the agent; its
+// correlation id, after the name of the host, becomes the id. The answer has the result.
+// Source: Sparkplug specification proposal 615 (NRESP, DRESP, commands) and the draft of payload C
+// (64-bit numbers of sessions and messages, times in ns, rebirth as a verb).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "agent/uplink/profile/profile.h"
+#include "agent/uplink/sparkplug/birth_schedule.h"
+#include "agent/uplink/sparkplug/typed_value.h"
+
+namespace fxagent {
+
+namespace sparkplug_c {
+class Metric;
+class Packet;
+}  // namespace sparkplug_c
+
+class TypedCommandsProfile final : public Profile {
+ public:
+  /// `config` outlives it. `utc_ms` returns the current calendar time.
+  TypedCommandsProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
+                       std::function<std::int64_t()> utc_ms);
+
+  Will last_will() override;
+  std::vector<Subscription> subscriptions() const override;
+  void connection_began(const Connected& connected) override;
+  void connection_ended() override { births_.connection_ended(); }
+  void hear(const Message& message) override;
+  void device_state(const DeviceStatus& status) override { births_.device_state(status); }
+  void change(const ConfigChange& change) override { births_.change(change); }
+  std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
+  bool is_ready() const override { return births_.is_born(); }
+  SteadyTime next_wake() const override { return births_.next_wake(); }
+  std::vector<Publication> farewell(std::int64_t utc_ms) override;
+  bool take_leave() override { return births_.take_leave(); }
+  void refused() override;
+
+  bool wants_samples() const override { return false; }
+  std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
+  std::unique_ptr<HistoryMessage> begin_history(std::size_t) override { return nullptr; }
+  std::vector<Publication> history(const HistoryBatch&) override { return {}; }
+
+ private:
+  struct Request {
+    std::string device;  ///< empty: the node
+    std::string name;    ///< of the command
+    std::string correlation_id;
+    std::optional<sparkplug::Type> type;  ///< of the value that the command writes
+  };
+
+  Publication message(std::string_view verb, const std::string& device,
+                      const sparkplug_c::Packet& packet) const;
+  Publication node_death() const;
+  std::optional<sparkplug_c::Packet> device_birth(std::uint32_t index, std::int64_t utc_ms);
+  void carry_out(const Message& message, const std::string& device, const std::string& source,
+                 const sparkplug_c::Metric& metric);
+  /// Answers a request with the agent's result, which is JSON.
+  void answer(const Request& request, const std::string& result);
+  void reject(const Request& request, std::string_view why);
+  void send(const Request& request, sparkplug_c::Metric answer);
+
+  const Config& config_;
+  const std::string name_;
+  const std::string prefix_;  ///< "spCv1.0/{group}/"
+  const std::string node_;
+  const TakeOrder take_order_;
+  const std::function<std::int64_t()> utc_ms_;
+
+  sparkplug::BirthSchedule births_;
+  std::uint64_t seq_ = 0;  ///< of the next message
+  bool is_asked_ = false;  ///< a host asked for the births that are due
+  std::deque<Publication> answers_;
+};
+
+}  // namespace fxagent

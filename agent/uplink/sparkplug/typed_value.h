@@ -1,0 +1,65 @@
+// Values in the data types of Sparkplug, apart from the fields of a payload. Both payloads, B and
+// C, have these types. Source: Sparkplug 3.0, section 6.4.16. Pure functions, any thread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+
+#include "agent/store/samples/sample_record.h"
+#include "protocol/value/point.h"
+#include "protocol/value/value.h"
+
+namespace fxagent::sparkplug {
+
+/// Numbers of the specification.
+enum class Type : std::uint32_t {
+  int16 = 2,
+  int32 = 3,
+  int64 = 4,
+  uint16 = 6,
+  uint32 = 7,
+  uint64 = 8,
+  real32 = 9,
+  real64 = 10,
+  boolean = 11,
+  string = 12,
+  int16_array = 23,
+  int32_array = 24,
+  int64_array = 25,
+  uint16_array = 27,
+  uint32_array = 28,
+  uint64_array = 29,
+  real32_array = 30,
+  real64_array = 31,
+  boolean_array = 32,
+  string_array = 33
+};
+
+/// True for a scalar type of unsigned integers.
+constexpr bool is_unsigned(Type type) {
+  return type == Type::uint16 || type == Type::uint32 || type == Type::uint64;
+}
+
+/// Returns the data type of a tag's values in engineering units.
+Type type_of(const Point& point);
+/// Same for a value that was read.
+Type type_of(const RecordedReading& reading);
+
+/// All elements of an array, as they stand in a field of bytes.
+struct Packed {
+  std::string bytes;
+};
+/// A value as a field carries it. An integer has the sign of its type; monostate: no value.
+using TypedValue = std::variant<std::monostate, bool, std::int64_t, std::uint64_t, float, double,
+                                std::string, Packed>;
+
+/// Returns monostate if the type cannot hold the value.
+TypedValue typed(const Value& value, Type type);
+
+/// Returns a received value as JSON, an array element by element as `type` says. nullopt: there is
+/// no value, or its bytes are not an array of that type.
+std::optional<std::string> json_of(const TypedValue& value, Type type);
+
+}  // namespace fxagent::sparkplug

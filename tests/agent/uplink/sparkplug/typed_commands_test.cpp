@@ -1,0 +1,301 @@
+#include "agent/uplink/sparkplug/typed_commands.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tests/agent/uplink/plant.h"
+#include "tests/agent/uplink/sparkplug/bytes.h"
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::int64_t kSentMs = 1790000000000;
+constexpr std::uint64_t kAll = ~std::uint64_t{0};
+
+// A DCMD by hand, from the field numbers of sparkplug_c.proto: source "scada"; metric
+// "Write/setpoint", data type 35, command with argument "value" (Int16, int32_value 7) and
+// correlation id "c1".
+constexpr const char* kRequest =
+    "2A 05 73 63 61 64 61 "                             // 5: source
+    "12 29 "                                            // 2: metric, 41 bytes
+    "0A 0E 57 72 69 74 65 2F 73 65 74 70 6F 69 6E 74 "  //   1: name
+    "20 23 "                                            //   4: datatype
+    "62 15 "                                            //   12: command, 21 bytes
+    "0A 0F 0A 05 76 61 6C 75 65 "                       //     1: argument: 1: name
+    "5A 06 08 02 18 07 10 00 "  //       11: value: datatype 2, int32 7, not null
+    "1A 02 63 31";              //     3: correlation id
+
+std::uint64_t varint(std::string_view& bytes) {
+  std::uint64_t value = 0;
+  for (int shift = 0; !bytes.empty(); shift += 7) {
+    const auto byte = static_cast<std::uint8_t>(bytes[0]);
+    bytes.remove_prefix(1);
+    value |= std::uint64_t{byte & 0x7FU} << shift;
+    if ((byte & 0x80) == 0) break;
+  }
+  return value;
+}
+
+/// The fields of a message: numbers as text, everything else as its bytes. The last one of a
+/// repeated field.
+std::map<unsigned, std::string> fields(std::string_view bytes) {
+  std::map<unsigned, std::string> found;
+  while (!bytes.empty()) {
+    const std::uint64_t key = varint(bytes);
+    const std::uint64_t value = varint(bytes);
+    const auto field = static_cast<unsigned>(key >> 3);
+    if ((key & 7) == 0) {
+      found[field] = std::to_string(value);
+    } else {
+      found[field] = std::string(bytes.substr(0, value));
+      bytes.remove_prefix(std::min<std::size_t>(value, bytes.size()));
+    }
+  }
+  return found;
+}
+
+class TypedCommandsTest : public testing::Test {
+ protected:
+  TypedCommandsTest() { begin(""); }
+  void begin(const std::string& host) {
+    ProfileConfig what;
+    what.kind = ProfileConfig::Kind::sparkplug_commands;
+    what.group = "plant-a";
+    what.node = "edge7";
+    what.host = host;
+    profile_.emplace(
+        config_, what, [this](Order order) { orders_.push_back(std::move(order)); },
+        [] { return kSentMs; });
+  }
+  void device(DeviceStatus::State state, std::uint32_t index = 0) {
+    DeviceStatus status;
+    status.device = index;
+    status.state = state;
+    profile_->device_state(status);
+  }
+  void hear(const std::string& topic, const char* text, bool retained = false) {
+    Message message;
+    message.topic = "spCv1.0/plant-a/" + topic;
+    message.payload = test::bytes(text);
+    message.retained = retained;
+    profile_->hear(message);
+  }
+  /// Returns "VERB/node/device seq" of all that is due.
+  std::vector<std::string> due() {
+    std::vector<std::string> found;
+    for (const Publication& each : profile_->due(now_, kSentMs)) {
+      EXPECT_EQ(each.qos, 0);
+      EXPECT_EQ(each.retain, Retain::no);
+      auto all = fields(each.payload);
+      EXPECT_EQ(all[1], "1790000000000000000") << "nanoseconds";
+      found.push_back(each.topic.substr(std::string("spCv1.0/plant-a/").size()) + " " + all[3]);
+    }
+    return found;
+  }
+  void rebirth(const char* payload = "2A 05 73 63 61 64 61") { hear("REBIRTH/edge7", payload); }
+
+  using Lines = std::vector<std::string>;
+  Config config_ = test::plant();
+  SteadyTime now_ = SteadyTime(1h);
+  std::vector<Order> orders_;
+  std::optional<TypedCommandsProfile> profile_;
+  bool connects_ = false;
+};
+
+TEST_F(TypedCommandsTest, NumbersGoOnAfterARebirthThatAHostAskedFor) {
+  device(DeviceStatus::State::online);
+  profile_->connection_began(Connected{});
+  EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1"}));
+  device(DeviceStatus::State::online, 1);
+  EXPECT_EQ(due(), Lines{"DBIRTH/edge7/press2 2"});
+  for (int i = 0; i < 9; ++i) rebirth();
+  EXPECT_TRUE(due().empty());
+  EXPECT_EQ(profile_->next_wake(), now_ + 1s);
+  now_ += 1s;
+  EXPECT_EQ(due(),
+            (Lines{"NREBIRTH/edge7 0", "DREBIRTH/edge7/press1 1", "DREBIRTH/edge7/press2 2"}));
+  EXPECT_TRUE(due().empty());
+  device(DeviceStatus::State::offline);
+  EXPECT_EQ(due(), Lines{"DDEATH/edge7/press1 3"});
+  now_ += 1s;
+  rebirth();
+  EXPECT_EQ(due(), (Lines{"NREBIRTH/edge7 2", "DREBIRTH/edge7/press2 3"}));
+  // What the library refused is missing in the order: the births begin anew.
+  now_ += 1s;
+  rebirth();
+  profile_->refused();
+  EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press2 1"}));
+}
+
+TEST_F(TypedCommandsTest, NumbersBeforeZeroWrap) {
+  profile_->connection_began(Connected{});
+  due();
+  device(DeviceStatus::State::online);
+  now_ += 1s;
+  rebirth();
+  EXPECT_EQ(due(), (Lines{"NREBIRTH/edge7 " + std::to_string(kAll), "DREBIRTH/edge7/press1 0"}));
+}
+
+TEST_F(TypedCommandsTest, WillHasTheNumberOfTheSessionAlone) {
+  for (const char* session : {"0", "0", "1", "2"}) {
+    const Will will = profile_->last_will();
+    EXPECT_EQ(will.topic, "spCv1.0/plant-a/NDEATH/edge7");
+    EXPECT_EQ(will.retain, Retain::no);
+    EXPECT_EQ(fields(will.payload), (std::map<unsigned, std::string>{{4, session}}));
+    if (session == std::string("0") && !std::exchange(connects_, true))
+      continue;  // the first attempt fails
+    profile_->connection_began(Connected{});
+    EXPECT_EQ(fields(profile_->due(now_, kSentMs)[0].payload)[4], session);
+    EXPECT_EQ(profile_->farewell(kSentMs)[0].payload, will.payload);
+    profile_->connection_ended();
+  }
+  EXPECT_TRUE(profile_->farewell(kSentMs).empty()) << "not born";
+}
+
+TEST_F(TypedCommandsTest, RequestIsOneCommandAndItsResultTheAnswer) {
+  device(DeviceStatus::State::online);
+  profile_->connection_began(Connected{});
+  due();
+  hear("DCMD/edge7/press1", kRequest);
+  ASSERT_EQ(orders_.size(), 1U);
+  EXPECT_EQ(orders_[0].device, "press1");
+  EXPECT_EQ(orders_[0].sender, "sparkplug-commands/scada");
+  EXPECT_EQ(orders_[0].payload, R"({"id":"scada/c1","op":"write","tag":"setpoint","value":7})");
+  EXPECT_TRUE(due().empty()) << "no answer before the result";
+  orders_[0].tell(
+      R"({"id":"scada/c1","status":"SUCCEEDED","reason":null,"detail":null,"plc":"ACK","value":7})");
+  const auto messages = profile_->due(now_, kSentMs);
+  ASSERT_EQ(messages.size(), 1U);
+  EXPECT_EQ(messages[0].topic, "spCv1.0/plant-a/DRESP/edge7/press1");
+  auto packet = fields(messages[0].payload);
+  EXPECT_FALSE(packet.contains(3)) << "an answer has no seq";
+  auto metric = fields(packet[2]);
+  EXPECT_EQ(metric[1], "Write/setpoint");
+  EXPECT_EQ(metric[4], "35");
+  auto command = fields(metric[12]);
+  EXPECT_EQ(command[3], "c1");
+  EXPECT_EQ(fields(command[4])[1], "0");
+  EXPECT_EQ(fields(command[4])[2], "SUCCEEDED, ACK");
+  auto result = fields(command[2]);
+  EXPECT_EQ(result[1], "value");
+  EXPECT_EQ(fields(result[11]), (std::map<unsigned, std::string>{{1, "2"}, {3, "7"}}));
+}
+
+TEST_F(TypedCommandsTest, ResultHasTheTypeOfItsTag) {
+  DeviceConfig& press = config_.devices[0];
+  const auto answered = [&](DataType type, bool is_array, const std::string& value) {
+    press.tags[test::setpoint].point.type = type;
+    press.tags[test::setpoint].point.is_array = is_array;
+    hear("DCMD/edge7/press1", kRequest);
+    orders_.back().tell(R"({"status":"SUCCEEDED","value":)" + value + "}");
+    const auto answer = profile_->due(now_, kSentMs).at(0);
+    return fields(fields(fields(fields(fields(answer.payload)[2])[12])[2])[11]);
+  };
+  using Fields = std::map<unsigned, std::string>;
+  const std::string most = std::to_string(kAll);
+  profile_->connection_began(Connected{});
+  due();
+  EXPECT_EQ(answered(DataType::int64, false, R"("-9007199254740993")"),
+            (Fields{{1, "4"}, {4, std::to_string(kAll - 9007199254740992U)}}));
+  EXPECT_EQ(answered(DataType::uint64, false, '"' + most + '"'), (Fields{{1, "8"}, {6, most}}));
+  EXPECT_EQ(answered(DataType::uint32, false, "4294967295"), (Fields{{1, "7"}, {5, "4294967295"}}));
+  EXPECT_EQ(answered(DataType::boolean, false, "true"), (Fields{{1, "11"}, {9, "1"}}));
+  EXPECT_EQ(answered(DataType::string, false, R"("7")"), (Fields{{1, "12"}, {10, "7"}}));
+  EXPECT_EQ(answered(DataType::int16, true, "[1,-1]"),
+            (Fields{{1, "23"}, {11, test::bytes("01 00 FF FF")}}));
+  EXPECT_EQ(answered(DataType::int16, false, "null"), (Fields{{1, "2"}, {2, "1"}})) << "is_null";
+}
+
+TEST_F(TypedCommandsTest, EachStatusHasACodeOfItsOwn) {
+  profile_->connection_began(Connected{});
+  due();
+  std::vector<std::string> codes;
+  for (const char* word :
+       {"SUCCEEDED", "FAILED", "PARTIAL", "REJECTED", "EXPIRED", "DUPLICATE", "UNKNOWN_OUTCOME"}) {
+    hear("DCMD/edge7/press1", kRequest);
+    orders_.back().tell(R"({"status":")" + std::string(word) + R"(","reason":"x","detail":"y"})");
+    const auto answer = profile_->due(now_, kSentMs).at(0);
+    const auto status = fields(fields(fields(fields(answer.payload)[2])[12])[4]);
+    EXPECT_EQ(status.at(2), std::string(word) + ": x: y");
+    codes.push_back(status.at(1));
+  }
+  EXPECT_EQ(codes, (Lines{"0", "1", "2", "3", "4", "5", "6"}));
+}
+
+TEST_F(TypedCommandsTest, AnswerOfAnOutageFollowsTheBirthsOfTheNextSession) {
+  device(DeviceStatus::State::online);
+  profile_->connection_began(Connected{});
+  due();
+  hear("DCMD/edge7/press1", kRequest);
+  profile_->connection_ended();
+  orders_[0].tell(R"({"status":"SUCCEEDED","value":7})");
+  EXPECT_TRUE(due().empty());
+  profile_->connection_began(Connected{});
+  EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1", "DRESP/edge7/press1 "}));
+}
+
+TEST_F(TypedCommandsTest, HostileMessagesAreNoCommands) {
+  device(DeviceStatus::State::online);
+  profile_->connection_began(Connected{});
+  due();
+  now_ += 1s;
+  hear("DCMD/edge7/press1", "FF FF FF");
+  hear("DCMD/edge7/press1", "");
+  hear("DCMD/edge7/press1", "12 02 20 23");              // without a command
+  hear("DCMD/edge7/press1", "12 06 0A 04 74 65 6D 70");  // a value, as in payload B
+  hear("DCMD/edge7/", kRequest);
+  std::string many;
+  for (int i = 0; i < 65; ++i) many += "12 02 62 00 ";
+  hear("DCMD/edge7/press1", many.c_str());
+  hear("REBIRTH/edge7", "FF");
+  hear("REBIRTH/edge7", "", /*retained=*/true);
+  Message long_one;
+  long_one.topic = "spCv1.0/plant-a/DCMD/edge7/press1";
+  long_one.payload = std::string("\x12\x02\x62\x00", 4);
+  long_one.payload += std::string("\x2A\x80\x80\x04", 4) + std::string(65536, 'x');
+  profile_->hear(long_one);
+  EXPECT_TRUE(orders_.empty());
+  EXPECT_TRUE(due().empty());
+  // This one has nothing but a command, and is answered.
+  hear("DCMD/edge7/press1", "12 02 62 00");
+  EXPECT_TRUE(orders_.empty());
+  EXPECT_EQ(due(), Lines{"DRESP/edge7/press1 "});
+}
+
+TEST_F(TypedCommandsTest, WhileItsHostIsOfflineTheNodeDoesNothing) {
+  begin("scada");
+  device(DeviceStatus::State::online);
+  profile_->connection_began(Connected{});
+  hear("DCMD/edge7/press1", kRequest);
+  EXPECT_TRUE(orders_.empty());
+  EXPECT_TRUE(due().empty());
+  Message state;
+  state.topic = "spCv1.0/STATE/scada";
+  state.payload = R"({"online": true, "timestamp": 1790000000000000000})";
+  profile_->hear(state);
+  hear("DCMD/edge7/press1", kRequest);
+  EXPECT_EQ(orders_.size(), 1U);
+  EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1"}));
+}
+
+TEST_F(TypedCommandsTest, LongNamesOfHostsMakeShortIds) {
+  profile_->connection_began(Connected{});
+  due();
+  // The same request by a source of 70 characters.
+  std::string text = "2A 46";
+  for (int i = 0; i < 70; ++i) text += " 61";
+  hear("DCMD/edge7/press1", (text + " " + std::string(kRequest).substr(21)).c_str());
+  ASSERT_EQ(orders_.size(), 1U);
+  const std::string& payload = orders_[0].payload;
+  EXPECT_EQ(payload.find(R"(","op")") - std::string(R"({"id":")").size(), 64U) << payload;
+}
+
+}  // namespace
+}  // namespace fxagent
