@@ -11,10 +11,6 @@
 
 namespace fxagent {
 
-WaitingBroker::Handle::~Handle() {
-  if (fd_ >= 0) close(fd_);
-}
-
 WaitingBroker::WaitingBroker(const MqttConfig& config, std::size_t max_payload,
                              std::chrono::seconds keep_session)
     : news_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "agent/config/model.h"
+#include "agent/file_handle.h"
 #include "agent/steady_time.h"
 #include "agent/uplink/paho/paho_broker.h"
 
@@ -30,21 +31,8 @@ class WaitingBroker final {
   Woken wait_until(SteadyTime deadline);
 
  private:
-  /// File descriptor, closed after the broker that uses it.
-  class Handle final {
-   public:
-    explicit Handle(int fd) : fd_(fd) {}
-    ~Handle();
-    Handle(const Handle&) = delete;
-    Handle& operator=(const Handle&) = delete;
-    operator int() const { return fd_; }
-
-   private:
-    int fd_;
-  };
-
-  Handle news_;
-  Handle signals_;
+  FileHandle news_;
+  FileHandle signals_;
   PahoBroker broker_;  // last: its callbacks use the others
 };
 

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "agent/config/json/tree.h"
+#include "agent/file_handle.h"
 
 namespace fxagent {
 namespace {
@@ -23,24 +24,6 @@ using Clock = std::chrono::steady_clock;
 
 /// Time limit for pipes and devices, as in `check <(jq . agent.json)`.
 constexpr std::chrono::seconds kPipeReads{5};
-
-/// File descriptor that the destructor closes.
-class OpenFile final {
- public:
-  // Without O_NONBLOCK, open() of a named pipe without a writer would block.
-  explicit OpenFile(const std::string& path)
-      : number_(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY)) {}
-  ~OpenFile() {
-    if (number_ >= 0) ::close(number_);
-  }
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-
-  int get() const { return number_; }
-
- private:
-  const int number_;
-};
 
 /// Waits until there is data or the end of the file. False if `deadline` passes first.
 bool await_bytes(int file, Clock::time_point deadline) {
@@ -76,16 +59,17 @@ tl::expected<std::string, ConfigErrors> read_config_file(const std::string& path
     return tl::unexpected(ConfigErrors{ConfigError{"", 0, "cannot be read: " + std::move(why)}});
   };
   const auto system_fault = [] { return std::generic_category().message(errno); };
-  const OpenFile file(path);
+  // Without O_NONBLOCK, open() of a named pipe without a writer would block.
+  const FileHandle file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
   struct stat kind {};
-  if (file.get() < 0 || ::fstat(file.get(), &kind) != 0) return unreadable(system_fault());
+  if (file < 0 || ::fstat(file, &kind) != 0) return unreadable(system_fault());
   if (S_ISDIR(kind.st_mode)) return unreadable("it is a directory");
   const auto deadline = Clock::now() + kPipeReads;
   // Stops an endless file: one byte over the limit is enough for the parser to reject the text.
   std::string text;
   std::array<char, 65536> block{};
   while (text.size() <= ConfigTree::max_bytes) {
-    const auto got = ::read(file.get(), block.data(), block.size());
+    const auto got = ::read(file, block.data(), block.size());
     if (got > 0) {
       text.append(block.data(), static_cast<std::size_t>(got));
       continue;
@@ -95,7 +79,7 @@ tl::expected<std::string, ConfigErrors> read_config_file(const std::string& path
     if (got == 0) break;
     if (errno == EINTR) continue;
     if (errno != EAGAIN) return unreadable(system_fault());
-    if (!await_bytes(file.get(), deadline))
+    if (!await_bytes(file, deadline))
       return unreadable("it is not a regular file, and it did not end within " +
                         std::to_string(kPipeReads.count()) + " s");
   }

@@ -31,12 +31,9 @@ int new_socket(int family) {
 
 /// True if a program still accepts connections there. A file left by a dead one refuses them.
 bool is_served(sockaddr_un& address) {
-  const int probe = new_socket(AF_UNIX);
-  if (probe < 0) return true;
-  const bool served =
-      ::connect(probe, as_any(address), sizeof address) == 0 || errno != ECONNREFUSED;
-  ::close(probe);
-  return served;
+  const FileHandle probe(new_socket(AF_UNIX));
+  return probe < 0 || ::connect(probe, as_any(address), sizeof address) == 0 ||
+         errno != ECONNREFUSED;
 }
 
 bool is_socket(const std::string& path) {
@@ -126,10 +123,7 @@ Result<ListeningSocket> ListeningSocket::open_tcp(const HttpConfig& config) {
   return made;
 }
 
-ListeningSocket::~ListeningSocket() {
-  remove_path();
-  if (file_ >= 0) ::close(file_);
-}
+ListeningSocket::~ListeningSocket() { remove_path(); }
 
 void ListeningSocket::remove_path() {
   if (!path_.empty()) ::unlink(path_.c_str());

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "agent/config/model.h"
+#include "agent/file_handle.h"
 #include "protocol/value/result.h"
 
 namespace fxagent {
@@ -17,7 +18,7 @@ class ListeningSocket final {
   static Result<ListeningSocket> open(const HttpConfig& config);
 
   ListeningSocket(ListeningSocket&& other) noexcept
-      : file_(std::exchange(other.file_, -1)),
+      : file_(std::move(other.file_)),
         address_(std::move(other.address_)),
         path_(std::exchange(other.path_, {})) {}
   ListeningSocket& operator=(ListeningSocket&&) = delete;
@@ -28,7 +29,7 @@ class ListeningSocket final {
   /// may be another process's.
   void remove_path();
   /// Passes the socket to the caller, who calls remove_path() and closes it.
-  int take_file() { return std::exchange(file_, -1); }
+  int take_file() { return file_.release(); }
   /// Actual address: "127.0.0.1:9464", "[::1]:40123", "unix:/run/fxagent/metrics".
   const std::string& address() const { return address_; }
 
@@ -38,7 +39,7 @@ class ListeningSocket final {
   static Result<ListeningSocket> open_unix(const std::string& path);
   static Result<ListeningSocket> open_tcp(const HttpConfig& config);
 
-  int file_;
+  FileHandle file_;
   std::string address_;
   std::string path_;  ///< of a bound Unix socket
 };

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/file_handle.h"
 #include "agent/json_member.h"
 #include "agent/log/log.h"
 
@@ -109,16 +110,9 @@ std::string without_device(std::string_view text) {
 
 /// Results on their way to the server's thread.
 struct PageOrders::Inbox {
-  const int file = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  const FileHandle file{::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)};
   std::mutex mutex{};
   std::vector<Result> results{};  ///< under the mutex
-
-  Inbox() = default;
-  Inbox(const Inbox&) = delete;
-  Inbox& operator=(const Inbox&) = delete;
-  ~Inbox() {
-    if (file >= 0) ::close(file);
-  }
 };
 
 PageOrders::PageOrders(std::string token_file, std::function<void(Order)> place)

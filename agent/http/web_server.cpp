@@ -65,11 +65,9 @@ WebServer::WebServer(HttpConfig config, StatusBoard& board, std::function<void(O
 }
 
 WebServer::~WebServer() {
-  if (thread_.joinable()) {
-    ::eventfd_write(end_, 1);
-    thread_.join();
-  }
-  if (end_ >= 0) ::close(end_);
+  if (!thread_.joinable()) return;
+  ::eventfd_write(end_, 1);
+  thread_.join();
 }
 
 void WebServer::work() {

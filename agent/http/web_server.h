@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "agent/config/model.h"
+#include "agent/file_handle.h"
 #include "agent/http/http_server.h"
 #include "agent/http/page_api.h"
 #include "agent/http/page_orders.h"
@@ -61,7 +62,7 @@ class WebServer final {
 
   const HttpConfig config_;
   StatusBoard& board_;
-  const int end_;  ///< readable when the thread must end
+  const FileHandle end_;  ///< readable when the thread must end
   // Used by the thread only.
   SteadyTime ask_again_{};
   HttpServer* server_ = nullptr;              ///< null until it serves

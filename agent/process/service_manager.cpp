@@ -1,5 +1,6 @@
 #include "agent/process/service_manager.h"
 
+#include "agent/file_handle.h"
 #include "agent/text.h"
 
 #include <sys/socket.h>
@@ -43,14 +44,13 @@ void tell(std::string_view state, Patience patience) {
   std::ranges::copy(path, address.sun_path);
   if (path.front() == '@') address.sun_path[0] = '\0';
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + path.size());
-  const int out = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const FileHandle out(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (out < 0) return;
   if (patience == Patience::short_)
     ::setsockopt(out, SOL_SOCKET, SO_SNDTIMEO, &kShort, sizeof kShort);
   ::sendto(out, state.data(), state.size(),
            MSG_NOSIGNAL | (patience == Patience::none ? MSG_DONTWAIT : 0),
            reinterpret_cast<const sockaddr*>(&address), size);
-  ::close(out);
 }
 
 /// True if the byte is UTF-8 and does not begin a character.

@@ -50,10 +50,6 @@ RecordingFiles::RecordingFiles(std::string directory, std::size_t most_files,
                                std::uint64_t most_bytes)
     : directory_(std::move(directory)), most_files_(most_files), most_bytes_(most_bytes) {}
 
-RecordingFiles::~RecordingFiles() {
-  if (lock_ >= 0) ::close(lock_);
-}
-
 std::string RecordingFiles::begin() {
   if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
   // Of an earlier run. Before the lock, because whoever sees the lock may leave a new one.
@@ -61,11 +57,12 @@ std::string RecordingFiles::begin() {
     if (std::string fault = DurableFile(directory_, kRequest).remove(); !fault.empty())
       return fault;
   const std::string path = directory_ + "/" + kLock;
-  lock_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+  lock_ = FileHandle(
+      ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
   if (lock_ < 0) return why(path);
   struct flock range = whole_file();
   if (::fcntl(lock_, F_SETLK, &range) != 0) {
-    ::close(std::exchange(lock_, -1));
+    lock_.close();
     return directory_ + " belongs to another agent that runs: give each agent its own directory";
   }
   return DurableFile(directory_, kAnswer).write("");
@@ -133,11 +130,10 @@ std::string RecordingFiles::answer(std::int64_t now_us, const std::vector<std::s
 
 std::optional<pid_t> writer_of(const std::string& directory) {
   const std::string path = directory + "/" + kLock;
-  const int file = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
+  const FileHandle file(::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW));
   if (file < 0) return std::nullopt;
   struct flock range = whole_file();
   const bool known = ::fcntl(file, F_GETLK, &range) == 0 && range.l_type != F_UNLCK;
-  ::close(file);
   return known ? std::optional(range.l_pid) : std::nullopt;
 }
 

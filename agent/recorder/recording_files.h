@@ -10,13 +10,14 @@
 #include <string_view>
 #include <vector>
 
+#include "agent/file_handle.h"
+
 namespace fxagent {
 
 class RecordingFiles final {
  public:
   /// Does not touch the disk. `most_files` and `most_bytes` bound the recordings.
   RecordingFiles(std::string directory, std::size_t most_files, std::uint64_t most_bytes);
-  ~RecordingFiles();
   RecordingFiles(const RecordingFiles&) = delete;
   RecordingFiles& operator=(const RecordingFiles&) = delete;
 
@@ -42,7 +43,7 @@ class RecordingFiles final {
   const std::string directory_;
   const std::size_t most_files_;
   const std::uint64_t most_bytes_;
-  int lock_ = -1;
+  FileHandle lock_;
 };
 
 /// Last part of the name of a recording.

@@ -14,6 +14,7 @@
 #include "agent/field/transport/low_latency.h"
 #include "agent/field/transport/rs485.h"
 #include "agent/field/transport/stream_io.h"
+#include "agent/file_handle.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
 
@@ -48,19 +49,14 @@ class SerialTransport final : public Transport {
 
   asio::awaitable<Result<void>> open(SteadyTime /*deadline*/) override {
     close();
-    const int fd = ::open(settings_.path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-    if (fd < 0) co_return failed("cannot be opened", errno);
-    const auto ready = set_up(fd);
-    if (!ready) {
-      ::close(fd);
-      co_return ready;
-    }
+    FileHandle file(::open(settings_.path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    if (file < 0) co_return failed("cannot be opened", errno);
+    const auto ready = set_up(file);
+    if (!ready) co_return ready;
     asio::error_code error;
-    stream_.assign(fd, error);
-    if (error) {
-      ::close(fd);
-      co_return fail(ErrorCode::link_down, settings_.path + ": " + error.message());
-    }
+    stream_.assign(file, error);
+    if (error) co_return fail(ErrorCode::link_down, settings_.path + ": " + error.message());
+    file.release();
     stream_.non_blocking(true, error);
     fault_ = 0;
     co_return Result<void>{};

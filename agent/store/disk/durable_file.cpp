@@ -10,6 +10,7 @@
 #include <system_error>
 #include <utility>
 
+#include "agent/file_handle.h"
 #include "agent/store/disk/store_file.h"
 
 namespace fxagent {
@@ -18,23 +19,6 @@ namespace {
 std::string why(const std::string& path) {
   return path + ": " + std::generic_category().message(errno);
 }
-
-/// Closes a file descriptor at the end of its scope.
-class Handle final {
- public:
-  explicit Handle(int number) : number_(number) {}
-  ~Handle() {
-    if (number_ >= 0) ::close(number_);
-  }
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-
-  bool is_open() const { return number_ >= 0; }
-  int get() const { return number_; }
-
- private:
-  const int number_;
-};
 
 /// Returns false, with errno set, if part of the text was not written.
 bool write_all(int handle, std::string_view text) {
@@ -56,9 +40,9 @@ class DurableFile::Lock final {
   explicit Lock(const std::string& directory)
       : handle_(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)),
         identity_(identity_of(directory)) {
-    if (!handle_.is_open())
+    if (handle_ < 0)
       fault_ = why(directory);
-    else if (::flock(handle_.get(), LOCK_EX | LOCK_NB) != 0)
+    else if (::flock(handle_, LOCK_EX | LOCK_NB) != 0)
       fault_ = errno == EWOULDBLOCK ? directory + " belongs to another agent" : why(directory);
   }
 
@@ -69,7 +53,7 @@ class DurableFile::Lock final {
   }
 
  private:
-  const Handle handle_;
+  const FileHandle handle_;
   const std::optional<FileIdentity> identity_;
   std::string fault_;
 };
@@ -89,17 +73,17 @@ std::string DurableFile::lock() {
 }
 
 tl::expected<std::optional<std::string>, std::string> DurableFile::read(std::size_t most) const {
-  const Handle file(::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
-  if (!file.is_open()) {
+  const FileHandle file(::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+  if (file < 0) {
     if (errno == ENOENT) return std::nullopt;
     return tl::unexpected(why(path_));
   }
-  if (std::string fault = why_not_ours(file.get(), path_); !fault.empty())
+  if (std::string fault = why_not_ours(file, path_); !fault.empty())
     return tl::unexpected(std::move(fault));
   std::string text;
   std::array<char, 65536> block{};
   while (text.size() <= most) {
-    const auto got = ::read(file.get(), block.data(), block.size());
+    const auto got = ::read(file, block.data(), block.size());
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) return tl::unexpected(why(path_));
     if (got == 0) return text;
@@ -114,10 +98,10 @@ std::string DurableFile::write(std::string_view text) const {
   // A crash may have left this file, or another user may have put it there.
   ::unlink(fresh.c_str());
   {
-    const Handle file(::open(fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW,
-                             S_IRUSR | S_IWUSR));
-    if (!file.is_open()) return why(fresh);
-    if (!write_all(file.get(), text) || ::fsync(file.get()) != 0) {
+    const FileHandle file(::open(
+        fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
+    if (file < 0) return why(fresh);
+    if (!write_all(file, text) || ::fsync(file) != 0) {
       std::string fault = why(fresh);
       ::unlink(fresh.c_str());
       return fault;
@@ -137,8 +121,8 @@ std::string DurableFile::remove() const {
 }
 
 std::string DurableFile::synchronise_directory() const {
-  const Handle directory(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (!directory.is_open() || ::fsync(directory.get()) != 0) return why(directory_);
+  const FileHandle directory(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (directory < 0 || ::fsync(directory) != 0) return why(directory_);
   return {};
 }
 

@@ -92,7 +92,8 @@ std::optional<FileIdentity> identity_of(const std::string& path) {
 
 DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "/fxagent.lock") {
   const std::string& path = path_;
-  handle_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+  handle_ = FileHandle(
+      ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
   if (handle_ < 0) {
     fault_ = why_not_opened(path);
     return;
@@ -109,10 +110,6 @@ DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "
     std::this_thread::sleep_for(kAskAgain);
   }
   identity_ = identity_of(path);
-}
-
-DirectoryLock::~DirectoryLock() {
-  if (handle_ >= 0) ::close(handle_);
 }
 
 std::string store_file_path(const std::string& directory) {
@@ -133,12 +130,11 @@ std::string make_store_file(const std::string& directory) {
   std::string why = make_store_directory(directory);
   if (!why.empty()) return why;
   const std::string file = store_file_path(directory);
-  const int handle =
-      ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+  const FileHandle handle(
+      ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
   if (handle < 0) return why_not_opened(file);
   why = why_not_ours(handle, file);
   if (why.empty()) ::fchmod(handle, S_IRUSR | S_IWUSR);
-  ::close(handle);
   return why;
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "agent/file_handle.h"
 #include "agent/store/disk/checkpointer.h"
 #include "agent/store/disk/sqlite.h"
 
@@ -27,7 +28,6 @@ class DirectoryLock final {
  public:
   /// Waits at most 500 ms for a process that is just ending.
   explicit DirectoryLock(const std::string& directory);
-  ~DirectoryLock();
   DirectoryLock(const DirectoryLock&) = delete;
   DirectoryLock& operator=(const DirectoryLock&) = delete;
 
@@ -39,7 +39,7 @@ class DirectoryLock final {
  private:
   std::string path_;
   std::optional<FileIdentity> identity_;
-  int handle_ = -1;
+  FileHandle handle_;
   std::string fault_;
 };
 

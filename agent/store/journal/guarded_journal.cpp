@@ -27,12 +27,6 @@ bool GuardedJournal::journal(std::span<const JournalEntry> entries) {
   return guard_.ask<bool>([this, kept] { return journal_.journal(kept); });
 }
 
-void GuardedJournal::record(JournalEntry entry) {
-  std::vector<JournalEntry> entries;
-  entries.push_back(std::move(entry));
-  record(std::move(entries));
-}
-
 void GuardedJournal::record(std::vector<JournalEntry> entries) {
   if (!guard_.hangs()) {
     const auto kept = std::make_shared<std::vector<JournalEntry>>(std::move(entries));

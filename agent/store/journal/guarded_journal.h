@@ -40,7 +40,7 @@ class GuardedJournal final : public CommandJournal {
   void note(std::string audit) override;
   bool journal(std::span<const JournalEntry> entries) override;
   bool hangs() const override { return guard_.hangs(); }
-  void record(JournalEntry entry) override;
+  using CommandJournal::record;
   void record(std::vector<JournalEntry> entries) override;
   void acknowledge(std::string device, std::string id, std::uint64_t number,
                    std::string total_ms = {}) override;

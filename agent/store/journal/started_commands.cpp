@@ -82,27 +82,20 @@ StartedCommands::StartedCommands(const std::string& directory)
                 sizeof(Record) == 32 && sizeof(Content) == 128 + kKept * 32);
 }
 
-StartedCommands::~StartedCommands() {
-  if (handle_ >= 0) ::close(handle_);
-}
-
 void StartedCommands::go_on() {
-  const int handle = ::open(path_.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
+  FileHandle handle(::open(path_.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW));
   const auto content = handle < 0 ? std::nullopt : read(handle);
-  if (!content) {
-    if (handle >= 0) ::close(handle);
-    return make(first_of_run_);
-  }
-  take_over(handle, *content);
+  if (!content) return make(first_of_run_);
+  take_over(std::move(handle), *content);
   remember(*content);
 }
 
 void StartedCommands::begin_anew(std::uint64_t next_number) {
   earlier_.reset();  // belongs to another database
-  const int handle = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
-  if (handle >= 0) {
-    if (const auto content = read(handle)) remember(*content);
-    ::close(handle);
+  {
+    const FileHandle handle(::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
+    const auto content = handle < 0 ? std::nullopt : read(handle);
+    if (content) remember(*content);
   }
   make(next_number);
 }
@@ -110,7 +103,7 @@ void StartedCommands::begin_anew(std::uint64_t next_number) {
 void StartedCommands::close() {
   const std::lock_guard lock(mutex_);
   if (handle_ < 0) return;
-  ::close(std::exchange(handle_, -1));
+  handle_.close();
   ::unlink(path_.c_str());
 }
 
@@ -137,7 +130,7 @@ void StartedCommands::withdraw(const std::string& why) {
   bool is_withdrawn = false;
   if (handle_ >= 0) {
     is_withdrawn = ::ftruncate(handle_, 0) == 0;
-    ::close(std::exchange(handle_, -1));
+    handle_.close();
   }
   if (!is_withdrawn) is_withdrawn = ::unlink(path_.c_str()) == 0 || errno == ENOENT;
   if (!is_withdrawn) is_withdrawn = ::truncate(path_.c_str(), 0) == 0;
@@ -190,9 +183,9 @@ std::optional<StartedCommands::Content> StartedCommands::read(int handle) const 
   return content;
 }
 
-void StartedCommands::take_over(int handle, const Content& content) {
+void StartedCommands::take_over(FileHandle handle, const Content& content) {
   const std::lock_guard lock(mutex_);
-  handle_ = handle;
+  handle_ = std::move(handle);
   floor_ = content.head.floor;
   marks_ = 0;
   numbers_.assign(kKept, 0);
@@ -218,14 +211,14 @@ void StartedCommands::remember(const Content& content) {
 
 void StartedCommands::make(std::uint64_t next_number) {
   const std::lock_guard lock(mutex_);
-  if (handle_ >= 0) ::close(std::exchange(handle_, -1));
+  handle_.close();
   // Delete the old file first: after a crash in between, nothing must be proven.
   if (::unlink(path_.c_str()) != 0 && errno != ENOENT)
     return withdraw("delete: " + std::string(std::strerror(errno)));
   const auto head = head_of_now(next_number);
   if (!head) return;
-  handle_ =
-      ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+  handle_ = FileHandle(
+      ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
   if (handle_ < 0) return withdraw("open: " + std::string(std::strerror(errno)));
   const Content content{*head, {}};
   if (!write_whole(handle_, &content, sizeof content, 0))

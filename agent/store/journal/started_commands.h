@@ -14,6 +14,8 @@
 #include <string>
 #include <vector>
 
+#include "agent/file_handle.h"
+
 namespace fxagent {
 
 class StartedCommands final {
@@ -24,7 +26,6 @@ class StartedCommands final {
 
   /// `directory`: the store's. Opens nothing yet.
   explicit StartedCommands(const std::string& directory);
-  ~StartedCommands();
   StartedCommands(const StartedCommands&) = delete;
   StartedCommands& operator=(const StartedCommands&) = delete;
 
@@ -59,7 +60,7 @@ class StartedCommands final {
 
   /// Returns nullopt if there is no file, or it proves nothing.
   std::optional<Content> read(int handle) const;
-  void take_over(int handle, const Content& content);
+  void take_over(FileHandle handle, const Content& content);
   void remember(const Content& content);
   void make(std::uint64_t next_number);
   void withdraw(const std::string& why);
@@ -70,8 +71,8 @@ class StartedCommands final {
   std::optional<Earlier> earlier_;
   std::uint64_t first_of_run_ = 0;
 
-  std::mutex mutex_;  ///< guards all below: mark() runs on another thread
-  int handle_ = -1;   ///< -1: no file, so nothing will be proven
+  std::mutex mutex_;   ///< guards all below: mark() runs on another thread
+  FileHandle handle_;  ///< not open: no file, so nothing will be proven
   std::uint64_t floor_ = 0;
   std::uint64_t marks_ = 0;             ///< made in this file, by all runs
   std::vector<std::uint64_t> numbers_;  ///< by place

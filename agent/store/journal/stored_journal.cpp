@@ -25,12 +25,6 @@ bool StoredJournal::journal(std::span<const JournalEntry> entries) {
   return disk_.is_writable() && disk_.flush();
 }
 
-void StoredJournal::record(JournalEntry entry) {
-  std::vector<JournalEntry> entries;
-  entries.push_back(std::move(entry));
-  record(std::move(entries));
-}
-
 void StoredJournal::record(std::vector<JournalEntry> entries) {
   if (entries.empty()) return;
   // A command that is not on disk yet is written together with its result.

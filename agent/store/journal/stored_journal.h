@@ -27,7 +27,7 @@ class StoredJournal final : public CommandJournal {
   std::uint64_t next_command_number() override { return audit_.next_command_number(); }
   void note(std::string audit) override { audit_.note(std::move(audit)); }
   bool journal(std::span<const JournalEntry> entries) override;
-  void record(JournalEntry entry) override;
+  using CommandJournal::record;
   void record(std::vector<JournalEntry> entries) override;
   void acknowledge(std::string device, std::string id, std::uint64_t number,
                    std::string total_ms = {}) override;
