@@ -32,6 +32,12 @@ std::string text_at(const Json& object, const char* key) {
   return value.is_string() ? value.template get<std::string>() : std::string();
 }
 
+/// Returns the JSON in one line. Bytes that are not UTF-8 become U+FFFD.
+template <JsonValue Json>
+std::string dumped(const Json& json) {
+  return json.dump(-1, ' ', /*ensure_ascii=*/false, Json::error_handler_t::replace);
+}
+
 /// Returns a boolean, a number or a text; nullopt for null, an array or an object.
 inline std::optional<Scalar> scalar_of(const nlohmann::json& json) {
   if (json.is_boolean()) return Scalar(json.get<bool>());

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <condition_variable>
 #include <csignal>
 #include <mutex>
 #include <optional>
@@ -52,26 +51,15 @@ std::size_t files_needed(const Config& config) {
 /// may outlive the wait.
 class Reload::Turn final {
  public:
-  void begin() {
-    const std::lock_guard lock(mutex_);
-    done_ = false;
-  }
+  void begin() { done_ = false; }
   void end() {
-    {
-      const std::lock_guard lock(mutex_);
-      done_ = true;
-    }
-    ended_.notify_all();
+    done_ = true;
+    done_.notify_all();
   }
-  void wait() {
-    std::unique_lock lock(mutex_);
-    ended_.wait(lock, [this] { return done_; });
-  }
+  void wait() { done_.wait(false); }
 
  private:
-  std::mutex mutex_;
-  std::condition_variable ended_;
-  bool done_ = false;
+  std::atomic<bool> done_ = false;
 };
 
 Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,

@@ -38,11 +38,7 @@ constexpr std::size_t kMostSamples = 100'000;
 // ---- links --------------------------------------------------------------------------------------
 
 std::string place_of(const LinkConfig& link) {
-  if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) return serial->path;
-  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
-    return "udp " + udp->host + ":" + std::to_string(udp->port);
-  const auto& tcp = std::get<TcpSettings>(link.channel);
-  return tcp.host + ":" + std::to_string(tcp.port);
+  return (std::holds_alternative<UdpSettings>(link.channel) ? "udp " : "") + endpoint_of(link);
 }
 
 /// True if both name one serial port, or one host and port.

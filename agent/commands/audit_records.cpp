@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "agent/json_member.h"
 #include "agent/text.h"
 
 namespace fxagent::audit {
@@ -40,17 +41,13 @@ Json outcome_of(std::string_view result_text) {
   return outcome;
 }
 
-std::string text_of(const Json& body) {
-  return body.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
 }  // namespace
 
 std::string answered(const Receipt& receipt, std::string_view result_text, std::int64_t now_ms) {
   Json body = body_of("answered", now_ms);
   add_receipt(body, receipt);
   body["result"] = outcome_of(result_text);
-  return text_of(body);
+  return dumped(body);
 }
 
 std::string admitted(const Receipt& receipt, std::string_view id, std::string_view op,
@@ -59,7 +56,7 @@ std::string admitted(const Receipt& receipt, std::string_view id, std::string_vi
   add_receipt(body, receipt);
   body["id"] = id;
   body["op"] = op;
-  return text_of(body);
+  return dumped(body);
 }
 
 std::string result(std::uint64_t number, std::string_view device, std::string_view result_text,
@@ -72,7 +69,7 @@ std::string result(std::uint64_t number, std::string_view device, std::string_vi
   for (const WireFrame& frame : frames.frames())
     wire.push_back({{frame.way == WireFrame::Way::out ? "out" : "in", to_hex(frame.bytes)}});
   body["frames_omitted"] = frames.omitted();
-  return text_of(body);
+  return dumped(body);
 }
 
 std::string delivery(std::uint64_t number, std::string_view device, std::string_view id,
@@ -82,7 +79,7 @@ std::string delivery(std::uint64_t number, std::string_view device, std::string_
   body["device"] = device;
   body["id"] = word(id);
   body["acknowledged"] = acknowledged;
-  return text_of(body);
+  return dumped(body);
 }
 
 std::string config(const ConfigReceipt& receipt, std::string_view topic, std::int64_t now_ms) {
@@ -99,7 +96,7 @@ std::string config(const ConfigReceipt& receipt, std::string_view topic, std::in
     errors.push_back(kept(error));
   }
   body["errors_in_all"] = receipt.errors.size();
-  return text_of(body);
+  return dumped(body);
 }
 
 }  // namespace fxagent::audit

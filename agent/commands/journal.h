@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "agent/commands/command_starts.h"
@@ -73,10 +74,10 @@ class CommandJournal {
   /// True if the disk does not answer. Commands of the last journal() may then never reach the
   /// journal, and must not be carried out.
   virtual bool hangs() const { return false; }
-  /// Records the result of a command, admitted or not. The first result stays.
-  virtual void record(JournalEntry entry) = 0;
-  /// Same for several, in one commit.
+  /// Records the results of commands, admitted or not, in one commit. The first result of a command
+  /// stays.
   virtual void record(std::vector<JournalEntry> entries) = 0;
+  void record(JournalEntry entry) { record(std::vector{std::move(entry)}); }
   /// Records that the broker has acknowledged the result of the command with this number, or
   /// refused it for good. `total_ms`: as in the published result; empty: not known.
   virtual void acknowledge(std::string device, std::string id, std::uint64_t number,

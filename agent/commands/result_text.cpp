@@ -113,7 +113,7 @@ std::string without_values(std::string_view recorded) {
   auto json = nlohmann::ordered_json::parse(recorded, nullptr, /*allow_exceptions=*/false);
   for (const char* key : {"value", "verify", "targets"})
     if (json.is_object() && json.contains(key)) json[key] = nullptr;
-  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return dumped(json);
 }
 
 }  // namespace

@@ -33,6 +33,16 @@ std::chrono::nanoseconds char_time_of(const SerialSettings& line) {
   return std::chrono::nanoseconds((bits * std::int64_t{1'000'000'000} + line.baud / 2) / line.baud);
 }
 
+std::string endpoint_of(const LinkConfig& link) {
+  const auto text = [](const auto& channel) -> std::string {
+    if constexpr (requires { channel.path; })
+      return channel.path;
+    else
+      return channel.host + ":" + std::to_string(channel.port);
+  };
+  return std::visit(text, link.channel);
+}
+
 std::string channel_text(const LinkConfig& link) {
   if (const auto* serial = std::get_if<SerialSettings>(&link.channel)) {
     constexpr std::string_view kParities = "NEO";  // as in Parity
@@ -40,10 +50,7 @@ std::string channel_text(const LinkConfig& link) {
            std::to_string(serial->data_bits) + kParities[static_cast<std::size_t>(serial->parity)] +
            std::to_string(serial->stop_bits);
   }
-  if (const auto* udp = std::get_if<UdpSettings>(&link.channel))
-    return "udp " + udp->host + ":" + std::to_string(udp->port);
-  const auto& tcp = std::get<TcpSettings>(link.channel);
-  return "tcp " + tcp.host + ":" + std::to_string(tcp.port);
+  return (std::holds_alternative<UdpSettings>(link.channel) ? "udp " : "tcp ") + endpoint_of(link);
 }
 
 const BrokerConfig* broker_named(const Config& config, const std::string& name) {

@@ -80,6 +80,8 @@ struct LinkConfig {
 };
 /// Returns the time of one character: start bit, data bits, parity bit, stop bits.
 std::chrono::nanoseconds char_time_of(const SerialSettings& line);
+/// Returns the path of the serial port, or "host:port".
+std::string endpoint_of(const LinkConfig& link);
 /// Returns "serial /dev/ttyUSB0 9600 7E1", "tcp 10.0.0.7:502" or "udp 10.0.0.7:5007".
 std::string channel_text(const LinkConfig& link);
 

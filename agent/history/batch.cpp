@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "agent/json_member.h"
 #include "agent/sha256.h"
 #include "agent/text.h"
 
@@ -198,8 +199,7 @@ void Batch::refuse(const Message& message, const std::string& reason) {
 
 std::string Batch::text() const {
   const Json all = {{"samples", samples_}, {"health", health_}, {"refused", refused_}};
-  // A topic or a reason may have bytes that are not UTF-8.
-  return all.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return dumped(all);
 }
 
 }  // namespace fxagent::history

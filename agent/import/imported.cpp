@@ -84,7 +84,8 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
   for (const auto& [place, reasons] : std::views::reverse(refused)) {
     auto& tags = imported.devices[place.first].tags;
     const auto tag = tags.begin() + static_cast<std::ptrdiff_t>(place.second);
-    const std::string text = json_text(text_at(tag->keys, "name")) + ": " + reasons.front()->text;
+    const std::string text =
+        dumped(JsonObject(text_at(tag->keys, "name"))) + ": " + reasons.front()->text;
     const auto all_of_key = [&](std::string_view key) {
       return std::ranges::all_of(
           reasons, [&](const ConfigError* error) { return error->pointer.ends_with(key); });
@@ -158,10 +159,6 @@ bool drop_one_setting(Imported& imported, const std::vector<ConfigError>& errors
 
 void describe(ImportedTag& tag, std::string_view text) {
   if (!text.empty()) tag.keys["description"] = literal(text);
-}
-
-std::string json_text(const JsonObject& json) {
-  return json.dump(-1, ' ', false, JsonObject::error_handler_t::replace);
 }
 
 JsonObject json_number(double value) {
@@ -280,7 +277,7 @@ ImportOutcome finish(Imported imported) {
     std::erase_if(imported.devices, [](const ImportedDevice& device) {
       return device.tags.empty() && !device.may_be_empty;
     });
-    const std::string text = json_text(json_of(imported));
+    const std::string text = dumped(json_of(imported));
     const auto config = parse_config(text);
     if (config) {
       for (const DeviceConfig& device : config->devices) outcome.tags += device.tags.size();

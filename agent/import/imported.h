@@ -19,8 +19,6 @@ namespace fxagent {
 /// A value of a config, most often an object. Keeps the order of its members.
 using JsonObject = nlohmann::ordered_json;
 
-/// Returns the JSON text on one line, with U+FFFD in place of bytes that are not UTF-8.
-std::string json_text(const JsonObject& json);
 /// Returns a number as a config has it: a whole one as an integer, one that is not finite as null,
 /// which a config rejects.
 JsonObject json_number(double value);

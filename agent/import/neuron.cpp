@@ -12,6 +12,7 @@
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
 #include "agent/import/json_source.h"
+#include "agent/json_member.h"
 #include "agent/text.h"
 
 namespace fxagent {
@@ -477,9 +478,9 @@ std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& 
     group["tags"].push_back(std::move(tag));
     if (!groups.empty()) groups += ',';
     for (; line < row->line; ++line) groups += '\n';
-    groups += json_text(group);
+    groups += dumped(group);
   }
-  return R"({"name":)" + json_text(name) + R"(,"groups":[)" + groups + "]}";
+  return R"({"name":)" + dumped(JsonObject(name)) + R"(,"groups":[)" + groups + "]}";
 }
 
 }  // namespace

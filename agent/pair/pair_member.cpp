@@ -384,11 +384,9 @@ void PairMember::take_evicting_events(BootTime now) {
       claim_ = Claim::marking;
       mark_came_ = false;
       mark_ = next_id_;
-      Publication mark;
-      mark.id = next_id_++;
-      mark.topic = topic("/journal");
-      mark.payload = pair_messages::announcement({.boot = boot_, .mark = mark_});
-      lease_->publish(std::move(mark));
+      lease_->publish({.id = next_id_++,
+                       .topic = topic("/journal"),
+                       .payload = pair_messages::announcement({.boot = boot_, .mark = mark_})});
     }
   }
 }
@@ -439,13 +437,12 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
         const std::lock_guard lock(mutex_);
         if (claimed_) seq = std::max(highest_ ? highest_() : 0, floor_) + kReserve;
       }
-      Publication heartbeat;
-      heartbeat.id = next_id_++;
-      heartbeat.topic = topic("/heartbeat");
-      heartbeat.payload = pair_messages::heartbeat({boot_, seq}, heartbeat.id);
-      heartbeat.retain = Retain::yes;
-      state_.heartbeat_sent(heartbeat.id, now);
-      return lease_->publish(std::move(heartbeat));
+      const std::uint64_t id = next_id_++;
+      state_.heartbeat_sent(id, now);
+      return lease_->publish({.id = id,
+                              .topic = topic("/heartbeat"),
+                              .payload = pair_messages::heartbeat({boot_, seq}, id),
+                              .retain = Retain::yes});
     }
   }
 }
@@ -488,11 +485,8 @@ void PairMember::send_announcements() {
     return true;
   });
   for (Waiting& each : waiting) {
-    Publication publication;
-    publication.id = next_id_++;
-    publication.topic = topic("/journal");
-    publication.payload = each.text;
-    const std::uint64_t id = publication.id;
+    const std::uint64_t id = next_id_++;
+    Publication publication{.id = id, .topic = topic("/journal"), .payload = each.text};
     announced_.emplace(id, std::move(each));
     lease_->publish(std::move(publication));
   }

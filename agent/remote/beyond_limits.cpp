@@ -75,25 +75,10 @@ void check_ports(const Config& local, const Config& wanted, ErrorList& errors) {
   }
 }
 
-bool is_same(const SerialSettings& one, const SerialSettings& other) {
-  return one.path == other.path;
-}
-bool is_same(const TcpSettings& one, const TcpSettings& other) {
-  return one.host == other.host && one.port == other.port;
-}
-/// Ignores local_port: the source port of requests does not identify the device.
-bool is_same(const UdpSettings& one, const UdpSettings& other) {
-  return one.host == other.host && one.port == other.port;
-}
-template <typename One, typename Other>
-bool is_same(const One&, const Other&) {
-  return false;
-}
-
-/// True if both use the same serial port, or the same host and port.
+/// True if both use the same serial port, or the same host and port. Ignores local_port: the source
+/// port of requests does not identify the device.
 bool same_place(const LinkConfig& one, const LinkConfig& other) {
-  return std::visit([](const auto& a, const auto& b) { return is_same(a, b); }, one.channel,
-                    other.channel);
+  return one.channel.index() == other.channel.index() && endpoint_of(one) == endpoint_of(other);
 }
 
 /// Returns the device of `local` that this device of `wanted` is; nullptr if it is new.

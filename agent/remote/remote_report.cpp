@@ -4,15 +4,13 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/json_member.h"
+
 namespace fxagent {
 namespace {
 
 using OrderedJson = nlohmann::ordered_json;
 using State = RemoteReport::State;
-
-std::string written(const OrderedJson& json) {
-  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
-}
 
 /// Cuts `text` after at most kMostErrorBytes, at the end of a UTF-8 character, and appends "…".
 std::string cut(std::string text) {
@@ -63,7 +61,7 @@ RemoteReport make_report(State state, DesiredConfig desired, const ConfigErrors&
     ConfigError shown{cut(error.pointer), 0, cut(error.text)};
     if (shown.pointer.size() + shown.text.size() > kMostErrorBytes)
       shown = {"", 0, cut(text_of(shown))};
-    bytes += written(text_of(shown)).size() + 1;
+    bytes += dumped(OrderedJson(text_of(shown))).size() + 1;
     if (report.errors.size() == kMostReportedErrors || bytes > kMostReportedBytes) break;
     report.errors.push_back(std::move(shown));
   }
@@ -83,7 +81,7 @@ std::string reported_text(const RemoteReport& report, const std::string& hash,
   out["desired_hash"] = word(report.desired.hash);
   out["in_force"] = word(in_force);
   out["confirmed"] = is_confirmed;
-  return written(out);
+  return dumped(out);
 }
 
 }  // namespace fxagent

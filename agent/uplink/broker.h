@@ -24,20 +24,16 @@ enum class Retain : std::uint8_t { no, yes };
 
 struct Publication {
   std::uint64_t id = 0;  ///< chosen by the caller; returned in Delivered or DeliveryFailed
-  std::string topic;
-  std::string payload;
+  std::string topic{};
+  std::string payload{};
   int qos = 1;
   Retain retain = Retain::no;
-  Bytes correlation;  ///< MQTT 5 correlation data; empty: none
+  Bytes correlation{};  ///< MQTT 5 correlation data; empty: none
 };
 
 /// Returns a retained message, with QoS 1. An empty payload clears the topic.
 inline Publication retained(std::string topic, std::string payload = {}) {
-  Publication made;
-  made.topic = std::move(topic);
-  made.payload = std::move(payload);
-  made.retain = Retain::yes;
-  return made;
+  return {.topic = std::move(topic), .payload = std::move(payload), .retain = Retain::yes};
 }
 
 /// The last will. The broker publishes it with QoS 1 when the connection ends without a DISCONNECT.

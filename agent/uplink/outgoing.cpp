@@ -152,11 +152,9 @@ void Outgoing::note_answer(const Flight& flight, SteadyTime now) {
 
 void Outgoing::note_sent(SteadyTime now) {
   if (!marker_topic_.empty() && marker_ == 0 && last_unproven_ > marker_turn_) {
-    Publication marker;
-    marker.id = marker_ = next_id_++;
+    marker_ = next_id_++;
     marker_turn_ = ++turns_;
-    marker.topic = marker_topic_;
-    broker_.publish(std::move(marker));
+    broker_.publish({.id = marker_, .topic = marker_topic_});
   }
   if (std::exchange(handed_over_, false) && !unanswered_since_) unanswered_since_ = now;
 }

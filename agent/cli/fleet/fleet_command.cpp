@@ -145,11 +145,7 @@ class FleetSession final {
       quiet_since_ = now();
       return;
     }
-    Publication marker;
-    marker.id = kMarkerId;
-    marker.topic = marker_;
-    marker.payload = "end";
-    connection_.broker().publish(std::move(marker));
+    connection_.broker().publish({.id = kMarkerId, .topic = marker_, .payload = "end"});
   }
   void on(const Message& event) {
     if (event.topic == marker_) {

@@ -6,6 +6,7 @@
 
 #include "agent/calendar.h"
 #include "agent/cli/report/table.h"
+#include "agent/json_member.h"
 #include "agent/text.h"
 
 namespace fxagent {
@@ -168,10 +169,6 @@ OrderedJson or_null(const std::optional<std::int64_t>& value) {
   return value ? OrderedJson(*value) : OrderedJson();
 }
 
-std::string dumped(const OrderedJson& out) {
-  return out.dump(-1, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
-}
-
 bool is_agent_good(const FleetAgent& agent) {
   return agent.presence == Presence::online && agent.conflict.empty() &&
          is_as_asked(agreement_of(agent));
@@ -243,7 +240,7 @@ std::string fleet_json(const Fleet& fleet, const std::string& error) {
     one["errors"] = agent.report ? agent.report->errors : std::vector<std::string>();
     agents.push_back(std::move(one));
   }
-  return dumped(out);
+  return dumped(out) + "\n";
 }
 
 std::string push_text(const Push& push, std::size_t name_width) {
@@ -279,7 +276,7 @@ std::string rollout_json(const Rollout& rollout, const std::string& error) {
                       {"hash", push.hash},
                       {"outcome", word_of(push.outcome)},
                       {"why", push.why}});
-  return dumped(out);
+  return dumped(out) + "\n";
 }
 
 std::string dry_run_text(const std::vector<Push>& pushes, const RolloutRules& rules,

@@ -8,6 +8,7 @@
 
 #include "agent/cli/exit_status.h"
 #include "agent/counted.h"
+#include "agent/json_member.h"
 #include "agent/text.h"
 #include "protocol/value/pack.h"
 #include "protocol/value/unpack.h"
@@ -440,7 +441,7 @@ std::string online_json(const Config& config, const OnlineFindings& findings) {
                        {"connected", broker.connected},
                        {"text", or_null(broker.text)}});
   out["to_do"] = to_do_of(config, findings);
-  return out.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return dumped(out) + "\n";
 }
 
 }  // namespace fxagent

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "agent/cli/report/explanation_json.h"
+#include "agent/json_member.h"
 #include "agent/text.h"
 #include "protocol/explanation.h"
 
@@ -15,10 +16,6 @@ namespace {
 
 using Way = RecordedFrame::Way;
 using Json = nlohmann::ordered_json;
-
-std::string dumped(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
-}
 
 /// Builds blocks of a pcapng file, draft-ietf-opsawg-pcapng, little endian.
 class Pcapng final {
@@ -137,7 +134,7 @@ std::string replay_json(const Replay& replay) {
     first["devices"].push_back(
         {{"name", device.name}, {"protocol", device.protocol}, {"options", std::move(options)}});
   }
-  std::string text = dumped(first);
+  std::string text = dumped(first) + "\n";
   for (const RecordedFrame& frame : replay.recording().frames) {
     Json line{{"at_us", frame.at_us}, {"way", to_string(frame.way)}};
     if (frame.device != kNoDevice) line["device"] = replay.device_of(frame);
@@ -148,7 +145,7 @@ std::string replay_json(const Replay& replay) {
       line["says"] = summary(*explanation);
       line["explanation"] = explanation_json(*explanation);
     }
-    text += dumped(line);
+    text += dumped(line) + "\n";
   }
   return text;
 }

@@ -11,6 +11,7 @@
 #include "agent/config/loader.h"
 #include "agent/config/read/reader.h"
 #include "agent/import/imported.h"
+#include "agent/json_member.h"
 
 namespace fxagent {
 namespace {
@@ -67,7 +68,7 @@ std::string config_text(const InitAnswers& answers) {
   out["store"]["path"] = "/var/lib/fxagent";
   out["links"] = links.links;
   out["devices"].push_back(device_of(answers));
-  return pretty_text(json_text(out));
+  return pretty_text(dumped(out));
 }
 
 // ---- unit drop-in -----------------------------------------------------------------------------
@@ -132,7 +133,7 @@ std::string flow_text(const Config& config) {
     constexpr std::array kSetPoint{"fxagent-value"sv, "fxagent-command"sv, "fxagent-send"sv};
     return std::ranges::find(kSetPoint, node["id"].get<std::string>()) != kSetPoint.end();
   });
-  return pretty_text(json_text(nodes));
+  return pretty_text(dumped(nodes));
 }
 
 /// Returns the flag that set a place of the config, or the place itself if no flag did.

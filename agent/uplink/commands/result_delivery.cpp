@@ -92,10 +92,8 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
   }
   Copy& to = pending.copies[copy];
   to.in_flight = true;
-  Publication publication;
-  publication.topic = to.topic;
-  publication.payload = result.text;
-  publication.correlation = result.correlation;
+  Publication publication{
+      .topic = to.topic, .payload = result.text, .correlation = result.correlation};
   // If the result is too large for the broker with its correlation data, the device's own topic
   // gets it without.
   if (!to.to_response_topic && !outgoing_.fits(publication)) publication.correlation.clear();

@@ -355,11 +355,7 @@ std::vector<Publication> JsonPayload::history(const HistoryBatch& batch) {
 }
 
 std::vector<Publication> JsonPayload::data(std::string topic, std::string payload) const {
-  std::vector<Publication> made(1);
-  made[0].topic = std::move(topic);
-  made[0].payload = std::move(payload);
-  made[0].qos = config_.mqtt.qos;
-  return made;
+  return {{.topic = std::move(topic), .payload = std::move(payload), .qos = config_.mqtt.qos}};
 }
 
 std::string JsonPayload::device_topic(std::uint32_t device) const {

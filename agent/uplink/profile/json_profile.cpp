@@ -76,10 +76,7 @@ void JsonProfile::hear(const Message& message) {
   Order order = order_of(message, std::string(*device), broker_);
   order.payload = message.payload;
   order.tell = [this, topic = base + "/" + order.device + "/result"](const std::string& result) {
-    Publication publication;
-    publication.topic = topic;
-    publication.payload = result;
-    others_.push_back(std::move(publication));
+    others_.push_back({.topic = topic, .payload = result});
   };
   take_order_(std::move(order));
 }

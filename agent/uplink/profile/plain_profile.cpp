@@ -124,10 +124,7 @@ void PlainProfile::hear(const Message& message) {
   const auto& [device, tag] = found->second;
   Order order = order_of(message, device, name_);
   order.tell = [this, topic](const std::string& result) {
-    Publication publication;
-    publication.topic = topic + "/result";
-    publication.payload = result;
-    due_.push_back(std::move(publication));
+    due_.push_back({.topic = topic + "/result", .payload = result});
   };
   // Text that is not JSON becomes a string, which a number's tag refuses with a reason. The library
   // would read a NUL as the end of the text.
@@ -203,11 +200,10 @@ std::vector<Publication> PlainProfile::history(const HistoryBatch& batch) {
   while (!text.empty()) {
     const std::size_t tab = text.find('\t');
     const std::size_t end = text.find('\n', tab);
-    Publication publication;
-    publication.topic = topics_.of(batch.device, batch.group, text.substr(0, tab)) + "/history";
-    publication.payload = text.substr(tab + 1, end - tab - 1);
-    publication.qos = broker_of(config_, broker_).qos;
-    messages.push_back(std::move(publication));
+    messages.push_back(
+        {.topic = topics_.of(batch.device, batch.group, text.substr(0, tab)) + "/history",
+         .payload = std::string(text.substr(tab + 1, end - tab - 1)),
+         .qos = broker_of(config_, broker_).qos});
     text.remove_prefix(end + 1);
   }
   return messages;

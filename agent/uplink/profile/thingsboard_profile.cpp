@@ -25,10 +25,7 @@ constexpr std::size_t kAttributeBytes = 16384;
 constexpr int kMaxRequestDepth = 8;
 
 Publication message_on(std::string_view topic, std::string payload) {
-  Publication made;
-  made.topic = topic;
-  made.payload = std::move(payload);
-  return made;
+  return {.topic = std::string(topic), .payload = std::move(payload)};
 }
 
 /// Returns {"`device`":`content`}.

@@ -166,11 +166,9 @@ std::uint64_t SparkplugProfile::next_seq() { return std::exchange(seq_, (seq_ + 
 
 Publication SparkplugProfile::message(std::string_view type, const std::string& device,
                                       const Packet& packet) const {
-  Publication made;
-  made.topic = prefix_ + std::string(type) + "/" + node_ + (device.empty() ? "" : "/" + device);
-  made.payload = packet.SerializeAsString();
-  made.qos = 0;
-  return made;
+  return {.topic = prefix_ + std::string(type) + "/" + node_ + (device.empty() ? "" : "/" + device),
+          .payload = packet.SerializeAsString(),
+          .qos = 0};
 }
 
 std::vector<Publication> SparkplugProfile::due(SteadyTime now, std::int64_t utc_ms) {

@@ -196,11 +196,9 @@ TypedCommandsProfile::TypedCommandsProfile(const Config& config, const ProfileCo
 
 Publication TypedCommandsProfile::message(std::string_view verb, const std::string& device,
                                           const Packet& packet) const {
-  Publication made;
-  made.topic = prefix_ + std::string(verb) + "/" + node_ + (device.empty() ? "" : "/" + device);
-  made.payload = packet.SerializeAsString();
-  made.qos = 0;
-  return made;
+  return {.topic = prefix_ + std::string(verb) + "/" + node_ + (device.empty() ? "" : "/" + device),
+          .payload = packet.SerializeAsString(),
+          .qos = 0};
 }
 
 Will TypedCommandsProfile::last_will() {

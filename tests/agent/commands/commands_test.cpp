@@ -36,7 +36,7 @@ class FakeJournal final : public CommandJournal {
     for (const JournalEntry& entry : commands) keep(entry);
     return true;
   }
-  void record(JournalEntry entry) override { record(std::vector{std::move(entry)}); }
+  using CommandJournal::record;
   void record(std::vector<JournalEntry> given) override {
     happened += "record " + std::to_string(given.size()) + "; ";
     for (const JournalEntry& entry : given) keep(entry);

@@ -1,4 +1,5 @@
 #include "agent/import/imported.h"
+#include "agent/json_member.h"
 
 #include <gtest/gtest.h>
 
@@ -16,21 +17,21 @@ TEST(JsonObject, IsJsonWhateverComesIn) {
   object["a\"b"] = "c\n\xFF";
   object["n"] = json_number(0.1);
   object["i"] = -5;
-  EXPECT_EQ(json_text(object), "{\"a\\\"b\":\"c\\n\uFFFD\",\"n\":0.1,\"i\":-5}");
+  EXPECT_EQ(dumped(object), "{\"a\\\"b\":\"c\\n\uFFFD\",\"n\":0.1,\"i\":-5}");
 }
 
 TEST(JsonObject, AWholeNumberHasNoFraction) {
-  EXPECT_EQ(json_text(json_number(-10)), "-10");
-  EXPECT_EQ(json_text(json_number(1e6)), "1000000");
-  EXPECT_EQ(json_text(json_number(1e17)), "1e+17");
-  EXPECT_EQ(json_text(json_number(0.5)), "0.5");
+  EXPECT_EQ(dumped(json_number(-10)), "-10");
+  EXPECT_EQ(dumped(json_number(1e6)), "1000000");
+  EXPECT_EQ(dumped(json_number(1e17)), "1e+17");
+  EXPECT_EQ(dumped(json_number(0.5)), "0.5");
 }
 
 TEST(JsonObject, ANumberThatIsNoneIsNull) {
   JsonObject object;
   object["a"] = json_number(std::numeric_limits<double>::infinity());
   object["b"] = json_number(std::numeric_limits<double>::quiet_NaN());
-  EXPECT_EQ(json_text(object), R"({"a":null,"b":null})");
+  EXPECT_EQ(dumped(object), R"({"a":null,"b":null})");
 }
 
 TEST(JsonObject, ATextOfOthersIsNoVariable) {

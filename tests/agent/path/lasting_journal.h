@@ -32,7 +32,7 @@ class LastingJournal final : public CommandJournal, private CommandStarts {
     fate_.ends_here("behind the journal");
     return true;
   }
-  void record(JournalEntry entry) override { record(std::vector{std::move(entry)}); }
+  using CommandJournal::record;
   void record(std::vector<JournalEntry> given) override {
     if (fate_.ends_here("before the result is in the journal")) return;
     for (JournalEntry& entry : given) keep_result(std::move(entry));
