@@ -404,8 +404,8 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "`sparkplug`: the host announces itself on `STATE/{host}` with `ONLINE` or `OFFLINE`, as "
      "before Sparkplug 3.0."},
     {"profiles[]", "commands", boolean, {}, false,
-     "`sparkplug`: commands as typed commands of Sparkplug C with correlated answers, too, in a "
-     "session of their own."},
+     "`sparkplug`: also accepts typed commands of Sparkplug C and answers each one. Uses an MQTT "
+     "session of its own."},
     {"profiles[]", "prefix", text, {}, "homeassistant",
      "`homeassistant`: first level of its discovery topics."},
     {"profiles[]", "deadline_s", integer, kExpiry, 10,

@@ -209,8 +209,8 @@ struct BrokerConfig {
 /// A form in which values are published. The agent's own session has `json`; every other profile
 /// has an MQTT session of its own.
 struct ProfileConfig {
-  /// In the order of the catalogue's choices. `sparkplug_commands` is none of them: it comes with
-  /// `commands` of a `sparkplug`, whose group, node and host it has.
+  /// In the order of the catalogue's choices. `sparkplug_commands` is not a choice: the key
+  /// `commands` of a `sparkplug` adds it, with the same group, node and host.
   enum class Kind : std::uint8_t {
     json,
     plain,

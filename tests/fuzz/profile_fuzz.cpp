@@ -42,8 +42,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const auto carry_out = [&](const Order& order) {
       ++orders;
       const auto command = nlohmann::json::parse(order.payload, nullptr, false);
-      // Bytes that are no UTF-8 stay in it, for admission to refuse.
-      if (!command.is_discarded() && !command.contains("op")) std::abort();
+      if (!command.contains("op")) std::abort();
       order.tell(R"({"status":"SUCCEEDED","value":1})");
     };
     what.kind = ProfileConfig::Kind::sparkplug_commands;

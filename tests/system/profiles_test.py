@@ -429,6 +429,8 @@ class TypedCommands(SparkplugPlant):
                 ("Write/setpoint", [value], {"device": "press9"}, "unknown_device"),
                 ("Write/setpoint", [value], {"device": "line1"}, "unknown_device"),
                 ("Write/setpoint", [value], {"device": None}, "bad_op"),
+                ("Write/setpoint", [{**value, "type": None}], {}, "bad_value"),
+                ("read", [{**value, "name": "tag", "type": "String", "value": "setpoint"}], {}, "bad_op"),
                 ("Write/setpoint", [value], {"source": ""}, "missing_id"),
                 ("Write/setpoint", [value], {"id": None}, "missing_id"),
                 ("Write/setpoint", [value], {"retain": True}, "retained")]:
@@ -470,6 +472,33 @@ class TypedCommands(SparkplugPlant):
         self.sim.ask(cmd="clear_faults", plc="press1")
         self.judge.wait("DBIRTH", since=mark)
         self.assertEqual(self.write("setpoint", "Int16", 9)["code"], 0)
+        self.assert_no_faults()
+
+    def test_a_command_in_flight_at_the_stop_has_its_answer(self):
+        self.begin_sparkplug(commands=True)
+        self.judge.wait("DBIRTH")
+        self.sim.fault("press1", "late", ms=300, match="write", count=1)
+        self.judge.order(command={"device": "press1", "name": "Write/setpoint", "id": "last", "arguments": [
+            {"name": "value", "type": "Int16", "value": 7}]})
+        wait_for("the command on the wire", lambda: self.sim.commands("press1"))
+        self.agent.stop()
+        self.assertEqual(self.judge.wait("DRESP")["id"], "last")
+        types = [m["type"] for m in self.judge.seen()]
+        self.assertLess(types.index("DRESP"), types.index("NDEATH"))
+        self.assert_no_faults()
+
+    def test_an_array_is_written_in_its_own_type_only(self):
+        tags = [{"name": "recipe", "address": "D300", "count": 3, "group": "fast", "access": "read_write"}]
+        self.begin_sparkplug(commands=True, devices=[device(tags=tags)])
+        self.assertEqual(self.judge.wait("DBIRTH")["commands"]["Write/recipe"]["arguments"],
+                         [{"name": "value", "type": "Int16Array"}])
+        array = [1, 0, 255, 255, 3, 0]
+        answer = self.write("recipe", "Int16Array", array)
+        self.assertEqual((answer["code"], answer["results"]), (0, {"value": array}))
+        self.assertEqual([self.sim.get("press1", f"D{300 + i}") for i in range(3)], [1, 65535, 3])
+        for kind, value in [("BooleanArray", [3, 0, 0, 0, 255, 0]), ("Int16Array", array[:4]), ("Int16Array", array[:5])]:
+            self.assertEqual(self.write("recipe", kind, value)["code"], 3)
+        self.assertEqual(len(self.sim.commands("press1")), 1)
         self.assert_no_faults()
 
     def test_rebirth_is_a_verb_and_a_storm_of_it_is_one_a_second(self):

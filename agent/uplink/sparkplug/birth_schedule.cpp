@@ -1,7 +1,6 @@
 #include "agent/uplink/sparkplug/birth_schedule.h"
 
 #include <algorithm>
-#include <chrono>
 #include <utility>
 
 #include "agent/log/log.h"
@@ -9,7 +8,6 @@
 namespace fxagent::sparkplug {
 namespace {
 
-constexpr std::chrono::seconds kRebirthEvery{1};
 // Bytes of a PUBLISH besides its payload: the topic and the headers.
 constexpr std::size_t kRoomForTopic = 512;
 
@@ -25,9 +23,7 @@ BirthSchedule::BirthSchedule(const Config& config, std::string broker, PrimaryHo
 
 void BirthSchedule::prepare(std::uint32_t index) {
   const DeviceConfig& device = config_.devices.at(index);
-  if (device.is_vacant()) return;
-  devices_.at(index) = Device{};
-  index_[device.name] = index;
+  if (!device.is_vacant()) index_[device.name] = index;
 }
 
 std::optional<std::uint32_t> BirthSchedule::index_of(std::string_view device) const {
@@ -37,9 +33,8 @@ std::optional<std::uint32_t> BirthSchedule::index_of(std::string_view device) co
 
 // ---- session ------------------------------------------------------------------------------------
 
-std::uint64_t BirthSchedule::next_session() {
+void BirthSchedule::begin_session() {
   if (std::exchange(has_connected_, false)) ++session_;
-  return session_;
 }
 
 void BirthSchedule::connection_began(const Connected& connected) {
@@ -50,6 +45,8 @@ void BirthSchedule::connection_began(const Connected& connected) {
   born_at_ = {};
   leaves_ = false;
   for (Device& device : devices_) device.is_too_large = false;
+  if (!host_.is_online())
+    log::info("primary_host", {{"topic", host_.topic()}, {"state", "awaited"}});
 }
 
 void BirthSchedule::connection_ended() {
@@ -116,6 +113,13 @@ std::vector<BirthSchedule::Step> BirthSchedule::due(SteadyTime now) {
                      .device = config_.devices[i].name});
   }
   return steps;
+}
+
+std::vector<std::uint32_t> BirthSchedule::born() const {
+  std::vector<std::uint32_t> found;
+  for (std::uint32_t i = 0; i < devices_.size(); ++i)
+    if (devices_[i].is_born) found.push_back(i);
+  return found;
 }
 
 SteadyTime BirthSchedule::next_wake() const {

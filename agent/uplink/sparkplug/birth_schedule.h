@@ -3,6 +3,7 @@
 // Sparkplug. Uplink thread. Time is an argument.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -27,17 +28,20 @@ class BirthSchedule final {
   struct Step {
     enum class Kind : std::uint8_t { node_birth, device_birth, device_death };
     Kind kind = Kind::node_birth;
-    std::uint32_t index = 0;  ///< of the device; not valid for device_death
-    std::string device{};     ///< its name
+    std::uint32_t index = 0;  ///< device_birth only: of the device
+    std::string device{};     ///< name; empty for node_birth
   };
 
   /// `config` outlives it. `broker` is the name of the profile's broker.
   BirthSchedule(const Config& config, std::string broker, PrimaryHost host);
 
-  /// Returns the number of the session that the next CONNECT begins. Each connection that came
-  /// about counts, from 0.
-  std::uint64_t next_session();
-  /// Number of the current session.
+  /// Shortest time between two rebirths.
+  static constexpr std::chrono::seconds kRebirthEvery{1};
+
+  /// Begins a session. Call before each attempt to connect: the number rises only if a connection
+  /// came about since the last call.
+  void begin_session();
+  /// Number of the session, from 0.
   std::uint64_t session() const { return session_; }
 
   void connection_began(const Connected& connected);
@@ -62,6 +66,8 @@ class BirthSchedule final {
 
   /// True if the node is born in this session.
   bool is_born() const { return is_born_; }
+  /// Returns the devices that are born in this session.
+  std::vector<std::uint32_t> born() const;
   bool is_rebirth_due() const { return rebirth_; }
   bool is_host_online() const { return host_.is_online(); }
   /// True if the device answers and its birth is not too large.
@@ -91,7 +97,7 @@ class BirthSchedule final {
   std::set<std::uint32_t> due_;    ///< devices whose birth or death may be due
   std::vector<std::string> dead_;  ///< names of removed devices whose death is due
   std::uint64_t session_ = 0;
-  bool has_connected_ = false;  ///< since next_session()
+  bool has_connected_ = false;  ///< since begin_session()
   std::size_t max_packet_ = 0;
   bool is_born_ = false;
   bool rebirth_ = false;  ///< a birth of all is due

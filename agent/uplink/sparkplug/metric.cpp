@@ -70,6 +70,7 @@ void add_units(Metric& metric, const TagConfig& tag) {
 }
 
 std::optional<std::string> json_of(const Metric& metric, Type type) {
+  if (metric.is_null()) return std::nullopt;
   switch (metric.value_case()) {
     case Metric::kIntValue:
       if (type == Type::boolean) return json_of(TypedValue(metric.int_value() != 0), type);
@@ -87,6 +88,8 @@ std::optional<std::string> json_of(const Metric& metric, Type type) {
     case Metric::kStringValue:
       return json_of(TypedValue(metric.string_value()), type);
     case Metric::kBytesValue:
+      // The elements would be read as others.
+      if (metric.has_datatype() && metric.datatype() != static_cast<std::uint32_t>(type)) break;
       return json_of(TypedValue(Packed{metric.bytes_value()}), type);
     case Metric::VALUE_NOT_SET:
       break;

@@ -31,13 +31,13 @@ void PrimaryHost::hear(std::string_view payload) {
 /// A state that is older than the last online state is a leftover.
 void PrimaryHost::set(State state, std::int64_t timestamp) {
   const bool is_online = state == State::online;
-  if (timestamp < (is_online ? last_ms_ : last_online_ms_))
+  if (timestamp < (is_online ? last_ : last_online_))
     return log::warn("host_state_ignored",
                      {{"topic", topic_},
                       {"timestamp", std::to_string(timestamp)},
                       {"note", "its timestamp is older than that of the state before"}});
-  last_ms_ = timestamp;
-  if (is_online) last_online_ms_ = timestamp;
+  last_ = timestamp;
+  if (is_online) last_online_ = timestamp;
   if (state != state_)
     log::info("primary_host", {{"topic", topic_}, {"state", is_online ? "online" : "offline"}});
   state_ = state;

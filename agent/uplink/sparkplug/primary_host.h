@@ -18,7 +18,7 @@ class PrimaryHost final {
   /// Nothing is known of it in a new session.
   void connection_began() {
     state_ = State::unknown;
-    last_ms_ = last_online_ms_ = 0;
+    last_ = last_online_ = 0;
   }
   /// Processes a text on topic().
   void hear(std::string_view payload);
@@ -36,8 +36,8 @@ class PrimaryHost final {
   bool old_state_;
   State state_ = State::unknown;
   // Timestamps in this session, in the host's unit.
-  std::int64_t last_ms_ = 0;         ///< of the last state
-  std::int64_t last_online_ms_ = 0;  ///< of the last one with which it was online
+  std::int64_t last_ = 0;         ///< of the last state
+  std::int64_t last_online_ = 0;  ///< of the last one with which it was online
 };
 
 }  // namespace fxagent::sparkplug

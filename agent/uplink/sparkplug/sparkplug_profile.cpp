@@ -143,7 +143,7 @@ void SparkplugProfile::prepare(std::uint32_t index) {
 // ---- session ------------------------------------------------------------------------------------
 
 Will SparkplugProfile::last_will() {
-  births_.next_session();
+  births_.begin_session();
   const Publication death = node_death(utc_ms_());
   return {death.topic, death.payload, Retain::no};
 }

@@ -4,7 +4,7 @@
 // Everything is published with QoS 0, as the specification demands; the outlet's markers prove the
 // delivery. A sample has only the metrics that changed since the last message of the session.
 // Samples that were not delivered, and those of a device that was not born yet, follow as
-// historical metrics. docs/sparkplug.md has the statements of the specification and their tests.
+// historical metrics. docs/sparkplug-rules.md has the rules of the specification and their tests.
 #pragma once
 
 #include <cstddef>

@@ -1,7 +1,6 @@
 #include "agent/uplink/sparkplug/typed_commands.h"
 
 #include <algorithm>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <type_traits>
 #include <utility>
@@ -25,10 +24,14 @@ using sparkplug_c::Packet;
 constexpr std::string_view kWrite = "Write/";
 constexpr std::string_view kRun = "Run";
 constexpr std::string_view kStop = "Stop";
-constexpr const char* kValue = "value";  // argument and result of a write
-constexpr std::uint32_t kCommand = 35;   // data type
-constexpr std::size_t kLongestId = 64;   // of a command of the agent
+constexpr const char* kValue = "value";    // argument and result of a write
+constexpr std::uint32_t kCommand = 35;     // data type
+constexpr std::size_t kLongestId = 64;     // of a command of the agent
+constexpr std::size_t kLongestName = 256;  // bytes of a name that an answer repeats
+constexpr std::size_t kMostAnswers = 200;  // that wait for the broker
 constexpr std::size_t kBytesOfSeq = 11;
+// No command accepts this value. Null would count as absent.
+constexpr const char* kNoValue = "{}";
 
 std::uint64_t stamp(std::int64_t utc_ms) { return static_cast<std::uint64_t>(utc_ms) * 1'000'000; }
 
@@ -88,6 +91,17 @@ sparkplug::TypedValue received(const sparkplug_c::TypedValue& value) {
   return {};
 }
 
+/// Returns an argument as JSON, or kNoValue if it has none or is not an array of this type.
+std::string json_of(const Metric& argument, Type type) {
+  const sparkplug_c::TypedValue& value = argument.value();
+  const std::uint32_t declared = value.has_datatype() ? value.datatype() : argument.datatype();
+  // The elements of another type would be read as others.
+  if (value.is_null() || (value.has_bytes_value() && declared != 0 && declared != number(type)))
+    return kNoValue;
+  auto json = sparkplug::json_of(received(value), type);
+  return json && *json != "null" ? *std::move(json) : kNoValue;
+}
+
 // ---- definitions --------------------------------------------------------------------------------
 
 sparkplug_c::Command& define(Packet& packet, std::string name) {
@@ -126,17 +140,12 @@ std::optional<Type> type_of(const DeviceConfig& device, std::string_view tag) {
   const auto found = std::ranges::find_if(
       device.tags, [&](const TagConfig& each) { return std::string_view(each.name) == tag; });
   if (found == device.tags.end()) return std::nullopt;
-  return sparkplug::type_of((*found).point);
+  return sparkplug::type_of(found->point);
 }
 
 // ---- results ------------------------------------------------------------------------------------
 
 /// Code 0 is success; the others count the words of the contract in their order.
-std::uint64_t code_of(CommandStatus status) {
-  const auto found = std::ranges::find(kCommandStatuses, status);
-  return static_cast<std::uint64_t>(found - kCommandStatuses.begin());
-}
-
 std::uint64_t code_of(std::string_view word) {
   const auto found = std::ranges::find(kCommandStatuses, word,
                                        [](CommandStatus status) { return to_string(status); });
@@ -145,12 +154,14 @@ std::uint64_t code_of(std::string_view word) {
 
 /// Returns the words of a result: "REJECTED: out_of_range: …", "SUCCEEDED, ACK".
 std::string message_of(const nlohmann::json& result) {
+  const auto& first = member(result, "first");
+  const std::string plc = text_at(result, "plc");
   std::string out = text_at(result, "status");
-  if (const std::string plc = text_at(result, "plc"); !plc.empty()) out += ", " + plc;
+  if (!plc.empty() && !first.is_object()) out += ", " + plc;
+  if (member(result, "dry_run") == true) out += ", dry run: nothing was sent";
   for (const char* key : {"reason", "detail"})
     if (const std::string text = text_at(result, key); !text.empty()) out += ": " + text;
-  if (const auto& first = member(result, "first"); first.is_object())
-    out += "; the first had " + message_of(first);
+  if (first.is_object()) out += "; the first had " + message_of(first);
   return out;
 }
 
@@ -172,10 +183,14 @@ Value result_value(const nlohmann::json& json, Type type) {
   return value;
 }
 
-/// Returns the id of the agent's command. Another host may use the same correlation id.
+/// Returns the id of the agent's command: "scada/17", or a hash if that is no id of a command.
+/// Another host may use the same correlation id. Empty if one of them is missing.
 std::string id_of(const std::string& source, const std::string& correlation_id) {
+  if (source.empty() || correlation_id.empty()) return {};
   std::string id = source + "/" + correlation_id;
-  return id.size() <= kLongestId ? id : to_text(sha256(id));
+  const bool is_plain = id.size() <= kLongestId && source.find('/') == source.npos &&
+                        std::ranges::all_of(id, [](char c) { return c >= ' ' && c <= '~'; });
+  return is_plain ? id : to_text(sha256(source + '\0' + correlation_id));
 }
 
 }  // namespace
@@ -202,7 +217,7 @@ Publication TypedCommandsProfile::message(std::string_view verb, const std::stri
 }
 
 Will TypedCommandsProfile::last_will() {
-  births_.next_session();
+  births_.begin_session();
   const Publication death = node_death();
   return {death.topic, death.payload, Retain::no};
 }
@@ -221,11 +236,6 @@ void TypedCommandsProfile::connection_began(const Connected& connected) {
   is_asked_ = false;
 }
 
-void TypedCommandsProfile::refused() {
-  births_.request_rebirth();
-  is_asked_ = false;
-}
-
 std::vector<Publication> TypedCommandsProfile::farewell(std::int64_t) {
   if (!births_.is_born()) return {};
   return {node_death()};
@@ -240,44 +250,71 @@ Publication TypedCommandsProfile::node_death() const {
 
 // ---- births and answers -------------------------------------------------------------------------
 
-/// Births that a host asked for have verbs of their own. They repeat the numbers before that of the
-/// next message, so that other hosts miss none.
 std::vector<Publication> TypedCommandsProfile::due(SteadyTime now, std::int64_t utc_ms) {
-  using Step = sparkplug::BirthSchedule::Step;
-  struct Made {
-    std::string verb, device;
-    Packet packet;
-  };
-  std::vector<Made> made;
-  const std::vector<Step> steps = births_.due(now);
-  const bool repeats =
-      !steps.empty() && steps[0].kind == Step::Kind::node_birth && std::exchange(is_asked_, false);
-  for (const auto& [kind, index, device] : steps) {
-    Packet packet;
-    packet.set_timestamp(stamp(utc_ms));
-    if (kind == Step::Kind::node_birth) {
-      packet.set_bd_seq(births_.session());
-      made.push_back({repeats ? "NREBIRTH" : "NBIRTH", "", std::move(packet)});
-      if (!repeats) seq_ = 0;
-    } else if (kind == Step::Kind::device_death) {
-      made.push_back({"DDEATH", device, std::move(packet)});
-    } else if (auto birth = device_birth(index, utc_ms)) {
-      made.push_back({repeats ? "DREBIRTH" : "DBIRTH", device, std::move(*birth)});
-    }
+  std::vector<Publication> messages = births(now, utc_ms);
+  if (!messages.empty() || !births_.is_born() || births_.is_rebirth_due()) return messages;
+  if (is_asked_ && now >= born_at_ + births_.kRebirthEvery) {
+    born_at_ = now;
+    return repeated_births(utc_ms);
   }
-  if (repeats) seq_ -= made.size();
+  return std::exchange(answers_, {});
+}
+
+SteadyTime TypedCommandsProfile::next_wake() const {
+  if (!is_asked_ || !births_.is_born()) return births_.next_wake();
+  return std::min(births_.next_wake(), born_at_ + births_.kRebirthEvery);
+}
+
+/// Returns births and deaths that are due.
+std::vector<Publication> TypedCommandsProfile::births(SteadyTime now, std::int64_t utc_ms) {
+  using Kind = sparkplug::BirthSchedule::Step::Kind;
   std::vector<Publication> messages;
-  for (auto& [verb, device, packet] : made) {
+  const auto add = [&](std::string_view verb, const std::string& device, Packet packet) {
     packet.set_seq(seq_++);
     messages.push_back(message(verb, device, packet));
+  };
+  for (const auto& [kind, index, device] : births_.due(now)) {
+    if (kind == Kind::node_birth) {
+      seq_ = 0;
+      is_asked_ = false;
+      born_at_ = now;
+      add("NBIRTH", "", node_birth(utc_ms));
+    } else if (kind == Kind::device_death) {
+      Packet death;
+      death.set_timestamp(stamp(utc_ms));
+      add("DDEATH", device, std::move(death));
+    } else if (Packet birth = device_birth(index, utc_ms);
+               births_.accepts_birth(index, birth.ByteSizeLong() + kBytesOfSeq)) {
+      add("DBIRTH", device, std::move(birth));
+    }
   }
-  if (!births_.is_born()) return messages;
-  std::ranges::move(std::exchange(answers_, {}), std::back_inserter(messages));
   return messages;
 }
 
-/// Returns nullopt if the broker does not accept the size.
-std::optional<Packet> TypedCommandsProfile::device_birth(std::uint32_t index, std::int64_t utc_ms) {
+/// Births for a host that has asked. They repeat the last numbers, so that other hosts miss none.
+std::vector<Publication> TypedCommandsProfile::repeated_births(std::int64_t utc_ms) {
+  is_asked_ = false;
+  const std::vector<std::uint32_t> born = births_.born();
+  std::uint64_t seq = seq_ - born.size() - 1;
+  std::vector<Publication> messages;
+  const auto add = [&](std::string_view verb, const std::string& device, Packet packet) {
+    packet.set_seq(seq++);
+    messages.push_back(message(verb, device, packet));
+  };
+  add("NREBIRTH", "", node_birth(utc_ms));
+  for (const std::uint32_t i : born)
+    add("DREBIRTH", config_.devices.at(i).name, device_birth(i, utc_ms));
+  return messages;
+}
+
+Packet TypedCommandsProfile::node_birth(std::int64_t utc_ms) const {
+  Packet packet;
+  packet.set_timestamp(stamp(utc_ms));
+  packet.set_bd_seq(births_.session());
+  return packet;
+}
+
+Packet TypedCommandsProfile::device_birth(std::uint32_t index, std::int64_t utc_ms) const {
   const DeviceConfig& device = config_.devices.at(index);
   Packet packet;
   packet.set_timestamp(stamp(utc_ms));
@@ -285,7 +322,6 @@ std::optional<Packet> TypedCommandsProfile::device_birth(std::uint32_t index, st
     if (tag.writable) define_write(packet, tag);
   if (device.commands.allow_run_stop && device.codec->plc() != nullptr)
     for (const std::string_view name : {kRun, kStop}) define(packet, std::string(name));
-  if (!births_.accepts_birth(index, packet.ByteSizeLong() + kBytesOfSeq)) return std::nullopt;
   return packet;
 }
 
@@ -295,16 +331,30 @@ void TypedCommandsProfile::send(const Request& request, Metric answer) {
   answer.set_name(request.name);
   answer.set_timestamp(packet.timestamp());
   answer.set_datatype(kCommand);
-  answer.mutable_command()->set_correlation_id(request.correlation_id);
+  if (!request.correlation_id.empty())
+    answer.mutable_command()->set_correlation_id(request.correlation_id);
   *packet.add_metrics() = std::move(answer);
-  answers_.push_back(message(request.device.empty() ? "NRESP" : "DRESP", request.device, packet));
+  Publication made = message(request.device.empty() ? "NRESP" : "DRESP", request.device, packet);
+  if (made.payload.size() > births_.most_bytes())
+    return log::error("answer_too_large",
+                      {{"topic", made.topic},
+                       {"correlation_id", log::excerpt(request.correlation_id)},
+                       {"bytes", std::to_string(made.payload.size())},
+                       {"note", "the broker does not accept it: raise its limit"}});
+  answers_.push_back(std::move(made));
 }
 
-void TypedCommandsProfile::reject(const Request& request, std::string_view why) {
+/// Answers a request that is not for a device of the config, and logs it: the audit has no place
+/// for it. A retained one would have an answer in each connection.
+void TypedCommandsProfile::reject(const Message& message, const Request& request,
+                                  const std::string& why) {
+  ignore_command(message, why);
+  if (message.retained) return;
   Metric answer;
+  const auto rejected = to_string(CommandStatus::rejected);
   sparkplug_c::Status& status = *answer.mutable_command()->mutable_status();
-  status.set_code(code_of(CommandStatus::rejected));
-  status.set_message(std::string(to_string(CommandStatus::rejected)) + ": " + std::string(why));
+  status.set_code(code_of(rejected));
+  status.set_message(std::string(rejected) + ": " + why);
   send(request, std::move(answer));
 }
 
@@ -313,8 +363,11 @@ void TypedCommandsProfile::answer(const Request& request, const std::string& res
   Metric answer;
   sparkplug_c::Command& command = *answer.mutable_command();
   command.mutable_status()->set_code(code_of(text_at(json, "status")));
-  command.mutable_status()->set_message(message_of(json));
-  if (request.type && command.status().code() == code_of(CommandStatus::succeeded)) {
+  command.mutable_status()->set_message(message_of(json) +
+                                        (text_at(json, "reason") == to_string(Reason::missing_id)
+                                             ? ": a request needs source and correlation_id"
+                                             : ""));
+  if (request.type && command.status().code() == 0) {
     Metric& value = *command.add_results();
     value.set_name(kValue);
     value.set_datatype(number(*request.type));
@@ -334,36 +387,43 @@ void TypedCommandsProfile::hear(const Message& message) {
   if (message.topic == prefix_ + "REBIRTH/" + node_) {
     if (message.retained)
       return ignore_command(message, "it is retained, so it was sent for an earlier time");
-    if (!births_.is_rebirth_due()) is_asked_ = true;
-    return births_.request_rebirth();
+    is_asked_ = births_.is_born();
+    return;
   }
   if (!births_.is_host_online())
-    return ignore_command(message, "the node is not born: its primary host is offline");
+    return ignore_command(message, "the node is not born: its primary host is not online");
+  if (answers_.size() >= kMostAnswers)
+    return ignore_command(message, "too many answers wait for the broker");
+  if (packet.metrics_size() > static_cast<int>(kMostTargets))
+    return ignore_command(message, "more than " + std::to_string(kMostTargets) + " commands");
   const std::string devices = prefix_ + "DCMD/" + node_ + "/";
   const bool is_for_device = message.topic.starts_with(devices);
   const std::string device = is_for_device ? message.topic.substr(devices.size()) : "";
-  if (is_for_device && device.empty()) return ignore_command(message, "no device");
-  if (packet.metrics_size() > static_cast<int>(kMostTargets))
-    return ignore_command(message, "more than " + std::to_string(kMostTargets) + " commands");
+  if ((is_for_device && device.empty()) || device.size() > kLongestName)
+    return ignore_command(message, "no such device");
   for (const Metric& metric : packet.metrics()) carry_out(message, device, packet.source(), metric);
 }
 
-/// Each request has one answer. One without a command has nothing to which an answer could belong.
+/// Each request has one answer. A metric without a command has nothing that an answer could repeat.
 void TypedCommandsProfile::carry_out(const Message& message, const std::string& device,
                                      const std::string& source, const Metric& metric) {
   if (!metric.has_command())
-    return ignore_command(
-        message, log::excerpt(metric.name()) + " is not a command: write a tag with Write/{tag}");
+    return ignore_command(message, log::excerpt(metric.name()) +
+                                       " is not a command: Write/{tag} writes a tag, and the verb "
+                                       "REBIRTH asks for the births");
   Request request{device, metric.name(), metric.command().correlation_id(), {}};
+  if (request.name.size() > kLongestName || request.correlation_id.size() > kLongestName)
+    return ignore_command(message, "a name or a correlation_id of more than " +
+                                       std::to_string(kLongestName) + " bytes");
+  if (device.empty())
+    return reject(message, request, "bad_op: the node has no commands, its devices have");
   const auto index = births_.index_of(device);
-  if (device.empty()) return reject(request, "bad_op: the node has no commands, its devices have");
-  if (!index) return reject(request, "unknown_device: the agent has no such device");
-  if (source.empty())
-    return reject(request, "missing_id: the payload has no source, the host's id");
-  if (request.correlation_id.empty())
-    return reject(request, "missing_id: the command has no correlation_id");
+  if (!index) return reject(message, request, "unknown_device: the agent has no device " + device);
   json::Writer command;
-  command.begin_object().key("id").string(id_of(source, request.correlation_id)).key("op");
+  command.begin_object();
+  if (const std::string id = id_of(source, request.correlation_id); !id.empty())
+    command.key("id").string(id);
+  command.key("op");
   if (request.name.starts_with(kWrite)) {
     const std::string_view tag = std::string_view(request.name).substr(kWrite.size());
     request.type = type_of(config_.devices.at(*index), tag);
@@ -371,13 +431,12 @@ void TypedCommandsProfile::carry_out(const Message& message, const std::string& 
   } else if (request.name == kRun || request.name == kStop) {
     command.string(request.name == kRun ? "run" : "stop");
   } else {
-    return reject(request, "bad_op: no such command; the birth of the device lists its commands");
+    // The agent's own words are no names of commands here.
+    command.string(op_from(request.name) ? "" : request.name);
   }
-  // Admission refuses an argument that is no key of a command, or one that is missing.
+  // Admission refuses an argument that is no key of a command, and a value that is missing.
   for (const Metric& argument : metric.command().arguments())
-    command.key(argument.name())
-        .raw(sparkplug::json_of(received(argument.value()), request.type.value_or(Type::string))
-                 .value_or("null"));
+    command.key(argument.name()).raw(json_of(argument, request.type.value_or(Type::string)));
   Order order = order_of(message, device, name_ + "/" + log::excerpt(source));
   order.payload = command.end_object().take();
   order.tell = [this, request](const std::string& result) { answer(request, result); };

@@ -10,7 +10,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -44,10 +43,10 @@ class TypedCommandsProfile final : public Profile {
   void change(const ConfigChange& change) override { births_.change(change); }
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   bool is_ready() const override { return births_.is_born(); }
-  SteadyTime next_wake() const override { return births_.next_wake(); }
+  SteadyTime next_wake() const override;
   std::vector<Publication> farewell(std::int64_t utc_ms) override;
   bool take_leave() override { return births_.take_leave(); }
-  void refused() override;
+  void refused() override { births_.request_rebirth(); }
 
   bool wants_samples() const override { return false; }
   std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
@@ -65,12 +64,15 @@ class TypedCommandsProfile final : public Profile {
   Publication message(std::string_view verb, const std::string& device,
                       const sparkplug_c::Packet& packet) const;
   Publication node_death() const;
-  std::optional<sparkplug_c::Packet> device_birth(std::uint32_t index, std::int64_t utc_ms);
+  sparkplug_c::Packet node_birth(std::int64_t utc_ms) const;
+  sparkplug_c::Packet device_birth(std::uint32_t index, std::int64_t utc_ms) const;
+  std::vector<Publication> births(SteadyTime now, std::int64_t utc_ms);
+  std::vector<Publication> repeated_births(std::int64_t utc_ms);
   void carry_out(const Message& message, const std::string& device, const std::string& source,
                  const sparkplug_c::Metric& metric);
   /// Answers a request with the agent's result, which is JSON.
   void answer(const Request& request, const std::string& result);
-  void reject(const Request& request, std::string_view why);
+  void reject(const Message& message, const Request& request, const std::string& why);
   void send(const Request& request, sparkplug_c::Metric answer);
 
   const Config& config_;
@@ -82,8 +84,9 @@ class TypedCommandsProfile final : public Profile {
 
   sparkplug::BirthSchedule births_;
   std::uint64_t seq_ = 0;  ///< of the next message
-  bool is_asked_ = false;  ///< a host asked for the births that are due
-  std::deque<Publication> answers_;
+  bool is_asked_ = false;  ///< a host has asked for the births again
+  SteadyTime born_at_{};   ///< the last births, also repeated ones
+  std::vector<Publication> answers_;
 };
 
 }  // namespace fxagent

@@ -118,6 +118,23 @@ TEST_F(SparkplugTest, HostileCommandsAreIgnored) {
   EXPECT_TRUE(due().empty());
 }
 
+TEST_F(SparkplugTest, ArrayIsWrittenInItsOwnTypeOnly) {
+  config_.devices[0].tags[test::setpoint].point.is_array = true;
+  profile_->connection_began(Connected{});
+  due();
+  const std::string topic = "spBv1.0/plant-a/DCMD/edge7/press1";
+  const std::string name = "0A 08 73 65 74 70 6F 69 6E 74 ";  // setpoint
+  const std::string array = "82 01 04 07 00 FF FF";           // bytes_value
+  hear(topic, bytes("12 11 " + name + array));                // no data type
+  hear(topic, bytes("12 13 " + name + "20 17 " + array));     // Int16Array
+  hear(topic, bytes("12 13 " + name + "20 18 " + array));     // Int32Array
+  hear(topic, bytes("12 13 " + name + "38 01 " + array));     // is_null
+  hear(topic, bytes("12 10 " + name + "82 01 03 07 00 FF"));  // half an element
+  ASSERT_EQ(orders_.size(), 2U);
+  for (const Order& order : orders_)
+    EXPECT_EQ(order.payload, R"({"id":"id-1","op":"write","tag":"setpoint","value":[7,-1]})");
+}
+
 TEST_F(SparkplugTest, SessionsAreCountedFrom0To255) {
   Will first = profile_->last_will();
   EXPECT_EQ(first.topic, "spBv1.0/plant-a/NDEATH/edge7");

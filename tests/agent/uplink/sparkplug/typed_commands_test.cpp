@@ -4,6 +4,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -106,51 +107,85 @@ class TypedCommandsTest : public testing::Test {
   SteadyTime now_ = SteadyTime(1h);
   std::vector<Order> orders_;
   std::optional<TypedCommandsProfile> profile_;
-  bool connects_ = false;
 };
 
-TEST_F(TypedCommandsTest, NumbersGoOnAfterARebirthThatAHostAskedFor) {
+TEST_F(TypedCommandsTest, RebirthThatAHostAskedForRepeatsTheLastNumbers) {
   device(DeviceStatus::State::online);
   profile_->connection_began(Connected{});
   EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1"}));
+  for (int i = 0; i < 9; ++i) rebirth();
+  // What is due meanwhile does not wait, and has numbers of its own.
   device(DeviceStatus::State::online, 1);
   EXPECT_EQ(due(), Lines{"DBIRTH/edge7/press2 2"});
-  for (int i = 0; i < 9; ++i) rebirth();
-  EXPECT_TRUE(due().empty());
-  EXPECT_EQ(profile_->next_wake(), now_ + 1s);
-  now_ += 1s;
-  EXPECT_EQ(due(),
-            (Lines{"NREBIRTH/edge7 0", "DREBIRTH/edge7/press1 1", "DREBIRTH/edge7/press2 2"}));
-  EXPECT_TRUE(due().empty());
   device(DeviceStatus::State::offline);
   EXPECT_EQ(due(), Lines{"DDEATH/edge7/press1 3"});
+  EXPECT_EQ(profile_->next_wake(), now_ + 1s);
   now_ += 1s;
-  rebirth();
   EXPECT_EQ(due(), (Lines{"NREBIRTH/edge7 2", "DREBIRTH/edge7/press2 3"}));
+  EXPECT_TRUE(due().empty());
+  EXPECT_EQ(profile_->next_wake(), SteadyTime::max());
+  device(DeviceStatus::State::online);
+  EXPECT_EQ(due(), Lines{"DBIRTH/edge7/press1 4"});
   // What the library refused is missing in the order: the births begin anew.
   now_ += 1s;
   rebirth();
   profile_->refused();
-  EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press2 1"}));
+  EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1", "DBIRTH/edge7/press2 2"}));
+  now_ += 1s;
+  EXPECT_TRUE(due().empty()) << "the host has them";
 }
 
-TEST_F(TypedCommandsTest, NumbersBeforeZeroWrap) {
+TEST_F(TypedCommandsTest, DeviceThatAReloadRemovesDies) {
+  device(DeviceStatus::State::online);
   profile_->connection_began(Connected{});
   due();
+  hear("DCMD/edge7/press1", kRequest);
+  rebirth();
+  ConfigChange change;
+  change.config = config_;
+  change.devices_end = {0};
+  profile_->change(change);
+  EXPECT_EQ(due(), Lines{"DDEATH/edge7/press1 2"});
+  hear("DCMD/edge7/press1", kRequest);
+  EXPECT_EQ(orders_.size(), 1U) << "it is no device any more";
+  orders_[0].tell(R"({"status":"REJECTED","reason":"reloading"})");
+  EXPECT_EQ(due(), (Lines{"DRESP/edge7/press1 ", "DRESP/edge7/press1 "}));
+  now_ += 1s;
+  EXPECT_EQ(due(), Lines{"NREBIRTH/edge7 2"});
+}
+
+TEST_F(TypedCommandsTest, BirthThatTheBrokerDoesNotAcceptLeavesNoGap) {
   device(DeviceStatus::State::online);
+  Connected connected;
+  connected.maximum_packet = 600;
+  profile_->connection_began(connected);
+  EXPECT_EQ(due(), Lines{"NBIRTH/edge7 0"});
   now_ += 1s;
   rebirth();
-  EXPECT_EQ(due(), (Lines{"NREBIRTH/edge7 " + std::to_string(kAll), "DREBIRTH/edge7/press1 0"}));
+  EXPECT_EQ(due(), Lines{"NREBIRTH/edge7 0"});
+}
+
+TEST_F(TypedCommandsTest, RunAndStopAreCommandsIfAllowed) {
+  config_.devices[0].commands.allow_run_stop = true;
+  device(DeviceStatus::State::online);
+  profile_->connection_began(Connected{});
+  const auto births = profile_->due(now_, kSentMs);
+  // The last metric of the birth.
+  auto last = fields(fields(births.at(1).payload)[2]);
+  EXPECT_EQ(last[1] + " " + last[4], "Stop 35");
+  EXPECT_NE(births[1].payload.find(test::bytes("0A 03 52 75 6E")), std::string::npos) << "Run";
+  hear("DCMD/edge7/press1", "2A 01 68 12 0B 0A 03 52 75 6E 62 04 1A 02 63 31");
+  ASSERT_EQ(orders_.size(), 1U);
+  EXPECT_EQ(orders_[0].payload, R"({"id":"h/c1","op":"run"})");
 }
 
 TEST_F(TypedCommandsTest, WillHasTheNumberOfTheSessionAlone) {
-  for (const char* session : {"0", "0", "1", "2"}) {
+  profile_->last_will();  // of an attempt that failed
+  for (const char* session : {"0", "1", "2"}) {
     const Will will = profile_->last_will();
     EXPECT_EQ(will.topic, "spCv1.0/plant-a/NDEATH/edge7");
     EXPECT_EQ(will.retain, Retain::no);
     EXPECT_EQ(fields(will.payload), (std::map<unsigned, std::string>{{4, session}}));
-    if (session == std::string("0") && !std::exchange(connects_, true))
-      continue;  // the first attempt fails
     profile_->connection_began(Connected{});
     EXPECT_EQ(fields(profile_->due(now_, kSentMs)[0].payload)[4], session);
     EXPECT_EQ(profile_->farewell(kSentMs)[0].payload, will.payload);
@@ -238,7 +273,8 @@ TEST_F(TypedCommandsTest, AnswerOfAnOutageFollowsTheBirthsOfTheNextSession) {
   orders_[0].tell(R"({"status":"SUCCEEDED","value":7})");
   EXPECT_TRUE(due().empty());
   profile_->connection_began(Connected{});
-  EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1", "DRESP/edge7/press1 "}));
+  EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1"}));
+  EXPECT_EQ(due(), Lines{"DRESP/edge7/press1 "});
 }
 
 TEST_F(TypedCommandsTest, HostileMessagesAreNoCommands) {
@@ -265,8 +301,8 @@ TEST_F(TypedCommandsTest, HostileMessagesAreNoCommands) {
   EXPECT_TRUE(due().empty());
   // This one has nothing but a command, and is answered.
   hear("DCMD/edge7/press1", "12 02 62 00");
-  EXPECT_TRUE(orders_.empty());
-  EXPECT_EQ(due(), Lines{"DRESP/edge7/press1 "});
+  ASSERT_EQ(orders_.size(), 1U);
+  EXPECT_EQ(orders_[0].payload, R"({"op":""})") << "admission refuses it";
 }
 
 TEST_F(TypedCommandsTest, WhileItsHostIsOfflineTheNodeDoesNothing) {
@@ -285,16 +321,100 @@ TEST_F(TypedCommandsTest, WhileItsHostIsOfflineTheNodeDoesNothing) {
   EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1"}));
 }
 
-TEST_F(TypedCommandsTest, LongNamesOfHostsMakeShortIds) {
-  profile_->connection_began(Connected{});
-  due();
-  // The same request by a source of 70 characters.
-  std::string text = "2A 46";
-  for (int i = 0; i < 70; ++i) text += " 61";
-  hear("DCMD/edge7/press1", (text + " " + std::string(kRequest).substr(21)).c_str());
-  ASSERT_EQ(orders_.size(), 1U);
-  const std::string& payload = orders_[0].payload;
-  EXPECT_EQ(payload.find(R"(","op")") - std::string(R"({"id":")").size(), 64U) << payload;
+/// Returns the JSON of the command that a request of this source and correlation id makes; the
+/// argument is bytes.
+class TypedRequest : public TypedCommandsTest {
+ protected:
+  TypedRequest() {
+    profile_->connection_began(Connected{});
+    due();
+  }
+  static std::string field(char key, const std::string& content) {
+    return std::string(1, key) + static_cast<char>(content.size()) + content;
+  }
+  std::string command(const std::string& source, const std::string& id,
+                      const std::string& argument = {}) {
+    std::string parts = field('\x1A', id);
+    if (!argument.empty()) parts = field('\x0A', argument) + parts;
+    Message message;
+    message.topic = "spCv1.0/plant-a/DCMD/edge7/press1";
+    message.payload = field('\x2A', source) +
+                      field('\x12', field('\x0A', "Write/setpoint") + field('\x62', parts));
+    profile_->hear(message);
+    return orders_.empty() ? "" : orders_.back().payload;
+  }
+  /// Returns the value that the command would write.
+  std::string value(const char* typed_value, const char* before = "") {
+    const std::string payload = command(
+        "h", "c",
+        field('\x0A', "value") + test::bytes(before) + field('\x5A', test::bytes(typed_value)));
+    const auto at = payload.find(R"("value":)");
+    return payload.substr(at + 8, payload.size() - at - 9);
+  }
+};
+
+TEST_F(TypedRequest, IdsOfDifferentRequestsDiffer) {
+  const auto id = [this](const std::string& source, const std::string& correlation_id) {
+    const std::string payload = command(source, correlation_id);
+    return payload.substr(0, payload.find(R"(,"op")"));
+  };
+  EXPECT_EQ(id("scada", "17"), R"({"id":"scada/17")");
+  std::set<std::string> ids;
+  const std::string longest(59, 'x');
+  for (const auto& [source, correlation_id] :
+       {std::pair("a/b", "c"), std::pair("a", "b/c"), std::pair("h\xC3\xB6st", "1"),
+        std::pair("host", "1"), std::pair("scada", longest.c_str()),
+        std::pair("scad", (longest + "yz").c_str()), std::pair("scada", (longest + "y").c_str())}) {
+    const std::string made = id(source, correlation_id);
+    EXPECT_TRUE(ids.insert(made).second) << made;
+    EXPECT_LE(made.size(), std::string(R"({"id":"")").size() + 64);
+    for (const char c : made) EXPECT_TRUE(c >= ' ' && c <= '~') << made;
+  }
+  EXPECT_EQ(id("", "c"), "{\"op\":\"write\",\"tag\":\"setpoint\"}");
+  EXPECT_EQ(id("a", ""), "{\"op\":\"write\",\"tag\":\"setpoint\"}");
+}
+
+TEST_F(TypedRequest, ArgumentThatCannotBeReadIsNotAbsent) {
+  EXPECT_EQ(value("18 07"), "7");
+  EXPECT_EQ(value("08 04 20 07"), "7") << "an Int64";
+  EXPECT_EQ(value("08 02"), "{}") << "no value";
+  EXPECT_EQ(value("10 01 18 07"), "{}") << "is_null";
+  EXPECT_EQ(value("62 02 08 01"), "{}") << "a data set";
+  EXPECT_EQ(value("41 00 00 00 00 00 00 F8 7F"), "{}") << "not a number";
+  EXPECT_EQ(value("5A 02 07 00"), "{}") << "bytes for an integer";
+  config_.devices[0].tags[test::setpoint].point.is_array = true;
+  EXPECT_EQ(value("5A 04 07 00 FF FF"), "[7,-1]") << "no data type";
+  EXPECT_EQ(value("08 17 5A 04 07 00 FF FF"), "[7,-1]");
+  EXPECT_EQ(value("5A 04 07 00 FF FF", "20 17"), "[7,-1]");
+  EXPECT_EQ(value("08 18 5A 04 07 00 FF FF"), "{}") << "an Int32Array";
+  EXPECT_EQ(value("5A 04 07 00 FF FF", "20 18"), "{}");
+  EXPECT_EQ(value("08 17 5A 03 07 00 FF"), "{}") << "half an element";
+}
+
+TEST_F(TypedRequest, NoAnswerIsWithoutABound) {
+  hear("DCMD/edge7/" + std::string(257, 'x'), kRequest);
+  EXPECT_TRUE(due().empty());
+  for (int i = 0; i < 300; ++i) hear("DCMD/edge7/other", kRequest);
+  EXPECT_EQ(due().size(), 200U);
+  hear("DCMD/edge7/other", kRequest);
+  EXPECT_EQ(due(), Lines{"DRESP/edge7/other "});
+  hear("DCMD/edge7/other", kRequest, /*retained=*/true);
+  hear("NCMD/edge7", kRequest, /*retained=*/true);
+  EXPECT_TRUE(due().empty()) << "one in each connection";
+  hear("NCMD/edge7", kRequest);
+  EXPECT_EQ(due(), Lines{"NRESP/edge7 "});
+}
+
+TEST_F(TypedRequest, WordsOfTheAgentAreNoCommands) {
+  for (const char* name :
+       {"12 0E 0A 04 72 65 61 64 62 06 1A 04 63 63 63 63",                 // read
+        "12 12 0A 08 66 6F 72 63 65 5F 6F 6E 62 06 1A 04 63 63 63 63"}) {  // force_on
+    hear("DCMD/edge7/press1", (std::string("2A 01 68 ") + name).c_str());
+    EXPECT_NE(orders_.back().payload.find(R"("op":"")"), std::string::npos)
+        << orders_.back().payload;
+  }
+  hear("DCMD/edge7/press1", "2A 01 68 12 10 0A 06 52 65 62 6F 6F 74 62 06 1A 04 63 63 63 63");
+  EXPECT_NE(orders_.back().payload.find(R"("op":"Reboot")"), std::string::npos);
 }
 
 }  // namespace

@@ -93,7 +93,8 @@ function judgeBirth(type, device, payload, faults) {
     if (type === "NREBIRTH" && bdSeq !== session.bdSeq) faults.push(`bd_seq ${bdSeq} in the session ${session.bdSeq}`);
     if (type === "NREBIRTH") session.again = seq;
     else if (seq !== (session.again = BigInt.asUintN(64, session.again + 1n))) faults.push(`seq ${seq} in a rebirth`);
-    if (BigInt.asIntN(64, seq - session.seq) > 0n) faults.push("a rebirth with a number after the last one");
+    if (seq > session.seq) faults.push("a rebirth with a number that was not used yet");
+    if (type === "DREBIRTH" && !has(session.devices, device)) faults.push(`DREBIRTH of ${device} without DBIRTH`);
   } else {
     session.seq = BigInt.asUintN(64, session.seq + 1n);
     if (seq !== session.seq) faults.push(`seq ${seq} where ${session.seq} was due`);
@@ -115,7 +116,8 @@ function judgeAnswer(type, device, payload, faults) {
   if (!has(payload, "timestamp")) faults.push("no timestamp in the payload");
   if ((payload.metrics || []).length !== 1 || metric.datatype !== kCommand) faults.push("not exactly one command");
   if (!has(status, "code")) faults.push("no status");
-  if (!asked.delete(command.correlationId)) faults.push(`nobody asked for ${command.correlationId}, or it was answered`);
+  const id = command.correlationId || "";
+  if (!asked.delete(id)) faults.push(`nobody asked for ${id}, or it was answered`);
   if (!session) faults.push(`${type} without NBIRTH`);
   const results = {};
   for (const each of command.results || []) results[each.name] = valueOf(each.value || {}, faults);
@@ -123,7 +125,7 @@ function judgeAnswer(type, device, payload, faults) {
   if (known && number(status.code) === 0)
     for (const each of known.results)
       if (!has(results, each.name)) faults.push(`success without the result ${each.name}`);
-  return {name: metric.name, id: command.correlationId, code: number(status.code), message: status.message, results};
+  return {name: metric.name, id, code: number(status.code), message: status.message, results};
 }
 
 const client = mqtt.connect(`mqtt://127.0.0.1:${port}`, {protocolVersion: 5, reconnectPeriod: 200, clientId: "host-c"});
@@ -150,7 +152,7 @@ require("readline").createInterface({input: process.stdin}).on("line", (line) =>
   const order = JSON.parse(line);
   if (order.command) {
     const {device, name, id, source, retain} = order.command;
-    const given = (order.command.arguments || []).map(({name: key, type, value}) => ({
+    const given = (order.command.arguments || []).map(({name: key, type, value}) => (type === null ? {name: key} : {
       name: key, datatype: types[type][0], value: {datatype: types[type][0],
         [types[type][1]]: types[type][1] === "bytes" ? Buffer.from(value) : value}}));
     asked.add(id || "");
