@@ -20,6 +20,7 @@ class FileHandle final {
   ~FileHandle() { close(); }
 
   operator int() const { return number_; }
+  explicit operator bool() const = delete;  // -1 would be true
   /// Passes the descriptor to the caller, who closes it.
   int release() { return std::exchange(number_, -1); }
   void close() {

@@ -77,7 +77,11 @@ class CommandJournal {
   /// Records the results of commands, admitted or not, in one commit. The first result of a command
   /// stays.
   virtual void record(std::vector<JournalEntry> entries) = 0;
-  void record(JournalEntry entry) { record(std::vector{std::move(entry)}); }
+  void record(JournalEntry entry) {
+    std::vector<JournalEntry> entries;
+    entries.push_back(std::move(entry));
+    record(std::move(entries));
+  }
   /// Records that the broker has acknowledged the result of the command with this number, or
   /// refused it for good. `total_ms`: as in the published result; empty: not known.
   virtual void acknowledge(std::string device, std::string id, std::uint64_t number,

@@ -432,12 +432,15 @@ class TypedCommands(SparkplugPlant):
                 ("Write/setpoint", [{**value, "type": None}], {}, "bad_value"),
                 ("read", [{**value, "name": "tag", "type": "String", "value": "setpoint"}], {}, "bad_op"),
                 ("Write/setpoint", [value], {"source": ""}, "missing_id"),
-                ("Write/setpoint", [value], {"id": None}, "missing_id"),
-                ("Write/setpoint", [value], {"retain": True}, "retained")]:
+                ("Write/setpoint", [value], {"id": None}, "missing_id")]:
             with self.subTest(name=name, word=word, more=more):
                 answer = self.ask(name, arguments=arguments, **more)
                 self.assertEqual((answer["code"], answer["results"]), (3, {}))
                 self.assertTrue(answer["message"].startswith(f"REJECTED: {word}: "), answer["message"])
+        # A retained request was meant for an earlier time.
+        self.judge.order(command={"device": "press1", "name": "Write/setpoint", "id": "r", "arguments": [value], "retain": True})
+        wait_for("the log", lambda: "it is retained" in self.agent.logged())
+        self.assertEqual([m for m in self.judge.seen() if m.get("id") == "r"], [])
         self.assertEqual(self.sim.commands("press1"), [])
         self.assert_no_faults()
 
@@ -482,6 +485,7 @@ class TypedCommands(SparkplugPlant):
             {"name": "value", "type": "Int16", "value": 7}]})
         wait_for("the command on the wire", lambda: self.sim.commands("press1"))
         self.agent.stop()
+        self.judge.wait("NDEATH")
         self.assertEqual(self.judge.wait("DRESP")["id"], "last")
         types = [m["type"] for m in self.judge.seen()]
         self.assertLess(types.index("DRESP"), types.index("NDEATH"))

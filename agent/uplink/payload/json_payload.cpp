@@ -355,7 +355,11 @@ std::vector<Publication> JsonPayload::history(const HistoryBatch& batch) {
 }
 
 std::vector<Publication> JsonPayload::data(std::string topic, std::string payload) const {
-  return {{.topic = std::move(topic), .payload = std::move(payload), .qos = config_.mqtt.qos}};
+  // Not an initializer list, which would copy the payload.
+  std::vector<Publication> made;
+  made.push_back(
+      {.topic = std::move(topic), .payload = std::move(payload), .qos = config_.mqtt.qos});
+  return made;
 }
 
 std::string JsonPayload::device_topic(std::uint32_t device) const {

@@ -89,7 +89,7 @@ std::optional<std::string> json_of(const Metric& metric, Type type) {
       return json_of(TypedValue(metric.string_value()), type);
     case Metric::kBytesValue:
       // The elements would be read as others.
-      if (metric.has_datatype() && metric.datatype() != static_cast<std::uint32_t>(type)) break;
+      if (metric.datatype() != 0 && metric.datatype() != static_cast<std::uint32_t>(type)) break;
       return json_of(TypedValue(Packed{metric.bytes_value()}), type);
     case Metric::VALUE_NOT_SET:
       break;

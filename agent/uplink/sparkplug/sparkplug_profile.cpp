@@ -408,7 +408,7 @@ void SparkplugProfile::place_order(const Message& message, std::uint32_t device,
     return ignore_command(message, "this broker may not send commands: brokers[].commands");
   const DeviceConfig& config = config_.devices[device];
   const auto value = sparkplug::json_of(metric, sparkplug::type_of(config.tags[tag].point));
-  if (!value) return ignore_command(message, "a metric without a value");
+  if (!value) return ignore_command(message, "a metric without a value that its tag can have");
   Order order = order_of(message, config.name, name_);
   order.payload = write_command(new_id_(), config.tags[tag].name, *value);
   take_order_(std::move(order));

@@ -13,6 +13,7 @@
 #include "agent/text.h"
 #include "agent/uplink/profile/heard_command.h"
 #include "agent/uplink/sparkplug/sparkplug_c.pb.h"
+#include "agent/uplink/topics.h"
 
 namespace fxagent {
 namespace {
@@ -94,10 +95,13 @@ sparkplug::TypedValue received(const sparkplug_c::TypedValue& value) {
 /// Returns an argument as JSON, or kNoValue if it has none or is not an array of this type.
 std::string json_of(const Metric& argument, Type type) {
   const sparkplug_c::TypedValue& value = argument.value();
-  const std::uint32_t declared = value.has_datatype() ? value.datatype() : argument.datatype();
+  const auto is_other = [&](std::uint32_t declared) {
+    return declared != 0 && declared != number(type);
+  };
   // The elements of another type would be read as others.
-  if (value.is_null() || (value.has_bytes_value() && declared != 0 && declared != number(type)))
-    return kNoValue;
+  const bool is_other_array =
+      value.has_bytes_value() && (is_other(value.datatype()) || is_other(argument.datatype()));
+  if (value.is_null() || is_other_array) return kNoValue;
   auto json = sparkplug::json_of(received(value), type);
   return json && *json != "null" ? *std::move(json) : kNoValue;
 }
@@ -159,8 +163,14 @@ std::string message_of(const nlohmann::json& result) {
   std::string out = text_at(result, "status");
   if (!plc.empty() && !first.is_object()) out += ", " + plc;
   if (member(result, "dry_run") == true) out += ", dry run: nothing was sent";
-  for (const char* key : {"reason", "detail"})
-    if (const std::string text = text_at(result, key); !text.empty()) out += ": " + text;
+  const std::string reason = text_at(result, "reason");
+  std::string detail = text_at(result, "detail");
+  // The agent's words for these two are about JSON.
+  if (reason == to_string(Reason::missing_id)) detail = "a request needs source and correlation_id";
+  if (reason == to_string(Reason::bad_op))
+    detail = "no such command; the birth of the device lists its commands";
+  for (const std::string& text : {reason, detail})
+    if (!text.empty()) out += ": " + text;
   if (first.is_object()) out += "; the first had " + message_of(first);
   return out;
 }
@@ -190,7 +200,7 @@ std::string id_of(const std::string& source, const std::string& correlation_id) 
   std::string id = source + "/" + correlation_id;
   const bool is_plain = id.size() <= kLongestId && source.find('/') == source.npos &&
                         std::ranges::all_of(id, [](char c) { return c >= ' ' && c <= '~'; });
-  return is_plain ? id : to_text(sha256(source + '\0' + correlation_id));
+  return is_plain ? id : to_text(sha256(std::to_string(source.size()) + "/" + id));
 }
 
 }  // namespace
@@ -252,16 +262,31 @@ Publication TypedCommandsProfile::node_death() const {
 
 std::vector<Publication> TypedCommandsProfile::due(SteadyTime now, std::int64_t utc_ms) {
   std::vector<Publication> messages = births(now, utc_ms);
-  if (!messages.empty() || !births_.is_born() || births_.is_rebirth_due()) return messages;
+  if (!messages.empty() || !is_open()) return messages;
   if (is_asked_ && now >= born_at_ + births_.kRebirthEvery) {
     born_at_ = now;
     return repeated_births(utc_ms);
   }
-  return std::exchange(answers_, {});
+  // One at a time: what is handed over is lost with the connection.
+  while (!answers_.empty() && messages.empty()) {
+    Publication answer = std::move(answers_.front());
+    answers_.pop_front();
+    if (answer.payload.size() <= births_.most_bytes())
+      messages.push_back(std::move(answer));
+    else
+      log::error("answer_too_large", {{"topic", answer.topic},
+                                      {"bytes", std::to_string(answer.payload.size())},
+                                      {"note", "the broker does not accept it: raise its limit"}});
+  }
+  return messages;
+}
+
+bool TypedCommandsProfile::is_open() const {
+  return births_.is_born() && births_.is_host_online() && !births_.is_rebirth_due();
 }
 
 SteadyTime TypedCommandsProfile::next_wake() const {
-  if (!is_asked_ || !births_.is_born()) return births_.next_wake();
+  if (!is_asked_ || !is_open()) return births_.next_wake();
   return std::min(births_.next_wake(), born_at_ + births_.kRebirthEvery);
 }
 
@@ -334,22 +359,14 @@ void TypedCommandsProfile::send(const Request& request, Metric answer) {
   if (!request.correlation_id.empty())
     answer.mutable_command()->set_correlation_id(request.correlation_id);
   *packet.add_metrics() = std::move(answer);
-  Publication made = message(request.device.empty() ? "NRESP" : "DRESP", request.device, packet);
-  if (made.payload.size() > births_.most_bytes())
-    return log::error("answer_too_large",
-                      {{"topic", made.topic},
-                       {"correlation_id", log::excerpt(request.correlation_id)},
-                       {"bytes", std::to_string(made.payload.size())},
-                       {"note", "the broker does not accept it: raise its limit"}});
-  answers_.push_back(std::move(made));
+  answers_.push_back(message(request.device.empty() ? "NRESP" : "DRESP", request.device, packet));
 }
 
 /// Answers a request that is not for a device of the config, and logs it: the audit has no place
-/// for it. A retained one would have an answer in each connection.
+/// for it.
 void TypedCommandsProfile::reject(const Message& message, const Request& request,
                                   const std::string& why) {
   ignore_command(message, why);
-  if (message.retained) return;
   Metric answer;
   const auto rejected = to_string(CommandStatus::rejected);
   sparkplug_c::Status& status = *answer.mutable_command()->mutable_status();
@@ -363,10 +380,7 @@ void TypedCommandsProfile::answer(const Request& request, const std::string& res
   Metric answer;
   sparkplug_c::Command& command = *answer.mutable_command();
   command.mutable_status()->set_code(code_of(text_at(json, "status")));
-  command.mutable_status()->set_message(message_of(json) +
-                                        (text_at(json, "reason") == to_string(Reason::missing_id)
-                                             ? ": a request needs source and correlation_id"
-                                             : ""));
+  command.mutable_status()->set_message(message_of(json));
   if (request.type && command.status().code() == 0) {
     Metric& value = *command.add_results();
     value.set_name(kValue);
@@ -384,22 +398,25 @@ void TypedCommandsProfile::hear(const Message& message) {
   Packet packet;
   if (message.payload.size() > kMaxMessageBytes || !packet.ParseFromString(message.payload))
     return ignore_command(message, "not a Sparkplug C payload of at most 64 KiB");
+  // It would come again in each connection.
+  if (message.retained)
+    return ignore_command(message, "it is retained, so it was sent for an earlier time");
   if (message.topic == prefix_ + "REBIRTH/" + node_) {
-    if (message.retained)
-      return ignore_command(message, "it is retained, so it was sent for an earlier time");
     is_asked_ = births_.is_born();
     return;
   }
   if (!births_.is_host_online())
     return ignore_command(message, "the node is not born: its primary host is not online");
-  if (answers_.size() >= kMostAnswers)
-    return ignore_command(message, "too many answers wait for the broker");
-  if (packet.metrics_size() > static_cast<int>(kMostTargets))
+  const auto commands = static_cast<std::size_t>(packet.metrics_size());
+  if (commands > kMostTargets)
     return ignore_command(message, "more than " + std::to_string(kMostTargets) + " commands");
+  if (answers_.size() + commands > kMostAnswers)
+    return ignore_command(message, "too many answers wait for the broker");
   const std::string devices = prefix_ + "DCMD/" + node_ + "/";
   const bool is_for_device = message.topic.starts_with(devices);
   const std::string device = is_for_device ? message.topic.substr(devices.size()) : "";
-  if ((is_for_device && device.empty()) || device.size() > kLongestName)
+  if ((is_for_device && device.empty()) || device.size() > kLongestName ||
+      !is_publishable(message.topic))
     return ignore_command(message, "no such device");
   for (const Metric& metric : packet.metrics()) carry_out(message, device, packet.source(), metric);
 }
@@ -431,8 +448,8 @@ void TypedCommandsProfile::carry_out(const Message& message, const std::string& 
   } else if (request.name == kRun || request.name == kStop) {
     command.string(request.name == kRun ? "run" : "stop");
   } else {
-    // The agent's own words are no names of commands here.
-    command.string(op_from(request.name) ? "" : request.name);
+    // The words of the agent's own commands are not among the names.
+    command.string(op_from(request.name) ? "command " + request.name : request.name);
   }
   // Admission refuses an argument that is no key of a command, and a value that is missing.
   for (const Metric& argument : metric.command().arguments())

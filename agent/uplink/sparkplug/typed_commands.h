@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -68,6 +69,8 @@ class TypedCommandsProfile final : public Profile {
   sparkplug_c::Packet device_birth(std::uint32_t index, std::int64_t utc_ms) const;
   std::vector<Publication> births(SteadyTime now, std::int64_t utc_ms);
   std::vector<Publication> repeated_births(std::int64_t utc_ms);
+  /// True if births may be repeated and answers sent.
+  bool is_open() const;
   void carry_out(const Message& message, const std::string& device, const std::string& source,
                  const sparkplug_c::Metric& metric);
   /// Answers a request with the agent's result, which is JSON.
@@ -86,7 +89,7 @@ class TypedCommandsProfile final : public Profile {
   std::uint64_t seq_ = 0;  ///< of the next message
   bool is_asked_ = false;  ///< a host has asked for the births again
   SteadyTime born_at_{};   ///< the last births, also repeated ones
-  std::vector<Publication> answers_;
+  std::deque<Publication> answers_;
 };
 
 }  // namespace fxagent

@@ -96,6 +96,8 @@ function judgeBirth(type, device, payload, faults) {
     if (seq > session.seq) faults.push("a rebirth with a number that was not used yet");
     if (type === "DREBIRTH" && !has(session.devices, device)) faults.push(`DREBIRTH of ${device} without DBIRTH`);
   } else {
+    if (has(session, "again") && session.again !== session.seq) faults.push(`a rebirth ended with the number ${session.again}`);
+    delete session.again;
     session.seq = BigInt.asUintN(64, session.seq + 1n);
     if (seq !== session.seq) faults.push(`seq ${seq} where ${session.seq} was due`);
     session.seq = seq;
