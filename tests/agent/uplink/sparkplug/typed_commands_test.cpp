@@ -380,10 +380,15 @@ TEST_F(TypedRequest, IdsOfDifferentRequestsDiffer) {
   EXPECT_EQ(id("scada", "17"), R"({"id":"scada/17")");
   std::set<std::string> ids;
   const std::string longest(59, 'x');
-  for (const auto& [source, correlation_id] :
-       {std::pair("a/b", "c"), std::pair("a", "b/c"), std::pair("a/", "bc"),
-        std::pair("h\xC3\xB6st", "1"), std::pair("host", "1"), std::pair("scada", longest.c_str()),
-        std::pair("scad", (longest + "yz").c_str()), std::pair("scada", (longest + "y").c_str())}) {
+  const std::vector<std::pair<std::string, std::string>> requests{{"a/b", "c"},
+                                                                  {"a", "b/c"},
+                                                                  {"a/", "bc"},
+                                                                  {"h\xC3\xB6st", "1"},
+                                                                  {"host", "1"},
+                                                                  {"scada", longest},
+                                                                  {"scad", longest + "yz"},
+                                                                  {"scada", longest + "y"}};
+  for (const auto& [source, correlation_id] : requests) {
     const std::string made = id(source, correlation_id);
     EXPECT_TRUE(ids.insert(made).second) << made;
     EXPECT_LE(made.size(), std::string(R"({"id":"")").size() + 64);
