@@ -8,6 +8,8 @@
 #include <cerrno>
 #include <system_error>
 
+#include "agent/file_handle.h"
+
 namespace fxagent {
 namespace {
 
@@ -28,7 +30,7 @@ tl::expected<PasswordFile, std::string> create_password_file(const std::string& 
   const auto failed = [&path] {
     return tl::unexpected(path + " cannot be created: " + std::generic_category().message(errno));
   };
-  const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+  const FileHandle file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600));
   if (file < 0 && errno == EEXIST) return PasswordFile{};
   if (file < 0) return failed();
   bool done = true;
@@ -39,11 +41,8 @@ tl::expected<PasswordFile, std::string> create_password_file(const std::string& 
   done = done && ::write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
   struct stat made {};
   done = done && ::fstat(file, &made) == 0;
-  const auto outcome =
-      done ? tl::expected<PasswordFile, std::string>(PasswordFile{true, name_of(made.st_uid)})
-           : failed();
-  ::close(file);
-  return outcome;
+  return done ? tl::expected<PasswordFile, std::string>(PasswordFile{true, name_of(made.st_uid)})
+              : failed();
 }
 
 }  // namespace fxagent

@@ -1,8 +1,6 @@
 #include "agent/uplink/sparkplug/metric.h"
 
 #include <string_view>
-#include <type_traits>
-#include <variant>
 
 #include "agent/uplink/sparkplug/sparkplug.pb.h"
 
@@ -25,28 +23,13 @@ Quality quality_of(const std::optional<BadReason>& bad) {
 }
 
 void set_value(Metric& metric, const Value& value, Type type) {
-  const auto set = [&](const auto& each) {
-    using Each = std::remove_cvref_t<decltype(each)>;
-    if constexpr (std::is_same_v<Each, std::monostate>) {
-      metric.set_is_null(true);
-    } else if constexpr (std::is_same_v<Each, bool>) {
-      metric.set_boolean_value(each);
-    } else if constexpr (std::is_same_v<Each, float>) {
-      metric.set_float_value(each);
-    } else if constexpr (std::is_same_v<Each, double>) {
-      metric.set_double_value(each);
-    } else if constexpr (std::is_same_v<Each, std::string>) {
-      metric.set_string_value(each);
-    } else if constexpr (std::is_same_v<Each, Packed>) {
-      metric.set_bytes_value(each.bytes);
-    } else if (type == Type::int16 || type == Type::uint16 || type == Type::int32) {
-      metric.set_int_value(static_cast<std::uint32_t>(each));
-    } else {
-      // The specification has UInt32 in int_value; the hosts that we know read it from long_value.
-      metric.set_long_value(static_cast<std::uint64_t>(each));
-    }
-  };
-  std::visit(set, typed(value, type));
+  put(metric, typed(value, type), [&](auto integer) {
+    // The specification has UInt32 in int_value; the hosts that we know read it from long_value.
+    if (type == Type::int16 || type == Type::uint16 || type == Type::int32)
+      metric.set_int_value(static_cast<std::uint32_t>(integer));
+    else
+      metric.set_long_value(static_cast<std::uint64_t>(integer));
+  });
 }
 
 void add_quality(Metric& metric, const std::optional<BadReason>& bad) {

@@ -40,29 +40,15 @@ std::uint32_t number(Type type) { return static_cast<std::uint32_t>(type); }
 
 void set_value(sparkplug_c::TypedValue& out, const Value& value, Type type) {
   out.set_datatype(number(type));
-  const bool is_short = type != Type::int64 && type != Type::uint64;
-  const auto set = [&](const auto& each) {
-    using Each = std::remove_cvref_t<decltype(each)>;
-    if constexpr (std::is_same_v<Each, std::monostate>) {
-      out.set_is_null(true);
-    } else if constexpr (std::is_same_v<Each, bool>) {
-      out.set_boolean_value(each);
-    } else if constexpr (std::is_same_v<Each, std::int64_t>) {
-      is_short ? out.set_int32_value(static_cast<std::int32_t>(each)) : out.set_int64_value(each);
-    } else if constexpr (std::is_same_v<Each, std::uint64_t>) {
-      is_short ? out.set_uint32_value(static_cast<std::uint32_t>(each))
-               : out.set_uint64_value(each);
-    } else if constexpr (std::is_same_v<Each, float>) {
-      out.set_float_value(each);
-    } else if constexpr (std::is_same_v<Each, double>) {
-      out.set_double_value(each);
-    } else if constexpr (std::is_same_v<Each, std::string>) {
-      out.set_string_value(each);
-    } else {
-      out.set_bytes_value(each.bytes);
-    }
-  };
-  std::visit(set, sparkplug::typed(value, type));
+  const bool is_long = type == Type::int64 || type == Type::uint64;
+  sparkplug::put(out, sparkplug::typed(value, type), [&](auto integer) {
+    if constexpr (std::is_signed_v<decltype(integer)>)
+      is_long ? out.set_int64_value(integer)
+              : out.set_int32_value(static_cast<std::int32_t>(integer));
+    else
+      is_long ? out.set_uint64_value(integer)
+              : out.set_uint32_value(static_cast<std::uint32_t>(integer));
+  });
 }
 
 sparkplug::TypedValue received(const sparkplug_c::TypedValue& value) {
@@ -220,7 +206,8 @@ TypedCommandsProfile::TypedCommandsProfile(const Config& config, const ProfileCo
 // ---- session ------------------------------------------------------------------------------------
 
 Publication TypedCommandsProfile::message(std::string_view verb, const std::string& device,
-                                          const Packet& packet) const {
+                                          Packet packet, std::optional<std::uint64_t> seq) const {
+  if (seq) packet.set_seq(*seq);
   return {.topic = prefix_ + std::string(verb) + "/" + node_ + (device.empty() ? "" : "/" + device),
           .payload = packet.SerializeAsString(),
           .qos = 0};
@@ -294,23 +281,19 @@ SteadyTime TypedCommandsProfile::next_wake() const {
 std::vector<Publication> TypedCommandsProfile::births(SteadyTime now, std::int64_t utc_ms) {
   using Kind = sparkplug::BirthSchedule::Step::Kind;
   std::vector<Publication> messages;
-  const auto add = [&](std::string_view verb, const std::string& device, Packet packet) {
-    packet.set_seq(seq_++);
-    messages.push_back(message(verb, device, packet));
-  };
   for (const auto& [kind, index, device] : births_.due(now)) {
     if (kind == Kind::node_birth) {
       seq_ = 0;
       is_asked_ = false;
       born_at_ = now;
-      add("NBIRTH", "", node_birth(utc_ms));
+      messages.push_back(message("NBIRTH", "", node_birth(utc_ms), seq_++));
     } else if (kind == Kind::device_death) {
       Packet death;
       death.set_timestamp(stamp(utc_ms));
-      add("DDEATH", device, std::move(death));
+      messages.push_back(message("DDEATH", device, std::move(death), seq_++));
     } else if (Packet birth = device_birth(index, utc_ms);
                births_.accepts_birth(index, birth.ByteSizeLong() + kBytesOfSeq)) {
-      add("DBIRTH", device, std::move(birth));
+      messages.push_back(message("DBIRTH", device, std::move(birth), seq_++));
     }
   }
   return messages;
@@ -322,13 +305,10 @@ std::vector<Publication> TypedCommandsProfile::repeated_births(std::int64_t utc_
   const std::vector<std::uint32_t> born = births_.born();
   std::uint64_t seq = seq_ - born.size() - 1;
   std::vector<Publication> messages;
-  const auto add = [&](std::string_view verb, const std::string& device, Packet packet) {
-    packet.set_seq(seq++);
-    messages.push_back(message(verb, device, packet));
-  };
-  add("NREBIRTH", "", node_birth(utc_ms));
+  messages.push_back(message("NREBIRTH", "", node_birth(utc_ms), seq++));
   for (const std::uint32_t i : born)
-    add("DREBIRTH", config_.devices.at(i).name, device_birth(i, utc_ms));
+    messages.push_back(
+        message("DREBIRTH", config_.devices.at(i).name, device_birth(i, utc_ms), seq++));
   return messages;
 }
 

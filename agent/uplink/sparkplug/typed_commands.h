@@ -62,8 +62,8 @@ class TypedCommandsProfile final : public Profile {
     std::optional<sparkplug::Type> type;  ///< of the value that the command writes
   };
 
-  Publication message(std::string_view verb, const std::string& device,
-                      const sparkplug_c::Packet& packet) const;
+  Publication message(std::string_view verb, const std::string& device, sparkplug_c::Packet packet,
+                      std::optional<std::uint64_t> seq = {}) const;
   Publication node_death() const;
   sparkplug_c::Packet node_birth(std::int64_t utc_ms) const;
   sparkplug_c::Packet device_birth(std::uint32_t index, std::int64_t utc_ms) const;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <variant>
 
 #include "agent/store/samples/sample_record.h"
@@ -57,6 +58,30 @@ using TypedValue = std::variant<std::monostate, bool, std::int64_t, std::uint64_
 
 /// Returns monostate if the type cannot hold the value.
 TypedValue typed(const Value& value, Type type);
+
+/// Puts a value into the fields of a message, which both payloads name alike except for the
+/// integers: `set_integer` gets those.
+template <class Message, class SetInteger>
+void put(Message& message, const TypedValue& value, const SetInteger& set_integer) {
+  const auto set = [&](const auto& each) {
+    using Each = std::remove_cvref_t<decltype(each)>;
+    if constexpr (std::is_same_v<Each, std::monostate>)
+      message.set_is_null(true);
+    else if constexpr (std::is_same_v<Each, bool>)
+      message.set_boolean_value(each);
+    else if constexpr (std::is_same_v<Each, float>)
+      message.set_float_value(each);
+    else if constexpr (std::is_same_v<Each, double>)
+      message.set_double_value(each);
+    else if constexpr (std::is_same_v<Each, std::string>)
+      message.set_string_value(each);
+    else if constexpr (std::is_same_v<Each, Packed>)
+      message.set_bytes_value(each.bytes);
+    else
+      set_integer(each);
+  };
+  std::visit(set, value);
+}
 
 /// Returns a received value as JSON, an array element by element as `type` says. nullopt: there is
 /// no value, or its bytes are not an array of that type.
