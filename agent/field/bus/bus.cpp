@@ -16,6 +16,13 @@ constexpr milliseconds kLongestQuiet{5000};
 // Attempts for a probe that is refused: the first NAK may be a command's late one.
 constexpr int kProbesInARow = 3;
 
+/// True if the station is enquired and answers: after its ACK no older data or NAK can come. The
+/// EOT of a computer link is never answered.
+bool enquiry_settles(const Station& station) {
+  const auto resync = station.codec->resync();
+  return resync && station.codec->expects_reply(*resync) && station.enquire != EnquirePolicy::never;
+}
+
 }  // namespace
 
 asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, SteadyTime not_after) {
@@ -121,8 +128,12 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     if (!answered) co_return refuse(std::move(enquiry));
     station.handshake_in = wire_.channel().session();
   }
-  // The enquiry's ACK may have been a write's late ACK.
-  if (overheard_.late().owed() == LateAnswers::Owed::acknowledgement || bus_doubted) {
+  // The enquiry's ACK may have been a write's late ACK. Without an enquiry, a read's late NAK could
+  // pass for the answer to a write.
+  const bool may_mislead = overheard_.late().owed() == LateAnswers::Owed::acknowledgement ||
+                           (overheard_.late().owed() == LateAnswers::Owed::data &&
+                            !is_read(request) && !enquiry_settles(station));
+  if (may_mislead || bus_doubted) {
     Exchange probing = co_await probe(station, request);
     if (!probing.has_answer()) co_return refuse(std::move(probing));
   }
@@ -151,11 +162,7 @@ asio::awaitable<Exchange> Bus::probe(const Station& station, const Request& requ
 }
 
 SteadyTime Bus::late_answers_until(const Station& station) {
-  // After an enquiry's ACK nothing older can come. The EOT of a computer link is never answered.
-  const auto resync = station.codec->resync();
-  const bool is_answered =
-      resync && station.codec->expects_reply(*resync) && station.enquire != EnquirePolicy::never;
-  return is_answered || overheard_.late().owed() == LateAnswers::Owed::none
+  return enquiry_settles(station) || overheard_.late().owed() == LateAnswers::Owed::none
              ? wire_.now()
              : overheard_.late().over_at();
 }

@@ -391,6 +391,17 @@ TEST_F(BusTest, LateNakIsNotTakenForTheProbesAnswer) {
   EXPECT_TRUE(write_d200().is_ack());
 }
 
+TEST_F(BusTest, ReadsNakIsNotTakenForTheAnswerToAWriteHoweverLate) {
+  station.enquire = EnquirePolicy::never;
+  wire->expect(kReadD100).silence();
+  wire->silence();  // the drain
+  wire->expect(kProbe).give(kNak).expect(kNextProbe).give(kNextProbeAnswer);
+  wire->expect(kWriteD200).give(kAck);
+  open();
+  EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
+  EXPECT_TRUE(write_d200().is_ack());
+}
+
 TEST_F(BusTest, DeviceThatRefusesTheProbeForeverIsAskedAllTheSame) {
   station.enquire = EnquirePolicy::never;
   wire->expect(kWriteD200).silence();
