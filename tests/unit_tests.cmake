@@ -1,4 +1,27 @@
 include(GoogleTest)
+need_package(GTest)
+need_package(nlohmann_json)
+need_header(asio.hpp)
+
+# Reading these headers takes most of the time for a test's files, so they are read once for all test programs. The
+# product has no precompiled headers: each of its files includes what it uses.
+if(NOT TARGET test_headers)
+  file(CONFIGURE OUTPUT test_headers.cpp CONTENT "")
+  add_library(test_headers OBJECT EXCLUDE_FROM_ALL ${CMAKE_CURRENT_BINARY_DIR}/test_headers.cpp)
+  target_link_libraries(test_headers PRIVATE fxagent_options GTest::gtest)
+  target_compile_options(test_headers PRIVATE -O0 $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
+  target_precompile_headers(test_headers PRIVATE
+    <gtest/gtest.h> <algorithm> <chrono> <functional> <map> <memory> <optional> <string> <variant> <vector>
+    <nlohmann/json.hpp>
+    <asio/co_spawn.hpp> <asio/io_context.hpp> <asio/post.hpp> <asio/steady_timer.hpp> <asio/use_awaitable.hpp>)
+endif()
+
+# Makes a test program quick to compile: the headers above, and no optimisation of the tests themselves. The tested code
+# is compiled as for the plant.
+function(precompile target)
+  target_precompile_headers(${target} REUSE_FROM test_headers)
+  target_compile_options(${target} PRIVATE -O0 $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
+endfunction()
 
 # Registers the tests of a program under a label; further arguments are test properties. With a sanitizer the whole
 # program is one entry of ctest: a process of its own for each test took five times as long as the tests.
