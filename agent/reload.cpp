@@ -13,7 +13,7 @@
 
 #include "agent/commands/audit_records.h"
 #include "agent/config/config_error.h"
-#include "agent/config/log_warnings.h"
+#include "agent/config/machine.h"
 #include "agent/failpoint.h"
 #include "agent/field/transport/host_lookup.h"
 #include "agent/http/web_server.h"

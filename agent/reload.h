@@ -19,9 +19,9 @@
 #include "agent/config/config_error.h"
 #include "agent/config/model.h"
 #include "agent/field/field.h"
-#include "agent/outbox.h"
+#include "agent/handover/outbox.h"
+#include "agent/handover/status.h"
 #include "agent/remote/remote_config.h"
-#include "agent/status.h"
 #include "agent/uplink/publisher.h"
 
 namespace fxagent {

@@ -62,8 +62,10 @@ forbid("^agent/import/" "${threads_and_io}" "agent/import/ has no threads, no I/
 forbid("^agent/(config|remote)/" "^(${threads}|coroutine|${network}|${processes})$"
        "agent/config/ and agent/remote/ have no threads, no sockets, no timers and no processes")
 forbid("^agent/(config|commands|field|http|store|uplink)/" "^agent/import/" "only agent/cli/ sees agent/import/")
-forbid("^agent/((log|process)/)?[^/]+$" "^agent/(commands|config|field|import|http|store|uplink|cli)/"
+forbid("^agent/((handover|log|process|text)/)?[^/]+$" "^agent/(commands|config|field|import|http|store|uplink|cli)/"
        "what every room uses must not know any of them")
+forbid("^agent/(log|process|text)/" "^agent/handover/" "only rooms that talk to others see what they hand over")
+forbid("^agent/text/" "^agent/" "agent/text/ sees protocol and the standard library")
 forbid("^agent/remote/" "^agent/(commands|field|uplink|cli|agent)[/.]"
        "agent/remote/ sees config and the durable file of the store")
 forbid("^agent/remote/" "^agent/store/" "of agent/store/ agent/remote/ sees durable_file.h only")
@@ -99,8 +101,9 @@ set(allowed
   "^protocol/value/value\\.h boost/container/small_vector\\.hpp$"
   "^protocol/value/exact_number\\.h boost/multiprecision/cpp_int\\.hpp$"
   "^agent/(agent|reload)\\.(h|cpp) agent/"
+  "^agent/text/[^ ]+ agent/text/"
   "^agent/line_time\\.(h|cpp) agent/config/model\\.h$"
-  "^agent/field/((bus|command|transport)/)?[^/ ]+ asio"
+  "^agent/field/((bus|command|link|transport)/)?[^/ ]+ asio"
   "^tests/[^ ]+ (asio|sqlite3|SQLiteCpp/)"
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
   "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "agent/cli/check.h"
+#include "agent/cli/check/check.h"
 #include "agent/cli/describe/asyncapi.h"
 #include "agent/cli/describe/payload_page.h"
 #include "agent/cli/describe/thing.h"

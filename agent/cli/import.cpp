@@ -10,11 +10,11 @@
 #include "agent/config/read/reader.h"
 #include "agent/config/source.h"
 #include "agent/config/suggestions.h"
-#include "agent/counted.h"
 #include "agent/import/formats.h"
 #include "agent/import/tag_csv.h"
 #include "agent/import/text_encoding.h"
-#include "agent/text.h"
+#include "agent/text/counted.h"
+#include "agent/text/text.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/cli/command_line_audit.h"
+#include "agent/cli/audit/command_line_audit.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/read_report.h"
 #include "agent/commands/admission.h"
@@ -18,8 +18,8 @@
 #include "agent/commands/result_text.h"
 #include "agent/config/suggestions.h"
 #include "agent/field/field.h"
-#include "agent/json_writer.h"
-#include "agent/outbox.h"
+#include "agent/handover/outbox.h"
+#include "agent/text/json_writer.h"
 #include "protocol/plc.h"
 #include "protocol/value/pack.h"
 #include "protocol/value/unpack.h"

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "agent/command_message.h"
 #include "agent/config/model.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent {
 

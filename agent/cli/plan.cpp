@@ -11,7 +11,7 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/plan_report.h"
 #include "agent/cli/report/table.h"
-#include "agent/counted.h"
+#include "agent/text/counted.h"
 
 namespace fxagent {
 namespace {

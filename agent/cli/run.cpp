@@ -17,7 +17,7 @@
 #include "agent/cli/exit_status.h"
 #include "agent/config/config_error.h"
 #include "agent/config/json/tree.h"
-#include "agent/config/log_warnings.h"
+#include "agent/config/machine.h"
 #include "agent/config/model.h"
 #include "agent/config/suggestions.h"
 #include "agent/log/log.h"

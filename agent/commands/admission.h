@@ -11,12 +11,12 @@
 #include <variant>
 #include <vector>
 
-#include "agent/command_message.h"
 #include "agent/commands/admitted_command.h"
 #include "agent/commands/id_memory.h"
 #include "agent/commands/journal.h"
 #include "agent/commands/pending_budget.h"
 #include "agent/config/model.h"
+#include "agent/handover/command_message.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "agent/command_message.h"
 #include "agent/commands/command_starts.h"
 #include "agent/commands/pending_budget.h"
+#include "agent/handover/command_message.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

@@ -2,8 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "agent/json_member.h"
-#include "agent/text.h"
+#include "agent/text/json_member.h"
+#include "agent/text/text.h"
 
 namespace fxagent::audit {
 namespace {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/command_message.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent::audit {
 

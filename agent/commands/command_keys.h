@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "agent/command_message.h"
 #include "agent/commands/faults.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent {
 

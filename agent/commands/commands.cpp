@@ -5,12 +5,12 @@
 #include <utility>
 #include <variant>
 
-#include "agent/calendar.h"
 #include "agent/commands/parse.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
 #include "agent/config/suggestions.h"
 #include "agent/failpoint.h"
+#include "agent/text/calendar.h"
 
 namespace fxagent {
 namespace {

@@ -19,14 +19,14 @@
 #include <utility>
 #include <vector>
 
-#include "agent/command_message.h"
 #include "agent/commands/admission.h"
 #include "agent/commands/audit_records.h"
 #include "agent/commands/journal.h"
 #include "agent/commands/recovery.h"
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
-#include "agent/status.h"
+#include "agent/handover/command_message.h"
+#include "agent/handover/status.h"
 
 namespace fxagent {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "agent/command_message.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent {
 

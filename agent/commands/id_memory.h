@@ -14,9 +14,9 @@
 #include <string>
 #include <utility>
 
-#include "agent/command_message.h"
 #include "agent/commands/journal.h"
 #include "agent/commands/pending_budget.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent {
 

@@ -10,8 +10,8 @@
 #include "agent/commands/command_keys.h"
 #include "agent/commands/faults.h"
 #include "agent/config/json/tree.h"
-#include "agent/json_member.h"
-#include "agent/json_writer.h"
+#include "agent/text/json_member.h"
+#include "agent/text/json_writer.h"
 
 namespace fxagent {
 namespace {

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <string_view>
 
-#include "agent/command_message.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent {
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "agent/command_message.h"
 #include "agent/commands/journal.h"
 #include "agent/config/model.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent {
 

@@ -4,8 +4,8 @@
 #include <string>
 #include <string_view>
 
-#include "agent/command_message.h"
 #include "agent/commands/admitted_command.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent {
 

@@ -3,8 +3,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/json_member.h"
-#include "agent/json_writer.h"
+#include "agent/text/json_member.h"
+#include "agent/text/json_writer.h"
 
 namespace fxagent {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <string>
 
-#include "agent/command_message.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent {
 

@@ -6,8 +6,8 @@
 #include "agent/config/json/pretty.h"
 #include "agent/config/keys.h"
 #include "agent/config/loader.h"
-#include "agent/config/read/templates.h"
-#include "agent/text.h"
+#include "agent/config/read/devices/templates.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

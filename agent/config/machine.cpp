@@ -1,4 +1,5 @@
 #include "agent/config/machine.h"
+#include "agent/log/log.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -125,6 +126,13 @@ ConfigErrors unavailable_ports(const Config& config, const std::string& file) {
       list.push_back({"/links/" + std::to_string(i) + "/serial/path", 0, std::move(why)});
   }
   return list;
+}
+
+void log_warnings(Config& config) {
+  for (const std::string& warning : std::exchange(config.warnings, {}))
+    log::warn("config", {{"note", warning}});
+  for (const ConfigError& secret : exposed_secrets(config))
+    log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
 }
 
 }  // namespace fxagent

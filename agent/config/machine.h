@@ -23,4 +23,8 @@ ConfigErrors exposed_secrets(const Config& config);
 /// of the file; lines are 0. Does not open the ports, since that would raise DTR.
 ConfigErrors unavailable_ports(const Config& config, const std::string& file);
 
+/// Logs the warnings of `config` before it comes into force, and clears them. Also logs the files
+/// of exposed_secrets().
+void log_warnings(Config& config);
+
 }  // namespace fxagent

@@ -10,8 +10,8 @@
 #include "agent/commands/admitted_command.h"
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
-#include "agent/line_permit.h"
-#include "agent/outbox.h"
+#include "agent/handover/line_permit.h"
+#include "agent/handover/outbox.h"
 #include "agent/recorder/flight_recorder.h"
 
 namespace fxagent {

@@ -11,7 +11,7 @@
 #include "agent/field/transport/host_lookup.h"
 #include "agent/field/transport/permitted_transport.h"
 #include "agent/field/transport/transport.h"
-#include "agent/field_health.h"
+#include "agent/handover/field_health.h"
 #include "agent/log/log.h"
 
 namespace fxagent {

@@ -18,8 +18,8 @@
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
 #include "agent/field/field.h"
-#include "agent/field/link_worker.h"
-#include "agent/outbox.h"
+#include "agent/field/link/link_worker.h"
+#include "agent/handover/outbox.h"
 
 namespace fxagent {
 

@@ -6,9 +6,9 @@
 #include <optional>
 #include <utility>
 
-#include "agent/json_member.h"
-#include "agent/sha256.h"
-#include "agent/text.h"
+#include "agent/text/json_member.h"
+#include "agent/text/sha256.h"
+#include "agent/text/text.h"
 
 namespace fxagent::history {
 namespace {

@@ -4,8 +4,8 @@
 
 #include <string>
 
+#include "agent/handover/status.h"
 #include "agent/http/http_server.h"
-#include "agent/status.h"
 
 namespace fxagent {
 

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "agent/http/http_library.h"
-#include "agent/json_writer.h"
+#include "agent/text/json_writer.h"
 
 namespace fxagent {
 namespace {

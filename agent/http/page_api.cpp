@@ -11,9 +11,9 @@
 #include "agent/http/page_config.h"
 #include "agent/http/page_frames.h"
 #include "agent/http/page_verdict.h"
-#include "agent/json_writer.h"
 #include "agent/log/recent_events.h"
-#include "agent/text.h"
+#include "agent/text/json_writer.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

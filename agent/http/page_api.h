@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "agent/handover/status.h"
 #include "agent/http/http_server.h"
 #include "agent/recorder/flight_recorder.h"
-#include "agent/status.h"
 
 namespace fxagent {
 

@@ -3,8 +3,8 @@
 #include <chrono>
 #include <vector>
 
-#include "agent/json_writer.h"
 #include "agent/line_time.h"
+#include "agent/text/json_writer.h"
 #include "protocol/options.h"
 #include "protocol/plan/plan.h"
 

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "agent/config/model.h"
-#include "agent/status.h"
+#include "agent/handover/status.h"
 
 namespace fxagent {
 

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "agent/json_writer.h"
 #include "agent/recorder/replay.h"
+#include "agent/text/json_writer.h"
 
 namespace fxagent {
 

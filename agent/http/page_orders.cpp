@@ -14,8 +14,8 @@
 #include <utility>
 
 #include "agent/file_handle.h"
-#include "agent/json_member.h"
 #include "agent/log/log.h"
+#include "agent/text/json_member.h"
 
 namespace fxagent {
 namespace {

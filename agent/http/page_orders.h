@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "agent/handover/command_message.h"
 #include "agent/http/http_server.h"
-#include "agent/order.h"
 #include "agent/steady_time.h"
 
 namespace fxagent {

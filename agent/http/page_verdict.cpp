@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "agent/config/model.h"
-#include "agent/counted.h"
+#include "agent/text/counted.h"
 
 namespace fxagent {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "agent/json_writer.h"
+#include "agent/text/json_writer.h"
 
 namespace fxagent {
 namespace {

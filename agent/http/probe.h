@@ -4,7 +4,7 @@
 #include <chrono>
 #include <string>
 
-#include "agent/status.h"
+#include "agent/handover/status.h"
 #include "agent/steady_time.h"
 
 namespace fxagent {

@@ -13,9 +13,9 @@
 #include "agent/http/listening_socket.h"
 #include "agent/http/page_files.h"
 #include "agent/http/probe.h"
-#include "agent/json_writer.h"
 #include "agent/log/log.h"
 #include "agent/log/recent_events.h"
+#include "agent/text/json_writer.h"
 #include "agent/without_signals.h"
 
 namespace fxagent {

@@ -15,10 +15,10 @@
 
 #include "agent/config/model.h"
 #include "agent/file_handle.h"
+#include "agent/handover/status_board.h"
 #include "agent/http/http_server.h"
 #include "agent/http/page_api.h"
 #include "agent/http/page_orders.h"
-#include "agent/status_board.h"
 
 namespace fxagent {
 

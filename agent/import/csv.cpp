@@ -6,7 +6,7 @@
 #include <array>
 #include <utility>
 
-#include "agent/text.h"
+#include "agent/text/text.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {

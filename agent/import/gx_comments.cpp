@@ -5,9 +5,9 @@
 #include <array>
 #include <string>
 
-#include "agent/counted.h"
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
+#include "agent/text/counted.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {

@@ -8,8 +8,8 @@
 
 #include "agent/config/json/pretty.h"
 #include "agent/config/loader.h"
-#include "agent/json_member.h"
-#include "agent/text.h"
+#include "agent/text/json_member.h"
+#include "agent/text/text.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {

@@ -9,7 +9,7 @@
 
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {

@@ -12,8 +12,8 @@
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
 #include "agent/import/json_source.h"
-#include "agent/json_member.h"
-#include "agent/text.h"
+#include "agent/text/json_member.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

@@ -17,8 +17,8 @@
 #include <optional>
 #include <string>
 
-#include "agent/counted.h"
 #include "agent/import/formats.h"
+#include "agent/text/counted.h"
 
 namespace fxagent {
 namespace {

@@ -6,7 +6,7 @@
 #include <array>
 #include <cerrno>
 
-#include "agent/text.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

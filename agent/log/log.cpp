@@ -9,13 +9,13 @@
 #include <mutex>
 #include <span>
 
-#include "agent/calendar.h"
-#include "agent/json_writer.h"
 #include "agent/log/journal_stream.h"
 #include "agent/log/log_repeats.h"
 #include "agent/log/log_writer.h"
 #include "agent/log/recent_events.h"
-#include "agent/text.h"
+#include "agent/text/calendar.h"
+#include "agent/text/json_writer.h"
+#include "agent/text/text.h"
 
 namespace fxagent::log {
 namespace {

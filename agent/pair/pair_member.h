@@ -27,7 +27,7 @@
 
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"
-#include "agent/line_permit.h"
+#include "agent/handover/line_permit.h"
 #include "agent/pair/pair_state.h"
 #include "agent/pair/standby_journal.h"
 #include "agent/store/store.h"

@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "agent/config/keys.h"
-#include "agent/json_member.h"
-#include "agent/json_writer.h"
-#include "agent/text.h"
+#include "agent/text/json_member.h"
+#include "agent/text/json_writer.h"
+#include "agent/text/text.h"
 #include "protocol/value/bytes.h"
 
 namespace fxagent::pair_messages {

@@ -20,7 +20,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/line_permit.h"
+#include "agent/handover/line_permit.h"
 
 namespace fxagent {
 

@@ -1,6 +1,6 @@
 #include "agent/process/port_access.h"
 
-#include "agent/text.h"
+#include "agent/text/text.h"
 
 #include <dirent.h>
 #include <grp.h>

@@ -1,7 +1,7 @@
 #include "agent/process/service_manager.h"
 
 #include "agent/file_handle.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 
 #include <sys/socket.h>
 #include <sys/time.h>

@@ -8,8 +8,8 @@
 #include <optional>
 #include <utility>
 
-#include "agent/calendar.h"
-#include "agent/text.h"
+#include "agent/text/calendar.h"
+#include "agent/text/text.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {

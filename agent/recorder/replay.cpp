@@ -3,7 +3,7 @@
 #include <array>
 #include <utility>
 
-#include "agent/text.h"
+#include "agent/text/text.h"
 #include "protocol/catalog.h"
 #include "protocol/explanation.h"
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "agent/config/model.h"
+#include "agent/handover/status.h"
 #include "agent/remote/config_in_force.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/kept_configs.h"
@@ -20,7 +21,6 @@
 #include "agent/remote/local_config.h"
 #include "agent/remote/remote_answer.h"
 #include "agent/remote/remote_report.h"
-#include "agent/status.h"
 #include "agent/steady_time.h"
 
 namespace fxagent {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "agent/json_writer.h"
+#include "agent/text/json_writer.h"
 
 namespace fxagent::audit {
 namespace {

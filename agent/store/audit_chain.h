@@ -23,7 +23,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/sha256.h"
+#include "agent/text/sha256.h"
 #include "protocol/value/bytes.h"
 
 namespace fxagent::audit {

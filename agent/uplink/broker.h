@@ -14,8 +14,8 @@
 #include <variant>
 #include <vector>
 
-#include "agent/command_message.h"
 #include "agent/config/model.h"
+#include "agent/handover/command_message.h"
 #include "protocol/value/bytes.h"
 
 namespace fxagent {

@@ -9,7 +9,7 @@
 #include <variant>
 #include <vector>
 
-#include "agent/line_permit.h"
+#include "agent/handover/line_permit.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {

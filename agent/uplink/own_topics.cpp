@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "agent/log/log.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {

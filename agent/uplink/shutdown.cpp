@@ -3,8 +3,8 @@
 #include <chrono>
 #include <string>
 
+#include "agent/handover/status.h"
 #include "agent/log/log.h"
-#include "agent/status.h"
 
 namespace fxagent {
 namespace {

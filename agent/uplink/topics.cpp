@@ -1,6 +1,6 @@
 #include "agent/uplink/topics.h"
 
-#include "agent/text.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

@@ -19,14 +19,14 @@
 #include <utility>
 #include <vector>
 
-#include "agent/command_message.h"
 #include "agent/commands/journal.h"
 #include "agent/commands/parse.h"
 #include "agent/commands/result_text.h"
 #include "agent/config/read/config_limits.h"
+#include "agent/handover/command_message.h"
+#include "agent/handover/telemetry.h"
 #include "agent/remote/remote_config.h"
 #include "agent/store/samples/history.h"
-#include "agent/telemetry.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/payload/json_payload.h"
 #include "tests/agent/uplink/plant.h"

@@ -8,10 +8,10 @@ function(write_tree)
   file(REMOVE_RECURSE "${WORK}")
   file(WRITE "${WORK}/protocol/codec.h" "#include <vector>\n#include <tl/expected.hpp>\n#include \"protocol/value/bytes.h\"\n")
   file(WRITE "${WORK}/agent/agent.cpp" "#include \"agent/field/field.h\"\n#include \"agent/uplink/publisher.h\"\n")
-  file(WRITE "${WORK}/agent/log/log.cpp" "#include \"agent/text.h\"\n")
+  file(WRITE "${WORK}/agent/log/log.cpp" "#include \"agent/text/text.h\"\n")
   file(WRITE "${WORK}/agent/field/field.cpp" "#include <asio/post.hpp>\n#include \"protocol/codec.h\"\n")
   file(WRITE "${WORK}/agent/store/store.h" "#include <SQLiteCpp/SQLiteCpp.h>\n#include \"agent/commands/journal.h\"\n")
-  file(WRITE "${WORK}/agent/uplink/json_payload.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/telemetry.h\"\n")
+  file(WRITE "${WORK}/agent/uplink/json_payload.cpp" "#include <nlohmann/json.hpp>\n#include \"agent/handover/telemetry.h\"\n")
   file(WRITE "${WORK}/agent/uplink/paho/paho_broker.cpp" "#include <mqtt/async_client.h>\n")
   file(WRITE "${WORK}/tests/sim/main.cpp" "#include <asio/post.hpp>\n#include \"tests/sim/plc.h\"\n")
 endfunction()
@@ -79,8 +79,10 @@ foreach(wrong IN ITEMS
     "agent/store/store.cpp|\"agent/commands/parse.h\""
     "agent/store/store.h|\"agent/commands/journal_text.h\""
     "agent/uplink/broker.h|<MQTTAsync.h>"
-    "agent/telemetry.cpp|\"agent/field/field.h\""
+    "agent/handover/telemetry.cpp|\"agent/field/field.h\""
     "agent/log/log.cpp|\"agent/config/model.h\""
+    "agent/log/log.cpp|\"agent/handover/outbox.h\""
+    "agent/text/text.h|\"agent/steady_time.h\""
     "agent/commands/admission.h|\"agent/store/store.h\""
     "agent/commands/admission.h|<mutex>"
     "agent/commands/admission.cpp|<asio/post.hpp>"
@@ -93,12 +95,12 @@ foreach(wrong IN ITEMS
     "agent/uplink/samples/sample_spool.h|\"agent/uplink/retained/retained_state.h\""
     "agent/uplink/retained/retained_state.h|\"agent/uplink/samples/sample_spool.h\""
     "agent/uplink/publisher.cpp|<sqlite3.h>"
-    "agent/cli/audit.cpp|<SQLiteCpp/SQLiteCpp.h>"
-    "agent/uplink/publisher.cpp|\"agent/cli/audit.h\""
+    "agent/cli/audit/audit.cpp|<SQLiteCpp/SQLiteCpp.h>"
+    "agent/uplink/publisher.cpp|\"agent/cli/audit/audit.h\""
     "agent/config/config.cpp|\"agent/uplink/json_payload.h\""
     "agent/config/config.cpp|\"uplink/json.h\""
     "agent/cli/main.cpp|<mqtt/message.h>"
-    "agent/outbox.h|\"tests/support/fake.h\""
+    "agent/handover/outbox.h|\"tests/support/fake.h\""
     "tests/agent/uplink/a_test.cpp|<mqtt/message.h>"
     "tests/sim/plc.cpp|\"protocol/value/bytes.h\""
     "tests/sim/plc.cpp|\"agent/config/model.h\"")

@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "agent/cli/report/replay_report.h"
+#include "agent/cli/recording/replay_report.h"
 #include "agent/recorder/recording.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

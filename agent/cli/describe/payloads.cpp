@@ -4,10 +4,10 @@
 #include <utility>
 
 #include "agent/commands/parse.h"
-#include "agent/json_writer.h"
+#include "agent/handover/telemetry.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/remote_report.h"
-#include "agent/telemetry.h"
+#include "agent/text/json_writer.h"
 #include "protocol/value/point.h"
 
 namespace fxagent::contract {

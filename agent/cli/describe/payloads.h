@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/command_message.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent::contract {
 

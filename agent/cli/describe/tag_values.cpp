@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "agent/json_writer.h"
+#include "agent/text/json_writer.h"
 #include "protocol/value/value_range.h"
 
 namespace fxagent::contract {

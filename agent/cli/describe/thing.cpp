@@ -10,7 +10,7 @@
 #include "agent/cli/describe/payloads.h"
 #include "agent/cli/describe/tag_values.h"
 #include "agent/cli/describe/topics.h"
-#include "agent/sha256.h"
+#include "agent/text/sha256.h"
 
 namespace fxagent::contract {
 namespace {

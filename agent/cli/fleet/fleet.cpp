@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/json_member.h"
-#include "agent/sha256.h"
+#include "agent/text/json_member.h"
+#include "agent/text/sha256.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {

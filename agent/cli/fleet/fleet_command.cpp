@@ -22,7 +22,7 @@
 #include "agent/config/read/reader.h"
 #include "agent/log/log.h"
 #include "agent/remote/desired_config.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

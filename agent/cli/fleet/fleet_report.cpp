@@ -4,10 +4,10 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/calendar.h"
 #include "agent/cli/report/table.h"
-#include "agent/json_member.h"
-#include "agent/text.h"
+#include "agent/text/calendar.h"
+#include "agent/text/json_member.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

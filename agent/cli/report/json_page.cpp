@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "agent/json_member.h"
+#include "agent/text/json_member.h"
 
 namespace fxagent {
 namespace {

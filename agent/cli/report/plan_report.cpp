@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "agent/line_time.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "protocol/range_ends.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "agent/cli/report/table.h"
-#include "agent/json_writer.h"
+#include "agent/text/json_writer.h"
 #include "protocol/value/unpack.h"
 #include "protocol/value/value.h"
 #include "protocol/value/word_order.h"

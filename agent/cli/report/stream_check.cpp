@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/text.h"
+#include "agent/text/text.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {

@@ -14,7 +14,7 @@
 #include <sstream>
 #include <utility>
 
-#include "agent/cli/check.h"
+#include "agent/cli/check/check.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/plan.h"
 #include "agent/cli/setup/found_ports.h"

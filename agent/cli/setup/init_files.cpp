@@ -11,7 +11,7 @@
 #include "agent/config/loader.h"
 #include "agent/config/read/reader.h"
 #include "agent/import/imported.h"
-#include "agent/json_member.h"
+#include "agent/text/json_member.h"
 
 namespace fxagent {
 namespace {

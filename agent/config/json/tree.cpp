@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "agent/config/json/syntax_fault.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

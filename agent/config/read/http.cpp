@@ -9,7 +9,7 @@
 #include <tl/expected.hpp>
 
 #include "agent/config/keys.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "agent/config/suggestions.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {

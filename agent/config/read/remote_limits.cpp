@@ -7,7 +7,7 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/suggestions.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "agent/config/model.h"
+#include "agent/config/read/devices/templates.h"
 #include "agent/config/read/reader.h"
-#include "agent/config/read/templates.h"
 
 namespace fxagent {
 

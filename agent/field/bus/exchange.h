@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
-#include "agent/telemetry.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

@@ -6,9 +6,9 @@
 #include <memory>
 #include <string_view>
 
-#include "agent/command_message.h"
 #include "agent/config/model.h"
 #include "agent/config/wiring.h"
+#include "agent/handover/command_message.h"
 #include "agent/recorder/frame_ring.h"
 #include "protocol/codec.h"
 

@@ -17,9 +17,9 @@
 #include "agent/field/bus/overheard.h"
 #include "agent/field/bus/station.h"
 #include "agent/field/bus/wire_trace.h"
-#include "agent/field/percentile_window.h"
+#include "agent/field/link/percentile_window.h"
 #include "agent/field/transport/transport.h"
-#include "agent/field_health.h"
+#include "agent/handover/field_health.h"
 #include "protocol/codec.h"
 
 namespace fxagent {

@@ -4,7 +4,7 @@
 
 #include "agent/log/log.h"
 #include "agent/steady_time.h"
-#include "agent/text.h"
+#include "agent/text/text.h"
 #include "protocol/explanation.h"
 
 namespace fxagent {

@@ -6,7 +6,7 @@
 #include <chrono>
 #include <cstddef>
 
-#include "agent/command_message.h"
+#include "agent/handover/command_message.h"
 
 namespace fxagent {
 

@@ -10,16 +10,16 @@
 #include <optional>
 #include <string_view>
 
-#include "agent/command_message.h"
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
-#include "agent/field/link_device.h"
-#include "agent/field/link_recorder.h"
-#include "agent/field/link_state.h"
+#include "agent/field/link/link_device.h"
+#include "agent/field/link/link_recorder.h"
+#include "agent/field/link/link_state.h"
+#include "agent/field/link/poller.h"
 #include "agent/field/poll/poll_scheduler.h"
-#include "agent/field/poller.h"
-#include "agent/outbox.h"
+#include "agent/handover/command_message.h"
+#include "agent/handover/outbox.h"
 
 namespace fxagent {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "agent/field/bus/exchange.h"
-#include "agent/telemetry.h"
+#include "agent/handover/telemetry.h"
 #include "protocol/plan/plan.h"
 
 namespace fxagent {

@@ -14,8 +14,8 @@
 #include "agent/field/poll/cycle_reads.h"
 #include "agent/field/poll/no_values.h"
 #include "agent/field/poll/report_by_exception.h"
+#include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
-#include "agent/telemetry.h"
 #include "protocol/plan/plan.h"
 
 namespace fxagent {

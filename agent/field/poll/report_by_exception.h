@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "agent/config/model.h"
+#include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
-#include "agent/telemetry.h"
 
 namespace fxagent {
 

@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "agent/field/transport/transport.h"
-#include "agent/line_permit.h"
+#include "agent/handover/line_permit.h"
 
 namespace fxagent {
 

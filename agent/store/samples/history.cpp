@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "agent/json_writer.h"
+#include "agent/text/json_writer.h"
 
 namespace fxagent {
 

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "agent/config/model.h"
-#include "agent/telemetry.h"
+#include "agent/handover/telemetry.h"
 #include "protocol/value/point.h"
 #include "protocol/value/value.h"
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
-#include "agent/json_writer.h"
-#include "agent/sha256.h"
+#include "agent/text/json_writer.h"
+#include "agent/text/sha256.h"
 
 namespace fxagent::json {
 namespace {

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "agent/config/model.h"
-#include "agent/status.h"
-#include "agent/telemetry.h"
+#include "agent/handover/status.h"
+#include "agent/handover/telemetry.h"
 #include "agent/uplink/payload/payload.h"
 
 namespace fxagent::json {

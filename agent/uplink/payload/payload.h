@@ -14,9 +14,9 @@
 #include <string>
 #include <vector>
 
+#include "agent/handover/telemetry.h"
 #include "agent/store/samples/history.h"
 #include "agent/store/samples/sample_record.h"
-#include "agent/telemetry.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/json_writer.h"
 #include "agent/log/log.h"
+#include "agent/text/json_writer.h"
 
 namespace fxagent {
 

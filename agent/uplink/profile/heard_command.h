@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "agent/config/model.h"
-#include "agent/order.h"
+#include "agent/handover/command_message.h"
 #include "agent/uplink/broker.h"
 
 namespace fxagent {

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <utility>
 
-#include "agent/json_writer.h"
 #include "agent/log/log.h"
-#include "agent/text.h"
+#include "agent/text/json_writer.h"
+#include "agent/text/text.h"
 #include "protocol/value/value_range.h"
 
 namespace fxagent {

@@ -13,8 +13,8 @@
 
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
-#include "agent/outbox.h"
-#include "agent/status.h"
+#include "agent/handover/outbox.h"
+#include "agent/handover/status.h"
 #include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/broker.h"

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <unordered_set>
 
-#include "agent/json_writer.h"
+#include "agent/text/json_writer.h"
 #include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/profile/heard_command.h"
 

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "agent/config/config_difference.h"
-#include "agent/order.h"
+#include "agent/handover/command_message.h"
+#include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
-#include "agent/telemetry.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/payload/payload.h"
 

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/json_writer.h"
+#include "agent/text/json_writer.h"
 #include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/profile/heard_command.h"
 

@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "agent/config/model.h"
-#include "agent/telemetry.h"
+#include "agent/handover/telemetry.h"
 #include "agent/uplink/profile/profile.h"
 #include "agent/uplink/retained/device_states.h"
 

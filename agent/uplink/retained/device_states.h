@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "agent/config/config_difference.h"
-#include "agent/telemetry.h"
+#include "agent/handover/telemetry.h"
 
 namespace fxagent {
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/json_member.h"
+#include "agent/text/json_member.h"
 
 namespace fxagent {
 namespace {

@@ -15,9 +15,9 @@
 
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
+#include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
 #include "agent/store/samples/sample_record.h"
-#include "agent/telemetry.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
 #include "agent/uplink/samples/dropped_samples.h"

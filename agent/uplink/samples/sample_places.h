@@ -1,7 +1,7 @@
 // Where the samples of one session are.
 #pragma once
 
-#include "agent/status.h"
+#include "agent/handover/status.h"
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/history_delivery.h"

@@ -16,8 +16,8 @@
 
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
+#include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
-#include "agent/telemetry.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/sparkplug/primary_host.h"
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "agent/config/model.h"
-#include "agent/telemetry.h"
+#include "agent/handover/telemetry.h"
 #include "agent/uplink/sparkplug/typed_value.h"
 
 namespace fxagent::sparkplug {

@@ -6,11 +6,11 @@
 #include <utility>
 #include <variant>
 
-#include "agent/json_member.h"
-#include "agent/json_writer.h"
 #include "agent/log/log.h"
-#include "agent/sha256.h"
-#include "agent/text.h"
+#include "agent/text/json_member.h"
+#include "agent/text/json_writer.h"
+#include "agent/text/sha256.h"
+#include "agent/text/text.h"
 #include "agent/uplink/profile/heard_command.h"
 #include "agent/uplink/sparkplug/sparkplug_c.pb.h"
 #include "agent/uplink/topics.h"

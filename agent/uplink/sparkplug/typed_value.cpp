@@ -5,8 +5,8 @@
 #include <string_view>
 #include <utility>
 
-#include "agent/json_writer.h"
-#include "agent/text.h"
+#include "agent/text/json_writer.h"
+#include "agent/text/text.h"
 
 namespace fxagent::sparkplug {
 namespace {

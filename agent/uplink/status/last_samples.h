@@ -5,8 +5,8 @@
 
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
-#include "agent/status.h"
-#include "agent/telemetry.h"
+#include "agent/handover/status.h"
+#include "agent/handover/telemetry.h"
 
 namespace fxagent {
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "agent/calendar.h"
 #include "agent/config/model.h"
+#include "agent/text/calendar.h"
 
 namespace fxagent {
 namespace {

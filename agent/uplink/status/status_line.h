@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "agent/status.h"
+#include "agent/handover/status.h"
 
 namespace fxagent {
 

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "agent/commands/admission.h"
-#include "agent/outbox.h"
+#include "agent/handover/outbox.h"
 #include "tests/agent/field/field_plant.h"
 
 namespace fxagent::test {

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/field/poller.h"
+#include "agent/field/link/poller.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
 #include "tests/support/scripted_transport.h"

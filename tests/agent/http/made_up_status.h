@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "agent/status.h"
+#include "agent/handover/status.h"
 #include "tests/agent/uplink/plant.h"
 
 namespace fxagent::test {

@@ -1,5 +1,5 @@
 #include "agent/import/imported.h"
-#include "agent/json_member.h"
+#include "agent/text/json_member.h"
 
 #include <gtest/gtest.h>
 

@@ -12,8 +12,8 @@
 
 #include "agent/commands/commands.h"
 #include "agent/config/model.h"
-#include "agent/field/link_worker.h"
-#include "agent/outbox.h"
+#include "agent/field/link/link_worker.h"
+#include "agent/handover/outbox.h"
 #include "tests/agent/path/fate.h"
 #include "tests/agent/path/lasting_journal.h"
 #include "tests/agent/path/ledger_device.h"

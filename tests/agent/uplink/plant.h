@@ -4,10 +4,10 @@
 #include <memory>
 #include <string>
 
-#include "agent/command_message.h"
 #include "agent/config/model.h"
-#include "agent/field_health.h"
-#include "agent/telemetry.h"
+#include "agent/handover/command_message.h"
+#include "agent/handover/field_health.h"
+#include "agent/handover/telemetry.h"
 #include "protocol/fx/programming_port.h"
 
 namespace fxagent::test {

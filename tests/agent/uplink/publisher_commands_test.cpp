@@ -5,7 +5,7 @@
 #include <fstream>
 #include <set>
 
-#include "agent/cli/report/audit_report.h"
+#include "agent/cli/audit/audit_report.h"
 #include "agent/commands/recovery.h"
 #include "tests/agent/uplink/publisher_bench.h"
 

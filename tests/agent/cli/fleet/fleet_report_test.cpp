@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "agent/sha256.h"
+#include "agent/text/sha256.h"
 
 namespace fxagent {
 namespace {

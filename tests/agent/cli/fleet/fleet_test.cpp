@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "agent/sha256.h"
+#include "agent/text/sha256.h"
 
 namespace fxagent {
 namespace {

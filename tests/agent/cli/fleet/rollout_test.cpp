@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/sha256.h"
+#include "agent/text/sha256.h"
 
 namespace fxagent {
 namespace {

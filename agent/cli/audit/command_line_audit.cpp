@@ -1,0 +1,86 @@
+#include "agent/cli/audit/command_line_audit.h"
+
+#include <pwd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <utility>
+
+#include "agent/commands/audit_records.h"
+#include "agent/commands/result_text.h"
+
+namespace fxagent {
+namespace {
+
+std::string name_of_user(uid_t user) {
+  const passwd* found = ::getpwuid(user);
+  return found == nullptr ? std::to_string(user) : found->pw_name;
+}
+
+audit::Receipt receipt_of(const Command& command, std::uint64_t number, const std::string& device,
+                          const std::string& text) {
+  audit::Receipt receipt;
+  receipt.number = number;
+  receipt.device = device;
+  receipt.topic = "command line";
+  receipt.payload = text;
+  receipt.payload_bytes = text.size();
+  receipt.by = command_line_user();
+  receipt.received_ms = command.received_ms;
+  return receipt;
+}
+
+}  // namespace
+
+std::string command_line_user() {
+  // The kernel preserves the login uid through sudo and su. All bits set: no login.
+  uid_t user = static_cast<uid_t>(-1);
+  std::ifstream("/proc/self/loginuid") >> user;
+  return "cli:" + name_of_user(user == static_cast<uid_t>(-1) ? ::getuid() : user);
+}
+
+CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_ms)
+    : config_(config), disk_(config, utc_ms), audit_(config, disk_) {
+  disk_.parts().set({&audit_});
+  disk_.open();
+}
+
+std::string CommandLineAudit::fault() const {
+  if (disk_.is_writable()) return {};
+  std::string text =
+      "store.path: the audit must record every command that writes, and the store cannot be "
+      "written: " +
+      disk_.last_failure();
+  struct stat found {};
+  if (::stat(config_.path.c_str(), &found) == 0 && found.st_uid != ::geteuid())
+    return text + "; run this as the user of the store: sudo -u " + name_of_user(found.st_uid) +
+           " fxagent …";
+  return text + "; if the agent is running, send the command over MQTT, or stop the agent first";
+}
+
+bool CommandLineAudit::admitted(const Command& command, const std::string& device,
+                                const std::string& text) {
+  number_ = audit_.next_command_number();
+  return write(audit::admitted(receipt_of(command, number_, device, text), command.id,
+                               command.op_text, command.received_ms));
+}
+
+bool CommandLineAudit::finished(const CommandResult& result, const std::string& device,
+                                std::int64_t utc_ms) {
+  return write(audit::result(number_, device, result_text(result), result.frames, utc_ms));
+}
+
+bool CommandLineAudit::refused(const Command& command, const CommandResult& result,
+                               const std::string& device, const std::string& text) {
+  number_ = audit_.next_command_number();
+  return write(audit::answered(receipt_of(command, number_, device, text), result_text(result),
+                               command.received_ms));
+}
+
+/// Syncs to disk: a power cut must not erase who did what.
+bool CommandLineAudit::write(const std::string& body) {
+  return disk_.commit("audit", StoreDisk::Sync::full, [&] { audit_.append(body); });
+}
+
+}  // namespace fxagent

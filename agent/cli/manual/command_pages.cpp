@@ -1,0 +1,271 @@
+#include "agent/cli/manual/command_pages.h"
+
+#include <CLI/App.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+#include <string_view>
+#include <vector>
+
+#include "agent/cli/exit_status.h"
+#include "agent/cli/manual/config_page.h"
+#include "agent/import/formats.h"
+#include "protocol/catalog.h"
+#include "protocol/letter_case.h"
+
+namespace fxagent {
+
+std::string roff(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '\\')
+      out += "\\e";
+    else if (c == '-')
+      out += "\\-";
+    else if ((c == '.' || c == '\'') && (out.empty() || out.back() == '\n'))
+      out += std::string("\\&") + c;
+    else
+      out += c;
+  }
+  return out;
+}
+
+namespace {
+
+constexpr std::string_view kExitStatus = R"(.SH EXIT STATUS
+0: done. 1: the device refused or did not answer, the frame is bad, something is missing, or the agent could not
+run. 2: the arguments or the config were wrong.
+)";
+constexpr std::string_view kFiles = R"(.SH FILES
+.TP
+.I /etc/fxagent/agent.json
+The config of the service.
+.TP
+.I /var/lib/fxagent
+The store of the service: samples and results that wait for the broker, and the audit.
+.TP
+.I /usr/share/doc/fxagent
+How to write a config (docs/config), to run the agent (docs/operate), its topics (docs/interface.md), and examples.
+)";
+
+/// Returns the subcommands in the order of their definition.
+std::vector<const CLI::App*> subcommands_of(const CLI::App& app) {
+  return app.get_subcommands([](const CLI::App* command) { return !command->get_name().empty(); });
+}
+
+bool takes_a_value(const CLI::Option& option) { return option.get_items_expected_max() > 0; }
+
+/// Returns all spellings of a named option, the longest last: "-j", "--json".
+std::vector<std::string> spellings(const CLI::Option& option) {
+  std::vector<std::string> out;
+  for (const std::string& name : option.get_snames()) out.push_back("-" + name);
+  for (const std::string& name : option.get_lnames()) out.push_back("--" + name);
+  return out;
+}
+
+/// Returns "INT" for "INT:INT in [1 - 4096]".
+std::string value_name(const CLI::Option& option) {
+  const std::string type = option.get_type_name();
+  return type.substr(0, type.find(':'));
+}
+
+std::string range_of(const CLI::Option& option) {
+  const std::string type = option.get_type_name();
+  const std::size_t colon = type.find(':');
+  return colon == std::string::npos ? "" : " (" + type.substr(colon + 1) + ")";
+}
+
+std::string entry(const CLI::Option& option) {
+  std::string head;
+  if (option.nonpositional()) {
+    for (const std::string& name : spellings(option))
+      head += (head.empty() ? "\\fB" : ", \\fB") + roff(name) + "\\fR";
+    if (takes_a_value(option)) head += " \\fI" + roff(value_name(option)) + "\\fR";
+  } else {
+    head = "\\fI" + roff(option.get_name(true)) + "\\fR";
+  }
+  return ".TP\n" + head + "\n" + roff(option.get_description() + range_of(option)) + "\n";
+}
+
+template <class Wanted>
+std::string section(std::string_view title, const CLI::App& command, const Wanted& wanted) {
+  std::string out;
+  for (const CLI::Option* option : command.get_options())
+    if (wanted(*option)) out += entry(*option);
+  return out.empty() ? out : ".SH " + std::string(title) + "\n" + out;
+}
+
+std::string synopsis(const CLI::App& app, const CLI::App* subcommand) {
+  if (subcommand == nullptr)
+    return ".B " + app.get_name() + "\n.I SUBCOMMAND\n[\\fIOPTIONS\\fR] [\\fIARGUMENTS\\fR]\n";
+  std::string out =
+      ".B " + app.get_name() + " " + roff(subcommand->get_name()) + "\n[\\fIOPTIONS\\fR]\n";
+  for (const CLI::Option* option : subcommand->get_options())
+    if (!option->nonpositional()) out += ".I " + roff(option->get_name(true)) + "\n";
+  return out;
+}
+
+/// Returns the sections of a footer. A line that ends in a colon starts a section.
+std::string footer(const CLI::App& command) {
+  std::istringstream lines(command.get_footer());
+  std::string out;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with(' ') || !line.ends_with(':')) {
+      out += roff(line.starts_with("  ") ? line.substr(2) : line) + "\n";
+      continue;
+    }
+    line.pop_back();
+    out += (out.empty() ? ".SH " : ".fi\n.SH ") + upper(line) + "\n.nf\n";
+  }
+  return out.empty() ? out : out + ".fi\n";
+}
+
+std::string page_name(const CLI::App& app, const CLI::App& subcommand) {
+  return app.get_name() + "-" + subcommand.get_name();
+}
+
+std::string see_also(const CLI::App& app, const CLI::App* subcommand) {
+  if (subcommand != nullptr) return ".SH SEE ALSO\n.BR " + app.get_name() + " (1)\n";
+  std::string out = ".SH SEE ALSO\n.BR " + app.get_name() + ".json (5),\n";
+  const auto all = subcommands_of(app);
+  for (const CLI::App* command : all)
+    out +=
+        ".BR " + roff(page_name(app, *command)) + " (1)" + (command == all.back() ? "\n" : ",\n");
+  return out;
+}
+
+/// Returns the description of a command without the program's name in front.
+std::string meaning(const CLI::App& command, const CLI::App& app) {
+  const std::string text = command.get_description();
+  const std::string before = app.get_name() + ": ";
+  return text.starts_with(before) ? text.substr(before.size()) : text;
+}
+
+/// Returns the positional arguments: "CONFIG DEVICE ADDRESS".
+std::string names_of_places(const CLI::App& command) {
+  std::string out;
+  for (const CLI::Option* option : command.get_options())
+    if (!option->nonpositional()) out += (out.empty() ? "" : " ") + option->get_name(true);
+  return out;
+}
+
+std::string protocol_names() {
+  std::string out;
+  for (const ProtocolInfo& protocol : catalog())
+    out += (out.empty() ? "" : " ") + std::string(protocol.name);
+  return out;
+}
+
+std::string format_names() {
+  std::string out = "auto";
+  for (const ImportFormat& format : import_formats()) out += " " + std::string(format.name);
+  return out;
+}
+
+std::string names_of_options(const CLI::App& command, bool with_value_only) {
+  std::string out;
+  for (const CLI::Option* option : command.get_options())
+    if (option->nonpositional() && (takes_a_value(*option) || !with_value_only))
+      for (const std::string& name : spellings(*option)) out += (out.empty() ? "" : " ") + name;
+  return out;
+}
+
+}  // namespace
+
+std::string man_page(const CLI::App& app, const CLI::App* subcommand, const std::string& version) {
+  const CLI::App& shown = subcommand == nullptr ? app : *subcommand;
+  const std::string name = subcommand == nullptr ? app.get_name() : page_name(app, *subcommand);
+  std::string out = ".TH " + roff(upper(name)) + " 1 \"\" \"" +
+                    roff(app.get_name() + " " + version) + "\" \"User Commands\"\n.nh\n.SH NAME\n" +
+                    roff(name) + " \\- " + roff(meaning(shown, app)) + "\n.SH SYNOPSIS\n" +
+                    synopsis(app, subcommand);
+  if (subcommand == nullptr) {
+    out += ".SH SUBCOMMANDS\n";
+    for (const CLI::App* command : subcommands_of(app))
+      out += ".TP\n\\fB" + roff(command->get_name()) + "\\fR\n" + roff(command->get_description()) +
+             "\n";
+  }
+  out += section("ARGUMENTS", shown,
+                 [](const CLI::Option& option) { return !option.nonpositional(); });
+  out +=
+      section("OPTIONS", shown, [](const CLI::Option& option) { return option.nonpositional(); });
+  out += footer(shown);
+  if (out.find(".SH EXIT STATUS\n") == std::string::npos) out += kExitStatus;
+  out += kFiles;
+  return out + see_also(app, subcommand);
+}
+
+std::string bash_completion(const CLI::App& app) {
+  std::string names;
+  std::string cases;
+  for (const CLI::App* command : subcommands_of(app)) {
+    names += command->get_name() + " ";
+    cases += "    " + command->get_name() + ") words='" + names_of_options(*command, false) +
+             "' valued='" + names_of_options(*command, true) + "' places='" +
+             names_of_places(*command) + "' ;;\n";
+  }
+  return "# Completion of " + app.get_name() + ", made by `" + app.get_name() +
+         " --help-pages`.\n" +
+         R"(_fxagent() {
+  local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} words='' valued='' places=''
+)" + "  local protocols='" +
+         protocol_names() + "' formats='" + format_names() + "'\n" +
+         R"(  COMPREPLY=()
+  case ${COMP_WORDS[1]} in
+)" + cases +
+         R"(  esac
+  if [ "$COMP_CWORD" -eq 1 ]; then
+    words=')" +
+         names + names_of_options(app, false) + R"('
+  elif [[ " $valued " == *" $before "* ]]; then
+    [ "$before" = --protocol ] || return 0
+    words=$protocols
+  elif [[ $word != -* ]]; then
+    # The arguments before this one, without options and their values.
+    local given=() i
+    for ((i = 2; i < COMP_CWORD; i++)); do
+      if [[ " $valued " == *" ${COMP_WORDS[i]} "* ]]; then ((i++)); continue; fi
+      [[ ${COMP_WORDS[i]} == -* ]] || given+=("${COMP_WORDS[i]}")
+    done
+    read -ra places <<<"$places"
+    case ${places[${#given[@]}]} in
+      PROTOCOL) words=$protocols ;;
+      FORMAT) words=$formats ;;
+      WHAT) words='status push' ;;
+      # Rows of `export`: device, tag, ...
+      DEVICE) words=$("${COMP_WORDS[0]}" export "${given[0]}" 2>/dev/null | sed -n '2,${/^#/!s/,.*//p}' | sort -u) ;;
+      ADDRESS) words=$("${COMP_WORDS[0]}" export "${given[0]}" 2>/dev/null | sed -n "s/^${given[1]},\([^,]*\),.*/\1/p") ;;
+      *) return 0 ;;
+    esac
+  fi
+  mapfile -t COMPREPLY < <(compgen -W "$words" -- "$word")
+}
+complete -o default -F _fxagent )" +
+         app.get_name() + "\n";
+}
+
+std::optional<int> write_command_pages(const CLI::App& app, int argc, const char* const* argv,
+                                       const std::string& version) {
+  if (argc < 2 || std::string_view(argv[1]) != "--help-pages") return std::nullopt;
+  if (argc != 3) {
+    std::cerr << "--help-pages takes the directory to write to\n";
+    return kWrong;
+  }
+  const std::filesystem::path directory(argv[2]);
+  const auto write = [&](const std::string& name, const std::string& page) {
+    std::ofstream file(directory / name);
+    if (file << page << std::flush) return true;
+    std::cerr << (directory / name).string() << " cannot be written\n";
+    return false;
+  };
+  bool written = write(app.get_name() + ".1", man_page(app, nullptr, version)) &&
+                 write(app.get_name() + ".json.5", config_page(version)) &&
+                 write(app.get_name() + ".bash", bash_completion(app));
+  for (const CLI::App* command : subcommands_of(app))
+    written = written && write(page_name(app, *command) + ".1", man_page(app, command, version));
+  return written ? kDone : kFailed;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,510 @@
+#include "agent/config/read/devices/device.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "agent/config/keys.h"
+#include "agent/config/read/devices/join_link.h"
+#include "agent/config/read/devices/model_name.h"
+#include "agent/config/read/devices/shared_parts.h"
+#include "agent/config/read/devices/tag_units.h"
+#include "agent/config/read/devices/templates.h"
+#include "agent/config/read/warnings.h"
+#include "agent/config/suggestions.h"
+#include "protocol/plc.h"
+#include "protocol/value/span.h"
+
+namespace fxagent {
+namespace {
+
+std::vector<std::string_view> option_keys(const ProtocolInfo& protocol) {
+  std::vector<std::string_view> keys;
+  keys.reserve(protocol.options.size());
+  for (const OptionSpec& spec : protocol.options) keys.push_back(spec.key);
+  return keys;
+}
+
+/// True if devices of every protocol may have the key.
+bool is_common(std::string_view key) {
+  const auto keys = config_section("devices[]");
+  return std::ranges::find(keys, key, &ConfigKey::name) != keys.end();
+}
+
+/// Reads one device. If its protocol is missing or wrong, reads on without a codec, so that other
+/// errors in its tags are still reported.
+class DeviceReader {
+ public:
+  DeviceReader(ConfigReader& reader, DeviceEntry& entry, SharedParts& shared, DeviceConfig& device)
+      : reader_(reader), entry_(entry), node_(entry.members()), shared_(shared), device_(device) {}
+
+  /// False if the entry is not an object.
+  bool read_protocol();
+  void read_rest();
+
+ private:
+  void check_foreign_key(const ConfigNode& member);
+  const ConfigNode& culprit(const Options& options, const Error& error) const;
+  std::optional<std::string_view> read_model();
+  void make_codec();
+  /// Makes the timeout longer than the time after which the device itself gives up and replies with
+  /// an error; warns if a configured timeout is not longer.
+  void outlast_device();
+  /// Warns if the PLC must be asked for its model and some model lacks an address of the config.
+  void warn_of_open_model();
+  void read_groups();
+  void read_tags();
+  void read_tag(const ConfigNode& node);
+  std::uint32_t group_of(const ConfigNode& tag);
+  bool read_place(const ConfigNode& node, TagConfig& tag);
+  void read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point);
+  void check_span(const ConfigNode& node, const TagConfig& tag);
+  void check_exists(const ConfigNode& address, const Span& span);
+  void read_commands(const ConfigNode& node);
+  void read_allow(const ConfigNode& list);
+
+  ConfigReader& reader_;
+  DeviceEntry& entry_;
+  const ConfigNode& node_;  ///< the entry's members
+  SharedParts& shared_;
+  DeviceConfig& device_;
+  /// The device's codec, shared with `device_.codec`; that of the widest model if the PLC must be
+  /// asked for its model. nullptr if protocol, model or options are wrong.
+  std::shared_ptr<const Codec> codec_;
+  NameTable groups_;
+  NameTable tags_;
+  std::map<std::uint16_t, std::vector<ReadWay>> ways_;
+};
+
+// ---- protocol and options ---------------------------------------------------------------------
+
+bool DeviceReader::read_protocol() {
+  const ConfigKey protocol = protocol_key();
+  if (node_.find(protocol.name) != nullptr) {
+    if (const auto index = reader_.choice(node_, protocol)) device_.protocol = &catalog()[*index];
+  } else if (node_.kind == ConfigNode::Kind::object) {
+    reader_.error(node_, "\"protocol\" is missing: " + one_of(protocol.limits.words));
+  }
+
+  // Without a valid protocol, accept the keys of every protocol.
+  std::vector<std::string_view> options;
+  std::vector<std::string_view> foreign;
+  for (const ProtocolInfo& info : catalog()) {
+    const bool own = device_.protocol == nullptr || device_.protocol == &info;
+    for (const auto key : option_keys(info)) (own ? options : foreign).push_back(key);
+  }
+  if (!reader_.check_object(node_, config_section("devices[]"), options, foreign)) return false;
+  for (const ConfigNode& member : node_.children) check_foreign_key(member);
+  return true;
+}
+
+/// Reports a key of other protocols. The error names these, and the options of this protocol.
+void DeviceReader::check_foreign_key(const ConfigNode& member) {
+  if (device_.protocol == nullptr || option_named(*device_.protocol, member.key) != nullptr ||
+      is_common(member.key))
+    return;
+  std::vector<std::string_view> owners;
+  for (const ProtocolInfo& info : catalog())
+    if (option_named(info, member.key) != nullptr) owners.push_back(info.name);
+  if (owners.empty()) return;  // unknown key, already reported
+  reader_.error_at_key(member, "is for " + one_of(owners) + "; " +
+                                   std::string(device_.protocol->name) + " may have " +
+                                   one_of(option_keys(*device_.protocol)));
+}
+
+/// Returns the option that caused the codec's error: with its default the error would not occur.
+/// Returns the device if no single option is the cause.
+const ConfigNode& DeviceReader::culprit(const Options& options, const Error& error) const {
+  const Options defaults = default_options(*device_.protocol);
+  for (const OptionSpec& spec : device_.protocol->options) {
+    const ConfigNode* given = node_.find(spec.key);
+    if (given == nullptr) continue;
+    Options others = options;
+    others.insert_or_assign(std::string(spec.key), defaults.find(spec.key)->second);
+    const auto codec = device_.protocol->make(others);
+    if (codec || codec.error().text != error.text) return *given;
+  }
+  return node_;
+}
+
+/// Returns the device's model; "auto" if it has none, nullopt if it is wrong.
+std::optional<std::string_view> DeviceReader::read_model() {
+  const ProtocolInfo& protocol = *device_.protocol;
+  const ConfigNode* given = node_.find("model");
+  if (given == nullptr) return kAutoModel;
+  if (protocol.models.empty()) {
+    if (const auto word = reader_.text(*given); word && *word != kAutoModel)
+      reader_.error(*given, std::string(protocol.name) +
+                                " has no models: leave \"model\" out, or set it to auto");
+    return kAutoModel;
+  }
+  const ConfigKey key = model_key(protocol);
+  const std::string said = reader_.replaced(*given);
+  const auto meant = model_meant(said);
+  if (!meant.empty() && !knows_model(protocol, meant)) {
+    reader_.error(*given, model_is_not_reached(protocol, meant));
+    return std::nullopt;
+  }
+  if (!meant.empty() && std::ranges::find(key.limits.words, said) == key.limits.words.end()) {
+    reader_.error(*given, "must be " + one_of(key.limits.words) + ", found \"" +
+                              shown(given->text) + "\"; did you mean " + std::string(meant) + "?");
+    return std::nullopt;
+  }
+  const auto model = reader_.choice(node_, key);
+  return model ? std::optional(key.limits.words[*model]) : std::nullopt;
+}
+
+void DeviceReader::make_codec() {
+  const ProtocolInfo& protocol = *device_.protocol;
+  Options options = default_options(protocol);
+  for (const OptionSpec& spec : protocol.options) {
+    const ConfigKey key = option_key(spec);
+    OptionValue& value = options[std::string(spec.key)];
+    switch (spec.kind) {
+      case OptionSpec::Kind::integer:
+        value = reader_.integer_as<std::int64_t>(node_, key);
+        break;
+      case OptionSpec::Kind::boolean:
+        value = reader_.boolean(node_, key);
+        break;
+      case OptionSpec::Kind::choice:
+        const std::size_t index = reader_.choice_or_default(node_, key);
+        value = std::string(spec.choices[index]);
+        if (spec.key == "enquire") device_.enquire = static_cast<EnquirePolicy>(index);
+        break;
+    }
+  }
+
+  const auto name = read_model();
+  if (!name) return;
+  options.insert_or_assign("model", std::string(*name));
+
+  const auto made = shared_.protocol_of(protocol, options);
+  if (!made) {
+    reader_.error(culprit(options, made.error()), made.error().text);
+    return;
+  }
+  device_.codec = made->codec;
+  device_.options = made->options;
+  codec_ = widest_of(protocol, made->codec);
+
+  if (const auto found = options.find("max_block_bytes"); found != options.end())
+    if (const auto* bytes = std::get_if<std::int64_t>(&found->second))
+      device_.max_block_bytes = static_cast<std::uint32_t>(*bytes);
+}
+
+void DeviceReader::read_rest() {
+  device_.timeout =
+      reader_.integer_as<std::chrono::milliseconds>(node_, config_key("devices[].timeout_ms"));
+  device_.retries = reader_.integer_as<int>(node_, config_key("devices[].retries"));
+  device_.gap =
+      reader_.integer_as<std::chrono::milliseconds>(node_, config_key("devices[].gap_ms"));
+  device_.turnaround =
+      reader_.integer_as<std::chrono::milliseconds>(node_, config_key("devices[].turnaround_ms"));
+  device_.echo = reader_.boolean(node_, config_key("devices[].echo"));
+  if (device_.protocol == nullptr || option_named(*device_.protocol, "max_block_bytes") == nullptr)
+    device_.max_block_bytes = static_cast<std::uint32_t>(
+        reader_.integer(node_, config_key("devices[].max_block_bytes")).value_or(0));
+  if (device_.protocol != nullptr) make_codec();
+  if (device_.codec != nullptr) outlast_device();
+  read_groups();
+  read_tags();
+  if (const ConfigNode* commands = reader_.object(node_, config_key("devices[].commands")))
+    read_commands(*commands);
+  if (device_.codec != nullptr) warn_of_open_model();
+}
+
+void DeviceReader::outlast_device() {
+  const auto own = device_.codec->gives_up_after();
+  const ConfigNode* given = node_.find("timeout_ms");
+  if (given == nullptr)
+    device_.timeout += own;
+  else if (device_.timeout <= own)
+    reader_.warn(*given,
+                 "timeout_ms is not longer than the " + std::to_string(own.count()) +
+                     " ms after which the device itself gives up and reports why. The agent would "
+                     "miss that report: make timeout_ms longer or the device's time shorter");
+}
+
+// ---- groups -----------------------------------------------------------------------------------
+
+void DeviceReader::warn_of_open_model() {
+  if (!must_ask_model(*device_.codec)) return;
+  const ProtocolInfo& protocol = *device_.protocol;
+  std::vector<Span> spans = device_.commands.allow;
+  for (const TagConfig& tag : device_.tags)
+    if (const auto span = span_of(tag.point)) spans.push_back(*span);
+  const auto models = shared_.models_of(protocol, *device_.codec);
+  for (std::size_t i = 0; i < models.size(); ++i)
+    for (const Span& span : spans) {
+      const AddressSpace& addresses = models[i]->addresses();
+      if (addresses.check_range(span)) continue;
+      const ConfigNode* given = node_.find("model");
+      return reader_.warn(given != nullptr ? *given : node_,
+                          "model auto: checked against " + widest_name(protocol) + "; " +
+                              codec_->addresses().name_of({span.space, span.end_bit() - 1, 1}) +
+                              " is not in every model (" + std::string(protocol.models[i]) +
+                              " lacks it), and bad if the PLC lacks it");
+    }
+}
+
+void DeviceReader::read_groups() {
+  const auto nodes = entry_.groups(reader_);
+  if (!reader_.has_room(entry_.node(), {.groups = nodes.size()})) return;
+  for (const ConfigNode* group_node : nodes) {
+    const ConfigNode& node = *group_node;
+    if (!reader_.check_object(node, config_section("devices[].groups[]"))) continue;
+    GroupConfig group;
+    group.name = reader_.name(node, config_key("devices[].groups[].name")).value_or("");
+    group.interval = reader_.integer_as<std::chrono::milliseconds>(
+        node, config_key("devices[].groups[].interval_ms"));
+    group.on_change =
+        reader_.choice_or_default(node, config_key("devices[].groups[].publish")) == 1;
+    group.max_silent = reader_.integer_as<std::chrono::seconds>(
+        node, config_key("devices[].groups[].max_silent_s"));
+    warn_of_silence(reader_, node, group);
+    if (!group.name.empty())
+      groups_.add(reader_, group.name, *node.find("name"),
+                  static_cast<std::uint32_t>(device_.groups.size()));
+    device_.groups.push_back(std::move(group));
+  }
+}
+
+std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
+  const ConfigNode* node = tag.find("group");
+  const auto given = reader_.name(tag, config_key("devices[].tags[].group"));
+  if (node != nullptr && !given) return 0;
+  const auto default_group = config_key("devices[].tags[].group").word();
+  const std::string name = given.value_or(std::string(default_group));
+  if (const auto index = groups_.find(name)) return *index;
+  if (name != default_group) {
+    std::string text = "this device has no group \"" + name + "\"";
+    if (groups_.empty())
+      text += "; it has no groups";
+    else if (reader_.may_suggest(node->offset))
+      text += groups_.in_place_of(name);
+    reader_.error(*node, std::move(text));
+    return 0;
+  }
+  // Create the default group, which the device does not define, with the first tag that uses it.
+  const auto index = static_cast<std::uint32_t>(device_.groups.size());
+  groups_.add(reader_, name, tag, index);
+  GroupConfig group;
+  group.name = name;
+  device_.groups.push_back(std::move(group));
+  return index;
+}
+
+// ---- tags -------------------------------------------------------------------------------------
+
+void DeviceReader::read_tags() {
+  const auto nodes = entry_.tags(reader_);
+  if (codec_ != nullptr && codec_->is_broadcast() && !nodes.empty())
+    reader_.error(*node_.find("tags"),
+                  "no unit answers a broadcast, so it cannot have tags; list what may be written "
+                  "to all units in commands/allow");
+  if (!reader_.has_room(entry_.node(), {.tags = nodes.size()})) return;
+  device_.tags.reserve(nodes.size());
+  for (const ConfigNode* tag : nodes) {
+    read_tag(*tag);
+    if (reader_.is_over()) return;
+  }
+  device_.tags = shared_.tags_of(std::move(device_.tags));
+}
+
+void DeviceReader::read_tag(const ConfigNode& node) {
+  if (!reader_.check_object(node, config_section("devices[].tags[]"))) return;
+  TagConfig tag;
+  if (const auto name = reader_.name(node, config_key("devices[].tags[].name"))) {
+    tag.name = *name;
+    tags_.add(reader_, *name, *node.find("name"), static_cast<std::uint32_t>(device_.tags.size()));
+  }
+  tag.group = group_of(node);
+  tag.writable = reader_.choice_or_default(node, config_key("devices[].tags[].access")) == 1;
+  if (read_place(node, tag)) check_span(node, tag);
+  tag.units = shared_.units_of(read_tag_units(reader_, node, tag.point.type));
+  warn_of_limits(reader_, node, tag);
+  reader_.has_room(node, {.values = values_of(tag.point)});
+  device_.tags.push_back(std::move(tag));
+}
+
+/// Reads address, type, shape and scaling of a tag. False if these do not give a span.
+bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
+  std::optional<DataType> type;
+  const ConfigNode* given = node.find("type");
+  if (const auto index = reader_.choice(node, config_key("devices[].tags[].type"))) {
+    const auto read = data_type_from(config_keys::kTypes[*index]);
+    if (read) type = *read;
+  }
+  const auto text = reader_.text(node, config_key("devices[].tags[].address"));
+  bool good = text.has_value() && (given == nullptr || type);
+  if (text && codec_ != nullptr) {
+    const auto address = codec_->addresses().parse_address(*text, type);
+    if (!address) {
+      reader_.error(*node.find("address"), address.error().text);
+      good = false;
+    } else if (good) {
+      tag.point.address = *address;
+      if (!type) type = default_type(*address);
+    }
+  }
+  read_shape(node, type, tag.point);
+  return type && good && codec_ != nullptr;
+}
+
+/// Reads the members that depend on the type. Checks only their ranges if the type is wrong or
+/// unknown.
+void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point) {
+  if (type) point.type = *type;
+  if (const auto count = reader_.integer(node, config_key("devices[].tags[].count"))) {
+    point.count = static_cast<std::uint16_t>(*count);
+    point.is_array = true;
+  }
+  const ConfigNode* length = node.find("length");
+  point.length = static_cast<std::uint16_t>(
+      reader_.integer(node, config_key("devices[].tags[].length")).value_or(0));
+  if (type == DataType::string && length == nullptr)
+    reader_.error(node, "\"length\" is missing: a string needs its number of characters");
+  if (type && type != DataType::string && length != nullptr)
+    reader_.error_at_key(*length, "is for strings; for an array use \"count\"");
+
+  if (codec_ != nullptr) point.order = codec_->addresses().default_order();
+  const ConfigKey word_order = word_order_key(device_.protocol);
+  if (const auto index = reader_.choice(node, word_order)) {
+    if (const auto order = byte_order_from(word_order.limits.words[*index])) point.order = *order;
+    if (type == DataType::boolean)
+      reader_.error_at_key(*node.find("word_order"), "a bool has no word order");
+  }
+
+  // Only numbers can be scaled; read_tag_units() reports this.
+  if (type == DataType::boolean || type == DataType::string) return;
+  constexpr const ConfigKey& scale_key = config_key("devices[].tags[].scale");
+  constexpr const ConfigKey& offset_key = config_key("devices[].tags[].offset");
+  const auto scale = reader_.number(node, scale_key);
+  const auto offset = reader_.number(node, offset_key);
+  if (!scale && !offset) return;
+  if (const auto set = set_units(point, scale.value_or(static_cast<double>(scale_key.number())),
+                                 offset.value_or(static_cast<double>(offset_key.number())));
+      !set)
+    reader_.error(*node.find(scale ? "scale" : "offset"), set.error().text);
+}
+
+/// Checks the point's span against the model and, if the tag is writable, against the rules for
+/// writes.
+void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
+  const ConfigNode& address = *node.find("address");
+  const bool text_without_length = tag.point.type == DataType::string && tag.point.length == 0;
+  if (text_without_length) return;  // reported with the length
+  const auto span = span_of(tag.point);
+  if (!span) {
+    const ConfigNode* type = node.find("type");
+    reader_.error(type != nullptr ? *type : address, span.error().text);
+    return;
+  }
+  check_exists(address, *span);
+  if (!tag.writable) return;
+  const ConfigNode& access = *node.find("access");
+  if (!tag.point.address.writable)
+    reader_.error(access, tag.point.address.text + " can only be read");
+  else if (const auto allowed = codec_->addresses().check_write(*span); !allowed)
+    reader_.error(access, "cannot be written: " + allowed.error().text);
+}
+
+void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
+  const auto [entry, fresh] = ways_.try_emplace(span.space);
+  if (fresh) entry->second = codec_->addresses().read_ways(span.space);
+  if (const auto exists = codec_->addresses().check_range(span); !exists) {
+    reader_.error(address, exists.error().text);
+    return;
+  }
+  const bool reached = std::ranges::any_of(entry->second, [&](const ReadWay& way) {
+    return way.first_bit <= span.first_bit && span.end_bit() <= way.end_bit;
+  });
+  if (!reached)
+    reader_.error(address, "the protocol cannot reach " + codec_->addresses().name_of(span) +
+                               " to " +
+                               codec_->addresses().name_of({span.space, span.end_bit() - 1, 1}));
+}
+
+// ---- commands ---------------------------------------------------------------------------------
+
+void DeviceReader::read_commands(const ConfigNode& node) {
+  if (!reader_.check_object(node, config_section("devices[].commands"))) return;
+  CommandRules& rules = device_.commands;
+  if (const ConfigNode* allow = reader_.array(node, config_key("devices[].commands.allow")))
+    read_allow(*allow);
+  rules.allow_run_stop = reader_.boolean(node, config_key("devices[].commands.allow_run_stop"));
+  if (rules.allow_run_stop && codec_ != nullptr && codec_->plc() == nullptr)
+    reader_.warn(*node.find("allow_run_stop"), "has no effect: this protocol has no run and stop");
+  rules.max_expiry =
+      reader_.integer_as<std::chrono::seconds>(node, config_key("devices[].commands.max_expiry_s"));
+  const auto expiry = reader_.integer(node, config_key("devices[].commands.default_expiry_s"));
+  // Without a given default_expiry_s, a short max_expiry_s lowers the default too.
+  rules.default_expiry =
+      expiry ? std::chrono::seconds(*expiry) : std::min(rules.default_expiry, rules.max_expiry);
+  if (rules.default_expiry > rules.max_expiry)
+    reader_.error(*node.find("default_expiry_s"),
+                  "must not be longer than max_expiry_s, which is " +
+                      std::to_string(rules.max_expiry.count()));
+  rules.verify = reader_.boolean(node, config_key("devices[].commands.verify"));
+  rules.queue = reader_.integer_as<std::size_t>(node, config_key("devices[].commands.queue"));
+}
+
+/// Reads the ranges of `allow` as spans, sorted and with neighbours merged.
+void DeviceReader::read_allow(const ConfigNode& list) {
+  std::vector<Span> spans;
+  for (const ConfigNode& item : list.children) {
+    const auto text = reader_.text(item);
+    if (!text || codec_ == nullptr) continue;
+    if (const auto span = codec_->addresses().parse_range(*text))
+      spans.push_back(*span);
+    else
+      reader_.error(item, span.error().text);
+  }
+  device_.commands.allow = merged(std::move(spans));
+}
+
+}  // namespace
+
+void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode& devices,
+                  const NameTable& links, std::vector<LinkFacts>& facts, Config& config) {
+  NameTable names;
+  StationTable stations;
+  SharedParts shared;
+  Templates templates(reader, top);
+  config.devices.reserve(devices.children.size());
+  const auto read = [&](DeviceEntry& entry) {
+    const auto index = static_cast<std::uint32_t>(config.devices.size());
+    DeviceConfig& device = config.devices.emplace_back();
+    DeviceReader device_reader(reader, entry, shared, device);
+    if (!device_reader.read_protocol()) return;
+    device.name = reader.name(entry.members(), config_key("devices[].name")).value_or("");
+    const ConfigNode* name = entry.node().find("name");
+    if (!device.name.empty())
+      names.add(reader, device.name, name != nullptr ? *name : entry.node(), index);
+    join_link(reader, entry, links, facts, device);
+    device_reader.read_rest();
+    stations.add(reader, entry, device);
+  };
+  for (const ConfigNode& node : devices.children) {
+    if (reader.is_over()) break;
+    const auto entry = templates.entry(node);
+    if (entry == nullptr || !reader.has_room(entry->node(), {.devices = entry->count()})) continue;
+    for (std::size_t i = 0; i < entry->count() && !reader.is_over(); ++i) {
+      const DeviceOrigin origin = entry->origin(i);
+      reader.set_origin(entry->is_made() ? &origin : nullptr);
+      const ConfigSize before = reader.room().size();
+      read(*entry);
+      if (i > 0) continue;
+      // The other devices of the entry will be as large as the first one.
+      const auto rest = times(entry->count() - 1, reader.room().size(), before);
+      if (!reader.room().fits(rest)) reader.has_room(entry->node(), rest);
+    }
+    reader.set_origin(nullptr);
+  }
+  templates.warn_of_unused();
+}
+
+}  // namespace fxagent

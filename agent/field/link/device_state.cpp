@@ -1,0 +1,97 @@
+#include "agent/field/link/device_state.h"
+
+#include <cstdlib>
+#include <utility>
+
+#include "protocol/plc.h"
+
+namespace fxagent {
+namespace {
+
+// A device stays degraded this long after a bad value. By the wall clock, which may be set.
+constexpr std::int64_t kBadValueMs = 10'000;
+
+}  // namespace
+
+DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms)
+    : is_broadcast_(codec.is_broadcast()),
+      asks_model_(must_ask_model(codec)),
+      model_configured_(model_of(codec)),
+      compares_model_(!model_configured_.empty()),
+      model_known_(!asks_model_),
+      model_(model_configured_) {
+  reported_.device = device;
+  reported_.since_ms = now_ms;
+  reported_.reason = "starting";
+  reported_.model = model_;
+}
+
+void DeviceState::fell_silent() {
+  run_.reset();
+  if (asks_model_) model_known_ = false;
+  compares_model_ = !model_configured_.empty() && names_model_;
+}
+
+void DeviceState::compare_model(const std::optional<std::string>& of_plc) {
+  compares_model_ = false;
+  names_model_ = of_plc.has_value();
+  if (of_plc) model_ = *of_plc;
+}
+
+void DeviceState::set_model(const std::optional<std::string>& model) {
+  model_known_ = true;
+  model_unclear_ = !model;
+  model_ = model.value_or("");
+}
+
+std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::int64_t now_ms) {
+  if (facts.first_bad == BadReason::bad_value) bad_value_ms_ = now_ms;
+  const bool had_bad_value = bad_value_ms_ && std::abs(now_ms - *bad_value_ms_) < kBadValueMs;
+  DeviceStatus status = reported_;
+  status.model = model_;
+  status.run = run_;
+  status.state = DeviceStatus::State::online;
+  status.reason.clear();
+  status.reason_text.clear();
+  if (!facts.yielded.empty()) {
+    status.state = DeviceStatus::State::yielded;
+    status.reason = "yielded";
+    status.reason_text = facts.yielded;
+    status.run.reset();
+  } else if (!facts.bus_open) {
+    status.state = DeviceStatus::State::offline;
+    status.reason = facts.never_silent ? "never_silent" : to_string(BadReason::link_down);
+    status.reason_text = facts.why_offline;
+    status.run.reset();
+  } else if (facts.silent) {
+    status.state = DeviceStatus::State::offline;
+    status.reason = to_string(BadReason::timeout);
+    status.reason_text = facts.why_offline;
+  } else if (!answered_once_ && !is_broadcast_) {
+    return std::nullopt;
+  } else if (model_unclear_) {
+    status.state = DeviceStatus::State::degraded;
+    status.reason = "model_unknown";
+    status.reason_text =
+        "set model: the PLC reports an unknown model, so the agent uses only what every model has";
+  } else if (facts.first_bad || had_bad_value) {
+    status.state = DeviceStatus::State::degraded;
+    status.reason = to_string(facts.first_bad.value_or(BadReason::bad_value));
+  }
+  const bool is_other_model = !model_configured_.empty() && model_ != model_configured_;
+  status.model_configured = is_other_model ? model_configured_ : "";
+  if (is_other_model && status.reason_text.empty())
+    status.reason_text = "the PLC is an " + model_ + ", but the config says " + model_configured_ +
+                         ": set model to " + model_ + ", or to auto";
+  const bool other_state = starting_ || status.state != reported_.state;
+  if (!other_state && status.reason == reported_.reason &&
+      status.reason_text == reported_.reason_text && status.model == reported_.model &&
+      status.run == reported_.run)
+    return std::nullopt;
+  if (other_state) status.since_ms = now_ms;
+  starting_ = false;
+  reported_ = status;
+  return Change{std::move(status), other_state};
+}
+
+}  // namespace fxagent

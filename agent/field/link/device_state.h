@@ -1,0 +1,75 @@
+// The state of one device as its clients see it: offline, degraded or online, since when and why.
+// Pure: facts and time are arguments. Field thread.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "agent/handover/telemetry.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+class DeviceState final {
+ public:
+  /// Current facts from the bus, the poll scheduler and the polls.
+  struct Facts {
+    bool bus_open = false;
+    bool never_silent = false;  ///< the bus was closed because it never fell silent
+    bool silent = false;        ///< too many consecutive exchanges had no answer
+    std::string yielded{};      ///< until when the port is another program's; empty: it is ours
+    std::string why_offline{};  ///< why the bus is closed or the device is silent, for people
+    std::optional<BadReason> first_bad;  ///< of its tags, from their last cycles
+  };
+  struct Change {
+    DeviceStatus status;
+    bool other_state = false;  ///< worth a line in the log; otherwise only a detail has changed
+  };
+
+  /// `device` is an index in Config::devices, `codec` the config's. The state begins as offline,
+  /// "starting".
+  DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms);
+
+  /// Records that the device has answered something.
+  void answered() { answered_once_ = true; }
+  /// True if the device has answered since the start.
+  bool has_answered() const { return answered_once_; }
+  /// Records that the device is silent. The next device to answer may be another PLC.
+  void fell_silent();
+  /// False if the device must be asked for its model before anything else.
+  bool is_model_known() const { return model_known_; }
+  /// Records the model; nullopt: the answers do not identify it.
+  void set_model(const std::optional<std::string>& model);
+  /// True while a PLC with a configured model has yet to be asked for its own.
+  bool compares_model() const { return compares_model_; }
+  /// Records the PLC's model. nullopt: the PLC names no model and is not asked again.
+  void compare_model(const std::optional<std::string>& of_plc);
+  /// Records the RUN state; nullopt: unknown.
+  void set_run(std::optional<bool> run) { run_ = run; }
+
+  /// Returns the state by these facts, or nothing if it was already reported. A device that is
+  /// degraded by a bad_value stays so for 10 s after it, because such a place can hold a value in
+  /// one poll and none in the next. Also returns nothing before the first answer of a device on an
+  /// open bus. A broadcast has no answer and is online there.
+  std::optional<Change> update(const Facts& facts, std::int64_t now_ms);
+  /// Returns the last reported state.
+  const DeviceStatus& reported() const { return reported_; }
+
+ private:
+  const bool is_broadcast_;
+  const bool asks_model_;
+  const std::string model_configured_;  ///< empty: the config leaves the model open
+  bool compares_model_;
+  bool names_model_ = true;  ///< the PLC names its model when asked
+  bool model_known_;
+  bool model_unclear_ = false;
+  bool answered_once_ = false;
+  std::optional<std::int64_t> bad_value_ms_;  ///< time of the last bad_value
+  bool starting_ = true;                      ///< only "starting" was reported so far
+  std::optional<bool> run_;
+  std::string model_;
+  DeviceStatus reported_;
+};
+
+}  // namespace fxagent

@@ -1,0 +1,110 @@
+// The state that a link keeps of each device. Its loop, polls and commands share it.
+#pragma once
+
+#include <bitset>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agent/config/model.h"
+#include "agent/field/bus/bus.h"
+#include "agent/field/bus/unexpected_bytes.h"
+#include "agent/field/link/device_state.h"
+#include "agent/field/link/percentile_window.h"
+#include "agent/field/poll/hole_map.h"
+#include "agent/field/poll/measured_turnaround.h"
+#include "agent/field/poll/poll_cycle.h"
+#include "agent/field/poll/poll_scheduler.h"
+#include "agent/steady_time.h"
+
+namespace fxagent {
+
+/// Returns the wall-clock time, UTC.
+inline std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
+
+/// One group of one device: its cycle and the inputs of its plan.
+struct GroupPoll {
+  GroupPoll(const DeviceConfig& device, std::uint32_t index) : cycle(device, index) {}
+
+  PollCycle cycle;
+  PollScheduler::GroupId id = 0;
+  std::uint32_t holes_version = 0;         ///< HoleMap::version() when the plan was made
+  std::chrono::nanoseconds turnaround{0};  ///< the device's own time when the plan was made
+  /// Reads of the running cycle that were refused because something is missing, and their line
+  /// time.
+  std::uint32_t refusals = 0;
+  std::chrono::nanoseconds refused_time{0};
+};
+
+/// A device of a link: its current codec, its plans, its state.
+struct LinkDevice {
+  /// `device_config` must outlive it.
+  LinkDevice(const DeviceConfig& device_config, std::uint32_t device_index)
+      : LinkDevice(
+            std::shared_ptr<const DeviceConfig>(std::shared_ptr<const void>(), &device_config),
+            device_index) {}
+  LinkDevice(DeviceConfig&& device_config, std::uint32_t device_index) = delete;
+  LinkDevice(std::shared_ptr<const DeviceConfig> device_config, std::uint32_t device_index)
+      : owned(std::move(device_config)),
+        config(*owned),
+        index(device_index),
+        codec(config.codec),
+        turnaround(config.turnaround),
+        state(device_index, *config.codec, now_ms()) {
+    station.codec = codec;
+    station.device = config.name;
+    station.timeout = config.timeout;
+    station.gap = config.gap;
+    station.enquire = config.enquire;
+    station.echo = config.echo;
+  }
+
+  /// Owned by this device and by every config that has it.
+  const std::shared_ptr<const DeviceConfig> owned;
+  /// As of its beginning. A reload may have given its groups other settings: PollCycle::settings().
+  const DeviceConfig& config;
+  const std::uint32_t index;  ///< in Config::devices
+  /// Set when the device leaves the link. It begins nothing more, ends what is in progress, and
+  /// sends nothing at all after this time.
+  std::optional<SteadyTime> leaves_by{};
+  std::shared_ptr<const Codec> codec;  ///< the config's, or that of the model found by asking
+  Station station;
+  PollScheduler::DeviceId id = 0;
+  std::unique_ptr<HoleMap> holes;  ///< null until the device refuses something; most never do
+  MeasuredTurnaround turnaround;
+  std::vector<std::unique_ptr<GroupPoll>> groups;
+  std::optional<PollScheduler::GroupId> question_group;
+  std::vector<Bytes> model_images;  ///< answers so far to the questions of compare_model()
+  /// Its groups are not read at once before this time, however often it comes and goes.
+  SteadyTime at_once_from{};
+  std::uint64_t seq = 0;
+  PercentileWindow late_ms;
+  std::uint64_t collected = 0;
+  std::uint64_t suppressed = 0;
+  /// Next time to examine foreign bytes; the causes logged since `causes_logged_since`.
+  SteadyTime unexpected_bytes_from{};
+  SteadyTime causes_logged_since{};
+  std::bitset<UnexpectedBytes::kCauses> logged_causes;
+  bool asked_in_vain = false;  ///< the last exchange had no answer
+  std::string gateway_says;    ///< last reason of a gateway that answered in its place; empty: none
+  std::vector<std::string> logged_refusals;  ///< reasons logged since it was online
+  DeviceState state;
+
+  /// Logs why the device or its gateway refuses requests, each reason once until the device is
+  /// online.
+  void log_refusal_once(const std::string& reason);
+  /// Logs the first bytes that came in place of an answer and what they look like, once a day for
+  /// each cause.
+  void log_foreign_bytes(const Exchange& exchange);
+  HoleMap& found_holes() {
+    if (holes == nullptr) holes = std::make_unique<HoleMap>();
+    return *holes;
+  }
+};
+using LinkDevices = std::vector<std::unique_ptr<LinkDevice>>;
+
+}  // namespace fxagent

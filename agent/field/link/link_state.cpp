@@ -1,0 +1,273 @@
+#include "agent/field/link/link_state.h"
+
+#include <algorithm>
+#include <utility>
+#include <variant>
+
+#include "agent/log/log.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+// Opening a serial path costs nothing. A host that is away must not be flooded with attempts, and
+// all its clients must not connect at once when it returns.
+constexpr ReconnectRules kSerialReconnects{milliseconds(500), milliseconds(2000), milliseconds(0)};
+constexpr ReconnectRules kTcpReconnects{milliseconds(500), milliseconds(30000), milliseconds(200)};
+// A peer that accepts each connection and closes it without an answer has no free place. The next
+// attempt waits at least this long.
+constexpr milliseconds kAfterRefusal{1000};
+// After this many consecutive unanswered exchanges on TCP and UDP, with any device, the peer is
+// gone or its name has another address.
+constexpr int kDeadPeerAfter = 3;
+
+// A device that comes and goes has its groups read at once at most this often. If it is silent to
+// some reads and answers others, it would otherwise keep the line from all others.
+constexpr std::chrono::seconds kAtOnceEvery{10};
+
+/// Returns another seed for each link, each start and each machine.
+std::uint64_t jitter_seed(std::uint32_t link) {
+  return static_cast<std::uint64_t>(std::chrono::system_clock::now().time_since_epoch().count()) +
+         link;
+}
+
+bool is_serial(const LinkConfig& link) {
+  return std::holds_alternative<SerialSettings>(link.channel);
+}
+
+ReconnectRules opening_rules(const LinkConfig& link) {
+  return is_serial(link) ? kSerialReconnects : kTcpReconnects;
+}
+
+/// True if any device can answer, that is, not all are broadcasts.
+bool is_asked(const LinkDevices& devices) {
+  return std::ranges::any_of(devices,
+                             [](const auto& device) { return !device->codec->is_broadcast(); });
+}
+
+/// Returns what to check if the peer has closed the connection.
+std::string_view checklist_of_closed(const LinkDevices& devices) {
+  if (devices.empty() || devices.front()->config.protocol == nullptr) return {};
+  const LinkDevice& first = *devices.front();
+  return fxagent::checklist_of_closed(*first.config.protocol, *first.codec);
+}
+
+/// Logs the state of a device: offline as a warning.
+void log_state(const std::string& device, const DeviceStatus& status) {
+  const std::string state(to_string(status.state));
+  const auto write = status.state == DeviceStatus::State::offline ? log::warn : log::info;
+  if (status.reason_text.empty())
+    write("device", {{"device", device}, {"state", state}, {"reason", status.reason}});
+  else
+    write("device", {{"device", device},
+                     {"state", state},
+                     {"reason", status.reason},
+                     {"note", status.reason_text}});
+}
+
+}  // namespace
+
+LinkState::LinkState(const LinkConfig& link, std::uint32_t number, std::size_t links, Bus& bus,
+                     PollScheduler& scheduler, const LinkDevices& devices, Outbox& outbox)
+    : config_(link),
+      links_(links),
+      bus_(bus),
+      scheduler_(scheduler),
+      devices_(devices),
+      outbox_(outbox),
+      doubt_log_(link, bus, devices),
+      reconnect_policy_(opening_rules(link), jitter_seed(number)) {}
+
+nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
+  const LinkStart start = reconnect_policy_.start(links_, spread);
+  next_open_ = now + start.open_after;
+  return start.poll_after - start.open_after;
+}
+
+void LinkState::opened() {
+  if (!bus_.is_open() || was_open_) return;
+  // A peer that babbles, or closes what it accepts, accepts every connection. It is back when it
+  // has answered.
+  if (!bus_.channel().never_silent() && !was_refused_) reconnect_policy_.opened();
+  was_open_ = true;
+  if (!is_vain_) log_up_once();
+  SteadyTime from = Clock::now();
+  for (const auto& device : devices_) {
+    if (was_down_) from = read_at_once(*device, from);
+    if (device->codec->is_broadcast()) update(*device);  // it has no answers that would do this
+  }
+}
+
+void LinkState::log_up_once() {
+  logged_up_ = true;
+  log::info("link", {{"link", config_.name}, {"state", "up"}});
+}
+
+bool LinkState::is_refused() const {
+  return !is_serial(config_) && bus_.channel().closed_unanswered() && is_asked(devices_);
+}
+
+/// A device that has never answered is reported at once: its settings may be wrong, and on MC
+/// `retries` + 1 timeouts are 15 s.
+bool LinkState::is_silent(const LinkDevice& device) const {
+  const bool never_answered = device.asked_in_vain && !device.state.has_answered();
+  return never_answered || scheduler_.device(device.id).is_silent();
+}
+
+std::string LinkState::why_silent(const LinkDevice& device) const {
+  const auto why = [&](Answers answers) {
+    return checklist_of(device.config, *device.codec, device.station.wiring, answers);
+  };
+  if (!device.gateway_says.empty())
+    return "\"" + device.gateway_says + "\": " + why(Answers::of_gateway);
+  if (device.state.has_answered()) return why(Answers::until_now);
+  const bool others_answer =
+      std::ranges::any_of(devices_, [](const auto& other) { return other->state.has_answered(); });
+  return why(others_answer ? Answers::from_others : Answers::none);
+}
+
+void LinkState::open_failed(const std::string& why) {
+  next_open_ = Clock::now() +
+               reconnect_policy_.after_failure(is_refused() ? kAfterRefusal : milliseconds(0));
+  was_open_ = false;  // it may have been closed after a silence
+  lost(why);
+}
+
+void LinkState::lost(const std::string& why) {
+  is_left_ = false;
+  was_refused_ = is_refused();
+  if (was_open_ && was_refused_)
+    next_open_ = Clock::now() + reconnect_policy_.after_failure(kAfterRefusal);
+  else if (was_open_)
+    next_open_ = Clock::now() + (bus_.channel().never_silent() ? reconnect_policy_.after_failure()
+                                                               : reconnect_policy_.after_loss());
+  const bool is_closed = was_refused_ && !bus_.channel().transport().has_datagrams();
+  if (is_closed)
+    go_down(why + " before its first answer", checklist_of_closed(devices_));
+  else
+    go_down(why, {});
+}
+
+void LinkState::go_down(std::string why, std::string_view note) {
+  if (logged_up_ || why != why_down_) {
+    if (note.empty())
+      log::warn("link", {{"link", config_.name}, {"state", "down"}, {"reason", why}});
+    else
+      log::warn("link", {{"link", config_.name},
+                         {"state", "down"},
+                         {"reason", why},
+                         {"note", std::string(note)}});
+  }
+  is_vain_ = !is_serial(config_) &&
+             (was_refused_ || (was_open_ && !bus_.channel().was_answered() && is_asked(devices_)));
+  logged_up_ = was_open_ = false;
+  was_down_ = true;
+  why_down_text_ = note.empty() ? why : why + ": " + std::string(note);
+  why_down_ = std::move(why);
+  for (const auto& device : devices_) {
+    device->state.fell_silent();
+    update(*device);
+  }
+}
+
+void LinkState::yielded(const std::string& text) {
+  if (std::exchange(yielded_, text) == text) return;
+  was_open_ = is_left_ = false;
+  log::info("link", {{"link", config_.name}, {"state", "yielded"}, {"note", text}});
+  for (const auto& device : devices_) {
+    device->state.fell_silent();
+    update(*device);
+  }
+}
+
+void LinkState::taken_back() {
+  yielded_.clear();
+  was_down_ = true;  // all is read at once when it is open
+  next_open_ = Clock::now();
+  log::info("link", {{"link", config_.name}, {"state", "taken_back"}});
+}
+
+void LinkState::look() {
+  if (bus_.channel().closed_after_silence() && was_open_)
+    next_open_ = Clock::now();
+  else if (!bus_.is_open() && was_open_)
+    lost(std::string(bus_.channel().why_lost()));
+  doubt_log_.look();
+}
+
+void LinkState::answered(LinkDevice& device) {
+  unanswered_in_a_row_ = 0;
+  if (std::exchange(is_vain_, false) && was_open_) log_up_once();
+  if (!bus_.channel().never_silent()) reconnect_policy_.opened();
+  device.state.answered();
+  device.asked_in_vain = false;
+  device.gateway_says.clear();
+  PolledDevice& polled = scheduler_.device(device.id);
+  const bool is_back = polled.is_silent();
+  polled.answered();
+  if (!is_back) return;
+  read_at_once(device, Clock::now());
+}
+
+/// Reads every group of the device at `from` or later, but at most every kAtOnceEvery. A device or
+/// link that comes and goes would otherwise occupy the line, or break it once more. Returns when
+/// the next device may begin.
+SteadyTime LinkState::read_at_once(LinkDevice& device, SteadyTime from) {
+  const bool is_planned = device.at_once_from - kAtOnceEvery > from;
+  if (is_planned) return from;
+  from = std::max(from, device.at_once_from);
+  device.at_once_from = from + kAtOnceEvery;
+  return scheduler_.read_at_once(device.id, from);
+}
+
+void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
+  device.log_refusal_once(reason);
+  unanswered_in_a_row_ = 0;
+  device.gateway_says = reason;
+  device.asked_in_vain = true;
+  scheduler_.device(device.id).unanswered(Clock::now());
+}
+
+void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
+  device.gateway_says.clear();
+  device.asked_in_vain = true;
+  const bool silent = scheduler_.device(device.id).unanswered(Clock::now(), by);
+  if (silent) device.state.fell_silent();
+  const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
+  if (is_serial(config_) || ++unanswered_in_a_row_ < limit || !was_open_) return;
+  bus_.close();
+  was_refused_ = false;
+  is_left_ = true;
+  next_open_ = Clock::now() + reconnect_policy_.after_loss();
+  go_down(bus_.channel().transport().has_datagrams() ? "no answers on this UDP port"
+                                                     : "no answers on this connection",
+          {});
+}
+
+void LinkState::update(LinkDevice& device) {
+  DeviceState::Facts facts;
+  facts.yielded = yielded_;
+  facts.silent = is_silent(device);
+  const bool opens_again = was_open_ && bus_.channel().closed_after_silence();
+  facts.bus_open = bus_.is_open() || opens_again || (is_left_ && facts.silent);
+  facts.never_silent = bus_.channel().never_silent();
+  if (!facts.bus_open)
+    facts.why_offline = why_down_text_;
+  else if (facts.silent)
+    facts.why_offline = why_silent(device);
+  for (const auto& group : device.groups) {
+    facts.first_bad = group->cycle.first_bad();
+    if (facts.first_bad) break;
+  }
+  const auto change = device.state.update(facts, now_ms());
+  if (!change) return;
+  if (change->other_state) log_state(device.config.name, change->status);
+  DeviceStatus status = change->status;
+  status.codec = device.codec;
+  outbox_.push(std::move(status));
+}
+
+}  // namespace fxagent

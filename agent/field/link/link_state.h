@@ -1,0 +1,112 @@
+// Tracks whether a link is up, when it is opened next, and which devices answer. Logs changes and
+// publishes the states of the devices. Polls and commands report here how each exchange went. Field
+// thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "agent/config/model.h"
+#include "agent/field/bus/bus.h"
+#include "agent/field/link/doubt_log.h"
+#include "agent/field/link/link_device.h"
+#include "agent/field/link/reconnect_policy.h"
+#include "agent/field/poll/poll_scheduler.h"
+#include "agent/field/poll/polled_device.h"
+#include "agent/handover/command_message.h"
+#include "agent/handover/outbox.h"
+
+namespace fxagent {
+
+class LinkState final {
+ public:
+  /// All references must outlive it. `number` is the link's index, `links` the number of links. The
+  /// bus must be closed; `devices` may be filled later.
+  LinkState(const LinkConfig& link, std::uint32_t number, std::size_t links, Bus& bus,
+            PollScheduler& scheduler, const LinkDevices& devices, Outbox& outbox);
+
+  /// Sets the time of the first open. Returns how long after it the polls begin, spread over
+  /// `spread` with those of the other links.
+  std::chrono::nanoseconds begin(SteadyTime now, std::chrono::milliseconds spread);
+  /// Returns the earliest time to open the closed bus.
+  SteadyTime next_open() const { return next_open_; }
+
+  /// Call when the bus may have been opened. Marks the link as up if it was not.
+  void opened();
+  /// Records that the bus could not be opened.
+  void open_failed(const std::string& why);
+  /// Records that the bus was closed, and takes every device offline. Sets the time of the next
+  /// attempt; if the peer closed the bus before its first answer, the delay is that of a failed
+  /// attempt.
+  void lost(const std::string& why);
+  /// Handles a loss that the bus has noticed, and logs what else it has found. If the bus was
+  /// closed after a silence, this is not a loss, and it is reopened at once.
+  void look();
+
+  /// Records that the bus was closed for another program. `text` says until when. What follows is
+  /// no fault, until taken_back().
+  void yielded(const std::string& text);
+  /// The bus may be opened again, at once.
+  void taken_back();
+  bool is_yielded() const { return !yielded_.empty(); }
+
+  /// True if the log reports the link as up.
+  bool is_up() const { return logged_up_; }
+  /// Returns why it went down last.
+  const std::string& why_down() const { return why_down_; }
+
+  /// Records an answer of the device, even a refusal.
+  void answered(LinkDevice& device);
+  /// Records a request that the device left unanswered. Closes a TCP connection or UDP port on
+  /// which no device answers any more.
+  void unanswered(LinkDevice& device, PolledDevice::AskedBy by = PolledDevice::AskedBy::poll);
+  /// Records that a gateway answered `reason` in place of the device: the device is silent, the
+  /// connection is not. Logs each reason once until the device is online.
+  void unreachable(LinkDevice& device, const std::string& reason);
+  /// Publishes the state of the device if it has changed.
+  void update(LinkDevice& device);
+
+  /// Marks the link as stopping: nothing new begins. `why` is for people and must be a constant.
+  void stop(Reason why) { why_stopping_ = why; }
+  bool is_stopping() const { return why_stopping_ != Reason::none; }
+  Reason why_stopping() const { return why_stopping_; }
+
+ private:
+  /// True if the peer closed or refused the channel before any answer. That counts as a failed
+  /// attempt.
+  bool is_refused() const;
+  bool is_silent(const LinkDevice& device) const;
+  std::string why_silent(const LinkDevice& device) const;
+  void log_up_once();
+  void go_down(std::string why, std::string_view note);
+  SteadyTime read_at_once(LinkDevice& device, SteadyTime from);
+
+  const LinkConfig& config_;
+  const std::size_t links_;
+  Bus& bus_;
+  PollScheduler& scheduler_;
+  const LinkDevices& devices_;
+  Outbox& outbox_;
+  DoubtLog doubt_log_;
+  ReconnectPolicy reconnect_policy_;
+  SteadyTime next_open_{};
+  std::string why_down_ = "not opened yet";
+  std::string why_down_text_ = why_down_;  ///< same, with what to check
+  bool was_open_ = false;                  ///< also while it is reopened after a silence
+  /// Closed because no device answers. A silent device then counts as silent, whether or not the
+  /// bus is open.
+  bool is_left_ = false;
+  bool was_down_ = false;  ///< was lost or failed to open
+  /// The log reports the link as up. After a session without an answer, the next one is up at its
+  /// first answer.
+  bool logged_up_ = false;
+  bool is_vain_ = false;      ///< the previous session had no answer
+  bool was_refused_ = false;  ///< and its peer ended it
+  int unanswered_in_a_row_ = 0;
+  std::string yielded_;                 ///< empty: the port is ours
+  Reason why_stopping_ = Reason::none;  ///< none: not stopping
+};
+
+}  // namespace fxagent

@@ -1,0 +1,355 @@
+#include "agent/field/link/link_worker.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "agent/commands/result.h"
+#include "agent/field/link/raised.h"
+#include "agent/field/transport/stream_io.h"
+#include "agent/log/log.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+
+// A silent device that is alone on its line delays no other; on a shared line it costs the others
+// its timeout.
+constexpr BackOff kAlone{milliseconds(500), milliseconds(4000)};
+constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
+// Pause after a bug before the link begins anew, so that the log stays readable.
+constexpr milliseconds kAfterFault{1000};
+// Time for the exchange on the wire and the read-back when the agent stops.
+constexpr milliseconds kFinishWithin{2500};
+// Shortest window of busy_percent: health may be asked for at any moment, and a moment shows
+// nothing.
+constexpr milliseconds kBusyOver{4500};
+// First polls are spread over 1 s, or over the shortest interval if that is less.
+constexpr milliseconds kSpread{1000};
+
+DepartedDevice departed(const LinkDevice& device) {
+  return {device.index, device.seq, device.collected, device.suppressed};
+}
+
+/// Returns the device with this index in Config::devices; null: it is not on the link.
+LinkDevice* device_of(const LinkDevices& devices, std::uint32_t index) {
+  const auto found =
+      std::ranges::find(devices, index, [](const auto& device) { return device->index; });
+  return found == devices.end() ? nullptr : found->get();
+}
+
+void set_back_offs(PollScheduler& scheduler, const LinkDevices& devices) {
+  const BackOff back_off = devices.size() > 1 ? kShared : kAlone;
+  for (const auto& device : devices) scheduler.device(device->id).set_back_off(back_off);
+}
+
+}  // namespace
+
+std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config) {
+  std::vector<std::vector<std::uint32_t>> out(config.links.size());
+  for (std::uint32_t i = 0; i < config.devices.size(); ++i)
+    if (!config.devices[i].is_vacant()) out[config.devices[i].link].push_back(i);
+  return out;
+}
+
+LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std::uint32_t link,
+                       std::span<const std::uint32_t> devices, Outbox& outbox,
+                       std::unique_ptr<Transport> transport,
+                       std::span<const std::uint64_t> last_seq, Polling polling,
+                       FlightRecorder* recorder)
+    : config_(config.links[link]),
+      link_(link),
+      polling_(polling),
+      outbox_(outbox),
+      bus_(executor, std::move(transport), config_.char_time, config_.listening),
+      recorder_(recorder, config_),
+      scheduler_(config_.poll_share),
+      state_(config_, link, config.links.size(), bus_, scheduler_, devices_, outbox),
+      poller_(config_, bus_, scheduler_, devices_, state_, outbox),
+      commands_(executor, config_, bus_, scheduler_, devices_, state_, poller_, outbox, recorder_),
+      idle_(executor),
+      counting_since_(Clock::now()) {
+  trace(false);
+  if (config.http) bus_.counters().durations = std::make_unique<LinkDurations>();
+  milliseconds spread = kSpread;
+  for (const std::uint32_t device : devices)
+    for (const GroupConfig& group : config.devices[device].groups)
+      if (group.interval.count() > 0) spread = std::min(spread, group.interval);
+  polls_begun_ = state_.begin(Clock::now(), spread);
+  for (const std::uint32_t device : devices) begin_polls(add_device(config, device, last_seq));
+  set_back_offs(scheduler_, devices_);
+}
+
+LinkWorker::~LinkWorker() = default;
+
+void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
+  if (Device* device = device_of(devices_, index)) device->seq = std::max(device->seq, seq);
+}
+
+void LinkWorker::submit(AdmittedCommand admitted) {
+  Device* device = device_of(devices_, admitted.command.device);
+  if (device == nullptr) return outbox_.push(not_sent(admitted, Reason::reloading));
+  if (state_.is_stopping()) return outbox_.push(not_sent(admitted, state_.why_stopping()));
+  if (device->leaves_by) return outbox_.push(not_sent(admitted, Reason::reloading));
+  if (yields_until_) return outbox_.push(not_sent(admitted, Reason::yielded));
+  commands_.add(std::move(admitted), *device);
+  idle_.cancel();
+}
+
+LinkWorker::Device& LinkWorker::add_device(const Config& config, std::uint32_t index,
+                                           std::span<const std::uint64_t> last_seq) {
+  auto device = std::make_unique<Device>(config.devices.shared(index), index);
+  device->station.wiring = wiring_of(config_, device->config);
+  device->station.recorded_as = recorder_.number(device->config);
+  device->id = scheduler_.add_device(device->config.retries + 1, {});
+  if (index < last_seq.size()) device->seq = last_seq[index];
+  DeviceStatus status = device->state.reported();
+  status.codec = device->codec;
+  outbox_.push(std::move(status));
+  return *devices_.emplace_back(std::move(device));
+}
+
+/// Begins the polls of a device after those of the devices before it.
+void LinkWorker::begin_polls(Device& device) {
+  if (polling_ == Polling::on) polls_begun_ += poller_.add_groups(device, polls_begun_);
+  if (polling_ == Polling::on || device.codec->plc() != nullptr) poller_.add_question(device);
+}
+
+// ---- a changed config ---------------------------------------------------------------------------
+
+void LinkWorker::add(const Config& config, std::span<const std::uint32_t> devices,
+                     std::span<const std::uint64_t> last_seq) {
+  for (const std::uint32_t index : devices) {
+    Device& device = add_device(config, index, last_seq);
+    begin_polls(device);
+    state_.update(device);
+  }
+  set_back_offs(scheduler_, devices_);
+  idle_.cancel();
+}
+
+void LinkWorker::remove(std::span<const std::uint32_t> devices,
+                        std::function<void(const std::vector<DepartedDevice>&)> left) {
+  for (const std::uint32_t index : devices) {
+    Device* device = device_of(devices_, index);
+    if (device == nullptr) continue;
+    device->leaves_by = Clock::now() + kFinishWithin;
+    for (const WaitingCommand& waiting : commands_.take_waiting(*device))
+      outbox_.push(not_sent(waiting.admitted, Reason::reloading));
+  }
+  leaves_.push_back({{devices.begin(), devices.end()}, std::move(left)});
+  if (!on_the_wire_) let_leave();
+}
+
+void LinkWorker::let_leave() {
+  for (const Leave& leave : std::exchange(leaves_, {})) {
+    std::vector<DepartedDevice> gone;
+    for (const std::uint32_t index : leave.devices) {
+      const auto found =
+          std::ranges::find(devices_, index, [](const auto& device) { return device->index; });
+      if (found == devices_.end()) continue;
+      gone.push_back(fxagent::departed(**found));
+      scheduler_.remove_device((*found)->id);
+      devices_.erase(found);
+    }
+    set_back_offs(scheduler_, devices_);
+    leave.left(gone);
+  }
+}
+
+void LinkWorker::adjust(const LinkConfig& link) {
+  config_.poll_share = link.poll_share;
+  config_.listening = link.listening;
+  scheduler_.share().set_poll_share(link.poll_share);
+  bus_.set_listening(link.listening);
+}
+
+void LinkWorker::adjust(std::uint32_t index, const DeviceConfig& next) {
+  Device* device = device_of(devices_, index);
+  if (device == nullptr) return;
+  poller_.adjust_groups(*device, next.groups);
+  idle_.cancel();
+}
+
+std::vector<DepartedDevice> LinkWorker::departed() const {
+  std::vector<DepartedDevice> gone;
+  for (const auto& device : devices_) gone.push_back(fxagent::departed(*device));
+  return gone;
+}
+
+// ---- the loop -----------------------------------------------------------------------------------
+
+asio::awaitable<void> LinkWorker::run() {
+  while (!state_.is_stopping()) {
+    std::string fault;
+    try {
+      co_await serve();
+    } catch (const std::exception& error) {
+      fault = error.what();
+    }
+    if (fault.empty()) continue;
+    answer_after_fault(fault);
+    if (!state_.is_stopping()) co_await idle_until(Clock::now() + kAfterFault);
+  }
+  bus_.close();
+  stop_timer_.reset();
+  for (const WaitingCommand& waiting : commands_.take_waiting())
+    outbox_.push(not_sent(waiting.admitted, state_.why_stopping()));
+  answer_yields(state_.why_stopping());
+  let_leave();
+  ended_ = true;
+}
+
+void LinkWorker::answer_after_fault(const std::string& what) {
+  log::error("link", {{"link", config_.name}, {"fault", what}});
+  bus_.close();
+  commands_.answer_running("a fault in the agent ended the link during the command");
+}
+
+asio::awaitable<void> LinkWorker::serve() {
+  while (!state_.is_stopping()) {
+    let_leave();
+    if (yields_until_) {
+      co_await be_away();
+      continue;
+    }
+    state_.look();
+    recorder_.look(bus_.counters().bad_frames, state_.is_up(), state_.why_down());
+    const auto now = Clock::now();
+    if (!bus_.is_open() && now >= state_.next_open()) {
+      co_await open_line();
+      continue;
+    }
+    const PollScheduler::Job job = scheduler_.next(now);
+    switch (job.kind) {
+      case PollScheduler::Job::Kind::command: {
+        const Raised on_the_wire(on_the_wire_);
+        co_await commands_.run_next();
+        break;
+      }
+      case PollScheduler::Job::Kind::poll: {
+        const Raised on_the_wire(on_the_wire_);
+        co_await poller_.run(job.poll);
+        break;
+      }
+      case PollScheduler::Job::Kind::wait:
+        co_await idle_until(bus_.is_open() ? job.until : std::min(job.until, state_.next_open()));
+        break;
+    }
+  }
+}
+
+void LinkWorker::yield(SteadyTime until, std::string text, Told told) {
+  if (state_.is_stopping()) return told(state_.why_stopping());
+  yields_until_ = until;
+  yield_text_ = std::move(text);
+  yields_told_.push_back(std::move(told));
+  for (const WaitingCommand& waiting : commands_.take_waiting())
+    outbox_.push(not_sent(waiting.admitted, Reason::yielded));
+  idle_.cancel();
+}
+
+void LinkWorker::take_back(Told told) {
+  if (state_.is_stopping()) return told(state_.why_stopping());
+  if (yields_until_) yields_until_ = SteadyTime{};
+  yields_told_.push_back(std::move(told));
+  idle_.cancel();
+  if (!yields_until_) answer_yields(Reason::none);
+}
+
+asio::awaitable<void> LinkWorker::be_away() {
+  if (Clock::now() < *yields_until_) {
+    bus_.close();
+    if (state_.is_stopping()) co_return;
+    state_.yielded(yield_text_);
+    answer_yields(Reason::none);
+    co_await idle_until(*yields_until_);
+    co_return;
+  }
+  yields_until_.reset();
+  state_.taken_back();
+  answer_yields(Reason::none);
+  co_await open_line();
+  scheduler_.forget_until(Clock::now());
+}
+
+void LinkWorker::answer_yields(Reason why) {
+  for (const Told& told : std::exchange(yields_told_, {})) told(why);
+}
+
+void LinkWorker::stop(Reason why) {
+  if (state_.is_stopping()) return;
+  state_.stop(why);
+  idle_.cancel();
+  if (!commands_.is_running() || poller_.is_polling()) bus_.close();
+  stop_timer_ = std::make_unique<asio::steady_timer>(idle_.get_executor(), kFinishWithin);
+  stop_timer_->async_wait([this](const asio::error_code& cancelled) {
+    if (cancelled) return;
+    commands_.end();
+    bus_.close();
+  });
+}
+
+asio::awaitable<void> LinkWorker::idle_until(SteadyTime until) {
+  idle_.expires_at(until);
+  co_await idle_.async_wait(use_result);
+}
+
+asio::awaitable<void> LinkWorker::open_line() {
+  const auto opened = co_await bus_.open();
+  if (state_.is_stopping()) co_return;  // stop() has closed it
+  if (opened)
+    state_.opened();
+  else
+    state_.open_failed(opened.error().text);
+}
+
+void LinkWorker::trace(bool on) {
+  if (!on && recorder_.ring() == nullptr) return bus_.trace_to(nullptr);
+  bus_.trace_to(std::make_unique<WireTrace>(
+      config_.name, on ? WireTrace::Log::yes : WireTrace::Log::no, recorder_.ring()));
+}
+
+void LinkWorker::report(FieldHealth& health) {
+  const auto now = Clock::now();
+  Wire::Counters& counters = bus_.counters();
+  LinkHealth& link = health.links[link_];
+  link.open = bus_.is_open();
+  link.yielded = state_.is_yielded();
+  link.exchanges = counters.exchanges;
+  link.timeouts = counters.timeouts;
+  link.naks = counters.naks;
+  link.bad_frames = counters.bad_frames;
+  link.unexpected_bytes = counters.unexpected_bytes;
+  link.doubts = bus_.doubt().doubts();
+  link.doubted = bus_.doubt().is_doubted();
+  const double elapsed = std::chrono::duration<double>(now - counting_since_).count();
+  const double busy = std::chrono::duration<double>(counters.busy).count();
+  link.busy_percent = busy_percent_.value_or(elapsed > 0 ? 100.0 * busy / elapsed : 0);
+  if (now - counting_since_ >= kBusyOver) {
+    busy_percent_ = link.busy_percent = 100.0 * busy / elapsed;
+    counters.busy = {};
+    counting_since_ = now;
+  }
+  link.load_percent = 100.0 * scheduler_.load();
+  link.last_error = counters.last_error;
+  link.last_error_ms = counters.last_error_ms;
+  link.turnaround_ms = counters.turnaround_ms.percentiles();
+  if (counters.durations) health.durations[link_] = *counters.durations;
+  for (const auto& device : devices_) {
+    DeviceHealth& out = health.devices[device->index];
+    out.polls = scheduler_.device(device->id).counters().polls;
+    out.missed = scheduler_.device(device->id).counters().missed;
+    out.late_ms = device->late_ms.percentiles();
+    out.collected = device->collected;
+    out.suppressed = device->suppressed;
+    out.reached.assign(device->config.groups.size(), {});
+    for (const auto& group : device->groups)
+      out.reached[group->cycle.group()] =
+          std::chrono::duration_cast<milliseconds>(scheduler_.reached(group->id));
+  }
+}
+
+}  // namespace fxagent

@@ -1,0 +1,294 @@
+#include "agent/field/link/poller.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agent/field/link/raised.h"
+#include "agent/field/poll/poll_grid.h"
+#include "agent/line_time.h"
+#include "agent/log/log.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+using Clock = std::chrono::steady_clock;
+using Knowledge = ModelQuestions::Knowledge;
+
+// Rest of a group without an interval if its plan has no reads: its device's model cannot read its
+// tags, or refuses them all.
+constexpr milliseconds kNothingToRead{1000};
+// Rest of a group without an interval while it is faster than the broker.
+constexpr std::chrono::microseconds kUplinkRest{500};
+// An overload ends when the line has a little to spare, so that the log stays quiet at the edge.
+constexpr double kOverloadOver = 0.95;
+// Pause before a busy device is asked again.
+constexpr milliseconds kBusyDevicePause{100};
+// The RUN state is read this soon after it is due, however busy the groups keep the line.
+constexpr milliseconds kQuestionWithin{2000};
+
+asio::awaitable<void> nothing() { co_return; }
+
+}  // namespace
+
+Poller::Poller(const LinkConfig& link, Bus& bus, PollScheduler& scheduler,
+               const LinkDevices& devices, LinkState& state, Outbox& outbox)
+    : link_(link),
+      bus_(bus),
+      scheduler_(scheduler),
+      devices_(devices),
+      state_(state),
+      outbox_(outbox),
+      plans_(link, bus, scheduler, devices),
+      questions_(bus, scheduler, state, plans_) {}
+
+// ---- groups -------------------------------------------------------------------------------------
+
+nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
+  nanoseconds total{0};
+  const SteadyTime from = first_time();
+  for (std::uint32_t g = 0; g < device.config.groups.size(); ++g) {
+    auto group = std::make_unique<GroupPoll>(device.config, g);
+    if (group->cycle.tags().empty()) continue;
+    // Each group begins when those before it should be finished. If the intervals are multiples of
+    // each other, it meets them there again and again.
+    const milliseconds interval = device.config.groups[g].interval;
+    const nanoseconds begins = (after + total) % nanoseconds(std::max(interval, milliseconds(1)));
+    group->id = scheduler_.add_group(device.id, interval, 1, on_grid(from + begins, interval));
+    plans_.make(device, *group);
+    total += group->cycle.reads().plan().line_time;
+    device.groups.push_back(std::move(group));
+  }
+  return total;
+}
+
+void Poller::adjust_groups(LinkDevice& device, const std::vector<GroupConfig>& groups) {
+  for (const auto& group : device.groups) {
+    const GroupConfig& next = groups.at(group->cycle.group());
+    if (next.interval != group->cycle.settings().interval)
+      scheduler_.set_interval(group->id, next.interval, Clock::now());
+    group->cycle.adjust(next);
+  }
+}
+
+void Poller::add_question(LinkDevice& device) {
+  if (!background_question(*device.codec, !device.config.tags.empty())) return;
+  device.question_group = scheduler_.add_group(
+      device.id, kQuestionInterval, 1, on_grid(first_time(), kQuestionInterval), kQuestionWithin);
+}
+
+/// Returns the time of the next open, or now if that has passed.
+SteadyTime Poller::first_time() const { return std::max(Clock::now(), state_.next_open()); }
+
+// ---- one step -----------------------------------------------------------------------------------
+
+// Not a coroutine: a poll has one frame less that way.
+asio::awaitable<void> Poller::run(PollScheduler::PollStep step) {
+  for (const auto& device : devices_) {
+    if (device->question_group == step.group) return questions_.run(*device, step);
+    for (const auto& group : device->groups)
+      if (group->id == step.group) return read_group(*device, *group, step);
+  }
+  return nothing();
+}
+
+bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
+                         const PollScheduler::PollStep& step) {
+  const bool free_running = group.cycle.settings().interval.count() == 0;
+  if (free_running && outbox_.is_backed_up()) {
+    scheduler_.abandon_cycle(group.id, Clock::now() + kUplinkRest);
+    return false;
+  }
+  plans_.refresh(device, group);
+  group.cycle.begin(bus_.doubt().findings());
+  group.refusals = 0;
+  group.refused_time = {};
+  device.late_ms.add(step.late);
+  if (const auto& durations = bus_.counters().durations) durations->lateness.add(step.late);
+  return true;
+}
+
+asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
+                                         PollScheduler::PollStep step) {
+  const Raised polling(polling_);
+  if (step.starts_cycle && !begin_cycle(device, group, step)) co_return;
+  if (!bus_.is_open()) {
+    fail_cycle(device, group, BadReason::link_down);
+    co_return;
+  }
+  if (!device.state.is_model_known()) {
+    BadReason failure = BadReason::timeout;
+    const Knowledge knowledge = co_await questions_.ask_model(device, failure);
+    if (knowledge == Knowledge::unanswered) fail_cycle(device, group, failure);
+    if (knowledge != Knowledge::known) co_return;  // a new plan: the cycle is offered again
+  }
+  if (group.cycle.reads().plan().reads.empty()) {
+    scheduler_.abandon_cycle(group.id, Clock::now() + kNothingToRead);
+    finish_cycle(device, group);
+    co_return;
+  }
+  // Data that a command may have changed is read first; then the same step is offered again.
+  const Plan& plan = group.cycle.reads().plan();
+  const auto outdated = group.cycle.reads().outdated();
+  if (!outdated && group.cycle.reads().has_images(plan.reads_in(step.exchange))) {
+    end_step(device, group, step);
+    co_return;
+  }
+  const ReadIndices reads = outdated ? ReadIndices(*outdated) : plan.reads_in(step.exchange);
+  const Asked asked{reads, plan.request(reads), outdated.has_value()};
+  Exchange exchange = co_await bus_.exchange(device.station, asked.request);
+  take_reading(device, group, step, asked, std::move(exchange));
+}
+
+void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
+                          const Asked& asked, Exchange exchange) {
+  if (state_.is_stopping()) return;
+  device.log_foreign_bytes(exchange);
+  scheduler_.step_used(step, exchange.line_time());
+  if (exchange.doubted) {  // the device is there, but its data is not trusted
+    state_.answered(device);
+    exchange.outcome = Exchange::Outcome::garbled;
+  }
+  if (exchange.is_data()) device.turnaround.add(exchange.turnaround);
+  if (exchange.is_ack() || exchange.is_data()) state_.answered(device);
+  if (!exchange.doubted && !bus_.doubt().is_doubted() &&
+      (exchange.outcome == Exchange::Outcome::unanswered ||
+       exchange.outcome == Exchange::Outcome::garbled))
+    plans_.doubt_command(device, asked.request);
+  if (exchange.outcome == Exchange::Outcome::unanswered) {
+    state_.unanswered(device);
+    fail_cycle(device, group, BadReason::timeout);
+    return;
+  }
+  if (exchange.is_data() && plans_.proves_command(device, asked.request)) return;
+  if (exchange.outcome == Exchange::Outcome::link_down) {
+    state_.lost(exchange.error);
+    fail_cycle(device, group, BadReason::link_down);
+    return;
+  }
+  // While the bus is doubted, each exchange takes its silences, and a repeat would be doubted as
+  // well.
+  bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !bus_.doubt().is_doubted();
+  bool is_hole = false;
+  if (exchange.is_nak()) {
+    const Refusal refusal = take_refusal(device, group, step, asked, exchange);
+    if (refusal == Refusal::ends_step) return;
+    repeatable = refusal == Refusal::may_pass;
+    is_hole = refusal == Refusal::is_hole;
+  }
+  // The poll scheduler offers the same step again after the waiting commands.
+  if (repeatable && group.cycle.may_repeat()) return;
+  if (exchange.is_data()) plans_.were_read(device, group, asked.reads);
+  const nanoseconds line_time = exchange.line_time();
+  group.cycle.take(asked.reads, std::move(exchange));
+  if (asked.again) return;
+  if (is_hole) plans_.read_in_parts(device, group, asked.reads, line_time);
+  end_step(device, group, step);
+}
+
+void Poller::end_step(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step) {
+  if (!scheduler_.step_done(step)) return;
+  note_load();
+  finish_cycle(device, group);
+}
+
+void Poller::note_load() {
+  const double load = scheduler_.load();
+  if (overloaded_ ? load > kOverloadOver : load <= 1.0) return;
+  overloaded_ = !overloaded_;
+  const std::string percent = std::to_string(static_cast<int>(100 * load + 0.5));
+  if (overloaded_)
+    log::warn("link",
+              {{"link", link_.name},
+               {"load_percent", percent},
+               {"note",
+                "the groups ask for more than the line carries; the agent polls all of them "
+                "less often, in proportion: see fxagent plan"}});
+  else
+    log::info("link", {{"link", link_.name}, {"load_percent", percent}});
+}
+
+Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
+                                     const PollScheduler::PollStep& step, const Asked& asked,
+                                     const Exchange& exchange) {
+  const std::string& reason = exchange.reply.text;
+  const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
+  if (meaning == RefusalMeaning::unreachable) {
+    state_.unreachable(device, reason);
+    fail_cycle(device, group, BadReason::timeout);
+    return Refusal::ends_step;
+  }
+  const auto* gather = std::get_if<Gather>(&asked.request);
+  if (meaning == RefusalMeaning::final && gather != nullptr) {
+    state_.answered(device);
+    plans_.give_up_command(device, gather->parts.front().gather, reason);
+    return Refusal::ends_step;
+  }
+  if (meaning == RefusalMeaning::final || meaning == RefusalMeaning::unclear)
+    device.log_refusal_once(reason);
+  state_.answered(device);
+  switch (meaning) {
+    case RefusalMeaning::busy:
+      scheduler_.postpone(step, exchange.ended + kBusyDevicePause);
+      return Refusal::may_pass;
+    case RefusalMeaning::curable:
+      return Refusal::may_pass;
+    case RefusalMeaning::hole:
+      plans_.refused(device, group, asked.reads, asked.request, exchange);
+      return Refusal::is_hole;
+    default:
+      return Refusal::is_final;
+  }
+}
+
+void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {
+  group.cycle.reads().give_up(why);
+  scheduler_.abandon_cycle(group.id, bus_.is_open() ? Clock::now() : state_.next_open());
+  finish_cycle(device, group);
+}
+
+void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
+  ++device.collected;
+  auto message = group.cycle.finish(bus_.doubt().is_doubted(), bus_.doubt().findings(), now_ms(),
+                                    Clock::now(), scheduler_.next_due(group.id));
+  for (const NoValue& none : group.cycle.take_no_values()) {
+    const TagConfig& tag = device.config.tags[none.tag];
+    log::warn("tag", {{"device", device.config.name},
+                      {"tag", std::string(tag.name)},
+                      {"address", std::string(tag.point.address.text)},
+                      {"reason", none.why},
+                      {"note", none.hint.empty() ? "are its address and type right?" : none.hint}});
+  }
+  if (message)
+    publish(device, std::move(*message));
+  else
+    ++device.suppressed;
+  state_.update(device);
+  if (device.state.reported().state == DeviceStatus::State::online) device.logged_refusals.clear();
+}
+
+void Poller::publish(LinkDevice& device, Telemetry message) {
+  message.device = device.index;
+  message.seq = ++device.seq;
+  outbox_.push(std::move(message));
+}
+
+void Poller::overwritten(LinkDevice& device, const Span& span, const Bytes* image, BadReason why) {
+  for (const auto& group : device.groups) group->cycle.overwritten(span, image, why);
+}
+
+void Poller::publish_written(LinkDevice& device, std::uint32_t tag, Value value, Origin origin) {
+  for (const auto& group : device.groups) {
+    if (group->cycle.group() != device.config.tags[tag].group) continue;
+    Telemetry message = group->cycle.written(tag, std::move(value), now_ms());
+    message.written = origin == Origin::written;
+    ++device.collected;
+    publish(device, std::move(message));
+    return;
+  }
+}
+
+}  // namespace fxagent

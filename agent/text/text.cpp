@@ -1,0 +1,140 @@
+#include "agent/text/text.h"
+
+#include <utf8.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <utility>
+
+namespace fxagent {
+namespace {
+
+constexpr std::uint32_t kForeign = 0xFFFFFFFF;  // no character
+
+/// True for printable ASCII without quotes or backslashes, as nearly all tag names are.
+bool is_plain(std::string_view text) {
+  return std::all_of(text.begin(), text.end(),
+                     [](char c) { return c >= 0x20 && c < 0x7F && c != '"' && c != '\\'; });
+}
+
+/// Calls `take` with each character and its bytes, and with each byte outside of any character,
+/// until it returns false. Not utf8::replace_invalid(), which writes one mark for several foreign
+/// bytes.
+template <class Take>
+void each_character(std::string_view text, Take take) {
+  while (!text.empty()) {
+    const std::string_view valid = text.substr(0, utf8::find_invalid(text));
+    const char* const end = valid.data() + valid.size();
+    for (const char* at = valid.data(); at != end;) {
+      const char* const begin = at;
+      const std::uint32_t character = utf8::unchecked::next(at);
+      if (!take(character, std::string_view(begin, static_cast<std::size_t>(at - begin)))) return;
+    }
+    text.remove_prefix(valid.size());
+    if (text.empty()) return;
+    if (!take(kForeign, text.substr(0, 1))) return;
+    text.remove_prefix(1);
+  }
+}
+
+void append_byte(std::string& out, std::string_view before, char byte, std::string_view digits) {
+  out += before;
+  out += digits[static_cast<unsigned char>(byte) >> 4];
+  out += digits[static_cast<unsigned char>(byte) & 0x0F];
+}
+
+bool stays(std::uint32_t character, Escape how) {
+  if (character == kForeign) return false;
+  if (how == Escape::record) return true;
+  if (character < 0x20) return false;
+  if (how == Escape::message) return character != 0x7F;
+  if (character == '"' || character == '\\') return false;
+  // U+009B starts a terminal command, like ESC [.
+  return how != Escape::log || character < 0x7F || character >= 0xA0;
+}
+
+/// Appends an escape for a character that cannot stay as it is.
+void append_for(std::string& out, std::uint32_t character, std::string_view bytes, Escape how) {
+  constexpr std::string_view lower = "0123456789abcdef";
+  constexpr std::string_view upper = "0123456789ABCDEF";
+  if (character == '"' || character == '\\') {
+    out += '\\';
+    out += bytes;
+  } else if (how != Escape::json) {
+    for (const char byte : bytes)
+      append_byte(out, "\\x", byte, how == Escape::message ? upper : lower);
+  } else if (character == kForeign) {
+    utf8::append(char32_t{0xFFFD}, out);
+  } else if (character == '\n') {
+    out += "\\n";
+  } else {
+    append_byte(out, "\\u00", bytes.front(), lower);
+  }
+}
+
+}  // namespace
+
+std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view kBlank = " \t\r\n";
+  const auto first = text.find_first_not_of(kBlank);
+  if (first == text.npos) return {};
+  return text.substr(first, text.find_last_not_of(kBlank) + 1 - first);
+}
+
+bool is_name(std::string_view text) {
+  constexpr std::size_t kLongest = 64;
+  return !text.empty() && text.size() <= kLongest && std::ranges::all_of(text, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
+
+bool is_utf8(std::string_view text) { return utf8::is_valid(text); }
+
+void append_escaped(std::string& out, std::string_view text, Escape how, std::size_t most) {
+  if (text.size() <= most && is_plain(text)) {
+    out += text;
+    return;
+  }
+  if (how == Escape::terminal) {
+    const std::string quoted =
+        nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+    out.append(quoted, 1, quoted.size() - 2);
+    return;
+  }
+  const std::size_t before = out.size();
+  std::string_view run;  // characters to append unchanged, in one go
+  each_character(text, [&](std::uint32_t character, std::string_view bytes) {
+    const bool room = out.size() - before + run.size() + bytes.size() <= most;
+    if (room && stays(character, how)) {
+      run = {run.empty() ? bytes.data() : run.data(), run.size() + bytes.size()};
+      return true;
+    }
+    out += std::exchange(run, {});
+    room ? append_for(out, character, bytes, how) : static_cast<void>(out += "...");
+    return room;
+  });
+  out += run;
+}
+
+std::string escaped(std::string_view text, Escape how, std::size_t most) {
+  std::string out;
+  append_escaped(out, text, how, most);
+  return out;
+}
+
+std::string ms_text(std::chrono::nanoseconds duration) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f",
+                std::chrono::duration<double, std::milli>(duration).count());
+  return text;
+}
+
+std::string random_digits() {
+  char digits[9];
+  std::snprintf(digits, sizeof digits, "%08x", std::random_device{}());
+  return digits;
+}
+
+}  // namespace fxagent

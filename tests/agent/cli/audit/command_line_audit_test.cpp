@@ -1,0 +1,115 @@
+#include "agent/cli/audit/command_line_audit.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "agent/commands/result.h"
+#include "agent/store/store.h"
+#include "tests/support/scratch.h"
+
+namespace fxagent {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::int64_t kNow = 1790000000000;
+
+class CommandLineAuditTest : public ::testing::Test {
+ protected:
+  CommandLineAuditTest() {
+    config.path = scratch.path("store");
+    command.id = "command-line";
+    command.op = Op::write;
+    command.op_text = "write";
+    command.received_ms = kNow;
+  }
+
+  CommandResult result_with(CommandStatus status) const {
+    CommandResult result = result_of(command);
+    result.status = status;
+    return result;
+  }
+  /// Returns the records of the file as `fxagent audit` reads them. Expects an intact chain.
+  std::vector<json> records() const {
+    std::vector<json> all;
+    audit::Verifier verifier;
+    audit::Head head;
+    const auto unread = AuditTrail::read(
+        store_file_path(config.path),
+        [&](const audit::Record& record) {
+          verifier.add(record);
+          all.push_back(json::parse(record.text));
+        },
+        head);
+    EXPECT_FALSE(unread) << unread->why;
+    for (const audit::Finding& finding : verifier.finish(head)) ADD_FAILURE() << finding.text;
+    return all;
+  }
+
+  test::Scratch scratch;
+  StoreConfig config;
+  Command command;
+};
+
+TEST_F(CommandLineAuditTest, CommandIsOnDiskBeforeItIsSentAndItsResultAfterIt) {
+  CommandLineAudit audit(config, kNow);
+  ASSERT_EQ(audit.fault(), "");
+  ASSERT_TRUE(audit.admitted(command, "press1", "write press1 D100 5"));
+  ASSERT_EQ(records().size(), 1U);
+  EXPECT_EQ(records()[0]["kind"], "ordered");
+  EXPECT_EQ(records()[0]["by"], command_line_user());
+  EXPECT_EQ(command_line_user().substr(0, 4), "cli:");
+  EXPECT_GT(command_line_user().size(), 4U);
+  EXPECT_EQ(records()[0]["topic"], "command line");
+  EXPECT_EQ(records()[0]["payload"], "write press1 D100 5");
+  ASSERT_TRUE(audit.finished(result_with(CommandStatus::succeeded), "press1", kNow + 5));
+  ASSERT_EQ(records().size(), 2U);
+  EXPECT_EQ(records()[1]["kind"], "result");
+  EXPECT_EQ(records()[1]["arrival"], records()[0]["arrival"]);
+  EXPECT_EQ(records()[1]["result"]["status"], "SUCCEEDED");
+}
+
+TEST_F(CommandLineAuditTest, CommandThatIsRefusedIsThereToo) {
+  CommandLineAudit audit(config, kNow);
+  ASSERT_TRUE(audit.refused(command, result_with(CommandStatus::rejected), "press1", "write"));
+  ASSERT_EQ(records().size(), 1U);
+  EXPECT_EQ(records()[0]["kind"], "answered");
+  EXPECT_EQ(records()[0]["result"]["status"], "REJECTED");
+}
+
+TEST_F(CommandLineAuditTest, AgentGoesOnWithTheChainAndTheNumbers) {
+  std::uint64_t before = 0;
+  {
+    Store agent(config, kNow);
+    before = agent.audit().next_command_number();
+    agent.journal().note(audit::begun("", kNow));
+    agent.close();
+  }
+  {
+    CommandLineAudit audit(config, kNow);
+    ASSERT_TRUE(audit.admitted(command, "press1", "write press1 D100 5"));
+  }
+  EXPECT_EQ(records().back()["arrival"], before + 1);
+  Store agent(config, kNow);
+  EXPECT_EQ(agent.state(), "disk");
+  EXPECT_EQ(agent.set_aside(), "");
+  EXPECT_EQ(agent.audit().next_command_number(), before + 2);
+  agent.journal().note(audit::begun("", kNow));
+  agent.close();
+  EXPECT_EQ(records().size(), 3U);
+}
+
+TEST_F(CommandLineAuditTest, StoreOfAnAgentThatRunsTakesNothing) {
+  Store agent(config, kNow);
+  CommandLineAudit audit(config, kNow);
+  EXPECT_NE(audit.fault().find("another agent"), std::string::npos) << audit.fault();
+  EXPECT_NE(audit.fault().find("over MQTT"), std::string::npos) << audit.fault();
+  EXPECT_FALSE(audit.admitted(command, "press1", "write press1 D100 5"));
+  EXPECT_TRUE(records().empty());
+}
+
+}  // namespace
+}  // namespace fxagent

@@ -1,0 +1,103 @@
+#include "agent/field/link/link_recorder.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <sstream>
+#include <string>
+
+#include "tests/support/scratch.h"
+
+namespace fxagent {
+namespace {
+
+using std::chrono::milliseconds;
+
+class LinkRecorderTest : public testing::Test {
+ protected:
+  LinkRecorderTest() {
+    FlightRecorder::Settings settings;
+    settings.directory = scratch.path("recordings");
+    settings.ring_bytes = FrameRing::kLeastBytes;
+    settings.most_files = 10;
+    settings.most_bytes = 1 << 20;
+    settings.follows = std::chrono::hours(1);  // until the end, which does not wait
+    recorder = std::make_unique<FlightRecorder>(settings);
+    config.name = "line1";
+    config.channel = SerialSettings{.path = "/dev/ttyUSB0"};
+    link = std::make_unique<LinkRecorder>(recorder.get(), config);
+  }
+  /// Ends the recorder and returns the reason of its only file; empty if there is none.
+  std::string reason() {
+    testing::internal::CaptureStderr();
+    recorder.reset();
+    testing::internal::GetCapturedStderr();
+    for (const auto& entry : std::filesystem::directory_iterator(scratch.path("recordings"))) {
+      if (entry.path().extension() != kRecordingSuffix) continue;
+      std::ostringstream text;
+      text << std::ifstream(entry.path()).rdbuf();
+      const auto recording = parse_recording(text.str());
+      EXPECT_EQ(recording->head.wire, "serial /dev/ttyUSB0 9600 7E1");
+      return recording->head.reason;
+    }
+    return {};
+  }
+  static CommandResult result(CommandStatus status, milliseconds took) {
+    CommandResult out;
+    out.id = "c1";
+    out.status = status;
+    out.queue = milliseconds(20);
+    out.wire = took - out.queue;
+    out.bound = milliseconds(100);
+    return out;
+  }
+
+  const test::Scratch scratch;
+  LinkConfig config;
+  std::unique_ptr<FlightRecorder> recorder;
+  std::unique_ptr<LinkRecorder> link;
+};
+
+TEST_F(LinkRecorderTest, AWorkingLinkIsNoAnomaly) {
+  link->look(0, false, "not opened yet");
+  link->look(0, true, "");
+  link->look(FrameBurst::kFrames - 1, true, "");
+  link->ended(result(CommandStatus::succeeded, milliseconds(100)), "press1");
+  link->ended(result(CommandStatus::rejected, milliseconds(100)), "press1");
+  EXPECT_EQ(reason(), "");
+}
+
+TEST_F(LinkRecorderTest, ALostLinkIs) {
+  link->look(0, true, "");
+  link->look(0, false, "no such device");
+  EXPECT_EQ(reason(), "link down: no such device");
+}
+
+TEST_F(LinkRecorderTest, ABurstOfBadFramesIs) {
+  link->look(FrameBurst::kFrames, true, "");
+  EXPECT_EQ(reason(), "a burst of bad frames");
+}
+
+TEST_F(LinkRecorderTest, AnUnknownOutcomeIs) {
+  link->ended(result(CommandStatus::unknown_outcome, milliseconds(50)), "press1");
+  EXPECT_EQ(reason(), "UNKNOWN_OUTCOME: command c1 for press1");
+}
+
+TEST_F(LinkRecorderTest, ACommandOverItsBoundIs) {
+  link->ended(result(CommandStatus::succeeded, milliseconds(101)), "press1");
+  EXPECT_EQ(reason(), "over its bound: command c1 for press1 took 101 of 100 ms");
+}
+
+TEST(LinkRecorder, WithoutARecorderDoesNothing) {
+  LinkConfig config;
+  LinkRecorder link(nullptr, config);
+  EXPECT_EQ(link.ring(), nullptr);
+  EXPECT_EQ(link.number(DeviceConfig()), kNoDevice);
+  link.look(100, true, "");
+  link.look(100, false, "down");
+}
+
+}  // namespace
+}  // namespace fxagent
