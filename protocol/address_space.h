@@ -58,11 +58,11 @@ class AddressSpace {
   /// states the valid range.
   virtual Result<Address> parse_address(std::string_view text,
                                         std::optional<DataType> type) const = 0;
-  /// True if a command must give a type with `text` to make it unambiguous (T5, C5).
-  virtual bool needs_type(std::string_view text) const = 0;
+  /// True if a command must give a type with `text` to make it unambiguous (T5, ST5, C5, LC5).
+  virtual bool needs_type(std::string_view /*text*/) const { return false; }
   /// Parses a range of an allow list: "M100-M199", "M100..M199" or one device. Error: bad_request
-  /// as parse_address(), and if the ends are of two kinds, if T or C lacks its N or S, or if the
-  /// range includes a device that is never written (M8034-M8037, M8118).
+  /// as parse_address(), and if the ends are of two kinds, if T, ST, C or LC lacks its N, S or C,
+  /// or if the range includes a device that is never written (M8034-M8037, M8118, SM8034-SM8037).
   virtual Result<Span> parse_range(std::string_view text) const = 0;
   /// Returns the device's name for the first device of `span` ("D100"). Every span has a name, even
   /// if this model lacks it.
@@ -70,8 +70,9 @@ class AddressSpace {
   /// Checks that every device of `span` exists in this model. Error: bad_request names the first
   /// that does not.
   virtual Result<void> check_range(const Span& span) const = 0;
-  /// Returns the byte order of a 32-bit value for which neither tag nor command gives one.
-  virtual ByteOrder default_order() const = 0;
+  /// Returns the byte order of a 32-bit value for which neither tag nor command gives one. `cdab`
+  /// is the order of all Mitsubishi PLCs.
+  virtual ByteOrder default_order() const { return ByteOrder::cdab; }
 
   // Reads and writes.
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "protocol/control_characters.h"
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/d8120.h"
 #include "protocol/fx/programming_port.h"
@@ -80,8 +81,6 @@ constexpr AddressForms kMcAddresses{
     R"(^([A-Za-z]{1,4}[0-9A-Fa-f]+((-|\.\.)[A-Za-z]{1,4}[0-9A-Fa-f]+)?|.*\$\{.*)$)",
     "M100-M199, Y0, W0-W1F. SM8034 to SM8037 are never written.",
 };
-
-constexpr std::uint8_t kStx = 0x02;
 
 constexpr std::string_view kFxModel =
     "Model of the PLC. `auto`: the agent asks the PLC, and `check` uses the ranges of the FX3U, "

@@ -76,6 +76,15 @@ inline bool is_read(const Request& request) {
   return std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request);
 }
 
+/// True if the request asks what the device is.
+inline bool is_identify(const Request& request) {
+  const auto* control = std::get_if<Control>(&request);
+  return control != nullptr && control->kind == Control::Kind::identify;
+}
+
+/// True if a good answer has an image.
+inline bool brings_data(const Request& request) { return is_read(request) || is_identify(request); }
+
 /// The answer to a request.
 struct Reply {
   enum class Kind : std::uint8_t { ack, nak, data } kind = Kind::ack;
@@ -180,7 +189,7 @@ class Codec {
   virtual Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
                                               ByteView rx) const = 0;
   /// False if the request has no answer (EOT, a broadcast).
-  virtual bool expects_reply(const Request& request) const = 0;
+  virtual bool expects_reply(const Request& /*request*/) const { return !is_broadcast(); }
   /// True if every device listens and none answers: no tags, and the only outcome is `broadcast`.
   virtual bool is_broadcast() const { return false; }
   /// True if unrequested bytes could be all or part of an answer to the next request, whatever it
@@ -255,11 +264,10 @@ class Codec {
 
   // Requests made of other requests.
 
-  /// Returns one request that carries out all of `requests` in one frame: a Scatter of writes and
-  /// forces (BT, WT), or a Gather of reads. nullopt if there is none.
-  virtual std::optional<Request> combine(const std::vector<Request>& /*requests*/) const {
-    return std::nullopt;
-  }
+  /// Returns one request that carries out all of `requests`, writes and forces, in one frame: a
+  /// Scatter (BT, WT, QT; 04, 05; 1402). nullopt if there are fewer than two, if one is neither, or
+  /// if no frame carries them.
+  std::optional<Request> combine(const std::vector<Request>& requests) const;
   /// Returns the read that must come first if the device cannot carry out `request` directly.
   /// with_read() builds the request to send from its answer (read-modify-write).
   virtual std::optional<Request> read_before(const Request& /*request*/) const {

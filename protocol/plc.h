@@ -53,7 +53,7 @@ class PlcServices {
   /// Returns the configured or identified model; empty while it is unknown.
   virtual std::string model() const = 0;
   /// Returns the reads that identify the model, at least one, to be sent in this sequence.
-  virtual std::vector<Request> identify() const = 0;
+  virtual std::vector<Request> identify() const { return {Control{Control::Kind::identify}}; }
   /// Returns the model from the answers of identify(): one image for each request, empty if it was
   /// refused. nullopt if the answers do not identify a model.
   virtual std::optional<std::string> model_from(const std::vector<Bytes>& images) const = 0;
@@ -77,7 +77,9 @@ class PlcServices {
   /// Returns the request that starts (true) or stops (false) the PLC. If this protocol cannot
   /// switch the model, encode() fails with unsupported. A refused request is never repeated: see
   /// Codec::meaning_of().
-  virtual Request run_request(bool run) const = 0;
+  virtual Request run_request(bool run) const {
+    return Control{run ? Control::Kind::run : Control::Kind::stop};
+  }
   /// Returns a human-readable hint after a failed run or stop: the switch position that this
   /// protocol needs.
   virtual std::string run_hint() const = 0;

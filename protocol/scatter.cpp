@@ -1,6 +1,7 @@
 #include "protocol/scatter.h"
 
 #include <cstdint>
+#include <utility>
 
 namespace fxagent {
 
@@ -8,7 +9,7 @@ Write write_of(const Force& force) {
   return {{force.space, force.bit, 1}, {static_cast<std::uint8_t>(force.on ? 1 : 0)}, force.way};
 }
 
-std::optional<Scatter> scatter_of(const std::vector<Request>& requests) {
+std::optional<Request> Codec::combine(const std::vector<Request>& requests) const {
   if (requests.size() < 2) return std::nullopt;
   Scatter scatter;
   for (const Request& request : requests) {
@@ -19,7 +20,8 @@ std::optional<Scatter> scatter_of(const std::vector<Request>& requests) {
     else
       return std::nullopt;
   }
-  return scatter;
+  if (!encode(scatter, 0)) return std::nullopt;
+  return Request(std::move(scatter));
 }
 
 }  // namespace fxagent

@@ -5,9 +5,7 @@
 #include <optional>
 
 #include "agent/cli/check/check.h"
-#include "agent/cli/describe/asyncapi.h"
-#include "agent/cli/describe/payload_page.h"
-#include "agent/cli/describe/thing.h"
+#include "agent/cli/describe/documents.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/json_page.h"
 

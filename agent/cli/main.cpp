@@ -74,6 +74,12 @@ void end_at_a_stop_signal() {
   std::signal(SIGINT, end_at_once);
 }
 
+/// Adds an option that may be given several times, each time with one value.
+void add_repeatable(CLI::App* command, const std::string& name, std::vector<std::string>& values,
+                    const std::string& meaning) {
+  command->add_option(name, values, meaning)->expected(1)->take_all();
+}
+
 void add_run(CLI::App& app, RunQuestion& what, std::function<int()>& action) {
   CLI::App* command =
       app.add_subcommand("run", "Poll, publish and carry out commands until SIGTERM");
@@ -84,11 +90,8 @@ void add_run(CLI::App& app, RunQuestion& what, std::function<int()>& action) {
   command->add_option("--log-format", what.log_format, "text or json (text)")
       ->check(CLI::IsMember({"text", "json"}))
       ->envname("FXAGENT_LOG_FORMAT");
-  command
-      ->add_option("--trace", what.traced,
-                   "Log every frame of this link and what it means; repeatable")
-      ->expected(1)
-      ->take_all();
+  add_repeatable(command, "--trace", what.traced,
+                 "Log every frame of this link and what it means; repeatable");
   command->callback([&] { action = [&] { return run_until_stopped(what); }; });
 }
 
@@ -146,11 +149,8 @@ void add_plan(CLI::App& app, std::string& path, PlanQuestion& what, std::functio
       app.add_subcommand("plan", "Show the reads, their line time and the load of each line");
   command->add_option("CONFIG", path, "Config file")->required();
   command->add_flag("--json", what.as_json, "Print JSON");
-  command
-      ->add_option("--what-if", what.what_ifs,
-                   "\"DEVICE FIRST..LAST@MS\": the plan before and after these tags")
-      ->expected(1)
-      ->take_all();
+  add_repeatable(command, "--what-if", what.what_ifs,
+                 "\"DEVICE FIRST..LAST@MS\": the plan before and after these tags");
   command->callback([&] { action = with_config(path, what, run_plan); });
 }
 
@@ -254,19 +254,11 @@ void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<
   CLI::App* command = app.add_subcommand("acl", "Print an acl_file for the agent's mosquitto");
   command->add_option("CONFIG", path, "Config file")->required();
   command->add_option("--agent", what.agent, "User of the agent (mqtt.username of the config)");
-  command
-      ->add_option("--operator", what.operators,
-                   "User who reads everything and sends commands; repeatable")
-      ->expected(1)
-      ->take_all();
-  command
-      ->add_option("--engineer", what.engineers,
-                   "User who reads everything and sends configs; repeatable")
-      ->expected(1)
-      ->take_all();
-  command->add_option("--viewer", what.viewers, "User who reads everything; repeatable")
-      ->expected(1)
-      ->take_all();
+  add_repeatable(command, "--operator", what.operators,
+                 "User who reads everything and sends commands; repeatable");
+  add_repeatable(command, "--engineer", what.engineers,
+                 "User who reads everything and sends configs; repeatable");
+  add_repeatable(command, "--viewer", what.viewers, "User who reads everything; repeatable");
   command->callback([&] { action = with_config(path, what, run_acl); });
 }
 
@@ -331,14 +323,10 @@ void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
   command->add_option("--model", what.answers.model, "Model of the PLC (auto)");
   command->add_option("--unit", what.answers.unit, "Unit of Modbus, station of a computer link");
   command->add_option("--device", what.answers.device, "Name of the device (plc1)");
-  command->add_option("--read", what.answers.read, "ADDRESS or NAME=ADDRESS to read; repeatable")
-      ->expected(1)
-      ->take_all();
-  command
-      ->add_option("--write", what.answers.write,
-                   "The same, for addresses that may also be written; repeatable")
-      ->expected(1)
-      ->take_all();
+  add_repeatable(command, "--read", what.answers.read,
+                 "ADDRESS or NAME=ADDRESS to read; repeatable");
+  add_repeatable(command, "--write", what.answers.write,
+                 "The same, for addresses that may also be written; repeatable");
   command->add_flag("--force", what.force, "Overwrite existing files");
   command->callback([&] { action = [&] { return run_init(what); }; });
 }

@@ -19,6 +19,7 @@
 #include "agent/config/suggestions.h"
 #include "agent/field/field.h"
 #include "agent/handover/outbox.h"
+#include "agent/text/json_member.h"
 #include "agent/text/json_writer.h"
 #include "protocol/plc.h"
 #include "protocol/value/pack.h"
@@ -30,23 +31,13 @@ namespace {
 
 constexpr std::uint32_t kWordBits = 16;
 
-Scalar scalar_of(const nlohmann::json& json, const std::string& text) {
-  if (json.is_boolean()) return Scalar(json.get<bool>());
-  if (json.is_number_unsigned() && json.get<std::uint64_t>() >> 63 != 0)
-    return Scalar(BigInteger{json.dump()});
-  if (json.is_number_integer()) return Scalar(json.get<std::int64_t>());
-  if (json.is_number()) return Scalar(json.get<double>());
-  if (json.is_string()) return Scalar(json.get<std::string>());
-  return Scalar(text);
-}
-
 /// Parses `[1,2]`, `true`, `1.5` or `"text"` as JSON; any other text becomes a string.
 Value value_of_text(const std::string& text) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
   if (json.is_discarded()) return Value(Scalar(text));
-  if (!json.is_array()) return Value(scalar_of(json, text));
+  if (!json.is_array()) return Value(scalar_of(json).value_or(Scalar(text)));
   Scalars items;
-  for (const auto& item : json) items.push_back(scalar_of(item, item.dump()));
+  for (const auto& item : json) items.push_back(scalar_of(item).value_or(Scalar(item.dump())));
   return Value::array(std::move(items));
 }
 
@@ -99,38 +90,6 @@ Command command_for(Op op, const std::string& name, const DeviceConfig& device,
   return command;
 }
 
-/// Waits for messages of the field. States that arrive before the result carry the detected model.
-class Answer final {
- public:
-  Answer(Outbox& outbox, std::shared_ptr<const Codec> codec)
-      : outbox_(outbox), codec_(std::move(codec)) {}
-
-  std::shared_ptr<const Codec> await_model() {
-    while (!contacted_) take();
-    return codec_;
-  }
-  CommandResult await_result() {
-    while (!result_) take();
-    return *std::exchange(result_, std::nullopt);
-  }
-
- private:
-  void take() {
-    outbox_.wait_until(SteadyTime::max());
-    auto batch = outbox_.take();
-    for (const DeviceStatus& status : batch.states) {
-      if (status.reason != "starting") contacted_ = true;
-      if (status.codec) codec_ = status.codec;
-    }
-    if (!batch.results.empty()) result_ = std::move(batch.results.front());
-  }
-
-  Outbox& outbox_;
-  std::shared_ptr<const Codec> codec_;
-  bool contacted_ = false;
-  std::optional<CommandResult> result_;
-};
-
 /// Rounds to 0.1 ms, the resolution that a serial line allows.
 double ms(std::chrono::nanoseconds duration) {
   return std::round(std::chrono::duration<double, std::milli>(duration).count() * 10) / 10;
@@ -149,7 +108,6 @@ class DirectLine final {
       : device_(config.devices.front()),
         outbox_(1),
         field_(config, outbox_, {}, Polling::off),
-        answer_(outbox_, device_.codec),
         codec_(device_.codec) {
     if (trace) field_.trace({0});
     field_.start();
@@ -164,7 +122,8 @@ class DirectLine final {
     const Command command = command_for(op, name, device_, std::move(target));
     const std::string& tag = command.targets.front().tag;
     const bool is_unknown = !tag.empty() && tag_named(tag, device_) == nullptr;
-    if (must_ask_model(*codec_) && !is_unknown) codec_ = answer_.await_model();
+    if (must_ask_model(*codec_) && !is_unknown)
+      while (!contacted_) take();
     CommandAdmission admission(device_);
     auto decision = admission.admit(command, codec_, 0, std::chrono::steady_clock::now());
     if (auto* result = std::get_if<CommandResult>(&decision)) {
@@ -174,7 +133,8 @@ class DirectLine final {
     if (audit != nullptr && !audit->admitted(command, device_.name, call))
       return not_in_the_audit(command, audit->fault());
     field_.submit(std::move(std::get<AdmittedCommand>(decision)));
-    CommandResult result = answer_.await_result();
+    while (!result_) take();
+    CommandResult result = *std::exchange(result_, std::nullopt);
     if (audit != nullptr &&
         !audit->finished(result, device_.name, utc_ms(std::chrono::system_clock::now())))
       std::cerr << "the result is not in the audit: " << audit->fault() << '\n';
@@ -182,11 +142,24 @@ class DirectLine final {
   }
 
  private:
+  /// Waits for messages of the field. States that arrive before the result carry the detected
+  /// model.
+  void take() {
+    outbox_.wait_until(SteadyTime::max());
+    auto batch = outbox_.take();
+    for (const DeviceStatus& status : batch.states) {
+      if (status.reason != "starting") contacted_ = true;
+      if (status.codec && must_ask_model(*codec_)) codec_ = status.codec;
+    }
+    if (!batch.results.empty()) result_ = std::move(batch.results.front());
+  }
+
   const DeviceConfig& device_;
   Outbox outbox_;
   Field field_;
-  Answer answer_;
   std::shared_ptr<const Codec> codec_;
+  bool contacted_ = false;
+  std::optional<CommandResult> result_;
 };
 
 /// Returns the call as typed, for the audit.
@@ -239,17 +212,6 @@ void print_address(const CommandResult& result, const OneShot& what) {
   }
 }
 
-std::string_view word(PlcAnswer answer) {
-  switch (answer) {
-    case PlcAnswer::ack:
-      return "ACK";
-    case PlcAnswer::nak:
-      return "NAK";
-    default:
-      return "no answer";
-  }
-}
-
 void print_command(const CommandResult& result, const OneShot& what) {
   if (what.as_json) {
     const auto total = std::chrono::steady_clock::now() - result.received;
@@ -259,7 +221,8 @@ void print_command(const CommandResult& result, const OneShot& what) {
   std::cout << what.device << ' ' << result.op << ' ' << address_or(result, what.names.front())
             << ": " << to_string(result.status);
   const bool was_sent = result.status != CommandStatus::rejected;
-  if (was_sent) std::cout << ", " << word(result.plc);
+  if (was_sent)
+    std::cout << ", " << (result.plc == PlcAnswer::none ? "no answer" : to_string(result.plc));
   if (result.progress)
     std::cout << ", " << result.progress->done << " of " << result.progress->of << " written";
   if (result.reason != Reason::none) std::cout << ", " << to_string(result.reason);

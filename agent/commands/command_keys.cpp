@@ -44,21 +44,9 @@ constexpr std::array<Key, 14> kKeys{{
     {"value", kWrite, Stands::in_target},
 }};
 
-unsigned group_of(Op op) {
-  switch (op) {
-    case Op::write:
-      return kWrite;
-    case Op::force_on:
-    case Op::force_off:
-      return kForce;
-    case Op::read:
-      return kRead;
-    case Op::run:
-    case Op::stop:
-      break;
-  }
-  return kRunStop;
-}
+// By Op.
+constexpr std::array kGroups{kWrite, kForce, kForce, kRead, kRunStop, kRunStop};
+static_assert(kGroups.size() == static_cast<std::size_t>(Op::stop) + 1);
 
 const Key* known(std::string_view name) {
   const auto* key = std::find_if(kKeys.begin(), kKeys.end(),
@@ -107,7 +95,8 @@ std::string why_misplaced(const Key& key, Object object, std::optional<Op> op) {
   if (object == Object::target && key.stands != Stands::in_target)
     return "is not a key of a target";
   if (!op) return "";
-  if ((key.ops & group_of(*op)) == 0) return "is not for op " + std::string(to_string(*op));
+  if ((key.ops & kGroups[static_cast<std::size_t>(*op)]) == 0)
+    return "is not for op " + std::string(to_string(*op));
   if (object == Object::command_with_targets && key.stands != Stands::in_command)
     return "cannot be used together with targets: set it in each target";
   return "";

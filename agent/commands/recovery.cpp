@@ -55,55 +55,34 @@ CommandResult interrupted(const JournalEntry& entry, const std::optional<Command
   return result;
 }
 
-/// Knows devices by their names in the config. Entries of other devices stay in the journal.
-class KnownCommands final {
- public:
-  KnownCommands(const Config& config, CommandJournal& journal, std::int64_t utc_ms)
-      : journal_(journal), utc_ms_(utc_ms) {
-    for (std::uint32_t i = 0; i < config.devices.size(); ++i)
-      if (!config.devices[i].is_vacant()) index_.emplace(config.devices[i].name, i);
+void take(JournalEntry entry, std::uint32_t device, CommandJournal& journal, std::int64_t utc_ms,
+          SteadyTime now, Recovered& found) {
+  if (entry.result.empty()) {
+    // If the store opened late, this run may have carried out a command of that id itself.
+    const auto known = journal.find(entry.device, entry.id);
+    if (known && (known->number > entry.number || !known->result.empty())) return;
+    log::warn("command_interrupted", {{"device", entry.device},
+                                      {"id", entry.id},
+                                      {"sent", entry.surely_not_sent ? "no" : "perhaps"}});
+    auto command = command_of(entry, device, utc_ms, now);
+    // The field reads back what a write was to set.
+    if (command && command->op == Op::write && !entry.surely_not_sent)
+      return found.interrupted.push_back(std::move(*command));
+    entry.result = result_text(interrupted(entry, command));
+    if (entry.number != 0)
+      entry.audit = audit::result(entry.number, entry.device, entry.result, {}, utc_ms);
+    journal.record(entry);
   }
-
-  void take_unacknowledged(std::vector<JournalEntry> entries, SteadyTime now,
-                           Recovered& found) const {
-    for (JournalEntry& entry : entries)
-      if (const auto device = index_.find(entry.device); device != index_.end())
-        take(std::move(entry), device->second, now, found);
-  }
-
- private:
-  void take(JournalEntry entry, std::uint32_t device, SteadyTime now, Recovered& found) const {
-    if (entry.result.empty()) {
-      // If the store opened late, this run may have carried out a command of that id itself.
-      const auto known = journal_.find(entry.device, entry.id);
-      if (known && (known->number > entry.number || !known->result.empty())) return;
-      log::warn("command_interrupted", {{"device", entry.device},
-                                        {"id", entry.id},
-                                        {"sent", entry.surely_not_sent ? "no" : "perhaps"}});
-      auto command = command_of(entry, device, utc_ms_, now);
-      // The field reads back what a write was to set.
-      if (command && command->op == Op::write && !entry.surely_not_sent)
-        return found.interrupted.push_back(std::move(*command));
-      entry.result = result_text(interrupted(entry, command));
-      if (entry.number != 0)
-        entry.audit = audit::result(entry.number, entry.device, entry.result, {}, utc_ms_);
-      journal_.record(entry);
-    }
-    found.ids.push_back(id_of(entry));
-    CommandResult result = recorded_result(entry.result);
-    result.device = device;
-    result.number = entry.number;
-    result.id = std::move(entry.id);
-    result.received_ms = entry.received_ms;
-    result.response_topic = std::move(entry.response_topic);
-    result.correlation = std::move(entry.correlation);
-    found.unacknowledged.push_back(std::move(result));
-  }
-
-  CommandJournal& journal_;
-  const std::int64_t utc_ms_;
-  std::map<std::string, std::uint32_t> index_;
-};
+  found.ids.push_back(id_of(entry));
+  CommandResult result = recorded_result(entry.result);
+  result.device = device;
+  result.number = entry.number;
+  result.id = std::move(entry.id);
+  result.received_ms = entry.received_ms;
+  result.response_topic = std::move(entry.response_topic);
+  result.correlation = std::move(entry.correlation);
+  found.unacknowledged.push_back(std::move(result));
+}
 
 }  // namespace
 
@@ -134,10 +113,15 @@ Recovered recover_of(const std::vector<std::string>& devices, const Config& conf
 
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
                   std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now) {
+  std::map<std::string, std::uint32_t> index;
+  for (std::uint32_t i = 0; i < config.devices.size(); ++i)
+    if (!config.devices[i].is_vacant()) index.emplace(config.devices[i].name, i);
   Recovered found;
   found.ids = std::move(ids);
-  const KnownCommands known(config, journal, utc_ms);
-  known.take_unacknowledged(std::move(unacknowledged), now, found);
+  // Entries of other devices stay in the journal.
+  for (JournalEntry& entry : unacknowledged)
+    if (const auto device = index.find(entry.device); device != index.end())
+      take(std::move(entry), device->second, journal, utc_ms, now, found);
   return found;
 }
 

@@ -54,32 +54,21 @@ bool is_same_line(const LinkConfig& a, const LinkConfig& b) {
   return a.name == b.name && a.channel == b.channel && a.char_time == b.char_time;
 }
 
-/// Outcome for the items at one place of both lists.
-struct Fate {
-  bool goes_on = false;
-  bool ends = false;
-  bool begins = false;
-};
 template <class List>
-Fate fate_at(const List& running, const List& next, std::uint32_t place, bool is_same) {
-  Fate fate;
-  const bool was = place < running.size() && !running[place].is_vacant();
-  const bool is = place < next.size() && !next[place].is_vacant();
-  fate.goes_on = was && is && is_same;
-  fate.ends = was && !fate.goes_on;
-  fate.begins = is && !fate.goes_on;
-  return fate;
+bool has(const List& list, std::uint32_t place) {
+  return place < list.size() && !list[place].is_vacant();
 }
 
 void compare_links(const Config& running, ConfigChange& change) {
   const auto& before = running.links;
   const auto& after = std::as_const(change.config).links;
   for (std::uint32_t i = 0; i < std::max(before.size(), after.size()); ++i) {
-    const bool both = i < before.size() && i < after.size();
-    const Fate fate = fate_at(before, after, i, both && is_same_line(before[i], after[i]));
-    if (fate.ends) change.links_end.push_back(i);
-    if (fate.begins) change.links_begin.push_back(i);
-    if (fate.goes_on && before[i] != after[i]) change.links_adjusted.push_back(i);
+    const bool was = has(before, i);
+    const bool is = has(after, i);
+    const bool goes_on = was && is && is_same_line(before[i], after[i]);
+    if (was && !goes_on) change.links_end.push_back(i);
+    if (is && !goes_on) change.links_begin.push_back(i);
+    if (goes_on && before[i] != after[i]) change.links_adjusted.push_back(i);
   }
 }
 
@@ -100,14 +89,14 @@ void compare_devices(const Config& running, ConfigChange& change) {
     return std::ranges::binary_search(change.links_end, link);
   };
   for (std::uint32_t i = 0; i < std::max(before.size(), after.size()); ++i) {
-    const bool both = i < before.size() && i < after.size();
-    const bool goes_on = both && !link_ends(before[i].link);
-    const bool same = goes_on && before[i] == after[i];
-    const bool adjusted = goes_on && !same && is_same_but_for_polls(before[i], after[i]);
-    const Fate fate = fate_at(before, after, i, same || adjusted);
-    if (fate.ends) change.devices_end.push_back(i);
-    if (fate.begins) change.devices_begin.push_back(i);
-    if (!fate.goes_on) continue;
+    const bool was = has(before, i);
+    const bool is = has(after, i);
+    const bool stays = was && is && !link_ends(before[i].link);
+    const bool same = stays && before[i] == after[i];
+    const bool goes_on = same || (stays && is_same_but_for_polls(before[i], after[i]));
+    if (was && !goes_on) change.devices_end.push_back(i);
+    if (is && !goes_on) change.devices_begin.push_back(i);
+    if (!goes_on) continue;
     if (same) {
       change.config.devices.share(i, before, i);
     } else {

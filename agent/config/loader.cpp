@@ -178,16 +178,6 @@ tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
   return config;
 }
 
-tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
-                                                const Environment& environment,
-                                                FilePrivacy privacy) {
-  return parse_config(text, environment, privacy, {});
-}
-
-tl::expected<Config, ConfigErrors> parse_config(std::string_view text) {
-  return parse_config(text, process_environment);
-}
-
 tl::expected<Config, ConfigErrors> load_config(const std::string& path) {
   auto text = read_config_file(path);
   if (!text) return tl::unexpected(std::move(text.error()));

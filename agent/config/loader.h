@@ -12,26 +12,19 @@
 namespace fxagent {
 
 /// Reads and checks a config file: JSON with // and /* */ comments. Returns all errors together, in
-/// the order of the file. Replaces
-/// `${NAME}` in strings with the environment variable; `$${NAME}` stands for a plain `${NAME}`.
-/// Relative paths of `mqtt` and `store` are relative to the directory of the file. Never throws.
+/// the order of the file. Replaces `${NAME}` in strings with the environment variable; `$${NAME}`
+/// stands for a plain `${NAME}`. Relative paths of `mqtt` and `store` are relative to the directory
+/// of the file. Never throws.
 tl::expected<Config, ConfigErrors> load_config(const std::string& path);
 /// Same for `text` in place of the content of the file. The file's permissions and directory apply.
 tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text);
-/// Same for a text in memory. Leaves relative paths unchanged. The result depends only on the
-/// arguments.
-tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
-                                                const Environment& environment,
-                                                FilePrivacy privacy = FilePrivacy::shared);
-/// Same with the environment of the process.
-tl::expected<Config, ConfigErrors> parse_config(std::string_view text);
-
-/// Same within bounds.
-tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
-                                                const Environment& environment, FilePrivacy privacy,
-                                                const ReadBounds& bounds);
-/// Same within bounds. `privacy` is that of the file when the text was
-/// read. Does not access any file.
+/// Same for a text in memory. Leaves relative paths unchanged. With an
+/// `environment` other than that of the process, the result depends only on the arguments.
+tl::expected<Config, ConfigErrors> parse_config(
+    std::string_view text, const Environment& environment = process_environment,
+    FilePrivacy privacy = FilePrivacy::shared, const ReadBounds& bounds = {});
+/// As config_of_file() above, within bounds. `privacy` is that of the file when the text was read.
+/// Does not access any file.
 tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text,
                                                   FilePrivacy privacy,
                                                   const ReadBounds& bounds = {});

@@ -4,7 +4,6 @@
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
-#include <vector>
 
 namespace fxagent {
 
@@ -19,12 +18,7 @@ class PlainTopic final {
   std::string filter() const;
 
  private:
-  enum class Part : unsigned char { text, device, group, tag };
-  struct Piece {
-    Part part = Part::text;
-    std::string text;
-  };
-  std::vector<Piece> pieces_;
+  std::string shape_;  ///< the template, with a control character in place of each name
 };
 
 }  // namespace fxagent

@@ -105,8 +105,7 @@ void Field::yield(std::string link, std::chrono::minutes time, std::string text,
                   std::function<void(Reason)> told) {
   asio::post(field_->io, [field = field_.get(), link = std::move(link), time,
                           text = std::move(text), told = std::move(told)]() mutable {
-    if (time.count() == 0) return field->links.take_back(link, std::move(told));
-    field->links.yield(link, std::chrono::steady_clock::now() + time, text, std::move(told));
+    field->links.yield(link, time, text, std::move(told));
   });
 }
 

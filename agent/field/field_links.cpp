@@ -122,24 +122,14 @@ void FieldLinks::take(AdmittedCommand admitted) {
   worker->submit(std::move(admitted));
 }
 
-LinkWorker* FieldLinks::worker_of(const std::string& link) {
+void FieldLinks::yield(const std::string& link, std::chrono::minutes time, const std::string& text,
+                       LinkWorker::Told told) {
   const auto place = std::ranges::find_if(places_, [&](const Place& each) {
     return each.worker && !each.ends && each.runs && each.name == link;
   });
-  return place == places_.end() ? nullptr : place->worker.get();
-}
-
-void FieldLinks::yield(const std::string& link, SteadyTime until, const std::string& text,
-                       LinkWorker::Told told) {
-  LinkWorker* worker = worker_of(link);
-  if (worker == nullptr) return told(stopping_ ? Reason::shutting_down : Reason::reloading);
-  worker->yield(until, text, std::move(told));
-}
-
-void FieldLinks::take_back(const std::string& link, LinkWorker::Told told) {
-  LinkWorker* worker = worker_of(link);
-  if (worker == nullptr) return told(stopping_ ? Reason::shutting_down : Reason::reloading);
-  worker->take_back(std::move(told));
+  if (place == places_.end()) return told(stopping_ ? Reason::shutting_down : Reason::reloading);
+  if (time.count() == 0) return place->worker->take_back(std::move(told));
+  place->worker->yield(std::chrono::steady_clock::now() + time, text, std::move(told));
 }
 
 void FieldLinks::number_above(const std::vector<std::uint64_t>& last_seq) {

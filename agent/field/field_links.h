@@ -47,10 +47,9 @@ class FieldLinks final {
 
   /// Hands a command to its link. Its result, whatever it is, goes to the outbox.
   void take(AdmittedCommand admitted);
-  /// See LinkWorker. Without such a link, `told` gets Reason::reloading.
-  void yield(const std::string& link, SteadyTime until, const std::string& text,
+  /// As Field::yield(). Without such a link, `told` gets Reason::reloading.
+  void yield(const std::string& link, std::chrono::minutes time, const std::string& text,
              LinkWorker::Told told);
-  void take_back(const std::string& link, LinkWorker::Told told);
   /// Continues sequence numbers above these, by device.
   void number_above(const std::vector<std::uint64_t>& last_seq);
   /// Puts the current counters into the outbox.
@@ -87,8 +86,6 @@ class FieldLinks final {
   void spawn(std::uint32_t link);
   void leave_if_over();
   LinkWorker* worker_of(const DeviceConfig& device);
-  /// Returns the worker of the link of this name; nullptr if there is none, or it ends.
-  LinkWorker* worker_of(const std::string& link);
   void link_left(std::uint32_t link);
   void left(const std::vector<DepartedDevice>& gone);
   void begin_next();

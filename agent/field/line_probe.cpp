@@ -19,9 +19,7 @@ constexpr std::chrono::seconds kOpening{3};
 constexpr std::size_t kMostBytes = 4096;  // longer than any answer with its echo
 
 bool is_question(const Request& request) {
-  const auto* control = std::get_if<Control>(&request);
-  return is_read(request) || std::holds_alternative<Enquire>(request) ||
-         (control != nullptr && control->kind == Control::Kind::identify);
+  return brings_data(request) || std::holds_alternative<Enquire>(request);
 }
 
 }  // namespace

@@ -2,18 +2,51 @@
 
 #include <algorithm>
 #include <array>
-#include <utility>
 #include <variant>
 
 namespace fxagent {
 namespace {
 
-constexpr std::array<std::pair<Op, std::string_view>, 6> kOps{{{Op::write, "write"},
-                                                               {Op::force_on, "force_on"},
-                                                               {Op::force_off, "force_off"},
-                                                               {Op::read, "read"},
-                                                               {Op::run, "run"},
-                                                               {Op::stop, "stop"}}};
+// Words of the enumerators, in their order.
+constexpr auto kOps =
+    std::to_array<std::string_view>({"write", "force_on", "force_off", "read", "run", "stop"});
+constexpr auto kReasons = std::to_array<std::string_view>({"",
+                                                           "too_large",
+                                                           "bad_json",
+                                                           "missing_id",
+                                                           "duplicate_id",
+                                                           "retained",
+                                                           "unknown_device",
+                                                           "bad_op",
+                                                           "unknown_tag",
+                                                           "bad_address",
+                                                           "not_writable",
+                                                           "not_allowed",
+                                                           "bad_value",
+                                                           "out_of_range",
+                                                           "expired",
+                                                           "queue_full",
+                                                           "conflict",
+                                                           "expect_mismatch",
+                                                           "nak",
+                                                           "timeout",
+                                                           "bad_frame",
+                                                           "link_down",
+                                                           "device_offline",
+                                                           "verify_mismatch",
+                                                           "broadcast",
+                                                           "shutting_down",
+                                                           "reloading",
+                                                           "yielded",
+                                                           "store_unavailable",
+                                                           "interrupted"});
+constexpr auto kAnswers = std::to_array<std::string_view>({"", "ACK", "NAK"});
+constexpr auto kStatuses = std::to_array<std::string_view>(
+    {"SUCCEEDED", "FAILED", "PARTIAL", "REJECTED", "EXPIRED", "DUPLICATE", "UNKNOWN_OUTCOME"});
+static_assert(kOps.size() == static_cast<std::size_t>(Op::stop) + 1);
+static_assert(kReasons.size() == static_cast<std::size_t>(Reason::interrupted) + 1);
+static_assert(kAnswers.size() == static_cast<std::size_t>(PlcAnswer::nak) + 1);
+static_assert(kStatuses.size() == kCommandStatuses.size());
 
 }  // namespace
 
@@ -27,115 +60,18 @@ void FrameTrace::add(WireFrame::Way way, ByteView bytes) {
   frames_.push_back({way, Bytes(bytes.begin(), bytes.end())});
 }
 
-std::string_view to_string(Op op) {
-  const auto* found =
-      std::find_if(kOps.begin(), kOps.end(), [op](const auto& known) { return known.first == op; });
-  return found == kOps.end() ? std::string_view() : found->second;
-}
+std::string_view to_string(Op op) { return kOps[static_cast<std::size_t>(op)]; }
 
 std::optional<Op> op_from(std::string_view word) {
-  const auto* found = std::find_if(kOps.begin(), kOps.end(),
-                                   [word](const auto& known) { return known.second == word; });
+  const auto found = std::ranges::find(kOps, word);
   if (found == kOps.end()) return std::nullopt;
-  return found->first;
+  return static_cast<Op>(found - kOps.begin());
 }
 
-std::string_view to_string(Reason reason) {
-  switch (reason) {
-    case Reason::none:
-      return "";
-    case Reason::too_large:
-      return "too_large";
-    case Reason::bad_json:
-      return "bad_json";
-    case Reason::missing_id:
-      return "missing_id";
-    case Reason::duplicate_id:
-      return "duplicate_id";
-    case Reason::retained:
-      return "retained";
-    case Reason::unknown_device:
-      return "unknown_device";
-    case Reason::bad_op:
-      return "bad_op";
-    case Reason::unknown_tag:
-      return "unknown_tag";
-    case Reason::bad_address:
-      return "bad_address";
-    case Reason::not_writable:
-      return "not_writable";
-    case Reason::not_allowed:
-      return "not_allowed";
-    case Reason::bad_value:
-      return "bad_value";
-    case Reason::out_of_range:
-      return "out_of_range";
-    case Reason::expired:
-      return "expired";
-    case Reason::queue_full:
-      return "queue_full";
-    case Reason::conflict:
-      return "conflict";
-    case Reason::expect_mismatch:
-      return "expect_mismatch";
-    case Reason::nak:
-      return "nak";
-    case Reason::timeout:
-      return "timeout";
-    case Reason::bad_frame:
-      return "bad_frame";
-    case Reason::link_down:
-      return "link_down";
-    case Reason::device_offline:
-      return "device_offline";
-    case Reason::verify_mismatch:
-      return "verify_mismatch";
-    case Reason::broadcast:
-      return "broadcast";
-    case Reason::shutting_down:
-      return "shutting_down";
-    case Reason::reloading:
-      return "reloading";
-    case Reason::yielded:
-      return "yielded";
-    case Reason::store_unavailable:
-      return "store_unavailable";
-    case Reason::interrupted:
-      return "interrupted";
-  }
-  return "";
-}
-
-std::string_view to_string(PlcAnswer answer) {
-  switch (answer) {
-    case PlcAnswer::none:
-      return "";
-    case PlcAnswer::ack:
-      return "ACK";
-    case PlcAnswer::nak:
-      return "NAK";
-  }
-  return "";
-}
-
+std::string_view to_string(Reason reason) { return kReasons[static_cast<std::size_t>(reason)]; }
+std::string_view to_string(PlcAnswer answer) { return kAnswers[static_cast<std::size_t>(answer)]; }
 std::string_view to_string(CommandStatus status) {
-  switch (status) {
-    case CommandStatus::succeeded:
-      return "SUCCEEDED";
-    case CommandStatus::failed:
-      return "FAILED";
-    case CommandStatus::partial:
-      return "PARTIAL";
-    case CommandStatus::rejected:
-      return "REJECTED";
-    case CommandStatus::expired:
-      return "EXPIRED";
-    case CommandStatus::duplicate:
-      return "DUPLICATE";
-    case CommandStatus::unknown_outcome:
-      return "UNKNOWN_OUTCOME";
-  }
-  return "UNKNOWN_OUTCOME";
+  return kStatuses[static_cast<std::size_t>(status)];
 }
 
 namespace {

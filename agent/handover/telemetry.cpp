@@ -1,37 +1,22 @@
 #include "agent/handover/telemetry.h"
 
+#include <array>
+#include <cstddef>
+
 namespace fxagent {
 
 std::string_view to_string(BadReason reason) {
-  switch (reason) {
-    case BadReason::timeout:
-      return "timeout";
-    case BadReason::nak:
-      return "nak";
-    case BadReason::bad_frame:
-      return "bad_frame";
-    case BadReason::link_down:
-      return "link_down";
-    case BadReason::unsupported:
-      return "unsupported";
-    case BadReason::bad_value:
-      return "bad_value";
-  }
-  return "bad_value";
+  constexpr auto kWords = std::to_array<std::string_view>(
+      {"timeout", "nak", "bad_frame", "link_down", "unsupported", "bad_value"});
+  static_assert(kWords.size() == static_cast<std::size_t>(BadReason::bad_value) + 1);
+  return kWords[static_cast<std::size_t>(reason)];
 }
 
 std::string_view to_string(DeviceStatus::State state) {
-  switch (state) {
-    case DeviceStatus::State::offline:
-      return "offline";
-    case DeviceStatus::State::yielded:
-      return "yielded";
-    case DeviceStatus::State::degraded:
-      return "degraded";
-    case DeviceStatus::State::online:
-      return "online";
-  }
-  return "offline";
+  constexpr auto kWords =
+      std::to_array<std::string_view>({"offline", "yielded", "degraded", "online"});
+  static_assert(kWords.size() == static_cast<std::size_t>(DeviceStatus::State::online) + 1);
+  return kWords[static_cast<std::size_t>(state)];
 }
 
 }  // namespace fxagent

@@ -34,7 +34,7 @@ double in_seconds(std::chrono::nanoseconds duration) {
   return std::chrono::duration<double>(duration).count();
 }
 
-// ---- metrics of each link, device and sample ----------------------------------------------------
+// ---- metrics of each link and sample -----------------------------------------------------------
 
 struct OfLink {
   std::string_view name;
@@ -66,17 +66,6 @@ constexpr std::array kOfLinks{
            "Share of the line time that the poll intervals need; above 1 every group is polled "
            "less often.",
            kGauge, [](const LinkHealth& link) { return link.load_percent / 100; }}};
-
-struct OfDevice {
-  std::string_view name;
-  std::string_view help;
-  double (*value)(const DeviceHealth&);
-};
-constexpr std::array kOfDevices{
-    OfDevice{"fxagent_polls_total", "Poll cycles begun.",
-             [](const DeviceHealth& device) { return number(device.polls); }},
-    OfDevice{"fxagent_missed_polls_total", "Poll intervals skipped.",
-             [](const DeviceHealth& device) { return number(device.missed); }}};
 
 struct OfSamples {
   std::string_view name;
@@ -275,47 +264,40 @@ class Page final {
     for_each_link(count, [&](std::size_t i) { add(link(i), durations[i].lateness); });
   }
 
-  /// Adds a family with a series for each device that `value` returns a number for.
-  template <class Value>
-  void of_each_device(std::string_view name, MetricType type, std::string_view help, Value value) {
+  /// Adds a family with a series for each device that `value` returns a number for. `list` is
+  /// indexed as Config::devices, and may be shorter.
+  template <class List, class Value>
+  void of_each_device(std::string_view name, MetricType type, std::string_view help,
+                      const List& list, Value value) {
     begin(name, type, help);
-    for (std::size_t i = 0; i < config_.devices.size(); ++i) {
+    for (std::size_t i = 0; i < std::min(list.size(), config_.devices.size()); ++i) {
       if (config_.devices[i].is_vacant()) continue;
-      if (const std::optional<double> known = value(i)) add(device(i), *known);
+      if (const std::optional<double> known = value(list[i])) add(device(i), *known);
     }
   }
 
   void of_devices() {
     using State = DeviceStatus::State;
-    const auto whether = [this](auto is_so) {
-      return [this, is_so](std::size_t i) -> std::optional<double> {
-        if (i >= status_.devices.size() || status_.devices[i] == nullptr) return std::nullopt;
-        return yes(is_so(status_.devices[i]->state));
+    const auto whether = [](auto is_so) {
+      return [is_so](const auto& device) {
+        return device == nullptr ? std::nullopt : std::optional(yes(is_so(device->state)));
       };
     };
-    of_each_device("fxagent_device_up", kGauge, "1 if the device answers.",
+    of_each_device("fxagent_device_up", kGauge, "1 if the device answers.", status_.devices,
                    whether([](State state) { return state >= State::degraded; }));
     of_each_device("fxagent_device_degraded", kGauge,
                    "1 if the device answers but a tag is bad or its model is not known.",
-                   whether([](State state) { return state == State::degraded; }));
-    for (const OfDevice& each : kOfDevices)
-      of_each_device(each.name, kCounter, each.help, [&](std::size_t i) -> std::optional<double> {
-        const auto& devices = status_.field->devices;
-        if (i >= devices.size()) return std::nullopt;
-        return each.value(devices[i]);
-      });
+                   status_.devices, whether([](State state) { return state == State::degraded; }));
+    const auto& counters = status_.field->devices;
+    of_each_device("fxagent_polls_total", kCounter, "Poll cycles begun.", counters,
+                   [](const DeviceHealth& device) { return number(device.polls); });
+    of_each_device("fxagent_missed_polls_total", kCounter, "Poll intervals skipped.", counters,
+                   [](const DeviceHealth& device) { return number(device.missed); });
     of_each_device("fxagent_device_samples_dropped_total", kCounter,
-                   "Samples of the device that are lost.",
-                   [this](std::size_t i) -> std::optional<double> {
-                     if (i >= status_.dropped.size()) return std::nullopt;
-                     return number(status_.dropped[i]);
-                   });
+                   "Samples of the device that are lost.", status_.dropped, number);
     of_each_device("fxagent_device_samples_refused", kGauge,
-                   "1 if the broker refuses the device's samples now.",
-                   [this](std::size_t i) -> std::optional<double> {
-                     if (i >= status_.refused.size()) return std::nullopt;
-                     return yes(!status_.refused[i].empty());
-                   });
+                   "1 if the broker refuses the device's samples now.", status_.refused,
+                   [](const std::string& why) { return yes(!why.empty()); });
   }
 
   void of_connections() {

@@ -9,9 +9,9 @@
 
 #include "agent/config/model.h"
 #include "agent/http/page_config.h"
-#include "agent/http/page_frames.h"
 #include "agent/http/page_verdict.h"
 #include "agent/log/recent_events.h"
+#include "agent/recorder/replay.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 
@@ -22,6 +22,7 @@ using json::Writer;
 using namespace std::literals;
 
 constexpr std::size_t kMostProblems = 50;
+constexpr std::size_t kMostFrames = 200;  // in one answer: the newest
 
 HttpAnswer json_answer(unsigned status, std::string text) {
   return {status, kJson, std::make_shared<const std::string>(std::move(text)), {}};
@@ -210,6 +211,30 @@ void write_events(Writer& out, std::uint64_t after) {
     out.key("text").string(event.text).key("count").integer(event.count).end_object();
   }
   out.end_array();
+}
+
+/// Returns the frames numbered `since` or higher as JSON, each explained field by field.
+std::string page_frames(const FrameRing& ring, std::uint64_t since) {
+  RecordedFrames newest = ring.frames(since, kMostFrames);
+  Recording recording;
+  recording.devices = std::move(newest.devices);
+  recording.frames = std::move(newest.frames);
+  const Replay replay(std::move(recording));
+  json::Writer out;
+  out.begin_object().key("next").integer(newest.next).key("frames").begin_array();
+  for (const RecordedFrame& frame : replay.recording().frames) {
+    const auto explanation = replay.explain(frame);
+    out.begin_object().key("at_us").integer(frame.at_us).key("way").string(to_string(frame.way));
+    out.key("device").string(replay.device_of(frame)).key("after_ms").milliseconds(frame.after);
+    out.key("hex").string(to_hex(frame.bytes)).key("says").string(meaning_of(frame, explanation));
+    out.key("fields").begin_array();
+    if (explanation)
+      for (const auto& [name, value] : explanation->fields)
+        out.begin_array().string(name).string(value).end_array();
+    out.end_array().end_object();
+  }
+  out.end_array().end_object();
+  return out.take();
 }
 
 }  // namespace

@@ -224,17 +224,7 @@ class Examination final {
 
 }  // namespace
 
-std::string_view to_string(Severity severity) {
-  switch (severity) {
-    case Severity::ok:
-      return "ok";
-    case Severity::warn:
-      return "warn";
-    case Severity::bad:
-      break;
-  }
-  return "bad";
-}
+std::string_view to_string(Severity severity) { return severity == Severity::bad ? "bad" : "warn"; }
 
 Verdict verdict_of(const AgentStatus& status, std::int64_t dropped_ms) {
   return Examination(status, dropped_ms).verdict();

@@ -10,7 +10,7 @@
 
 namespace fxagent {
 
-enum class Severity : std::uint8_t { ok, warn, bad };
+enum class Severity : std::uint8_t { warn, bad };
 std::string_view to_string(Severity severity);
 
 /// One thing that is wrong.

@@ -23,36 +23,19 @@ using std::string_view_literals::operator""sv;
 constexpr std::int64_t kString = 13;
 constexpr std::int64_t kWrite = 2;  // bit of the attribute
 
+/// Types of Neuron's API by number: as a sheet names them, and as a config does; empty: none.
+constexpr std::array<std::string_view, 19> kNeuronTypes{
+    "",       "INT8", "UINT8", "INT16",  "UINT16", "INT32", "UINT32", "INT64", "UINT64", "FLOAT",
+    "DOUBLE", "BIT",  "BOOL",  "STRING", "BYTES",  "ERROR", "WORD",   "DWORD", "LWORD"};
+constexpr std::array<std::string_view, 19> kConfigTypes{
+    "",        "",     "",     "int16",  "uint16", "int32", "uint32", "int64",  "uint64", "float32",
+    "float64", "bool", "bool", "string", "",       "",      "uint16", "uint32", "uint64"};
+
 /// Converts the number of a type; empty if a config has no such type.
 std::string_view type_of(std::int64_t number) {
-  switch (number) {
-    case 3:
-      return "int16";
-    case 4:
-    case 16:  // WORD
-      return "uint16";
-    case 5:
-      return "int32";
-    case 6:
-    case 17:  // DWORD
-      return "uint32";
-    case 7:
-      return "int64";
-    case 8:
-    case 18:  // LWORD
-      return "uint64";
-    case 9:
-      return "float32";
-    case 10:
-      return "float64";
-    case 11:  // BIT
-    case 12:
-      return "bool";
-    case kString:
-      return "string";
-    default:
-      return {};
-  }
+  return number >= 0 && number < std::ssize(kConfigTypes)
+             ? kConfigTypes[static_cast<std::size_t>(number)]
+             : "";
 }
 
 /// Converts the suffix after the #, with ABCD being 1,2,3,4; empty: unknown.
@@ -68,13 +51,6 @@ std::string_view order_of(std::string_view endian) {
 std::string_view order_of(std::int64_t code) {
   constexpr std::array<std::string_view, 5> kOrders{"", "ABCD", "BADC", "DCBA", "CDAB"};
   return code > 0 && code < std::ssize(kOrders) ? kOrders[static_cast<std::size_t>(code)] : "";
-}
-
-/// Converts the number in `baud`; 0: unknown.
-std::int64_t baud_of(std::int64_t code) {
-  constexpr std::array<int, 13> kBauds{115200, 57600, 38400, 19200, 9600, 4800, 2400,
-                                       1800,   1200,  600,   300,   200,  150};
-  return code >= 0 && code < std::ssize(kBauds) ? kBauds[static_cast<std::size_t>(code)] : 0;
 }
 
 /// Returns the protocol of a plugin; empty if it is not supported.
@@ -258,39 +234,22 @@ std::string NeuronReader::port_of(const Driver& driver, std::string_view protoco
 JsonObject NeuronReader::serial_of(const Driver& driver, std::string_view protocol) {
   JsonObject serial;
   if (driver.params == nullptr) return serial;
-  const auto code_of = [&](std::string_view key,
-                           std::int64_t usual) -> std::optional<std::int64_t> {
-    const auto code = integer_at(*driver.params, key);
-    return code || !protocol.starts_with("modbus") ? code : std::optional(usual);
+  const auto take = [&](std::string_view key, std::string_view ours, std::int64_t usual,
+                        const JsonObject& meanings) {
+    auto code = integer_at(*driver.params, key);
+    if (!code && protocol.starts_with("modbus")) code = usual;
+    if (!code) return;
+    if (*code >= 0 && *code < std::ssize(meanings))
+      serial[ours] = meanings[static_cast<std::size_t>(*code)];
+    else
+      out_.note(line_of(*driver.node), "not imported: " + std::string(key) + " " +
+                                           std::to_string(*code) + ", which has no meaning here");
   };
-  const auto tell = [&](std::string_view key, std::int64_t code) {
-    out_.note(line_of(*driver.node), "not imported: " + std::string(key) + " " +
-                                         std::to_string(code) + ", which has no meaning here");
-  };
-  if (const auto code = code_of("baud", 4)) {
-    if (const auto baud = baud_of(*code); baud > 0)
-      serial["baud"] = baud;
-    else
-      tell("baud", *code);
-  }
-  if (const auto code = code_of("data", 3)) {
-    if (*code >= 0 && *code <= 3)
-      serial["data_bits"] = *code + 5;
-    else
-      tell("data", *code);
-  }
-  if (const auto code = code_of("parity", 0)) {
-    if (*code >= 0 && *code <= 2)
-      serial["parity"] = *code == 0 ? "none" : *code == 1 ? "odd" : "even";
-    else
-      tell("parity", *code);
-  }
-  if (const auto code = code_of("stop", 0)) {
-    if (*code == 0 || *code == 1)
-      serial["stop_bits"] = *code + 1;
-    else
-      tell("stop", *code);
-  }
+  take("baud", "baud", 4,
+       {115200, 57600, 38400, 19200, 9600, 4800, 2400, 1800, 1200, 600, 300, 200, 150});
+  take("data", "data_bits", 3, {5, 6, 7, 8});
+  take("parity", "parity", 0, {"none", "odd", "even"});
+  take("stop", "stop_bits", 0, {1, 2});
   return serial;
 }
 
@@ -445,9 +404,6 @@ bool is_sheet(const std::vector<CsvRow>& rows) {
 
 /// Returns the number of a type by its name in the sheet; past the last type if unknown.
 std::int64_t type_named(std::string_view name) {
-  constexpr std::array<std::string_view, 19> kNeuronTypes{
-      "",       "INT8", "UINT8", "INT16",  "UINT16", "INT32", "UINT32", "INT64", "UINT64", "FLOAT",
-      "DOUBLE", "BIT",  "BOOL",  "STRING", "BYTES",  "ERROR", "WORD",   "DWORD", "LWORD"};
   return std::ranges::find(kNeuronTypes, name) - kNeuronTypes.begin();
 }
 

@@ -18,22 +18,10 @@ using std::string_view_literals::operator""sv;
 
 /// Converts a Modbus function code to the leading digit of its table.
 char table_of(std::int64_t function) {
-  switch (function) {
-    case 1:
-    case 5:
-    case 15:
-      return '0';
-    case 2:
-      return '1';
-    case 3:
-    case 6:
-    case 16:
-      return '4';
-    case 4:
-      return '3';
-    default:
-      return '?';
-  }
+  if (function == 1 || function == 5 || function == 15) return '0';
+  if (function == 2) return '1';
+  if (function == 4) return '3';
+  return function == 3 || function == 6 || function == 16 ? '4' : '?';
 }
 
 bool writes(std::int64_t function) {

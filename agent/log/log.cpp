@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cstdio>
 #include <exception>
@@ -37,18 +38,12 @@ struct Words {
 };
 constexpr Words kTrace{"trace", "<7>"};
 
-Words words_of(Level level) {
-  switch (level) {
-    case Level::debug:
-      return {"debug", "<7>"};
-    case Level::info:
-      return {"info", "<6>"};
-    case Level::warn:
-      return {"warning", "<4>"};
-    case Level::error:
-      break;
-  }
-  return {"error", "<3>"};
+const Words& words_of(Level level) {
+  static constexpr std::array<Words, 4> kWords{
+      // by Level
+      {{"debug", "<7>"}, {"info", "<6>"}, {"warning", "<4>"}, {"error", "<3>"}}};
+  static_assert(kWords.size() == static_cast<std::size_t>(Level::error) + 1);
+  return kWords[static_cast<std::size_t>(level)];
 }
 
 bool is_json() { return line_format.load(std::memory_order_relaxed) == Format::json; }

@@ -2,7 +2,6 @@
 
 #include "agent/text/text.h"
 
-#include <dirent.h>
 #include <grp.h>
 #include <pwd.h>
 #include <sys/stat.h>
@@ -28,26 +27,15 @@ namespace {
 // Limit of open files that are examined, over all processes.
 constexpr int kMostFiles = 5000;
 
-struct CloseDirectory {
-  void operator()(DIR* directory) const { ::closedir(directory); }
-};
-using Directory = std::unique_ptr<DIR, CloseDirectory>;
-
-Directory open_directory(const std::string& path) { return Directory(::opendir(path.c_str())); }
-
-/// Returns the next entry that is a number; nullopt: there are none left.
-std::optional<int> next_number(DIR* directory) {
-  // No other thread reads this stream.
-  while (const dirent* entry = ::readdir(directory)) {  // NOLINT(concurrency-mt-unsafe)
-    if (const auto number = number_from<int>(entry->d_name)) return number;
-  }
-  return std::nullopt;
-}
-
-std::string link_target(const std::string& path) {
-  std::array<char, PATH_MAX> target{};
-  const auto length = ::readlink(path.c_str(), target.data(), target.size());
-  return length < 0 ? std::string() : std::string(target.data(), static_cast<std::size_t>(length));
+/// Returns the entries that are numbers; none if this user may not see the directory.
+std::vector<int> numbers_in(const std::string& directory) {
+  std::vector<int> numbers;
+  std::error_code unseen;
+  std::filesystem::directory_iterator entry(directory, unseen);
+  for (; entry != std::filesystem::directory_iterator(); entry.increment(unseen))
+    if (const auto number = number_from<int>(entry->path().filename().native()))
+      numbers.push_back(*number);
+  return numbers;
 }
 
 std::string program_of(int pid) {
@@ -80,17 +68,17 @@ std::vector<std::string> files_named_by(int pid, const std::vector<std::string>&
 /// Searches the open files of processes; only root sees those of other users. Skips the maker of a
 /// pseudo-terminal, such as a simulator, because it has both ends open.
 std::optional<int> holder_by_files(const std::string& real_path) {
-  const Directory processes = open_directory("/proc");
   int files = 0;
-  while (const auto pid = processes ? next_number(processes.get()) : std::nullopt) {
-    if (*pid == ::getpid()) continue;
-    const std::string of_process = "/proc/" + std::to_string(*pid) + "/fd";
-    const Directory open_files = open_directory(of_process);
+  for (const int pid : numbers_in("/proc")) {
+    if (pid == ::getpid()) continue;
+    const std::string open_files = "/proc/" + std::to_string(pid) + "/fd";
     bool has_it = false;
     bool is_maker = false;
-    while (const auto file = open_files ? next_number(open_files.get()) : std::nullopt) {
+    for (const int file : numbers_in(open_files)) {
       if (++files > kMostFiles) return std::nullopt;
-      const std::string target = link_target(of_process + "/" + std::to_string(*file));
+      std::error_code unseen;
+      const auto target =
+          std::filesystem::read_symlink(open_files + "/" + std::to_string(file), unseen);
       has_it |= target == real_path;
       is_maker |= target == "/dev/ptmx" || target == "/dev/pts/ptmx";
     }
@@ -205,12 +193,11 @@ bool is_called_with(int pid, const std::string& path) {
 
 std::vector<CalledProcess> processes_called(std::string_view program, std::string_view word) {
   std::vector<CalledProcess> found;
-  const Directory processes = open_directory("/proc");
-  while (const auto pid = processes ? next_number(processes.get()) : std::nullopt) {
-    if (*pid == ::getpid() || program_of(*pid) != program) continue;
-    const auto arguments = arguments_of(*pid);
+  for (const int pid : numbers_in("/proc")) {
+    if (pid == ::getpid() || program_of(pid) != program) continue;
+    const auto arguments = arguments_of(pid);
     if (std::ranges::count(arguments, word) > 0)
-      found.push_back({*pid, files_named_by(*pid, arguments)});
+      found.push_back({pid, files_named_by(pid, arguments)});
   }
   return found;
 }

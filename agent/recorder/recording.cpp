@@ -65,13 +65,6 @@ std::optional<OptionValue> option_value(const ProtocolInfo& protocol, std::strin
   return std::nullopt;
 }
 
-std::shared_ptr<const Codec> codec_of(const RecordedDevice& device) {
-  const ProtocolInfo* protocol = find_protocol(device.protocol);
-  if (protocol == nullptr) return nullptr;
-  auto codec = protocol->make(device.options);
-  return codec ? std::move(*codec) : nullptr;
-}
-
 std::string device_lines(std::size_t index, const RecordedDevice& device) {
   const std::string number = std::to_string(index);
   std::string text = "device " + number + " " + device.name + " " + device.protocol;
@@ -85,7 +78,7 @@ std::string device_lines(std::size_t index, const RecordedDevice& device) {
 }
 
 void append_frame(std::string& text, const RecordedFrame& frame) {
-  text += utc_us_text(frame.at_us) + ' ' + std::string(kWays[static_cast<std::size_t>(frame.way)]);
+  text += utc_us_text(frame.at_us) + ' ' + std::string(to_string(frame.way));
   text += ' ';
   text += frame.device == kNoDevice ? "-" : std::to_string(frame.device);
   char after[32];
@@ -220,6 +213,15 @@ class Reader final {
 };
 
 }  // namespace
+
+std::string_view to_string(Way way) { return kWays[static_cast<std::size_t>(way)]; }
+
+std::shared_ptr<const Codec> codec_of(const RecordedDevice& device) {
+  const ProtocolInfo* protocol = find_protocol(device.protocol);
+  if (protocol == nullptr) return nullptr;
+  auto codec = protocol->make(device.options);
+  return codec ? std::move(*codec) : nullptr;
+}
 
 NumberPlace number_place(const Codec& codec) {
   if (codec.after_silence() != Recovery::none) return {};

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
@@ -39,6 +40,12 @@ struct Recording {
   std::vector<RecordedDevice> devices{};
   std::vector<RecordedFrame> frames{};
 };
+
+/// Returns "out", "in", "failed" or "unasked".
+std::string_view to_string(RecordedFrame::Way way);
+
+/// Returns the codec of the device; null if there is none with its protocol and options.
+std::shared_ptr<const Codec> codec_of(const RecordedDevice& device);
 
 /// Formats µs UTC as "2026-11-21T08:30:15.250123Z".
 std::string utc_us_text(std::int64_t utc_us);

@@ -1,26 +1,14 @@
 #include "agent/recorder/replay.h"
 
-#include <array>
 #include <utility>
 
 #include "agent/text/text.h"
-#include "protocol/catalog.h"
 #include "protocol/explanation.h"
 
 namespace fxagent {
 
-std::string_view to_string(RecordedFrame::Way way) {
-  constexpr std::array<std::string_view, 4> kWords{"out", "in", "failed", "unasked"};
-  return kWords[static_cast<std::size_t>(way)];
-}
-
 Replay::Replay(Recording recording) : recording_(std::move(recording)) {
-  for (const RecordedDevice& device : recording_.devices) {
-    const ProtocolInfo* protocol = find_protocol(device.protocol);
-    auto codec = protocol == nullptr ? Result<std::shared_ptr<const Codec>>(nullptr)
-                                     : protocol->make(device.options);
-    codecs_.push_back(codec ? std::move(*codec) : nullptr);
-  }
+  for (const RecordedDevice& device : recording_.devices) codecs_.push_back(codec_of(device));
 }
 
 std::optional<Explanation> Replay::explain(const RecordedFrame& frame) const {

@@ -28,8 +28,6 @@ class Replay final {
   std::vector<std::shared_ptr<const Codec>> codecs_;
 };
 
-/// Returns "out", "in", "failed" or "unasked".
-std::string_view to_string(RecordedFrame::Way way);
 /// Returns the note of a frame, and its meaning if it has one, in one line. `explanation` is that
 /// of Replay::explain().
 std::string meaning_of(const RecordedFrame& frame, const std::optional<Explanation>& explanation);

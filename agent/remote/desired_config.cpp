@@ -102,11 +102,8 @@ bool names_variable(std::string_view text) {
   return false;
 }
 
-std::string escaped_token(std::string token) {
-  for (std::size_t at = 0; (at = token.find_first_of("~/", at)) != token.npos; at += 2)
-    token.replace(at, 1, token[at] == '~' ? "~0" : "~1");
-  return token;
-}
+/// Returns "/key", escaped.
+std::string token_of(const std::string& key) { return (Json::json_pointer() / key).to_string(); }
 
 class Merger {
  public:
@@ -152,8 +149,7 @@ class Merger {
     restore(section);
     const auto keys = config_section("");
     const bool is_key = std::ranges::find(keys, section, &ConfigKey::name) != keys.end();
-    error("/" + escaped_token(section),
-          is_key ? std::string(kNeedsTheFile) : "is not a section of a config");
+    error(token_of(section), is_key ? std::string(kNeedsTheFile) : "is not a section of a config");
   }
 
   void restrain(const std::string& section, std::string_view word, bool is_allowed) {
@@ -176,7 +172,7 @@ class Merger {
     Json mqtt = local_.at("mqtt");
     const Json& wanted = next_.at("mqtt");
     for (const auto& [key, value] : given.items()) {
-      const std::string pointer = "/mqtt/" + escaped_token(key);
+      const std::string pointer = "/mqtt" + token_of(key);
       // Reject even an unchanged secret: the answer would show whether a guess is right.
       if (std::ranges::find(kSecrets, key) != kSecrets.end())
         error(pointer, "cannot be set remotely, not even unchanged: remove it");
@@ -205,8 +201,7 @@ class Merger {
                    "a literal ${ write $${");
     }
     if (!value.is_structured()) return;
-    for (const auto& [key, inner] : value.items())
-      refuse_variables(inner, pointer + "/" + escaped_token(key));
+    for (const auto& [key, inner] : value.items()) refuse_variables(inner, pointer + token_of(key));
   }
 
   static std::string not_named(std::string_view word) {

@@ -17,8 +17,6 @@
 
 namespace fxagent {
 
-using ConfigErrors = std::vector<ConfigError>;
-
 inline constexpr std::size_t kMaxDesiredVersion = 64;  ///< bytes; the same for `by`
 /// Most JSON values in a document. A document of kMaxDesiredBytes that lists tags has half as many.
 inline constexpr std::size_t kMaxDesiredValues = 200'000;

@@ -18,15 +18,6 @@ struct KeptConfig {
   std::int64_t since_ms = 0;  ///< in force since, ms UTC
 };
 
-/// A document that is being judged, before any of it is in force. Kept because reading it may crash
-/// the process too.
-struct JudgedConfig {
-  std::string text;  ///< of the document; empty if an earlier version of the agent wrote it
-  std::string hash;  ///< of the document
-  std::string version;
-  std::string by;
-};
-
 /// A document that was rolled back. The agent does not try it again until a different one arrives.
 struct RolledBackConfig {
   std::string hash;  ///< of the document
@@ -50,8 +41,10 @@ struct KeptConfigs {
   std::optional<KeptConfig> trying{};
   /// The process was stopped during a trial or while judging, so its end proves nothing.
   bool stopped = false;
-  /// If a start finds it, the process ended while judging it.
-  std::optional<JudgedConfig> judged{};
+  /// The document that is being judged, before any of it is in force: reading it may crash the
+  /// process. If a start finds it, the process ended while judging it. Its text is empty if an
+  /// earlier version of the agent wrote it.
+  std::optional<DesiredConfig> judged{};
   std::optional<RolledBackConfig> rolled_back{};
 
   bool empty() const { return !good && !trying && !judged && !rolled_back; }

@@ -40,7 +40,7 @@ constexpr const char* kCannotBeKept =
 /// find it on disk. Returns nullopt if the process is stopping.
 tl::expected<std::optional<Config>, ConfigErrors> judge(const DesiredConfig& desired,
                                                         const LocalConfig& local, KeptFile& kept) {
-  kept.configs().judged = {desired.text, desired.hash, desired.version, desired.by};
+  kept.configs().judged = desired;
   if (const std::string why = kept.save(); !why.empty() && !local.limits().without_disk)
     return tl::unexpected(ConfigErrors{{"", 0, kCannotBeKept + why}});
   failpoint("remote_config_judged");

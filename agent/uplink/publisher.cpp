@@ -325,7 +325,11 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
     else
       session_.begin_anew(now);
   }
-  const auto last = numbers_to_join(begin, store_, utc_ms_());
+  // Without a store, numbers start at the clock, as at the agent's start.
+  const std::int64_t clock = utc_ms_();
+  const auto last = store_ != nullptr ? store_->samples().join(begin, clock)
+                                      : std::vector<std::uint64_t>(
+                                            begin.size(), static_cast<std::uint64_t>(clock));
   std::vector<std::uint64_t> by_index(change.config.devices.size());
   for (std::size_t i = 0; i < begin.size(); ++i)
     by_index[change.devices_begin[i]] = std::max(last[i], settings_.first_seq);

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "protocol/control_characters.h"
 #include "protocol/fx/link_frame.h"
-#include "protocol/scatter.h"
 
 namespace fxagent::fx {
 namespace {
@@ -12,12 +12,6 @@ using namespace link;
 
 // STX header, 256 bits, ETX, sum, CR LF.
 constexpr std::size_t kLongestFrame = kHeader + 256 + 1 + 2 + 2;
-
-bool brings_data(const Request& request) {
-  const auto* control = std::get_if<Control>(&request);
-  return std::holds_alternative<Read>(request) ||
-         (control != nullptr && control->kind == Control::Kind::identify);
-}
 
 /// Returns the characters of data in the answer to a read or to PC.
 std::uint32_t data_chars(const Request& request) {
@@ -92,8 +86,6 @@ Result<Address> ComputerLink::parse_address(std::string_view text,
   return fx::parse_address(settings_.model, text, type);
 }
 
-bool ComputerLink::needs_type(std::string_view text) const { return fx::needs_type(text); }
-
 Result<Span> ComputerLink::parse_range(std::string_view text) const {
   return fx::parse_range(settings_.model, text);
 }
@@ -106,8 +98,6 @@ Result<void> ComputerLink::check_write(const Span& span) const {
   return fx::check_write(settings_.model, span);
 }
 
-std::string ComputerLink::name_of(const Span& span) const { return device_name(span); }
-
 std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space) const {
   return link::read_ways(settings_, space);
 }
@@ -115,8 +105,6 @@ std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space) const {
 std::uint32_t ComputerLink::max_write_bits(std::uint16_t space) const {
   return link::max_write_bits(settings_, space);
 }
-
-ByteOrder ComputerLink::default_order() const { return ByteOrder::cdab; }
 
 Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/) const {
   return link::encode(settings_, request);
@@ -293,23 +281,17 @@ Explanation ComputerLink::explain(ByteView frame, std::optional<Direction> direc
 
 // ---- probe, model, RUN and STOP ----------------------------------------------------------------
 
-std::optional<Request> ComputerLink::resync() const { return Control{Control::Kind::reset}; }
-
 std::optional<Request> ComputerLink::probe(std::uint32_t number) const {
   Read probe = std::get<Read>(run_state());
   probe.span.bits += (number % kProbes);
   return probe;
 }
 
-std::vector<Request> ComputerLink::identify() const { return {Control{Control::Kind::identify}}; }
-
 std::optional<std::string> ComputerLink::model_from(const std::vector<Bytes>& images) const {
   if (images.empty() || images[0].empty()) return std::nullopt;
   const std::string_view name = link_model(images[0][0]);
   return name.empty() ? std::nullopt : std::optional(std::string(name));
 }
-
-std::string ComputerLink::model() const { return std::string(to_string(settings_.model)); }
 
 std::shared_ptr<const Codec> ComputerLink::with_model(std::string_view model) const {
   const auto known = model_named(model);
@@ -319,8 +301,6 @@ std::shared_ptr<const Codec> ComputerLink::with_model(std::string_view model) co
   return std::make_shared<const ComputerLink>(settings);
 }
 
-SpecialDevices ComputerLink::special_devices() const { return special_devices_of_fx(); }
-
 Request ComputerLink::run_state() const {
   return Read{span_of(Space::special_m, {8000, 8000}), kBitWay};
 }
@@ -328,10 +308,6 @@ Request ComputerLink::run_state() const {
 std::optional<bool> ComputerLink::run_state_from(ByteView image) const {
   if (image.empty()) return std::nullopt;
   return (image[0] & 1) != 0;
-}
-
-Request ComputerLink::run_request(bool run) const {
-  return Control{run ? Control::Kind::run : Control::Kind::stop};
 }
 
 std::string ComputerLink::run_hint() const {
@@ -346,12 +322,6 @@ RefusalMeaning ComputerLink::meaning_of(const Request& request, int device_code)
   if (device_code == kSumMismatch && !runs_or_stops) return RefusalMeaning::curable;
   const bool too_much = device_code == kNoDevice && std::holds_alternative<Read>(request);
   return too_much ? RefusalMeaning::hole : RefusalMeaning::final;
-}
-
-std::optional<Request> ComputerLink::combine(const std::vector<Request>& requests) const {
-  auto scatter = scatter_of(requests);
-  if (!scatter || !encode(*scatter, 0)) return std::nullopt;
-  return Request(std::move(*scatter));
 }
 
 }  // namespace fxagent::fx

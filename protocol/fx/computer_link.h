@@ -32,15 +32,14 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
 
   // AddressSpace
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
-  bool needs_type(std::string_view text) const override;
+  bool needs_type(std::string_view text) const override { return fx::needs_type(text); }
   Result<Span> parse_range(std::string_view text) const override;
   Result<void> check_range(const Span& span) const override;
   Result<void> check_write(const Span& span) const override;
 
-  std::string name_of(const Span& span) const override;
+  std::string name_of(const Span& span) const override { return device_name(span); }
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
   std::uint32_t max_write_bits(std::uint16_t space) const override;
-  ByteOrder default_order() const override;
 
   // Codec
   const AddressSpace& addresses() const override { return *this; }
@@ -54,22 +53,17 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   bool is_text() const override { return true; }
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
-  std::optional<Request> resync() const override;
+  std::optional<Request> resync() const override { return Control{Control::Kind::reset}; }
   std::optional<Request> probe(std::uint32_t number) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// Uses BT if all writes are bits and few, WT if all are whole 16-bit words, QT if there is an R
-  /// among them.
-  std::optional<Request> combine(const std::vector<Request>& requests) const override;
 
   // PlcServices
-  std::string model() const override;
-  std::vector<Request> identify() const override;
+  std::string model() const override { return std::string(to_string(settings_.model)); }
   std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
   std::shared_ptr<const Codec> with_model(std::string_view model) const override;
-  SpecialDevices special_devices() const override;
+  SpecialDevices special_devices() const override { return special_devices_of_fx(); }
   Request run_state() const override;
   std::optional<bool> run_state_from(ByteView image) const override;
-  Request run_request(bool run) const override;
   std::string run_hint() const override;
 
  private:

@@ -43,10 +43,7 @@ std::optional<std::uint16_t> d8120(const Options& options, const LineDefaults& l
 std::string d8120_for(const Options& options, const LineDefaults& line) {
   const auto word = d8120(options, line);
   if (!word) return "does D8120 have the speed, data bits and parity of this port";
-  Bytes digits;
-  append_hex(digits, *word, 4);
-  return "is D8120 H" + std::string(digits.begin(), digits.end()) + " (" + to_string(line) +
-         ", RS-485)";
+  return "is D8120 H" + hex_text(*word, 4) + " (" + to_string(line) + ", RS-485)";
 }
 
 }  // namespace fxagent::fx

@@ -59,15 +59,6 @@ constexpr std::string_view kForms = "X0 Y0 (octal) M0 S0 D0 R0 TN0 TS0 CN0 CS0, 
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-std::string in_octal(std::uint32_t number) {
-  std::string digits;
-  do {
-    digits.insert(digits.begin(), static_cast<char>('0' + number % 8));
-    number /= 8;
-  } while (number != 0);
-  return digits;
-}
-
 std::string_view model_text(Model model) {
   return model == Model::unknown ? "the widest model (FX3U)" : to_string(model);
 }
@@ -95,7 +86,7 @@ std::string not_octal(std::string_view name, std::string_view letters, std::stri
     before = before * 8 + (i < bad ? static_cast<std::uint32_t>(digits[i] - '0') : 7);
   const std::string head(letters);
   return std::string(name) + " does not exist: " + head + " is numbered in octal, after " + head +
-         in_octal(before) + " comes " + head + in_octal(before + 1);
+         digits_of(before, 8) + " comes " + head + digits_of(before + 1, 8);
 }
 
 /// Parts of a name: letters, number, and what surrounds them. Not checked against a model.
@@ -155,17 +146,12 @@ Result<Parts> take_apart(std::string_view text) {
 }
 
 /// Returns the space of a plain device. T and C already have their second letter.
-Space space_of(const std::string& letters, std::uint32_t number) {
-  if (letters == "X") return Space::x;
-  if (letters == "Y") return Space::y;
-  if (letters == "M") return number >= 8000 ? Space::special_m : Space::m;
-  if (letters == "S") return Space::s;
-  if (letters == "TS") return Space::ts;
-  if (letters == "TN") return Space::tn;
-  if (letters == "CS") return Space::cs;
-  if (letters == "R") return Space::r;
-  if (letters == "CN") return number >= 200 ? Space::cn32 : Space::cn;
-  return number >= 8000 ? Space::special_d : Space::d;
+Space space_of(std::string_view letters, std::uint32_t number) {
+  Space found = Space::d;
+  for (std::uint16_t i = 0; i < kSpaces; ++i)
+    if (kKinds[i].letters == letters && kKinds[i].first_number <= number)
+      found = static_cast<Space>(i);
+  return found;
 }
 
 tl::unexpected<Error> missing(Model model, const std::string& name, std::string_view letters) {
@@ -273,7 +259,7 @@ Span span_of(Space space, Numbers numbers) {
 
 std::string device_name(Space space, std::uint32_t number) {
   const DeviceKind& kind = kind_of(space);
-  return std::string(kind.letters) + (kind.octal ? in_octal(number) : std::to_string(number));
+  return std::string(kind.letters) + digits_of(number, kind.octal ? 8 : 10);
 }
 
 std::string device_name(const Span& span) {

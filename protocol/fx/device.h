@@ -84,22 +84,13 @@ std::string device_name(Space space, std::uint32_t number);
 /// Returns the name of the device that contains the span's first bit.
 std::string device_name(const Span& span);
 
-/// Parses a name. Accepts lower case and leading zeros. T5 and C5 mean the contact if `type` is
-/// bool, otherwise the value. Error: bad_request if the name does not exist, if its number is not
-/// octal, or if the model lacks the number.
+// As the functions of AddressSpace with these names. Names may be in lower case and have leading
+// zeros.
 Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type);
-/// True for T5 and C5, which name both a contact and a value.
 bool needs_type(std::string_view text);
-/// Parses "M100-M199", "Y0..Y7" or one device, for an allow list. Error: bad_request as
-/// parse_address(), and if the ends are of two kinds, if T or C lacks N or S, or if the range
-/// contains a device that is never written.
 Result<Span> parse_range(Model model, std::string_view text);
-/// Checks that the model has every device of `span`. Error: bad_request names the first that it
-/// lacks.
 Result<void> check_range(Model model, const Span& span);
-/// Checks that a write may replace exactly these bits: a single bit, whole bytes of a bit device,
-/// whole words. Error: bad_request for other bits, for devices that the model lacks, and for
-/// M8034-M8037 and M8118.
+/// Accepts a single bit, whole bytes of a bit device, and whole words.
 Result<void> check_write(Model model, const Span& span);
 
 }  // namespace fxagent::fx

@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 
+#include "protocol/control_characters.h"
 #include "protocol/fx/link_frame.h"
 #include "protocol/scatter.h"
 
@@ -31,13 +32,6 @@ bool has_word_way(Space space) { return space != Space::ts && space != Space::cs
 
 bool is_bit_space(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits == 1; }
 
-void append_decimal(Bytes& out, std::uint32_t number, std::size_t digits, std::uint32_t base) {
-  const std::size_t begin = out.size();
-  out.resize(begin + digits, '0');
-  for (std::size_t i = digits; i > 0; --i, number /= base)
-    out[begin + i - 1] = static_cast<std::uint8_t>('0' + number % base);
-}
-
 /// Characters of a device name: five, or seven in the Q commands, which alone reach R.
 constexpr std::size_t kShortName = 5;
 constexpr std::size_t kLongName = 7;
@@ -47,10 +41,9 @@ std::size_t name_chars(std::uint16_t space) {
 
 /// Appends "X0040": letters and number, `chars` in total.
 void append_device(Bytes& out, std::uint16_t space, std::uint32_t bit, std::size_t chars) {
-  const DeviceKind& kind = kind_of(static_cast<Space>(space));
-  out.insert(out.end(), kind.letters.begin(), kind.letters.end());
-  append_decimal(out, kind.first_number + bit / kind.bits, chars - kind.letters.size(),
-                 kind.octal ? 8 : 10);
+  std::string name = device_name({space, bit, 1});
+  name.insert(kind_of(static_cast<Space>(space)).letters.size(), chars - name.size(), '0');
+  out.insert(out.end(), name.begin(), name.end());
 }
 
 std::string_view read_command(const Read& read) {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "protocol/fx/port_frame.h"
+#include "protocol/control_characters.h"
 
 namespace fxagent::fx {
 namespace {
@@ -13,6 +13,8 @@ using Settings = ProgrammingPort::Settings;
 constexpr std::uint32_t kClassicBytes = 64;
 // An FX3U was observed to answer a request for FEh bytes by E00.
 constexpr std::uint32_t kFx3Bytes = 254;
+// STX before the payload; ETX and two digits of sum after it.
+constexpr std::uint32_t kEnvelope = 4;
 // The longest frame: the answer to a read of 254 bytes.
 constexpr std::size_t kLongestFrame = 2 * kFx3Bytes + kEnvelope;
 
@@ -198,8 +200,6 @@ Result<Address> ProgrammingPort::parse_address(std::string_view text,
   return reachable(fx::parse_address(settings_.model, text, type));
 }
 
-bool ProgrammingPort::needs_type(std::string_view text) const { return fx::needs_type(text); }
-
 Result<Span> ProgrammingPort::parse_range(std::string_view text) const {
   return reachable(fx::parse_range(settings_.model, text));
 }
@@ -212,8 +212,6 @@ Result<void> ProgrammingPort::check_range(const Span& span) const {
 Result<void> ProgrammingPort::check_write(const Span& span) const {
   return fx::check_write(settings_.model, span);
 }
-
-std::string ProgrammingPort::name_of(const Span& span) const { return device_name(span); }
 
 // ---- ways to read ------------------------------------------------------------------------------
 
@@ -301,8 +299,6 @@ std::uint32_t ProgrammingPort::max_write_bits(std::uint16_t space) const {
   return most_bits(settings_, space);
 }
 
-ByteOrder ProgrammingPort::default_order() const { return ByteOrder::cdab; }
-
 // ---- bytes --------------------------------------------------------------------------------------
 
 namespace {
@@ -384,8 +380,6 @@ Result<std::optional<Reply>> ProgrammingPort::decode(const Request& request, std
   return decode_acknowledge(rx);
 }
 
-bool ProgrammingPort::expects_reply(const Request& /*request*/) const { return true; }
-
 bool ProgrammingPort::may_pass_for_answer(ByteView bytes) const {
   return std::any_of(bytes.begin(), bytes.end(), [](std::uint8_t byte) {
     return byte == kAck || byte == kNak || byte == kStx;
@@ -412,8 +406,6 @@ Explanation ProgrammingPort::explain(ByteView frame, std::optional<Direction> di
 }
 
 // ---- probe, model, RUN and STOP ----------------------------------------------------------------
-
-std::optional<Request> ProgrammingPort::resync() const { return Enquire{}; }
 
 std::optional<Request> ProgrammingPort::probe(std::uint32_t number) const {
   Read probe = std::get<Read>(run_state());
@@ -453,8 +445,6 @@ std::optional<std::string> ProgrammingPort::model_from(const std::vector<Bytes>&
   }
 }
 
-std::string ProgrammingPort::model() const { return std::string(to_string(settings_.model)); }
-
 std::shared_ptr<const Codec> ProgrammingPort::with_model(std::string_view model) const {
   const auto known = model_named(model);
   if (!known) return nullptr;
@@ -462,8 +452,6 @@ std::shared_ptr<const Codec> ProgrammingPort::with_model(std::string_view model)
   settings.model = *known;
   return std::make_shared<const ProgrammingPort>(settings);
 }
-
-SpecialDevices ProgrammingPort::special_devices() const { return special_devices_of_fx(); }
 
 Request ProgrammingPort::run_state() const {
   // Until the model is known, only the classic address is known. Every FX has it.

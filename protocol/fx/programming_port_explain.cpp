@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <string>
 
+#include "protocol/control_characters.h"
 #include "protocol/frame_walk.h"
-#include "protocol/fx/port_frame.h"
 #include "protocol/fx/programming_port.h"
 
 namespace fxagent::fx {

@@ -1,8 +1,6 @@
 #include "protocol/mc/body.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 
 namespace fxagent::mc {
 namespace {
@@ -97,15 +95,9 @@ Result<void> Body::device(std::uint16_t space_id, std::uint32_t bit) {
     return fail(ErrorCode::unsupported, std::string(kind.letters) + " has no short name");
   std::string name(long_codes_ ? kind.letters : kind.ascii);
   name.resize(long_codes_ ? 4 : 2, '*');
-  std::array<char, 16> digits{};
-  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), number,
-                                 static_cast<int>(base_of(dialect_.model, space)))
-                       .ptr;
-  const auto used = static_cast<std::size_t>(end - digits.data());
+  const std::string digits = digits_of(number, base_of(dialect_.model, space));
   const std::size_t room = long_codes_ ? 8 : 6;
-  name.append(room - std::min(room, used), '0');
-  for (std::size_t i = 0; i < used; ++i)
-    name.push_back(digits[i] >= 'a' ? static_cast<char>(digits[i] - 'a' + 'A') : digits[i]);
+  name.append(room - std::min(room, digits.size()), '0').append(digits);
   out_.insert(out_.end(), name.begin(), name.end());
   return {};
 }

@@ -198,13 +198,6 @@ constexpr std::string_view kForms =
     "X0 Y0 M0 L0 F0 V0 B0 S0 SM0 SB0 D0 W0 R0 ZR0 SD0 SW0 Z0, TN0 STN0 CN0 LCN0 LTN0 LSTN0 LZ0, "
     "contacts TS0 STS0 CS0, coils TC0 STC0 CC0, T0 C0, D0.F, K4M0";
 
-std::string digits_of(std::uint32_t number, std::uint32_t base) {
-  std::array<char, 16> text{};
-  const auto end =
-      std::to_chars(text.data(), text.data() + text.size(), number, static_cast<int>(base)).ptr;
-  return upper(std::string_view(text.data(), static_cast<std::size_t>(end - text.data())));
-}
-
 std::string model_text(Model model) {
   if (model == Model::unknown_fx3) return "the widest model (FX3U)";
   if (model == Model::unknown) return "the widest model";

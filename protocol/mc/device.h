@@ -133,24 +133,15 @@ std::string device_name(Model model, Space space, std::uint32_t number);
 /// Returns the name of the device that contains the span's first bit.
 std::string device_name(Model model, const Span& span);
 
-/// Parses a name. Accepts lower case and leading zeros. T5, ST5, C5 and LC5 mean the contact if
-/// `type` is bool, otherwise the value. Error: bad_request if the name does not exist, has digits
-/// of another base, or has a number that the model lacks. Also for X and Y above 7 if the model is
-/// unknown, because the base of their numbers is unknown.
+// As the functions of AddressSpace with these names. Names may be in lower case and have leading
+// zeros. X and Y above 7 are refused while the model is unknown, because the base of their numbers
+// is unknown.
 Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type);
-/// True for T5, ST5, C5 and LC5, which name both a contact and a value.
 bool needs_type(std::string_view text);
-/// Parses "M100-M199", "W0..W1F" or one device, for an allow list. Error: bad_request as
-/// parse_address(), and if the ends are of two kinds, if T, ST, C or LC lacks its N, S or C, or if
-/// the range contains a device that is never written.
 Result<Span> parse_range(Model model, std::string_view text);
-/// Checks that the model has every device of `span`. Error: bad_request names the first that it
-/// lacks.
 Result<void> check_range(Model model, const Span& span);
-/// Checks that a write may replace exactly these bits: any bits of a bit device, whole devices of
-/// other kinds. Error: bad_request for other bits, for devices that the model lacks, and for
-/// devices that switch RUN and STOP or all outputs (M8034-M8037 and M8118 of an FX3, SM8034-SM8037
-/// of an FX5).
+/// Accepts any bits of a bit device and whole devices of other kinds, but never M8034-M8037 and
+/// M8118 of an FX3 and SM8034-SM8037 of an FX5: they switch RUN and STOP or all outputs.
 Result<void> check_write(Model model, const Span& span);
 
 }  // namespace fxagent::mc

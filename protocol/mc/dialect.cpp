@@ -12,22 +12,6 @@ constexpr std::uint32_t kRandom = 192;
 constexpr std::uint32_t kRandomCost = 1920;
 constexpr std::uint32_t kRandomBits = 188;
 
-Limits series_limits(Series series, Code code) {
-  const bool ascii = code == Code::ascii;
-  switch (series) {
-    case Series::iq_f:
-      return {ascii ? 480U : 960U, ascii ? 1792U : 3584U, kRandom, kRandomCost, kRandomBits, 120};
-    case Series::q_l:
-      return {960, ascii ? 3584U : 7168U, kRandom, kRandomCost, kRandomBits, 0};
-    case Series::iq_r:
-      return {960, ascii ? 3584U : 7168U, kRandom, kRandomCost, kRandomBits, 120};
-    case Series::fx3:
-    case Series::unknown:
-      break;
-  }
-  return {ascii ? 480U : 960U, ascii ? 1792U : 3584U, kRandom, kRandomCost, kRandomBits, 0};
-}
-
 }  // namespace
 
 bool has_long_codes(const Dialect& dialect, std::uint8_t way) {
@@ -35,7 +19,16 @@ bool has_long_codes(const Dialect& dialect, std::uint8_t way) {
 }
 
 Limits limits_of(const Dialect& dialect, bool long_codes) {
-  Limits limits = series_limits(dialect.series(), dialect.code);
+  const Series series = dialect.series();
+  const bool is_ascii = dialect.code == Code::ascii;
+  const bool is_wide = series == Series::q_l || series == Series::iq_r;
+  const bool has_blocks = series == Series::iq_f || series == Series::iq_r;
+  Limits limits{is_ascii && !is_wide ? 480U : 960U,
+                (is_ascii ? 1792U : 3584U) * (is_wide ? 2U : 1U),
+                kRandom,
+                kRandomCost,
+                kRandomBits,
+                has_blocks ? 120U : 0U};
   if (long_codes) {
     limits.random /= 2;
     limits.random_cost /= 2;
@@ -56,19 +49,9 @@ bool has_name(const Dialect& dialect, Space space) {
 }
 
 bool is_contact(Space space) {
-  switch (space) {
-    case Space::ts:
-    case Space::tc:
-    case Space::sts:
-    case Space::stc:
-    case Space::cs:
-    case Space::cc:
-    case Space::lcs:
-    case Space::lcc:
-      return true;
-    default:
-      return false;
-  }
+  // Letters of other kinds that end with S or C have one letter.
+  const std::string_view letters = kind_of(space).letters;
+  return letters.size() > 1 && (letters.ends_with('S') || letters.ends_with('C'));
 }
 
 std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {

@@ -124,19 +124,13 @@ std::string_view online_change(Series series) {
   }
 }
 
-std::string_view password(Series series) {
-  switch (series) {
-    case Series::q_l:
-      return "a remote password locks this port; exclude the port from it in GX Works2 (Remote "
-             "Password)";
-    case Series::iq_f:
-    case Series::iq_r:
-      return "a remote password locks this port; exclude the port from it in GX Works3 (Remote "
-             "Password)";
-    default:
-      return "a remote password locks this port; exclude the port from it in GX Works (Remote "
-             "Password)";
-  }
+std::string password(Series series) {
+  const bool by_works3 = series == Series::iq_f || series == Series::iq_r;
+  return std::string("a remote password locks this port; exclude the port from it in GX Works") +
+         (series == Series::q_l ? "2"
+          : by_works3           ? "3"
+                                : "") +
+         " (Remote Password)";
 }
 
 std::string_view words_of(std::uint16_t code, Series series) {
@@ -144,7 +138,6 @@ std::string_view words_of(std::uint16_t code, Series series) {
   if (const EndCode* known = find(code)) return known->text;
   if (is_route(code)) return find(0x4A00)->text;
   if (is_relay(code)) return find(0x4B00)->text;
-  if (is_password(code)) return password(series);
   if (is_from_cpu(code)) return "refused by the CPU; see the error codes in its manual";
   return "an unknown reason; see the error codes in the PLC's manual";
 }
@@ -152,10 +145,8 @@ std::string_view words_of(std::uint16_t code, Series series) {
 }  // namespace
 
 std::string end_code_text(std::uint16_t code, Series series) {
-  Bytes digits;
-  append_hex(digits, code, 4);
-  return "end code " + std::string(digits.begin(), digits.end()) + ": " +
-         std::string(words_of(code, series));
+  return "end code " + hex_text(code, 4) + ": " +
+         (is_password(code) ? password(series) : std::string(words_of(code, series)));
 }
 
 RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_stops) {

@@ -3,6 +3,7 @@
 #include <string>
 #include <string_view>
 
+#include "protocol/control_characters.h"
 #include "protocol/mc/body.h"
 #include "protocol/mc/explain_message.h"
 #include "protocol/mc/mc.h"

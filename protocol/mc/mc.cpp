@@ -42,11 +42,6 @@ std::string why_out_of_reach(const Dialect& dialect, const Span& span) {
   return why;
 }
 
-bool is_identify(const Request& request) {
-  const auto* control = std::get_if<Control>(&request);
-  return control != nullptr && control->kind == Control::Kind::identify;
-}
-
 bool is_numbered_by_series(std::uint16_t space) {
   return space < kSpaces && kind_of(static_cast<Space>(space)).numbering == Numbering::octal_on_fx;
 }
@@ -61,8 +56,6 @@ bool depends_on_base(const Request& request) {
     return std::ranges::any_of(scatter->parts, is_such);
   return false;
 }
-
-bool brings_data(const Request& request) { return is_read(request) || is_identify(request); }
 
 }  // namespace
 
@@ -120,8 +113,6 @@ Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType>
   return address;
 }
 
-bool Mc::needs_type(std::string_view text) const { return mc::needs_type(text); }
-
 Result<Span> Mc::parse_range(std::string_view text) const {
   return mc::parse_range(settings_.model, text);
 }
@@ -144,13 +135,9 @@ std::vector<ReadWay> Mc::read_ways(std::uint16_t space) const {
   return mc::read_ways(dialect_, space);
 }
 
-std::vector<GatherCommand> Mc::gathers() const { return mc::gathers(dialect_); }
-
 std::uint32_t Mc::max_write_bits(std::uint16_t space) const {
   return mc::max_write_bits(dialect_, space);
 }
-
-ByteOrder Mc::default_order() const { return ByteOrder::cdab; }
 
 // ---- frames ------------------------------------------------------------------------------------
 
@@ -267,8 +254,6 @@ Result<std::optional<Reply>> Mc::decode(const Request& request, std::uint16_t ta
   return decode_ethernet(ethernet_, dialect_, request, tag, rx);
 }
 
-bool Mc::expects_reply(const Request& /*request*/) const { return true; }
-
 bool Mc::may_pass_for_answer(ByteView bytes) const {
   if (is_serial(settings_.frame)) return may_be_serial_answer(serial_, bytes);
   if (ethernet_.numbered) return !bytes.empty();
@@ -375,10 +360,6 @@ std::optional<Request> Mc::instead_of(const Request& request, int device_code) c
   return other;
 }
 
-std::optional<Request> Mc::combine(const std::vector<Request>& requests) const {
-  return combined(dialect_, requests);
-}
-
 // ---- model, RUN and STOP -----------------------------------------------------------------------
 
 std::string_view model_of_type(std::string_view name) {
@@ -395,10 +376,6 @@ std::string_view model_of_type(std::string_view name) {
   while (digit(at)) ++at;
   return name.substr(at).starts_with("HCPU") ? "iQ-R" : "L";
 }
-
-std::string Mc::model() const { return std::string(to_string(settings_.model)); }
-
-std::vector<Request> Mc::identify() const { return {Control{Control::Kind::identify}}; }
 
 std::optional<std::string> Mc::model_from(const std::vector<Bytes>& images) const {
   if (images.empty() || images[0].size() < kTypeName) return std::nullopt;
@@ -446,10 +423,6 @@ Request Mc::run_state() const { return Read{span_of(Space::sd, {kRunState, kRunS
 std::optional<bool> Mc::run_state_from(ByteView image) const {
   if (image.empty()) return std::nullopt;
   return (image[0] & 0x0F) <= kStepRun;
-}
-
-Request Mc::run_request(bool run) const {
-  return Control{run ? Control::Kind::run : Control::Kind::stop};
 }
 
 std::string Mc::run_hint() const {

@@ -42,16 +42,15 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
 
   // AddressSpace
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
-  bool needs_type(std::string_view text) const override;
+  bool needs_type(std::string_view text) const override { return mc::needs_type(text); }
   Result<Span> parse_range(std::string_view text) const override;
   Result<void> check_range(const Span& span) const override;
   Result<void> check_write(const Span& span) const override;
 
   std::string name_of(const Span& span) const override;
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
-  std::vector<GatherCommand> gathers() const override;
+  std::vector<GatherCommand> gathers() const override { return mc::gathers(dialect_); }
   std::uint32_t max_write_bits(std::uint16_t space) const override;
-  ByteOrder default_order() const override;
 
   // Codec
   const AddressSpace& addresses() const override { return *this; }
@@ -59,7 +58,6 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
   Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
                                       ByteView rx) const override;
-  bool expects_reply(const Request& request) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   bool is_text() const override { return dialect_.code == Code::ascii; }
@@ -74,17 +72,14 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   /// Returns the request with the device codes of Q and L in place of those of iQ-R. Excludes X and
   /// Y, which are octal on an FX5.
   std::optional<Request> instead_of(const Request& request, int device_code) const override;
-  std::optional<Request> combine(const std::vector<Request>& requests) const override;
 
   // PlcServices
-  std::string model() const override;
-  std::vector<Request> identify() const override;
+  std::string model() const override { return std::string(to_string(settings_.model)); }
   std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
   std::shared_ptr<const Codec> with_model(std::string_view model) const override;
   SpecialDevices special_devices() const override;
   Request run_state() const override;
   std::optional<bool> run_state_from(ByteView image) const override;
-  Request run_request(bool run) const override;
   std::string run_hint() const override;
 
  private:

@@ -180,20 +180,6 @@ Result<Bytes> decode_gather(const Dialect& dialect, const Gather& gather, ByteVi
   return image;
 }
 
-/// Returns one Gather for `reads`, whatever their ways; nullopt if no frame can carry them.
-std::optional<Gather> gathered(const Dialect& dialect, const std::vector<Read>& reads) {
-  for (const GatherCommand& command : gathers(dialect)) {
-    Gather gather;
-    for (Read part : reads) {
-      part.way = command.gather == kRandomRead ? kRandomWay : kBlockWay;
-      part.gather = command.gather;
-      gather.parts.push_back(part);
-    }
-    if (encode_gather(dialect, gather)) return gather;
-  }
-  return std::nullopt;
-}
-
 /// Encodes a Scatter by 1402: only bits, or words and double words. Error: unsupported if no frame
 /// can carry these writes.
 Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter) {
@@ -321,12 +307,6 @@ std::size_t read_size(Code code, const Read& read) {
   return code == Code::ascii ? read.span.bits : (read.span.bits + 1) / 2;
 }
 
-std::optional<Request> scattered(const Dialect& dialect, const std::vector<Request>& requests) {
-  auto scatter = scatter_of(requests);
-  if (!scatter || !encode_scatter(dialect, *scatter)) return std::nullopt;
-  return Request(std::move(*scatter));
-}
-
 }  // namespace
 
 std::string_view command_name(std::uint16_t command) {
@@ -355,8 +335,7 @@ Result<Bytes> encode_message(const Dialect& dialect, const Request& request) {
 std::size_t answer_size(const Dialect& dialect, const Request& request) {
   if (const auto* read = std::get_if<Read>(&request)) return read_size(dialect.code, *read);
   if (const auto* gather = std::get_if<Gather>(&request)) return gather_size(dialect, *gather);
-  const auto* control = std::get_if<Control>(&request);
-  if (control == nullptr || control->kind != Control::Kind::identify) return 0;
+  if (!is_identify(request)) return 0;
   return kTypeName + wire_size(dialect.code, kModelCode);  // the name is text in binary code, too
 }
 
@@ -375,19 +354,6 @@ Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, Byte
   if (!code) return code;
   image.insert(image.end(), code->begin(), code->end());
   return image;
-}
-
-std::optional<Request> combined(const Dialect& dialect, const std::vector<Request>& requests) {
-  if (requests.size() < 2) return std::nullopt;
-  if (!std::holds_alternative<Read>(requests.front())) return scattered(dialect, requests);
-  std::vector<Read> reads;
-  for (const Request& request : requests) {
-    const auto* read = std::get_if<Read>(&request);
-    if (read == nullptr) return std::nullopt;
-    reads.push_back(*read);
-  }
-  auto gather = gathered(dialect, reads);
-  return gather ? std::optional<Request>(std::move(*gather)) : std::nullopt;
 }
 
 }  // namespace fxagent::mc

@@ -37,10 +37,6 @@ std::size_t answer_size(const Dialect& dialect, const Request& request);
 /// digits or not bits.
 Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, ByteView data);
 
-/// Implements combine(): returns one request for `requests`, or nullopt if one frame cannot carry
-/// them.
-std::optional<Request> combined(const Dialect& dialect, const std::vector<Request>& requests);
-
 /// Bytes of the type name in the image of Control::identify. Two more hold the model code.
 inline constexpr std::size_t kTypeName = 16;
 

@@ -27,11 +27,6 @@ constexpr std::uint32_t kMonitoringUnitMs = 250;
 
 bool is_fx3(Model model) { return series_of(model) == Series::fx3; }
 
-/// False for contacts and coils of timers and counters, which are reached only bit by bit.
-bool has_word_way(Space space) {
-  return space != Space::ts && space != Space::tc && space != Space::cs && space != Space::cc;
-}
-
 /// True for devices that the PLC of an E71 numbers, limits or builds differently: with the wrong
 /// model other devices would answer without any error.
 bool is_fx3_only(Space space) {
@@ -42,7 +37,7 @@ bool is_fx3_only(Space space) {
 /// True if words of a bit device can carry the span: they begin at a multiple of 16 and are written
 /// whole.
 bool is_bit_words(const Span& span) {
-  return has_word_way(static_cast<Space>(span.space)) && span.first_bit % 16 == 0 &&
+  return !is_contact(static_cast<Space>(span.space)) && span.first_bit % 16 == 0 &&
          span.bits % 16 == 0;
 }
 
@@ -75,9 +70,8 @@ std::optional<one_e::Command> carrier_of(const std::vector<Write>& parts) {
 /// Returns the bytes of data in the binary form of a successful answer.
 std::size_t data_bytes(const Request& request) {
   if (const auto* read = std::get_if<Read>(&request))
-    return read->way == kBitWay ? one_e::bytes_of_bits(read->span.bits) : read->span.bits / 8;
-  const auto* control = std::get_if<Control>(&request);
-  return control != nullptr && control->kind == Control::Kind::identify ? 2 : 0;
+    return read->way == kBitWay ? (read->span.bits + 1) / 2 : read->span.bits / 8;
+  return is_identify(request) ? 2 : 0;
 }
 
 /// Names the usual mistake that an answer with this first byte shows.
@@ -159,8 +153,6 @@ Result<Address> OneE::parse_address(std::string_view text, std::optional<DataTyp
   return reachable(settings_.model, address, address->span);
 }
 
-bool OneE::needs_type(std::string_view text) const { return mc::needs_type(text); }
-
 Result<Span> OneE::parse_range(std::string_view text) const {
   auto span = mc::parse_range(settings_.model, text);
   if (!span) return span;
@@ -201,7 +193,7 @@ std::vector<ReadWay> ways_of(Model model, std::uint16_t space_id) {
     added.max_bits = points;
   };
   if (width == 1) add(kBitWay, 1, kReadBits);
-  if (width == 1 && has_word_way(space)) add(kWordWay, 16, kReadWordsOfBits * 16);
+  if (width == 1 && !is_contact(space)) add(kWordWay, 16, kReadWordsOfBits * 16);
   // A 32-bit counter takes two of the 64 words.
   if (width > 1) add(kWordWay, width, kReadWords * 16);
   return ways;
@@ -384,19 +376,16 @@ Result<std::optional<Reply>> reply_in(Code data_code, const Request& request, st
     reply.text = "nak " + one_e::refusal(end_code, abnormal);
     return std::optional<Reply>(std::move(reply));
   }
-  const ByteView data = ByteView(bytes).subspan(one_e::kAnswerHead);
+  const ByteView data = frame.subspan(wire_size(data_code, one_e::kAnswerHead));
   if (data.empty()) return std::optional<Reply>(std::move(reply));
   reply.kind = Reply::Kind::data;
   const auto* read = std::get_if<Read>(&request);
-  if (read == nullptr) {
-    reply.image.assign(data.begin(), data.end());
-  } else if (read->way == kWordWay) {
-    reply.image = one_e::image_of_words(data_code, data);
-  } else {
-    auto image = one_e::image_of_bits(data, read->span.bits);
-    if (!image) return garbled("data " + to_hex(data) + " are not bits");
-    reply.image = std::move(*image);
-  }
+  const bool by_bits = read != nullptr && read->way == kBitWay;
+  auto image = by_bits ? bits_in(data_code, data, read->span.bits)
+                       : image_in(data_code, data, read == nullptr ? 1 : 2);
+  if (!image)
+    return garbled("data " + to_hex(ByteView(bytes).subspan(one_e::kAnswerHead)) + " are not bits");
+  reply.image = std::move(*image);
   return std::optional<Reply>(std::move(reply));
 }
 
@@ -484,20 +473,10 @@ std::optional<Request> OneE::apart_from(const Request& request) const {
 }
 
 RefusalMeaning OneE::meaning_of(const Request& request, int device_code) const {
-  const auto* control = std::get_if<Control>(&request);
-  const bool asks = control != nullptr && control->kind == Control::Kind::identify;
-  return one_e::meaning_of(device_code, asks || std::holds_alternative<Read>(request));
-}
-
-std::optional<Request> OneE::combine(const std::vector<Request>& requests) const {
-  auto scatter = scatter_of(requests);
-  if (!scatter || !encode_scatter(settings_, *scatter)) return std::nullopt;
-  return Request(std::move(*scatter));
+  return one_e::meaning_of(device_code, brings_data(request));
 }
 
 // ---- model, RUN and STOP -----------------------------------------------------------------------
-
-std::vector<Request> OneE::identify() const { return {Control{Control::Kind::identify}}; }
 
 std::optional<std::string> OneE::model_from(const std::vector<Bytes>& images) const {
   if (images.empty() || images[0].empty()) return std::nullopt;
@@ -529,10 +508,6 @@ std::optional<bool> OneE::run_state_from(ByteView image) const {
   const bool tells = is_fx3(settings_.model) && settings_.model != Model::unknown_fx3;
   if (!tells || image.empty()) return std::nullopt;
   return (image[0] & 1) != 0;
-}
-
-Request OneE::run_request(bool run) const {
-  return Control{run ? Control::Kind::run : Control::Kind::stop};
 }
 
 std::string OneE::run_hint() const {

@@ -42,7 +42,7 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
 
   // AddressSpace
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
-  bool needs_type(std::string_view text) const override;
+  bool needs_type(std::string_view text) const override { return mc::needs_type(text); }
   Result<Span> parse_range(std::string_view text) const override;
   Result<void> check_range(const Span& span) const override;
   Result<void> check_write(const Span& span) const override;
@@ -50,7 +50,6 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   std::string name_of(const Span& span) const override;
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
   std::uint32_t max_write_bits(std::uint16_t space) const override;
-  ByteOrder default_order() const override { return ByteOrder::cdab; }
 
   // Codec
   const AddressSpace& addresses() const override { return *this; }
@@ -58,7 +57,6 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
   Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
                                       ByteView rx) const override;
-  bool expects_reply(const Request& /*request*/) const override { return true; }
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   std::chrono::milliseconds gives_up_after() const override;
@@ -69,18 +67,14 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   std::optional<Request> probe(std::uint32_t number) const override;
   std::optional<Request> apart_from(const Request& request) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
-  /// Uses 04 if all writes are bits and few, and 05 if all are whole 16-bit words.
-  std::optional<Request> combine(const std::vector<Request>& requests) const override;
 
   // PlcServices
   std::string model() const override { return std::string(to_string(settings_.model)); }
-  std::vector<Request> identify() const override;
   std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
   std::shared_ptr<const Codec> with_model(std::string_view model) const override;
   SpecialDevices special_devices() const override;
   Request run_state() const override;
   std::optional<bool> run_state_from(ByteView image) const override;
-  Request run_request(bool run) const override;
   std::string run_hint() const override;
 
  private:

@@ -28,16 +28,6 @@ void Writer::device(std::uint16_t device_code, std::uint32_t number_of_device) {
   if (data_code_ == Code::binary) number(device_code, 2);
 }
 
-void Writer::bits(ByteView image, std::size_t count) {
-  const auto bit = [&](std::size_t i) { return i < count ? image[i / 8] >> (i % 8) & 1U : 0U; };
-  for (std::size_t i = 0; i < count; i += 2) number(bit(i) << 4 | bit(i + 1), 1);
-}
-
-void Writer::words(ByteView image) {
-  for (std::size_t at = 0; at + 2 <= image.size(); at += 2)
-    number(static_cast<std::uint32_t>(image[at] | image[at + 1] << 8), 2);
-}
-
 std::optional<Bytes> from_ascii(ByteView frame) {
   Bytes bytes;
   bytes.reserve(frame.size() / 2);
@@ -51,23 +41,6 @@ std::optional<Bytes> from_ascii(ByteView frame) {
   }
   if (frame.size() % 2 != 0) bytes.pop_back();
   return bytes;
-}
-
-std::optional<Bytes> image_of_bits(ByteView data, std::size_t count) {
-  Bytes image((count + 7) / 8);
-  for (std::size_t i = 0; i < count; ++i) {
-    const unsigned half = i % 2 == 0 ? data[i / 2] >> 4U : data[i / 2] & 0xFU;
-    if (half > 1) return std::nullopt;
-    image[i / 8] |= static_cast<std::uint8_t>(half << (i % 8));
-  }
-  return image;
-}
-
-Bytes image_of_words(Code data_code, ByteView data) {
-  Bytes image(data.begin(), data.end());
-  if (data_code == Code::ascii)
-    for (std::size_t at = 0; at + 2 <= image.size(); at += 2) std::swap(image[at], image[at + 1]);
-  return image;
 }
 
 std::string_view model_coded(int model_code) {

@@ -39,9 +39,6 @@ inline constexpr std::size_t kRequestHead = 4;
 /// Device number and code.
 inline constexpr std::size_t kDevice = 6;
 
-/// Two bits of a request or an answer share a byte.
-constexpr std::size_t bytes_of_bits(std::size_t bits) { return (bits + 1) / 2; }
-
 /// A frame under construction.
 class Writer final {
  public:
@@ -55,8 +52,11 @@ class Writer final {
   /// Number and code in binary, code and number in ASCII.
   void device(std::uint16_t device_code, std::uint32_t number);
   /// The first bit goes into the high half of the first byte. An odd count is padded with 0.
-  void bits(ByteView image, std::size_t count);
-  void words(ByteView image);
+  void bits(ByteView image, std::uint32_t count) {
+    append_bits(data_code_, frame_, image, count);
+    if (data_code_ == Code::ascii && count % 2 != 0) frame_.push_back('0');
+  }
+  void words(ByteView image) { append_image(data_code_, frame_, image, 2); }
   Bytes take() { return std::move(frame_); }
 
  private:
@@ -67,11 +67,6 @@ class Writer final {
 /// Returns the binary form of `frame`, read as hex digits. Its words are still high byte first.
 /// Drops a single last digit. nullopt: the frame is not hex digits.
 std::optional<Bytes> from_ascii(ByteView frame);
-/// Returns the image of `count` bits; nullopt if a half byte is neither 0 nor 1. `data` must be
-/// long enough.
-std::optional<Bytes> image_of_bits(ByteView data, std::size_t count);
-/// Returns the image of whole words. In ASCII they arrive high byte first.
-Bytes image_of_words(Code data_code, ByteView data);
 
 /// End code that is followed by an abnormal code and 00.
 inline constexpr int kWithReason = 0x5B;

@@ -20,15 +20,6 @@ struct SerialSettings {
   Code code() const { return format == 5 ? Code::binary : Code::ascii; }
 };
 
-inline constexpr std::uint8_t kStx = 0x02;
-inline constexpr std::uint8_t kEtx = 0x03;
-inline constexpr std::uint8_t kEnq = 0x05;
-inline constexpr std::uint8_t kAck = 0x06;
-inline constexpr std::uint8_t kLf = 0x0A;
-inline constexpr std::uint8_t kCr = 0x0D;
-inline constexpr std::uint8_t kDle = 0x10;  ///< begins and ends frames of format 5; doubled inside
-inline constexpr std::uint8_t kNak = 0x15;
-
 /// Builds a request. Only format 2 carries `block`; its answers repeat it.
 Bytes serial_request(const SerialSettings& settings, std::uint8_t block, ByteView message);
 

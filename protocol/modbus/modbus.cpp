@@ -56,24 +56,13 @@ Result<TablePlace> parse_numbered(const std::string& quoted, std::string_view di
   if (digits.size() != 5 && digits.size() != 6)
     return refuse(quoted + ": a number without a table has 5 or 6 digits, as 40101 or 400101");
   TablePlace place;
-  switch (digits[0]) {
-    case '0':
-      place.space = Space::coil;
-      break;
-    case '1':
-      place.space = Space::discrete_input;
-      break;
-    case '3':
-      place.space = Space::input_register;
-      break;
-    case '4':
-      place.space = Space::holding_register;
-      break;
-    default:
-      return refuse(quoted +
-                    ": the first digit must be 0 (coils), 1 (discrete inputs), 3 (input registers) "
-                    "or 4 (holding registers)");
-  }
+  constexpr std::string_view kTableDigits = "0134";  // as in Space
+  const std::size_t table = kTableDigits.find(digits[0]);
+  if (table == kTableDigits.npos)
+    return refuse(quoted +
+                  ": the first digit must be 0 (coils), 1 (discrete inputs), 3 (input registers) "
+                  "or 4 (holding registers)");
+  place.space = static_cast<Space>(table);
   const auto number = number_in(digits.substr(1));
   if (!number || *number == 0 || *number > kNumbers)
     return refuse(quoted + ": these numbers go from 1 to " +
@@ -168,8 +157,6 @@ Result<Address> Modbus::parse_address(std::string_view text,
   address.writable = place->space == Space::coil || place->space == Space::holding_register;
   return address;
 }
-
-bool Modbus::needs_type(std::string_view /*text*/) const { return false; }
 
 Result<Span> Modbus::parse_range(std::string_view text) const {
   const RangeEnds ends = range_ends(text);
@@ -363,8 +350,6 @@ Result<Bytes> Modbus::encode(const Request& request, std::uint16_t tag) const {
   if (!pdu) return tl::make_unexpected(pdu.error());
   return framed(settings_.framing, settings_.unit, *pdu, tag);
 }
-
-bool Modbus::expects_reply(const Request& /*request*/) const { return !is_broadcast(); }
 
 Result<std::optional<Reply>> Modbus::decode(const Request& request, std::uint16_t tag,
                                             ByteView rx) const {

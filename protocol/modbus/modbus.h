@@ -40,7 +40,6 @@ class Modbus final : public Codec, public AddressSpace {
   /// Parses hr:100 ir:0 co:5 di:7, hr:100.3 (bit 3), hr:0x64; also 40101 or 400101, by the number
   /// of digits.
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
-  bool needs_type(std::string_view text) const override;
   /// Parses hr:100-hr:119, hr:100-119 or one address.
   Result<Span> parse_range(std::string_view text) const override;
   Result<void> check_range(const Span& span) const override;
@@ -56,7 +55,6 @@ class Modbus final : public Codec, public AddressSpace {
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
   Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
                                       ByteView rx) const override;
-  bool expects_reply(const Request& request) const override;
   LineLength line_length(const Request& request) const override;
   bool is_text() const override { return settings_.framing == Framing::ascii; }
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;

@@ -34,17 +34,9 @@ Result<Place> place_of(const Span& span) {
 }
 
 Function read_function(std::uint16_t space) {
-  switch (static_cast<Space>(space)) {
-    case Space::coil:
-      return Function::read_coils;
-    case Space::discrete_input:
-      return Function::read_discrete_inputs;
-    case Space::input_register:
-      return Function::read_input_registers;
-    case Space::holding_register:
-      break;
-  }
-  return Function::read_holding_registers;
+  constexpr std::array kFunctions{Function::read_coils, Function::read_discrete_inputs,
+                                  Function::read_input_registers, Function::read_holding_registers};
+  return kFunctions[space];
 }
 
 bool is_bit_table(std::uint16_t space) { return width_of(static_cast<Space>(space)) == 1; }
@@ -165,11 +157,6 @@ Result<std::optional<Reply>> decode_identity(ByteView pdu) {
   return std::optional<Reply>(std::move(reply));
 }
 
-bool is_identify(const Request& request) {
-  const auto* control = std::get_if<Control>(&request);
-  return control != nullptr && control->kind == Control::Kind::identify;
-}
-
 Reply refusal(int device_code) {
   Reply reply;
   reply.kind = Reply::Kind::nak;
@@ -187,17 +174,8 @@ std::uint32_t width_of(Space space) {
 }
 
 std::string_view letters_of(Space space) {
-  switch (space) {
-    case Space::coil:
-      return "co";
-    case Space::discrete_input:
-      return "di";
-    case Space::input_register:
-      return "ir";
-    case Space::holding_register:
-      break;
-  }
-  return "hr";
+  constexpr auto kLetters = std::to_array<std::string_view>({"co", "di", "ir", "hr"});
+  return kLetters[id(space)];
 }
 
 Result<Bytes> encode_pdu(const Request& request) {
@@ -274,30 +252,14 @@ Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu) {
 }
 
 std::string_view exception_text(int device_code) {
-  switch (device_code) {
-    case 0x01:
-      return "illegal function";
-    case 0x02:
-      return "illegal data address";
-    case 0x03:
-      return "illegal data value";
-    case 0x04:
-      return "device failure";
-    case 0x05:
-      return "acknowledged, but still in progress";
-    case 0x06:
-      return "device busy";
-    case 0x07:
-      return "negative acknowledgement";
-    case 0x08:
-      return "memory parity error";
-    case 0x0A:
-      return "the gateway has no path to the unit";
-    case 0x0B:
-      return "the unit behind the gateway does not answer";
-    default:
-      return {};
-  }
+  constexpr auto kTexts = std::to_array<std::string_view>(  // by code; empty: none
+      {"", "illegal function", "illegal data address", "illegal data value", "device failure",
+       "acknowledged, but still in progress", "device busy", "negative acknowledgement",
+       "memory parity error", "", "the gateway has no path to the unit",
+       "the unit behind the gateway does not answer"});
+  return device_code >= 0 && device_code < std::ssize(kTexts)
+             ? kTexts[static_cast<std::size_t>(device_code)]
+             : std::string_view();
 }
 
 }  // namespace fxagent::modbus

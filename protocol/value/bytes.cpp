@@ -60,15 +60,22 @@ std::uint8_t byte_sum(ByteView bytes) {
   return static_cast<std::uint8_t>(sum);
 }
 
-void append_hex(Bytes& out, std::uint32_t value, int digits) {
+void append_hex(Bytes& out, std::uint64_t value, int digits) {
   for (int shift = (digits - 1) * 4; shift >= 0; shift -= 4)
     out.push_back(static_cast<std::uint8_t>(kDigits[(value >> shift) & 0x0F]));
 }
 
-std::string hex_text(std::uint32_t value, int digits) {
+std::string hex_text(std::uint64_t value, int digits) {
   Bytes out;
   append_hex(out, value, digits);
   return as_text(out);
+}
+
+std::string digits_of(std::uint32_t value, std::uint32_t base) {
+  std::string text;
+  do text.insert(text.begin(), kDigits[value % base]);
+  while ((value /= base) != 0);
+  return text;
 }
 
 }  // namespace fxagent

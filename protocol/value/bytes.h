@@ -45,10 +45,13 @@ constexpr int hex_byte(ByteView digits) {
 std::uint8_t byte_sum(ByteView bytes);
 
 /// Appends `digits` upper-case hex digits of `value`, most significant first.
-void append_hex(Bytes& out, std::uint32_t value, int digits);
+void append_hex(Bytes& out, std::uint64_t value, int digits);
 
 /// Returns `digits` upper-case hex digits of `value`.
-std::string hex_text(std::uint32_t value, int digits);
+std::string hex_text(std::uint64_t value, int digits);
+
+/// Returns `value` in base 2 to 16, in upper case and without leading zeros.
+std::string digits_of(std::uint32_t value, std::uint32_t base);
 
 inline std::string as_text(ByteView characters) { return {characters.begin(), characters.end()}; }
 

@@ -10,24 +10,13 @@
 namespace fxagent {
 namespace {
 
-struct Word {
-  std::string_view text;
-  DataType type;
-};
-constexpr std::array<Word, 12> kTypes = {{
-    {"bool", DataType::boolean},
-    {"int16", DataType::int16},
-    {"uint16", DataType::uint16},
-    {"int32", DataType::int32},
-    {"uint32", DataType::uint32},
-    {"float32", DataType::float32},
-    {"bcd16", DataType::bcd16},
-    {"bcd32", DataType::bcd32},
-    {"string", DataType::string},
-    {"int64", DataType::int64},
-    {"uint64", DataType::uint64},
-    {"float64", DataType::float64},
-}};
+// By DataType.
+constexpr auto kTypes =
+    std::to_array<std::string_view>({"bool", "int16", "uint16", "int32", "uint32", "float32",
+                                     "bcd16", "bcd32", "string", "int64", "uint64", "float64"});
+constexpr auto kBits = std::to_array<std::uint32_t>({1, 16, 16, 32, 32, 32, 16, 32, 0, 64, 64, 64});
+static_assert(kTypes.size() == static_cast<std::size_t>(DataType::float64) + 1);
+static_assert(kBits.size() == kTypes.size());
 
 /// Returns the types that fit the address, the default one first.
 std::string types_of(const Address& address) {
@@ -43,14 +32,13 @@ std::string types_of(const Address& address) {
 
 }  // namespace
 
-std::string_view to_string(DataType type) { return kTypes[static_cast<std::size_t>(type)].text; }
+std::string_view to_string(DataType type) { return kTypes[static_cast<std::size_t>(type)]; }
 
 Result<DataType> data_type_from(std::string_view word) {
+  const auto known = std::ranges::find(kTypes, word);
+  if (known != kTypes.end()) return static_cast<DataType>(known - kTypes.begin());
   std::string all;
-  for (const Word& known : kTypes) {
-    if (known.text == word) return known.type;
-    all += " " + std::string(known.text);
-  }
+  for (const std::string_view type : kTypes) all += " " + std::string(type);
   return fail(ErrorCode::bad_request, "'" + std::string(word) + "' is not a type; types are" + all);
 }
 
@@ -100,28 +88,7 @@ Result<void> set_units(Point& point, double scale, double offset) {
   return {};
 }
 
-std::uint32_t bits_of_type(DataType type) {
-  switch (type) {
-    case DataType::boolean:
-      return 1;
-    case DataType::int16:
-    case DataType::uint16:
-    case DataType::bcd16:
-      return 16;
-    case DataType::int32:
-    case DataType::uint32:
-    case DataType::float32:
-    case DataType::bcd32:
-      return 32;
-    case DataType::int64:
-    case DataType::uint64:
-    case DataType::float64:
-      return 64;
-    case DataType::string:
-      break;
-  }
-  return 0;
-}
+std::uint32_t bits_of_type(DataType type) { return kBits[static_cast<std::size_t>(type)]; }
 
 std::uint32_t element_bits(const Point& point) {
   const std::uint32_t bits = bits_of_type(point.type);

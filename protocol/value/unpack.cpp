@@ -29,14 +29,6 @@ std::string utf8_from_latin1(std::uint8_t byte) {
   return {static_cast<char>(0xC0 | byte >> 6), static_cast<char>(0x80 | (byte & 0x3F))};
 }
 
-/// Returns `digits` upper-case hex digits of `raw`.
-std::string hex_digits(std::uint64_t raw, std::size_t digits) {
-  std::string text;
-  for (std::size_t shift = 4 * digits; shift > 0; shift -= 4)
-    text += "0123456789ABCDEF"[raw >> (shift - 4) & 0xF];
-  return text;
-}
-
 /// Decodes a float from its bit pattern `raw`.
 template <class Float, class Pattern>
 Result<Scalar> float_from(const Point& point, Pattern raw) {
@@ -44,7 +36,7 @@ Result<Scalar> float_from(const Point& point, Pattern raw) {
   static_assert(sizeof number == sizeof raw);
   std::memcpy(&number, &raw, sizeof number);
   if (!std::isfinite(number))
-    return fail(ErrorCode::bad_request, hex_digits(raw, 2 * sizeof raw) +
+    return fail(ErrorCode::bad_request, hex_text(raw, static_cast<int>(2 * sizeof raw)) +
                                             (std::isnan(number) ? " is NaN" : " is infinite"));
   return scaled_real(point, widen(number));
 }
@@ -69,7 +61,9 @@ Result<Scalar> element_from(const Point& point, ByteView image, std::size_t bit,
     return float_from<float>(point, static_cast<std::uint32_t>(raw));
   if (is_bcd(point.type)) {
     const auto number = from_bcd(static_cast<std::uint32_t>(raw));
-    if (!number) return fail(ErrorCode::bad_request, hex_digits(raw, bits / 4) + " is not BCD");
+    if (!number)
+      return fail(ErrorCode::bad_request,
+                  hex_text(raw, static_cast<int>(bits / 4)) + " is not BCD");
     return scaled_whole(point, *number);
   }
   Whole number(raw);

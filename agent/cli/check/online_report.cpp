@@ -1,6 +1,8 @@
 #include "agent/cli/check/online_report.h"
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -46,40 +48,22 @@ bool differs(const OnlineDevice& device) {
 }
 
 std::string_view word(LinkState state) {
-  switch (state) {
-    case LinkState::open:
-      return "open";
-    case LinkState::down:
-      return "down";
-    case LinkState::held:
-      return "held";
-    default:
-      return "unused";
-  }
+  constexpr std::array kWords{"open", "down", "held", "unused"};  // the order of LinkState
+  static_assert(kWords.size() == static_cast<std::size_t>(LinkState::unused) + 1);
+  return kWords[static_cast<std::size_t>(state)];
 }
 
 std::string_view word(DeviceState state) {
-  switch (state) {
-    case DeviceState::answers:
-      return "answers";
-    case DeviceState::silent:
-      return "silent";
-    case DeviceState::broadcast:
-      return "broadcast";
-    default:
-      return "not_asked";
-  }
+  constexpr std::array kWords{"answers", "silent", "not_asked", "broadcast"};
+  static_assert(kWords.size() == static_cast<std::size_t>(DeviceState::broadcast) + 1);
+  return kWords[static_cast<std::size_t>(state)];
 }
 
 std::string_view word(OnlineHolder::Runs runs) {
-  switch (runs) {
-    case OnlineHolder::Runs::this_config:
-      return "the agent of this config";
-    case OnlineHolder::Runs::another_config:
-      return "an agent of another config";
-    default:
-      return "another program";
-  }
+  constexpr std::array kWords{"the agent of this config", "an agent of another config",
+                              "another program"};
+  static_assert(kWords.size() == static_cast<std::size_t>(OnlineHolder::Runs::no_agent) + 1);
+  return kWords[static_cast<std::size_t>(runs)];
 }
 
 // ---- lines --------------------------------------------------------------------------------------

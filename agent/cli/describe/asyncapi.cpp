@@ -1,4 +1,4 @@
-#include "agent/cli/describe/asyncapi.h"
+#include "agent/cli/describe/documents.h"
 
 #include <algorithm>
 #include <map>
@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "agent/cli/describe/payload_page.h"
 #include "agent/cli/describe/payloads.h"
 #include "agent/cli/describe/profile_topics.h"
 #include "agent/cli/describe/topics.h"

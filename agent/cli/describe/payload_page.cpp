@@ -1,11 +1,10 @@
-#include "agent/cli/describe/payload_page.h"
+#include "agent/cli/describe/documents.h"
 
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 
 #include "agent/cli/describe/payloads.h"
-#include "agent/cli/describe/tag_values.h"
 #include "agent/cli/describe/topics.h"
 #include "agent/uplink/payload/json_payload.h"
 

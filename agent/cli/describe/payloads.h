@@ -3,10 +3,12 @@
 // agent's payloads may have more keys in later versions; a command must not. Pure, any thread.
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 
+#include "agent/config/model.h"
 #include "agent/handover/command_message.h"
 
 namespace fxagent::contract {
@@ -35,5 +37,15 @@ std::string command_schema_name(Op op);
 void append(Json& object, std::string key, Json value);
 
 inline constexpr Op kOps[]{Op::write, Op::force_on, Op::force_off, Op::read, Op::run, Op::stop};
+
+// ---- values of a tag
+
+enum class Use : std::uint8_t {
+  sample,  ///< as the agent publishes it: the range of its type
+  command  ///< as a command may have it: also within the tag's `min` and `max`
+};
+/// Returns the schema of the tag's values, with its labels, and with its description and unit as
+/// `description`.
+Json value_schema(const TagConfig& tag, Use use);
 
 }  // namespace fxagent::contract

@@ -1,4 +1,4 @@
-#include "agent/cli/describe/tag_values.h"
+#include "agent/cli/describe/payloads.h"
 
 #include <algorithm>
 #include <cmath>

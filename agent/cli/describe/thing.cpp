@@ -1,4 +1,4 @@
-#include "agent/cli/describe/thing.h"
+#include "agent/cli/describe/documents.h"
 
 #include <cctype>
 #include <cstdint>
@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "agent/cli/describe/payloads.h"
-#include "agent/cli/describe/tag_values.h"
 #include "agent/cli/describe/topics.h"
 #include "agent/text/sha256.h"
 

@@ -1,6 +1,7 @@
 #include "agent/cli/fleet/fleet_report.h"
 
 #include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -11,6 +12,8 @@
 
 namespace fxagent {
 namespace {
+
+using std::string_view_literals::operator""sv;
 
 using OrderedJson = nlohmann::ordered_json;
 using Outcome = Push::Outcome;
@@ -62,24 +65,11 @@ std::string config_text(const FleetAgent& agent) {
   return plain(name) + (hash.empty() ? "" : " " + plain(hash.substr(0, 8)));
 }
 
-std::string word_of(Agreement agreement) {
-  switch (agreement) {
-    case Agreement::local_file:
-      return "local_file";
-    case Agreement::as_asked:
-      return "as_asked";
-    case Agreement::on_trial:
-      return "on_trial";
-    case Agreement::kept:
-      return "kept";
-    case Agreement::refused:
-      return "refused";
-    case Agreement::rolled_back:
-      return "rolled_back";
-    case Agreement::no_answer:
-      return "no_answer";
-  }
-  return {};
+std::string_view word_of(Agreement agreement) {
+  constexpr std::array kWords{"local_file"sv, "as_asked"sv,    "on_trial"sv, "kept"sv,
+                              "refused"sv,    "rolled_back"sv, "no_answer"sv};
+  static_assert(kWords.size() == static_cast<std::size_t>(Agreement::no_answer) + 1);
+  return kWords[static_cast<std::size_t>(agreement)];
 }
 
 /// Returns the version of the document that an agreement is about.
@@ -121,44 +111,19 @@ std::string reasons(const std::vector<std::string>& why, const std::string& befo
   return text;
 }
 
-std::string word_of(Outcome outcome) {
-  switch (outcome) {
-    case Outcome::not_sent:
-      return "not_sent";
-    case Outcome::waits:
-      return "no_answer";
-    case Outcome::accepted:
-      return "accepted";
-    case Outcome::refused:
-      return "refused";
-    case Outcome::not_allowed:
-      return "not_allowed";
-    case Outcome::silent:
-      return "no_answer";
-    case Outcome::offline:
-      return "offline";
-    case Outcome::left_out:
-      return "left_out";
-  }
-  return {};
+std::string_view word_of(Outcome outcome) {
+  constexpr std::array kWords{"not_sent"sv,    "no_answer"sv, "accepted"sv, "refused"sv,
+                              "not_allowed"sv, "no_answer"sv, "offline"sv,  "left_out"sv};
+  static_assert(kWords.size() == static_cast<std::size_t>(Outcome::left_out) + 1);
+  return kWords[static_cast<std::size_t>(outcome)];
 }
 
 std::string text_of(Outcome outcome) {
-  switch (outcome) {
-    case Outcome::not_allowed:
-      return "not allowed";
-    case Outcome::waits:
-    case Outcome::silent:
-      return "no answer";
-    case Outcome::offline:
-      return "offline, not sent";
-    case Outcome::left_out:
-      return "offline, left out";
-    case Outcome::not_sent:
-      return "not sent";
-    default:
-      return word_of(outcome);
-  }
+  if (outcome == Outcome::offline) return "offline, not sent";
+  if (outcome == Outcome::left_out) return "offline, left out";
+  std::string text(word_of(outcome));
+  std::ranges::replace(text, '_', ' ');
+  return text;
 }
 
 template <class T>

@@ -1,5 +1,7 @@
 #include "agent/cli/manual/config_page.h"
 
+#include <array>
+#include <cstddef>
 #include <string_view>
 #include <variant>
 
@@ -11,33 +13,17 @@ namespace fxagent {
 namespace {
 
 std::string type_of(const ConfigKey& key) {
-  switch (key.type) {
-    case ConfigKey::Type::integer:
-      return std::to_string(key.limits.min) + " to " + std::to_string(key.limits.max);
-    case ConfigKey::Type::choice: {
-      std::string words;
-      for (const std::string_view word : key.limits.words)
-        words += (words.empty() ? "" : " | ") + std::string(word);
-      return words;
-    }
-    case ConfigKey::Type::name:
-      return "name";
-    case ConfigKey::Type::text:
-      return "text";
-    case ConfigKey::Type::path:
-      return "path";
-    case ConfigKey::Type::number:
-      return "number";
-    case ConfigKey::Type::boolean:
-      return "true | false";
-    case ConfigKey::Type::object:
-      return "object";
-    case ConfigKey::Type::array:
-      return "array";
-    case ConfigKey::Type::numbers:
-      return "range or list";
-  }
-  return {};
+  using Type = ConfigKey::Type;
+  constexpr std::array kWords{"name",         "text", "path",   "",      "number",
+                              "true | false", "",     "object", "array", "range or list"};
+  static_assert(kWords.size() == static_cast<std::size_t>(Type::numbers) + 1);
+  if (key.type == Type::integer)
+    return std::to_string(key.limits.min) + " to " + std::to_string(key.limits.max);
+  if (key.type != Type::choice) return kWords[static_cast<std::size_t>(key.type)];
+  std::string words;
+  for (const std::string_view word : key.limits.words)
+    words += (words.empty() ? "" : " | ") + std::string(word);
+  return words;
 }
 
 std::string default_of(const ConfigKey& key) {

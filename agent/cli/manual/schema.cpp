@@ -187,39 +187,18 @@ class SchemaMaker {
       meaning += " Default: " + std::string(rule->text) + ".";
     if (key.type == Type::path) meaning += " A relative path counts from this file's directory.";
     Json out{{"description", meaning}};
-    switch (key.type) {
-      case Type::name:
-        out["type"] = "string";
-        out["allOf"] = Json::array({reference("name")});
-        break;
-      case Type::text:
-      case Type::path:
-        out["type"] = "string";
-        out["pattern"] = R"(^[^\u0000-\u001f\u007f]+$)";
-        break;
-      case Type::choice:
-        out["type"] = "string";
-        out["enum"] = key.limits.words;
-        break;
-      case Type::integer:
-        out["type"] = "integer";
-        out["minimum"] = key.limits.min;
-        out["maximum"] = key.limits.max;
-        break;
-      case Type::number:
-        out["type"] = "number";
-        break;
-      case Type::boolean:
-        out["type"] = "boolean";
-        break;
-      case Type::object:
-        out["type"] = "object";
-        break;
-      case Type::array:
-        out["type"] = "array";
-        break;
-      case Type::numbers:
-        break;  // a string or an array: kRules
+    constexpr std::array kTypes{"string",  "string", "string", "integer", "number",
+                                "boolean", "string", "object", "array"};  // the order of Type
+    static_assert(kTypes.size() == static_cast<std::size_t>(Type::numbers));
+    // `numbers` is a string or an array: kRules.
+    if (key.type != Type::numbers) out["type"] = kTypes[static_cast<std::size_t>(key.type)];
+    if (key.type == Type::name) out["allOf"] = Json::array({reference("name")});
+    if (key.type == Type::text || key.type == Type::path)
+      out["pattern"] = R"(^[^\u0000-\u001f\u007f]+$)";
+    if (key.type == Type::choice) out["enum"] = key.limits.words;
+    if (key.type == Type::integer) {
+      out["minimum"] = key.limits.min;
+      out["maximum"] = key.limits.max;
     }
     std::visit(Overload{[](ConfigKey::None) {}, [](ConfigKey::Required) {}, [](ConfigKey::Rule) {},
                         [&](const auto& value) { out["default"] = value; }},
@@ -353,30 +332,14 @@ std::string quoted(std::span<const std::string_view> words) {
 }
 
 std::string range_of(const ConfigKey& key) {
+  constexpr std::array kWords{"name",    "string", "path",   "",      "number",
+                              "boolean", "",       "object", "array", "range or list"};
+  static_assert(kWords.size() == static_cast<std::size_t>(Type::numbers) + 1);
   const auto& [min, max, words] = key.limits;
-  switch (key.type) {
-    case Type::name:
-      return "name";
-    case Type::text:
-      return "string";
-    case Type::path:
-      return "path";
-    case Type::choice:
-      return quoted(words);
-    case Type::integer:
-      return std::to_string(min) + (max - min == 1 ? ", " : "–") + std::to_string(max);
-    case Type::number:
-      return "number";
-    case Type::boolean:
-      return "boolean";
-    case Type::object:
-      return "object";
-    case Type::array:
-      return "array";
-    case Type::numbers:
-      return "range or list";
-  }
-  return {};
+  if (key.type == Type::choice) return quoted(words);
+  if (key.type == Type::integer)
+    return std::to_string(min) + (max - min == 1 ? ", " : "–") + std::to_string(max);
+  return kWords[static_cast<std::size_t>(key.type)];
 }
 
 std::string default_of(const ConfigKey& key) {

@@ -239,16 +239,10 @@ ExchangeReport report_exchange(const DevicePlan& device, const Plan& plan, const
   return out;
 }
 
-GroupLoad report_group(const DeviceConfig& device, const DevicePlan& plan, const GroupPlan& group) {
-  GroupLoad out;
-  out.device = device.name;
-  out.group = device.groups[group.group].name;
-  out.interval = device.groups[group.group].interval;
+void add_exchanges(const DevicePlan& plan, const GroupPlan& group, GroupLoad& load) {
   for (std::uint32_t e = 0; e < group.plan.exchange_count(); ++e)
-    out.exchanges.push_back(
-        report_exchange(plan, group.plan, group.plan.reads_in(e), group.points, out.use));
-  if (plan.timing.char_time.count() > 0) out.line_time = plan.time_of(group);
-  return out;
+    load.exchanges.push_back(
+        report_exchange(plan, group.plan, group.plan.reads_in(e), group.points, load.use));
 }
 
 // ---- one link -----------------------------------------------------------------------------------
@@ -340,9 +334,30 @@ std::int64_t round_interval(milliseconds interval) {
   return (interval.count() + step - 1) / step * step;
 }
 
-/// `asked`: share of the bus that the poll intervals ask for. `fixed`: share of the background
-/// questions.
-void judge_intervals(double asked, double fixed, LinkReport& report) {
+/// A link, and the shares of its bus that poll intervals and background questions ask for.
+struct LinkLoad {
+  LinkReport report;
+  double asked = 0;
+  double fixed = 0;
+};
+
+/// Adds the groups of a device, without their exchanges.
+void add_load(const DeviceConfig& device, const DevicePlan& plan, LinkLoad& load) {
+  for (const GroupPlan& group : plan.groups) {
+    GroupLoad& of_group = load.report.groups.emplace_back();
+    of_group.device = device.name;
+    of_group.group = device.groups[group.group].name;
+    of_group.interval = device.groups[group.group].interval;
+    if (plan.timing.char_time.count() == 0) continue;
+    of_group.line_time = plan.time_of(group);
+    if (of_group.interval.count() > 0) load.asked += ratio(*of_group.line_time, of_group.interval);
+  }
+  if (const auto question = background_question(*plan.codec, !device.tags.empty()))
+    load.fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kQuestionInterval);
+}
+
+void judge_intervals(LinkLoad& load) {
+  auto& [report, asked, fixed] = load;
   for (GroupLoad& group : report.groups) {
     if (group.interval.count() == 0 || fixed >= 1) continue;
     const double shortest = static_cast<double>(group.interval.count()) * asked / (1 - fixed);
@@ -359,27 +374,22 @@ void judge_intervals(double asked, double fixed, LinkReport& report) {
 LinkReport report_link(const Config& config, std::uint32_t index) {
   const LinkConfig& link = config.links[index];
   const bool known = link.char_time.count() > 0;
-  LinkReport report;
+  LinkLoad load;
+  LinkReport& report = load.report;
   report.name = link.name;
   report.baud = baud_of(link);
   report.listening = link.listening;
   std::vector<const DeviceConfig*> devices;
   std::vector<BoundShare> shares;
-  double asked = 0;
-  double fixed = 0;
   for (const DeviceConfig& device : config.devices) {
     if (device.link != index) continue;
     const DevicePlan plan = plan_device(device, link.char_time);
     if (must_ask_model(*device.codec))
       report.warnings.push_back(device.name + ": model auto, planned as " +
                                 widest_name(*device.protocol));
-    for (const GroupPlan& group : plan.groups) {
-      const GroupLoad& load = report.groups.emplace_back(report_group(device, plan, group));
-      if (load.line_time && load.interval.count() > 0)
-        asked += ratio(*load.line_time, load.interval);
-    }
-    if (const auto question = background_question(*plan.codec, !device.tags.empty()))
-      fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kQuestionInterval);
+    std::size_t at = report.groups.size();
+    add_load(device, plan, load);
+    for (const GroupPlan& group : plan.groups) add_exchanges(plan, group, report.groups[at++]);
     devices.push_back(&device);
     shares.push_back(share_of(device, plan));
   }
@@ -388,35 +398,14 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
                                      ? "no times: UDP has no line speed"
                                      : "no times: the speed of this line is not known; set "
                                        "line_baud if a serial server connects it");
-    return report;
+    return std::move(report);
   }
-  report.busy_percent = 100 * (asked + fixed);
+  report.busy_percent = 100 * (load.asked + load.fixed);
   report.command_bound = bound_of(shares);
-  judge_intervals(asked, fixed, report);
+  judge_intervals(load);
   for (std::size_t i = 0; i < devices.size(); ++i)
     if (!devices[i]->tags.empty()) add_block_trade(*devices[i], link.char_time, shares, i, report);
-  return report;
-}
-
-/// Load of one link, and nothing else about it.
-struct LinkLoad {
-  LinkReport report;  ///< only names, intervals and bus times of the groups; no exchanges
-  double asked = 0;
-  double fixed = 0;
-};
-
-void add_load(const DeviceConfig& device, nanoseconds char_time, LinkLoad& load) {
-  const DevicePlan plan = plan_device(device, char_time);
-  for (const GroupPlan& group : plan.groups) {
-    GroupLoad& of_group = load.report.groups.emplace_back();
-    of_group.device = device.name;
-    of_group.group = device.groups[group.group].name;
-    of_group.interval = device.groups[group.group].interval;
-    of_group.line_time = plan.time_of(group);
-    if (of_group.interval.count() > 0) load.asked += ratio(*of_group.line_time, of_group.interval);
-  }
-  if (const auto question = background_question(*plan.codec, !device.tags.empty()))
-    load.fixed += ratio(exchange_time(*plan.codec, *question, plan.timing), kQuestionInterval);
+  return std::move(report);
 }
 
 // ---- what if ------------------------------------------------------------------------------------
@@ -520,10 +509,10 @@ std::vector<std::string> overloads(const Config& config) {
   std::vector<LinkLoad> loads(config.links.size());
   for (const DeviceConfig& device : config.devices)
     if (const nanoseconds char_time = config.links[device.link].char_time; char_time.count() > 0)
-      add_load(device, char_time, loads[device.link]);
+      add_load(device, plan_device(device, char_time), loads[device.link]);
   std::vector<std::string> found;
   for (std::size_t i = 0; i < loads.size(); ++i) {
-    judge_intervals(loads[i].asked, loads[i].fixed, loads[i].report);
+    judge_intervals(loads[i]);
     for (const std::string& warning : loads[i].report.warnings)
       found.push_back(config.links[i].name + ": " + warning);
   }

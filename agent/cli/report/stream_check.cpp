@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/text/json_member.h"
 #include "agent/text/text.h"
 #include "agent/uplink/topics.h"
 
@@ -13,11 +14,6 @@ namespace fxagent {
 namespace {
 
 using Json = nlohmann::json;
-
-const Json* find(const Json& object, const char* key) {
-  const auto found = object.find(key);
-  return found == object.end() ? nullptr : &*found;
-}
 
 /// Parses `seq`: a number, or above 2^53 a string of digits.
 std::optional<std::uint64_t> number_of(const Json& json) {
@@ -55,16 +51,15 @@ struct StreamCheck::Sample {
   /// Reads a sample from `json`. Returns its fault, or an empty text if there is none.
   std::string_view read(const Json& json) {
     if (!json.is_object()) return "a sample is a JSON object";
-    const Json* number = find(json, "seq");
-    const auto value = number == nullptr ? std::nullopt : number_of(*number);
+    const auto value = number_of(member(json, "seq"));
     if (!value) return "seq is not a number";
-    const Json* time = find(json, "ts");
-    if (time == nullptr || !time->is_number_integer()) return "ts is not a whole number";
-    const Json* id = find(json, "boot");
-    if (id == nullptr || !id->is_string()) return "boot is not a string";
+    const Json& time = member(json, "ts");
+    if (!time.is_number_integer()) return "ts is not a whole number";
+    const Json& id = member(json, "boot");
+    if (!id.is_string()) return "boot is not a string";
     seq = *value;
-    ts = time->get<std::int64_t>();
-    boot = id->get<std::string>();
+    ts = time.get<std::int64_t>();
+    boot = id.get<std::string>();
     print = std::hash<std::string>{}(json.dump());
     return {};
   }
@@ -105,9 +100,9 @@ void StreamCheck::take(std::string_view topic, std::string_view payload, bool re
   const auto json = parsed(payload);
   if (!json) return malformed("not JSON, or nested too deeply");
   if (!place->is_history) return take_one(*json);
-  const Json* rows = json->is_object() ? find(*json, "rows") : nullptr;
-  if (rows == nullptr || !rows->is_array()) return malformed("history without rows");
-  for (const Json& row : *rows) take_one(row);
+  const Json& rows = member(*json, "rows");
+  if (!rows.is_array()) return malformed("history without rows");
+  for (const Json& row : rows) take_one(row);
 }
 
 std::uint32_t StreamCheck::boot_of(Device& device, const std::string& id, std::uint64_t seq) const {

@@ -159,17 +159,6 @@ std::string flag_of(const std::string& pointer, const InitAnswers& answers) {
   return written < answers.write.size() ? "--write " + answers.write[written] : pointer;
 }
 
-/// Collects faults, one a line.
-class Faults {
- public:
-  void add(const std::string& text) { text_ += (text_.empty() ? "" : "\n") + text; }
-  bool any() const { return !text_.empty(); }
-  const std::string& text() const { return text_; }
-
- private:
-  std::string text_;
-};
-
 }  // namespace
 
 std::vector<std::string> init_file_names() {
@@ -187,21 +176,24 @@ tl::expected<std::vector<InitFile>, std::string> init_files(const InitAnswers& g
   InitAnswers answers = given;
   if (!answers.user.empty() && answers.password_file.empty()) answers.password_file = kPassword;
   if (answers.user.empty() && !answers.password_file.empty()) answers.user = answers.id;
-  Faults faults;
+  std::string faults;  // one a line
+  const auto add = [&faults](const std::string& text) {
+    faults += (faults.empty() ? "" : "\n") + text;
+  };
   if (!LinkTable::is_serial(answers.port)) {
-    faults.add("--port must be a serial port such as /dev/ttyUSB0, or host:port");
+    add("--port must be a serial port such as /dev/ttyUSB0, or host:port");
     answers.port = placeholder_port(answers.protocol);
   }
   if (answers.unit.find_first_not_of("0123456789") != answers.unit.npos) {
-    faults.add("--unit must be a number");
+    add("--unit must be a number");
     answers.unit.clear();
   }
   const std::string text = config_text(answers);
   const auto config = parse_config(text);
   if (!config)
     for (const ConfigError& error : config.error())
-      faults.add(flag_of(error.pointer, answers) + ": " + error.text);
-  if (faults.any()) return tl::unexpected(faults.text());
+      add(flag_of(error.pointer, answers) + ": " + error.text);
+  if (!faults.empty()) return tl::unexpected(faults);
   const auto acl = acl_text(
       *config, {answers.user.empty() ? answers.id : answers.user, {answers.operator_name}, {}});
   if (!acl) return tl::unexpected(acl.error());

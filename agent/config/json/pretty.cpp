@@ -17,25 +17,13 @@ bool is_bracket(const ConfigNode& node) {
 
 /// Appends the node on one line. Stops early if `out` grows beyond `most` bytes.
 void append_flat(std::string& out, const ConfigNode& node, std::size_t most) {
-  switch (node.kind) {
-    case Kind::null:
-      out += "null";
-      return;
-    case Kind::boolean:
-      out += node.boolean ? "true" : "false";
-      return;
-    case Kind::integer:
-      out += std::to_string(node.integer);
-      return;
-    case Kind::number:
-      out += node.text;
-      return;
-    case Kind::string:
-      append_json_string(out, node.text);
-      return;
-    case Kind::array:
-    case Kind::object:
-      break;
+  if (node.kind == Kind::string) return append_json_string(out, node.text);
+  if (!is_bracket(node)) {
+    out += node.kind == Kind::null      ? "null"
+           : node.kind == Kind::boolean ? (node.boolean ? "true" : "false")
+           : node.kind == Kind::integer ? std::to_string(node.integer)
+                                        : node.text;
+    return;
   }
   const bool is_object = node.kind == Kind::object;
   out += is_object ? '{' : '[';

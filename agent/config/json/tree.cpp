@@ -40,10 +40,7 @@ class TracedIterator {
     ++*this;
     return before;
   }
-  friend bool operator==(const TracedIterator& a, const TracedIterator& b) {
-    return a.at_ == b.at_;
-  }
-  friend bool operator!=(const TracedIterator& a, const TracedIterator& b) { return !(a == b); }
+  friend bool operator==(const TracedIterator&, const TracedIterator&) = default;
 
  private:
   const char* at_;
@@ -64,44 +61,29 @@ class TreeBuilder {
       : root_(root), text_(text), taken_(taken), folded_depth_(folded_depth), bounds_(bounds) {}
 
   bool null() {
-    if (is_over()) return false;
-    if (is_folding()) return true;
-    add(ConfigNode::Kind::null);
-    return true;
+    return leaf(ConfigNode::Kind::null, [](ConfigNode&) {});
   }
   bool boolean(bool value) {
-    if (is_over()) return false;
-    if (is_folding()) return true;
-    add(ConfigNode::Kind::boolean)->boolean = value;
-    return true;
+    return leaf(ConfigNode::Kind::boolean, [&](ConfigNode& node) { node.boolean = value; });
   }
   bool number_integer(number_integer_t value) {
-    if (is_over()) return false;
-    end_number();
-    if (is_folding()) return true;
-    ConfigNode* node = add(ConfigNode::Kind::integer);
-    node->integer = value;
-    node->number = static_cast<double>(value);
-    return true;
+    return leaf(ConfigNode::Kind::integer, [&](ConfigNode& node) {
+      node.integer = value;
+      node.number = static_cast<double>(value);
+    });
   }
   bool number_unsigned(number_unsigned_t value) {
     if (std::in_range<std::int64_t>(value)) return number_integer(static_cast<std::int64_t>(value));
     return number_float(static_cast<double>(value), std::to_string(value));
   }
   bool number_float(number_float_t value, const string_t& spelled) {
-    if (is_over()) return false;
-    end_number();
-    if (is_folding()) return true;
-    ConfigNode* node = add(ConfigNode::Kind::number);
-    node->number = value;
-    node->text = spelled;
-    return true;
+    return leaf(ConfigNode::Kind::number, [&](ConfigNode& node) {
+      node.number = value;
+      node.text = spelled;
+    });
   }
   bool string(string_t& value) {
-    if (is_over()) return false;
-    if (is_folding()) return true;
-    add(ConfigNode::Kind::string)->text = std::move(value);
-    return true;
+    return leaf(ConfigNode::Kind::string, [&](ConfigNode& node) { node.text = std::move(value); });
   }
   bool binary(binary_t&) { return false; }  // not in a JSON text
   bool key(string_t& value) {
@@ -137,6 +119,13 @@ class TreeBuilder {
   const std::string& end() const { return end_; }
 
  private:
+  template <class Fill>
+  bool leaf(ConfigNode::Kind kind, Fill fill) {
+    if (is_over()) return false;
+    if (kind == ConfigNode::Kind::integer || kind == ConfigNode::Kind::number) end_number();
+    if (!is_folding()) fill(*add(kind));
+    return true;
+  }
   /// Returns the last byte of the token, or for a number the byte after it, which the lexer had to
   /// read. Both are on the line of the token, since no token spans two lines; the byte after a
   /// number may be the newline that ends the line.
@@ -246,17 +235,9 @@ const ConfigNode* ConfigNode::find(std::string_view name) const {
 
 std::string pointer_to(const ConfigNode& node) {
   if (node.parent == nullptr) return {};
-  std::string pointer = pointer_to(*node.parent) + "/";
-  if (node.parent->kind == ConfigNode::Kind::array) return pointer + std::to_string(node.index);
-  for (const char c : node.key) {
-    if (c == '~')
-      pointer += "~0";
-    else if (c == '/')
-      pointer += "~1";
-    else
-      pointer += c;
-  }
-  return pointer;
+  const bool is_item = node.parent->kind == ConfigNode::Kind::array;
+  const std::string key = is_item ? std::to_string(node.index) : node.key;
+  return pointer_to(*node.parent) + (Json::json_pointer() / key).to_string();
 }
 
 tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_view text,

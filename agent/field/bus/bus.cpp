@@ -99,7 +99,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
   const auto resync = codec.resync();
   const auto refuse = [&failed](Exchange exchange) {
     failed = std::move(exchange);
-    failed.sent = false;  // the enquiry is not part of the caller's request
+    failed.sent = false;  // enquiry and probe are not part of the caller's request
     return false;
   };
   if (in_doubt) {
@@ -130,9 +130,10 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
   }
   // The enquiry's ACK may have been a write's late ACK. Without an enquiry, a read's late NAK could
   // pass for the answer to a write.
-  const bool may_mislead = overheard_.late().owed() == LateAnswers::Owed::acknowledgement ||
-                           (overheard_.late().owed() == LateAnswers::Owed::data &&
-                            !is_read(request) && !enquiry_settles(station));
+  const bool may_mislead =
+      overheard_.late().owed() == LateAnswers::Owed::acknowledgement ||
+      (overheard_.late().owed() == LateAnswers::Owed::data && !is_read(request) &&
+       !enquiry_settles(station) && !overheard_.tells_answers_apart(codec));
   if (may_mislead || bus_doubted) {
     Exchange probing = co_await probe(station, request);
     if (!probing.has_answer()) co_return refuse(std::move(probing));

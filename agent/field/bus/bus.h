@@ -38,9 +38,10 @@ class Bus final {
   /// Sends one request and returns its outcome. Checks `not_after` just before the first byte.
   ///
   /// If the previous exchange left the line in doubt, puts it in order first: listens until no late
-  /// answer can come, and enquires unless the station's policy is `never`. After a lost ACK it also
-  /// reads a probe. Otherwise enquires as the policy says. If an enquiry goes unanswered, sends
-  /// nothing else and returns `unanswered` with `sent` false.
+  /// answer can come, and enquires unless the station's policy is `never`. After a lost ACK, and
+  /// before a write if a read's answer was lost and no enquiry settles that, it also reads a probe.
+  /// Otherwise enquires as the policy says. If an enquiry or a probe goes unanswered, sends nothing
+  /// else and returns `unanswered` with `sent` false.
   ///
   /// While the bus is doubted, listens before and after the request. Each silence lasts as long as
   /// the slowest answer may take. A probe with an answer of another length precedes the request.

@@ -25,35 +25,21 @@ nanoseconds target_time(const Codec& codec, const DeviceConfig& device, const Li
          readings * read_time(codec, device, target.point, timing);
 }
 
-/// Returns the line time of RUN or STOP: the request and one read of the RUN state.
-nanoseconds run_or_stop_time(const Codec& codec, const LineTiming& timing,
-                             const AdmittedCommand& admitted) {
-  if (!admitted.run_request) return {};
-  return exchange_time(codec, *admitted.run_request, timing) +
-         exchange_time(codec, codec.plc()->run_state(), timing);
-}
-
 }  // namespace
 
-nanoseconds line_time_of(const Codec& codec, const DeviceConfig& device, nanoseconds char_time,
-                         const AdmittedCommand& admitted) {
+nanoseconds set_line_times(const Codec& codec, const DeviceConfig& device, nanoseconds char_time,
+                           AdmittedCommand& admitted) {
   const LineTiming timing = timing_of(device, char_time);
-  nanoseconds total = run_or_stop_time(codec, timing, admitted);
-  if (admitted.run_request) total += kRunStateVerifiedWithin;
-  for (const AdmittedTarget& target : admitted.targets)
-    total += target_time(codec, device, timing, admitted, target);
-  return total;
-}
-
-void set_line_times(const Codec& codec, const DeviceConfig& device, nanoseconds char_time,
-                    AdmittedCommand& admitted) {
-  const LineTiming timing = timing_of(device, char_time);
-  nanoseconds total = run_or_stop_time(codec, timing, admitted);
+  nanoseconds total{0};
+  if (admitted.run_request)  // and one read of the RUN state
+    total = exchange_time(codec, *admitted.run_request, timing) +
+            exchange_time(codec, codec.plc()->run_state(), timing);
   for (AdmittedTarget& target : admitted.targets) {
     target.line_time = target_time(codec, device, timing, admitted, target);
     total += target.line_time;
   }
   if (char_time.count() > 0) admitted.line_time = total;
+  return admitted.run_request ? total + kRunStateVerifiedWithin : total;
 }
 
 bool gives_way(const AdmittedTarget& target) { return target.line_time > kLongArray; }

@@ -13,14 +13,12 @@ namespace fxagent {
 /// Contract: RUN and STOP are verified by the RUN state for up to 2 s.
 inline constexpr std::chrono::milliseconds kRunStateVerifiedWithin{2000};
 
-/// Returns the line time of all exchanges of `admitted` if each ends well.
-std::chrono::nanoseconds line_time_of(const Codec& codec, const DeviceConfig& device,
-                                      std::chrono::nanoseconds char_time,
-                                      const AdmittedCommand& admitted);
 /// Stores in `admitted` the line time of each target and, if the line speed is known, of all its
-/// exchanges.
-void set_line_times(const Codec& codec, const DeviceConfig& device,
-                    std::chrono::nanoseconds char_time, AdmittedCommand& admitted);
+/// exchanges. Returns the time of all its exchanges if each ends well, with the time in which RUN
+/// and STOP are verified.
+std::chrono::nanoseconds set_line_times(const Codec& codec, const DeviceConfig& device,
+                                        std::chrono::nanoseconds char_time,
+                                        AdmittedCommand& admitted);
 
 /// True if others run between the exchanges of this target: an array that takes longer than 2 s.
 bool gives_way(const AdmittedTarget& target);

@@ -66,8 +66,7 @@ void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
   command.admitted.queued = Clock::now();
   command.device = &device;
   command.line_time =
-      line_time_of(*command.admitted.codec, device.config, link_.char_time, command.admitted);
-  set_line_times(*command.admitted.codec, device.config, link_.char_time, command.admitted);
+      set_line_times(*command.admitted.codec, device.config, link_.char_time, command.admitted);
   command.admitted.bound = bound_of(command);
   waiting_.push_back(std::move(command));
   scheduler_.share().command_waits();

@@ -45,7 +45,7 @@ void GroupPlans::make(LinkDevice& device, GroupPoll& group) {
   group.turnaround = device.turnaround.value();
   group.holes_version = holes_version(device);
   group.cycle.use(plan_of(device, group, group.cycle.points()), bus_.doubt().findings());
-  scheduler_.set_exchanges(group.id, group.cycle.reads().plan().exchange_count());
+  scheduler_.group(group.id).set_exchanges(group.cycle.reads().plan().exchange_count());
 }
 
 void GroupPlans::make_all(LinkDevice& device) {
@@ -113,7 +113,8 @@ void GroupPlans::read_in_parts(LinkDevice& device, GroupPoll& group, const ReadI
     cycle.reads().read_halves(reads);
   else if (!read_by_other_ways(device, group, cycle.reads().points_of(reads)))
     return;
-  scheduler_.extend_cycle(group.id, cycle.reads().plan().exchange_count(), line_time, Clock::now());
+  scheduler_.group(group.id).extend_cycle(cycle.reads().plan().exchange_count(), line_time,
+                                          Clock::now());
 }
 
 bool GroupPlans::read_by_other_ways(LinkDevice& device, GroupPoll& group,

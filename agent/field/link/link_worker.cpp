@@ -348,7 +348,7 @@ void LinkWorker::report(FieldHealth& health) {
     out.reached.assign(device->config.groups.size(), {});
     for (const auto& group : device->groups)
       out.reached[group->cycle.group()] =
-          std::chrono::duration_cast<milliseconds>(scheduler_.reached(group->id));
+          std::chrono::duration_cast<milliseconds>(scheduler_.group(group->id).reached());
   }
 }
 

@@ -37,7 +37,8 @@ asio::awaitable<void> ModelQuestions::run(LinkDevice& device, PollScheduler::Pol
   if (is_answered && device.state.compares_model()) {
     const auto questions = static_cast<std::uint32_t>(device.codec->plc()->identify().size());
     device.model_images.clear();
-    scheduler_.extend_cycle(step.group, 1 + questions, std::chrono::nanoseconds(0), Clock::now());
+    scheduler_.group(step.group)
+        .extend_cycle(1 + questions, std::chrono::nanoseconds(0), Clock::now());
   }
   scheduler_.step_done(step);
   state_.update(device);
@@ -65,8 +66,8 @@ bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollSt
 asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
                                                     PollScheduler::PollStep step) {
   const auto end_cycle = [&] {
-    scheduler_.abandon_cycle(step.group, Clock::now());
-    scheduler_.set_exchanges(step.group, 1);
+    scheduler_.group(step.group).abandon_cycle(Clock::now());
+    scheduler_.group(step.group).set_exchanges(1);
   };
   if (!bus_.is_open()) co_return end_cycle();
   const PlcServices& plc = *device.codec->plc();

@@ -99,7 +99,7 @@ bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
                          const PollScheduler::PollStep& step) {
   const bool free_running = group.cycle.settings().interval.count() == 0;
   if (free_running && outbox_.is_backed_up()) {
-    scheduler_.abandon_cycle(group.id, Clock::now() + kUplinkRest);
+    scheduler_.group(group.id).abandon_cycle(Clock::now() + kUplinkRest);
     return false;
   }
   plans_.refresh(device, group);
@@ -126,7 +126,7 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
     if (knowledge != Knowledge::known) co_return;  // a new plan: the cycle is offered again
   }
   if (group.cycle.reads().plan().reads.empty()) {
-    scheduler_.abandon_cycle(group.id, Clock::now() + kNothingToRead);
+    scheduler_.group(group.id).abandon_cycle(Clock::now() + kNothingToRead);
     finish_cycle(device, group);
     co_return;
   }
@@ -232,7 +232,7 @@ Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
   state_.answered(device);
   switch (meaning) {
     case RefusalMeaning::busy:
-      scheduler_.postpone(step, exchange.ended + kBusyDevicePause);
+      scheduler_.group(step.group).postpone(exchange.ended + kBusyDevicePause);
       return Refusal::may_pass;
     case RefusalMeaning::curable:
       return Refusal::may_pass;
@@ -246,14 +246,14 @@ Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
 
 void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {
   group.cycle.reads().give_up(why);
-  scheduler_.abandon_cycle(group.id, bus_.is_open() ? Clock::now() : state_.next_open());
+  scheduler_.group(group.id).abandon_cycle(bus_.is_open() ? Clock::now() : state_.next_open());
   finish_cycle(device, group);
 }
 
 void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   ++device.collected;
   auto message = group.cycle.finish(bus_.doubt().is_doubted(), bus_.doubt().findings(), now_ms(),
-                                    Clock::now(), scheduler_.next_due(group.id));
+                                    Clock::now(), scheduler_.group(group.id).next_due());
   for (const NoValue& none : group.cycle.take_no_values()) {
     const TagConfig& tag = device.config.tags[none.tag];
     log::warn("tag", {{"device", device.config.name},

@@ -19,6 +19,7 @@ class GroupSchedule final {
                 std::chrono::milliseconds within);
   /// See PollScheduler::set_interval(). Returns the number of polls missed by the old interval.
   std::uint64_t set_interval(std::chrono::milliseconds interval, SteadyTime now);
+  /// Sets the number of exchanges of a new plan. A running cycle begins anew.
   void set_exchanges(std::uint32_t exchanges);
 
   /// Returns the earliest time of the next exchange.
@@ -42,7 +43,7 @@ class GroupSchedule final {
   /// See PollScheduler::forget_until().
   void forget_until(SteadyTime now);
 
-  /// See PollScheduler::reached().
+  /// Returns the smoothed time between the last polls; 0: there were not two yet.
   std::chrono::nanoseconds reached() const { return reached_; }
 
   bool is_running() const { return running_; }
@@ -53,13 +54,18 @@ class GroupSchedule final {
   /// Begins a cycle. A `load` of the line above 1 stretches the interval by this factor. Returns
   /// the number of polls that were skipped.
   std::uint64_t begin(SteadyTime now, double load);
-  /// See PollScheduler::extend_cycle().
+  /// Extends the running cycle to `exchanges` in total after its last exchange, of `line_time`, was
+  /// refused. Moves its deadline by a multiple of that time, so that other groups keep their part
+  /// of the line during a long search for what is missing. The cycle does not count as a
+  /// measurement of the group's line time.
   void extend_cycle(std::uint32_t exchanges, std::chrono::nanoseconds line_time, SteadyTime now);
   void used(std::chrono::nanoseconds line_time) { used_ += line_time; }
   /// Records that this exchange was carried out. True: the cycle has ended.
   bool step_done(std::uint32_t exchange);
+  /// Offers the same exchange again, but not before `not_before`: the device is busy.
   void postpone(SteadyTime not_before) { not_before_ = not_before; }
-  /// See PollScheduler::abandon_cycle().
+  /// Gives up the rest of the cycle until the next one is due. A group without an interval rests
+  /// until `not_before`, so that a failure that used no line time is not repeated at once.
   void abandon_cycle(SteadyTime not_before);
 
   /// Returns the part of the line that the interval asks for; 0 without an interval.

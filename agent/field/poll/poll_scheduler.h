@@ -51,18 +51,8 @@ class PollScheduler final {
   /// Removes the device and its groups. Their ids may be reused. None of its steps may be in
   /// progress.
   void remove_device(DeviceId device);
-  /// Sets the number of exchanges of a new plan. A running cycle begins anew.
-  void set_exchanges(GroupId group, std::uint32_t exchanges) {
-    groups_[group].schedule.set_exchanges(exchanges);
-  }
-  /// Extends the running cycle to `exchanges` in total after its last exchange, of `line_time`, was
-  /// refused. Moves its deadline by a multiple of that time, so that other groups keep their part
-  /// of the line during a long search for what is missing. The cycle does not count as a
-  /// measurement of its group's line time.
-  void extend_cycle(GroupId group, std::uint32_t exchanges, std::chrono::nanoseconds line_time,
-                    SteadyTime now) {
-    groups_[group].schedule.extend_cycle(exchanges, line_time, now);
-  }
+  /// The schedule of a group. Valid until the next add_group().
+  GroupSchedule& group(GroupId id) { return groups_[id].schedule; }
 
   /// Returns the job to run now, or until when to wait. Waiting commands come first, except for the
   /// polls' share; then the due group with the earliest deadline whose device is not in back-off. A
@@ -75,15 +65,6 @@ class PollScheduler final {
   bool step_done(const PollStep& step) {
     return groups_[step.group].schedule.step_done(step.exchange);
   }
-  /// Offers the same step again, but not before `not_before`: the device is busy.
-  void postpone(const PollStep& step, SteadyTime not_before) {
-    groups_[step.group].schedule.postpone(not_before);
-  }
-  /// Gives up the rest of the cycle until the next one is due. A group without an interval rests
-  /// until `not_before`, so that a failure that used no line time is not repeated at once.
-  void abandon_cycle(GroupId group, SteadyTime not_before) {
-    groups_[group].schedule.abandon_cycle(not_before);
-  }
 
   /// Schedules one extra cycle at or soon after `from` for each group of the device that is not
   /// being read. The intervals stay as they are. The cycles are spread so that half of the line is
@@ -92,13 +73,6 @@ class PollScheduler final {
   /// Ends the running cycles, and forgets the polls that were due until now: nothing was to be
   /// read. Groups are read again when they are next due.
   void forget_until(SteadyTime now);
-  /// Returns when the next cycle of the group is due by its interval.
-  SteadyTime next_due(GroupId group) const { return groups_[group].schedule.next_due(); }
-
-  /// Returns the smoothed time between the last polls of the group; 0: there were not two yet.
-  std::chrono::nanoseconds reached(GroupId group) const {
-    return groups_[group].schedule.reached();
-  }
 
   /// Records line time used by a command; the polls' share depends on it.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);

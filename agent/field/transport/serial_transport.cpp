@@ -1,4 +1,4 @@
-#include "agent/field/transport/serial_transport.h"
+#include "agent/field/transport/transport.h"
 
 #include <asm/termbits.h>
 #include <fcntl.h>

@@ -1,4 +1,4 @@
-#include "agent/field/transport/tcp_transport.h"
+#include "agent/field/transport/transport.h"
 
 #include <netinet/tcp.h>
 #include <sys/socket.h>

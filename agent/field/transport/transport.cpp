@@ -2,10 +2,6 @@
 
 #include <variant>
 
-#include "agent/field/transport/serial_transport.h"
-#include "agent/field/transport/tcp_transport.h"
-#include "agent/field/transport/udp_transport.h"
-
 namespace fxagent {
 
 std::unique_ptr<Transport> make_transport(const asio::any_io_executor& executor,

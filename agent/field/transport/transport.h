@@ -69,4 +69,16 @@ class Transport {
 std::unique_ptr<Transport> make_transport(const asio::any_io_executor& executor,
                                           const LinkConfig& link);
 
+// Each returns a closed transport of its kind.
+
+/// A serial port: raw termios, exclusive, reopened by its path. On a pty, 7 data bits and parity
+/// are tolerated although the kernel does not keep them; on a real port such a refusal is an error.
+std::unique_ptr<Transport> make_serial_transport(asio::any_io_executor executor,
+                                                 SerialSettings settings);
+/// A TCP stream, with no-delay and keep-alive.
+std::unique_ptr<Transport> make_tcp_transport(asio::any_io_executor executor, TcpSettings settings);
+/// A datagram socket that accepts none from other senders. If the name has several addresses, each
+/// open() takes the next one until one has answered.
+std::unique_ptr<Transport> make_udp_transport(asio::any_io_executor executor, UdpSettings settings);
+
 }  // namespace fxagent

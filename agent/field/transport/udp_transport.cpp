@@ -1,4 +1,4 @@
-#include "agent/field/transport/udp_transport.h"
+#include "agent/field/transport/transport.h"
 
 #include <sys/socket.h>
 

@@ -56,7 +56,7 @@ void StoreDisk::open() {
     }
     const auto fault = sqlite::attempt([&] {
       file_ = std::make_unique<StoreFile>(path, config_.sync_always);
-      parts_.load(file_->db);
+      parts_.each(&StorePart::load, file_->db);
     });
     if (!fault) {
       writable_ = was_open_ = true;
@@ -97,7 +97,7 @@ void StoreDisk::close() {
 }
 
 void StoreDisk::let_go(StorePart::Rows rows) {
-  parts_.unload(rows);
+  parts_.each(&StorePart::unload, rows);
   file_.reset();
   writable_ = false;
 }
@@ -122,7 +122,7 @@ void StoreDisk::start_anew(const std::string& why) {
                        {"set_aside", fault ? "failed: " + fault.message() : aside},
                        {"samples_lost", std::to_string(rows)}});
   if (!fault) set_aside_ = std::filesystem::path(aside).filename().string();
-  parts_.set_aside(set_aside_);
+  parts_.each(&StorePart::set_aside, set_aside_);
 }
 
 void StoreDisk::failed(std::string_view doing, const sqlite::Fault& fault) {
@@ -133,7 +133,7 @@ void StoreDisk::failed(std::string_view doing, const sqlite::Fault& fault) {
   if (is_file && writable_ && !std::exchange(mending_, true)) {
     start_anew(fault.text);
     open();
-    parts_.replaced();
+    parts_.each(&StorePart::replaced);
     mending_ = false;
     return;
   }
@@ -149,9 +149,9 @@ bool StoreDisk::commit(std::string_view doing, Sync sync, const Work& work) {
   if (sync == Sync::full) file_->synchronise(true);
   const auto fault = sqlite::attempt([&] {
     SQLite::Transaction transaction(file_->db, SQLite::TransactionBehavior::IMMEDIATE);
-    parts_.begin_commit();
+    parts_.each(&StorePart::begin_commit);
     work();
-    parts_.end_commit();
+    parts_.each(&StorePart::end_commit);
     transaction.commit();
   });
   if (sync == Sync::full) file_->synchronise(false);
@@ -159,7 +159,7 @@ bool StoreDisk::commit(std::string_view doing, Sync sync, const Work& work) {
     failed(doing, *fault);
     return false;
   }
-  parts_.committed();
+  parts_.each(&StorePart::committed);
   return true;
 }
 

@@ -10,13 +10,6 @@ std::vector<std::uint64_t> first_numbers(const Config& config, Store* store, std
   return store->numbers().begin(names, utc_ms);
 }
 
-std::vector<std::uint64_t> numbers_to_join(const std::vector<std::string>& devices,
-                                           GuardedStore* store, std::int64_t utc_ms) {
-  if (store == nullptr)
-    return std::vector<std::uint64_t>(devices.size(), static_cast<std::uint64_t>(utc_ms));
-  return store->samples().join(devices, utc_ms);
-}
-
 std::vector<std::uint64_t> later_numbers(const Config& config,
                                          const std::map<std::string, std::uint64_t>& found) {
   std::vector<std::uint64_t> numbers;

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "agent/config/model.h"
-#include "agent/store/guarded_store.h"
 #include "agent/store/store.h"
 
 namespace fxagent {
@@ -21,10 +20,5 @@ std::vector<std::uint64_t> first_numbers(const Config& config, Store* store, std
 /// devices.
 std::vector<std::uint64_t> later_numbers(const Config& config,
                                          const std::map<std::string, std::uint64_t>& found);
-
-/// Same for devices that begin later in the run, by name. If a device was there before, the field
-/// uses its own number instead.
-std::vector<std::uint64_t> numbers_to_join(const std::vector<std::string>& devices,
-                                           GuardedStore* store, std::int64_t utc_ms);
 
 }  // namespace fxagent

@@ -87,13 +87,6 @@ Result<std::optional<std::string>> read_password(const MqttConfig& config) {
   return std::nullopt;
 }
 
-/// Names the faulty file, which OpenSSL does not.
-Result<void> check_tls_files(const TlsSettings& tls) {
-  const auto fault = fault_in(tls);
-  if (fault) return fail(ErrorCode::bad_request, std::string(fault->key) + " " + fault->text);
-  return {};
-}
-
 }  // namespace
 
 PahoBroker::PahoBroker(const MqttConfig& config, MakeWill make_will, std::function<void()> notify,
@@ -145,10 +138,9 @@ void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
     return inbox_->post(number, ConnectFailed{missing});
   const auto password = read_password(config_);
   if (!password) return inbox_->post(number, ConnectFailed{password.error().text});
-  if (config_.tls && is_tls(config_.servers.at(index))) {
-    const auto readable = check_tls_files(*config_.tls);
-    if (!readable) return inbox_->post(number, ConnectFailed{readable.error().text});
-  }
+  if (config_.tls && is_tls(config_.servers.at(index)))
+    if (const auto fault = fault_in(*config_.tls))  // names the faulty file, which OpenSSL does not
+      return inbox_->post(number, ConnectFailed{std::string(fault->key) + " " + fault->text});
   try {
     connection_ = std::make_unique<PahoConnection>(
         inbox_, number, config_, config_.servers.at(index), max_payload_, keep_session_);

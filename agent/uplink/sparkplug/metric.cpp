@@ -17,11 +17,6 @@ PropertyValue& add_property(Metric& metric, std::string_view name, Type type) {
 
 }  // namespace
 
-Quality quality_of(const std::optional<BadReason>& bad) {
-  if (!bad) return Quality::good;
-  return *bad == BadReason::timeout || *bad == BadReason::link_down ? Quality::stale : Quality::bad;
-}
-
 void set_value(Metric& metric, const Value& value, Type type) {
   put(metric, typed(value, type), [&](auto integer) {
     // The specification has UInt32 in int_value; the hosts that we know read it from long_value.
@@ -33,8 +28,16 @@ void set_value(Metric& metric, const Value& value, Type type) {
 }
 
 void add_quality(Metric& metric, const std::optional<BadReason>& bad) {
+  // Codes of the specification. Stale: the device does not answer. Bad: it answers, and not with a
+  // value.
+  constexpr std::uint32_t kGood = 192;
+  constexpr std::uint32_t kStale = 500;
+  constexpr std::uint32_t kBad = 0;
+  const bool is_stale = bad == BadReason::timeout || bad == BadReason::link_down;
   add_property(metric, "quality", Type::int32)
-      .set_int_value(static_cast<std::uint32_t>(quality_of(bad)));
+      .set_int_value(!bad       ? kGood
+                     : is_stale ? kStale
+                                : kBad);
   if (bad) add_property(metric, "why", Type::string).set_string_value(std::string(to_string(*bad)));
 }
 
@@ -53,31 +56,20 @@ void add_units(Metric& metric, const TagConfig& tag) {
 }
 
 std::optional<std::string> json_of(const Metric& metric, Type type) {
-  if (metric.is_null()) return std::nullopt;
-  switch (metric.value_case()) {
-    case Metric::kIntValue:
-      if (type == Type::boolean) return json_of(TypedValue(metric.int_value() != 0), type);
-      if (is_unsigned(type)) return json_of(TypedValue(std::uint64_t{metric.int_value()}), type);
-      return json_of(TypedValue(std::int64_t{static_cast<std::int32_t>(metric.int_value())}), type);
-    case Metric::kLongValue:
-      if (is_unsigned(type)) return json_of(TypedValue(std::uint64_t{metric.long_value()}), type);
-      return json_of(TypedValue(static_cast<std::int64_t>(metric.long_value())), type);
-    case Metric::kFloatValue:
-      return json_of(TypedValue(metric.float_value()), type);
-    case Metric::kDoubleValue:
-      return json_of(TypedValue(metric.double_value()), type);
-    case Metric::kBooleanValue:
-      return json_of(TypedValue(metric.boolean_value()), type);
-    case Metric::kStringValue:
-      return json_of(TypedValue(metric.string_value()), type);
-    case Metric::kBytesValue:
-      // The elements would be read as others.
-      if (metric.datatype() != 0 && metric.datatype() != static_cast<std::uint32_t>(type)) break;
-      return json_of(TypedValue(Packed{metric.bytes_value()}), type);
-    case Metric::VALUE_NOT_SET:
-      break;
-  }
-  return std::nullopt;
+  // The elements of another type would be read as others.
+  const bool is_other_array = metric.has_bytes_value() && metric.datatype() != 0 &&
+                              metric.datatype() != static_cast<std::uint32_t>(type);
+  if (metric.is_null() || is_other_array) return std::nullopt;
+  const auto integer = [&]() -> TypedValue {
+    if (metric.has_int_value() && type == Type::boolean) return metric.int_value() != 0;
+    if (metric.has_int_value() && !is_unsigned(type))
+      return std::int64_t{static_cast<std::int32_t>(metric.int_value())};
+    if (metric.has_int_value()) return std::uint64_t{metric.int_value()};
+    if (!metric.has_long_value()) return {};
+    if (is_unsigned(type)) return std::uint64_t{metric.long_value()};
+    return static_cast<std::int64_t>(metric.long_value());
+  };
+  return json_of(taken(metric, integer), type);
 }
 
 }  // namespace fxagent::sparkplug

@@ -14,11 +14,6 @@ namespace fxagent::sparkplug {
 
 class Metric;
 
-/// Quality codes of the specification.
-enum class Quality : std::uint32_t { bad = 0, good = 192, stale = 500 };
-/// `stale`: the device does not answer. `bad`: it answers, and not with a value.
-Quality quality_of(const std::optional<BadReason>& bad);
-
 /// Sets the value, or is_null if there is none or the type cannot hold it.
 void set_value(Metric& metric, const Value& value, Type type);
 /// Adds the quality, and for a bad value our reason as the property `why`.

@@ -52,30 +52,13 @@ void set_value(sparkplug_c::TypedValue& out, const Value& value, Type type) {
 }
 
 sparkplug::TypedValue received(const sparkplug_c::TypedValue& value) {
-  using Of = sparkplug_c::TypedValue;
-  switch (value.value_case()) {
-    case Of::kInt32Value:
-      return std::int64_t{value.int32_value()};
-    case Of::kInt64Value:
-      return std::int64_t{value.int64_value()};
-    case Of::kUint32Value:
-      return std::uint64_t{value.uint32_value()};
-    case Of::kUint64Value:
-      return std::uint64_t{value.uint64_value()};
-    case Of::kFloatValue:
-      return value.float_value();
-    case Of::kDoubleValue:
-      return value.double_value();
-    case Of::kBooleanValue:
-      return value.boolean_value();
-    case Of::kStringValue:
-      return value.string_value();
-    case Of::kBytesValue:
-      return sparkplug::Packed{value.bytes_value()};
-    case Of::VALUE_NOT_SET:
-      break;
-  }
-  return {};
+  return sparkplug::taken(value, [&value]() -> sparkplug::TypedValue {
+    if (value.has_int32_value()) return std::int64_t{value.int32_value()};
+    if (value.has_int64_value()) return std::int64_t{value.int64_value()};
+    if (value.has_uint32_value()) return std::uint64_t{value.uint32_value()};
+    if (value.has_uint64_value()) return std::uint64_t{value.uint64_value()};
+    return {};
+  });
 }
 
 /// Returns an argument as JSON, or kNoValue if it has none or is not an array of this type.

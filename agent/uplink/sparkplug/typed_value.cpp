@@ -1,5 +1,6 @@
 #include "agent/uplink/sparkplug/typed_value.h"
 
+#include <array>
 #include <bit>
 #include <cstddef>
 #include <string_view>
@@ -12,32 +13,12 @@ namespace fxagent::sparkplug {
 namespace {
 
 Type scalar_type(DataType type, bool scaled) {
-  if (scaled) return Type::real64;
-  switch (type) {
-    case DataType::boolean:
-      return Type::boolean;
-    case DataType::int16:
-      return Type::int16;
-    case DataType::uint16:
-    case DataType::bcd16:
-      return Type::uint16;
-    case DataType::int32:
-      return Type::int32;
-    case DataType::uint32:
-    case DataType::bcd32:
-      return Type::uint32;
-    case DataType::int64:
-      return Type::int64;
-    case DataType::uint64:
-      return Type::uint64;
-    case DataType::float32:
-      return Type::real32;
-    case DataType::float64:
-      return Type::real64;
-    case DataType::string:
-      return Type::string;
-  }
-  return Type::string;
+  // In the order of DataType.
+  constexpr std::array kTypes{Type::boolean, Type::int16,  Type::uint16, Type::int32,
+                              Type::uint32,  Type::real32, Type::uint16, Type::uint32,
+                              Type::string,  Type::int64,  Type::uint64, Type::real64};
+  static_assert(kTypes.size() == static_cast<std::size_t>(DataType::float64) + 1);
+  return scaled ? Type::real64 : kTypes[static_cast<std::size_t>(type)];
 }
 
 /// Number of an array type, less that of its elements.
@@ -50,17 +31,8 @@ Type element_of(Type type) { return static_cast<Type>(static_cast<int>(type) - k
 bool is_array(Type type) { return type >= Type::int16_array; }
 
 std::size_t bytes_of(Type type) {
-  switch (type) {
-    case Type::int16:
-    case Type::uint16:
-      return 2;
-    case Type::int32:
-    case Type::uint32:
-    case Type::real32:
-      return 4;
-    default:
-      return 8;
-  }
+  if (type == Type::int16 || type == Type::uint16) return 2;
+  return type == Type::int32 || type == Type::uint32 || type == Type::real32 ? 4 : 8;
 }
 
 /// Returns the 64 bits of an integer; nullopt if it is not one.
@@ -180,21 +152,15 @@ TypedValue typed(const Value& value, Type type) {
     return bytes ? TypedValue(Packed{std::move(*bytes)}) : TypedValue();
   }
   const Scalar& scalar = value.items[0];
-  switch (type) {
-    case Type::boolean:
-      return std::holds_alternative<bool>(scalar) ? TypedValue(std::get<bool>(scalar))
-                                                  : TypedValue();
-    case Type::string:
-      return std::holds_alternative<std::string>(scalar) ? TypedValue(std::get<std::string>(scalar))
-                                                         : TypedValue();
-    case Type::real32:
-    case Type::real64: {
-      const auto number = number_of(scalar);
-      if (!number) return {};
-      return type == Type::real64 ? TypedValue(*number) : TypedValue(static_cast<float>(*number));
-    }
-    default:
-      break;
+  const auto held = [](const auto* item) {
+    return item != nullptr ? TypedValue(*item) : TypedValue();
+  };
+  if (type == Type::boolean) return held(std::get_if<bool>(&scalar));
+  if (type == Type::string) return held(std::get_if<std::string>(&scalar));
+  if (type == Type::real32 || type == Type::real64) {
+    const auto number = number_of(scalar);
+    if (!number) return {};
+    return type == Type::real64 ? TypedValue(*number) : TypedValue(static_cast<float>(*number));
   }
   const auto bits = integer_bits(scalar);
   if (!bits) return {};

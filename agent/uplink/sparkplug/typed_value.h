@@ -83,6 +83,18 @@ void put(Message& message, const TypedValue& value, const SetInteger& set_intege
   std::visit(set, value);
 }
 
+/// Returns the value in the fields of a message, the reverse of put(). `integer` returns that of an
+/// integer field, or monostate if none is set.
+template <class Message, class Integer>
+TypedValue taken(const Message& message, const Integer& integer) {
+  if (message.has_float_value()) return message.float_value();
+  if (message.has_double_value()) return message.double_value();
+  if (message.has_boolean_value()) return message.boolean_value();
+  if (message.has_string_value()) return message.string_value();
+  if (message.has_bytes_value()) return Packed{message.bytes_value()};
+  return integer();
+}
+
 /// Returns a received value as JSON, an array element by element as `type` says. nullopt: there is
 /// no value, or its bytes are not an array of that type.
 std::optional<std::string> json_of(const TypedValue& value, Type type);

@@ -105,11 +105,6 @@ std::optional<Request> request_of(const Mc& codec, const test::Exchange& e) {
   return scatter;
 }
 
-bool brings_data(const Request& request) {
-  return std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request) ||
-         request == Request(Control{Control::Kind::identify});
-}
-
 struct File {
   const char* name;
   Frame frame;

@@ -1,6 +1,7 @@
 // mc-3c and mc-4c beyond the transcripts: the bytes a line may deliver in each format.
 #include <gtest/gtest.h>
 
+#include "protocol/control_characters.h"
 #include "protocol/mc/mc.h"
 #include "protocol/plan/plan.h"
 #include "tests/support/transcripts.h"

@@ -324,9 +324,6 @@ TEST(McMessages, WritesToScatteredPlacesGoTogetherWhereOneFrameCarriesThem) {
   EXPECT_FALSE(mc.combine({kWrite, kTwoWords}));
   EXPECT_FALSE(mc.combine({kTwoWords, kWrite}));
   EXPECT_FALSE(mc.combine({Enquire{}, kWrite}));
-  EXPECT_TRUE(mc.combine({kTwoWords, Read{{kM, 0, 16}, kWordWay}}));
-  EXPECT_TRUE(mc.combine({kTwoWords, Read{{kM, 0, 160}, kWordWay}}));  // as blocks
-  EXPECT_FALSE(codec(Frame::e3, Model::q).combine({kTwoWords, Read{{kM, 0, 160}, kWordWay}}));
   std::vector<Request> many(161, kWrite);
   EXPECT_FALSE(mc.combine(many));
   many.pop_back();

@@ -18,17 +18,9 @@ constexpr std::array kChannels{std::pair(Channel::serial, "serial"sv),
                                std::pair(Channel::tcp, "tcp"sv), std::pair(Channel::udp, "udp"sv)};
 
 bool runs_on(const ProtocolInfo& protocol, Channel channel) {
-  switch (channel) {
-    case Channel::serial:
-      return protocol.on_serial;
-    case Channel::tcp:
-      return protocol.on_tcp;
-    case Channel::udp:
-      return protocol.on_udp;
-    case Channel::none:
-      break;
-  }
-  return true;  // the link's own error is already reported
+  // By Channel. For `none` the link's own error is already reported.
+  const std::array runs{true, protocol.on_serial, protocol.on_tcp, protocol.on_udp};
+  return runs[static_cast<std::size_t>(channel)];
 }
 
 /// Returns the error text for a protocol that does not run over the channel of its link.

@@ -884,7 +884,7 @@ TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfACommand) {
     command.verify = verify;
     command.expect = std::move(expect);
     auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
-    return line_time_of(*device.codec, device, character, std::get<AdmittedCommand>(decision));
+    return set_line_times(*device.codec, device, character, std::get<AdmittedCommand>(decision));
   };
   const nanoseconds write_alone = planned("1", false, std::nullopt);
   EXPECT_EQ(write_alone, (kWrite50.size() + kAck.size()) * character + milliseconds(30));

@@ -52,8 +52,8 @@ class CommandLineTime : public ::testing::Test {
         {"recipe", "", std::nullopt, Value::array(Scalars(50, Scalar(std::int64_t{1})))});
     return admitted(std::move(command));
   }
-  nanoseconds time_of(const AdmittedCommand& command, milliseconds character) {
-    return line_time_of(*device.codec, device, character, command);
+  nanoseconds time_of(AdmittedCommand command, milliseconds character) {
+    return set_line_times(*device.codec, device, character, command);
   }
 
   DeviceConfig device = port_device();

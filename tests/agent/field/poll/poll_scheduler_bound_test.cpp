@@ -47,9 +47,10 @@ class WithoutPriority {
     inside_a_cycle_ = !ended;
     return ended;
   }
-  void abandon_cycle(PollScheduler::GroupId group, SteadyTime not_before) {
-    inner_.abandon_cycle(group, not_before);
+  /// Called only to abandon the group's cycle.
+  GroupSchedule& group(PollScheduler::GroupId id) {
     inside_a_cycle_ = false;
+    return inner_.group(id);
   }
   nanoseconds bound(nanoseconds own, nanoseconds ahead, nanoseconds longest) {
     return inner_.share().bound(own, ahead, longest);
@@ -289,7 +290,7 @@ class RandomLine final {
     scheduler_.step_used(step, took);
     const int luck = between(0, 19);
     if (luck == 0)
-      scheduler_.abandon_cycle(step.group, now_);
+      scheduler_.group(step.group).abandon_cycle(now_);
     else if (luck > 1)  // at 1 the answer was garbled: repeats the step
       scheduler_.step_done(step);
   }

@@ -169,7 +169,7 @@ TEST(PollScheduler, GivenUpCycleOfIntervalZeroRestsAsLongAsItIsTold) {
   const auto device = scheduler.add_device(3, kBackOff);
   const auto free = scheduler.add_group(device, milliseconds(0), 1, at(0));
   ASSERT_EQ(scheduler.next(at(0)).kind, Kind::poll);
-  scheduler.abandon_cycle(free, at(500));
+  scheduler.group(free).abandon_cycle(at(500));
   const auto job = scheduler.next(at(0));
   EXPECT_EQ(job.kind, Kind::wait);
   EXPECT_EQ(job.until, at(500));
@@ -203,7 +203,7 @@ TEST(PollScheduler, PostponedStepWaitsAndLetsOthersGo) {
       scheduler.add_group(scheduler.add_device(3, kBackOff), milliseconds(1000), 1, at(10));
   const auto first = scheduler.next(at(0));
   ASSERT_EQ(first.poll.group, group);
-  scheduler.postpone(first.poll, at(50));
+  scheduler.group(first.poll.group).postpone(at(50));
   EXPECT_EQ(scheduler.next(at(5)).until, at(10));
   EXPECT_EQ(poll(scheduler, at(20)), other);
   EXPECT_EQ(scheduler.next(at(20)).until, at(50));
@@ -225,7 +225,7 @@ TEST_F(PollSchedulerTest, CommandGoesBetweenTheExchangesOfACycle) {
 TEST_F(PollSchedulerTest, AbandonedCycleWaitsForTheNextInterval) {
   const auto group = scheduler.add_group(device, milliseconds(100), 3, at(0));
   scheduler.step_done(scheduler.next(at(0)).poll);
-  scheduler.abandon_cycle(group, at(10));
+  scheduler.group(group).abandon_cycle(at(10));
   EXPECT_EQ(scheduler.next(at(10)).until, at(100));
   const auto job = scheduler.next(at(100));
   EXPECT_TRUE(job.poll.starts_cycle);
@@ -236,7 +236,7 @@ TEST_F(PollSchedulerTest, NewPlanRestartsTheRunningCycle) {
   const auto group = scheduler.add_group(device, milliseconds(100), 4, at(0));
   scheduler.step_done(scheduler.next(at(0)).poll);
   scheduler.step_done(scheduler.next(at(0)).poll);
-  scheduler.set_exchanges(group, 1);
+  scheduler.group(group).set_exchanges(1);
   const auto job = scheduler.next(at(0));
   ASSERT_EQ(job.kind, Kind::poll);
   EXPECT_EQ(job.poll.exchange, 0U);
@@ -259,8 +259,8 @@ TEST_F(PollSchedulerTest, CycleThatIsExtendedGivesWayToOthersAndIsNoMeasure) {
     }
     ASSERT_EQ(job.poll.group, searching);
     EXPECT_EQ(job.poll.exchange, static_cast<std::uint32_t>(searched++));
-    scheduler.extend_cycle(searching, static_cast<std::uint32_t>(searched) + 1, milliseconds(50),
-                           at(ms));
+    scheduler.group(searching).extend_cycle(static_cast<std::uint32_t>(searched) + 1,
+                                            milliseconds(50), at(ms));
     ASSERT_FALSE(scheduler.step_done(job.poll));
   }
   EXPECT_GE(others, 6);
@@ -309,7 +309,7 @@ TEST(PollScheduler, CommandsWithoutAnAnswerDoNotPutOffTheNextPoll) {
   for (int now = 1100; now < 20000; now += 1100) {
     EXPECT_TRUE(scheduler.device(device).unanswered(at(now), kCommand));
     ASSERT_EQ(scheduler.next(at(now)).kind, Kind::poll) << "or its tags would never turn bad";
-    scheduler.postpone({}, at(now));
+    scheduler.group(0).postpone(at(now));
   }
 }
 
@@ -340,7 +340,7 @@ TEST(PollScheduler, SilentDeviceDoesNotStarveItsNeighbour) {
       now += 500;  // its timeout
       ++polls_of_the_dead;
       scheduler.device(silent).unanswered(at(now));
-      scheduler.abandon_cycle(dead_group, at(now));
+      scheduler.group(dead_group).abandon_cycle(at(now));
     } else {
       ASSERT_EQ(job.poll.group, group);
       now += 10;
@@ -514,7 +514,7 @@ TEST_F(PollSchedulerTest, GroupIsBackOnTheGridWhenAnOverloadIsOver) {
     EXPECT_EQ(begun[i] - begun[i - 1], milliseconds(200));
     EXPECT_EQ(begun[i].time_since_epoch() % grid, nanoseconds(0));
   }
-  EXPECT_EQ(scheduler.next_due(group).time_since_epoch() % grid, nanoseconds(0));
+  EXPECT_EQ(scheduler.group(group).next_due().time_since_epoch() % grid, nanoseconds(0));
 }
 
 TEST(PollScheduler, SilentDeviceIsNoLoad) {
@@ -615,7 +615,7 @@ TEST(PollScheduler, TimeThatIsForgottenIsNotMissed) {
   ASSERT_EQ(job.kind, PollScheduler::Job::Kind::poll);
   EXPECT_FALSE(scheduler.step_done(job.poll)) << "one exchange is left";
   scheduler.forget_until(at(60'050));
-  EXPECT_EQ(scheduler.next_due(group), at(60'100)) << "on the same grid as before";
+  EXPECT_EQ(scheduler.group(group).next_due(), at(60'100)) << "on the same grid as before";
   EXPECT_EQ(scheduler.next(at(60'050)).kind, PollScheduler::Job::Kind::wait);
   job = scheduler.next(at(60'100));
   ASSERT_EQ(job.kind, PollScheduler::Job::Kind::poll);
@@ -633,12 +633,13 @@ TEST(PollScheduler, ReachedIntervalIsMeasured) {
     ASSERT_EQ(job.kind, PollScheduler::Job::Kind::poll);
     scheduler.step_done(job.poll);
   }
-  EXPECT_EQ(scheduler.reached(group), milliseconds(100));
+  EXPECT_EQ(scheduler.group(group).reached(), milliseconds(100));
   scheduler.step_done(scheduler.next(at(500)).poll);
-  EXPECT_EQ(scheduler.reached(group), milliseconds(125)) << "smoothed over eight";
+  EXPECT_EQ(scheduler.group(group).reached(), milliseconds(125)) << "smoothed over eight";
   scheduler.forget_until(at(60'000));
   scheduler.step_done(scheduler.next(at(60'000)).poll);
-  EXPECT_EQ(scheduler.reached(group), milliseconds(125)) << "not of the time that does not count";
+  EXPECT_EQ(scheduler.group(group).reached(), milliseconds(125))
+      << "not of the time that does not count";
 }
 
 }  // namespace
