@@ -228,7 +228,7 @@ class Codec {
   virtual std::optional<Request> resync() const { return std::nullopt; }
   /// Number of consecutive probes whose answers can be distinguished.
   static constexpr std::uint32_t kProbes = 16;
-  /// Returns a cheap read whose answer is not an ACK: the barrier after a lost ACK. Probes whose
+  /// Returns a cheap read whose answer is not an ACK: the barrier after a lost answer. Probes whose
   /// numbers differ modulo kProbes have answers of different length.
   virtual std::optional<Request> probe(std::uint32_t /*number*/) const { return std::nullopt; }
   /// Returns the shortest read that any device behind this codec answers, even if with a refusal.

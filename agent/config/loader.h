@@ -18,8 +18,8 @@ namespace fxagent {
 tl::expected<Config, ConfigErrors> load_config(const std::string& path);
 /// Same for `text` in place of the content of the file. The file's permissions and directory apply.
 tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text);
-/// Same for a text in memory. Leaves relative paths unchanged. With an
-/// `environment` other than that of the process, the result depends only on the arguments.
+/// Same for a text in memory. Leaves relative paths unchanged. With an `environment` other than
+/// that of the process, the result depends only on the arguments.
 tl::expected<Config, ConfigErrors> parse_config(
     std::string_view text, const Environment& environment = process_environment,
     FilePrivacy privacy = FilePrivacy::shared, const ReadBounds& bounds = {});

@@ -1,5 +1,4 @@
 #include "agent/config/machine.h"
-#include "agent/log/log.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -12,6 +11,7 @@
 
 #include "agent/config/json/tree.h"
 #include "agent/config/source.h"
+#include "agent/log/log.h"
 #include "agent/process/port_access.h"
 
 namespace fxagent {

@@ -1,7 +1,5 @@
 #include "agent/process/port_access.h"
 
-#include "agent/text/text.h"
-
 #include <grp.h>
 #include <pwd.h>
 #include <sys/stat.h>
@@ -20,6 +18,8 @@
 #include <sstream>
 #include <string_view>
 #include <vector>
+
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {
