@@ -33,11 +33,11 @@ constexpr std::uint32_t kWordBits = 16;
 
 /// Parses `[1,2]`, `true`, `1.5` or `"text"` as JSON; any other text becomes a string.
 Value value_of_text(const std::string& text) {
-  const auto json = nlohmann::json::parse(text, nullptr, false);
+  const auto json = parsed_json(text);
   if (json.is_discarded()) return Value(Scalar(text));
   if (!json.is_array()) return Value(scalar_of(json).value_or(Scalar(text)));
   Scalars items;
-  for (const auto& item : json) items.push_back(scalar_of(item).value_or(Scalar(item.dump())));
+  for (const auto& item : json) items.push_back(scalar_of(item).value_or(Scalar(dumped(item))));
   return Value::array(std::move(items));
 }
 
@@ -193,14 +193,14 @@ void print_address(const CommandResult& result, const OneShot& what) {
     json::Writer values;
     values.begin_array();
     for (const Scalar& item : target.value->items) json::write_value(values, Value(item));
-    out["values"] = nlohmann::ordered_json::parse(values.end_array().take());
+    out["values"] = parsed_ordered_json(values.end_array().take());
     out["ms"] = ms(result.wire);
   } else {
     out["reason"] = std::string(to_string(result.reason));
     out["detail"] = result.detail;
   }
   if (what.as_json) {
-    std::cout << out.dump() << '\n';
+    std::cout << dumped(out) << '\n';
   } else if (ok) {
     std::cout << what.device << ' ' << address << " =";
     for (const Scalar& item : target.value->items)

@@ -12,6 +12,7 @@
 #include "agent/cli/report/plan_report.h"
 #include "agent/cli/report/table.h"
 #include "agent/text/counted.h"
+#include "agent/text/json_member.h"
 
 namespace fxagent {
 namespace {
@@ -279,14 +280,14 @@ int run_plan(const Config& config, const PlanQuestion& question) {
   const Reports before = plan_links(config);
   if (question.what_ifs.empty()) {
     if (question.as_json)
-      std::cout << to_json(before).dump() << '\n';
+      std::cout << dumped(to_json(before)) << '\n';
     else
       print_plan(before);
     return kDone;
   }
   const Reports after = plan_links(changed);
   if (question.as_json)
-    std::cout << Json({{"before", to_json(before)}, {"after", to_json(after)}}).dump() << '\n';
+    std::cout << dumped(Json({{"before", to_json(before)}, {"after", to_json(after)}})) << '\n';
   else
     for (const std::uint32_t link : links_with_more(config, changed))
       print_change(before[link], after[link]);

@@ -12,6 +12,7 @@
 #include "agent/cli/report/stream_check.h"
 #include "agent/cli/waiting_broker.h"
 #include "agent/log/log.h"
+#include "agent/text/json_member.h"
 #include "agent/text/text.h"
 
 namespace fxagent {
@@ -315,7 +316,7 @@ void print_json(const Listener& listener, const std::string& base, const std::st
       {"count", away.count}, {"seconds", tenths(away.total)}, {"unkept", away.unkept}};
   auto& devices = out["devices"] = OrderedJson::array();
   for (const DeviceStream& stream : streams) devices.push_back(json_of(stream));
-  std::cout << out.dump() << '\n';
+  std::cout << dumped(out) << '\n';
 }
 
 void print_text(const Listener& listener, const std::string& base,

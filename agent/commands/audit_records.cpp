@@ -31,10 +31,10 @@ void add_receipt(Json& body, const Receipt& receipt) {
 
 /// Leaves out the first result inside a DUPLICATE, which has a record of its own.
 Json outcome_of(std::string_view result_text) {
-  Json outcome = Json::parse(result_text, nullptr, /*allow_exceptions=*/false);
+  Json outcome = parsed_ordered_json(result_text);
   if (!outcome.is_object()) return nullptr;
   outcome.erase("first");
-  if (outcome.dump().size() <= kResultKept) return outcome;
+  if (dumped(outcome).size() <= kResultKept) return outcome;
   for (const char* key : {"value", "verify", "targets"})
     if (outcome.contains(key)) outcome[key] = nullptr;
   outcome["cut"] = true;

@@ -319,7 +319,7 @@ std::optional<Json> read_object(std::string_view payload, Command& command, Faul
   // With a callback, the parser searches the whole parent at the end of each object and array:
   // 21,000 of them took a second. A text with too many is refused anyway and parsed without it.
   const bool too_many = structures_in(payload) > kMaxStructures;
-  Json json = too_many ? Json::parse(payload, nullptr, /*allow_exceptions=*/false)
+  Json json = too_many ? parsed_json(payload)
                        : Json::parse(
                              payload.begin(), payload.end(),
                              [&watch](int, Json::parse_event_t event, Json& parsed) {

@@ -110,7 +110,7 @@ void leave_out_targets(CommandResult& result) {
 
 /// Same as leave_out_values(), for a result that is already text.
 std::string without_values(std::string_view recorded) {
-  auto json = nlohmann::ordered_json::parse(recorded, nullptr, /*allow_exceptions=*/false);
+  auto json = parsed_ordered_json(recorded);
   for (const char* key : {"value", "verify", "targets"})
     if (json.is_object() && json.contains(key)) json[key] = nullptr;
   return dumped(json);
@@ -163,7 +163,7 @@ std::string with_total(std::string text, std::chrono::nanoseconds total) {
 CommandResult recorded_result(std::string text) {
   CommandResult result;
   result.status = CommandStatus::unknown_outcome;
-  const auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const auto json = parsed_json(text);
   if (!json.is_object() || !json::may_stand_inside(text)) {
     result.detail = "the record of the result is damaged";
     return result;

@@ -113,7 +113,7 @@ bool is_deep(std::string_view json) {
 /// Parses without exceptions. The result is discarded if it is not JSON, or nested too deep.
 Json parsed(const std::string& payload) {
   if (is_deep(payload)) return Json(Json::value_t::discarded);
-  return Json::parse(payload, nullptr, /*allow_exceptions=*/false);
+  return parsed_json(payload);
 }
 
 }  // namespace

@@ -147,7 +147,7 @@ std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
     }
     return refusal(kUnauthorized, "Authorization must be Bearer and a token of http.token_file");
   }
-  const auto body = nlohmann::json::parse(request.body, nullptr, /*allow_exceptions=*/false);
+  const auto body = parsed_json(request.body);
   const std::string device = text_at(body, "device");
   if (device.empty())
     return refusal(kBadRequest,

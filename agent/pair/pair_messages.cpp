@@ -20,7 +20,7 @@ constexpr std::size_t kLongestName = 64;
 
 std::optional<json> object_from(std::string_view text) {
   if (text.size() > kLongestText) return std::nullopt;
-  json found = json::parse(text, nullptr, /*allow_exceptions=*/false);
+  json found = parsed_json(text);
   if (!found.is_object()) return std::nullopt;
   return found;
 }
@@ -137,7 +137,7 @@ std::optional<Result> result_from(std::string_view text) {
   const auto found = object_from(text);
   if (!found) return std::nullopt;
   Result result{text_at(*found, "id"), text_at(*found, "op"), text_at(*found, "status")};
-  if (const json& id = member(*found, "id"); id.is_number_integer()) result.id = id.dump();
+  if (const json& id = member(*found, "id"); id.is_number_integer()) result.id = dumped(id);
   if (result.id.empty() || result.status.empty()) return std::nullopt;
   return result;
 }

@@ -11,6 +11,7 @@
 #include "agent/config/suggestions.h"
 #include "agent/remote/beyond_limits.h"
 #include "agent/remote/error_list.h"
+#include "agent/text/json_member.h"
 #include "agent/text/sha256.h"
 
 namespace fxagent {
@@ -120,7 +121,7 @@ class Merger {
     for (const Json* each : {&std::as_const(local_), &std::as_const(next_), &body_})
       for (const auto& [key, value] : each->items()) sections.insert(key);
     for (const std::string& section : sections) restrain(section);
-    return {next_.dump(), errors_.take()};
+    return {dumped(next_), errors_.take()};
   }
 
  private:
@@ -267,9 +268,8 @@ ReadDesired read_desired(std::string_view payload) {
 
 MergedConfig merged_config(std::string_view local_text, const DesiredConfig& desired,
                            const RemoteLimits& limits) {
-  const Json document = Json::parse(desired.text);
-  Json local =
-      Json::parse(local_text, nullptr, /*allow_exceptions=*/true, /*ignore_comments=*/true);
+  const Json document = parsed_json(desired.text);
+  Json local = parsed_json(local_text, /*ignore_comments=*/true);
   return Merger(std::move(local), document, limits).run();
 }
 

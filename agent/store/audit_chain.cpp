@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "agent/text/json_member.h"
 #include "agent/text/json_writer.h"
 
 namespace fxagent::audit {
@@ -62,7 +63,7 @@ std::string lost(std::uint64_t records, std::int64_t now_ms) {
 }
 
 std::int64_t time_of(std::string_view text) {
-  const Json record = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const Json record = parsed_json(text);
   if (!record.is_object()) return 0;
   const auto ts = record.find("ts");
   return ts != record.end() && ts->is_number_integer() ? ts->get<std::int64_t>() : 0;
@@ -93,7 +94,7 @@ void Verifier::add(const Record& record) {
     find(record.number,
          "it does not follow record " + std::to_string(last_) + ": one of them was replaced");
   }
-  const Json said = Json::parse(record.text, nullptr, /*allow_exceptions=*/false);
+  const Json said = parsed_json(record.text);
   if (whole && said.is_object() && said.value("kind", Json()) == "pruned") {
     const Json up_to = said.value("up_to", Json());
     const Json hash = said.value("hash", Json());

@@ -1,11 +1,11 @@
-// Members of JSON objects that other programs wrote. Pure. Any thread.
+// Reads and writes JSON with nlohmann's library. Its parser and its printer are compiled only once,
+// in json_member.cpp: each takes a second in every file that calls it directly. Pure. Any thread.
 #pragma once
 
-#include <cstdint>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "protocol/value/value.h"
 
@@ -32,22 +32,17 @@ std::string text_at(const Json& object, const char* key) {
   return value.is_string() ? value.template get<std::string>() : std::string();
 }
 
+/// Parses a document. Returns a discarded value if the text is not JSON.
+nlohmann::json parsed_json(std::string_view text, bool ignore_comments = false);
+nlohmann::ordered_json parsed_ordered_json(std::string_view text);
+
 /// Returns the JSON in one line. Bytes that are not UTF-8 become U+FFFD.
-template <JsonValue Json>
-std::string dumped(const Json& json) {
-  return json.dump(-1, ' ', /*ensure_ascii=*/false, Json::error_handler_t::replace);
-}
+std::string dumped(const nlohmann::json& json);
+std::string dumped(const nlohmann::ordered_json& json);
+/// Same, with every character that is not ASCII escaped.
+std::string dumped_in_ascii(const nlohmann::ordered_json& json);
 
 /// Returns a boolean, a number or a text; nullopt for null, an array or an object.
-inline std::optional<Scalar> scalar_of(const nlohmann::json& json) {
-  if (json.is_boolean()) return Scalar(json.get<bool>());
-  if (json.is_number_unsigned() &&
-      json.get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()})
-    return Scalar(BigInteger{json.dump()});
-  if (json.is_number_integer()) return Scalar(json.get<std::int64_t>());
-  if (json.is_number_float()) return Scalar(json.get<double>());
-  if (json.is_string()) return Scalar(json.get<std::string>());
-  return std::nullopt;
-}
+std::optional<Scalar> scalar_of(const nlohmann::json& json);
 
 }  // namespace fxagent

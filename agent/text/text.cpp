@@ -4,9 +4,10 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 #include <random>
 #include <utility>
+
+#include "agent/text/json_member.h"
 
 namespace fxagent {
 namespace {
@@ -98,8 +99,7 @@ void append_escaped(std::string& out, std::string_view text, Escape how, std::si
     return;
   }
   if (how == Escape::terminal) {
-    const std::string quoted =
-        nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+    const std::string quoted = dumped_in_ascii(nlohmann::ordered_json(text));
     out.append(quoted, 1, quoted.size() - 2);
     return;
   }

@@ -12,6 +12,7 @@
 #include "agent/store/audit_trail.h"
 #include "agent/store/disk/store_file.h"
 #include "agent/text/counted.h"
+#include "agent/text/json_member.h"
 
 namespace fxagent {
 namespace {
@@ -41,7 +42,7 @@ int print_findings(const audit::Verifier& verifier, const audit::Head& head,
     auto& list = out["findings"] = nlohmann::ordered_json::array();
     for (const audit::Finding& finding : findings)
       list.push_back({{"record", finding.record}, {"text", finding.text}});
-    std::cout << out.dump() << '\n';
+    std::cout << dumped(out) << '\n';
   } else {
     for (const audit::Finding& finding : findings)
       std::cout << "record " << finding.record << ": " << finding.text << '\n';

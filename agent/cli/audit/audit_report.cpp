@@ -14,7 +14,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 Json parsed(std::string_view text) {
-  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  Json json = parsed_ordered_json(text);
   return json.is_object() ? json : Json::object();
 }
 
@@ -26,7 +26,7 @@ std::int64_t time_at(const Json& object, const char* key) {
 /// Escapes text for a terminal, so that a sender's text cannot move the cursor.
 std::string plain(const Json& value) {
   if (value.is_string()) return escaped(value.get_ref<const std::string&>(), Escape::terminal);
-  return value.dump(-1, ' ', true, Json::error_handler_t::replace);
+  return dumped_in_ascii(value);
 }
 
 /// Returns a text like " setpoint D200 = 50".
@@ -149,7 +149,7 @@ void Report::add(const Record& record) {
   if (!number.is_number_unsigned()) {
     Line note;
     note.at_ms = time_at(said, "ts");
-    note.json = said.dump(-1, ' ', true, Json::error_handler_t::replace);
+    note.json = dumped_in_ascii(said);
     note.text = note_text(said);
     notes_.push_back(std::move(note));
     return;
@@ -170,7 +170,7 @@ std::vector<Line> Report::take() {
     line.number = number;
     line.at_ms = time_at(json, "received");
     line.text = line_text(json);
-    line.json = json.dump(-1, ' ', true, Json::error_handler_t::replace);
+    line.json = dumped_in_ascii(json);
     lines.push_back(std::move(line));
   }
   commands_.clear();

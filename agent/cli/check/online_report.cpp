@@ -132,7 +132,7 @@ std::string offer(const Config& config, const DeviceConfig& device, const std::s
   command["op"] = "read";
   command["tag"] = std::string(std::string_view(device.tags.front().name));
   return "mosquitto_rr" + reach + " -W 10 -q 1 -t " + base + "/command -e " + base +
-         "/result/check -m '" + command.dump() + "'";
+         "/result/check -m '" + dumped(command) + "'";
 }
 
 // ---- recommended actions ------------------------------------------------------------------------

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "agent/config/json/tree.h"
+#include "agent/text/json_member.h"
 
 namespace fxagent {
 namespace {
@@ -92,9 +93,7 @@ Edit addition(const std::string& text, const ConfigNode& object, const std::stri
 
 }  // namespace
 
-std::string json_string(const std::string& text) {
-  return nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-}
+std::string json_string(const std::string& text) { return dumped(nlohmann::json(text)); }
 
 std::optional<std::string> pointer_of(const std::string& config, const KeyChange& change) {
   const auto tree = parsed(config);

@@ -109,12 +109,12 @@ void Fleet::take(std::string_view topic, std::string_view payload) {
         found->second.desired.reset();
       return;
     }
-    const Json document = Json::parse(payload, nullptr, /*allow_exceptions=*/false);
+    const Json document = parsed_json(payload);
     agents_[name].desired = {text_at(document, "version"), short_hash(payload)};
     return;
   }
   if (kind != kState && kind != kHealth && kind != kReportedTopic) return;
-  const Json said = Json::parse(payload, nullptr, /*allow_exceptions=*/false);
+  const Json said = parsed_json(payload);
   FleetAgent& agent = agents_[name];
   if (kind == kState)
     take_state(agent, said);

@@ -11,6 +11,7 @@
 
 #include "agent/cli/report/json_page.h"
 #include "agent/config/keys.h"
+#include "agent/text/json_member.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {
@@ -97,7 +98,7 @@ constexpr std::array kRules{
 
 Json rules_of(std::string_view path) {
   const auto found = std::ranges::find(kRules, path, &Rules::path);
-  return found == kRules.end() ? Json::object() : Json::parse(found->json);
+  return found == kRules.end() ? Json::object() : parsed_ordered_json(found->json);
 }
 
 std::string path_of(const ConfigKey& key) {

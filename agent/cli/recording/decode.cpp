@@ -6,6 +6,7 @@
 
 #include "agent/cli/exit_status.h"
 #include "agent/cli/recording/explanation_json.h"
+#include "agent/text/json_member.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {
@@ -46,7 +47,7 @@ int run_decode(const DecodeQuestion& question) {
   if (!codec) return refused("", codec.error().text);
   const Explanation explanation = (*codec)->explain(*frame, question.direction);
   if (question.as_json)
-    std::cout << explanation_json(explanation).dump() << '\n';
+    std::cout << dumped(explanation_json(explanation)) << '\n';
   else
     print(explanation);
   return explanation.ok ? kDone : kFailed;

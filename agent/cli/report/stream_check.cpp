@@ -60,7 +60,7 @@ struct StreamCheck::Sample {
     seq = *value;
     ts = time.get<std::int64_t>();
     boot = id.get<std::string>();
-    print = std::hash<std::string>{}(json.dump());
+    print = std::hash<std::string>{}(dumped(json));
     return {};
   }
 };

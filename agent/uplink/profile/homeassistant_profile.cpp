@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "agent/log/log.h"
+#include "agent/text/json_member.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 #include "protocol/value/value_range.h"
@@ -297,7 +298,7 @@ void HomeAssistantProfile::hear(const Message& message) {
   }
   // Components from before the agent's restart. Our own messages come back here, too: they have
   // none that is not wanted, or have it without settings, which removes it.
-  const auto heard = nlohmann::json::parse(message.payload, nullptr, /*allow_exceptions=*/false);
+  const auto heard = parsed_json(message.payload);
   if (!heard.is_object() || !heard.contains("components")) return;
   const Components wanted = components_of(config_.devices[found->second], writes_);
   for (const auto& [key, component] : heard["components"].items()) {

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/text/json_member.h"
 #include "agent/text/json_writer.h"
 #include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/profile/heard_command.h"
@@ -219,14 +220,14 @@ std::optional<std::string> command_of(const nlohmann::json& data, const std::str
   if (!params.is_object() || !params.contains("expires")) out.key("expires").integer(expires_ms);
   if (method.starts_with(kSetMethod)) {
     out.key("op").string("write").key("tag").string(method.substr(kSetMethod.size()));
-    out.key("value").raw(params.dump());
+    out.key("value").raw(dumped(params));
   } else if (method.starts_with(kGetMethod)) {
     out.key("op").string("read").key("tag").string(method.substr(kGetMethod.size()));
   } else {
     out.key("op").string(method);
     if (!op_from(method) || params.is_null()) return out.end_object().take();
-    if (!params.is_object()) return out.key("params").raw(params.dump()).end_object().take();
-    for (const auto& [key, value] : params.items()) out.key(key).raw(value.dump());
+    if (!params.is_object()) return out.key("params").raw(dumped(params)).end_object().take();
+    for (const auto& [key, value] : params.items()) out.key(key).raw(dumped(value));
   }
   return out.end_object().take();
 }

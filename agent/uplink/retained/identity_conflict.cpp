@@ -31,7 +31,7 @@ struct AgentState {
 AgentState agent_state_of(std::string_view payload) {
   AgentState found;
   if (payload.size() > kLongestState) return found;
-  const auto json = nlohmann::json::parse(payload, nullptr, /*allow_exceptions=*/false);
+  const auto json = parsed_json(payload);
   found = {text_at(json, "state"), text_at(json, "reason"), text_at(json, "boot")};
   const auto is_plain = [](char c) { return c > ' ' && c <= '~'; };
   if (found.boot.size() > kLongestBoot || !std::ranges::all_of(found.boot, is_plain))

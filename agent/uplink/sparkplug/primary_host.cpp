@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "agent/log/log.h"
+#include "agent/text/json_member.h"
 
 namespace fxagent::sparkplug {
 
@@ -15,7 +16,7 @@ void PrimaryHost::hear(std::string_view payload) {
     if (payload == "ONLINE" || payload == "OFFLINE")
       return set(payload == "ONLINE" ? State::online : State::offline, 0);
   } else {
-    const auto state = nlohmann::json::parse(payload, nullptr, false);
+    const auto state = parsed_json(payload);
     if (state.is_object() && state.contains("online") && state["online"].is_boolean() &&
         state.contains("timestamp") && state["timestamp"].is_number_integer())
       return set(state["online"].get<bool>() ? State::online : State::offline,

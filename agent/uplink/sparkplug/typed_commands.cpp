@@ -339,7 +339,7 @@ void TypedCommandsProfile::reject(const Message& message, const Request& request
 }
 
 void TypedCommandsProfile::answer(const Request& request, const std::string& result) {
-  const auto json = nlohmann::json::parse(result, nullptr, /*allow_exceptions=*/false);
+  const auto json = parsed_json(result);
   Metric answer;
   sparkplug_c::Command& command = *answer.mutable_command();
   command.mutable_status()->set_code(code_of(text_at(json, "status")));

@@ -1,0 +1,39 @@
+#include "agent/text/json_member.h"
+
+#include <cstdint>
+#include <limits>
+
+namespace fxagent {
+namespace {
+
+template <JsonValue Json>
+std::string text_of(const Json& json, bool in_ascii) {
+  return json.dump(-1, ' ', in_ascii, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+nlohmann::json parsed_json(std::string_view text, bool ignore_comments) {
+  return nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false, ignore_comments);
+}
+
+nlohmann::ordered_json parsed_ordered_json(std::string_view text) {
+  return nlohmann::ordered_json::parse(text, nullptr, /*allow_exceptions=*/false);
+}
+
+std::string dumped(const nlohmann::json& json) { return text_of(json, false); }
+std::string dumped(const nlohmann::ordered_json& json) { return text_of(json, false); }
+std::string dumped_in_ascii(const nlohmann::ordered_json& json) { return text_of(json, true); }
+
+std::optional<Scalar> scalar_of(const nlohmann::json& json) {
+  if (json.is_boolean()) return Scalar(json.get<bool>());
+  if (json.is_number_unsigned() &&
+      json.get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()})
+    return Scalar(BigInteger{dumped(json)});
+  if (json.is_number_integer()) return Scalar(json.get<std::int64_t>());
+  if (json.is_number_float()) return Scalar(json.get<double>());
+  if (json.is_string()) return Scalar(json.get<std::string>());
+  return std::nullopt;
+}
+
+}  // namespace fxagent
