@@ -53,14 +53,14 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
                  },
                  [this] { return configs_.take_report(); }}),
       results_(config, commands, outgoing_, backoff_, utc_ms_),
-      spool_(store, settings_.backlog_bytes, dropped_),
+      spool_(store, settings_.backlog_bytes),
       refused_(backoff_),
-      samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_, dropped_, store),
-      history_(payload, outgoing_, refused_, spool_, dropped_),
+      samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_),
+      history_(payload, outgoing_, refused_, spool_),
       intake_(commands, broker, config.mqtt),
       late_(config, commands, store, utc_ms_, std::move(number_above)),
-      status_({config, commands, session_, connects_, subscriptions_, states_, spool_, dropped_,
-               results_, samples_out_, history_, refused_, store,
+      status_({config, commands, session_, connects_, subscriptions_, states_, spool_, results_,
+               samples_out_, history_, refused_, store,
                [this] {
                  std::vector<ProfileStatus> profiles;
                  for (const Beside& beside : outlets_) profiles.push_back(beside.outlet->status());
@@ -70,7 +70,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payloa
       health_(status_, retained_, std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
       shutdown_({broker, session_, farewell_, outgoing_, intake_, results_, retained_, samples_out_,
-                 spool_, status_, store}),
+                 spool_, status_}),
       configs_(config, session_, shutdown_, retained_, store),
       own_topics_({config, commands, session_, connects_, subscriptions_, shutdown_, farewell_,
                    results_, intake_, configs_, retained_, status_, health_},
@@ -141,10 +141,7 @@ void Publisher::take_broker_events(SteadyTime now) {
 }
 
 void Publisher::keep_store(SteadyTime now) {
-  if (store_ != nullptr) {
-    store_->upkeep(now, utc_ms_());
-    spool_.count_dropped();
-  }
+  spool_.upkeep(now, utc_ms_());
   late_.take_found_late(now);
   spool_.move_memory_to_disk();
 }
@@ -152,7 +149,7 @@ void Publisher::keep_store(SteadyTime now) {
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
   for (const auto& [device, count] : batch.dropped)
-    dropped_.add(std::as_const(config_).devices.at(device).name, count);
+    spool_.dropped().add(std::as_const(config_).devices.at(device).name, count);
   for (CommandResult& result : batch.results) {
     const bool may_have_written = result.attempts > 0 && result.op != to_string(Op::read);
     if (may_have_written) written_.insert(std::as_const(config_).devices.at(result.device).name);
@@ -350,8 +347,7 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   if (running && farewell_.by()) at(*farewell_.by());
   at(running ? own_topics_.next_wake() : shutdown_.next_wake());
   if (running || !session_.is_connected()) at(session_.next_wake());
-  if (spool_.gathered() != 0) at(spool_.commit_at());
-  if (store_ != nullptr && store_->has_pending()) at(now + SampleSpool::kCommitWithin);
+  at(spool_.next_wake(now));
   at(samples_out_.next_wake());
   at(history_.next_wake(now));
   if (!session_.is_connected()) return wake;

@@ -37,7 +37,6 @@
 #include "agent/uplink/profile/outlet.h"
 #include "agent/uplink/retained/device_states.h"
 #include "agent/uplink/retained/retained_state.h"
-#include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
@@ -161,7 +160,6 @@ class Publisher final {
   DeviceStates states_;
   RetainedState retained_;
   ResultDelivery results_;
-  DroppedSamples dropped_;
   SampleSpool spool_;
   RefusedDevices refused_;
   SampleDelivery samples_out_;

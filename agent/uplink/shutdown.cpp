@@ -61,11 +61,7 @@ bool Shutdown::drained() const {
 void Shutdown::finish(SteadyTime now) {
   phase_ = Phase::finished;
   parts_.session.give_up(now);
-  if (parts_.store != nullptr) {
-    parts_.spool.move_memory_to_disk();
-    parts_.spool.write();
-    parts_.store->close();
-  }
+  parts_.spool.close();
   const SampleCounts left = parts_.status.samples();
   log::info("uplink_stopped", {{"samples_left", std::to_string(left.waiting())},
                                {"results_left", std::to_string(parts_.results.size())}});

@@ -8,7 +8,6 @@
 #include <cstdint>
 
 #include "agent/steady_time.h"
-#include "agent/store/guarded_store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/commands/command_intake.h"
 #include "agent/uplink/commands/result_delivery.h"
@@ -36,7 +35,6 @@ class Shutdown final {
     const SampleDelivery& samples;
     SampleSpool& spool;
     const StatusSource& status;
-    GuardedStore* store = nullptr;  ///< null: no store
   };
   explicit Shutdown(Parts parts) : parts_(parts) {}
 

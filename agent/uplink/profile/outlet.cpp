@@ -8,7 +8,6 @@
 
 #include "agent/log/log.h"
 #include "agent/uplink/puback.h"
-#include "agent/uplink/samples/sample_places.h"
 
 namespace fxagent {
 namespace {
@@ -37,17 +36,17 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
                 [this] { samples_.spool_live(); },
                 {}},
                settings_.name, profile.leaves_with_will()),
-      spool_(store, settings_.backlog_bytes, dropped_),
+      spool_(store, settings_.backlog_bytes),
       refused_(backoff_),
-      samples_(config, settings_.boot, profile, outgoing_, refused_, spool_, dropped_, store),
-      history_(profile, outgoing_, refused_, spool_, dropped_) {}
+      samples_(config, settings_.boot, profile, outgoing_, refused_, spool_),
+      history_(profile, outgoing_, refused_, spool_) {}
 
 void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
   for (const DeviceStatus& status : batch.states) profile_.device_state(status);
   if (!profile_.wants_samples()) return;
   for (const auto& [device, count] : batch.dropped) {
     collected_ += count;
-    dropped_.add(config_.devices.at(device).name, count);
+    spool_.dropped().add(config_.devices.at(device).name, count);
   }
   for (const Telemetry& sample : batch.telemetry) profile_.saw(sample);
   collected_ += batch.telemetry.size();
@@ -73,11 +72,8 @@ void Outlet::use(MqttConfig mqtt, SteadyTime now) {
 SteadyTime Outlet::step(SteadyTime now) {
   if (finished()) return SteadyTime::max();
   take_broker_events(now);
-  if (store_ != nullptr) {
-    store_->upkeep(now, utc_ms_());
-    store_->take_found_late();
-    spool_.count_dropped();
-  }
+  spool_.upkeep(now, utc_ms_());
+  if (store_ != nullptr) store_->take_found_late();
   spool_.move_memory_to_disk();
   if (phase_ == Phase::running) {
     session_.keep(now);
@@ -208,10 +204,7 @@ void Outlet::keep_stop(SteadyTime now) {
 void Outlet::finish(SteadyTime now) {
   phase_ = Phase::finished;
   session_.give_up(now);
-  if (store_ == nullptr) return;
-  spool_.move_memory_to_disk();
-  spool_.write();
-  store_->close();
+  spool_.close();
 }
 
 // ---- status -------------------------------------------------------------------------------------
@@ -223,8 +216,7 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
   if (phase_ == Phase::farewell && !farewell_) at(now);
   if (phase_ == Phase::closing) at(now + kAcknowledgedWithin);
   at(session_.next_wake());
-  if (spool_.gathered() != 0) at(spool_.commit_at());
-  if (store_ != nullptr && store_->has_pending()) at(now + SampleSpool::kCommitWithin);
+  at(spool_.next_wake(now));
   at(samples_.next_wake());
   if (!session_.is_connected()) return wake;
   if (outgoing_.has_room() && phase_ <= Phase::draining) at(profile_.next_wake());
@@ -240,7 +232,9 @@ ProfileStatus Outlet::status() const {
   status.connected = session_.is_connected();
   status.ready = status.connected && profile_.is_ready();
   status.why = session_.why_not_connected();
-  status.samples = sample_places(samples_, history_, spool_, dropped_, store_);
+  spool_.add_to(status.samples);
+  samples_.add_to(status.samples);
+  history_.add_to(status.samples);
   status.samples.collected = collected_;
   return status;
 }

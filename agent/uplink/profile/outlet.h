@@ -21,7 +21,6 @@
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/profile/profile.h"
-#include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
@@ -93,7 +92,6 @@ class Outlet final : private Outgoing::Sender {
   Outgoing outgoing_;
   ConnectSchedule connects_;
   Session session_;
-  DroppedSamples dropped_;
   SampleSpool spool_;
   RefusedDevices refused_;
   SampleDelivery samples_;

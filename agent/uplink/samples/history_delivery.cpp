@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "agent/failpoint.h"
+#include "agent/handover/status.h"
 #include "agent/log/log.h"
 #include "agent/uplink/puback.h"
 
@@ -30,13 +31,11 @@ constexpr std::size_t kHistoryBytes = 16384;
 }  // namespace
 
 HistoryDelivery::HistoryDelivery(SamplePayload& payload, Outgoing& outgoing,
-                                 RefusedDevices& refused, SampleSpool& spool,
-                                 DroppedSamples& dropped)
+                                 RefusedDevices& refused, SampleSpool& spool)
     : payload_(payload),
       outgoing_(outgoing),
       refused_(refused),
       spool_(spool),
-      dropped_(dropped),
       max_bytes_(kHistoryBytes) {}
 
 /// A small window has one place for history; the rest is for live samples and results.
@@ -54,7 +53,7 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
     if (!history) return;
     auto publications = payload_.history(history->batch);
     if (publications.empty()) {
-      drop(*history);
+      spool_.remove(*history, spool_.as_dropped(history->batch.device));
       rests_until_ = now + kBetweenDrops;
       return;
     }
@@ -84,12 +83,6 @@ void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
   refused_.accepted(flight.history.batch.device, flight.since);
 }
 
-void HistoryDelivery::drop(const OutgoingHistory& history) {
-  spool_.remove(history, [&dropped = dropped_, device = history.batch.device](std::uint64_t count) {
-    dropped.add(device, count);
-  });
-}
-
 void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   const OutgoingHistory history = ended(event.id, now).history;
   payload_.undelivered(history.batch.device);
@@ -100,13 +93,18 @@ void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
                                   {"rows", std::to_string(batch.row_ids.size())},
                                   {"code", hex_code(event.reason_code)},
                                   {"reason", event.text}});
-    return drop(history);
+    return spool_.remove(history, spool_.as_dropped(batch.device));
   }
   spool_.returned(history);
   if (can_be_cut)
     max_bytes_ = std::min(max_bytes_, batch.payload.size() / 2);
   else
     refused_.refused(batch.device, event, now);
+}
+
+void HistoryDelivery::add_to(SampleCounts& counts) const {
+  counts.acknowledged += acknowledged_;
+  counts.published += published_;
 }
 
 SteadyTime HistoryDelivery::next_wake(SteadyTime now) const {

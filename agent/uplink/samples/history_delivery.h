@@ -9,7 +9,6 @@
 #include "agent/steady_time.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
-#include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_spool.h"
 
@@ -19,7 +18,7 @@ class HistoryDelivery final : public Outgoing::Sender {
  public:
   /// All references outlive the object.
   HistoryDelivery(SamplePayload& payload, Outgoing& outgoing, RefusedDevices& refused,
-                  SampleSpool& spool, DroppedSamples& dropped);
+                  SampleSpool& spool);
 
   /// Sends messages for which there is room. Call only if no live samples are waiting. `rests`:
   /// history pauses after each message.
@@ -31,8 +30,8 @@ class HistoryDelivery final : public Outgoing::Sender {
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
-  std::uint64_t acknowledged() const { return acknowledged_; }  ///< samples
-  std::uint64_t published() const { return published_; }        ///< samples, including repeats
+  /// Adds the samples acknowledged and published.
+  void add_to(SampleCounts& counts) const;
   bool is_on_the_way() const { return !flights_.empty(); }
   /// Returns the time by which pump() must run, apart from acknowledgements.
   SteadyTime next_wake(SteadyTime now) const;
@@ -44,8 +43,6 @@ class HistoryDelivery final : public Outgoing::Sender {
   };
 
   bool has_room() const;
-  /// Gives up rows that cannot be delivered.
-  void drop(const OutgoingHistory& history);
   /// Takes a message that has ended, delivered or not; begins the pause after it.
   Flight ended(std::uint64_t id, SteadyTime now);
 
@@ -53,12 +50,11 @@ class HistoryDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   RefusedDevices& refused_;
   SampleSpool& spool_;
-  DroppedSamples& dropped_;
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
-  SteadyTime rests_until_{};  ///< until then live samples have the broker to themselves
-  std::size_t max_bytes_;     ///< of one message; reduced if it is too large
-  std::uint64_t acknowledged_ = 0;
-  std::uint64_t published_ = 0;
+  SteadyTime rests_until_{};        ///< until then live samples have the broker to themselves
+  std::size_t max_bytes_;           ///< of one message; reduced if it is too large
+  std::uint64_t acknowledged_ = 0;  ///< samples
+  std::uint64_t published_ = 0;     ///< samples, including repeats
 };
 
 }  // namespace fxagent

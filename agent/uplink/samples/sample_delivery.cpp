@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "agent/failpoint.h"
+#include "agent/handover/status.h"
 #include "agent/log/log.h"
 #include "agent/store/samples/sample_record.h"
 #include "agent/uplink/payload/json_payload.h"
@@ -25,16 +26,13 @@ constexpr auto kCommitWithin = SampleSpool::kCommitWithin;
 }  // namespace
 
 SampleDelivery::SampleDelivery(const Config& config, std::string boot, SamplePayload& payload,
-                               Outgoing& outgoing, RefusedDevices& refused, SampleSpool& spool,
-                               DroppedSamples& dropped, GuardedStore* store)
+                               Outgoing& outgoing, RefusedDevices& refused, SampleSpool& spool)
     : config_(config),
       boot_(std::move(boot)),
       payload_(payload),
       outgoing_(outgoing),
       refused_(refused),
       spool_(spool),
-      dropped_(dropped),
-      store_(store),
       meta_hashes_(config.devices.size()) {}
 
 void SampleDelivery::change(const ConfigChange& change) {
@@ -69,7 +67,7 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.seq = message.seq;
     row.content = encode_sample(message, device, boot_, meta_hash(message.device));
     row_bytes_ += row.cost();
-    if (store_ != nullptr) store_->samples().used(row.device, row.seq);
+    spool_.used(row.device, row.seq);
     if (can_go && may_send(row.device, now))
       live.push_back(std::move(row));
     else
@@ -189,9 +187,7 @@ void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
     log::warn(
         "sample_refused",
         {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
-    const auto drop = [&dropped = dropped_, device = row.device](std::uint64_t count) {
-      dropped.add(device, count);
-    };
+    const auto drop = spool_.as_dropped(row.device);
     return live.stored ? spool_.remove(live, drop) : drop(1);
   }
   refused_.refused(row.device, event, now);
@@ -200,10 +196,11 @@ void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
 
 bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }
 
-SampleDelivery::Counters SampleDelivery::counters() const {
-  const auto on_disk = [](const LiveRow& live) { return live.stored; };
-  const auto held = static_cast<std::size_t>(std::ranges::count_if(live_, on_disk));
-  return {acknowledged_, published_, live_.size() - held, in_flight_};
+void SampleDelivery::add_to(SampleCounts& counts) const {
+  counts.queued += static_cast<std::uint64_t>(std::ranges::count(live_, false, &LiveRow::stored));
+  counts.in_flight += in_flight_;
+  counts.acknowledged += acknowledged_;
+  counts.published += published_;
 }
 
 SteadyTime SampleDelivery::next_wake() const {

@@ -20,7 +20,6 @@
 #include "agent/store/samples/sample_record.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
-#include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_spool.h"
 
@@ -28,18 +27,9 @@ namespace fxagent {
 
 class SampleDelivery final : public Outgoing::Sender {
  public:
-  /// Of live samples.
-  struct Counters {
-    std::uint64_t acknowledged = 0;
-    std::uint64_t published = 0;  ///< sends, including repeats
-    std::uint64_t queued = 0;     ///< waiting and not on disk
-    std::uint64_t in_flight = 0;  ///< in flight and not on disk
-  };
-
-  /// All references outlive the object. `store` is null if there is no store.
+  /// All references outlive the object.
   SampleDelivery(const Config& config, std::string boot, SamplePayload& payload, Outgoing& outgoing,
-                 RefusedDevices& refused, SampleSpool& spool, DroppedSamples& dropped,
-                 GuardedStore* store);
+                 RefusedDevices& refused, SampleSpool& spool);
 
   /// Adapts to a config change, which `config` already contains.
   void change(const ConfigChange& change);
@@ -62,7 +52,8 @@ class SampleDelivery final : public Outgoing::Sender {
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
-  Counters counters() const;
+  /// Adds the live samples: acknowledged, published, and waiting or in flight and not on disk.
+  void add_to(SampleCounts& counts) const;
   /// Returns the bytes of the rows made since the last call.
   std::uint64_t take_row_bytes() { return std::exchange(row_bytes_, 0); }
   bool has_live() const { return !live_.empty(); }
@@ -92,8 +83,6 @@ class SampleDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   RefusedDevices& refused_;
   SampleSpool& spool_;
-  DroppedSamples& dropped_;
-  GuardedStore* const store_;
   std::vector<std::string> meta_hashes_;  ///< by device; empty: not computed yet
 
   std::uint64_t next_row_id_ = 1;
@@ -104,7 +93,7 @@ class SampleDelivery final : public Outgoing::Sender {
   SteadyTime samples_at_{};                  ///< last step with samples
   SteadyTime gather_until_{};
   std::uint64_t acknowledged_ = 0;
-  std::uint64_t published_ = 0;
+  std::uint64_t published_ = 0;  ///< sends, including repeats
   std::uint64_t row_bytes_ = 0;
 };
 

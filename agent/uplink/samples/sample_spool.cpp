@@ -2,7 +2,15 @@
 
 #include <span>
 
+#include "agent/handover/status.h"
+
 namespace fxagent {
+
+void SampleSpool::upkeep(SteadyTime now, std::int64_t utc_ms) {
+  if (store_ == nullptr) return;
+  store_->upkeep(now, utc_ms);
+  count_dropped();
+}
 
 void SampleSpool::add(LiveRow live) {
   if (live.stored)
@@ -20,6 +28,7 @@ void SampleSpool::commit(SteadyTime now, bool can_wait) {
   if (!can_wait || !can_hold() || now >= commit_at_) write();
 }
 
+/// Writes the added rows now, to the disk or into memory.
 void SampleSpool::write() {
   auto rows = std::exchange(spool_, {});
   // While older rows are in memory, these queue behind them.
@@ -84,10 +93,34 @@ void SampleSpool::remove(const LiveRow& live, const GuardedSamples::Removed& the
   store_->samples().remove(live.row.row_id, then);
 }
 
+void SampleSpool::close() {
+  if (store_ == nullptr) return;
+  move_memory_to_disk();
+  write();
+  store_->close();
+}
+
 void SampleSpool::count_dropped() {
   for (const auto& [device, count] : backlog_.take_dropped()) dropped_.add(device, count);
   if (store_ == nullptr) return;
   for (const auto& [device, count] : store_->samples().take_dropped()) dropped_.add(device, count);
+}
+
+SteadyTime SampleSpool::next_wake(SteadyTime now) const {
+  const SteadyTime wake = spool_.empty() ? SteadyTime::max() : commit_at_;
+  const bool at_disk = store_ != nullptr && store_->has_pending();
+  return at_disk ? std::min(wake, now + kCommitWithin) : wake;
+}
+
+void SampleSpool::add_to(SampleCounts& counts) const {
+  counts.queued += spool_.size();
+  counts.stored += backlog_.rows();
+  counts.dropped += dropped_.total();
+  if (store_ == nullptr) return;
+  const GuardedStore::Figures figures = store_->figures();
+  counts.queued += store_->samples().at_disk();
+  counts.stored += figures.rows;
+  counts.recovered += figures.recovered;
 }
 
 bool SampleSpool::has_waiting(const std::string& device) const {

@@ -1,6 +1,6 @@
 // Samples that cannot be sent now. They are gathered for the disk, or kept in memory if there is no
 // disk or it refuses. They leave as history messages, oldest first. Rows that must make room are
-// counted. Uplink thread. Time is an argument.
+// counted, as are those refused for good. Uplink thread. Time is an argument.
 #pragma once
 
 #include <algorithm>
@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -18,9 +19,30 @@
 #include "agent/store/samples/backlog.h"
 #include "agent/store/samples/history.h"
 #include "agent/uplink/payload/payload.h"
-#include "agent/uplink/samples/dropped_samples.h"
 
 namespace fxagent {
+
+struct SampleCounts;
+
+/// Counts the samples that were lost: dropped to make room, or refused for good.
+class DroppedSamples final {
+ public:
+  /// The device may exist only in the store.
+  void add(const std::string& device, std::uint64_t count) {
+    by_device_[device] += count;
+    total_ += count;
+  }
+  std::uint64_t total() const { return total_; }
+  std::uint64_t of(const std::string& device) const {
+    const auto found = by_device_.find(device);
+    return found == by_device_.end() ? 0 : found->second;
+  }
+
+ private:
+  /// By device name: the store may have rows of devices that the config no longer has.
+  std::map<std::string, std::uint64_t> by_device_;
+  std::uint64_t total_ = 0;
+};
 
 /// A sample on its way to the broker.
 struct LiveRow {
@@ -42,10 +64,16 @@ class SampleSpool final {
   /// Longest time for which rows are gathered for the disk.
   static constexpr std::chrono::milliseconds kCommitWithin{200};
 
-  /// `store` and `dropped` outlive the object. No store: rows are kept in `backlog_bytes` of
-  /// memory.
-  SampleSpool(GuardedStore* store, std::size_t backlog_bytes, DroppedSamples& dropped)
-      : store_(store), backlog_(backlog_bytes), dropped_(dropped) {}
+  /// `store` outlives the object. No store: rows are kept in `backlog_bytes` of memory.
+  SampleSpool(GuardedStore* store, std::size_t backlog_bytes)
+      : store_(store), backlog_(backlog_bytes) {}
+
+  /// GuardedStore::upkeep().
+  void upkeep(SteadyTime now, std::int64_t utc_ms);
+  /// Notes in the store that the number is in use.
+  void used(const std::string& device, std::uint64_t seq) {
+    if (store_ != nullptr) store_->samples().used(device, seq);
+  }
 
   void add(SampleRow row) { spool_.push_back(std::move(row)); }
   /// Takes back a sample that was on its way to the broker.
@@ -54,8 +82,6 @@ class SampleSpool final {
   void commit(SteadyTime now, bool can_wait);
   /// Makes the next commit happen by `at`.
   void commit_by(SteadyTime at) { commit_at_ = std::min(commit_at_, at); }
-  /// Writes the added rows now, to the disk or into memory.
-  void write();
   /// Moves rows from memory to the disk, once it accepts them again.
   void move_memory_to_disk();
   /// Writes rows that stay in flight. True: they are on disk and held there.
@@ -72,25 +98,34 @@ class SampleSpool final {
   void remove(const OutgoingHistory& message, const GuardedSamples::Removed& then);
   /// Removes a held row that is complete. `then` gets 1 if it still existed.
   void remove(const LiveRow& live, const GuardedSamples::Removed& then);
-
-  /// Counts the rows that backlog and store have dropped to make room.
-  void count_dropped();
+  /// Returns the `then` that counts the rows as dropped.
+  GuardedSamples::Removed as_dropped(std::string device) {
+    return [this, device = std::move(device)](std::uint64_t count) { dropped_.add(device, count); };
+  }
+  /// Writes everything to the disk and closes the store, if there is one.
+  void close();
 
   bool empty() const { return spool_.empty() && backlog_.rows() == 0; }
   std::size_t gathered() const { return spool_.size(); }
-  /// Rows passed to the disk and not confirmed yet.
-  std::uint64_t at_disk() const { return store_ == nullptr ? 0 : store_->samples().at_disk(); }
-  SteadyTime commit_at() const { return commit_at_; }
+  /// Returns the time by which commit(), or upkeep() for rows at the disk, must run.
+  SteadyTime next_wake(SteadyTime now) const;
   bool has_waiting(const std::string& device) const;
   const Backlog& backlog() const { return backlog_; }
+  DroppedSamples& dropped() { return dropped_; }
+  const DroppedSamples& dropped() const { return dropped_; }
+  /// Adds the samples that wait here, were recovered from the store, or dropped.
+  void add_to(SampleCounts& counts) const;
 
  private:
+  /// Counts the rows that backlog and store have dropped to make room.
+  void count_dropped();
+  void write();
   /// Writes to the disk, or into memory if the disk refuses.
   void store(std::vector<SampleRow> rows);
 
   GuardedStore* const store_;
   Backlog backlog_;
-  DroppedSamples& dropped_;
+  DroppedSamples dropped_;
   std::vector<SampleRow> spool_;  ///< for the store, at the next commit
   SteadyTime commit_at_{};
 };

@@ -8,7 +8,6 @@
 #include "agent/log/log.h"
 #include "agent/process/process_facts.h"
 #include "agent/uplink/puback.h"
-#include "agent/uplink/samples/sample_places.h"
 
 namespace fxagent {
 
@@ -74,12 +73,10 @@ std::shared_ptr<const AgentStatus> StatusSource::at(SteadyTime now) {
 }
 
 void StatusSource::log_samples() {
-  if (parts_.dropped.total() != dropped_at_tick_) {
+  const std::uint64_t total = parts_.spool.dropped().total();
+  if (const std::uint64_t before = std::exchange(dropped_at_tick_, total); total != before)
     log::warn("samples_dropped",
-              {{"count", std::to_string(parts_.dropped.total() - dropped_at_tick_)},
-               {"total", std::to_string(parts_.dropped.total())}});
-    dropped_at_tick_ = parts_.dropped.total();
-  }
+              {{"count", std::to_string(total - before)}, {"total", std::to_string(total)}});
   const SampleCounts now_here = samples();
   if (!now_here.balanced())
     log::error("samples_unbalanced", {{"collected", std::to_string(now_here.collected)},
@@ -93,8 +90,10 @@ void StatusSource::log_samples() {
 }
 
 SampleCounts StatusSource::samples() const {
-  SampleCounts samples =
-      sample_places(parts_.samples, parts_.history, parts_.spool, parts_.dropped, parts_.store);
+  SampleCounts samples;
+  parts_.spool.add_to(samples);
+  parts_.samples.add_to(samples);
+  parts_.history.add_to(samples);
   for (const DeviceHealth& device : field_->devices) samples.suppressed += device.suppressed;
   samples.suppressed += field_->ended_suppressed;
   samples.collected = pushed_ + samples.suppressed;
@@ -137,7 +136,7 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   status.devices = parts_.states.all();
   if (board_.values_wanted()) status.values = last_.groups();
   for (const DeviceConfig& device : parts_.config.devices) {
-    status.dropped.push_back(parts_.dropped.of(device.name));
+    status.dropped.push_back(parts_.spool.dropped().of(device.name));
     const auto refused = parts_.refused.reason(device.name);
     status.refused.push_back(refused ? hex_code(*refused) : std::string());
   }

@@ -22,7 +22,6 @@
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/commands/result_delivery.h"
 #include "agent/uplink/retained/device_states.h"
-#include "agent/uplink/samples/dropped_samples.h"
 #include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
@@ -45,7 +44,6 @@ class StatusSource final {
     const Subscriptions& subscriptions;
     const DeviceStates& states;
     const SampleSpool& spool;
-    const DroppedSamples& dropped;
     const ResultDelivery& results;
     SampleDelivery& samples;
     const HistoryDelivery& history;
