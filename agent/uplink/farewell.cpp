@@ -4,7 +4,7 @@
 
 namespace fxagent {
 
-Farewell::Farewell(Payload& payload, Outgoing& outgoing, std::function<std::int64_t()> utc_ms)
+Farewell::Farewell(JsonPayload& payload, Outgoing& outgoing, std::function<std::int64_t()> utc_ms)
     : payload_(payload), outgoing_(outgoing), utc_ms_(std::move(utc_ms)) {}
 
 void Farewell::say(SteadyTime now) {

@@ -9,7 +9,7 @@
 
 #include "agent/steady_time.h"
 #include "agent/uplink/outgoing.h"
-#include "agent/uplink/payload/payload.h"
+#include "agent/uplink/payload/json_payload.h"
 
 namespace fxagent {
 
@@ -19,7 +19,7 @@ class Farewell final : private Outgoing::Sender {
   static constexpr std::chrono::seconds kWithin{1};
 
   /// All references outlive the object. `utc_ms` returns the current calendar time.
-  Farewell(Payload& payload, Outgoing& outgoing, std::function<std::int64_t()> utc_ms);
+  Farewell(JsonPayload& payload, Outgoing& outgoing, std::function<std::int64_t()> utc_ms);
 
   /// Publishes the offline state.
   void say(SteadyTime now);
@@ -33,7 +33,7 @@ class Farewell final : private Outgoing::Sender {
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
-  Payload& payload_;
+  JsonPayload& payload_;
   Outgoing& outgoing_;
   const std::function<std::int64_t()> utc_ms_;
   std::optional<SteadyTime> by_;

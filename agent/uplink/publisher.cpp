@@ -10,7 +10,6 @@
 #include "agent/commands/result_text.h"
 #include "agent/log/log.h"
 #include "agent/store/samples/first_numbers.h"
-#include "agent/uplink/payload/json_payload.h"
 
 namespace fxagent {
 namespace {
@@ -20,9 +19,9 @@ constexpr std::chrono::milliseconds kAcknowledgedWithin{50};
 
 }  // namespace
 
-Publisher::Publisher(Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
-                     Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store,
-                     NumberAbove number_above, AskCounters ask_counters)
+Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& payload,
+                     Outbox& outbox, Broker& broker, Commands& commands, UtcClock utc_ms,
+                     GuardedStore* store, NumberAbove number_above, AskCounters ask_counters)
     : config_(config),
       settings_(std::move(settings)),
       payload_(payload),

@@ -33,7 +33,7 @@
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/own_topics.h"
-#include "agent/uplink/payload/payload.h"
+#include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/profile/outlet.h"
 #include "agent/uplink/retained/device_states.h"
 #include "agent/uplink/retained/retained_state.h"
@@ -76,7 +76,7 @@ class Publisher final {
   /// was not available at the start has opened. Its argument is the last sequence number of each
   /// device; samples are numbered above these afterwards. `ask_counters` is called before health is
   /// published: the field then sends its counters through the outbox.
-  Publisher(Config& config, PublisherSettings settings, Payload& payload, Outbox& outbox,
+  Publisher(Config& config, PublisherSettings settings, JsonPayload& payload, Outbox& outbox,
             Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store = nullptr,
             NumberAbove number_above = {}, AskCounters ask_counters = {});
   Publisher(const Publisher&) = delete;
@@ -145,7 +145,7 @@ class Publisher final {
 
   Config& config_;
   const PublisherSettings settings_;
-  Payload& payload_;
+  JsonPayload& payload_;
   Outbox& outbox_;
   Broker& broker_;
   Commands& commands_;

@@ -47,7 +47,7 @@ Value longest_value(const Point& point) {
 
 }  // namespace
 
-std::size_t largest_history(Payload& payload, const DeviceConfig& device, std::size_t group) {
+std::size_t largest_history(SamplePayload& payload, const DeviceConfig& device, std::size_t group) {
   constexpr std::int64_t kTime = 1'790'000'000'000;
   SampleRecord sample;
   sample.ts_ms = kTime;

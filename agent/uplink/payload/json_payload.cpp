@@ -312,32 +312,34 @@ class JsonHistory final : public HistoryMessage {
 
 }  // namespace
 
-JsonPayload::JsonPayload(const Config& config, std::string boot, std::string version)
+JsonPayload::JsonPayload(const Config& config, std::string boot, std::string version,
+                         std::string broker)
     : config_(config),
       base_(config.base_topic()),
       boot_(std::move(boot)),
-      version_(std::move(version)) {}
+      version_(std::move(version)),
+      broker_(std::move(broker)) {}
 
-Will JsonPayload::last_will() {
+Will JsonPayload::last_will() const {
   return {base_ + "/state", json::agent_offline(std::nullopt, "lost", boot_), Retain::yes};
 }
 
 Publication JsonPayload::agent_online(std::int64_t since_ms,
                                       const std::optional<std::string>& not_heard_why,
-                                      const std::optional<std::string>& conflict) {
+                                      const std::optional<std::string>& conflict) const {
   return retained(base_ + "/state",
                   json::agent_online(since_ms, boot_, version_, not_heard_why, conflict));
 }
 
-Publication JsonPayload::agent_offline(std::int64_t since_ms) {
+Publication JsonPayload::agent_offline(std::int64_t since_ms) const {
   return retained(base_ + "/state", json::agent_offline(since_ms, "stopped", boot_));
 }
 
-Publication JsonPayload::device_state(const DeviceStatus& status) {
+Publication JsonPayload::device_state(const DeviceStatus& status) const {
   return retained(device_topic(status.device) + "/state", json::device_state(status));
 }
 
-Publication JsonPayload::device_meta(std::uint32_t device) {
+Publication JsonPayload::device_meta(std::uint32_t device) const {
   return retained(device_topic(device) + "/meta",
                   json::device_meta(config_.devices.at(device)).text);
 }
@@ -357,8 +359,9 @@ std::vector<Publication> JsonPayload::history(const HistoryBatch& batch) {
 std::vector<Publication> JsonPayload::data(std::string topic, std::string payload) const {
   // Not an initializer list, which would copy the payload.
   std::vector<Publication> made;
-  made.push_back(
-      {.topic = std::move(topic), .payload = std::move(payload), .qos = config_.mqtt.qos});
+  made.push_back({.topic = std::move(topic),
+                  .payload = std::move(payload),
+                  .qos = broker_of(config_, broker_).qos});
   return made;
 }
 

@@ -50,17 +50,22 @@ namespace fxagent {
 
 /// The format of docs/interface.md: topics below Config::base_topic(), everything as JSON, states
 /// and meta retained.
-class JsonPayload final : public Payload {
+class JsonPayload final : public SamplePayload {
  public:
-  /// `config` outlives the object.
-  JsonPayload(const Config& config, std::string boot, std::string version);
+  /// `config` outlives the object. Samples have the QoS of `broker`; empty: of `mqtt`.
+  JsonPayload(const Config& config, std::string boot, std::string version, std::string broker = {});
 
-  Will last_will() override;
+  /// Returns the message that the broker publishes if the connection ends without a DISCONNECT.
+  Will last_will() const;
+  /// Published before the other states of a connection, and again when `not_heard_why` or
+  /// `conflict` changes; see json::agent_online(). `since_ms` is the start of the agent.
   Publication agent_online(std::int64_t since_ms, const std::optional<std::string>& not_heard_why,
-                           const std::optional<std::string>& conflict) override;
-  Publication agent_offline(std::int64_t since_ms) override;
-  Publication device_state(const DeviceStatus& status) override;
-  Publication device_meta(std::uint32_t device) override;
+                           const std::optional<std::string>& conflict) const;
+  /// The last message before a clean shutdown, at `since_ms`.
+  Publication agent_offline(std::int64_t since_ms) const;
+  Publication device_state(const DeviceStatus& status) const;
+  /// Describes the tags of a device: its birth. `device` is the index in Config::devices.
+  Publication device_meta(std::uint32_t device) const;
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
   std::vector<Publication> history(const HistoryBatch& batch) override;
@@ -74,6 +79,7 @@ class JsonPayload final : public Payload {
   const std::string base_;
   const std::string boot_;
   const std::string version_;
+  const std::string broker_;
 };
 
 }  // namespace fxagent

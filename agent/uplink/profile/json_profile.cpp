@@ -20,7 +20,7 @@ constexpr std::chrono::seconds kAgainAfter{30};
 JsonProfile::JsonProfile(const Config& config, std::string boot, std::string version,
                          std::int64_t since_ms, std::string broker, TakeOrder take_order)
     : config_(config),
-      payload_(config, std::move(boot), std::move(version)),
+      payload_(config, std::move(boot), std::move(version), broker),
       since_ms_(since_ms),
       broker_(std::move(broker)),
       take_order_(std::move(take_order)),
@@ -31,12 +31,6 @@ JsonProfile::JsonProfile(const Config& config, std::string boot, std::string ver
 void JsonProfile::remember_names() {
   names_.clear();
   for (const DeviceConfig& device : config_.devices) names_.push_back(device.name);
-}
-
-std::vector<Publication> JsonProfile::with_qos(std::vector<Publication> messages) const {
-  const int qos = broker_of(config_, broker_).qos;
-  for (Publication& message : messages) message.qos = qos;
-  return messages;
 }
 
 std::vector<Subscription> JsonProfile::subscriptions() const {

@@ -34,19 +34,17 @@ class JsonProfile final : public Profile {
   std::vector<Publication> farewell(std::int64_t utc_ms) override;
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override {
-    return with_qos(payload_.sample(stream, sample));
+    return payload_.sample(stream, sample);
   }
   std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override {
     return payload_.begin_history(max_bytes);
   }
   std::vector<Publication> history(const HistoryBatch& batch) override {
-    return with_qos(payload_.history(batch));
+    return payload_.history(batch);
   }
 
  private:
   void everything_is_due();
-  /// The payload has the QoS of the broker of `mqtt`.
-  std::vector<Publication> with_qos(std::vector<Publication> messages) const;
   void remember_names();
 
   const Config& config_;

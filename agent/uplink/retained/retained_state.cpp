@@ -19,7 +19,7 @@ constexpr seconds kComesBackWithin{2};
 
 }  // namespace
 
-RetainedState::RetainedState(const Config& config, const DeviceStates& states, Payload& payload,
+RetainedState::RetainedState(const Config& config, const DeviceStates& states, JsonPayload& payload,
                              Outgoing& outgoing, JitteredBackoff& backoff, Source source)
     : config_(config),
       states_(states),

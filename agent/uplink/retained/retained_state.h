@@ -18,7 +18,7 @@
 #include "agent/steady_time.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
-#include "agent/uplink/payload/payload.h"
+#include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/retained/device_states.h"
 
 namespace fxagent {
@@ -34,7 +34,7 @@ class RetainedState final : public Outgoing::Sender {
   };
 
   /// All references outlive the object.
-  RetainedState(const Config& config, const DeviceStates& states, Payload& payload,
+  RetainedState(const Config& config, const DeviceStates& states, JsonPayload& payload,
                 Outgoing& outgoing, JitteredBackoff& backoff, Source source);
 
   /// Everything is due except the config report and health, whose counters must be requested first.
@@ -115,7 +115,7 @@ class RetainedState final : public Outgoing::Sender {
 
   const Config& config_;
   const DeviceStates& states_;
-  Payload& payload_;
+  JsonPayload& payload_;
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;
   const Source source_;
