@@ -34,19 +34,18 @@ void OwnTopics::hear_command(const Message& message, std::string_view name) {
 }
 
 void OwnTopics::hear_state(const Message& message, SteadyTime now) {
+  using Item = RetainedState::Item;
   if (message.topic == base_ + "/state") {
     identity_.heard(message.payload, now);
-    return parts_.retained.heard_agent_state(message.payload, now);
+    return parts_.retained.heard(Item::agent_state, 0, message.payload, now);
   }
   const auto of_state = device_of(message.topic, base_, "state");
   const auto name = of_state ? of_state : device_of(message.topic, base_, "meta");
   if (!name) return;
   if (const auto device = parts_.commands.device_named(*name)) {
     if (conflict_) return;  // two agents would overwrite each other's states endlessly
-    if (of_state)
-      parts_.retained.heard_device_state(*device, message.payload, now);
-    else
-      parts_.retained.heard_device_meta(*device, message.payload, now);
+    const Item item = of_state ? Item::device_state : Item::device_meta;
+    parts_.retained.heard(item, *device, message.payload, now);
   } else if (parts_.subscriptions.looks_for_leftovers() && !message.payload.empty() &&
              parts_.retained.clear(message.topic)) {
     log::info("retained_topic_cleared", {{"topic", log::excerpt(message.topic)}});

@@ -82,7 +82,9 @@ void RetainedState::forget(std::uint32_t device) {
   std::erase_if(flights_, [&](const auto& each) { return is_its_own(each.second.key); });
 }
 
-void RetainedState::heard(const Key& key, std::string_view payload, SteadyTime now) {
+void RetainedState::heard(Item item, std::uint32_t device, std::string_view payload,
+                          SteadyTime now) {
+  const Key key{item, device, {}};
   const auto found = published_.find(key);
   if (found == published_.end() || due_.contains(key)) return;  // ours is still pending
   Published& ours = found->second;

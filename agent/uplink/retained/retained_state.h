@@ -25,6 +25,15 @@ namespace fxagent {
 
 class RetainedState final : public Outgoing::Sender {
  public:
+  /// Lower values are published first.
+  enum class Item : std::uint8_t {
+    agent_state,
+    device_state,
+    device_meta,
+    health,
+    config_report,
+    clear
+  };
   /// Makes a message anew each time that it is published.
   struct Source {
     std::function<Publication()> agent_state;
@@ -50,18 +59,10 @@ class RetainedState final : public Outgoing::Sender {
   /// Clears a retained topic. Returns false if that is pending already.
   bool clear(const std::string& topic) { return due_.try_emplace({Item::clear, 0, topic}).second; }
 
-  // Processes a text received on one of our topics. If it is not what we published, ours is
-  // published again, at least 1 s after its last publication. A text that was there before ours
-  // does not count: ours comes back after it.
-  void heard_agent_state(std::string_view payload, SteadyTime now) {
-    heard({Item::agent_state, 0, {}}, payload, now);
-  }
-  void heard_device_state(std::uint32_t device, std::string_view payload, SteadyTime now) {
-    heard({Item::device_state, device, {}}, payload, now);
-  }
-  void heard_device_meta(std::uint32_t device, std::string_view payload, SteadyTime now) {
-    heard({Item::device_meta, device, {}}, payload, now);
-  }
+  /// Processes a text received on one of our topics; `device` is 0 for the agent's state. If it is
+  /// not what we published, ours is published again, at least 1 s after its last publication. A
+  /// text that was there before ours does not count: ours comes back after it.
+  void heard(Item item, std::uint32_t device, std::string_view payload, SteadyTime now);
 
   /// Adapts to a config change, as `config` and `states` have done already. Stops publishing what
   /// ends. If connected, publishes the meta of what begins; its state follows when the field has
@@ -77,15 +78,6 @@ class RetainedState final : public Outgoing::Sender {
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
  private:
-  /// Lower values are published first.
-  enum class Item : std::uint8_t {
-    agent_state,
-    device_state,
-    device_meta,
-    health,
-    config_report,
-    clear
-  };
   struct Key {
     Item item = Item::agent_state;
     std::uint32_t device = 0;
@@ -111,7 +103,6 @@ class RetainedState final : public Outgoing::Sender {
 
   void forget(std::uint32_t device);
   Publication publication_of(const Key& key, SteadyTime now);
-  void heard(const Key& key, std::string_view payload, SteadyTime now);
 
   const Config& config_;
   const DeviceStates& states_;
