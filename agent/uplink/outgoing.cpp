@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "agent/log/log.h"
-#include "agent/uplink/puback.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {

@@ -6,7 +6,6 @@
 #include "agent/commands/result_text.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
-#include "agent/uplink/puback.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {

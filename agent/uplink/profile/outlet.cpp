@@ -7,7 +7,6 @@
 #include <variant>
 
 #include "agent/log/log.h"
-#include "agent/uplink/puback.h"
 
 namespace fxagent {
 namespace {

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "agent/log/log.h"
-#include "agent/uplink/puback.h"
 
 namespace fxagent {
 namespace {

@@ -9,7 +9,6 @@
 #include "agent/failpoint.h"
 #include "agent/handover/status.h"
 #include "agent/log/log.h"
-#include "agent/uplink/puback.h"
 
 namespace fxagent {
 namespace {

@@ -4,7 +4,6 @@
 #include <chrono>
 
 #include "agent/log/log.h"
-#include "agent/uplink/puback.h"
 
 namespace fxagent {
 

@@ -8,7 +8,6 @@
 #include "agent/log/log.h"
 #include "agent/store/samples/sample_record.h"
 #include "agent/uplink/payload/json_payload.h"
-#include "agent/uplink/puback.h"
 
 namespace fxagent {
 namespace {

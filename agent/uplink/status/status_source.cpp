@@ -7,7 +7,6 @@
 
 #include "agent/log/log.h"
 #include "agent/process/process_facts.h"
-#include "agent/uplink/puback.h"
 
 namespace fxagent {
 
