@@ -129,6 +129,15 @@ TEST_P(OutletTest, EverySampleIsInOnePlaceWhateverTheBrokerDoes) {
   EXPECT_EQ(counts.dropped, 0U);
 }
 
+TEST_P(OutletTest, SessionThatAnotherClientTakesOverIsOpenedAgain) {
+  settle(1s);
+  const std::size_t connects = broker_.connects.size();
+  broker_.lose(kSessionTakenOver);
+  settle(2s);
+  EXPECT_EQ(broker_.connects.size(), connects + 1);
+  EXPECT_TRUE(outlet_->status().connected);
+}
+
 TEST_P(OutletTest, StopEndsWithoutABroker) {
   broker_.reachable = false;
   settle(1s);
