@@ -9,8 +9,8 @@
 
 #include "agent/log/log.h"
 #include "agent/uplink/profile/heard_command.h"
-#include "agent/uplink/sparkplug/metric.h"
 #include "agent/uplink/sparkplug/sparkplug.pb.h"
+#include "agent/uplink/sparkplug/typed_value.h"
 
 namespace fxagent {
 namespace {
@@ -29,6 +29,8 @@ std::uint64_t stamp(std::int64_t utc_ms) { return static_cast<std::uint64_t>(utc
 
 std::uint32_t number(Type type) { return static_cast<std::uint32_t>(type); }
 
+// ---- metrics ------------------------------------------------------------------------------------
+
 Metric& add_metric(Packet& packet, std::string_view name, std::int64_t ts_ms, Type type) {
   Metric& metric = *packet.add_metrics();
   metric.set_name(std::string(name));
@@ -36,6 +38,77 @@ Metric& add_metric(Packet& packet, std::string_view name, std::int64_t ts_ms, Ty
   metric.set_datatype(number(type));
   return metric;
 }
+
+sparkplug::PropertyValue& add_property(Metric& metric, std::string_view name, Type type) {
+  sparkplug::PropertySet& set = *metric.mutable_properties();
+  set.add_keys(std::string(name));
+  sparkplug::PropertyValue& value = *set.add_values();
+  value.set_type(number(type));
+  return value;
+}
+
+/// Sets the value, or is_null if there is none or the type cannot hold it.
+void set_value(Metric& metric, const Value& value, Type type) {
+  sparkplug::put(metric, sparkplug::typed(value, type), [&](auto integer) {
+    // The specification has UInt32 in int_value; the hosts that we know read it from long_value.
+    if (type == Type::int16 || type == Type::uint16 || type == Type::int32)
+      metric.set_int_value(static_cast<std::uint32_t>(integer));
+    else
+      metric.set_long_value(static_cast<std::uint64_t>(integer));
+  });
+}
+
+/// Adds the quality, and for a bad value our reason as the property `why`.
+void add_quality(Metric& metric, const std::optional<BadReason>& bad) {
+  // Codes of the specification. Stale: the device does not answer. Bad: it answers, and not with a
+  // value.
+  constexpr std::uint32_t kGood = 192;
+  constexpr std::uint32_t kStale = 500;
+  constexpr std::uint32_t kBad = 0;
+  const bool is_stale = bad == BadReason::timeout || bad == BadReason::link_down;
+  add_property(metric, "quality", Type::int32)
+      .set_int_value(!bad       ? kGood
+                     : is_stale ? kStale
+                                : kBad);
+  if (bad) add_property(metric, "why", Type::string).set_string_value(std::string(to_string(*bad)));
+}
+
+/// Adds unit, limits, description and whether commands may write the tag, by the names under which
+/// Ignition shows them.
+void add_units(Metric& metric, const TagConfig& tag) {
+  const TagUnits& units = *tag.units;
+  const auto add_text = [&](std::string_view name, const std::string& text) {
+    if (!text.empty()) add_property(metric, name, Type::string).set_string_value(text);
+  };
+  add_text("engUnit", units.unit);
+  add_text("documentation", units.description);
+  if (units.limits.min)
+    add_property(metric, "engLow", Type::real64).set_double_value(*units.limits.min);
+  if (units.limits.max)
+    add_property(metric, "engHigh", Type::real64).set_double_value(*units.limits.max);
+  add_property(metric, "readOnly", Type::boolean).set_boolean_value(!tag.writable);
+}
+
+/// Returns the value of a command's metric as JSON, read as `type`. A value of another kind is
+/// returned as it came: admission refuses it with the reason. nullopt: the metric has no value.
+std::optional<std::string> json_of(const Metric& metric, Type type) {
+  // The elements of another type would be read as others.
+  const bool is_other_array =
+      metric.has_bytes_value() && metric.datatype() != 0 && metric.datatype() != number(type);
+  if (metric.is_null() || is_other_array) return std::nullopt;
+  const auto integer = [&]() -> sparkplug::TypedValue {
+    if (metric.has_int_value() && type == Type::boolean) return metric.int_value() != 0;
+    if (metric.has_int_value() && !sparkplug::is_unsigned(type))
+      return std::int64_t{static_cast<std::int32_t>(metric.int_value())};
+    if (metric.has_int_value()) return std::uint64_t{metric.int_value()};
+    if (!metric.has_long_value()) return {};
+    if (sparkplug::is_unsigned(type)) return std::uint64_t{metric.long_value()};
+    return static_cast<std::int64_t>(metric.long_value());
+  };
+  return sparkplug::json_of(sparkplug::taken(metric, integer), type);
+}
+
+// ---- history and values -------------------------------------------------------------------------
 
 /// Gathers historical metrics by name: a message under construction does not know its device. Their
 /// data type is that of the value that was read.
@@ -49,8 +122,8 @@ class SparkplugHistory final : public HistoryMessage {
       const Type type = sparkplug::type_of(reading);
       Metric& metric = add_metric(more, reading.name, sample.ts_ms, type);
       metric.set_is_historical(true);
-      sparkplug::set_value(metric, reading.value, type);
-      if (reading.bad) sparkplug::add_quality(metric, reading.bad);
+      set_value(metric, reading.value, type);
+      if (reading.bad) add_quality(metric, reading.bad);
     }
     const std::size_t bytes = more.ByteSizeLong();
     if (!packet_.metrics().empty() && bytes_ + bytes > max_bytes_) return false;
@@ -226,9 +299,9 @@ std::optional<Publication> SparkplugProfile::device_birth(std::uint32_t index,
     const Type type = sparkplug::type_of(device.tags[tag].point);
     Metric& metric = add_metric(packet, device.tags[tag].name, time_of(tag), type);
     metric.set_alias(state.first_alias + tag);
-    sparkplug::set_value(metric, last.value, type);
-    if (last.ts_ms != 0) sparkplug::add_quality(metric, last.bad);
-    sparkplug::add_units(metric, device.tags[tag]);
+    set_value(metric, last.value, type);
+    if (last.ts_ms != 0) add_quality(metric, last.bad);
+    add_units(metric, device.tags[tag]);
   }
   const std::int64_t newest = order.empty() ? utc_ms : std::max(utc_ms, time_of(order.back()));
   Metric& rebirth = add_metric(packet, kDeviceRebirth, newest, Type::boolean);
@@ -297,9 +370,8 @@ std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
     Metric& metric = *packet.add_metrics();
     metric.set_alias(device.first_alias + *tag);
     metric.set_timestamp(stamp(sample.ts_ms));
-    sparkplug::set_value(metric, reading.value, sparkplug::type_of(config.tags[*tag].point));
-    if (is_late ? reading.bad.has_value() : !same_quality)
-      sparkplug::add_quality(metric, reading.bad);
+    set_value(metric, reading.value, sparkplug::type_of(config.tags[*tag].point));
+    if (is_late ? reading.bad.has_value() : !same_quality) add_quality(metric, reading.bad);
     if (is_late) {
       metric.set_is_historical(true);
       continue;
@@ -407,7 +479,7 @@ void SparkplugProfile::place_order(const Message& message, std::uint32_t device,
   if (!take_order_)
     return ignore_command(message, "this broker may not send commands: brokers[].commands");
   const DeviceConfig& config = config_.devices[device];
-  const auto value = sparkplug::json_of(metric, sparkplug::type_of(config.tags[tag].point));
+  const auto value = json_of(metric, sparkplug::type_of(config.tags[tag].point));
   if (!value) return ignore_command(message, "a metric without a value that its tag can have");
   Order order = order_of(message, config.name, name_);
   order.payload = write_command(new_id_(), config.tags[tag].name, *value);
