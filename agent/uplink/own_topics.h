@@ -14,7 +14,6 @@
 #include "agent/uplink/commands/command_intake.h"
 #include "agent/uplink/commands/result_delivery.h"
 #include "agent/uplink/config_topics.h"
-#include "agent/uplink/farewell.h"
 #include "agent/uplink/retained/identity_conflict.h"
 #include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/session/connect_schedule.h"

@@ -29,7 +29,6 @@
 #include "agent/uplink/commands/late_recovery.h"
 #include "agent/uplink/commands/result_delivery.h"
 #include "agent/uplink/config_topics.h"
-#include "agent/uplink/farewell.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/own_topics.h"

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <string>
+#include <utility>
 
 #include "agent/handover/status.h"
 #include "agent/log/log.h"
@@ -13,6 +14,20 @@ constexpr std::chrono::seconds kDrainFor{3};
 constexpr std::chrono::seconds kCloseFor{1};
 
 }  // namespace
+
+Farewell::Farewell(JsonPayload& payload, Outgoing& outgoing, std::function<std::int64_t()> utc_ms)
+    : payload_(payload), outgoing_(outgoing), utc_ms_(std::move(utc_ms)) {}
+
+void Farewell::say(SteadyTime now) {
+  by_ = now + kWithin;
+  outgoing_.send(*this, payload_.agent_offline(utc_ms_()));
+}
+
+void Farewell::delivered(std::uint64_t, SteadyTime now) {
+  if (by_) by_ = now;
+}
+
+void Farewell::failed(const DeliveryFailed& event, SteadyTime now) { delivered(event.id, now); }
 
 void Shutdown::begin(SteadyTime now) {
   phase_ = Phase::draining;

@@ -1,18 +1,22 @@
-// The steps of a clean stop. Uplink thread. Time is an argument.
+// The steps of a clean stop, and the agent's last word to a broker. Uplink thread. Time is an
+// argument.
 //
 // Draining: what is waiting is published for up to 3 s. Farewell: the agent's state becomes
 // offline. Closing: the connection is closed. Finished: what the broker has not acknowledged is on
 // disk, for the next boot, and the store is closed.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <functional>
+#include <optional>
 
 #include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/commands/command_intake.h"
 #include "agent/uplink/commands/result_delivery.h"
-#include "agent/uplink/farewell.h"
 #include "agent/uplink/outgoing.h"
+#include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
@@ -20,6 +24,34 @@
 #include "agent/uplink/status/status_source.h"
 
 namespace fxagent {
+
+/// The agent's last word to a broker, in a stop or when it is left for another one: the agent's
+/// retained state becomes offline.
+class Farewell final : private Outgoing::Sender {
+ public:
+  /// Time that the broker has to acknowledge it.
+  static constexpr std::chrono::seconds kWithin{1};
+
+  /// All references outlive the object. `utc_ms` returns the current calendar time.
+  Farewell(JsonPayload& payload, Outgoing& outgoing, std::function<std::int64_t()> utc_ms);
+
+  /// Publishes the offline state.
+  void say(SteadyTime now);
+  /// Ends the wait for the acknowledgement.
+  void withdraw() { by_.reset(); }
+  /// Returns the deadline of the broker's acknowledgement: now or earlier if it has been
+  /// acknowledged or refused. nullopt: nothing was said, or it was withdrawn.
+  std::optional<SteadyTime> by() const { return by_; }
+
+ private:
+  void delivered(std::uint64_t id, SteadyTime now) override;
+  void failed(const DeliveryFailed& event, SteadyTime now) override;
+
+  JsonPayload& payload_;
+  Outgoing& outgoing_;
+  const std::function<std::int64_t()> utc_ms_;
+  std::optional<SteadyTime> by_;
+};
 
 class Shutdown final {
  public:
