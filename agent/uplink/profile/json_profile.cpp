@@ -6,7 +6,6 @@
 #include <optional>
 #include <utility>
 
-#include "agent/uplink/profile/heard_command.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {

@@ -8,7 +8,6 @@
 
 #include "agent/text/json_writer.h"
 #include "agent/uplink/payload/json_payload.h"
-#include "agent/uplink/profile/heard_command.h"
 
 namespace fxagent {
 namespace {

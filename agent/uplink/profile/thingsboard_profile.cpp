@@ -7,7 +7,6 @@
 #include "agent/text/json_member.h"
 #include "agent/text/json_writer.h"
 #include "agent/uplink/payload/json_payload.h"
-#include "agent/uplink/profile/heard_command.h"
 
 namespace fxagent {
 namespace {

@@ -8,7 +8,6 @@
 #include <variant>
 
 #include "agent/log/log.h"
-#include "agent/uplink/profile/heard_command.h"
 #include "agent/uplink/sparkplug/sparkplug.pb.h"
 #include "agent/uplink/sparkplug/typed_value.h"
 

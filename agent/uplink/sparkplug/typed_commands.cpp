@@ -11,7 +11,6 @@
 #include "agent/text/json_writer.h"
 #include "agent/text/sha256.h"
 #include "agent/text/text.h"
-#include "agent/uplink/profile/heard_command.h"
 #include "agent/uplink/sparkplug/sparkplug_c.pb.h"
 #include "agent/uplink/topics.h"
 

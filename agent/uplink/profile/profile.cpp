@@ -1,4 +1,4 @@
-#include "agent/uplink/profile/heard_command.h"
+#include "agent/uplink/profile/profile.h"
 
 #include <algorithm>
 #include <utility>
