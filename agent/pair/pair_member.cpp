@@ -69,8 +69,8 @@ PairMember::~PairMember() {
 }
 
 std::string PairMember::offline_status() const {
-  return pair_messages::status(pair_.member,
-                               {.boot = boot_, .role = "offline", .quiet = pair_.quiet});
+  return pair_messages::status(
+      {.member = pair_.member, .boot = boot_, .role = "offline", .quiet = pair_.quiet});
 }
 
 std::string PairMember::topic(const char* leaf) const {
@@ -449,16 +449,16 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
 
 void PairMember::publish_status() {
   const auto age = std::chrono::round<milliseconds>(boot_time_now() - state_.since());
-  pair_messages::Status status;
-  status.boot = boot_;
-  status.role = to_string(state_.role());
-  status.why = state_.why();
-  status.peer = state_.peer();
-  status.since_ms =
-      utc_ms(std::chrono::system_clock::now()) - (state_.since() == BootTime{} ? 0 : age.count());
-  status.is_third = state_.is_third();
-  status.quiet = pair_.quiet;
-  Publication publication = retained(topic(), pair_messages::status(pair_.member, status));
+  const std::int64_t now_ms = utc_ms(std::chrono::system_clock::now());
+  const PairStatus status{.member = pair_.member,
+                          .boot = boot_,
+                          .role = std::string(to_string(state_.role())),
+                          .is_third = state_.is_third(),
+                          .quiet = pair_.quiet,
+                          .why = state_.why(),
+                          .peer = state_.peer(),
+                          .since_ms = state_.since() == BootTime{} ? now_ms : now_ms - age.count()};
+  Publication publication = retained(topic(), pair_messages::status(status));
   publication.id = next_id_++;
   member_->publish(std::move(publication));
 }

@@ -1,6 +1,7 @@
 #include "agent/pair/pair_messages.h"
 
 #include <algorithm>
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -56,10 +57,11 @@ std::optional<Place> place_of(std::string_view topic, std::string_view base) {
   return Place{std::string(member), std::string(leaf)};
 }
 
-std::string status(const std::string& member, const Status& status) {
+std::string status(const PairStatus& status) {
+  const auto quiet = std::chrono::duration_cast<std::chrono::milliseconds>(status.quiet);
   fxagent::json::Writer out;
-  out.begin_object().key("member").string(member).key("boot").string(status.boot);
-  out.key("role").string(status.role).key("quiet_ms").integer(status.quiet.count());
+  out.begin_object().key("member").string(status.member).key("boot").string(status.boot);
+  out.key("role").string(status.role).key("quiet_ms").integer(quiet.count());
   if (status.role != "offline") {
     out.key("since_ms").integer(status.since_ms).key("peer").word(status.peer);
     out.key("why").string(status.why);

@@ -1,7 +1,6 @@
 // Texts that the gateways of a pair exchange below {base}/pair. Pure. Any thread.
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -27,17 +26,9 @@ struct Place {
 /// Returns nullopt for a topic that is not one of a pair.
 std::optional<Place> place_of(std::string_view topic, std::string_view base);
 
-/// `role` "offline" needs `boot` and `quiet` alone.
-struct Status {
-  std::string boot{};
-  std::string role{};
-  std::string why{};
-  std::string peer{};
-  std::int64_t since_ms = 0;
-  bool is_third = false;
-  std::chrono::milliseconds quiet{};
-};
-std::string status(const std::string& member, const Status& status);
+/// `role` "offline" needs `member`, `boot` and `quiet` alone.
+std::string status(const PairStatus& status);
+/// Leaves out what is for people.
 std::optional<PairStatus> status_from(std::string_view text);
 
 struct Heartbeat {

@@ -36,11 +36,15 @@ struct PairSettings {
 
 /// The status that a gateway publishes about itself.
 struct PairStatus {
-  std::string member;
-  std::string boot;
-  std::string role;  ///< of PairRole, or "offline"
+  std::string member{};
+  std::string boot{};
+  std::string role{};  ///< of PairRole, or "offline"
   bool is_third = false;
   std::chrono::nanoseconds quiet{};  ///< its setting; 0: not named
+  // For people.
+  std::string why{};
+  std::string peer{};
+  std::int64_t since_ms = 0;
 };
 
 class PairState final {

@@ -53,18 +53,18 @@ TEST(PairMessages, ForeignTextsAreNothing) {
 }
 
 TEST(PairMessages, StatusOfAGatewayThatHasEndedIsOffline) {
-  const auto heard =
-      messages::status_from(messages::status("a", {.boot = "b1", .role = "offline", .quiet = 2s}));
+  const auto heard = messages::status_from(
+      messages::status({.member = "a", .boot = "b1", .role = "offline", .quiet = 2s}));
   ASSERT_TRUE(heard);
   EXPECT_EQ(heard->quiet, 2s);
   EXPECT_EQ(heard->member, "a");
   EXPECT_EQ(heard->boot, "b1");
   EXPECT_EQ(heard->role, "offline");
   EXPECT_FALSE(heard->is_third);
-  messages::Status third{.boot = "b1", .role = "standby"};
+  PairStatus third{.member = "a", .boot = "b1", .role = "standby"};
   third.is_third = true;
-  EXPECT_TRUE(messages::status_from(messages::status("a", third))->is_third);
-  EXPECT_EQ(messages::status_from(messages::status("a", third))->quiet, 0s);
+  EXPECT_TRUE(messages::status_from(messages::status(third))->is_third);
+  EXPECT_EQ(messages::status_from(messages::status(third))->quiet, 0s);
   EXPECT_EQ(messages::status_from(
                 R"({"member":"a","boot":"x","role":"active","quiet_ms":9000000000000000})")
                 ->quiet,
