@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "agent/commands/parse.h"
+#include "agent/commands/recovery.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
 #include "agent/log/log.h"
@@ -30,6 +31,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       commands_(commands),
       utc_ms_(std::move(utc_ms)),
       store_(store),
+      number_above_(std::move(number_above)),
       backoff_(settings_.jitter_seed),
       outgoing_(broker),
       connects_(config.mqtt, backoff_),
@@ -57,7 +59,6 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_),
       history_(payload, outgoing_, refused_, spool_),
       intake_(commands, broker, config.mqtt),
-      late_(config, commands, store, utc_ms_, std::move(number_above)),
       status_({config, commands, session_, connects_, subscriptions_, states_, spool_, results_,
                samples_out_, history_, refused_, store,
                [this] {
@@ -141,8 +142,17 @@ void Publisher::take_broker_events(SteadyTime now) {
 
 void Publisher::keep_store(SteadyTime now) {
   spool_.upkeep(now, utc_ms_());
-  late_.take_found_late(now);
+  take_found_late(now);
   spool_.move_memory_to_disk();
+}
+
+void Publisher::take_found_late(SteadyTime now) {
+  auto late = store_ == nullptr || is_changing_ ? std::nullopt : store_->take_found_late();
+  if (!late) return;
+  Recovered known = recover(config_, store_->journal(), std::move(late->ids),
+                            std::move(late->unacknowledged), utc_ms_(), now);
+  commands_.restore(std::move(known), now, utc_ms_());
+  if (number_above_) number_above_(later_numbers(config_, late->numbers));
 }
 
 void Publisher::take_outbox(SteadyTime now) {
@@ -177,8 +187,16 @@ void Publisher::keep_outlets(SteadyTime now) {
     outlets_wake_ = std::min(outlets_wake_, beside.outlet->step(now));
 }
 
+void Publisher::recover_joined(SteadyTime now) {
+  if (joined_.empty() || store_ == nullptr || store_->hangs()) return;
+  Recovered known = recover_of(joined_, config_, store_->journal(), utc_ms_(), now);
+  if (store_->hangs()) return;  // the store was not read; try again
+  joined_.clear();
+  commands_.restore(std::move(known), now, utc_ms_());
+}
+
 void Publisher::take_commands(SteadyTime now) {
-  late_.recover_joined(now);
+  recover_joined(now);
   if (outbox_.refuses_commands()) commands_.close();
   intake_.take_some(now, utc_ms_());
   for (ResultMessage& result : commands_.take_results()) results_.add(std::move(result), now);
@@ -292,7 +310,7 @@ void Publisher::send(SteadyTime now) {
 
 std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& change,
                                                             SteadyTime now) {
-  late_.end_change();
+  is_changing_ = false;
   if (shutdown_.has_begun()) return std::nullopt;
   std::set<std::string> gone;
   for (const std::uint32_t device : change.devices_end)
@@ -303,7 +321,8 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
     begin.push_back(change.config.devices[device].name);
     gone.erase(begin.back());
   }
-  late_.join(commands_.change(change, now));
+  const std::vector<std::string> joined = commands_.change(change, now);
+  joined_.insert(joined_.end(), joined.begin(), joined.end());
   states_.change(change);
   retained_.change(change, {gone.begin(), gone.end()}, session_.is_connected());
   samples_out_.change(change);

@@ -1,9 +1,9 @@
 // The uplink loop. Sends what the field produces to the broker, or stores it, and passes incoming
-// commands to Commands. Its parts do the work: Session and Subscriptions keep the
-// connection; RetainedState, ResultDelivery, SampleDelivery and HistoryDelivery publish; OwnTopics
-// and CommandIntake receive; Outgoing holds the window that all publications share; LateRecovery
-// has commands of earlier runs, Shutdown the steps of a clean stop. The Publisher
-// sets their order: results, then states, then live samples, and the backlog in between.
+// commands to Commands. Its parts do the work: Session and Subscriptions keep the connection;
+// RetainedState, ResultDelivery, SampleDelivery and HistoryDelivery publish; OwnTopics and
+// CommandIntake receive; Outgoing holds the window that all publications share; Shutdown has the
+// steps of a clean stop. The Publisher sets their order: results, then states, then live samples,
+// and the backlog in between.
 #pragma once
 
 #include <chrono>
@@ -26,7 +26,6 @@
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/commands/command_intake.h"
-#include "agent/uplink/commands/late_recovery.h"
 #include "agent/uplink/commands/result_delivery.h"
 #include "agent/uplink/config_topics.h"
 #include "agent/uplink/jittered_backoff.h"
@@ -103,7 +102,7 @@ class Publisher final {
   /// Rejects commands for everything that ends with the change, from this call on. The field's
   /// end() comes next.
   void begin_change(const ConfigChange& change) {
-    late_.begin_change();
+    is_changing_ = true;
     commands_.begin_change(change);
   }
   /// Puts the config of the change in force. Call after the field's end(), when the outbox has
@@ -132,6 +131,10 @@ class Publisher final {
   void keep_store(SteadyTime now);
   void take_outbox(SteadyTime now);
   void take_commands(SteadyTime now);
+  /// Recovers what earlier runs left in a store that has opened late.
+  void take_found_late(SteadyTime now);
+  /// Same for devices that a config change has added. Tries again later if the store hangs.
+  void recover_joined(SteadyTime now);
   void keep_outlets(SteadyTime now);
   void keep_session(SteadyTime now);
   void send(SteadyTime now);
@@ -150,6 +153,7 @@ class Publisher final {
   Commands& commands_;
   const UtcClock utc_ms_;
   GuardedStore* const store_;
+  const NumberAbove number_above_;
 
   JitteredBackoff backoff_;
   Outgoing outgoing_;
@@ -164,7 +168,6 @@ class Publisher final {
   SampleDelivery samples_out_;
   HistoryDelivery history_;
   CommandIntake intake_;
-  LateRecovery late_;
   StatusSource status_;
   HealthSchedule health_;
   /// To the broker, in a shutdown or when the MQTT settings have changed.
@@ -180,7 +183,11 @@ class Publisher final {
   std::vector<Beside> outlets_;
   SteadyTime outlets_wake_ = SteadyTime::max();
 
-  bool samples_first_ = false;  ///< samples go before results, in a window too small to share
+  /// Nothing is taken from a store that opens: rows recovered for a device that ends with the
+  /// change would come too late.
+  bool is_changing_ = false;
+  std::vector<std::string> joined_;  ///< devices that were in no config of this run before
+  bool samples_first_ = false;       ///< samples go before results, in a window too small to share
   /// Devices of commands that may have written and whose results are not handed over yet.
   std::set<std::string> written_;
   std::optional<SteadyTime> started_;
