@@ -31,8 +31,8 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
       connects_(settings_.mqtt, backoff_),
       session_(
           broker, outgoing_, connects_,
-          {[this](SteadyTime now) { connection_began(now); },
-           [this](SteadyTime) { connection_ended(); }, [this] { samples_.spool_live(); }, [] {}},
+          {[this](SteadyTime) { connection_began(); }, [this](SteadyTime) { connection_ended(); },
+           [this] { samples_.spool_live(); }, [] {}},
           settings_.name, profile.leaves_with_will()),
       spool_(store, settings_.backlog_bytes),
       refused_(backoff_),
@@ -75,7 +75,10 @@ SteadyTime Outlet::step(SteadyTime now) {
   spool_.move_memory_to_disk();
   if (phase_ == Phase::running) {
     session_.keep(now);
-    if (profile_.take_leave() && session_.is_connected()) leave(now);
+    if (profile_.take_leave() && session_.is_connected()) {
+      say_goodbye();
+      session_.go_to_next(now);
+    }
   }
   send(now);
   const bool failed = outgoing_.fail_unsendable(now);
@@ -115,7 +118,7 @@ void Outlet::take_broker_events(SteadyTime now) {
   for (const BrokerEvent& event : broker_.take_events()) std::visit(take, event);
 }
 
-void Outlet::connection_began(SteadyTime) {
+void Outlet::connection_began() {
   refusals_.clear();
   refused_.clear();
   history_.connection_began();
@@ -130,14 +133,10 @@ void Outlet::connection_ended() {
   profile_.connection_ended();
 }
 
-void Outlet::say_goodbye() {
-  if (auto last = profile_.farewell(utc_ms_()); !last.empty())
-    outgoing_.send(*this, std::move(last));
-}
-
-void Outlet::leave(SteadyTime now) {
-  say_goodbye();
-  session_.go_to_next(now);
+std::optional<std::uint64_t> Outlet::say_goodbye() {
+  auto last = profile_.farewell(utc_ms_());
+  if (last.empty()) return std::nullopt;
+  return outgoing_.send(*this, std::move(last));
 }
 
 // ---- sending ------------------------------------------------------------------------------------
@@ -187,8 +186,7 @@ void Outlet::keep_stop(SteadyTime now) {
     phase_ = Phase::farewell;
     phase_ends_ = now + kStopWithin;
     outgoing_.drop_waiting();
-    if (auto last = profile_.farewell(utc_ms_()); !last.empty())
-      farewell_ = outgoing_.send(*this, std::move(last));
+    farewell_ = say_goodbye();
     outgoing_.note_sent(now);
   } else if (phase_ == Phase::farewell && (over || !farewell_)) {
     phase_ = Phase::closing;

@@ -67,14 +67,13 @@ class Outlet final : private Outgoing::Sender {
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
 
   void take_broker_events(SteadyTime now);
-  void say_goodbye();
-  /// Goes to the next server.
-  void leave(SteadyTime now);
+  /// Sends the profile's last messages. Returns their id; nullopt: it has none.
+  std::optional<std::uint64_t> say_goodbye();
   void send(SteadyTime now);
   void keep_stop(SteadyTime now);
   void finish(SteadyTime now);
   SteadyTime next_wake(SteadyTime now) const;
-  void connection_began(SteadyTime now);
+  void connection_began();
   void connection_ended();
 
   // Of what the profile itself publishes.
