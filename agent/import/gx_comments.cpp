@@ -75,15 +75,7 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
   auto row = head == rows->end() ? rows->begin() : head + 1;
 
   Imported out;
-  LinkTable links(out);
-  ImportedDevice device;
-  device.name = options.device.empty() ? "plc1" : options.device;
-  const std::string protocol = options.protocol.empty() ? "fx-programming-port" : options.protocol;
-  device.keys["name"] = device.name;
-  device.keys["link"] = links.to(options.port.empty() ? placeholder_port(protocol) : options.port);
-  device.keys["protocol"] = protocol;
-  if (!options.model.empty()) device.keys["model"] = options.model;
-
+  std::vector<ImportedTag> tags;
   NameMaker names;
   std::size_t without_comment = 0;
   for (; row != rows->end(); ++row) {
@@ -104,14 +96,16 @@ ImportResult import_gx_comments(std::string_view text, const ImportOptions& opti
     tag.is_changed = out.notes.size() > before;
     tag.keys["address"] = literal(address);
     describe(tag, comment);
-    device.tags.push_back(std::move(tag));
+    tags.push_back(std::move(tag));
   }
-  if (head == rows->end() && device.tags.empty())
+  if (head == rows->end() && tags.empty())
     return tl::unexpected(ImportFault{0, "has no device comments"});
   if (without_comment > 0)
     out.note(0, "left out: " + counted(without_comment, "device") + " without a comment");
-  if (options.port.empty()) out.note(0, "the link is a placeholder: set its port");
-  out.devices.push_back(std::move(device));
+  LinkTable links(out);
+  add_device(out, links, options, options.device.empty() ? "plc1" : options.device,
+             "fx-programming-port")
+      .tags = std::move(tags);
   return out;
 }
 

@@ -11,6 +11,7 @@
 #include "agent/text/json_member.h"
 #include "agent/text/text.h"
 #include "protocol/catalog.h"
+#include "protocol/letter_case.h"
 
 namespace fxagent {
 namespace {
@@ -180,12 +181,9 @@ std::string NameMaker::make(std::string_view wanted, std::string_view fallback, 
                             std::vector<ImportNote>& notes) {
   std::string name;
   bool is_whole = true;
-  for (const char c : wanted) {
-    const bool is_digit = c >= '0' && c <= '9';
-    if ((c >= 'a' && c <= 'z') || is_digit || c == '-' || c == '_') {
+  for (const char c : lower(wanted)) {
+    if ((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_') {
       name += c;
-    } else if (c >= 'A' && c <= 'Z') {
-      name += static_cast<char>(c - 'A' + 'a');
     } else {
       is_whole = is_whole && static_cast<unsigned char>(c) < 0x80;
       if (!name.empty() && name.back() != '_') name += '_';
@@ -246,6 +244,30 @@ std::string LinkTable::to(const std::string& port, const JsonObject& settings) {
   return known->second;
 }
 
+std::string LinkTable::to_placeholder(std::string_view protocol, int line) {
+  imported_.note(line, "the link is a placeholder: set its port");
+  return to(placeholder_port(protocol));
+}
+
+ImportedDevice new_device(std::string name, const std::string& link, std::string_view protocol) {
+  ImportedDevice device;
+  device.keys["name"] = name;
+  device.keys["link"] = link;
+  device.keys["protocol"] = protocol;
+  device.name = std::move(name);
+  return device;
+}
+
+ImportedDevice& add_device(Imported& out, LinkTable& links, const ImportOptions& options,
+                           std::string name, std::string_view usual_protocol) {
+  const std::string_view protocol = options.protocol.empty() ? usual_protocol : options.protocol;
+  const std::string link =
+      options.port.empty() ? links.to_placeholder(protocol, 0) : links.to(options.port);
+  ImportedDevice& device = out.devices.emplace_back(new_device(std::move(name), link, protocol));
+  if (!options.model.empty()) device.keys["model"] = options.model;
+  return device;
+}
+
 std::string modbus_address(char table, std::int64_t number) {
   if (number < 0 || number >= kModbusAddresses) return {};
   const std::string_view name = table == '0'   ? "co:"
@@ -259,11 +281,9 @@ std::string modbus_address(char table, std::int64_t number) {
 std::string melsec_bit_address(std::string_view text) {
   const std::size_t dot = text.rfind('.');
   if (dot == text.npos) return std::string(text);
-  int bit = 0;
-  const char* const end = text.data() + text.size();
-  const auto [stop, fault] = std::from_chars(text.data() + dot + 1, end, bit);
-  if (fault != std::errc() || stop != end || bit < 0 || bit > 15) return std::string(text);
-  return std::string(text.substr(0, dot + 1)) + "0123456789ABCDEF"[bit];
+  const auto bit = number_from<int>(text.substr(dot + 1));
+  if (!bit || *bit < 0 || *bit > 15) return std::string(text);
+  return std::string(text.substr(0, dot + 1)) + "0123456789ABCDEF"[*bit];
 }
 
 std::string placeholder_port(std::string_view protocol) {

@@ -120,6 +120,8 @@ class LinkTable {
   /// Returns the name of the link to "/dev/ttyUSB0" or "host:port". `settings` are members for
   /// `serial`.
   std::string to(const std::string& port, const JsonObject& settings = {});
+  /// Returns the name of the link to the placeholder for `protocol`, and adds a note.
+  std::string to_placeholder(std::string_view protocol, int line);
   /// True if `port` is a serial port; nullopt if it is neither that nor host and port.
   static std::optional<bool> is_serial(std::string_view port);
 
@@ -127,6 +129,12 @@ class LinkTable {
   Imported& imported_;
   std::map<std::string, std::string, std::less<>> names_;
 };
+
+/// Returns a device with the keys that every device has.
+ImportedDevice new_device(std::string name, const std::string& link, std::string_view protocol);
+/// Adds a device from the caller's options to `out`, for a file that has neither link nor protocol.
+ImportedDevice& add_device(Imported& out, LinkTable& links, const ImportOptions& options,
+                           std::string name, std::string_view usual_protocol);
 
 /// Returns an address like "hr:100" for the conventional leading digit of Modbus addresses (0 1 3
 /// 4) and a number counted from 0; empty if the table or number does not exist.

@@ -217,25 +217,17 @@ ImportResult import_kepware(std::string_view text, const ImportOptions& options)
     return begins_with_digit(row.at(columns[address]));
   });
   const bool is_modbus = 2 * static_cast<std::size_t>(numeric) > rows->size() - 1;
-  const std::string protocol = !options.protocol.empty() ? options.protocol
-                               : is_modbus               ? "modbus-tcp"
-                                                         : "fx-programming-port";
   Imported out;
   LinkTable links(out);
-  ImportedDevice device;
-  device.name = options.device.empty() ? "device1" : options.device;
-  device.keys["name"] = device.name;
-  device.keys["link"] = links.to(options.port.empty() ? placeholder_port(protocol) : options.port);
-  device.keys["protocol"] = protocol;
-  if (!options.model.empty()) device.keys["model"] = options.model;
+  ImportedDevice& device =
+      add_device(out, links, options, options.device.empty() ? "device1" : options.device,
+                 is_modbus ? "modbus-tcp" : "fx-programming-port");
   TagReader reader(out, device, columns);
   for (auto row = rows->begin() + 1; row != rows->end(); ++row) reader.take(*row);
-  if (options.port.empty()) out.note(0, "the link is a placeholder: set its port");
   if (is_modbus)
     out.note(0,
              "unit and byte order of the device are not in the file: check \"unit\" and "
              "\"byte_order\"");
-  out.devices.push_back(std::move(device));
   return out;
 }
 

@@ -14,6 +14,7 @@
 #include "agent/import/json_source.h"
 #include "agent/text/json_member.h"
 #include "agent/text/text.h"
+#include "protocol/letter_case.h"
 
 namespace fxagent {
 namespace {
@@ -56,9 +57,8 @@ std::string_view order_of(std::int64_t code) {
 /// Returns the protocol of a plugin; empty if it is not supported.
 std::string_view protocol_of(std::string_view plugin) {
   std::string name;
-  for (const char c : plugin)
-    if (c != ' ' && c != '-' && c != '_')
-      name += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  for (const char c : lower(plugin))
+    if (c != ' ' && c != '-' && c != '_') name += c;
   if (name.starts_with("modbusrtu")) return "modbus-rtu";
   if (name.starts_with("modbusascii")) return "modbus-ascii";
   if (name.starts_with("modbus")) return "modbus-tcp";
@@ -259,28 +259,21 @@ ImportedDevice& NeuronReader::device_of(const Driver& driver, std::string_view p
   if (!fresh) return out_.devices[known->second];
   std::string wanted = options_.device.empty() ? std::string(driver.name) : options_.device;
   if (units_.size() > 1) wanted += "_" + std::to_string(unit);
-  ImportedDevice device;
-  device.name = device_names_.make(wanted, "device", line_of(*driver.node), out_.notes);
-  device.keys["name"] = device.name;
+  std::string name = device_names_.make(wanted, "device", line_of(*driver.node), out_.notes);
   if (link_.empty()) {
     const std::string port = port_of(driver, protocol);
     const bool is_serial = LinkTable::is_serial(port).value_or(true);
     link_ = links_.to(port, is_serial ? serial_of(driver, protocol) : JsonObject());
   }
-  device.keys["link"] = link_;
-  device.keys["protocol"] = protocol;
+  ImportedDevice device = new_device(std::move(name), link_, protocol);
   if (unit >= 0) device.keys["unit"] = unit;
   if (!options_.model.empty()) device.keys["model"] = options_.model;
-  if (const auto timeout =
-          driver.params == nullptr ? std::nullopt : integer_at(*driver.params, "timeout");
-      timeout && *timeout > 0)
-    device.keys["timeout_ms"] = *timeout;
-  if (const auto gap =
-          driver.params == nullptr ? std::nullopt : integer_at(*driver.params, "interval");
-      gap && *gap > 0)
-    device.keys["gap_ms"] = *gap;
-  out_.devices.push_back(std::move(device));
-  return out_.devices.back();
+  if (driver.params != nullptr)
+    for (const auto& [theirs, ours] :
+         {std::pair("timeout"sv, "timeout_ms"sv), std::pair("interval"sv, "gap_ms"sv)})
+      if (const auto ms = integer_at(*driver.params, theirs); ms && *ms > 0)
+        device.keys[ours] = *ms;
+  return out_.devices.emplace_back(std::move(device));
 }
 
 void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,

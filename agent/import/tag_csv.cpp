@@ -159,17 +159,7 @@ ImportedDevice& TagCsvReader::device_of(const std::string& name) {
     out_.devices[known->second].keys.erase("tags");  // an empty list, replaced by the tags in rows
     return out_.devices[known->second];
   }
-  const std::string protocol =
-      options_.protocol.empty() ? "fx-programming-port" : options_.protocol;
-  ImportedDevice device{name, {}};
-  device.keys["name"] = name;
-  device.keys["link"] =
-      links_.to(options_.port.empty() ? placeholder_port(protocol) : options_.port);
-  device.keys["protocol"] = protocol;
-  if (!options_.model.empty()) device.keys["model"] = options_.model;
-  if (options_.port.empty()) out_.note(0, "the link is a placeholder: set its port");
-  out_.devices.push_back(std::move(device));
-  return out_.devices.back();
+  return add_device(out_, links_, options_, name, "fx-programming-port");
 }
 
 void TagCsvReader::take_tag(const CsvRow& row) {

@@ -188,25 +188,20 @@ std::string TelegrafReader::link_of(const toml::table& plugin, std::string& prot
     if (const auto bits = integer_at(plugin, "stop_bits")) serial["stop_bits"] = *bits;
     return links_.to(std::string(controller), serial);
   }
-  out_.note(line_of(plugin), "the link is a placeholder: set its port");
-  return links_.to(placeholder_port(protocol));
+  return links_.to_placeholder(protocol, line_of(plugin));
 }
 
 ImportedDevice& TelegrafReader::device_of(std::int64_t unit, int line) {
   const auto [known, fresh] = units_.try_emplace(unit, out_.devices.size());
   if (!fresh) return out_.devices[known->second];
   const std::string wanted = units_.size() > 1 ? name_ + "_" + std::to_string(unit) : name_;
-  ImportedDevice device;
-  device.name = device_names_.make(wanted, "device", line, out_.notes);
-  device.keys["name"] = device.name;
-  device.keys["link"] = link_;
-  device.keys["protocol"] = protocol_;
+  ImportedDevice device =
+      new_device(device_names_.make(wanted, "device", line, out_.notes), link_, protocol_);
   device.keys["unit"] = unit;
   if (timeout_ && *timeout_ > 0) device.keys["timeout_ms"] = *timeout_;
   if (pause_ && *pause_ > 0) device.keys["gap_ms"] = *pause_;
   group_ = IntervalGroups(device).at(interval_);
-  out_.devices.push_back(std::move(device));
-  return out_.devices.back();
+  return out_.devices.emplace_back(std::move(device));
 }
 
 void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Field field) {

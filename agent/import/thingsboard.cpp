@@ -130,8 +130,7 @@ std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view
   const std::string_view host = text_at(slave, "host");
   const auto port = integer_at(slave, "port");
   if (!host.empty() && port) return links_.to(std::string(host) + ":" + std::to_string(*port));
-  out_.note(line_of(slave), "the link is a placeholder: set its port");
-  return links_.to(placeholder_port(protocol));
+  return links_.to_placeholder(protocol, line_of(slave));
 }
 
 void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node,
@@ -225,13 +224,10 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
   if (protocol.empty())
     protocol = method == "rtu" ? "modbus-rtu" : method == "ascii" ? "modbus-ascii" : "modbus-tcp";
   if (kind == "udp" || kind == "tls") return leave_out_slave(slave, kind);
-  ImportedDevice device;
-  device.name = device_names_.make(
+  std::string name = device_names_.make(
       options_.device.empty() ? text_at(slave, "deviceName") : std::string_view(options_.device),
       "device", line_of(slave), out_.notes);
-  device.keys["name"] = device.name;
-  device.keys["link"] = link_of(slave, protocol);
-  device.keys["protocol"] = protocol;
+  ImportedDevice device = new_device(std::move(name), link_of(slave, protocol), protocol);
   device.keys["unit"] = integer_at(slave, "unitId").value_or(1);
   if (const std::string_view order = order_of(slave, nullptr); order != "ABCD")
     device.keys["byte_order"] = order;
