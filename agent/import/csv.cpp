@@ -65,16 +65,16 @@ std::string_view CsvRow::at(std::size_t column) const {
   return column < cells.size() && cells[column] ? trimmed(*cells[column]) : std::string_view();
 }
 
-tl::expected<std::vector<CsvRow>, CsvFault> read_csv(std::string_view text, char delimiter) {
+tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text, char delimiter) {
   RowReader reader(delimiter);
   while (!text.empty()) {
-    const std::string_view line = text.substr(0, text.find('\n')).size() == text.size()
-                                      ? text
-                                      : text.substr(0, text.find('\n') + 1);
-    if (!reader.take(line)) return tl::unexpected(CsvFault{reader.line(), "a quote inside a cell"});
+    const std::string_view line = text.substr(0, std::min(text.find('\n'), text.size() - 1) + 1);
+    if (!reader.take(line))
+      return tl::unexpected(ImportFault{reader.line(), "a quote inside a cell"});
     text.remove_prefix(line.size());
   }
-  if (!reader.end()) return tl::unexpected(CsvFault{reader.line(), "the file ends inside quotes"});
+  if (!reader.end())
+    return tl::unexpected(ImportFault{reader.line(), "the file ends inside quotes"});
   return reader.rows();
 }
 

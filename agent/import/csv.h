@@ -8,6 +8,8 @@
 #include <tl/expected.hpp>
 #include <vector>
 
+#include "agent/import/imported.h"
+
 namespace fxagent {
 
 struct CsvRow {
@@ -15,21 +17,19 @@ struct CsvRow {
   /// nullopt: nothing between the delimiters, not even quotes.
   std::vector<std::optional<std::string>> cells;
 
-  /// Returns a cell without surrounding blanks; empty beyond the last cell.
+  /// Returns a cell without surrounding blanks; empty beyond the last cell, and for npos.
   std::string_view at(std::size_t column) const;
 };
-
-struct CsvFault {
-  int line = 0;
-  std::string text;
-};
-
-/// Returns every row that is not blank. `delimiter` is a comma, a semicolon or a tab.
-tl::expected<std::vector<CsvRow>, CsvFault> read_csv(std::string_view text, char delimiter);
 
 /// Returns the delimiter (tab, semicolon or comma) that most of the first lines contain outside
 /// quotes.
 char csv_delimiter(std::string_view text);
+
+/// Returns every row that is not blank. `delimiter` is a comma, a semicolon or a tab.
+tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text, char delimiter);
+inline tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text) {
+  return read_csv(text, csv_delimiter(text));
+}
 
 /// Formats a cell for a comma-separated row: empty for nullopt, quotes ("") for an empty text.
 std::string csv_cell(const std::optional<std::string>& value);

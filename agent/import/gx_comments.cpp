@@ -64,13 +64,13 @@ std::string name_of(std::string_view address) {
 }  // namespace
 
 bool is_gx_comments(std::string_view text) {
-  const auto rows = read_csv(text, csv_delimiter(text));
+  const auto rows = read_csv(text);
   return rows && std::ranges::any_of(*rows, is_head);
 }
 
 ImportResult import_gx_comments(std::string_view text, const ImportOptions& options) {
-  const auto rows = read_csv(text, csv_delimiter(text));
-  if (!rows) return tl::unexpected(ImportFault{rows.error().line, rows.error().text});
+  const auto rows = read_csv(text);
+  if (!rows) return tl::unexpected(rows.error());
   const auto head = std::ranges::find_if(*rows, is_head);
   auto row = head == rows->end() ? rows->begin() : head + 1;
 

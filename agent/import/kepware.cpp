@@ -2,8 +2,6 @@
 // not contain the settings of channel and device (port, station, byte order).
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <map>
 #include <optional>
 #include <string>
 
@@ -58,6 +56,7 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 14> kTypes{{
 }};
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
+bool begins_with_digit(std::string_view text) { return !text.empty() && is_digit(text.front()); }
 
 /// Address converted from Kepware's spelling to ours.
 struct Place {
@@ -102,8 +101,7 @@ Place place_of(std::string_view text, bool is_string) {
     place.length = number_from<std::int64_t>(length);
     text = text.substr(0, dot);
   }
-  const bool is_modbus = !text.empty() && is_digit(text.front());
-  place.address = is_modbus ? std::string(text) : melsec_bit_address(text);
+  place.address = begins_with_digit(text) ? std::string(text) : melsec_bit_address(text);
   return place;
 }
 
@@ -116,9 +114,7 @@ class TagReader {
   void take(const CsvRow& row);
 
  private:
-  std::string_view cell(const CsvRow& row, Column column) const {
-    return columns_[column] == std::string::npos ? std::string_view() : row.at(columns_[column]);
-  }
+  std::string_view cell(const CsvRow& row, Column column) const { return row.at(columns_[column]); }
   void leave_out(const CsvRow& row, const std::string& why) { out_.leave_out(row.line, why); }
   bool add_scaling(const CsvRow& row, ImportedTag& tag);
 
@@ -195,8 +191,6 @@ void TagReader::take(const CsvRow& row) {
   device_.tags.push_back(std::move(tag));
 }
 
-bool begins_with_digit(std::string_view text) { return !text.empty() && is_digit(text.front()); }
-
 }  // namespace
 
 bool is_kepware(std::string_view text) {
@@ -205,8 +199,8 @@ bool is_kepware(std::string_view text) {
 }
 
 ImportResult import_kepware(std::string_view text, const ImportOptions& options) {
-  const auto rows = read_csv(text, csv_delimiter(text));
-  if (!rows) return tl::unexpected(ImportFault{rows.error().line, rows.error().text});
+  const auto rows = read_csv(text);
+  if (!rows) return tl::unexpected(rows.error());
   if (rows->empty()) return tl::unexpected(ImportFault{0, "has no rows"});
   const auto columns = csv_columns(rows->front(), column_names());
   if (columns[tag_name] == std::string::npos || columns[address] == std::string::npos)

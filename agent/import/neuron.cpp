@@ -409,8 +409,7 @@ std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& 
   for (auto row = rows.begin() + 1; row != rows.end(); ++row) {
     const auto cell = [&](std::string_view title) {
       const auto index = std::ranges::find(sheet_columns(), title) - sheet_columns().begin();
-      const std::size_t column = columns[static_cast<std::size_t>(index)];
-      return column == std::string::npos ? std::string_view() : row->at(column);
+      return row->at(columns[static_cast<std::size_t>(index)]);
     };
     const auto add_number = [&](JsonObject& object, std::string_view title) {
       if (const auto value = number_from<double>(cell(title))) object[title] = json_number(*value);
@@ -435,7 +434,7 @@ std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& 
 }  // namespace
 
 bool is_neuron(std::string_view text) {
-  if (const auto rows = read_csv(text, csv_delimiter(text)); rows && is_sheet(*rows)) return true;
+  if (const auto rows = read_csv(text); rows && is_sheet(*rows)) return true;
   const auto tree = json_source(text);
   if (!tree) return false;
   const ConfigNode& top = tree->root();
@@ -445,7 +444,7 @@ bool is_neuron(std::string_view text) {
 }
 
 ImportResult import_neuron(std::string_view text, const ImportOptions& options) {
-  if (const auto rows = read_csv(text, csv_delimiter(text)); rows && is_sheet(*rows)) {
+  if (const auto rows = read_csv(text); rows && is_sheet(*rows)) {
     ImportOptions complete = options;
     const std::size_t column = csv_columns(rows->front(), {"address"}).front();
     const bool is_modbus = std::ranges::any_of(*rows, [&](const CsvRow& row) {

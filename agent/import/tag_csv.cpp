@@ -1,7 +1,6 @@
 #include "agent/import/tag_csv.h"
 
 #include <algorithm>
-#include <charconv>
 #include <map>
 #include <set>
 
@@ -180,14 +179,13 @@ void TagCsvReader::take_tag(const CsvRow& row) {
                                           ", found \"" + cell + "\"");
     }
   }
-  std::string name(columns_.back() == std::string::npos ? ""sv : row.at(columns_.back()));
+  std::string name(row.at(columns_.back()));
   if (name.empty()) name = options_.device.empty() ? "device1" : options_.device;
   if (is_whole_ && !devices_.contains(name))
     return out_.leave_out(row.line, "there is no device " + name + " with its tags in rows");
   ImportedDevice& device = device_of(name);
   // A file with tags alone gives only the names of their groups.
-  const std::size_t group_column = columns_[group_];
-  const std::string group(group_column == std::string::npos ? ""sv : row.at(group_column));
+  const std::string group(row.at(columns_[group_]));
   if (!device.may_be_empty && !group.empty() && groups_.emplace(name, group).second) {
     JsonObject made;
     made["name"] = group;
@@ -243,7 +241,7 @@ std::string export_csv(std::string_view text) {
 }
 
 bool is_tag_csv(std::string_view text) {
-  const auto rows = read_csv(text, csv_delimiter(text));
+  const auto rows = read_csv(text);
   if (!rows || rows->empty()) return false;
   const auto columns = csv_columns(rows->front(), {"name"sv, "address"sv});
   // Only Neuron's sheet has the column "attribute".
@@ -252,8 +250,8 @@ bool is_tag_csv(std::string_view text) {
 }
 
 ImportResult import_tag_csv(std::string_view text, const ImportOptions& options) {
-  const auto rows = read_csv(text, csv_delimiter(text));
-  if (!rows) return tl::unexpected(ImportFault{rows.error().line, rows.error().text});
+  const auto rows = read_csv(text);
+  if (!rows) return tl::unexpected(rows.error());
   if (!is_tag_csv(text))
     return tl::unexpected(ImportFault{0, "has no columns \"name\" and \"address\""});
   return TagCsvReader(options).read(*rows);

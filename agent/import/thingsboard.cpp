@@ -2,7 +2,6 @@
 // (read) and attributeUpdates and rpc (written).
 #include <array>
 #include <cmath>
-#include <map>
 #include <set>
 #include <string>
 #include <tuple>
