@@ -25,7 +25,6 @@
 #include "agent/store/journal/journal_rows.h"
 #include "agent/store/journal/started_commands.h"
 #include "agent/store/journal/stored_journal.h"
-#include "agent/store/samples/sample_removals.h"
 #include "agent/store/samples/sequence_numbers.h"
 #include "agent/store/samples/stored_samples.h"
 #include "agent/store/store_clock.h"
@@ -99,8 +98,7 @@ class Store final {
   StartedCommands started_{config_.path};
   JournalRows journal_rows_{audit_};
   StoredJournal journal_{config_, disk_, audit_, started_, journal_rows_};
-  SampleRemovals removals_;
-  StoredSamples samples_{config_, disk_, journal_rows_, numbers_, removals_};
+  StoredSamples samples_{config_, disk_, journal_rows_, numbers_};
   StoreClock clock_{disk_, samples_, journal_, journal_rows_};
 
   std::optional<SteadyTime> running_since_;

@@ -39,7 +39,7 @@ std::vector<SampleStreams::Row> SampleTable::delete_oldest(std::uint64_t excess,
     freed += cost;
     return true;
   });
-  for (const SampleStreams::Row& row : gone) sqlite::run(remove_, row.row_id);
+  for (const SampleStreams::Row& row : gone) remove(row.row_id);
   return gone;
 }
 

@@ -21,6 +21,7 @@ class SampleTable final {
 
   /// Writes `row` under `row_id`, which is higher than any before.
   void insert(std::uint64_t row_id, const SampleRow& row, std::int64_t created_ms);
+  void remove(std::uint64_t row_id) { sqlite::run(remove_, row_id); }
   /// Deletes the oldest rows until `excess` bytes are free and no row is older than
   /// `older_than_ms`. Returns them.
   std::vector<SampleStreams::Row> delete_oldest(std::uint64_t excess, std::int64_t older_than_ms);

@@ -21,6 +21,7 @@ void log_damaged(const StreamKey& stream, std::size_t rows) {
 }  // namespace
 
 void StoredSamples::load(SQLite::Database& database) {
+  removed_.clear();
   streams_.clear();
   table_.emplace(database);
   table_->each_stream([this](const SampleTable::Sum& sum) {
@@ -32,8 +33,19 @@ void StoredSamples::load(SQLite::Database& database) {
 void StoredSamples::unload(Rows rows) {
   table_.reset();
   if (rows == Rows::kept) return;
+  removed_.clear();
   for (const auto& [device, count] : streams_.clear())
     if (rows == Rows::lost) dropped_[device] += count;
+}
+
+bool StoredSamples::write_pending(std::size_t /*at_most*/) {
+  for (const std::uint64_t row_id : removed_) table_->remove(row_id);
+  is_removal_written_ = true;
+  return false;
+}
+
+void StoredSamples::committed() {
+  if (is_removal_written_) removed_.clear();
 }
 
 bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
@@ -96,7 +108,7 @@ std::optional<HistoryBatch> StoredSamples::next_of(const StreamKey& key, History
   std::vector<SampleStreams::Row> taken;
   std::vector<SampleStreams::Row> damaged;
   const auto skip = [this](std::uint64_t row_id) {
-    return streams_.is_out(row_id) || removals_.contains(row_id);
+    return streams_.is_out(row_id) || removed_.contains(row_id);
   };
   const auto take = [&](std::uint64_t row_id, std::optional<RowFormat> format,
                         std::string_view content) {
@@ -123,7 +135,7 @@ std::uint64_t StoredSamples::remove(std::span<const std::uint64_t> row_ids) {
   std::uint64_t count = 0;
   for (const std::uint64_t row_id : row_ids) {
     if (!streams_.remove(row_id)) continue;
-    removals_.add(row_id);
+    removed_.insert(row_id);
     ++count;
   }
   return count;

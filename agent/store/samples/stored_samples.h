@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -13,7 +14,6 @@
 #include "agent/store/disk/store_disk.h"
 #include "agent/store/journal/journal_rows.h"
 #include "agent/store/samples/history.h"
-#include "agent/store/samples/sample_removals.h"
 #include "agent/store/samples/sample_streams.h"
 #include "agent/store/samples/sample_table.h"
 #include "agent/store/samples/sequence_numbers.h"
@@ -27,8 +27,8 @@ class StoredSamples final : public StorePart {
 
   /// The referenced objects outlive it.
   StoredSamples(const StoreConfig& config, StoreDisk& disk, const JournalRows& journal,
-                SequenceNumbers& numbers, SampleRemovals& removals)
-      : config_(config), disk_(disk), journal_(journal), numbers_(numbers), removals_(removals) {}
+                SequenceNumbers& numbers)
+      : config_(config), disk_(disk), journal_(journal), numbers_(numbers) {}
 
   /// Writes all rows in one commit, synchronised with the disk, and sets their `row_id`. If samples
   /// and commands exceed max_bytes, deletes the oldest rows. Returns false if none was written;
@@ -41,6 +41,8 @@ class StoredSamples final : public StorePart {
   /// that had to make room were counted as dropped already.
   std::uint64_t remove(std::span<const std::uint64_t> row_ids);
   std::uint64_t remove(const HistoryBatch& batch);
+  /// Number of removed rows that are still in the file; the next commit deletes them.
+  std::size_t removed() const { return removed_.size(); }
   /// Call when the batch did not arrive. Its rows wait again.
   void returned(const HistoryBatch& batch);
   /// Call when a held row did not arrive. It waits for a history message.
@@ -69,6 +71,10 @@ class StoredSamples final : public StorePart {
 
   void load(SQLite::Database& database) override;
   void unload(Rows rows) override;
+  bool has_pending() const override { return !removed_.empty(); }
+  void begin_commit() override { is_removal_written_ = false; }
+  bool write_pending(std::size_t at_most) override;
+  void committed() override;
 
  private:
   void forget(const std::vector<SampleStreams::Row>& gone);
@@ -82,9 +88,10 @@ class StoredSamples final : public StorePart {
   StoreDisk& disk_;
   const JournalRows& journal_;
   SequenceNumbers& numbers_;
-  SampleRemovals& removals_;
   std::optional<SampleTable> table_;  ///< of the open file
   SampleStreams streams_;
+  std::set<std::uint64_t> removed_;  ///< row ids, still in the file
+  bool is_removal_written_ = false;  ///< in the open commit
   std::map<std::string, std::uint64_t> dropped_;
   std::uint64_t next_row_id_ = 1;
   std::uint64_t first_of_run_ = 0;
