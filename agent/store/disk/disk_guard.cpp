@@ -1,8 +1,53 @@
 #include "agent/store/disk/disk_guard.h"
 
+#include <system_error>
+
 #include "agent/log/log.h"
+#include "agent/without_signals.h"
 
 namespace fxagent {
+
+DiskThread::DiskThread(Work ended) : ended_(std::move(ended)) {
+  const WithoutSignals quiet;
+  try {
+    thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
+  } catch (const std::system_error&) {
+    // No thread: run() calls the work itself.
+  }
+}
+
+DiskThread::~DiskThread() = default;
+
+bool DiskThread::run(Work work) {
+  if (!thread_.joinable()) {
+    work();
+    return true;
+  }
+  std::unique_lock lock(mutex_);
+  work_ = std::move(work);
+  news_.notify_all();
+  is_overdue_ = !news_.wait_for(lock, patience_, [this] { return !work_; });
+  return !is_overdue_;
+}
+
+bool DiskThread::is_busy() const {
+  const std::lock_guard lock(mutex_);
+  return static_cast<bool>(work_);
+}
+
+void DiskThread::serve(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (news_.wait(lock, stop, [this] { return static_cast<bool>(work_); })) {
+    const Work& work = work_;
+    lock.unlock();
+    work();
+    lock.lock();
+    work_ = nullptr;
+    const bool is_late = std::exchange(is_overdue_, false);
+    news_.notify_all();
+    if (is_late) ended_();
+  }
+}
 
 bool DiskGuard::run(Work work, std::function<void()> late) {
   before_();

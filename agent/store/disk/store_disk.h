@@ -13,7 +13,7 @@
 #include "agent/config/model.h"
 #include "agent/store/disk/sqlite.h"
 #include "agent/store/disk/store_file.h"
-#include "agent/store/disk/store_parts.h"
+#include "agent/store/disk/store_part.h"
 
 namespace fxagent {
 

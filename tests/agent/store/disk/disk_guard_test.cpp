@@ -1,4 +1,4 @@
-#include "agent/store/disk/disk_thread.h"
+#include "agent/store/disk/disk_guard.h"
 
 #include <gtest/gtest.h>
 
