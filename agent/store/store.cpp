@@ -17,7 +17,7 @@ constexpr seconds kCleanUpEvery{60};
 Store::Store(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), disk_(config, utc_ms) {
   // Waiting audit records are older than waiting commands, and are written before them.
-  disk_.parts().set({&samples_, &audit_, &journal_rows_, &numbers_, &clock_});
+  disk_.parts().set({&samples_, &audit_, &journal_, &numbers_, &clock_});
   disk_.open();
   samples_.count_recovered();
   samples_.begin_run();

@@ -22,7 +22,6 @@
 #include "agent/steady_time.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/disk/store_disk.h"
-#include "agent/store/journal/journal_rows.h"
 #include "agent/store/journal/started_commands.h"
 #include "agent/store/journal/stored_journal.h"
 #include "agent/store/samples/sequence_numbers.h"
@@ -57,7 +56,7 @@ class Store final {
   /// Returns "disk", or "memory" if nothing can be written.
   std::string_view state() const { return is_writable() ? "disk" : "memory"; }
   /// Bytes of samples and commands; together they stay below max_bytes().
-  std::uint64_t bytes() const { return samples_.streams().bytes() + journal_rows_.bytes(); }
+  std::uint64_t bytes() const { return samples_.streams().bytes() + journal_.bytes(); }
   std::uint64_t max_bytes() const { return config_.max_bytes; }
   /// Name of the damaged file that was set aside in this run; empty if there is none.
   const std::string& set_aside() const { return disk_.set_aside(); }
@@ -96,10 +95,9 @@ class Store final {
   SequenceNumbers numbers_{config_, disk_};
   AuditTrail audit_{config_, disk_};
   StartedCommands started_{config_.path};
-  JournalRows journal_rows_{audit_};
-  StoredJournal journal_{config_, disk_, audit_, started_, journal_rows_};
-  StoredSamples samples_{config_, disk_, journal_rows_, numbers_};
-  StoreClock clock_{disk_, samples_, journal_, journal_rows_};
+  StoredJournal journal_{config_, disk_, audit_, started_};
+  StoredSamples samples_{config_, disk_, journal_, numbers_};
+  StoreClock clock_{disk_, samples_, journal_};
 
   std::optional<SteadyTime> running_since_;
   std::optional<SteadyTime> try_at_;

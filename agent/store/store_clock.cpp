@@ -16,7 +16,7 @@ void StoreClock::note(SteadyTime now, std::int64_t utc_ms) {
     if (std::abs(set_by) >= milliseconds(kClockSet).count()) {
       log::warn("clock_set", {{"by_ms", std::to_string(set_by)}});
       unmoved_ms_ += set_by;
-      journal_rows_.move_waiting_times(set_by);
+      journal_.move_waiting_times(set_by);
     }
   }
   at_ = now;

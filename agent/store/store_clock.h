@@ -9,7 +9,6 @@
 
 #include "agent/steady_time.h"
 #include "agent/store/disk/store_disk.h"
-#include "agent/store/journal/journal_rows.h"
 #include "agent/store/journal/stored_journal.h"
 #include "agent/store/samples/stored_samples.h"
 
@@ -22,8 +21,8 @@ class StoreClock final : public StorePart {
   static constexpr std::chrono::seconds kClockSet{60};
 
   /// The referenced objects outlive it.
-  StoreClock(StoreDisk& disk, StoredSamples& samples, StoredJournal& journal, JournalRows& rows)
-      : disk_(disk), samples_(samples), journal_(journal), journal_rows_(rows) {}
+  StoreClock(StoreDisk& disk, StoredSamples& samples, StoredJournal& journal)
+      : disk_(disk), samples_(samples), journal_(journal) {}
 
   /// Records the current time of both clocks. If the calendar was set, shifts the times in memory
   /// at once.
@@ -43,7 +42,6 @@ class StoreClock final : public StorePart {
   StoreDisk& disk_;
   StoredSamples& samples_;
   StoredJournal& journal_;
-  JournalRows& journal_rows_;
   std::optional<SteadyTime> at_;  ///< steady time of the last note()
   std::int64_t unmoved_ms_ = 0;   ///< shift that the file does not have yet
 };

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <iterator>
+#include <set>
 #include <utility>
 
 namespace fxagent {
@@ -15,12 +15,27 @@ constexpr std::uint64_t kShareOfJournal = 2;
 
 }  // namespace
 
+void StoredJournal::write_command(const JournalEntry& entry) {
+  table_->insert(entry);
+  audit_.append(entry.audit);
+}
+
+void StoredJournal::write_result(const JournalEntry& entry) {
+  table_->record(entry);
+  audit_.append(entry.audit);
+}
+
+void StoredJournal::keep(JournalEntry entry) {
+  audit_.note(std::exchange(entry.audit, {}));
+  waiting_.put(std::move(entry));
+}
+
 bool StoredJournal::journal(std::span<const JournalEntry> entries) {
   const bool written = disk_.commit("journal", Sync::as_configured, [&] {
-    for (const JournalEntry& entry : entries) rows_.write_command(entry);
+    for (const JournalEntry& entry : entries) write_command(entry);
   });
   if (written) return true;
-  for (const JournalEntry& entry : entries) rows_.keep(entry);
+  for (const JournalEntry& entry : entries) keep(entry);
   // A fresh file may have replaced a damaged one.
   return disk_.is_writable() && disk_.flush();
 }
@@ -30,38 +45,38 @@ void StoredJournal::record(std::vector<JournalEntry> entries) {
   // A command that is not on disk yet is written together with its result.
   const bool command_waits =
       std::any_of(entries.begin(), entries.end(), [this](const JournalEntry& entry) {
-        return rows_.waiting(entry.device, entry.id) != nullptr;
+        return waiting_.find(entry.device, entry.id) != nullptr;
       });
   const auto write = [&] {
-    for (const JournalEntry& entry : entries) rows_.write_result(entry);
+    for (const JournalEntry& entry : entries) write_result(entry);
   };
   if (!command_waits && disk_.commit("journal", Sync::as_configured, write)) return;
-  for (JournalEntry& entry : entries) rows_.keep(std::move(entry));
+  for (JournalEntry& entry : entries) keep(std::move(entry));
   if (disk_.is_writable()) disk_.flush();
 }
 
 void StoredJournal::acknowledge(std::string device, std::string id, std::uint64_t number,
                                 std::string total_ms) {
-  rows_.acknowledge(std::move(device), std::move(id), number, std::move(total_ms));
+  if (to_acknowledge_.size() < UnrecordedCommands::kMost)
+    to_acknowledge_.push_back({std::move(device), std::move(id), number, std::move(total_ms)});
 }
 
 std::optional<JournalEntry> StoredJournal::find(const std::string& device, const std::string& id) {
-  if (const JournalEntry* kept = rows_.waiting(device, id)) return *kept;
+  if (const JournalEntry* kept = waiting_.find(device, id)) return *kept;
   std::optional<JournalEntry> found;
-  if (rows_.table()) disk_.read([&] { found = rows_.table()->find(device, id); });
+  if (table_) disk_.read([&] { found = table_->find(device, id); });
   return found;
 }
 
 std::vector<KnownId> StoredJournal::known_ids(const std::string& device) {
   std::vector<KnownId> ids;
-  if (rows_.table()) disk_.attempt("read", [&] { ids = rows_.table()->known_ids(device); });
+  if (table_) disk_.attempt("read", [&] { ids = table_->known_ids(device); });
   return ids;
 }
 
 std::vector<JournalEntry> StoredJournal::unacknowledged(const std::string& device) {
   std::vector<JournalEntry> entries;
-  if (rows_.table())
-    disk_.attempt("read", [&] { entries = rows_.table()->unacknowledged(device); });
+  if (table_) disk_.attempt("read", [&] { entries = table_->unacknowledged(device); });
   for (JournalEntry& entry : entries)
     entry.surely_not_sent = entry.result.empty() && started_.surely_not_sent(entry.number);
   return entries;
@@ -69,8 +84,9 @@ std::vector<JournalEntry> StoredJournal::unacknowledged(const std::string& devic
 
 std::vector<JournalEntry> StoredJournal::unwritten() {
   std::vector<JournalEntry> entries;
-  auto acknowledged = rows_.acknowledged_ids();
-  for (const JournalEntry& entry : rows_.waiting()) {
+  std::set<std::pair<std::string, std::string>> acknowledged;  // device and id
+  for (const Acknowledgement& each : to_acknowledge_) acknowledged.emplace(each.device, each.id);
+  for (const JournalEntry& entry : waiting_) {
     entries.push_back(entry);
     entries.back().acknowledged = acknowledged.erase({entry.device, entry.id}) != 0;
   }
@@ -85,10 +101,10 @@ std::vector<JournalEntry> StoredJournal::unwritten() {
 
 void StoredJournal::shrink() {
   const std::uint64_t most = std::max(config_.max_bytes / kShareOfJournal, not_to_be_shrunk_);
-  if (!disk_.is_writable() || rows_.bytes() <= most) return;
+  if (!disk_.is_writable() || bytes() <= most) return;
   not_to_be_shrunk_ = 0;
   disk_.commit("shrink", Sync::as_configured, [&] {
-    if (!rows_.table()->shrink()) not_to_be_shrunk_ = rows_.bytes();
+    if (!table_->shrink()) not_to_be_shrunk_ = bytes();
   });
 }
 
@@ -97,15 +113,42 @@ void StoredJournal::drop_old() {
   const auto max_age = std::chrono::milliseconds(config_.max_age);
   // One commit: a fault in the middle changes neither the rows nor their counted size.
   disk_.commit("delete", Sync::as_configured,
-               [&] { rows_.table()->drop_old(disk_.utc_ms(), max_age.count()); });
+               [&] { table_->drop_old(disk_.utc_ms(), max_age.count()); });
 }
 
 void StoredJournal::age_earlier_runs() {
-  disk_.attempt("write", [&] { rows_.table()->age_acknowledged(first_of_run_); });
+  disk_.attempt("write", [&] { table_->age_acknowledged(first_of_run_); });
 }
 
 void StoredJournal::move_stored_times(std::int64_t by_ms) {
-  rows_.table()->move_times(by_ms, first_of_run_, disk_.utc_ms() - by_ms);
+  table_->move_times(by_ms, first_of_run_, disk_.utc_ms() - by_ms);
+}
+
+bool StoredJournal::has_pending() const { return waiting_.size() != 0 || !to_acknowledge_.empty(); }
+
+void StoredJournal::begin_commit() {
+  table_->begin();
+  written_ = 0;
+  is_acknowledged_ = false;
+}
+
+bool StoredJournal::write_pending(std::size_t at_most) {
+  const std::size_t count = std::min(at_most, waiting_.size());
+  for (auto entry = waiting_.begin(); written_ < count; ++entry, ++written_)
+    entry->result.empty() ? write_command(*entry) : write_result(*entry);
+  if (written_ < waiting_.size()) return true;
+  // Acknowledgements follow their results.
+  for (const auto& [device, id, number, total_ms] : to_acknowledge_)
+    table_->acknowledge(device, id, number, total_ms);
+  is_acknowledged_ = true;
+  return false;
+}
+
+void StoredJournal::committed() {
+  table_->committed();
+  waiting_.drop_first(written_);
+  if (is_acknowledged_) to_acknowledge_.clear();
+  written_ = 0;
 }
 
 }  // namespace fxagent

@@ -1,7 +1,8 @@
-// The journal of commands on disk: a CommandJournal. Entries that the disk refuses wait in
-// JournalRows until it accepts them. The store's thread.
+// The journal of commands on disk. Entries that the disk refuses wait in memory until it accepts
+// them. Each audit record is in the same commit as its entry. The store's thread.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -12,17 +13,18 @@
 #include "agent/commands/journal.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/disk/store_disk.h"
-#include "agent/store/journal/journal_rows.h"
+#include "agent/store/journal/command_table.h"
 #include "agent/store/journal/started_commands.h"
+#include "agent/store/journal/unrecorded_commands.h"
 
 namespace fxagent {
 
-class StoredJournal final : public CommandJournal {
+class StoredJournal final : public CommandJournal, public StorePart {
  public:
   /// The referenced objects outlive it.
   StoredJournal(const StoreConfig& config, StoreDisk& disk, AuditTrail& audit,
-                StartedCommands& started, JournalRows& rows)
-      : config_(config), disk_(disk), audit_(audit), started_(started), rows_(rows) {}
+                StartedCommands& started)
+      : config_(config), disk_(disk), audit_(audit), started_(started) {}
 
   std::uint64_t next_command_number() override { return audit_.next_command_number(); }
   void note(std::string audit) override { audit_.note(std::move(audit)); }
@@ -35,6 +37,9 @@ class StoredJournal final : public CommandJournal {
   std::vector<KnownId> known_ids(const std::string& device = {}) override;
   std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
 
+  /// Bytes of commands in the file: as committed, and as the open commit will leave them.
+  std::uint64_t bytes() const { return table_ ? table_->bytes() : 0; }
+  std::uint64_t bytes_in_commit() const { return table_ ? table_->bytes_in_commit() : 0; }
   /// Returns every entry of which the disk has refused a part, as it stands in memory.
   std::vector<JournalEntry> unwritten();
 
@@ -48,16 +53,43 @@ class StoredJournal final : public CommandJournal {
   void begin_run(std::uint64_t first_number) { first_of_run_ = first_number; }
   /// Makes acknowledged commands in a file that opened late older than this run's.
   void age_earlier_runs();
+  /// Shifts the times in memory, after the calendar was set.
+  void move_waiting_times(std::int64_t by_ms) { waiting_.move_times(by_ms); }
   /// Within a commit: shifts the times of this run's commands in the file. Throws
   /// SQLite::Exception.
   void move_stored_times(std::int64_t by_ms);
 
+  void load(SQLite::Database& database) override { table_.emplace(database); }
+  void unload(Rows /*rows*/) override { table_.reset(); }
+  bool has_pending() const override;
+  void begin_commit() override;
+  bool write_pending(std::size_t at_most) override;
+  void committed() override;
+
  private:
+  struct Acknowledgement {
+    std::string device;
+    std::string id;
+    std::uint64_t number = 0;
+    std::string total_ms;
+  };
+
+  /// Within a commit: writes a command before it is carried out. Throws SQLite::Exception.
+  void write_command(const JournalEntry& entry);
+  /// Same for a result.
+  void write_result(const JournalEntry& entry);
+  /// Keeps the entry in memory until a commit writes it.
+  void keep(JournalEntry entry);
+
   const StoreConfig config_;
   StoreDisk& disk_;
   AuditTrail& audit_;
   StartedCommands& started_;
-  JournalRows& rows_;
+  std::optional<CommandTable> table_;            ///< of the open file
+  UnrecordedCommands waiting_;                   ///< commands and results not in the file yet
+  std::vector<Acknowledgement> to_acknowledge_;  ///< acknowledged by the broker, not written yet
+  std::size_t written_ = 0;                      ///< of waiting_, in the open commit
+  bool is_acknowledged_ = false;                 ///< to_acknowledge_ is in the open commit
   std::uint64_t first_of_run_ = 0;
   std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of commands that shrink() could not reduce
 };

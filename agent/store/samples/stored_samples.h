@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "agent/store/disk/store_disk.h"
-#include "agent/store/journal/journal_rows.h"
+#include "agent/store/journal/stored_journal.h"
 #include "agent/store/samples/history.h"
 #include "agent/store/samples/sample_streams.h"
 #include "agent/store/samples/sample_table.h"
@@ -26,7 +26,7 @@ class StoredSamples final : public StorePart {
   enum class Hold : std::uint8_t { no, yes };
 
   /// The referenced objects outlive it.
-  StoredSamples(const StoreConfig& config, StoreDisk& disk, const JournalRows& journal,
+  StoredSamples(const StoreConfig& config, StoreDisk& disk, const StoredJournal& journal,
                 SequenceNumbers& numbers)
       : config_(config), disk_(disk), journal_(journal), numbers_(numbers) {}
 
@@ -86,7 +86,7 @@ class StoredSamples final : public StorePart {
 
   const StoreConfig config_;
   StoreDisk& disk_;
-  const JournalRows& journal_;
+  const StoredJournal& journal_;
   SequenceNumbers& numbers_;
   std::optional<SampleTable> table_;  ///< of the open file
   SampleStreams streams_;
