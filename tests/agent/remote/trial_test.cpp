@@ -1,4 +1,4 @@
-#include "agent/remote/trial.h"
+#include "agent/remote/config_in_force.h"
 
 #include <gtest/gtest.h>
 
