@@ -27,7 +27,6 @@
 #include "agent/recorder/flight_recorder.h"
 #include "agent/reload.h"
 #include "agent/store/guarded_store.h"
-#include "agent/store/samples/first_numbers.h"
 #include "agent/store/store.h"
 #include "agent/text/text.h"
 #include "agent/uplink/fenced_broker.h"

@@ -10,7 +10,6 @@
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
 #include "agent/log/log.h"
-#include "agent/store/samples/first_numbers.h"
 
 namespace fxagent {
 namespace {

@@ -6,7 +6,6 @@
 #include <fstream>
 
 #include "agent/store/disk/sqlite.h"
-#include "agent/store/samples/first_numbers.h"
 #include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {
