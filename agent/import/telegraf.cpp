@@ -37,6 +37,15 @@ std::optional<std::int64_t> integer_at(const toml::table& table, std::string_vie
   return table[key].value<std::int64_t>();
 }
 
+/// Returns the tables of an array; empty for any other node.
+std::vector<const toml::table*> tables_of(const toml::node_view<const toml::node>& node) {
+  std::vector<const toml::table*> tables;
+  if (const toml::array* list = node.as_array())
+    for (const toml::node& item : *list)
+      if (const toml::table* table = item.as_table()) tables.push_back(table);
+  return tables;
+}
+
 /// Converts "1s", "250ms", "1m30s" to ms; nullopt if it is not a Telegraf duration.
 std::optional<std::int64_t> milliseconds(std::string_view text) {
   constexpr std::array<std::pair<std::string_view, double>, 5> kUnits{
@@ -127,7 +136,6 @@ class TelegrafReader {
   ImportedDevice& device_of(std::int64_t unit, int line);
   void read_fields(const toml::table& owner, std::string_view key, std::int64_t unit, Field field);
   void read_field(const toml::table& node, std::int64_t unit, Field field);
-  void log_measurements();
 
   const ImportOptions& options_;
   Imported out_;
@@ -262,11 +270,7 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
 
 void TelegrafReader::read_fields(const toml::table& owner, std::string_view key, std::int64_t unit,
                                  Field field) {
-  const toml::array* list = owner[key].as_array();
-  if (list == nullptr) return;
-  for (const toml::node& item : *list) {
-    const toml::table* node = item.as_table();
-    if (node == nullptr) continue;
+  for (const toml::table* node : tables_of(owner[key])) {
     Field own = field;
     if (own.table == kOwnRegister) own.table = table_of(text_at(*node, "register"));
     read_field(*node, unit, own);
@@ -290,12 +294,8 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
   for (const auto list :
        {"discrete_inputs"sv, "coils"sv, "holding_registers"sv, "input_registers"sv})
     read_fields(plugin, list, unit, {table_of(list), {}, true});
-  for (const auto style : {"request"sv, "metric"sv}) {
-    const toml::array* requests = plugin[style].as_array();
-    if (requests == nullptr) continue;
-    for (const toml::node& item : *requests) {
-      const toml::table* request = item.as_table();
-      if (request == nullptr) continue;
+  for (const auto style : {"request"sv, "metric"sv})
+    for (const toml::table* request : tables_of(plugin[style])) {
       list_unread_keys(*request, "the " + std::string(style),
                        {"slave_id", "byte_order", "register", "fields", "tags"});
       const char table = style == "metric" ? kOwnRegister : table_of(text_at(*request, "register"));
@@ -304,22 +304,16 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
       if (request->contains("tags"))
         out_.note(line_of(*request), "not imported: the tags of the request");
     }
-  }
-}
-
-void TelegrafReader::log_measurements() {
-  for (const auto& [name, known] : measurements_)
-    out_.note(known.line, "not imported: the measurement \"" + name + "\" of " +
-                              counted(known.fields, "field"));
 }
 
 Imported TelegrafReader::read(const toml::table& top) {
   const auto interval =
       milliseconds(top["agent"]["interval"].value_or(""sv)).value_or(kDefaultInterval);
-  const toml::array* plugins = top["inputs"]["modbus"].as_array();
-  for (const toml::node& item : *plugins)
-    if (const toml::table* plugin = item.as_table()) read_plugin(*plugin, interval);
-  log_measurements();
+  for (const toml::table* plugin : tables_of(top["inputs"]["modbus"]))
+    read_plugin(*plugin, interval);
+  for (const auto& [name, known] : measurements_)
+    out_.note(known.line, "not imported: the measurement \"" + name + "\" of " +
+                              counted(known.fields, "field"));
   if (const toml::table* inputs = top["inputs"].as_table())
     for (const auto& [name, node] : *inputs)
       if (name != "modbus")
