@@ -17,6 +17,7 @@
 #include "agent/log/recent_events.h"
 #include "agent/text/json_writer.h"
 #include "agent/without_signals.h"
+#include "protocol/letter_case.h"
 
 namespace fxagent {
 namespace {
@@ -157,10 +158,7 @@ bool WebServer::is_our_name(std::string_view host) const {
   if (host.starts_with('[')) return true;
   const bool is_ipv4 =
       !host.empty() && host.find_first_not_of("0123456789.") == std::string_view::npos;
-  const auto small = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; };
-  const auto is_host = [&](std::string_view name) {
-    return std::ranges::equal(name, host, {}, small, small);
-  };
+  const auto is_host = [&](std::string_view name) { return equal_but_for_case(name, host); };
   return is_ipv4 || is_host("localhost") || std::ranges::any_of(config_.hosts, is_host);
 }
 
