@@ -1,6 +1,7 @@
 #include "agent/remote/remote_report.h"
 
 #include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -11,6 +12,9 @@ namespace {
 
 using OrderedJson = nlohmann::ordered_json;
 using State = RemoteReport::State;
+
+constexpr std::array<std::string_view, 3> kStates{"applied", "rejected",
+                                                  "rolled_back"};  // as State
 
 /// Cuts `text` after at most kMostErrorBytes, at the end of a UTF-8 character, and appends "…".
 std::string cut(std::string text) {
@@ -40,17 +44,7 @@ std::string text_of(const ConfigError& error) {
   return error.pointer.empty() ? error.text : error.pointer + ": " + error.text;
 }
 
-std::string_view to_string(State state) {
-  switch (state) {
-    case State::applied:
-      return "applied";
-    case State::rejected:
-      return "rejected";
-    case State::rolled_back:
-      return "rolled_back";
-  }
-  return {};
-}
+std::string_view to_string(State state) { return kStates[static_cast<std::size_t>(state)]; }
 
 RemoteReport make_report(State state, DesiredConfig desired, const ConfigErrors& errors,
                          std::int64_t since_ms) {
