@@ -129,13 +129,10 @@ std::string csv_cell(const std::optional<std::string>& value) {
   return out + "\"";
 }
 
-std::vector<std::size_t> csv_columns(const CsvRow& head,
-                                     const std::vector<std::string_view>& names) {
-  std::vector<std::size_t> columns(names.size(), std::string::npos);
-  for (std::size_t name = 0; name < names.size(); ++name)
-    for (std::size_t i = 0; i < head.cells.size() && columns[name] == std::string::npos; ++i)
-      if (equal_but_for_case(head.at(i), names[name])) columns[name] = i;
-  return columns;
+std::size_t csv_column(const CsvRow& head, std::string_view name) {
+  for (std::size_t i = 0; i < head.cells.size(); ++i)
+    if (equal_but_for_case(head.at(i), name)) return i;
+  return std::string::npos;
 }
 
 }  // namespace fxagent

@@ -34,9 +34,7 @@ inline tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view 
 /// Formats a cell for a comma-separated row: empty for nullopt, quotes ("") for an empty text.
 std::string csv_cell(const std::optional<std::string>& value);
 
-/// Returns the index of each of `names` in the header row, ignoring case and blanks; npos: not
-/// found.
-std::vector<std::size_t> csv_columns(const CsvRow& head,
-                                     const std::vector<std::string_view>& names);
+/// Returns the index of the column in the header row, ignoring case and blanks; npos: not found.
+std::size_t csv_column(const CsvRow& head, std::string_view name);
 
 }  // namespace fxagent

@@ -37,8 +37,7 @@ bool is_device(std::string_view cell) {
 
 /// True for the header row. An address column would mean another format.
 bool is_head(const CsvRow& row) {
-  return is_one_of(row.at(0), kDevice) &&
-         csv_columns(row, {"address"sv}).front() == std::string::npos;
+  return is_one_of(row.at(0), kDevice) && csv_column(row, "address") == std::string::npos;
 }
 
 /// Returns the comment of a device, else its label. Comments are in the columns that are not

@@ -13,31 +13,6 @@
 namespace fxagent {
 namespace {
 
-enum Column : std::size_t {
-  tag_name,
-  address,
-  data_type,
-  client_access,
-  scan_rate,
-  scaling,
-  raw_low,
-  raw_high,
-  scaled_low,
-  scaled_high,
-  clamp_low,
-  clamp_high,
-  eng_units,
-  description,
-  negate_value
-};
-
-/// Returns the column titles, in the order of Column.
-std::vector<std::string_view> column_names() {
-  return {"Tag Name",  "Address",    "Data Type", "Client Access", "Scan Rate",
-          "Scaling",   "Raw Low",    "Raw High",  "Scaled Low",    "Scaled High",
-          "Clamp Low", "Clamp High", "Eng Units", "Description",   "Negate Value"};
-}
-
 constexpr std::array<std::pair<std::string_view, std::string_view>, 14> kTypes{{
     {"boolean", "bool"},
     {"short", "int16"},
@@ -108,13 +83,15 @@ Place place_of(std::string_view text, bool is_string) {
 /// Reads rows one by one into the tags of a device.
 class TagReader {
  public:
-  TagReader(Imported& out, ImportedDevice& device, std::vector<std::size_t> columns)
-      : out_(out), device_(device), groups_(device), columns_(std::move(columns)) {}
+  TagReader(Imported& out, ImportedDevice& device, const CsvRow& head)
+      : out_(out), device_(device), groups_(device), head_(head) {}
 
   void take(const CsvRow& row);
 
  private:
-  std::string_view cell(const CsvRow& row, Column column) const { return row.at(columns_[column]); }
+  std::string_view cell(const CsvRow& row, std::string_view title) const {
+    return row.at(csv_column(head_, title));
+  }
   void leave_out(const CsvRow& row, const std::string& why) { out_.leave_out(row.line, why); }
   bool add_scaling(const CsvRow& row, ImportedTag& tag);
 
@@ -122,27 +99,27 @@ class TagReader {
   ImportedDevice& device_;
   IntervalGroups groups_;
   NameMaker names_;
-  std::vector<std::size_t> columns_;
+  const CsvRow& head_;  ///< the titles of the columns
 };
 
 /// Returns false if the config would scale the values wrongly.
 bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
-  const std::string mode = lower(cell(row, scaling));
-  const bool is_negated = cell(row, negate_value) == "1";
+  const std::string mode = lower(cell(row, "Scaling"));
+  const bool is_negated = cell(row, "Negate Value") == "1";
   double scale = 1;
   double offset = 0;
   if (mode == "linear") {
-    const auto from = number_from<double>(cell(row, raw_low));
-    const auto to = number_from<double>(cell(row, raw_high));
-    const auto low = number_from<double>(cell(row, scaled_low));
-    const auto high = number_from<double>(cell(row, scaled_high));
+    const auto from = number_from<double>(cell(row, "Raw Low"));
+    const auto to = number_from<double>(cell(row, "Raw High"));
+    const auto low = number_from<double>(cell(row, "Scaled Low"));
+    const auto high = number_from<double>(cell(row, "Scaled High"));
     if (!from || !to || !low || !high || *from == *to || *low == *high) {
       leave_out(row, "its linear scaling has an empty range");
       return false;
     }
     scale = (*high - *low) / (*to - *from);
     offset = *low - *from * scale;
-    if (cell(row, clamp_low) == "1" || cell(row, clamp_high) == "1")
+    if (cell(row, "Clamp Low") == "1" || cell(row, "Clamp High") == "1")
       out_.note(row.line, "not imported: clamping, which a config does not support");
   } else if (!mode.empty() && mode != "none") {
     leave_out(row, "scaling \"" + mode + "\" is not supported by a config");
@@ -158,14 +135,14 @@ bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
 }
 
 void TagReader::take(const CsvRow& row) {
-  const std::string_view name = cell(row, tag_name);
-  std::string type = lower(cell(row, data_type));
+  const std::string_view name = cell(row, "Tag Name");
+  std::string type = lower(cell(row, "Data Type"));
   const bool is_array = type.ends_with(" array");
   if (is_array) type.resize(type.size() - 6);
   const auto known = std::ranges::find(kTypes, type, [](const auto& pair) { return pair.first; });
   if (known == kTypes.end())
-    return leave_out(row, "a config has no type \"" + std::string(cell(row, data_type)) + "\"");
-  const Place place = place_of(cell(row, address), type == "string");
+    return leave_out(row, "a config has no type \"" + std::string(cell(row, "Data Type")) + "\"");
+  const Place place = place_of(cell(row, "Address"), type == "string");
   if (place.address.empty()) return leave_out(row, "it has no address");
 
   ImportedTag tag{row.line, {}};
@@ -177,15 +154,15 @@ void TagReader::take(const CsvRow& row) {
   if (place.length) tag.keys["length"] = *place.length;
   if (!place.word_order.empty()) tag.keys["word_order"] = place.word_order;
   if (!add_scaling(row, tag)) return out_.notes.resize(before + 1);
-  const std::string rights = lower(cell(row, client_access));
+  const std::string rights = lower(cell(row, "Client Access"));
   if (rights == "r/w" || rights == "rw" || rights == "wo" || rights == "w")
     tag.keys["access"] = "read_write";
   if (rights == "wo" || rights == "w")
     out_.note(row.line, "not imported: write only; a tag can always be read");
-  if (const auto rate = number_from<std::int64_t>(cell(row, scan_rate)))
+  if (const auto rate = number_from<std::int64_t>(cell(row, "Scan Rate")))
     tag.keys["group"] = groups_.at(*rate);
-  if (!cell(row, eng_units).empty()) tag.keys["unit"] = literal(cell(row, eng_units));
-  describe(tag, cell(row, description));
+  if (!cell(row, "Eng Units").empty()) tag.keys["unit"] = literal(cell(row, "Eng Units"));
+  describe(tag, cell(row, "Description"));
   tag.keys["name"] = names_.make(name, "tag", row.line, out_.notes);
   tag.is_changed = out_.notes.size() > before;
   device_.tags.push_back(std::move(tag));
@@ -202,13 +179,13 @@ ImportResult import_kepware(std::string_view text, const ImportOptions& options)
   const auto rows = read_csv(text);
   if (!rows) return tl::unexpected(rows.error());
   if (rows->empty()) return tl::unexpected(ImportFault{0, "has no rows"});
-  const auto columns = csv_columns(rows->front(), column_names());
-  if (columns[tag_name] == std::string::npos || columns[address] == std::string::npos)
-    return tl::unexpected(
-        ImportFault{rows->front().line, "has no columns \"Tag Name\" and \"Address\""});
+  const CsvRow& head = rows->front();
+  const std::size_t address = csv_column(head, "Address");
+  if (csv_column(head, "Tag Name") == std::string::npos || address == std::string::npos)
+    return tl::unexpected(ImportFault{head.line, "has no columns \"Tag Name\" and \"Address\""});
 
   const auto numeric = std::ranges::count_if(rows->begin() + 1, rows->end(), [&](const auto& row) {
-    return begins_with_digit(row.at(columns[address]));
+    return begins_with_digit(row.at(address));
   });
   const bool is_modbus = 2 * static_cast<std::size_t>(numeric) > rows->size() - 1;
   Imported out;
@@ -216,7 +193,7 @@ ImportResult import_kepware(std::string_view text, const ImportOptions& options)
   ImportedDevice& device =
       add_device(out, links, options, options.device.empty() ? "device1" : options.device,
                  is_modbus ? "modbus-tcp" : "fx-programming-port");
-  TagReader reader(out, device, columns);
+  TagReader reader(out, device, head);
   for (auto row = rows->begin() + 1; row != rows->end(); ++row) reader.take(*row);
   if (is_modbus)
     out.note(0,

@@ -378,21 +378,13 @@ Imported NeuronReader::read() {
   return std::move(out_);
 }
 
-/// Columns of the sheet that a tag page exports and imports, or takes as a template. Every sheet
-/// has the first four.
-const std::vector<std::string_view>& sheet_columns() {
-  static const std::vector<std::string_view> names{
-      "name",        "address", "attribute", "type", "group", "interval",
-      "description", "decimal", "precision", "bias", "unit"};
-  return names;
-}
-constexpr std::size_t kNeeded = 4;
-
+/// True for the sheet that a tag page exports and imports, or takes as a template. Every sheet has
+/// these columns.
 bool is_sheet(const std::vector<CsvRow>& rows) {
-  if (rows.empty()) return false;
-  const auto columns = csv_columns(rows.front(), sheet_columns());
-  return std::find(columns.begin(), columns.begin() + kNeeded, std::string::npos) ==
-         columns.begin() + kNeeded;
+  constexpr std::array kNeeded{"name"sv, "address"sv, "attribute"sv, "type"sv};
+  return !rows.empty() && std::ranges::all_of(kNeeded, [&](std::string_view title) {
+    return csv_column(rows.front(), title) != std::string::npos;
+  });
 }
 
 /// Returns the number of a type by its name in the sheet; past the last type if unknown.
@@ -402,14 +394,12 @@ std::int64_t type_named(std::string_view name) {
 
 /// Converts the sheet to a node in JSON, with each tag on the line of its row.
 std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& options) {
-  const auto columns = csv_columns(rows.front(), sheet_columns());
   const std::string name = options.device.empty() ? "device1" : options.device;
   std::string groups;
   int line = 1;
   for (auto row = rows.begin() + 1; row != rows.end(); ++row) {
     const auto cell = [&](std::string_view title) {
-      const auto index = std::ranges::find(sheet_columns(), title) - sheet_columns().begin();
-      return row->at(columns[static_cast<std::size_t>(index)]);
+      return row->at(csv_column(rows.front(), title));
     };
     const auto add_number = [&](JsonObject& object, std::string_view title) {
       if (const auto value = number_from<double>(cell(title))) object[title] = json_number(*value);
@@ -446,7 +436,7 @@ bool is_neuron(std::string_view text) {
 ImportResult import_neuron(std::string_view text, const ImportOptions& options) {
   if (const auto rows = read_csv(text); rows && is_sheet(*rows)) {
     ImportOptions complete = options;
-    const std::size_t column = csv_columns(rows->front(), {"address"}).front();
+    const std::size_t column = csv_column(rows->front(), "address");
     const bool is_modbus = std::ranges::any_of(*rows, [&](const CsvRow& row) {
       return row.at(column).find('!') != std::string_view::npos;
     });

@@ -15,7 +15,6 @@ namespace fxagent {
 namespace {
 
 using Kind = ConfigNode::Kind;
-using std::string_view_literals::operator""sv;
 
 constexpr std::string_view kDeviceColumn = "device";
 constexpr std::string_view kDeviceRow = "#device";
@@ -106,12 +105,10 @@ class TagCsvReader {
   const ImportOptions& options_;
   Imported out_;
   LinkTable links_{out_};
-  std::vector<std::size_t> columns_;                      ///< one for each of tag_keys(), then the
-                                                          ///< device's
-  bool is_whole_ = false;                                 ///< the file has rows that define the
-                                                          ///< devices
-  std::size_t group_ = 0;                                 ///< index in columns_ of the tag's group
-  std::map<std::string, std::size_t> devices_;            ///< name to index in out_.devices
+  std::vector<std::size_t> columns_;  ///< one for each of tag_keys(), then the device's
+  std::size_t group_column_ = 0;
+  bool is_whole_ = false;                       ///< the file has rows that define the devices
+  std::map<std::string, std::size_t> devices_;  ///< name to index in out_.devices
   std::set<std::pair<std::string, std::string>> groups_;  ///< created for devices without a row
 };
 
@@ -185,7 +182,7 @@ void TagCsvReader::take_tag(const CsvRow& row) {
     return out_.leave_out(row.line, "there is no device " + name + " with its tags in rows");
   ImportedDevice& device = device_of(name);
   // A file with tags alone gives only the names of their groups.
-  const std::string group(row.at(columns_[group_]));
+  const std::string group(row.at(group_column_));
   if (!device.may_be_empty && !group.empty() && groups_.emplace(name, group).second) {
     JsonObject made;
     made["name"] = group;
@@ -195,11 +192,9 @@ void TagCsvReader::take_tag(const CsvRow& row) {
 }
 
 ImportResult TagCsvReader::read(const std::vector<CsvRow>& rows) {
-  std::vector<std::string_view> names;
-  for (const ConfigKey& key : tag_keys()) names.push_back(key.name);
-  group_ = static_cast<std::size_t>(std::ranges::find(names, "group"sv) - names.begin());
-  names.push_back(kDeviceColumn);
-  columns_ = csv_columns(rows.front(), names);
+  for (const ConfigKey& key : tag_keys()) columns_.push_back(csv_column(rows.front(), key.name));
+  columns_.push_back(csv_column(rows.front(), kDeviceColumn));
+  group_column_ = csv_column(rows.front(), "group");
   for (std::size_t i = 0; i < rows.front().cells.size(); ++i)
     if (std::ranges::find(columns_, i) == columns_.end() && !rows.front().at(i).empty())
       out_.note(rows.front().line, "left out: the column \"" + std::string(rows.front().at(i)) +
@@ -243,10 +238,10 @@ std::string export_csv(std::string_view text) {
 bool is_tag_csv(std::string_view text) {
   const auto rows = read_csv(text);
   if (!rows || rows->empty()) return false;
-  const auto columns = csv_columns(rows->front(), {"name"sv, "address"sv});
-  // Only Neuron's sheet has the column "attribute".
-  return std::ranges::find(columns, std::string::npos) == columns.end() &&
-         csv_columns(rows->front(), {"attribute"sv}).front() == std::string::npos;
+  const auto has = [&](std::string_view name) {
+    return csv_column(rows->front(), name) != std::string::npos;
+  };
+  return has("name") && has("address") && !has("attribute");  // only Neuron's sheet has that one
 }
 
 ImportResult import_tag_csv(std::string_view text, const ImportOptions& options) {
