@@ -27,6 +27,12 @@ bool writes(std::int64_t function) {
   return function == 5 || function == 6 || function == 15 || function == 16;
 }
 
+/// Returns the table and the address of a tag.
+std::pair<char, std::int64_t> table_and_address(const ConfigNode& tag) {
+  return {table_of(integer_at(tag, "functionCode").value_or(0)),
+          integer_at(tag, "address").value_or(-1)};
+}
+
 /// Converts "16int", "int16" or "int", in lower case; empty if a config has no such type.
 std::string_view type_of(std::string_view type, std::int64_t registers) {
   if (type == "16int" || type == "int16") return "int16";
@@ -259,30 +265,23 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
 
   written_.clear();
   for (const auto list : {"attributeUpdates"sv, "rpc"sv})
-    for (const ConfigNode& node : children_at(slave, list)) {
-      const auto function = integer_at(node, "functionCode").value_or(0);
-      if (writes(function))
-        written_.emplace(table_of(function), integer_at(node, "address").value_or(-1));
-    }
+    for (const ConfigNode& node : children_at(slave, list))
+      if (writes(integer_at(node, "functionCode").value_or(0)))
+        written_.insert(table_and_address(node));
   NameMaker names;
   IntervalGroups groups(device);
   read_publishing(slave, groups);
-  for (const auto list : {"attributes"sv, "timeseries"sv})
-    for (const ConfigNode& node : children_at(slave, list))
-      read_tag(slave, node, device, groups, names);
   std::set<std::pair<char, std::int64_t>> read;
   for (const auto list : {"attributes"sv, "timeseries"sv})
-    for (const ConfigNode& node : children_at(slave, list))
-      read.emplace(table_of(integer_at(node, "functionCode").value_or(0)),
-                   integer_at(node, "address").value_or(-1));
-  for (const auto list : {"attributeUpdates"sv, "rpc"sv})
     for (const ConfigNode& node : children_at(slave, list)) {
-      const std::pair place(table_of(integer_at(node, "functionCode").value_or(0)),
-                            integer_at(node, "address").value_or(-1));
-      if (!read.contains(place))
+      read_tag(slave, node, device, groups, names);
+      read.insert(table_and_address(node));
+    }
+  for (const auto list : {"attributeUpdates"sv, "rpc"sv})
+    for (const ConfigNode& node : children_at(slave, list))
+      if (!read.contains(table_and_address(node)))
         out_.note(line_of(node), "left out: " + std::string(text_at(node, "tag")) + " of " +
                                      std::string(list) + " belongs to no value that is read");
-    }
   out_.devices.push_back(std::move(device));
 }
 
