@@ -11,7 +11,6 @@
 #include "agent/config/source.h"
 #include "agent/config/suggestions.h"
 #include "agent/import/formats.h"
-#include "agent/import/tag_csv.h"
 #include "agent/import/text_encoding.h"
 #include "agent/text/counted.h"
 #include "agent/text/text.h"

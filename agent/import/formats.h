@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "agent/import/imported.h"
@@ -43,6 +44,11 @@ ImportResult import_thingsboard(std::string_view text, const ImportOptions& opti
 bool is_telegraf(std::string_view text);
 ImportResult import_telegraf(std::string_view text, const ImportOptions& options);
 
+/// Writes one row for each tag of `text`, which must be a valid config: the device, then a column
+/// for each key. Everything else follows as JSON in rows that start with #, so that
+/// import_tag_csv() restores the same config. Tags of templates, and of devices that share a name,
+/// stay in those JSON rows.
+std::string export_csv(std::string_view text);
 /// Output of export_csv(), or tags alone.
 bool is_tag_csv(std::string_view text);
 ImportResult import_tag_csv(std::string_view text, const ImportOptions& options);

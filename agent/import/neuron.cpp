@@ -387,11 +387,6 @@ bool is_sheet(const std::vector<CsvRow>& rows) {
   });
 }
 
-/// Returns the number of a type by its name in the sheet; past the last type if unknown.
-std::int64_t type_named(std::string_view name) {
-  return std::ranges::find(kNeuronTypes, name) - kNeuronTypes.begin();
-}
-
 /// Converts the sheet to a node in JSON, with each tag on the line of its row.
 std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& options) {
   const std::string name = options.device.empty() ? "device1" : options.device;
@@ -406,8 +401,8 @@ std::string json_of_sheet(const std::vector<CsvRow>& rows, const ImportOptions& 
     };
     JsonObject tag;
     for (const auto key : {"name", "address", "description", "unit"}) tag[key] = cell(key);
-    const std::int64_t type = type_named(cell("type"));
-    tag["type"] = type < 19 ? type : 0;
+    const auto type = std::ranges::find(kNeuronTypes, cell("type")) - kNeuronTypes.begin();
+    tag["type"] = type < std::ssize(kNeuronTypes) ? type : 0;
     tag["attribute"] = cell("attribute").find("Write") == std::string::npos ? 1 : 3;
     for (const auto key : {"decimal", "precision", "bias"}) add_number(tag, key);
     JsonObject group;

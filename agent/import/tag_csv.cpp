@@ -1,5 +1,4 @@
-#include "agent/import/tag_csv.h"
-
+// Converts the tags of a config to CSV and back, for editing in a spreadsheet.
 #include <algorithm>
 #include <map>
 #include <set>

@@ -1,5 +1,4 @@
 // Tags exported to CSV and imported again give the same config.
-#include "agent/import/tag_csv.h"
 
 #include <gtest/gtest.h>
 
