@@ -19,7 +19,6 @@
 #include "agent/remote/kept_configs.h"
 #include "agent/remote/kept_file.h"
 #include "agent/remote/local_config.h"
-#include "agent/remote/remote_answer.h"
 #include "agent/remote/remote_report.h"
 #include "agent/steady_time.h"
 
