@@ -117,10 +117,14 @@ struct HttpServer::Callbacks {
   }
 };
 
+HttpAnswer json_answer(unsigned status, std::string json) {
+  return {status, kJson, std::make_shared<const std::string>(std::move(json)), {}};
+}
+
 HttpAnswer refusal(unsigned status, std::string_view why) {
   json::Writer out;
   out.begin_object().key("error").string(why).end_object();
-  return {status, kJson, std::make_shared<const std::string>(out.take() + "\n"), {}};
+  return json_answer(status, out.take() + "\n");
 }
 
 Result<std::unique_ptr<HttpServer>> HttpServer::start(ListeningSocket socket, Answer answer,

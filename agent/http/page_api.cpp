@@ -24,10 +24,6 @@ using namespace std::literals;
 constexpr std::size_t kMostProblems = 50;
 constexpr std::size_t kMostFrames = 200;  // in one answer: the newest
 
-HttpAnswer json_answer(unsigned status, std::string text) {
-  return {status, kJson, std::make_shared<const std::string>(std::move(text)), {}};
-}
-
 template <class T>
 const T* at(const std::vector<T>& list, std::size_t index) {
   return index < list.size() ? &list[index] : nullptr;

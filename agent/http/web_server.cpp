@@ -31,10 +31,7 @@ constexpr unsigned kMisdirected = 421;
 constexpr const char* kNote = "the agent continues without its HTTP server";
 
 HttpAnswer answer_of(Probe probe) {
-  return {probe.good ? kOk : kUnavailable,
-          kJson,
-          std::make_shared<const std::string>(std::move(probe.json)),
-          {}};
+  return json_answer(probe.good ? kOk : kUnavailable, std::move(probe.json));
 }
 
 HttpAnswer wrong_name() {
@@ -104,7 +101,7 @@ void WebServer::serve(HttpServer& server) {
   server_ = &server;
   while (wait(server.file(), server.run(Clock::now())))
     for (const PageOrders::Result& result : orders_.take_results())
-      server.finish(result.number, {kOk, kJson, std::make_shared<const std::string>(result.text)});
+      server.finish(result.number, json_answer(kOk, result.text));
 }
 
 bool WebServer::wait(int file, SteadyTime until) const {
