@@ -182,11 +182,8 @@ void TagCsvReader::take_tag(const CsvRow& row) {
   ImportedDevice& device = device_of(name);
   // A file with tags alone gives only the names of their groups.
   const std::string group(row.at(group_column_));
-  if (!device.may_be_empty && !group.empty() && groups_.emplace(name, group).second) {
-    JsonObject made;
-    made["name"] = group;
-    device.groups.push_back(std::move(made));
-  }
+  if (!device.may_be_empty && !group.empty() && groups_.emplace(name, group).second)
+    device.groups.push_back(JsonObject::object({{"name", group}}));
   device.tags.push_back(std::move(tag));
 }
 
