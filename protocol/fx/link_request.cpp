@@ -5,8 +5,8 @@
 #include <string_view>
 
 #include "protocol/control_characters.h"
+#include "protocol/encoding.h"
 #include "protocol/fx/link_frame.h"
-#include "protocol/scatter.h"
 
 namespace fxagent::fx::link {
 namespace {
@@ -128,23 +128,14 @@ Bytes framed(const LinkSettings& settings, std::string_view command, ByteView ar
 
 Result<Bytes> encode_read(const LinkSettings& settings, const Read& read) {
   const Span& span = read.span;
-  for (const ReadWay& way : read_ways(settings, span.space)) {
-    if (way.way != read.way || span.first_bit < way.first_bit || span.bits > way.end_bit ||
-        span.first_bit > way.end_bit - span.bits)
-      continue;
-    if (span.first_bit % way.align_bits != 0 || span.bits % way.unit_bits != 0 || span.bits == 0 ||
-        span.bits > way.max_bits)
-      return refuse("read of " + std::to_string(span.bits) + " bits from " + device_name(span) +
-                    ": at most " + std::to_string(way.max_bits) + ", in steps of " +
-                    std::to_string(way.unit_bits));
-    Bytes area;
-    append_device(area, span.space, span.first_bit, name_chars(span.space));
-    append_points(area, span.bits / way.unit_bits);
-    return framed(settings, read_command(read), area);
-  }
-  return fail(ErrorCode::unsupported, device_name(span) + ": " + std::to_string(span.bits) +
-                                          " bits cannot be read by " +
-                                          std::string(read_command(read)) + " on this model");
+  const std::string_view command = read_command(read);
+  const auto way = way_for(read_ways(settings, span.space), read.way, span, device_name(span),
+                           "read by " + std::string(command));
+  if (!way) return tl::make_unexpected(way.error());
+  Bytes area;
+  append_device(area, span.space, span.first_bit, name_chars(span.space));
+  append_points(area, span.bits / way->unit_bits);
+  return framed(settings, command, area);
 }
 
 Result<Bytes> encode_write(const LinkSettings& settings, const Write& write) {

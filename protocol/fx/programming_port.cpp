@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "protocol/control_characters.h"
+#include "protocol/encoding.h"
 
 namespace fxagent::fx {
 namespace {
@@ -304,25 +305,16 @@ std::uint32_t ProgrammingPort::max_write_bits(std::uint16_t space) const {
 namespace {
 
 Result<Bytes> encode_read(const Settings& settings, const Read& read) {
-  const auto set =
-      read.way == ProgrammingPort::kClassicWay ? CommandSet::classic : CommandSet::extended;
+  const bool classic = read.way == ProgrammingPort::kClassicWay;
+  const auto set = classic ? CommandSet::classic : CommandSet::extended;
   const auto space = static_cast<Space>(read.span.space);
-  const Span& span = read.span;
-  for (const ReadWay& way : ways_of(settings, space, set)) {
-    if (span.first_bit < way.first_bit || span.end_bit() > way.end_bit) continue;
-    if (span.first_bit % way.align_bits != 0 || span.bits % way.unit_bits != 0 || span.bits == 0 ||
-        span.bits > way.max_bits)
-      return refuse("read of " + std::to_string(span.bits) + " bits from " + device_name(span) +
-                    ": at most " + std::to_string(way.max_bits) + ", in steps of " +
-                    std::to_string(way.unit_bits));
-    const std::uint32_t address =
-        area_of(map_of(settings.model, set), space)->address + span.first_bit / 8;
-    return framed(set == CommandSet::classic ? "0" : "E00", {{address, 4}, {span.bits / 8, 2}}, {});
-  }
-  return fail(ErrorCode::unsupported, device_name(span) + ": " + std::to_string(span.bits) +
-                                          " bits cannot be reached with the " +
-                                          (set == CommandSet::classic ? "classic" : "extended") +
-                                          " command set on this model");
+  const auto way = way_for(
+      ways_of(settings, space, set), way_of(set), read.span, device_name(read.span),
+      classic ? "reached with the classic command set" : "reached with the extended command set");
+  if (!way) return tl::make_unexpected(way.error());
+  const std::uint32_t address =
+      area_of(map_of(settings.model, set), space)->address + read.span.first_bit / 8;
+  return framed(classic ? "0" : "E00", {{address, 4}, {read.span.bits / 8, 2}}, {});
 }
 
 Result<Bytes> encode_write(const Settings& settings, const Write& write) {

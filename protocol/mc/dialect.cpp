@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "protocol/encoding.h"
+
 namespace fxagent::mc {
 namespace {
 
@@ -105,22 +107,8 @@ std::vector<GatherCommand> gathers(const Dialect& dialect) {
 }
 
 Result<ReadWay> way_of(const Dialect& dialect, const Read& read) {
-  const Span& span = read.span;
-  for (const ReadWay& way : read_ways(dialect, span.space)) {
-    if (way.way != plain_way(read.way) || span.bits > way.end_bit ||
-        span.first_bit > way.end_bit - span.bits)
-      continue;
-    if (span.first_bit % way.align_bits == 0 && span.bits % way.unit_bits == 0 && span.bits != 0 &&
-        span.bits <= way.max_bits)
-      return way;
-    return fail(ErrorCode::bad_request, "read of " + std::to_string(span.bits) + " bits from " +
-                                            device_name(dialect.model, span) + ": at most " +
-                                            std::to_string(way.max_bits) + ", in steps of " +
-                                            std::to_string(way.unit_bits));
-  }
-  return fail(ErrorCode::unsupported, device_name(dialect.model, span) + ": " +
-                                          std::to_string(span.bits) +
-                                          " bits cannot be read in this way on this model");
+  return way_for(read_ways(dialect, read.span.space), plain_way(read.way), read.span,
+                 device_name(dialect.model, read.span), "read in this way");
 }
 
 std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space_id) {

@@ -5,8 +5,8 @@
 #include <string_view>
 #include <utility>
 
+#include "protocol/encoding.h"
 #include "protocol/mc/body.h"
-#include "protocol/scatter.h"
 
 namespace fxagent::mc {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "protocol/encoding.h"
 #include "protocol/mc/one_e_frame.h"
-#include "protocol/scatter.h"
 
 namespace fxagent::mc {
 

@@ -1,0 +1,42 @@
+#include "protocol/encoding.h"
+
+#include <utility>
+
+namespace fxagent {
+
+Write write_of(const Force& force) {
+  return {{force.space, force.bit, 1}, {static_cast<std::uint8_t>(force.on ? 1 : 0)}, force.way};
+}
+
+Result<ReadWay> way_for(const std::vector<ReadWay>& ways, std::uint8_t number, const Span& span,
+                        const std::string& name, std::string_view how) {
+  for (const ReadWay& way : ways) {
+    if (way.way != number || span.first_bit < way.first_bit || span.bits > way.end_bit ||
+        span.first_bit > way.end_bit - span.bits)
+      continue;
+    if (span.first_bit % way.align_bits == 0 && span.bits % way.unit_bits == 0 && span.bits != 0 &&
+        span.bits <= way.max_bits)
+      return way;
+    return refuse("read of " + std::to_string(span.bits) + " bits from " + name + ": at most " +
+                  std::to_string(way.max_bits) + ", in steps of " + std::to_string(way.unit_bits));
+  }
+  return fail(ErrorCode::unsupported, name + ": " + std::to_string(span.bits) + " bits cannot be " +
+                                          std::string(how) + " on this model");
+}
+
+std::optional<Request> Codec::combine(const std::vector<Request>& requests) const {
+  if (requests.size() < 2) return std::nullopt;
+  Scatter scatter;
+  for (const Request& request : requests) {
+    if (const auto* write = std::get_if<Write>(&request))
+      scatter.parts.push_back(*write);
+    else if (const auto* force = std::get_if<Force>(&request))
+      scatter.parts.push_back(write_of(*force));
+    else
+      return std::nullopt;
+  }
+  if (!encode(scatter, 0)) return std::nullopt;
+  return Request(std::move(scatter));
+}
+
+}  // namespace fxagent
