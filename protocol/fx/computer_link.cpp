@@ -9,6 +9,7 @@ namespace fxagent::fx {
 namespace {
 
 using namespace link;
+using Settings = ComputerLink::Settings;
 
 // STX header, 256 bits, ETX, sum, CR LF.
 constexpr std::size_t kLongestFrame = kHeader + 256 + 1 + 2 + 2;
@@ -79,43 +80,12 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
   return std::make_shared<const ComputerLink>(settings);
 }
 
-// ---- addresses and ranges ----------------------------------------------------------------------
-
-Result<Address> ComputerLink::parse_address(std::string_view text,
-                                            std::optional<DataType> type) const {
-  return fx::parse_address(settings_.model, text, type);
-}
-
-Result<Span> ComputerLink::parse_range(std::string_view text) const {
-  return fx::parse_range(settings_.model, text);
-}
-
-Result<void> ComputerLink::check_range(const Span& span) const {
-  return fx::check_range(settings_.model, span);
-}
-
-Result<void> ComputerLink::check_write(const Span& span) const {
-  return fx::check_write(settings_.model, span);
-}
-
-std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space) const {
-  return link::read_ways(settings_, space);
-}
-
-std::uint32_t ComputerLink::max_write_bits(std::uint16_t space) const {
-  return link::max_write_bits(settings_, space);
-}
-
-Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/) const {
-  return link::encode(settings_, request);
-}
-
 // ---- answers -----------------------------------------------------------------------------------
 
 namespace {
 
 /// True if `header` has our station and PLC number.
-bool is_ours(const LinkSettings& settings, ByteView header) {
+bool is_ours(const Settings& settings, ByteView header) {
   std::uint32_t number = 0;
   for (const std::uint8_t c : header.subspan(1, 4)) {
     const int digit = hex_digit(c);
@@ -127,7 +97,7 @@ bool is_ours(const LinkSettings& settings, ByteView header) {
 
 /// Returns the place after another station's frame that begins at `at`, or of the STX that cuts it
 /// off. nullopt if its end has not arrived.
-std::optional<std::size_t> behind_frame(const LinkSettings& settings, ByteView rx, std::size_t at) {
+std::optional<std::size_t> behind_frame(const Settings& settings, ByteView rx, std::size_t at) {
   for (std::size_t i = at + 1; i < rx.size(); ++i) {
     if (rx[i] == kStx) return i;
     if (rx[i] != kEtx) continue;
@@ -138,11 +108,11 @@ std::optional<std::size_t> behind_frame(const LinkSettings& settings, ByteView r
 }
 
 /// False if format 4 is set and the frame does not end with CR LF.
-bool ends_right(const LinkSettings& settings, ByteView frame) {
+bool ends_right(const Settings& settings, ByteView frame) {
   return !settings.ends_with_cr_lf || (frame[frame.size() - 2] == kCr && frame.back() == kLf);
 }
 
-Result<std::optional<Reply>> data_reply(const LinkSettings& settings, const Request& request,
+Result<std::optional<Reply>> data_reply(const Settings& settings, const Request& request,
                                         ByteView rx, std::size_t at) {
   const std::size_t chars = data_chars(request);
   const std::size_t etx = kHeader + chars;
@@ -177,8 +147,7 @@ Result<std::optional<Reply>> data_reply(const LinkSettings& settings, const Requ
   return std::optional<Reply>(std::move(reply));
 }
 
-Result<std::optional<Reply>> short_reply(const LinkSettings& settings, ByteView rx,
-                                         std::size_t at) {
+Result<std::optional<Reply>> short_reply(const Settings& settings, ByteView rx, std::size_t at) {
   const bool nak = rx[at] == kNak;
   const std::size_t length = kHeader + (nak ? 2U : 0U) + settings.terminator_chars();
   if (rx.size() - at < length) return std::optional<Reply>{};
@@ -264,7 +233,7 @@ bool ComputerLink::may_pass_for_answer(ByteView bytes) const {
 
 LineLength ComputerLink::line_length(const Request& request) const {
   LineLength length;
-  length.request_chars = request_chars(settings_, request);
+  length.request_chars = request_chars(request);
   if (!expects_reply(request)) return length;
   length.reply_chars = kHeader + settings_.terminator_chars();
   if (brings_data(request)) {

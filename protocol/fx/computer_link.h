@@ -13,7 +13,6 @@
 
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
-#include "protocol/fx/link_request.h"
 #include "protocol/options.h"
 #include "protocol/plc.h"
 
@@ -21,9 +20,25 @@ namespace fxagent::fx {
 
 class ComputerLink final : public Codec, public AddressSpace, public PlcServices {
  public:
-  using Settings = LinkSettings;
-  static constexpr std::uint8_t kBitWay = link::kBitWay;
-  static constexpr std::uint8_t kWordWay = link::kWordWay;
+  /// Settings of D8120 and D8121 of the PLC, from the computer's side.
+  struct Settings {
+    Model model = Model::unknown;
+    std::uint32_t station = 0;     ///< 0 to 15
+    bool ends_with_cr_lf = false;  ///< control procedure format 4; format 1 has no terminator
+    bool sum_check = true;
+    std::uint32_t wait_tens = 0;   ///< 0 to 15, times 10 ms: wait of the PLC before it answers
+    bool acknowledge_data = true;  ///< answer data with ACK, as the manual requires
+    /// Bytes of device memory in one frame; 128 bytes are the 64 words of the manual.
+    std::uint32_t max_block_bytes = 128;
+
+    /// Characters of the sum and of the terminator of a frame.
+    std::uint32_t sum_chars() const { return sum_check ? 2U : 0U; }
+    std::uint32_t terminator_chars() const { return ends_with_cr_lf ? 2U : 0U; }
+  };
+  /// Read::way of the two units: BR returns one character for each bit, WR and QR four for each
+  /// word.
+  static constexpr std::uint8_t kBitWay = 0;
+  static constexpr std::uint8_t kWordWay = 1;
 
   explicit ComputerLink(const Settings& settings) : settings_(settings) {}
   /// Creates a codec from the config's options. Error: bad_request if `format` is 2 or 3, or if
@@ -31,11 +46,20 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   static Result<std::shared_ptr<const Codec>> make(const Options& options);
 
   // AddressSpace
-  Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
+  Result<Address> parse_address(std::string_view text,
+                                std::optional<DataType> type) const override {
+    return fx::parse_address(settings_.model, text, type);
+  }
   bool needs_type(std::string_view text) const override { return fx::needs_type(text); }
-  Result<Span> parse_range(std::string_view text) const override;
-  Result<void> check_range(const Span& span) const override;
-  Result<void> check_write(const Span& span) const override;
+  Result<Span> parse_range(std::string_view text) const override {
+    return fx::parse_range(settings_.model, text);
+  }
+  Result<void> check_range(const Span& span) const override {
+    return fx::check_range(settings_.model, span);
+  }
+  Result<void> check_write(const Span& span) const override {
+    return fx::check_write(settings_.model, span);
+  }
 
   std::string name_of(const Span& span) const override { return device_name(span); }
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
@@ -67,6 +91,9 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   std::string run_hint() const override;
 
  private:
+  /// Returns the characters of a request. 0 if encode() fails, except for a read.
+  std::uint32_t request_chars(const Request& request) const;
+
   Settings settings_;
 };
 

@@ -2,8 +2,6 @@
 
 #include <array>
 
-#include "protocol/fx/device.h"
-
 namespace fxagent::fx {
 namespace {
 

@@ -1,8 +1,10 @@
-// Codes of computer-link frames. Only for the files of this codec.
+// Parts of computer-link frames. Only for the files of this codec.
 #pragma once
 
 #include <cstdint>
 #include <string_view>
+
+#include "protocol/fx/computer_link.h"
 
 namespace fxagent::fx {
 
@@ -10,10 +12,14 @@ namespace link {
 
 /// Control character, station and PLC number: a whole ACK, or the head of any other frame.
 inline constexpr std::uint32_t kHeader = 5;
+inline constexpr std::uint32_t kPc = 0xFF;  ///< PLC number of every FX
 
 // Reasons in a NAK that decide whether the request is sent again.
 inline constexpr int kSumMismatch = 0x02;
 inline constexpr int kNoDevice = 0x06;
+
+/// Returns the frame that acknowledges data: ACK, station, PLC number [CR LF].
+Bytes acknowledge(const ComputerLink::Settings& settings);
 
 }  // namespace link
 

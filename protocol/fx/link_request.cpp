@@ -1,5 +1,5 @@
-#include "protocol/fx/link_request.h"
-
+// Requests of the computer link: the ways to read, and the frames that carry reads, writes and
+// commands.
 #include <algorithm>
 #include <string>
 #include <string_view>
@@ -8,8 +8,11 @@
 #include "protocol/encoding.h"
 #include "protocol/fx/link_frame.h"
 
-namespace fxagent::fx::link {
+namespace fxagent::fx {
 namespace {
+
+using namespace link;
+using Settings = ComputerLink::Settings;
 
 // ENQ header, command, wait, number of points. The head device stands between the last two.
 constexpr std::uint32_t kReadRequest = kHeader + 2 + 1 + 2;
@@ -48,7 +51,7 @@ void append_device(Bytes& out, std::uint16_t space, std::uint32_t bit, std::size
 
 std::string_view read_command(const Read& read) {
   if (read.span.space == id(Space::r)) return "QR";
-  return read.way == kBitWay ? "BR" : "WR";
+  return read.way == ComputerLink::kBitWay ? "BR" : "WR";
 }
 
 /// Appends the number of points; 256 is written as 00.
@@ -104,16 +107,16 @@ std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLi
 }
 
 /// Appends station and PLC number.
-void append_station(Bytes& out, const LinkSettings& settings) {
+void append_station(Bytes& out, const Settings& settings) {
   append_hex(out, settings.station << 8 | kPc, 4);
 }
 
-void append_terminator(Bytes& out, const LinkSettings& settings) {
+void append_terminator(Bytes& out, const Settings& settings) {
   if (settings.ends_with_cr_lf) out.insert(out.end(), {kCr, kLf});
 }
 
 /// Returns a request frame: ENQ station pc command wait area [sum] [CR LF].
-Bytes framed(const LinkSettings& settings, std::string_view command, ByteView area) {
+Bytes framed(const Settings& settings, std::string_view command, ByteView area) {
   Bytes frame{kEnq};
   frame.reserve(kHeader + command.size() + 1 + area.size() + settings.sum_chars() +
                 settings.terminator_chars());
@@ -126,11 +129,12 @@ Bytes framed(const LinkSettings& settings, std::string_view command, ByteView ar
   return frame;
 }
 
-Result<Bytes> encode_read(const LinkSettings& settings, const Read& read) {
+Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& ways,
+                          const Read& read) {
   const Span& span = read.span;
   const std::string_view command = read_command(read);
-  const auto way = way_for(read_ways(settings, span.space), read.way, span, device_name(span),
-                           "read by " + std::string(command));
+  const auto way =
+      way_for(ways, read.way, span, device_name(span), "read by " + std::string(command));
   if (!way) return tl::make_unexpected(way.error());
   Bytes area;
   append_device(area, span.space, span.first_bit, name_chars(span.space));
@@ -138,7 +142,7 @@ Result<Bytes> encode_read(const LinkSettings& settings, const Read& read) {
   return framed(settings, command, area);
 }
 
-Result<Bytes> encode_write(const LinkSettings& settings, const Write& write) {
+Result<Bytes> encode_write(const Settings& settings, const Write& write) {
   const Span& span = write.span;
   if (const auto allowed = check_exact(settings.model, span); !allowed)
     return tl::make_unexpected(allowed.error());
@@ -165,7 +169,7 @@ Result<Bytes> encode_write(const LinkSettings& settings, const Write& write) {
   return framed(settings, by_bits ? "BW" : (extension ? "QW" : "WW"), area);
 }
 
-Result<Bytes> encode_scatter(const LinkSettings& settings, const Scatter& scatter) {
+Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
   const auto carrier = carrier_of(scatter.parts, limits_of(settings.model));
   if (!carrier) return fail(ErrorCode::unsupported, "no frame carries these writes together");
   Bytes items;
@@ -198,12 +202,12 @@ Result<Bytes> encode_scatter(const LinkSettings& settings, const Scatter& scatte
 
 }  // namespace
 
-std::vector<ReadWay> read_ways(const LinkSettings& settings, std::uint16_t space_id) {
+std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
   std::vector<ReadWay> ways;
   if (space_id >= id(Space::tc)) return ways;
   const auto space = static_cast<Space>(space_id);
   const std::uint32_t bits = kind_of(space).bits;
-  const PointLimits& limits = limits_of(settings.model);
+  const PointLimits& limits = limits_of(settings_.model);
   const auto add = [&](const Span& run, std::uint8_t id, std::uint32_t align, std::uint32_t unit,
                        std::uint32_t points) {
     if (run.bits < unit) return;
@@ -213,76 +217,77 @@ std::vector<ReadWay> read_ways(const LinkSettings& settings, std::uint16_t space
     way.end_bit = run.end_bit();
     way.align_bits = align;
     way.unit_bits = unit;
-    const std::uint32_t block = settings.max_block_bytes * 8;
+    const std::uint32_t block = settings_.max_block_bytes * 8;
     way.max_bits = std::max(std::min(points * unit, block) / unit * unit, unit);
     ways.push_back(way);
   };
   // Only FX3 have the Q commands, so R is not read before the model is known.
-  if (space == Space::r && settings.model == Model::unknown) return ways;
-  for (const Numbers& numbers : numbers_of(settings.model, space)) {
+  if (space == Space::r && settings_.model == Model::unknown) return ways;
+  for (const Numbers& numbers : numbers_of(settings_.model, space)) {
     const Span run = span_of(space, numbers);
     if (bits == 1) add(run, kBitWay, 1, 1, limits.br);
     if (bits == 16) add(run, kWordWay, 16, 16, limits.wr);
     if (bits == 32) add(run, kWordWay, 32, 32, limits.wr_of_dwords);
     // The words of a bit device may extend past the last one. While the model is unknown, so is
     // that device, and bits are read one by one.
-    if (bits == 1 && has_word_way(space) && settings.model != Model::unknown)
+    if (bits == 1 && has_word_way(space) && settings_.model != Model::unknown)
       add(run, kWordWay, 8, 16, limits.wr_of_bits);
   }
   return ways;
 }
 
-std::uint32_t max_write_bits(const LinkSettings& settings, std::uint16_t space) {
+std::uint32_t ComputerLink::max_write_bits(std::uint16_t space) const {
   if (space >= id(Space::tc)) return 0;
   const std::uint32_t bits = kind_of(static_cast<Space>(space)).bits;
-  const PointLimits& limits = limits_of(settings.model);
+  const PointLimits& limits = limits_of(settings_.model);
   // For bits, as many whole bytes as BW carries: a remainder shorter than a word must fit, too.
   const std::uint32_t unit = std::max<std::uint32_t>(bits, 8);
   const std::uint32_t most = bits == 1    ? limits.bw
                              : bits == 16 ? limits.ww * bits
                                           : limits.ww_of_dwords * bits;
-  return std::max(std::min(most, settings.max_block_bytes * 8) / unit * unit, unit);
+  return std::max(std::min(most, settings_.max_block_bytes * 8) / unit * unit, unit);
 }
 
-Result<Bytes> encode(const LinkSettings& settings, const Request& request) {
-  if (const auto* read = std::get_if<Read>(&request)) return encode_read(settings, *read);
-  if (const auto* write = std::get_if<Write>(&request)) return encode_write(settings, *write);
+Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/) const {
+  if (const auto* read = std::get_if<Read>(&request))
+    return encode_read(settings_, read_ways(read->span.space), *read);
+  if (const auto* write = std::get_if<Write>(&request)) return encode_write(settings_, *write);
   if (const auto* scatter = std::get_if<Scatter>(&request))
-    return encode_scatter(settings, *scatter);
+    return encode_scatter(settings_, *scatter);
   if (const auto* force = std::get_if<Force>(&request)) {
     if (force->space < id(Space::tc) && !is_bit_space(force->space))
       return refuse(device_name({force->space, force->bit, 1}) +
                     " is a word: only bits can be forced");
-    return encode_write(settings, write_of(*force));
+    return encode_write(settings_, write_of(*force));
   }
   if (const auto* control = std::get_if<Control>(&request)) {
     switch (control->kind) {
       case Control::Kind::identify:
-        return framed(settings, "PC", {});
+        return framed(settings_, "PC", {});
       case Control::Kind::run:
-        return framed(settings, "RR", {});
+        return framed(settings_, "RR", {});
       case Control::Kind::stop:
-        return framed(settings, "RS", {});
+        return framed(settings_, "RS", {});
       case Control::Kind::reset:
-        return settings.ends_with_cr_lf ? Bytes{kEot, kCr, kLf} : Bytes{kEot};
+        return settings_.ends_with_cr_lf ? Bytes{kEot, kCr, kLf} : Bytes{kEot};
     }
   }
   return fail(ErrorCode::unsupported, "the computer link has no enquiry of its own");
 }
 
-std::uint32_t request_chars(const LinkSettings& settings, const Request& request) {
+std::uint32_t ComputerLink::request_chars(const Request& request) const {
   if (const auto* read = std::get_if<Read>(&request))
     return kReadRequest + static_cast<std::uint32_t>(name_chars(read->span.space)) +
-           settings.sum_chars() + settings.terminator_chars();
-  const auto frame = encode(settings, request);
+           settings_.sum_chars() + settings_.terminator_chars();
+  const auto frame = encode(request, 0);
   return frame ? static_cast<std::uint32_t>(frame->size()) : 0;
 }
 
-Bytes acknowledge(const LinkSettings& settings) {
+Bytes link::acknowledge(const Settings& settings) {
   Bytes frame{kAck};
   append_station(frame, settings);
   append_terminator(frame, settings);
   return frame;
 }
 
-}  // namespace fxagent::fx::link
+}  // namespace fxagent::fx
