@@ -88,10 +88,10 @@ inline bool brings_data(const Request& request) { return is_read(request) || is_
 /// The answer to a request.
 struct Reply {
   enum class Kind : std::uint8_t { ack, nak, data } kind = Kind::ack;
-  Bytes image;          ///< data: the image of the request's span, or the answer to identify
+  Bytes image{};        ///< data: the image of the request's span, or the answer to identify
   int device_code = 0;  ///< nak: the reason; 0 if the protocol gives none
-  std::string text;     ///< nak: the reason in words ("nak 06: device does not exist")
-  Bytes closing;        ///< to be sent after this reply, without waiting for an answer
+  std::string text{};   ///< nak: the reason in words ("nak 06: device does not exist")
+  Bytes closing{};      ///< to be sent after this reply, without waiting for an answer
   /// Offset of the reply's frame in rx; bytes before it are an echo or older.
   std::size_t began = 0;
   std::size_t consumed = 0;  ///< offset of the reply's end in rx; later bytes do not belong to it

@@ -125,7 +125,7 @@ Result<std::optional<Reply>> data_reply(const Settings& settings, const Request&
                    std::to_string(chars) + " expected");
   if (end != etx && frame.size() > etx)
     return garbled("more data characters given, " + std::to_string(chars) + " expected");
-  if (frame.size() < length) return std::optional<Reply>{};
+  if (frame.size() < length) return std::nullopt;
   if (settings.sum_check) {
     const ByteView given = frame.subspan(etx + 1, 2);
     const int sum = hex_byte(given);
@@ -138,33 +138,29 @@ Result<std::optional<Reply>> data_reply(const Settings& settings, const Request&
     return garbled("CR LF is missing after the data: format 4 ends with it");
   auto image = image_of(request, frame.subspan(kHeader, chars));
   if (!image) return tl::make_unexpected(image.error());
-  Reply reply;
-  reply.kind = Reply::Kind::data;
-  reply.image = std::move(*image);
-  reply.began = at;
-  reply.consumed = at + length;
-  if (settings.acknowledge_data) reply.closing = acknowledge(settings);
-  return std::optional<Reply>(std::move(reply));
+  return Reply{.kind = Reply::Kind::data,
+               .image = std::move(*image),
+               .closing = settings.acknowledge_data ? acknowledge(settings) : Bytes{},
+               .began = at,
+               .consumed = at + length};
 }
 
 Result<std::optional<Reply>> short_reply(const Settings& settings, ByteView rx, std::size_t at) {
   const bool nak = rx[at] == kNak;
   const std::size_t length = kHeader + (nak ? 2U : 0U) + settings.terminator_chars();
-  if (rx.size() - at < length) return std::optional<Reply>{};
+  if (rx.size() - at < length) return std::nullopt;
   const ByteView frame = rx.subspan(at, length);
   if (!ends_right(settings, frame))
     return garbled("CR LF is missing after ACK or NAK: format 4 ends with it");
-  Reply reply;
-  reply.began = at;
-  reply.consumed = at + length;
-  if (nak) {
-    const ByteView code = frame.subspan(kHeader, 2);
-    reply.device_code = hex_byte(code);
-    if (reply.device_code < 0) return garbled("NAK with the reason " + to_hex(code));
-    reply.kind = Reply::Kind::nak;
-    reply.text = "nak " + as_text(code) + ": " + std::string(link_refusal(reply.device_code));
-  }
-  return std::optional<Reply>(std::move(reply));
+  if (!nak) return Reply{.began = at, .consumed = at + length};
+  const ByteView code = frame.subspan(kHeader, 2);
+  const int reason = hex_byte(code);
+  if (reason < 0) return garbled("NAK with the reason " + to_hex(code));
+  return Reply{.kind = Reply::Kind::nak,
+               .device_code = reason,
+               .text = "nak " + as_text(code) + ": " + std::string(link_refusal(reason)),
+               .began = at,
+               .consumed = at + length};
 }
 
 }  // namespace
@@ -212,7 +208,7 @@ Result<std::optional<Reply>> ComputerLink::decode(const Request& request, std::u
   if (rx.size() - begin > 2 * kLongestFrame)
     return garbled(std::to_string(rx.size() - begin) +
                    " bytes without an answer; the longest has " + std::to_string(kLongestFrame));
-  return std::optional<Reply>{};
+  return std::nullopt;
 }
 
 bool ComputerLink::expects_reply(const Request& request) const {

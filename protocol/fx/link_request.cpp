@@ -211,15 +211,13 @@ std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
   const auto add = [&](const Span& run, std::uint8_t id, std::uint32_t align, std::uint32_t unit,
                        std::uint32_t points) {
     if (run.bits < unit) return;
-    ReadWay way;
-    way.way = id;
-    way.first_bit = run.first_bit;
-    way.end_bit = run.end_bit();
-    way.align_bits = align;
-    way.unit_bits = unit;
-    const std::uint32_t block = settings_.max_block_bytes * 8;
-    way.max_bits = std::max(std::min(points * unit, block) / unit * unit, unit);
-    ways.push_back(way);
+    const std::uint32_t most = std::min(points * unit, settings_.max_block_bytes * 8);
+    ways.push_back({.way = id,
+                    .first_bit = run.first_bit,
+                    .end_bit = run.end_bit(),
+                    .align_bits = align,
+                    .unit_bits = unit,
+                    .max_bits = std::max(most / unit * unit, unit)});
   };
   // Only FX3 have the Q commands, so R is not read before the model is known.
   if (space == Space::r && settings_.model == Model::unknown) return ways;

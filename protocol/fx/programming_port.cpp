@@ -68,16 +68,14 @@ Result<std::optional<Reply>> wait_for_more(ByteView rx, std::size_t from) {
     return garbled(std::to_string(rx.size() - from) +
                    " bytes without a whole frame; the longest has " +
                    std::to_string(kLongestFrame));
-  return std::optional<Reply>{};
+  return std::nullopt;
 }
 
 Reply nak(std::size_t consumed) {
-  Reply reply;
-  reply.kind = Reply::Kind::nak;
-  reply.text = "NAK (the programming port gives no reason)";
-  reply.began = consumed - 1;
-  reply.consumed = consumed;
-  return reply;
+  return {.kind = Reply::Kind::nak,
+          .text = "NAK (the programming port gives no reason)",
+          .began = consumed - 1,
+          .consumed = consumed};
 }
 
 /// Decodes the data frame rx[at.begin, at.end) as the answer to a read of `bytes` bytes.
@@ -93,18 +91,15 @@ Result<std::optional<Reply>> data_reply(ByteView rx, FramePlace at, std::size_t 
   if (payload.size() != bytes * 2)
     return garbled(std::to_string(payload.size()) + " data digits given, " +
                    std::to_string(bytes * 2) + " expected");
-  Reply reply;
-  reply.kind = Reply::Kind::data;
-  reply.began = at.begin;
-  reply.consumed = at.end;
-  reply.image.resize(bytes);
+  Reply reply{
+      .kind = Reply::Kind::data, .image = Bytes(bytes), .began = at.begin, .consumed = at.end};
   for (std::size_t i = 0; i < bytes; ++i) {
     const ByteView digits = payload.subspan(2 * i, 2);
     const int byte = hex_byte(digits);
     if (byte < 0) return garbled("data " + to_hex(digits) + " is not two hex digits");
     reply.image[i] = static_cast<std::uint8_t>(byte);
   }
-  return std::optional<Reply>(std::move(reply));
+  return reply;
 }
 
 /// Decodes an answer with data. Skips an echo of the request, which is never an answer.
@@ -114,7 +109,7 @@ Result<std::optional<Reply>> decode_data(ByteView rx, ByteView request, std::siz
     const std::size_t from = at;
     while (at < rx.size() && rx[at] != kStx && rx[at] != kNak) ++at;
     if (at == rx.size()) return wait_for_more(rx, from);
-    if (rx[at] == kNak) return std::optional<Reply>(nak(at + 1));
+    if (rx[at] == kNak) return nak(at + 1);
     const auto place = find_frame(rx, at);
     if (!place) return wait_for_more(rx, at);
     const ByteView frame = rx.subspan(place->begin, place->end - place->begin);
@@ -129,13 +124,8 @@ Result<std::optional<Reply>> decode_data(ByteView rx, ByteView request, std::siz
 Result<std::optional<Reply>> decode_acknowledge(ByteView rx) {
   std::size_t at = 0;
   while (at < rx.size()) {
-    if (rx[at] == kNak) return std::optional<Reply>(nak(at + 1));
-    if (rx[at] == kAck) {
-      Reply reply;
-      reply.began = at;
-      reply.consumed = at + 1;
-      return std::optional<Reply>(std::move(reply));
-    }
+    if (rx[at] == kNak) return nak(at + 1);
+    if (rx[at] == kAck) return Reply{.began = at, .consumed = at + 1};
     if (rx[at] != kStx) {
       ++at;
       continue;
@@ -244,15 +234,13 @@ std::vector<ReadWay> ways_of(const Settings& settings, Space space, CommandSet s
     const Span span = span_of(space, run);
     const std::uint32_t end = std::min(span.end_bit(), area->bits());
     if (span.first_bit >= end) continue;
-    ReadWay way;
-    way.way = way_of(set);
-    way.tier = way.way;
-    way.first_bit = span.first_bit / unit * unit;
-    way.end_bit = (end + unit - 1) / unit * unit;
-    way.align_bits = unit;
-    way.unit_bits = unit;
-    way.max_bits = std::max(max_read_bytes(settings, set) * 8 / unit * unit, unit);
-    ways.push_back(way);
+    ways.push_back({.way = way_of(set),
+                    .tier = way_of(set),
+                    .first_bit = span.first_bit / unit * unit,
+                    .end_bit = (end + unit - 1) / unit * unit,
+                    .align_bits = unit,
+                    .unit_bits = unit,
+                    .max_bits = std::max(max_read_bytes(settings, set) * 8 / unit * unit, unit)});
   }
   return ways;
 }

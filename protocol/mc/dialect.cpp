@@ -68,19 +68,17 @@ std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
   const auto add = [&](std::uint8_t id, std::uint32_t align, std::uint32_t unit,
                        std::uint32_t points, std::uint8_t gather = 0) {
     if (run.bits < unit) return;
-    ReadWay way;
-    way.way = id;
-    way.end_bit = run.end_bit();
-    if (has_doubtful_digits(dialect, space)) {
-      // Bits may begin at any device with a name, words only at the first one.
-      way.end_bit = unit == 1 ? kCertain : kCertainWords;
-    }
-    way.align_bits = align;
-    way.unit_bits = unit;
-    const std::uint32_t block = dialect.max_block_bytes * 8;
-    way.max_bits = std::max(std::min(points * unit, block) / unit * unit, unit);
-    way.gather = gather;
-    ways.push_back(way);
+    // Bits may begin at any device with a name, words only at the first one.
+    const std::uint32_t end = !has_doubtful_digits(dialect, space) ? run.end_bit()
+                              : unit == 1                          ? kCertain
+                                                                   : kCertainWords;
+    const std::uint32_t most = std::min(points * unit, dialect.max_block_bytes * 8);
+    ways.push_back({.way = id,
+                    .end_bit = end,
+                    .align_bits = align,
+                    .unit_bits = unit,
+                    .max_bits = std::max(most / unit * unit, unit),
+                    .gather = gather});
   };
   if (bits == 32) {
     add(kDwordWay, 32, 32, limits.random);

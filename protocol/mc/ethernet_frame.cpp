@@ -44,11 +44,7 @@ const Subheader* subheader_in(Code code, ByteView bytes) {
 }
 
 EthernetFrame wrong(ByteView rx, std::string error) {
-  EthernetFrame frame;
-  frame.state = EthernetFrame::State::wrong;
-  frame.end = rx.size();
-  frame.error = std::move(error);
-  return frame;
+  return {.state = EthernetFrame::State::wrong, .end = rx.size(), .error = std::move(error)};
 }
 
 /// Describes the bytes that stand in place of the expected subheader.

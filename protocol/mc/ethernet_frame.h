@@ -40,10 +40,10 @@ struct EthernetFrame {
   enum class State : std::uint8_t { good, incomplete, wrong } state = State::incomplete;
   bool is_request = false;
   std::uint16_t serial = 0;
-  Route route;
-  ByteView content;  ///< after the length: timer and message, or end code and data
+  Route route{};
+  ByteView content{};  ///< after the length: timer and message, or end code and data
   std::size_t end = 0;
-  std::string error;  ///< wrong: the reason; nothing after it can be decoded
+  std::string error{};  ///< wrong: the reason; nothing after it can be decoded
 };
 /// Returns the frame that begins at `at`. `content` points into `rx`.
 EthernetFrame ethernet_frame(bool numbered, Code code, ByteView rx, std::size_t at);

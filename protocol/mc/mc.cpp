@@ -24,11 +24,7 @@ constexpr std::uint8_t kStepRun = 1;      // 0 RUN, 1 STEP-RUN, 2 STOP, 3 PAUSE
 constexpr std::uint32_t kAlwaysOn = 400;  // SM400 exists in all of these series
 
 Reply refusal(std::uint16_t code, Series series) {
-  Reply reply;
-  reply.kind = Reply::Kind::nak;
-  reply.device_code = code;
-  reply.text = end_code_text(code, series);
-  return reply;
+  return {.kind = Reply::Kind::nak, .device_code = code, .text = end_code_text(code, series)};
 }
 
 /// Returns why frames in ASCII code cannot reach all of a span; empty if they can.
@@ -156,21 +152,16 @@ Result<Reply> data_reply(const Dialect& dialect, const Request& request, ByteVie
   if (is_identify(request) && data.size() != expected) {
     // Another vendor's device: use the name if there is one, otherwise report no model. The image
     // is never used as a value.
-    Reply named;
-    named.kind = Reply::Kind::data;
-    if (data.size() >= kTypeName) named.image.assign(data.begin(), data.begin() + kTypeName);
-    return named;
+    const ByteView name = data.first(data.size() >= kTypeName ? kTypeName : 0);
+    return Reply{.kind = Reply::Kind::data, .image = Bytes(name.begin(), name.end())};
   }
   if (data.size() != expected)
     return garbled(std::to_string(data.size()) + " characters of data given, " +
                    std::to_string(expected) + " expected");
-  Reply reply;
-  if (!brings_data(request)) return reply;
+  if (!brings_data(request)) return Reply{};
   auto image = decode_answer(dialect, request, data);
   if (!image) return tl::make_unexpected(image.error());
-  reply.kind = Reply::Kind::data;
-  reply.image = std::move(*image);
-  return reply;
+  return Reply{.kind = Reply::Kind::data, .image = std::move(*image)};
 }
 
 /// Decodes the part after the length of an Ethernet frame that answers this request.
@@ -215,9 +206,9 @@ Result<std::optional<Reply>> decode_ethernet(const EthernetSettings& settings,
     if (!reply) return tl::make_unexpected(reply.error());
     reply->began = began;
     reply->consumed = frame.end;
-    return std::optional<Reply>(std::move(*reply));
+    return std::move(*reply);
   }
-  return std::optional<Reply>{};
+  return std::nullopt;
 }
 
 Result<std::optional<Reply>> decode_serial(const SerialSettings& settings, const Dialect& dialect,
@@ -229,7 +220,7 @@ Result<std::optional<Reply>> decode_serial(const SerialSettings& settings, const
     case SerialAnswer::State::incomplete:
       if (rx.size() > kMostSearched)
         return garbled(std::to_string(rx.size()) + " bytes without an answer");
-      return std::optional<Reply>{};
+      return std::nullopt;
     case SerialAnswer::State::wrong:
       return garbled(answer.error);
     case SerialAnswer::State::refused:
@@ -243,7 +234,7 @@ Result<std::optional<Reply>> decode_serial(const SerialSettings& settings, const
   if (!reply) return tl::make_unexpected(reply.error());
   reply->began = answer.began;
   reply->consumed = answer.end;
-  return std::optional<Reply>(std::move(*reply));
+  return std::move(*reply);
 }
 
 }  // namespace

@@ -184,13 +184,12 @@ std::vector<ReadWay> ways_of(Model model, std::uint16_t space_id) {
   const Span all = span_of(space, *numbers);
   const std::uint32_t width = kind_of(space).bits;
   const auto add = [&](std::uint8_t way, std::uint32_t unit, std::uint32_t points) {
-    ReadWay& added = ways.emplace_back();
-    added.way = way;
-    added.first_bit = all.first_bit;
-    added.end_bit = all.end_bit();
-    added.align_bits = unit;
-    added.unit_bits = unit;
-    added.max_bits = points;
+    ways.push_back({.way = way,
+                    .first_bit = all.first_bit,
+                    .end_bit = all.end_bit(),
+                    .align_bits = unit,
+                    .unit_bits = unit,
+                    .max_bits = points});
   };
   if (width == 1) add(kBitWay, 1, kReadBits);
   if (width == 1 && !is_contact(space)) add(kWordWay, 16, kReadWordsOfBits * 16);
@@ -239,8 +238,7 @@ Result<Bytes> encode_read(const Settings& settings, const Read& read) {
   if (const auto reached = check_reach(settings.model, span); !reached)
     return tl::make_unexpected(reached.error());
   const auto ways = ways_of(settings.model, span.space);
-  const auto way = std::find_if(ways.begin(), ways.end(),
-                                [&](const ReadWay& one) { return one.way == read.way; });
+  const auto way = std::ranges::find(ways, read.way, &ReadWay::way);
   if (way == ways.end())
     return refuse(device_name(settings.model, span) + " is not read " +
                   (read.way == kBitWay ? "as bits" : "as words"));
@@ -350,11 +348,11 @@ Result<std::optional<Reply>> reply_in(Code data_code, const Request& request, st
   if (data_code == Code::ascii) binary = one_e::from_ascii(frame);
   if (!binary) return garbled("an answer that is not all hex digits" + std::string(mistake));
   const Bytes& bytes = *binary;
-  if (bytes.empty()) return std::optional<Reply>{};
+  if (bytes.empty()) return std::nullopt;
   if (bytes[0] != (command | one_e::kAnswer))
     return garbled("an answer that begins with " + hex_text(bytes[0], 2) + " where " +
                    hex_text(command | one_e::kAnswer, 2) + " is due" + std::string(mistake));
-  if (bytes.size() < one_e::kAnswerHead) return std::optional<Reply>{};
+  if (bytes.size() < one_e::kAnswerHead) return std::nullopt;
 
   Reply reply;
   const std::uint8_t end_code = bytes[1];
@@ -364,7 +362,7 @@ Result<std::optional<Reply>> reply_in(Code data_code, const Request& request, st
   } else if (end_code == one_e::kWithReason || bytes.size() > length) {
     length += 2;  // the abnormal code; an E71 may send it with other end codes, too
   }
-  if (bytes.size() < length) return std::optional<Reply>{};
+  if (bytes.size() < length) return std::nullopt;
   if (frame.size() > wire_size(data_code, length))
     return garbled(std::to_string(frame.size()) + " bytes where " +
                    std::to_string(wire_size(data_code, length)) + " were due");
@@ -374,10 +372,10 @@ Result<std::optional<Reply>> reply_in(Code data_code, const Request& request, st
     reply.kind = Reply::Kind::nak;
     reply.device_code = one_e::device_code(end_code, abnormal.value_or(0));
     reply.text = "nak " + one_e::refusal(end_code, abnormal);
-    return std::optional<Reply>(std::move(reply));
+    return reply;
   }
   const ByteView data = frame.subspan(wire_size(data_code, one_e::kAnswerHead));
-  if (data.empty()) return std::optional<Reply>(std::move(reply));
+  if (data.empty()) return reply;
   reply.kind = Reply::Kind::data;
   const auto* read = std::get_if<Read>(&request);
   const bool by_bits = read != nullptr && read->way == kBitWay;
@@ -386,7 +384,7 @@ Result<std::optional<Reply>> reply_in(Code data_code, const Request& request, st
   if (!image)
     return garbled("data " + to_hex(ByteView(bytes).subspan(one_e::kAnswerHead)) + " are not bits");
   reply.image = std::move(*image);
-  return std::optional<Reply>(std::move(reply));
+  return reply;
 }
 
 }  // namespace
@@ -416,7 +414,7 @@ Result<std::optional<Reply>> OneE::decode(const Request& request, std::uint16_t 
     }
     return reply;
   }
-  return std::optional<Reply>{};
+  return std::nullopt;
 }
 
 bool OneE::may_pass_for_answer(ByteView bytes) const {

@@ -22,10 +22,7 @@ constexpr std::size_t kLength = 2;
 constexpr std::size_t kMark = 2;
 
 SerialAnswer garbled_answer(std::string error) {
-  SerialAnswer answer;
-  answer.state = SerialAnswer::State::wrong;
-  answer.error = std::move(error);
-  return answer;
+  return {.state = SerialAnswer::State::wrong, .error = std::move(error)};
 }
 
 /// Returns block number, frame id and route: all that stands between the control character and the
@@ -180,12 +177,7 @@ class AsciiSearch final {
     if (etx != 0 && rx_[at_ + size] != kEtx)
       return garbled_answer("ETX is missing after the answer");
     if (!has_tail(whole)) return no_tail();
-    SerialAnswer answer;
-    answer.state = state;
-    answer.end_code = code;
-    answer.began = at_;
-    answer.end = at_ + whole;
-    return answer;
+    return SerialAnswer{.state = state, .end_code = code, .began = at_, .end = at_ + whole};
   }
 
   std::optional<SerialAnswer> refused_at(std::size_t size, std::size_t etx) {
@@ -218,13 +210,11 @@ class AsciiSearch final {
           !why.empty())
         return garbled_answer(std::move(why));
     if (!has_tail(whole)) return no_tail();
-    SerialAnswer answer;
-    answer.state = State::data;
-    answer.data.assign(frame.begin() + static_cast<std::ptrdiff_t>(begin),
-                       frame.begin() + static_cast<std::ptrdiff_t>(etx));
-    answer.began = at_;
-    answer.end = at_ + whole;
-    return answer;
+    const ByteView data = frame.subspan(begin, data_);
+    return SerialAnswer{.state = State::data,
+                        .data = Bytes(data.begin(), data.end()),
+                        .began = at_,
+                        .end = at_ + whole};
   }
 
   /// Skips a frame with STX that is not the wanted answer. Incomplete if its end has not arrived.
@@ -280,20 +270,14 @@ std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::s
   const auto code =
       static_cast<std::uint16_t>(*number_at(Code::binary, content, mark + kMark, kEndCode));
   const ByteView rest = content.subspan(least);
-  SerialAnswer answer;
-  answer.end_code = code;
-  if (code != 0) {
-    answer.state = SerialAnswer::State::refused;
-    return answer;
-  }
+  if (code != 0) return SerialAnswer{.state = SerialAnswer::State::refused, .end_code = code};
   if ((rest.empty()) != (data == 0))
     return std::nullopt;  // a late answer to a request of the other kind
   if (rest.size() != data)
     return garbled_answer(std::to_string(rest.size()) + " bytes of data given, " +
                           std::to_string(data) + " expected");
-  answer.state = data == 0 ? SerialAnswer::State::done : SerialAnswer::State::data;
-  answer.data.assign(rest.begin(), rest.end());
-  return answer;
+  return SerialAnswer{.state = data == 0 ? SerialAnswer::State::done : SerialAnswer::State::data,
+                      .data = Bytes(rest.begin(), rest.end())};
 }
 
 SerialAnswer binary_search(const SerialSettings& settings, std::size_t data, ByteView rx) {

@@ -40,11 +40,11 @@ struct SerialAnswer {
     refused,
     wrong,
   } state = State::incomplete;
-  Bytes data;
+  Bytes data{};
   std::uint16_t end_code = 0;
   std::size_t began = 0;
   std::size_t end = 0;
-  std::string error;  ///< wrong: the reason
+  std::string error{};  ///< wrong: the reason
 };
 /// Searches `rx` for the answer to a request with this block number. The answer has `data`
 /// characters of data; 0: none. Skips echoes, frames of other stations and answers of the other

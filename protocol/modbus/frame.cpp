@@ -11,11 +11,7 @@ constexpr std::size_t kMbap = 6;
 constexpr std::size_t kLongest = 254;
 
 Frame wrong(std::size_t end, std::string error) {
-  Frame frame;
-  frame.state = Frame::State::wrong;
-  frame.end = end;
-  frame.error = std::move(error);
-  return frame;
+  return {.state = Frame::State::wrong, .end = end, .error = std::move(error)};
 }
 
 void judge_sum(Frame& frame, std::string_view name) {

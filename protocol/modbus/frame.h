@@ -30,11 +30,11 @@ struct Frame {
   enum class State : std::uint8_t { good, incomplete, wrong } state = State::incomplete;
   std::uint8_t unit = 0;
   std::uint16_t transaction = 0;  ///< TCP
-  Bytes pdu;                      ///< also set if only the sum is wrong
-  std::string sum_given;          ///< CRC or LRC in hex, in wire order; empty on TCP
-  std::string sum_computed;
+  Bytes pdu{};                    ///< also set if only the sum is wrong
+  std::string sum_given{};        ///< CRC or LRC in hex, in wire order; empty on TCP
+  std::string sum_computed{};
   std::size_t end = 0;  ///< end of the frame, good or wrong
-  std::string error;    ///< wrong: the reason
+  std::string error{};  ///< wrong: the reason
 };
 
 /// Returns the RTU frame that begins at `at` and whose PDU has `pdu_bytes`. The frame itself does

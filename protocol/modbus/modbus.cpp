@@ -218,13 +218,11 @@ std::string Modbus::name_of(const Span& span) const {
 std::vector<ReadWay> Modbus::read_ways(std::uint16_t space_id) const {
   if (space_id >= kTables) return {};
   const std::uint32_t width = width_of(static_cast<Space>(space_id));
-  ReadWay way;
-  way.end_bit = kNumbers * width;
-  way.align_bits = width;
-  way.unit_bits = width;
-  way.max_bits = settings_.max_read * 16;
-  way.max_gap_bits = settings_.max_gap * 16;
-  return {way};
+  return {{.end_bit = kNumbers * width,
+           .align_bits = width,
+           .unit_bits = width,
+           .max_bits = settings_.max_read * 16,
+           .max_gap_bits = settings_.max_gap * 16}};
 }
 
 std::uint32_t Modbus::max_write_bits(std::uint16_t space) const {
@@ -283,7 +281,7 @@ Result<std::optional<Reply>> decode_rtu(std::uint8_t unit, const Request& reques
   if (!error.empty() && !pending) return garbled(error);
   if (rx.size() > 2 * kLongestRtu)
     return garbled(std::to_string(rx.size()) + " bytes without an answer");
-  return std::optional<Reply>{};
+  return std::nullopt;
 }
 
 Result<std::optional<Reply>> decode_ascii(std::uint8_t unit, const Request& request, ByteView pdu,
@@ -308,7 +306,7 @@ Result<std::optional<Reply>> decode_ascii(std::uint8_t unit, const Request& requ
   }
   if (rx.size() > 2 * kLongestAscii)
     return garbled(std::to_string(rx.size()) + " bytes without an answer");
-  return std::optional<Reply>{};
+  return std::nullopt;
 }
 
 Result<std::optional<Reply>> decode_tcp(std::uint8_t unit, const Request& request, ByteView pdu,
@@ -317,7 +315,7 @@ Result<std::optional<Reply>> decode_tcp(std::uint8_t unit, const Request& reques
   std::size_t at = 0;
   for (;;) {
     const Frame frame = tcp_frame(rx, at);
-    if (frame.state == Frame::State::incomplete) return std::optional<Reply>{};
+    if (frame.state == Frame::State::incomplete) return std::nullopt;
     if (frame.state == Frame::State::wrong) return garbled(frame.error);
     const std::size_t began = at;
     at = frame.end;

@@ -140,11 +140,9 @@ std::optional<std::size_t> identity_length(ByteView pdu) {
 Result<std::optional<Reply>> decode_identity(ByteView pdu) {
   if (pdu.size() < kIdentityHead ||
       !std::equal(kIdentify.begin(), kIdentify.end() - 1, pdu.begin()))
-    return std::optional<Reply>{};
-  if (identity_length(pdu) != pdu.size())
-    return fail(ErrorCode::bad_frame, "the objects do not fit the frame");
-  Reply reply;
-  reply.kind = Reply::Kind::data;
+    return std::nullopt;
+  if (identity_length(pdu) != pdu.size()) return garbled("the objects do not fit the frame");
+  Reply reply{.kind = Reply::Kind::data};
   for (std::size_t at = kIdentityHead; at < pdu.size();) {
     const std::size_t end = *end_of_object(pdu, at);
     if (!reply.image.empty()) reply.image.insert(reply.image.end(), {',', ' '});
@@ -154,17 +152,15 @@ Result<std::optional<Reply>> decode_identity(ByteView pdu) {
   }
   constexpr std::string_view kMore = ", and more";
   if (pdu[kMoreFollows] != 0) reply.image.insert(reply.image.end(), kMore.begin(), kMore.end());
-  return std::optional<Reply>(std::move(reply));
+  return reply;
 }
 
 Reply refusal(int device_code) {
-  Reply reply;
-  reply.kind = Reply::Kind::nak;
-  reply.device_code = device_code;
   const auto text = exception_text(device_code);
-  reply.text = "exception " + hex_text(static_cast<std::uint32_t>(device_code), 2) + ": " +
-               (text.empty() ? "not in the specification" : std::string(text));
-  return reply;
+  return {.kind = Reply::Kind::nak,
+          .device_code = device_code,
+          .text = "exception " + hex_text(static_cast<std::uint32_t>(device_code), 2) + ": " +
+                  (text.empty() ? "not in the specification" : std::string(text))};
 }
 
 }  // namespace
@@ -220,35 +216,33 @@ std::optional<std::size_t> answer_length(ByteView pdu) {
 Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu) {
   const auto sent = encode_pdu(request);
   if (!sent) return tl::make_unexpected(sent.error());
-  if (pdu.empty()) return fail(ErrorCode::bad_frame, "an answer without a function code");
+  if (pdu.empty()) return garbled("an answer without a function code");
   const std::uint8_t function = sent->front();
   if (pdu[0] == (function | kException)) {
-    if (pdu.size() != 2)
-      return fail(ErrorCode::bad_frame, "an exception of " + std::to_string(pdu.size()) + " bytes");
-    return std::optional<Reply>(refusal(pdu[1]));
+    if (pdu.size() != 2) return garbled("an exception of " + std::to_string(pdu.size()) + " bytes");
+    return refusal(pdu[1]);
   }
-  if (pdu[0] != function) return std::optional<Reply>{};
+  if (pdu[0] != function) return std::nullopt;
   if (const auto* read = std::get_if<Read>(&request)) {
     const std::size_t bytes = (read->span.bits + 7) / 8;
     if (pdu.size() < 2 || pdu[1] != pdu.size() - 2)
-      return fail(ErrorCode::bad_frame, "the byte count does not fit the frame");
-    if (pdu[1] != bytes) return std::optional<Reply>{};
-    Reply reply;
-    reply.kind = Reply::Kind::data;
+      return garbled("the byte count does not fit the frame");
+    if (pdu[1] != bytes) return std::nullopt;
+    Reply reply{.kind = Reply::Kind::data};
     const ByteView data = pdu.subspan(2);
     reply.image = is_bit_table(read->span.space) ? Bytes(data.begin(), data.end()) : swapped(data);
     if (is_bit_table(read->span.space) && read->span.bits % 8 != 0)
       reply.image.back() &= static_cast<std::uint8_t>((1U << (read->span.bits % 8)) - 1);
-    return std::optional<Reply>(std::move(reply));
+    return reply;
   }
   if (is_identify(request)) return decode_identity(pdu);
   // The answer to a write repeats the beginning of its request: place, and value or quantity.
   const std::size_t length = reply_length(request);
   if (pdu.size() != length)
-    return fail(ErrorCode::bad_frame, "the answer to a write has " + std::to_string(pdu.size()) +
-                                          " bytes instead of " + std::to_string(length));
-  if (!std::equal(pdu.begin(), pdu.end(), sent->begin())) return std::optional<Reply>{};
-  return std::optional<Reply>(Reply{});
+    return garbled("the answer to a write has " + std::to_string(pdu.size()) +
+                   " bytes instead of " + std::to_string(length));
+  if (!std::equal(pdu.begin(), pdu.end(), sent->begin())) return std::nullopt;
+  return Reply{};
 }
 
 std::string_view exception_text(int device_code) {
