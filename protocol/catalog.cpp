@@ -449,8 +449,7 @@ const OptionSpec* binary_option(const ProtocolInfo& protocol, const Options& opt
 
 const ProtocolInfo* find_protocol(std::string_view name) {
   const auto protocols = catalog();
-  const auto found = std::find_if(protocols.begin(), protocols.end(),
-                                  [&](const ProtocolInfo& info) { return info.name == name; });
+  const auto found = std::ranges::find(protocols, name, &ProtocolInfo::name);
   return found == protocols.end() ? nullptr : &*found;
 }
 

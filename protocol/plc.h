@@ -71,9 +71,11 @@ class PlcServices {
 
   /// Returns the read of the run state (M8000 of an FX).
   virtual Request run_state() const = 0;
-  /// Returns true if the answer of run_state() shows that the PLC runs. nullopt if the image is too
-  /// short.
-  virtual std::optional<bool> run_state_from(ByteView image) const = 0;
+  /// Returns true if the answer of run_state() shows that the PLC runs: by its first bit, if that
+  /// is M8000. nullopt if the image is too short.
+  virtual std::optional<bool> run_state_from(ByteView image) const {
+    return image.empty() ? std::nullopt : std::optional((image[0] & 1) != 0);
+  }
   /// Returns the request that starts (true) or stops (false) the PLC. If this protocol cannot
   /// switch the model, encode() fails with unsupported. A refused request is never repeated: see
   /// Codec::meaning_of().

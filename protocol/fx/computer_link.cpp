@@ -270,11 +270,6 @@ Request ComputerLink::run_state() const {
   return Read{span_of(Space::special_m, {8000, 8000}), kBitWay};
 }
 
-std::optional<bool> ComputerLink::run_state_from(ByteView image) const {
-  if (image.empty()) return std::nullopt;
-  return (image[0] & 1) != 0;
-}
-
 std::string ComputerLink::run_hint() const {
   return "the PLC's RUN/STOP switch (and its RUN terminal) must be at STOP: the link can only stop "
          "a PLC that it set running";

@@ -87,7 +87,6 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   std::shared_ptr<const Codec> with_model(std::string_view model) const override;
   SpecialDevices special_devices() const override { return special_devices_of_fx(); }
   Request run_state() const override;
-  std::optional<bool> run_state_from(ByteView image) const override;
   std::string run_hint() const override;
 
  private:

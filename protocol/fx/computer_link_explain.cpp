@@ -91,8 +91,7 @@ void LinkWalk::pc_number(const Field& field) {
 
 void LinkWalk::command(const Field& field) {
   const std::string name = as_text(take(field.digits, field.name));
-  const auto* found = std::find_if(std::begin(kLinkCommands), std::end(kLinkCommands),
-                                   [&](const LinkCommand& c) { return c.name == name; });
+  const auto* found = std::ranges::find(kLinkCommands, name, &LinkCommand::name);
   if (found == std::end(kLinkCommands)) return fault("'" + name + "' is not a command of an FX");
   command_ = found;
   out_.operation = found->operation;
@@ -221,8 +220,7 @@ constexpr First kFirst[] = {{kEnq, "ENQ", Direction::request}, {kStx, "STX", Dir
 Explanation explain_link_frame(Model model, ByteView bytes, std::optional<Direction> direction) {
   Explanation out = begin_explanation(direction);
   if (bytes.empty()) return wrong(out, "no bytes");
-  const auto* first = std::find_if(std::begin(kFirst), std::end(kFirst),
-                                   [&](const First& f) { return f.character == bytes[0]; });
+  const auto* first = std::ranges::find(kFirst, bytes[0], &First::character);
   if (first == std::end(kFirst))
     return wrong(out, "a frame begins with ENQ, STX, ACK, NAK, EOT or CL, not with " +
                           to_hex(bytes.first(1)));

@@ -19,7 +19,6 @@ constexpr std::uint32_t kEnvelope = 4;
 // The longest frame: the answer to a read of 254 bytes.
 constexpr std::size_t kLongestFrame = 2 * kFx3Bytes + kEnvelope;
 
-constexpr std::uint32_t kRunBit = 0;       // M8000: on while the PLC runs
 constexpr std::uint32_t kForcedStop = 37;  // M8037: forced STOP
 
 std::uint8_t way_of(CommandSet set) {
@@ -198,10 +197,6 @@ Result<Span> ProgrammingPort::parse_range(std::string_view text) const {
 Result<void> ProgrammingPort::check_range(const Span& span) const {
   if (span.space == id(Space::r)) return no_address(span);
   return fx::check_range(settings_.model, span);
-}
-
-Result<void> ProgrammingPort::check_write(const Span& span) const {
-  return fx::check_write(settings_.model, span);
 }
 
 // ---- ways to read ------------------------------------------------------------------------------
@@ -434,15 +429,11 @@ std::shared_ptr<const Codec> ProgrammingPort::with_model(std::string_view model)
 }
 
 Request ProgrammingPort::run_state() const {
-  // Until the model is known, only the classic address is known. Every FX has it.
+  // M8000 is on while the PLC runs. Until the model is known, only the classic address is known.
+  // Every FX has it.
   const auto allowed = sets_of(settings_);
   const CommandSet set = allowed.empty() ? CommandSet::classic : allowed.front();
   return Read{span_of(Space::special_m, {8000, 8007}), way_of(set)};
-}
-
-std::optional<bool> ProgrammingPort::run_state_from(ByteView image) const {
-  if (image.empty()) return std::nullopt;
-  return (image[0] >> kRunBit & 1) != 0;
 }
 
 Request ProgrammingPort::run_request(bool run) const {

@@ -42,7 +42,9 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   bool needs_type(std::string_view text) const override { return fx::needs_type(text); }
   Result<Span> parse_range(std::string_view text) const override;
   Result<void> check_range(const Span& span) const override;
-  Result<void> check_write(const Span& span) const override;
+  Result<void> check_write(const Span& span) const override {
+    return fx::check_write(settings_.model, span);
+  }
 
   std::string name_of(const Span& span) const override { return device_name(span); }
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
@@ -71,7 +73,6 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   std::shared_ptr<const Codec> with_model(std::string_view model) const override;
   SpecialDevices special_devices() const override { return special_devices_of_fx(); }
   Request run_state() const override;
-  std::optional<bool> run_state_from(ByteView image) const override;
   Request run_request(bool run) const override;
   std::string run_hint() const override;
 

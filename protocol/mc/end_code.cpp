@@ -89,8 +89,7 @@ constexpr std::array<EndCode, 49> kCodes = {{
 }};
 
 const EndCode* find(std::uint16_t code) {
-  const auto* found = std::find_if(kCodes.begin(), kCodes.end(),
-                                   [&](const EndCode& known) { return known.code == code; });
+  const auto* found = std::ranges::find(kCodes, code, &EndCode::code);
   return found == kCodes.end() ? nullptr : found;
 }
 

@@ -109,10 +109,6 @@ Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType>
   return address;
 }
 
-Result<Span> Mc::parse_range(std::string_view text) const {
-  return mc::parse_range(settings_.model, text);
-}
-
 Result<void> Mc::check_range(const Span& span) const {
   if (auto present = mc::check_range(settings_.model, span); !present) return present;
   if (auto why = why_out_of_reach(dialect_, span); !why.empty()) return refuse(std::move(why));
@@ -123,16 +119,6 @@ Result<void> Mc::check_write(const Span& span) const {
   if (auto allowed = mc::check_write(settings_.model, span); !allowed) return allowed;
   if (auto why = why_out_of_reach(dialect_, span); !why.empty()) return refuse(std::move(why));
   return {};
-}
-
-std::string Mc::name_of(const Span& span) const { return device_name(settings_.model, span); }
-
-std::vector<ReadWay> Mc::read_ways(std::uint16_t space) const {
-  return mc::read_ways(dialect_, space);
-}
-
-std::uint32_t Mc::max_write_bits(std::uint16_t space) const {
-  return mc::max_write_bits(dialect_, space);
 }
 
 // ---- frames ------------------------------------------------------------------------------------

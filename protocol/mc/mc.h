@@ -43,14 +43,22 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   // AddressSpace
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
   bool needs_type(std::string_view text) const override { return mc::needs_type(text); }
-  Result<Span> parse_range(std::string_view text) const override;
+  Result<Span> parse_range(std::string_view text) const override {
+    return mc::parse_range(settings_.model, text);
+  }
   Result<void> check_range(const Span& span) const override;
   Result<void> check_write(const Span& span) const override;
 
-  std::string name_of(const Span& span) const override;
-  std::vector<ReadWay> read_ways(std::uint16_t space) const override;
+  std::string name_of(const Span& span) const override {
+    return device_name(settings_.model, span);
+  }
+  std::vector<ReadWay> read_ways(std::uint16_t space) const override {
+    return mc::read_ways(dialect_, space);
+  }
   std::vector<GatherCommand> gathers() const override { return mc::gathers(dialect_); }
-  std::uint32_t max_write_bits(std::uint16_t space) const override;
+  std::uint32_t max_write_bits(std::uint16_t space) const override {
+    return mc::max_write_bits(dialect_, space);
+  }
 
   // Codec
   const AddressSpace& addresses() const override { return *this; }

@@ -1,7 +1,6 @@
 #include "protocol/mc/message.h"
 
 #include <algorithm>
-#include <iterator>
 #include <string_view>
 #include <utility>
 
@@ -310,9 +309,9 @@ std::size_t read_size(Code code, const Read& read) {
 }  // namespace
 
 std::string_view command_name(std::uint16_t command) {
-  const auto* const found = std::find_if(std::begin(kCommandNames), std::end(kCommandNames),
-                                         [&](const auto& one) { return one.first == command; });
-  return found == std::end(kCommandNames) ? std::string_view{} : found->second;
+  for (const auto& [code, name] : kCommandNames)
+    if (code == command) return name;
+  return {};
 }
 
 Result<Bytes> encode_message(const Dialect& dialect, const Request& request) {

@@ -159,15 +159,9 @@ Result<Span> OneE::parse_range(std::string_view text) const {
   return reachable(settings_.model, span, *span);
 }
 
-Result<void> OneE::check_range(const Span& span) const {
-  return mc::check_range(settings_.model, span);
-}
-
 Result<void> OneE::check_write(const Span& span) const {
   return check_reached_write(settings_.model, span);
 }
-
-std::string OneE::name_of(const Span& span) const { return device_name(settings_.model, span); }
 
 // ---- ways to read ------------------------------------------------------------------------------
 
@@ -504,8 +498,7 @@ Request OneE::run_state() const {
 
 std::optional<bool> OneE::run_state_from(ByteView image) const {
   const bool tells = is_fx3(settings_.model) && settings_.model != Model::unknown_fx3;
-  if (!tells || image.empty()) return std::nullopt;
-  return (image[0] & 1) != 0;
+  return tells ? PlcServices::run_state_from(image) : std::nullopt;
 }
 
 std::string OneE::run_hint() const {

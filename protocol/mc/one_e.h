@@ -44,10 +44,14 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
   bool needs_type(std::string_view text) const override { return mc::needs_type(text); }
   Result<Span> parse_range(std::string_view text) const override;
-  Result<void> check_range(const Span& span) const override;
+  Result<void> check_range(const Span& span) const override {
+    return mc::check_range(settings_.model, span);
+  }
   Result<void> check_write(const Span& span) const override;
 
-  std::string name_of(const Span& span) const override;
+  std::string name_of(const Span& span) const override {
+    return device_name(settings_.model, span);
+  }
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
   std::uint32_t max_write_bits(std::uint16_t space) const override;
 

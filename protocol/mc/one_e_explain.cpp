@@ -164,8 +164,7 @@ Explanation explain_frame(Model model, ByteView frame, std::optional<Direction> 
   const std::uint8_t first = binary->front();
   const bool is_answer = (first & kAnswer) != 0;
   const auto* command =
-      std::find_if(std::begin(kCommands), std::end(kCommands),
-                   [&](const KnownCommand& one) { return code(one.code) == (first & ~kAnswer); });
+      std::ranges::find(kCommands, static_cast<Command>(first & ~kAnswer), &KnownCommand::code);
   if (command == std::end(kCommands))
     return wrong(out, hex_text(first, 2) + " is neither a command of a 1E frame nor its answer");
   out.direction = is_answer ? Direction::reply : Direction::request;

@@ -164,8 +164,7 @@ constexpr Known kKnown[] = {
 constexpr Known kUnknown = {0, "not known to this program", kAnything, kAnything};
 
 const Known& known(std::uint8_t function) {
-  const auto* found = std::find_if(std::begin(kKnown), std::end(kKnown),
-                                   [&](const Known& k) { return k.code == function; });
+  const auto* found = std::ranges::find(kKnown, function, &Known::code);
   return found == std::end(kKnown) ? kUnknown : *found;
 }
 
