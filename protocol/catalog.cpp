@@ -34,16 +34,6 @@ OptionSpec choice(std::string_view key, const std::vector<std::string_view>& wor
   return {key, OptionSpec::Kind::choice, 0, 0, words, words.front(), meaning};
 }
 
-template <modbus::Framing framing>
-Result<std::shared_ptr<const Codec>> modbus_made(const Options& options) {
-  return modbus::Modbus::make(framing, options);
-}
-
-template <mc::Frame frame>
-Result<std::shared_ptr<const Codec>> mc_made(const Options& options) {
-  return mc::Mc::make(frame, options);
-}
-
 /// Speeds of both FX protocols. Models other than these three reach 19200 baud.
 void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
   info.speeds = std::move(speeds);
@@ -157,6 +147,7 @@ ProtocolInfo computer_link() {
   return info;
 }
 
+template <modbus::Framing framing>
 ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
   const modbus::Modbus::Settings settings;
   ProtocolInfo info;
@@ -186,29 +177,29 @@ ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
               "register, if the device lacks function 22. Changes by the device in between are "
               "lost."),
   };
+  info.make = [](const Options& options) { return modbus::Modbus::make(framing, options); };
   return info;
 }
 
 ProtocolInfo modbus_rtu() {
-  ProtocolInfo info =
-      modbus_protocol("modbus-rtu", "Modbus RTU, serial or through a serial server");
+  ProtocolInfo info = modbus_protocol<modbus::Framing::rtu>(
+      "modbus-rtu", "Modbus RTU, serial or through a serial server");
   info.hints.silent = "is its address `unit`; is it set to Modbus RTU, not ASCII";
   info.line.data_bits = 8;
-  info.make = &modbus_made<modbus::Framing::rtu>;
   return info;
 }
 
 ProtocolInfo modbus_ascii() {
-  ProtocolInfo info =
-      modbus_protocol("modbus-ascii", "Modbus ASCII, serial or through a serial server");
+  ProtocolInfo info = modbus_protocol<modbus::Framing::ascii>(
+      "modbus-ascii", "Modbus ASCII, serial or through a serial server");
   info.hints.silent = "is its address `unit`; is it set to Modbus ASCII, not RTU";
   info.text_begins_with = ':';
-  info.make = &modbus_made<modbus::Framing::ascii>;
   return info;
 }
 
 ProtocolInfo modbus_tcp() {
-  ProtocolInfo info = modbus_protocol("modbus-tcp", "Modbus TCP, port 502 by custom");
+  ProtocolInfo info =
+      modbus_protocol<modbus::Framing::tcp>("modbus-tcp", "Modbus TCP, port 502 by custom");
   info.hints.silent =
       "is `unit` right (a device with its own network port often has 1 or 255; behind a gateway it "
       "is the unit on the gateway's line); does the gateway's line have the device's speed, data "
@@ -218,7 +209,6 @@ ProtocolInfo modbus_tcp() {
       "does the device or gateway limit connections, and do other programs use them; does it "
       "accept this machine's address?";
   info.on_serial = false;
-  info.make = &modbus_made<modbus::Framing::tcp>;
   return info;
 }
 
@@ -305,10 +295,8 @@ void add_hints(ProtocolInfo& info) {
   info.hints.silent =
       "look at the PLC's Ethernet port: is there an SLMP Connection Module (GX Works3) or a line "
       "MC Protocol of its Open Setting (GX Works2) with this port number and protocol (TCP or "
-      "UDP); is "
-      "Communication Data Code `code`; is it an FX3 (it needs mc-1e) or a built-in port of a Q or "
-      "L "
-      "(it needs mc-3e)";
+      "UDP); is Communication Data Code `code`; is it an FX3 (it needs mc-1e) or a built-in port "
+      "of a Q or L (it needs mc-3e)";
   info.hints.closed =
       "each SLMP Connection Module (GX Works3) or line of the Open Setting (GX Works2) serves one "
       "connection: is another program using this one? Give the agent an entry with a port of its "
@@ -329,6 +317,7 @@ void add_hints(ProtocolInfo& info) {
     info.model_hints.emplace_back(model, model == "Q" || model == "L" ? works2 : works3);
 }
 
+template <mc::Frame frame>
 ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
   const mc::Mc::Settings settings;
   ProtocolInfo info = mc_protocol(name, summary);
@@ -347,23 +336,13 @@ ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes,
                                  settings.max_block_bytes, "Bytes of device memory in one frame."));
   add_hints(info);
+  info.make = [](const Options& options) { return mc::Mc::make(frame, options); };
   return info;
 }
 
-ProtocolInfo mc_3e() {
-  ProtocolInfo info = mc_ethernet("mc-3e", "MC protocol (SLMP) in 3E frames: FX5, Q, L, iQ-R");
-  info.make = &mc_made<mc::Frame::e3>;
-  return info;
-}
-
-ProtocolInfo mc_4e() {
-  ProtocolInfo info =
-      mc_ethernet("mc-4e", "MC protocol (SLMP) in 4E frames, whose answers have numbers");
-  info.make = &mc_made<mc::Frame::e4>;
-  return info;
-}
-
-ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int64_t formats) {
+template <mc::Frame frame>
+ProtocolInfo mc_serial(std::string_view name, std::string_view summary) {
+  constexpr bool kIs4C = frame == mc::Frame::c4;
   constexpr std::int64_t kBlock = 512;
   const mc::Mc::Settings settings;
   ProtocolInfo info = mc_protocol(name, summary);
@@ -374,10 +353,10 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
                       integer("station", 0, 31, settings.station,
                               "Station number, as in the parameters of the serial port."));
   info.options.push_back(
-      integer("format", 1, formats, settings.format,
-              formats == 5 ? "Message pattern, as in the parameters: 1 to 4 are ASCII, 5 is binary "
-                             "and needs 8 data bits."
-                           : "Message pattern, as in the parameters; all are ASCII."));
+      integer("format", 1, kIs4C ? 5 : 4, settings.format,
+              kIs4C ? "Message pattern, as in the parameters: 1 to 4 are ASCII, 5 is binary "
+                      "and needs 8 data bits."
+                    : "Message pattern, as in the parameters; all are ASCII."));
   info.options.back().binary_from = 5;
   info.options.push_back(boolean(
       "sum_check", settings.sum_check,
@@ -385,6 +364,7 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes, kBlock,
                                  "Bytes of device memory in one frame. More is a little faster, "
                                  "but commands wait longer."));
+  if (kIs4C) add_module(info);
   info.format_place =
       "the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: its "
       "switch setting)";
@@ -392,37 +372,27 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary, std::int
       "in the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: "
       "its switch setting), is the protocol MC Protocol, the message pattern `format`, the station "
       "`station` and the sum check `sum_check`; was the PLC switched off and on after a change";
-  return info;
-}
-
-ProtocolInfo mc_3c() {
-  ProtocolInfo info =
-      mc_serial("mc-3c", "MC protocol in 3C frames: serial ports of FX5, Q, L, iQ-R", 4);
-  info.make = &mc_made<mc::Frame::c3>;
-  return info;
-}
-
-ProtocolInfo mc_4c() {
-  ProtocolInfo info =
-      mc_serial("mc-4c", "MC protocol in 4C frames: serial ports of FX5, Q, L, iQ-R", 5);
-  add_module(info);
-  info.make = &mc_made<mc::Frame::c4>;
+  info.make = [](const Options& options) { return mc::Mc::make(frame, options); };
   return info;
 }
 
 }  // namespace
 
 std::span<const ProtocolInfo> catalog() {
-  static const std::vector<ProtocolInfo> protocols = {programming_port(),
-                                                      computer_link(),
-                                                      modbus_rtu(),
-                                                      modbus_ascii(),
-                                                      modbus_tcp(),
-                                                      mc_1e(),
-                                                      mc_3e(),
-                                                      mc_4e(),
-                                                      mc_3c(),
-                                                      mc_4c()};
+  static const std::vector<ProtocolInfo> protocols = {
+      programming_port(),
+      computer_link(),
+      modbus_rtu(),
+      modbus_ascii(),
+      modbus_tcp(),
+      mc_1e(),
+      mc_ethernet<mc::Frame::e3>("mc-3e", "MC protocol (SLMP) in 3E frames: FX5, Q, L, iQ-R"),
+      mc_ethernet<mc::Frame::e4>("mc-4e",
+                                 "MC protocol (SLMP) in 4E frames, whose answers have numbers"),
+      mc_serial<mc::Frame::c3>("mc-3c",
+                               "MC protocol in 3C frames: serial ports of FX5, Q, L, iQ-R"),
+      mc_serial<mc::Frame::c4>("mc-4c",
+                               "MC protocol in 4C frames: serial ports of FX5, Q, L, iQ-R")};
   return protocols;
 }
 
