@@ -80,26 +80,29 @@ Body::Body(const Dialect& dialect, bool long_codes, std::uint32_t command, std::
   number(subcommand | (long_codes ? kLongCodes : 0), 2);
 }
 
-Result<void> Body::device(std::uint16_t space_id, std::uint32_t bit) {
+void Body::device(std::uint16_t space_id, std::uint32_t bit) {
   const auto space = static_cast<Space>(space_id);
   const DeviceKind& kind = kind_of(space);
   const std::uint32_t number = kind.first_number + bit / kind.bits;
   if (dialect_.code == Code::binary) {
     append_number(Code::binary, out_, number, long_codes_ ? 4 : 3);
     append_number(Code::binary, out_, kind.binary, long_codes_ ? 2 : 1);
-    return {};
+    return;
   }
-  if (auto why = why_not_named(dialect_, space, number); !why.empty())
-    return fail(ErrorCode::unsupported, std::move(why));
-  if (!long_codes_ && kind.ascii.empty())
-    return fail(ErrorCode::unsupported, std::string(kind.letters) + " has no short name");
+  if (error_.empty()) error_ = why_not_named(dialect_, space, number);
+  if (error_.empty() && !long_codes_ && kind.ascii.empty())
+    error_ = std::string(kind.letters) + " has no short name";
   std::string name(long_codes_ ? kind.letters : kind.ascii);
   name.resize(long_codes_ ? 4 : 2, '*');
   const std::string digits = digits_of(number, base_of(dialect_.model, space));
   const std::size_t room = long_codes_ ? 8 : 6;
   name.append(room - std::min(room, digits.size()), '0').append(digits);
   out_.insert(out_.end(), name.begin(), name.end());
-  return {};
+}
+
+Result<Bytes> Body::take() {
+  if (!error_.empty()) return fail(ErrorCode::unsupported, std::move(error_));
+  return std::move(out_);
 }
 
 std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number) {

@@ -43,16 +43,17 @@ class Body final {
   void number(std::uint32_t value, std::size_t bytes) {
     append_number(dialect_.code, out_, value, bytes);
   }
-  /// Appends the device that contains this bit of the space. Error: unsupported if this code has no
-  /// name or no certain digits for it.
-  Result<void> device(std::uint16_t space, std::uint32_t bit);
+  /// Appends the device that contains this bit of the space.
+  void device(std::uint16_t space, std::uint32_t bit);
   Bytes& bytes() { return out_; }
-  Bytes take() { return std::move(out_); }
+  /// Error: unsupported if this code has no name or no certain digits for one of the devices.
+  Result<Bytes> take();
 
  private:
   const Dialect& dialect_;
   bool long_codes_;
   Bytes out_;
+  std::string error_;  ///< why the first such device has no name; empty: all have one
 };
 
 /// Returns why a device cannot be named in ASCII code on this model; empty if it can.

@@ -119,13 +119,11 @@ Result<Bytes> encode_bits(const Dialect& dialect, const Scatter& scatter, bool l
                           std::uint32_t bits) {
   Body body(dialect, long_codes, id(Command::random_write), kBits);
   body.number(bits, 1);
-  for (const Write& part : scatter.parts) {
+  for (const Write& part : scatter.parts)
     for (std::uint32_t i = 0; i < part.span.bits; ++i) {
-      if (const auto named = body.device(part.span.space, part.span.first_bit + i); !named)
-        return tl::make_unexpected(named.error());
+      body.device(part.span.space, part.span.first_bit + i);
       body.number(part.image[i / 8] >> (i % 8) & 1U, long_codes ? 2 : 1);
     }
-  }
   return body.take();
 }
 
@@ -140,13 +138,11 @@ Result<Bytes> encode_gather(const Dialect& dialect, const Gather& gather) {
   const std::uint32_t later = later_parts(gather);
   body.number(static_cast<std::uint32_t>(gather.parts.size()) - later, 1);
   body.number(later, 1);
-  Result<void> named;
   for_each_part(gather, [&](std::size_t i) {
     const Read& part = gather.parts[i];
-    if (named) named = body.device(part.span.space, part.span.first_bit);
+    body.device(part.span.space, part.span.first_bit);
     if (blocks) body.number(words_of(part), 2);
   });
-  if (!named) return tl::make_unexpected(named.error());
   return body.take();
 }
 
@@ -210,13 +206,11 @@ Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter) {
   Body body(dialect, long_codes, id(Command::random_write), kWords);
   body.number(static_cast<std::uint32_t>(words.size()), 1);
   body.number(static_cast<std::uint32_t>(dwords.size()), 1);
-  for (const std::vector<Item>* items : {&words, &dwords}) {
+  for (const std::vector<Item>* items : {&words, &dwords})
     for (const Item& item : *items) {
-      if (const auto named = body.device(item.space, item.bit); !named)
-        return tl::make_unexpected(named.error());
+      body.device(item.space, item.bit);
       append_image(dialect.code, body.bytes(), item.image, item.image.size());
     }
-  }
   return body.take();
 }
 
@@ -242,8 +236,7 @@ Result<Bytes> encode_read(const Dialect& dialect, const Read& read) {
     return encode_gather(dialect, parts_of(read, *way));
   Body body(dialect, has_long_codes(dialect, read.way), id(Command::read),
             way->way == kBitWay ? kBits : kWords);
-  if (const auto named = body.device(read.span.space, read.span.first_bit); !named)
-    return tl::make_unexpected(named.error());
+  body.device(read.span.space, read.span.first_bit);
   body.number(read.span.bits / way->unit_bits, 2);
   return body.take();
 }
@@ -269,8 +262,7 @@ Result<Bytes> encode_write(const Dialect& dialect, const Write& write) {
     return refuse("write of " + std::to_string(points) + " points to " +
                   device_name(dialect.model, span) + ": at most " + std::to_string(most));
   Body body(dialect, long_codes, id(Command::write), by_bits ? kBits : kWords);
-  if (const auto named = body.device(span.space, span.first_bit); !named)
-    return tl::make_unexpected(named.error());
+  body.device(span.space, span.first_bit);
   body.number(points, 2);
   if (by_bits)
     append_bits(dialect.code, body.bytes(), write.image, span.bits);
