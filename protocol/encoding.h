@@ -1,7 +1,8 @@
-// Steps of Codec::encode() that several protocols share.
+// Numbers on the wire and steps of Codec::encode() that several protocols share.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -9,6 +10,14 @@
 #include "protocol/codec.h"
 
 namespace fxagent {
+
+/// Form of the numbers on the wire: hex digits, or bytes with the high or the low one first.
+enum class NumberForm : std::uint8_t { digits, high_first, low_first };
+
+/// Returns the number in all of `wire`, at most 8 digits or 4 bytes. nullopt: not digits.
+std::optional<std::uint32_t> number_in(NumberForm form, ByteView wire);
+/// True if all of `wire` are hex digits.
+bool is_hex(ByteView wire);
 
 /// Returns the force as a write of its single bit, by the same way.
 Write write_of(const Force& force);

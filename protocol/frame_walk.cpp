@@ -8,21 +8,6 @@
 
 namespace fxagent {
 
-std::optional<std::uint32_t> number_in(NumberForm form, ByteView wire) {
-  std::uint32_t value = 0;
-  for (std::size_t i = 0; i < wire.size(); ++i) {
-    const std::uint8_t byte = wire[form == NumberForm::low_first ? wire.size() - 1 - i : i];
-    const int part = form == NumberForm::digits ? hex_digit(byte) : byte;
-    if (part < 0) return std::nullopt;
-    value = value << (form == NumberForm::digits ? 4 : 8) | static_cast<std::uint32_t>(part);
-  }
-  return value;
-}
-
-bool is_hex(ByteView wire) {
-  return std::all_of(wire.begin(), wire.end(), [](std::uint8_t c) { return hex_digit(c) >= 0; });
-}
-
 bool is_printable(ByteView wire) {
   return std::all_of(wire.begin(), wire.end(),
                      [](std::uint8_t c) { return c >= 0x20 && c < 0x7F; });

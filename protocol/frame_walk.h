@@ -12,17 +12,11 @@
 #include <string_view>
 
 #include "protocol/codec.h"
+#include "protocol/encoding.h"
 #include "protocol/value/bytes.h"
 
 namespace fxagent {
 
-/// Form of the numbers on the wire: hex digits, or bytes with the high or the low one first.
-enum class NumberForm : std::uint8_t { digits, high_first, low_first };
-
-/// Returns the number in all of `wire`, at most 8 digits or 4 bytes. nullopt: not digits.
-std::optional<std::uint32_t> number_in(NumberForm form, ByteView wire);
-/// True if all of `wire` are hex digits.
-bool is_hex(ByteView wire);
 /// True if all of `wire` is ASCII text without control characters.
 bool is_printable(ByteView wire);
 /// Returns data as they are if they are text, otherwise "02 30 03".

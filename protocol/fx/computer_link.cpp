@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "protocol/control_characters.h"
+#include "protocol/encoding.h"
 #include "protocol/fx/link_frame.h"
 
 namespace fxagent::fx {
@@ -86,13 +87,7 @@ namespace {
 
 /// True if `header` has our station and PLC number.
 bool is_ours(const Settings& settings, ByteView header) {
-  std::uint32_t number = 0;
-  for (const std::uint8_t c : header.subspan(1, 4)) {
-    const int digit = hex_digit(c);
-    if (digit < 0) return false;
-    number = number << 4 | static_cast<std::uint32_t>(digit);
-  }
-  return number == (settings.station << 8 | kPc);
+  return number_in(NumberForm::digits, header.subspan(1, 4)) == (settings.station << 8 | kPc);
 }
 
 /// Returns the place after another station's frame that begins at `at`, or of the STX that cuts it
@@ -221,8 +216,7 @@ bool ComputerLink::may_pass_for_answer(ByteView bytes) const {
     // Station and PLC number must follow, as far as they have arrived.
     const ByteView header =
         bytes.subspan(at + 1, std::min<std::size_t>(kHeader, bytes.size() - at) - 1);
-    if (std::all_of(header.begin(), header.end(), [](std::uint8_t c) { return hex_digit(c) >= 0; }))
-      return true;
+    if (is_hex(header)) return true;
   }
   return false;
 }

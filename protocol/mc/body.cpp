@@ -11,17 +11,7 @@ constexpr std::uint32_t kLongCodes = 2;  // bit of the subcommand
 
 std::optional<std::uint32_t> number_at(Code code, ByteView wire, std::size_t at,
                                        std::size_t bytes) {
-  std::uint32_t value = 0;
-  if (code == Code::binary) {
-    for (std::size_t i = bytes; i > 0; --i) value = value << 8 | wire[at + i - 1];
-    return value;
-  }
-  for (std::size_t i = 0; i < 2 * bytes; ++i) {
-    const int digit = hex_digit(wire[at + i]);
-    if (digit < 0) return std::nullopt;
-    value = value << 4 | static_cast<std::uint32_t>(digit);
-  }
-  return value;
+  return number_in(form_of(code), wire.subspan(at, wire_size(code, bytes)));
 }
 
 void append_number(Code code, Bytes& out, std::uint32_t value, std::size_t bytes) {

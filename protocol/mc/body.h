@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "protocol/encoding.h"
 #include "protocol/mc/dialect.h"
 #include "protocol/value/bytes.h"
 
@@ -15,6 +16,11 @@ namespace fxagent::mc {
 /// each.
 constexpr std::size_t wire_size(Code code, std::size_t bytes) {
   return code == Code::ascii ? 2 * bytes : bytes;
+}
+
+/// Returns the form of the numbers in this code.
+constexpr NumberForm form_of(Code code) {
+  return code == Code::ascii ? NumberForm::digits : NumberForm::low_first;
 }
 
 /// Returns the number of `bytes` bytes at `at` of `wire`, which must contain it: low byte first, or

@@ -11,6 +11,8 @@ namespace {
 constexpr std::size_t kHeader3E = 9;
 constexpr std::size_t kHeader4E = 13;
 constexpr std::size_t kSerial = 2;
+constexpr std::size_t kRoute = 5;
+constexpr std::size_t kLength = 2;
 constexpr std::size_t kTimer = 2;
 // No frame is longer. A header with a greater length is invalid.
 constexpr std::size_t kLongest = 8192;
@@ -71,6 +73,19 @@ std::string why_foreign(bool numbered, Code code, ByteView bytes) {
 
 }  // namespace
 
+Route route_in(Code code, ByteView wire) {
+  const auto number = [&](std::size_t at, std::size_t bytes) {
+    return number_at(code, wire, wire_size(code, at), bytes).value_or(0);
+  };
+  Route route;
+  route.network = static_cast<std::uint8_t>(number(0, 1));
+  route.pc = static_cast<std::uint8_t>(number(1, 1));
+  if (wire.size() == wire_size(code, 2)) return route;
+  route.module_io = static_cast<std::uint16_t>(number(2, 2));
+  route.module_station = static_cast<std::uint8_t>(number(4, 1));
+  return route;
+}
+
 std::string to_string(const Route& route) {
   return "network " + std::to_string(route.network) + ", PC " + hex_text(route.pc, 2) +
          ", module I/O " + hex_text(route.module_io, 4) + ", station " +
@@ -115,27 +130,16 @@ EthernetFrame ethernet_frame(bool numbered, Code code, ByteView rx, std::size_t 
     return wrong(rx, why_foreign(numbered, code, bytes));
   const std::size_t header = wire_size(code, header_size(numbered));
   if (bytes.size() < header) return {};
-  std::size_t field = wire_size(code, 2);
-  bool readable = true;
-  const auto next = [&](std::size_t size) {
-    const auto value = number_at(code, bytes, field, size);
-    field += wire_size(code, size);
-    readable &= value.has_value();
-    return value.value_or(0);
-  };
+  if (code == Code::ascii && !is_hex(bytes.first(header)))
+    return wrong(rx, "the header " + to_hex(bytes.first(header)) + " is not hex digits");
   EthernetFrame frame;
   frame.is_request = subheader->request;
-  if (numbered) {
-    frame.serial = static_cast<std::uint16_t>(next(kSerial));
-    next(2);
-  }
-  frame.route.network = static_cast<std::uint8_t>(next(1));
-  frame.route.pc = static_cast<std::uint8_t>(next(1));
-  frame.route.module_io = static_cast<std::uint16_t>(next(2));
-  frame.route.module_station = static_cast<std::uint8_t>(next(1));
-  const std::size_t length = next(2);
-  if (!readable)
-    return wrong(rx, "the header " + to_hex(bytes.first(header)) + " is not hex digits");
+  if (numbered)
+    frame.serial = static_cast<std::uint16_t>(*number_at(code, bytes, wire_size(code, 2), kSerial));
+  const std::size_t behind = header - wire_size(code, kLength);
+  const std::size_t route = wire_size(code, kRoute);
+  frame.route = route_in(code, bytes.subspan(behind - route, route));
+  const std::size_t length = *number_at(code, bytes, behind, kLength);
   if (length < wire_size(code, kEndCode) || length > wire_size(code, kLongest))
     return wrong(rx, "length " + std::to_string(length) +
                          " in the header: " + std::to_string(wire_size(code, kEndCode)) + " to " +

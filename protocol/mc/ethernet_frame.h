@@ -21,6 +21,9 @@ struct Route {
   std::uint8_t module_station = 0;
   friend bool operator==(const Route&, const Route&) = default;
 };
+/// Returns the route in `wire`, which is digits if the code is. That of a 3C frame ends with the PC
+/// number.
+Route route_in(Code code, ByteView wire);
 /// Returns "network 0, PC FF, module I/O 03FF, station 00".
 std::string to_string(const Route& route);
 

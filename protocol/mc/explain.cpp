@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "protocol/control_characters.h"
+#include "protocol/frame_walk.h"
 #include "protocol/mc/body.h"
 #include "protocol/mc/explain_message.h"
 #include "protocol/mc/mc.h"
@@ -21,20 +22,6 @@ void show_route(Explanation& out, const Route& route) {
   field(out, "PC", hex_text(route.pc, 2));
   field(out, "module I/O", hex_text(route.module_io, 4));
   field(out, "module station", hex_text(route.module_station, 2));
-}
-
-/// Returns the route in `wire`. That of a 3C frame ends with the PC number.
-Route route_in(Code code, ByteView wire) {
-  const auto number = [&](std::size_t at, std::size_t bytes) {
-    return number_at(code, wire, wire_size(code, at), bytes).value_or(0);
-  };
-  Route route;
-  route.network = static_cast<std::uint8_t>(number(0, 1));
-  route.pc = static_cast<std::uint8_t>(number(1, 1));
-  if (wire.size() == wire_size(code, 2)) return route;
-  route.module_io = static_cast<std::uint16_t>(number(2, 2));
-  route.module_station = static_cast<std::uint8_t>(number(4, 1));
-  return route;
 }
 
 Explanation& check_direction(Explanation& out, std::optional<Direction> asked) {

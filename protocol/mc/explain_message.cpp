@@ -209,10 +209,6 @@ void MessageWalk::explain() {
 
 }  // namespace
 
-NumberForm form_of(Code code) {
-  return code == Code::ascii ? NumberForm::digits : NumberForm::low_first;
-}
-
 void explain_request(Model model, Code code, ByteView message, Explanation& out) {
   out.direction = Direction::request;
   out.operation = "other";

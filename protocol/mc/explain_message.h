@@ -1,7 +1,7 @@
 // Explains messages of 3E, 4E, 3C and 4C. Only for the files of this codec.
 #pragma once
 
-#include "protocol/frame_walk.h"
+#include "protocol/codec.h"
 #include "protocol/mc/dialect.h"
 
 namespace fxagent::mc {
@@ -15,8 +15,5 @@ void explain_data(Code code, ByteView data, Explanation& out);
 
 /// Explains an end code other than 0.
 void explain_refusal(Model model, std::uint16_t end_code, Explanation& out);
-
-/// Returns the form of the numbers in this code.
-NumberForm form_of(Code code);
 
 }  // namespace fxagent::mc

@@ -371,8 +371,7 @@ bool may_be_serial_answer(const SerialSettings& settings, ByteView bytes) {
     if (bytes[at] != kStx && bytes[at] != kAck && bytes[at] != kNak && bytes[at] != kEnq) continue;
     // Digits must follow, as far as they have arrived.
     const ByteView head = rest.first(std::min(rest.size(), head_size(settings)));
-    if (std::all_of(head.begin(), head.end(), [](std::uint8_t c) { return hex_digit(c) >= 0; }))
-      return true;
+    if (is_hex(head)) return true;
   }
   return false;
 }
