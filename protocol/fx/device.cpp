@@ -1,6 +1,7 @@
 #include "protocol/fx/device.h"
 
 #include <algorithm>
+#include <array>
 
 #include "protocol/letter_case.h"
 #include "protocol/range_ends.h"
@@ -126,7 +127,7 @@ Result<Parts> take_apart(std::string_view text) {
   parts.letters = rest.substr(0, letters);
   constexpr std::array<std::string_view, 12> kLetters = {"X", "Y", "M",  "S",  "D",  "R",
                                                          "T", "C", "TN", "TS", "CN", "CS"};
-  if (std::find(kLetters.begin(), kLetters.end(), parts.letters) == kLetters.end())
+  if (std::ranges::find(kLetters, parts.letters) == kLetters.end())
     return refuse("'" + name + "' is not an FX device; the forms are " + std::string(kForms));
   rest.remove_prefix(letters);
   std::size_t digits = 0;
@@ -181,13 +182,10 @@ tl::unexpected<Error> leaves(Model model, const Span& span, std::uint32_t number
 
 /// Fails with bad_request if the span contains a device that is never written.
 Result<void> check_forbidden(const Span& span) {
-  for (const Numbers& numbers : kNeverWritten) {
-    const Span never = span_of(Space::special_m, numbers);
-    if (span.space == never.space && span.first_bit < never.end_bit() &&
-        never.first_bit < span.end_bit())
+  for (const Numbers& numbers : kNeverWritten)
+    if (overlap(span, span_of(Space::special_m, numbers)))
       return refuse(
           "M8034-M8037 and M8118 cannot be written by address; use the commands run and stop");
-  }
   return {};
 }
 
@@ -212,43 +210,41 @@ std::optional<Model> model_named(std::string_view name) {
 
 const DeviceKind& kind_of(Space space) { return kKinds[id(space)]; }
 
-NumberRuns numbers_of(Model model, Space space) {
+std::vector<Numbers> numbers_of(Model model, Space space) {
   const Model known = model == Model::unknown ? Model::fx3u : model;
   const Limits& limits = kLimits[static_cast<std::size_t>(known) - 1];
-  const auto one = [](std::uint32_t first, std::uint32_t last) {
-    return NumberRuns{{{{first, last}, {}}}, 1};
-  };
   switch (space) {
     case Space::x:
-      return one(0, limits.x);
+      return {{0, limits.x}};
     case Space::y:
-      return one(0, limits.y);
+      return {{0, limits.y}};
     case Space::m:
-      return one(0, limits.m);
+      return {{0, limits.m}};
     case Space::special_m:
-      return one(8000, limits.special);
+      return {{8000, limits.special}};
     case Space::s:
-      return one(0, limits.s);
+      return {{0, limits.s}};
     case Space::ts:
     case Space::tc:
     case Space::tn:
-      return one(0, limits.t);
+      return {{0, limits.t}};
     case Space::cn:
-      return one(0, limits.c);
+      return {{0, limits.c}};
     case Space::cn32:
-      return one(limits.c32_first, limits.c32_last);
+      return {{limits.c32_first, limits.c32_last}};
     case Space::d:
-      return one(0, limits.d);
+      return {{0, limits.d}};
     case Space::special_d:
-      return one(8000, limits.special);
+      return {{8000, limits.special}};
     case Space::r:
-      return limits.r == 0 ? NumberRuns{} : one(0, limits.r - 1);
+      if (limits.r == 0) return {};
+      return {{0, limits.r - 1}};
     case Space::cs:
     case Space::cc:
       break;
   }
-  if (limits.c + 1 == limits.c32_first) return one(0, limits.c32_last);
-  return {{{{0, limits.c}, {limits.c32_first, limits.c32_last}}}, 2};
+  if (limits.c + 1 == limits.c32_first) return {{0, limits.c32_last}};
+  return {{0, limits.c}, {limits.c32_first, limits.c32_last}};
 }
 
 Span span_of(Space space, Numbers numbers) {
@@ -338,11 +334,9 @@ Result<Span> parse_range(Model model, std::string_view text) {
   if (numbers.last < numbers.first)
     return refuse(std::string(text) + ": the range ends before it begins");
   const Span span = span_of(*space, numbers);
-  if (const auto present = check_range(model, span); !present)
-    return tl::make_unexpected(present.error());
-  if (const auto allowed = check_forbidden(span); !allowed)
-    return tl::make_unexpected(allowed.error());
-  return span;
+  return check_range(model, span).and_then([&] { return check_forbidden(span); }).map([&] {
+    return span;
+  });
 }
 
 Result<void> check_range(Model model, const Span& span) {
@@ -355,7 +349,7 @@ Result<void> check_range(Model model, const Span& span) {
   const std::uint64_t end = bit + span.bits;
   while (bit < end) {
     const auto number = static_cast<std::uint32_t>(kind.first_number + bit / kind.bits);
-    const auto* run = std::find_if(runs.begin(), runs.end(), [&](const Numbers& candidate) {
+    const auto run = std::find_if(runs.begin(), runs.end(), [&](const Numbers& candidate) {
       return candidate.first <= number && number <= candidate.last;
     });
     if (run == runs.end())

@@ -4,12 +4,12 @@
 // FX3U-ENET manual, device table (FX3G, FX3U). FX3S is from product knowledge and unverified.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "protocol/value/point.h"
 #include "protocol/value/result.h"
@@ -66,16 +66,9 @@ struct Numbers {
   std::uint32_t first = 0;
   std::uint32_t last = 0;
 };
-/// Numbers of a model in a space: one run, or two (counter contacts of FX0N and FX1S).
-struct NumberRuns {
-  std::array<Numbers, 2> runs{};
-  std::size_t count = 0;
-  const Numbers* begin() const { return runs.data(); }
-  const Numbers* end() const { return runs.data() + count; }
-};
-/// Returns no runs if the model lacks the kind. An unknown model has the numbers of the widest, the
-/// FX3U.
-NumberRuns numbers_of(Model model, Space space);
+/// Returns the numbers of a model in a space: one run, or two (counter contacts of FX0N and FX1S);
+/// none if the model lacks the kind. An unknown model has the numbers of the widest, the FX3U.
+std::vector<Numbers> numbers_of(Model model, Space space);
 
 /// Returns the bits of `numbers` in their space.
 Span span_of(Space space, Numbers numbers);

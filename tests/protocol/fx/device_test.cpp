@@ -174,7 +174,7 @@ TEST(Device, EveryDeviceOfEveryModelIsReadBackFromItsOwnName) {
 
 TEST(Device, CoilsShareTheNumbersOfTheirTimersAndCounters) {
   EXPECT_EQ(numbers_of(Model::fx3u, Space::tc).begin()->last, 511U);
-  EXPECT_EQ(numbers_of(Model::fx0n, Space::cc).count, 2U);
+  EXPECT_EQ(numbers_of(Model::fx0n, Space::cc).size(), 2U);
   EXPECT_EQ(device_name(Space::tc, 5), "TC5");
   EXPECT_EQ(device_name({99, 0, 1}), "space 99");
 }
