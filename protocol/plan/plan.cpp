@@ -379,23 +379,19 @@ Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Po
 Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, ByteView image) {
   const auto span = span_of(point);
   if (!span) return tl::make_unexpected(span.error());
-  if (!point.address.writable)
-    return fail(ErrorCode::bad_request, point.address.text + " cannot be written");
+  if (!point.address.writable) return refuse(point.address.text + " cannot be written");
   if (const auto allowed = codec.addresses().check_write(*span); !allowed)
     return tl::make_unexpected(allowed.error());
   if (image.size() != (span->bits + 7) / 8)
-    return fail(ErrorCode::bad_request, point.address.text + " takes " +
-                                            std::to_string((span->bits + 7) / 8) + " bytes, not " +
-                                            std::to_string(image.size()));
+    return refuse(point.address.text + " takes " + std::to_string((span->bits + 7) / 8) +
+                  " bytes, not " + std::to_string(image.size()));
   std::vector<Request> requests;
   if (span->bits == 1) {
     requests.emplace_back(Force{span->space, span->first_bit, (image[0] & 1) != 0});
     return requests;
   }
   std::uint32_t step = codec.addresses().max_write_bits(span->space);
-  if (step == 0)
-    return fail(ErrorCode::bad_request,
-                point.address.text + " cannot be written with this protocol");
+  if (step == 0) return refuse(point.address.text + " cannot be written with this protocol");
   // Keep elements whole if a frame can hold one and an element consists of whole bytes.
   const std::uint32_t element = span->bits / point.count;
   if (element % 8 == 0 && element <= step) step -= step % element;

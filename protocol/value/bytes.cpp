@@ -39,8 +39,8 @@ Result<Bytes> from_hex(std::string_view text) {
     }
     const int digit = hex_digit(static_cast<std::uint8_t>(c));
     if (digit < 0)
-      return fail(ErrorCode::bad_request, "'" + std::string(1, c) + "' at position " +
-                                              std::to_string(i + 1) + " is not a hex digit");
+      return refuse("'" + std::string(1, c) + "' at position " + std::to_string(i + 1) +
+                    " is not a hex digit");
     if (high < 0) {
       high = digit;
     } else {
@@ -49,8 +49,8 @@ Result<Bytes> from_hex(std::string_view text) {
     }
   }
   if (high >= 0)
-    return fail(ErrorCode::bad_request, "digit '" + std::string(1, kDigits[high]) +
-                                            "' is left over: a byte needs two hex digits");
+    return refuse("digit '" + std::string(1, kDigits[high]) +
+                  "' is left over: a byte needs two hex digits");
   return bytes;
 }
 

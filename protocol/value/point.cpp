@@ -39,7 +39,7 @@ Result<DataType> data_type_from(std::string_view word) {
   if (known != kTypes.end()) return static_cast<DataType>(known - kTypes.begin());
   std::string all;
   for (const std::string_view type : kTypes) all += " " + std::string(type);
-  return fail(ErrorCode::bad_request, "'" + std::string(word) + "' is not a type; types are" + all);
+  return refuse("'" + std::string(word) + "' is not a type; types are" + all);
 }
 
 Result<ByteOrder> byte_order_from(std::string_view word) {
@@ -47,9 +47,8 @@ Result<ByteOrder> byte_order_from(std::string_view word) {
   if (word == "CDAB" || word == "low_first") return ByteOrder::cdab;
   if (word == "BADC") return ByteOrder::badc;
   if (word == "DCBA") return ByteOrder::dcba;
-  return fail(ErrorCode::bad_request,
-              "'" + std::string(word) +
-                  "' is not an order; orders are low_first high_first ABCD CDAB BADC DCBA");
+  return refuse("'" + std::string(word) +
+                "' is not an order; orders are low_first high_first ABCD CDAB BADC DCBA");
 }
 
 std::string_view to_string(ByteOrder order) {
@@ -77,11 +76,10 @@ DataType default_type(const Address& address) {
 
 Result<void> set_units(Point& point, double scale, double offset) {
   if (!std::isfinite(scale) || !std::isfinite(offset) || scale == 0.0)
-    return fail(ErrorCode::bad_request, "scale and offset are finite numbers, and scale is not 0");
+    return refuse("scale and offset are finite numbers, and scale is not 0");
   const bool plain = scale == 1.0 && offset == 0.0;
   if (!plain && (point.type == DataType::boolean || point.type == DataType::string))
-    return fail(ErrorCode::bad_request,
-                std::string(to_string(point.type)) + " takes no scale and no offset");
+    return refuse(std::string(to_string(point.type)) + " takes no scale and no offset");
   point.scale = scale;
   point.offset = offset;
   point.decimals = static_cast<std::int8_t>(std::max(decimals_of(scale), decimals_of(offset)));
@@ -130,16 +128,15 @@ int decimals_of(double number) {
 
 Result<Span> span_of(const Point& point) {
   if (point.type == DataType::string && point.length == 0)
-    return fail(ErrorCode::bad_request, "a string needs a length of at least 1 character");
-  if (point.count == 0) return fail(ErrorCode::bad_request, "an array has at least 1 element");
+    return refuse("a string needs a length of at least 1 character");
+  if (point.count == 0) return refuse("an array has at least 1 element");
   const std::uint32_t bits = element_bits(point);
   if (bits == 0)
-    return fail(ErrorCode::bad_request, point.address.text + " cannot be read as " +
-                                            std::string(to_string(point.type)) +
-                                            "; its type must be " + types_of(point.address));
+    return refuse(point.address.text + " cannot be read as " + std::string(to_string(point.type)) +
+                  "; its type must be " + types_of(point.address));
   const std::uint64_t total = std::uint64_t{bits} * point.count;
   if (point.address.span.first_bit + total > std::numeric_limits<std::uint32_t>::max())
-    return fail(ErrorCode::bad_request, point.address.text + ": the array is too long");
+    return refuse(point.address.text + ": the array is too long");
   return Span{point.address.span.space, point.address.span.first_bit,
               static_cast<std::uint32_t>(total)};
 }

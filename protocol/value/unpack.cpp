@@ -36,8 +36,8 @@ Result<Scalar> float_from(const Point& point, Pattern raw) {
   static_assert(sizeof number == sizeof raw);
   std::memcpy(&number, &raw, sizeof number);
   if (!std::isfinite(number))
-    return fail(ErrorCode::bad_request, hex_text(raw, static_cast<int>(2 * sizeof raw)) +
-                                            (std::isnan(number) ? " is NaN" : " is infinite"));
+    return refuse(hex_text(raw, static_cast<int>(2 * sizeof raw)) +
+                  (std::isnan(number) ? " is NaN" : " is infinite"));
   return scaled_real(point, widen(number));
 }
 
@@ -61,9 +61,7 @@ Result<Scalar> element_from(const Point& point, ByteView image, std::size_t bit,
     return float_from<float>(point, static_cast<std::uint32_t>(raw));
   if (is_bcd(point.type)) {
     const auto number = from_bcd(static_cast<std::uint32_t>(raw));
-    if (!number)
-      return fail(ErrorCode::bad_request,
-                  hex_text(raw, static_cast<int>(bits / 4)) + " is not BCD");
+    if (!number) return refuse(hex_text(raw, static_cast<int>(bits / 4)) + " is not BCD");
     return scaled_whole(point, *number);
   }
   Whole number(raw);
