@@ -27,12 +27,6 @@ PointSource source_of(const std::vector<Read>& reads, const Span& span) {
   return {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last - first + 1)};
 }
 
-/// Buckets to be read, by space and tier, and the commands that read several places at once.
-struct Wanted {
-  std::vector<Bucket> buckets;
-  std::vector<GatherCommand> commands;
-};
-
 /// Ways and commands of a device after its holes are applied.
 class DeviceWays final {
  public:
@@ -230,10 +224,6 @@ std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& reques
   };
   const auto enquiry = codec.resync();
   return enquiry && timing.enquires_always ? one(*enquiry) + one(request) : one(request);
-}
-
-bool Holes::forbid(const Span& span) const {
-  return Forbidden(*this, span.space).holds({span.first_bit, span.end_bit()});
 }
 
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,

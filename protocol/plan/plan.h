@@ -83,9 +83,6 @@ struct Holes {
   /// no such limit: their suspects may not be read for an hour, and their own refusals show what is
   /// too much for the device.
   std::uint32_t most_others = 0xFFFFFFFF;
-
-  /// True if a read of `span` is known to be refused.
-  bool forbid(const Span& span) const;
 };
 
 /// Reads that one exchange returns, by their index in Plan::reads. Valid as long as the plan.

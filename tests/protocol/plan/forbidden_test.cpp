@@ -59,7 +59,6 @@ TEST(Forbidden, SaysOfAnyReadWhatOneLookAtAllHolesWouldSay) {
                                         [&](const Span& place) { return overlap(place, read); });
       const Extent extent{read.first_bit, read.end_bit()};
       ASSERT_EQ(forbidden.holds(extent), is_held) << round;
-      ASSERT_EQ(holes.forbid(read), is_held) << round;
       ASSERT_EQ(forbidden.forbids(ReadWay{}, extent), is_held) << round;
       ASSERT_EQ(forbidden.forbids(gathered(), extent), is_held || is_apart) << round;
       (is_held ? held : is_apart ? apart : allowed) += 1;

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "protocol/fx/programming_port.h"
+#include "protocol/plan/forbidden.h"
 
 namespace fxagent {
 namespace {
@@ -537,7 +538,10 @@ TEST(Plan, NoOtherSharingOfThePointsAroundTheHolesTakesLessLineTime) {
       holes.missing.push_back({0, pick(0, 16) * unit, pick(1, 3) * unit});
     const Plan plan = make_plan(codec, points, cost, 0, holes);
     check(plan, codec, points, cost);
-    for (const PlannedRead& planned : plan.reads) EXPECT_FALSE(holes.forbid(planned.read.span));
+    for (const PlannedRead& planned : plan.reads) {
+      const Span& span = planned.read.span;
+      EXPECT_FALSE(Forbidden(holes, span.space).holds({span.first_bit, span.end_bit()}));
+    }
     std::vector<Point> readable;
     for (std::uint32_t i = 0; i < points.size(); ++i) {
       const bool is_refused = std::binary_search(plan.refused.begin(), plan.refused.end(), i);
