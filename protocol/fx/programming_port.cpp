@@ -240,13 +240,6 @@ std::vector<ReadWay> ways_of(const Settings& settings, Space space, CommandSet s
   return ways;
 }
 
-/// Returns the largest number of bits in one write.
-std::uint32_t most_bits(const Settings& settings, std::uint16_t space) {
-  if (space >= kSpaces) return 0;
-  const std::uint32_t unit = std::max<std::uint32_t>(kind_of(static_cast<Space>(space)).bits, 8);
-  return std::max(std::min(settings.max_block_bytes, kClassicBytes) * 8 / unit * unit, unit);
-}
-
 /// Returns the set that writes or forces `span`. Error: unsupported if no set reaches it.
 Result<CommandSet> set_for(const Settings& settings, const Span& span) {
   for (const CommandSet set : sets_of(settings)) {
@@ -280,7 +273,9 @@ std::vector<std::uint32_t> ProgrammingPort::borders(std::uint16_t space) const {
 }
 
 std::uint32_t ProgrammingPort::max_write_bits(std::uint16_t space) const {
-  return most_bits(settings_, space);
+  if (space >= kSpaces) return 0;
+  const std::uint32_t unit = std::max<std::uint32_t>(kind_of(static_cast<Space>(space)).bits, 8);
+  return std::max(std::min(settings_.max_block_bytes, kClassicBytes) * 8 / unit * unit, unit);
 }
 
 // ---- bytes --------------------------------------------------------------------------------------
@@ -300,16 +295,15 @@ Result<Bytes> encode_read(const Settings& settings, const Read& read) {
   return framed(classic ? "0" : "E00", {{address, 4}, {read.span.bits / 8, 2}}, {});
 }
 
-Result<Bytes> encode_write(const Settings& settings, const Write& write) {
+/// `most` is the largest number of bits in one write.
+Result<Bytes> encode_write(const Settings& settings, std::uint32_t most, const Write& write) {
   const Span& span = write.span;
   if (const auto allowed = fx::check_write(settings.model, span); !allowed)
     return tl::make_unexpected(allowed.error());
-  if (span.bits % 8 != 0 || span.bits > most_bits(settings, span.space) ||
-      write.image.size() != span.bits / 8)
+  if (span.bits % 8 != 0 || span.bits > most || write.image.size() != span.bits / 8)
     return refuse("write of " + std::to_string(span.bits) + " bits with " +
                   std::to_string(write.image.size()) + " bytes to " + device_name(span) +
-                  ": whole bytes, at most " + std::to_string(most_bits(settings, span.space)) +
-                  " bits");
+                  ": whole bytes, at most " + std::to_string(most) + " bits");
   const auto set = set_for(settings, span);
   if (!set) return tl::make_unexpected(set.error());
   const PortArea* area = area_of(map_of(settings.model, *set), static_cast<Space>(span.space));
@@ -340,7 +334,8 @@ Result<Bytes> encode_force(const Settings& settings, const Force& force) {
 Result<Bytes> ProgrammingPort::encode(const Request& request, std::uint16_t /*tag*/) const {
   if (std::holds_alternative<Enquire>(request)) return Bytes{kEnq};
   if (const auto* read = std::get_if<Read>(&request)) return encode_read(settings_, *read);
-  if (const auto* write = std::get_if<Write>(&request)) return encode_write(settings_, *write);
+  if (const auto* write = std::get_if<Write>(&request))
+    return encode_write(settings_, max_write_bits(write->span.space), *write);
   if (const auto* force = std::get_if<Force>(&request)) return encode_force(settings_, *force);
   return fail(ErrorCode::unsupported,
               "the programming port has no such command; RUN and STOP are forces of M8037");

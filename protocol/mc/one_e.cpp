@@ -165,9 +165,8 @@ Result<void> OneE::check_write(const Span& span) const {
 
 // ---- ways to read ------------------------------------------------------------------------------
 
-namespace {
-
-std::vector<ReadWay> ways_of(Model model, std::uint16_t space_id) {
+std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
+  const Model model = settings_.model;
   std::vector<ReadWay> ways;
   if (!check_reach(model, {space_id, 0, 1})) return ways;
   const auto space = static_cast<Space>(space_id);
@@ -192,29 +191,17 @@ std::vector<ReadWay> ways_of(Model model, std::uint16_t space_id) {
   return ways;
 }
 
-/// Returns the largest number of bits in one write; 0 if 1E frames do not write the space.
-std::uint32_t most_bits(Model model, std::uint16_t space) {
-  if (!check_reach(model, {space, 0, 1})) return 0;
-  return width_of(space) == 1 ? kWriteBits : kWriteWords * 16;
-}
-
-}  // namespace
-
-std::vector<ReadWay> OneE::read_ways(std::uint16_t space) const {
-  return ways_of(settings_.model, space);
-}
-
 std::uint32_t OneE::max_write_bits(std::uint16_t space) const {
-  return most_bits(settings_.model, space);
+  if (!check_reach(settings_.model, {space, 0, 1})) return 0;
+  return width_of(space) == 1 ? kWriteBits : kWriteWords * 16;
 }
 
 // ---- requests ----------------------------------------------------------------------------------
 
 namespace {
 
-one_e::Writer begun(const OneE::Settings& settings, one_e::Command command,
-                    std::size_t more_bytes) {
-  one_e::Writer out(settings.code, one_e::kRequestHead + more_bytes);
+one_e::Writer begun(const Settings& settings, one_e::Command command) {
+  one_e::Writer out(settings.code);
   out.number(code(command), 1);
   out.number(settings.pc, 1);
   out.number(settings.monitoring_timer, 2);
@@ -227,11 +214,11 @@ void append_points(one_e::Writer& out, std::uint32_t points) {
   out.number(0, 1);
 }
 
-Result<Bytes> encode_read(const Settings& settings, const Read& read) {
+Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& ways,
+                          const Read& read) {
   const Span& span = read.span;
   if (const auto reached = check_reach(settings.model, span); !reached)
     return tl::make_unexpected(reached.error());
-  const auto ways = ways_of(settings.model, span.space);
   const auto way = std::ranges::find(ways, read.way, &ReadWay::way);
   if (way == ways.end())
     return refuse(device_name(settings.model, span) + " is not read " +
@@ -243,26 +230,24 @@ Result<Bytes> encode_read(const Settings& settings, const Read& read) {
                   device_name(settings.model, span) + ": at most " + std::to_string(way->max_bits) +
                   ", in steps of " + std::to_string(way->unit_bits) + ", up to the last device");
   auto out =
-      begun(settings, read.way == kBitWay ? one_e::Command::read_bits : one_e::Command::read_words,
-            one_e::kDevice + 2);
+      begun(settings, read.way == kBitWay ? one_e::Command::read_bits : one_e::Command::read_words);
   append_device(out, span);
   append_points(out, read.way == kBitWay ? span.bits : span.bits / 16);
   return out.take();
 }
 
-Result<Bytes> encode_write(const Settings& settings, const Write& write) {
+/// `most` is the largest number of bits in one write.
+Result<Bytes> encode_write(const Settings& settings, std::uint32_t most, const Write& write) {
   const Span& span = write.span;
   if (const auto allowed = check_reached_write(settings.model, span); !allowed)
     return tl::make_unexpected(allowed.error());
   const bool bits = width_of(span.space) == 1 && !is_bit_words(span);
-  const std::uint32_t most = most_bits(settings.model, span.space);
   if (span.bits > most || write.image.size() != (span.bits + 7) / 8)
     return refuse("write of " + std::to_string(span.bits) + " bits with " +
                   std::to_string(write.image.size()) + " bytes to " +
                   device_name(settings.model, span) + ": at most " + std::to_string(most) +
                   " bits");
-  auto out = begun(settings, bits ? one_e::Command::write_bits : one_e::Command::write_words,
-                   one_e::kDevice + 2 + 2 * write.image.size());
+  auto out = begun(settings, bits ? one_e::Command::write_bits : one_e::Command::write_words);
   append_device(out, span);
   append_points(out, bits ? span.bits : span.bits / 16);
   if (bits)
@@ -286,7 +271,7 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
                     std::to_string(part.span.bits) + " bits");
     points += part.span.bits / step;
   }
-  auto out = begun(settings, *carrier, 2 + points * (one_e::kDevice + 2));
+  auto out = begun(settings, *carrier);
   append_points(out, points);
   for (const Write& part : scatter.parts)
     for (std::uint32_t done = 0; done < part.span.bits; done += step) {
@@ -310,14 +295,16 @@ Result<Bytes> encode_control(const Settings& settings, const Control& control) {
   const one_e::Command command = control.kind == Control::Kind::run    ? one_e::Command::run
                                  : control.kind == Control::Kind::stop ? one_e::Command::stop
                                                                        : one_e::Command::model;
-  return begun(settings, command, 0).take();
+  return begun(settings, command).take();
 }
 
 }  // namespace
 
 Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const {
-  if (const auto* read = std::get_if<Read>(&request)) return encode_read(settings_, *read);
-  if (const auto* write = std::get_if<Write>(&request)) return encode_write(settings_, *write);
+  if (const auto* read = std::get_if<Read>(&request))
+    return encode_read(settings_, read_ways(read->span.space), *read);
+  if (const auto* write = std::get_if<Write>(&request))
+    return encode_write(settings_, max_write_bits(write->span.space), *write);
   if (const auto* scatter = std::get_if<Scatter>(&request))
     return encode_scatter(settings_, *scatter);
   if (const auto* control = std::get_if<Control>(&request))
@@ -325,7 +312,7 @@ Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const 
   if (const auto* force = std::get_if<Force>(&request)) {
     if (force->space < kSpaces && width_of(force->space) != 1)
       return refuse(name_of({force->space, force->bit, 1}) + " is a word: only bits can be forced");
-    return encode_write(settings_, write_of(*force));
+    return encode_write(settings_, max_write_bits(force->space), write_of(*force));
   }
   return fail(ErrorCode::unsupported, "1E frames have neither an enquiry nor scattered reads");
 }

@@ -34,17 +34,11 @@ constexpr std::uint8_t code(Command command) { return static_cast<std::uint8_t>(
 inline constexpr std::uint8_t kAnswer = 0x80;
 /// Command and end code.
 inline constexpr std::size_t kAnswerHead = 2;
-/// Command, PC number, monitoring timer.
-inline constexpr std::size_t kRequestHead = 4;
-/// Device number and code.
-inline constexpr std::size_t kDevice = 6;
 
 /// A frame under construction.
 class Writer final {
  public:
-  Writer(Code data_code, std::size_t bytes) : data_code_(data_code) {
-    frame_.reserve(wire_size(data_code, bytes));
-  }
+  explicit Writer(Code data_code) : data_code_(data_code) {}
   /// Low byte first in binary, high digit first in ASCII.
   void number(std::uint32_t value, std::size_t bytes) {
     append_number(data_code_, frame_, value, bytes);
