@@ -409,9 +409,7 @@ std::string widest_name(const ProtocolInfo& protocol) {
 
 const OptionSpec* binary_option(const ProtocolInfo& protocol, const Options& options) {
   const auto found = std::ranges::find_if(protocol.options, [&](const OptionSpec& spec) {
-    const auto given = options.find(spec.key);
-    const auto* value =
-        given == options.end() ? nullptr : std::get_if<std::int64_t>(&given->second);
+    const auto* value = option<std::int64_t>(options, spec.key);
     return value != nullptr && spec.binary_from && *value >= *spec.binary_from;
   });
   return found == protocol.options.end() ? nullptr : &*found;

@@ -43,10 +43,10 @@ std::string of_route(const ProtocolInfo& protocol, const Options& options) {
   std::string out;
   for (const std::string_view key : {"network", "pc", "module_io", "module_station"}) {
     const auto spec = std::ranges::find(protocol.options, key, &OptionSpec::key);
-    const auto given = options.find(key);
-    if (spec == protocol.options.end() || given == options.end()) continue;
-    const auto* number = std::get_if<std::int64_t>(&given->second);
-    if (number == nullptr || *number == std::get<std::int64_t>(spec->fallback)) continue;
+    const auto* number = option<std::int64_t>(options, key);
+    if (spec == protocol.options.end() || number == nullptr ||
+        *number == std::get<std::int64_t>(spec->fallback))
+      continue;
     out.append("; is `")
         .append(key)
         .append("` (")

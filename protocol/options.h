@@ -40,12 +40,17 @@ const T* option(const Options& options, std::string_view key) {
   return found == options.end() ? nullptr : std::get_if<T>(&found->second);
 }
 
-/// Returns an integer option, or `fallback` if it is absent, moved into `least` to `most`. All
-/// three are from 0 to 4294967295.
-inline std::uint32_t number_option(const Options& options, std::string_view key,
-                                   std::int64_t fallback, std::int64_t least, std::int64_t most) {
-  const auto* value = option<std::int64_t>(options, key);
-  return static_cast<std::uint32_t>(std::clamp(value ? *value : fallback, least, most));
+/// Replaces `value` by an integer option if that is given, and moves it into `least` to `most`,
+/// which the type of `value` must hold.
+template <class Number>
+void take_option(Number& value, const Options& options, std::string_view key, std::int64_t least,
+                 std::int64_t most) {
+  const auto* given = option<std::int64_t>(options, key);
+  value = static_cast<Number>(std::clamp(given ? *given : std::int64_t{value}, least, most));
+}
+/// Replaces `value` by a boolean option if that is given.
+inline void take_option(bool& value, const Options& options, std::string_view key) {
+  if (const auto* given = option<bool>(options, key)) value = *given;
 }
 
 }  // namespace fxagent

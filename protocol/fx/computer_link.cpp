@@ -63,21 +63,19 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
     if (!known) return refuse("no model '" + *name + "'");
     settings.model = *known;
   }
-  settings.station = number_option(options, "station", settings.station, 0, 15);
-  settings.max_block_bytes =
-      number_option(options, "max_block_bytes", settings.max_block_bytes, 2, 128);
-  const std::uint32_t format =
-      number_option(options, "format", settings.ends_with_cr_lf ? 4 : 1, 1, 4);
+  take_option(settings.station, options, "station", 0, 15);
+  take_option(settings.max_block_bytes, options, "max_block_bytes", 2, 128);
+  std::uint32_t format = settings.ends_with_cr_lf ? 4 : 1;
+  take_option(format, options, "format", 1, 4);
   if (format != 1 && format != 4)
     return refuse("format must be 1 or 4: an FX has no format " + std::to_string(format));
   settings.ends_with_cr_lf = format == 4;
-  const std::uint32_t wait =
-      number_option(options, "message_wait_ms", settings.wait_tens * 10, 0, 150);
+  std::uint32_t wait = settings.wait_tens * 10;
+  take_option(wait, options, "message_wait_ms", 0, 150);
   if (wait % 10 != 0) return refuse("message_wait_ms must be a multiple of 10");
   settings.wait_tens = wait / 10;
-  if (const auto* flag = option<bool>(options, "sum_check")) settings.sum_check = *flag;
-  if (const auto* flag = option<bool>(options, "acknowledge_data"))
-    settings.acknowledge_data = *flag;
+  take_option(settings.sum_check, options, "sum_check");
+  take_option(settings.acknowledge_data, options, "acknowledge_data");
   return std::make_shared<const ComputerLink>(settings);
 }
 

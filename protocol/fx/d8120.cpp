@@ -33,10 +33,10 @@ std::optional<std::uint16_t> d8120(const Options& options, const LineDefaults& l
   if (line.parity == Parity::odd) word |= kOddParity;
   if (line.parity == Parity::even) word |= kEvenParity;
   if (line.stop_bits == 2) word |= kTwoStopBits;
-  const auto sum_check = options.find("sum_check");
-  if (sum_check == options.end() || std::get<bool>(sum_check->second)) word |= kSumCheck;
-  const auto format = options.find("format");
-  if (format != options.end() && std::get<std::int64_t>(format->second) == 4) word |= kFormat4;
+  if (const auto* sum_check = option<bool>(options, "sum_check"); !sum_check || *sum_check)
+    word |= kSumCheck;
+  if (const auto* format = option<std::int64_t>(options, "format"); format && *format == 4)
+    word |= kFormat4;
   return static_cast<std::uint16_t>(word);
 }
 

@@ -178,8 +178,7 @@ Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& option
   if (settings.commands == Commands::extended && settings.model != Model::unknown &&
       map_of(settings.model, CommandSet::extended).empty())
     return refuse(std::string(to_string(settings.model)) + " has only the classic command set");
-  settings.max_block_bytes =
-      number_option(options, "max_block_bytes", settings.max_block_bytes, 2, kFx3Bytes);
+  take_option(settings.max_block_bytes, options, "max_block_bytes", 2, kFx3Bytes);
   return std::make_shared<const ProgrammingPort>(settings);
 }
 

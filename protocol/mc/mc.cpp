@@ -76,24 +76,18 @@ Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& option
     settings.model = *known;
   }
   Route& route = settings.route;
-  route.network =
-      static_cast<std::uint8_t>(number_option(options, "network", route.network, 0, 0xFF));
-  route.pc = static_cast<std::uint8_t>(number_option(options, "pc", route.pc, 0, 0xFF));
-  route.module_io =
-      static_cast<std::uint16_t>(number_option(options, "module_io", route.module_io, 0, 0xFFFF));
-  route.module_station = static_cast<std::uint8_t>(
-      number_option(options, "module_station", route.module_station, 0, 0xFF));
-  settings.station =
-      static_cast<std::uint8_t>(number_option(options, "station", settings.station, 0, 31));
-  settings.format =
-      number_option(options, "format", settings.format, 1, frame == Frame::c4 ? 5 : 4);
-  settings.max_block_bytes = number_option(options, "max_block_bytes", settings.max_block_bytes, 2,
-                                           settings.max_block_bytes);
-  const std::uint32_t timer =
-      number_option(options, "monitoring_timer_ms", settings.timer * kTimerStep, kTimerStep, 60000);
+  take_option(route.network, options, "network", 0, 0xFF);
+  take_option(route.pc, options, "pc", 0, 0xFF);
+  take_option(route.module_io, options, "module_io", 0, 0xFFFF);
+  take_option(route.module_station, options, "module_station", 0, 0xFF);
+  take_option(settings.station, options, "station", 0, 31);
+  take_option(settings.format, options, "format", 1, frame == Frame::c4 ? 5 : 4);
+  take_option(settings.max_block_bytes, options, "max_block_bytes", 2, settings.max_block_bytes);
+  std::uint32_t timer = settings.timer * kTimerStep;
+  take_option(timer, options, "monitoring_timer_ms", kTimerStep, 60000);
   if (timer % kTimerStep != 0) return refuse("monitoring_timer_ms must be a multiple of 250");
   settings.timer = timer / kTimerStep;
-  if (const auto* flag = option<bool>(options, "sum_check")) settings.sum_check = *flag;
+  take_option(settings.sum_check, options, "sum_check");
   if (const auto* word = option<std::string>(options, "code"))
     settings.code = *word == "ascii" ? Code::ascii : Code::binary;
   return std::make_shared<const Mc>(settings);

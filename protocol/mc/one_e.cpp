@@ -97,10 +97,9 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
   }
   if (const auto* word = option<std::string>(options, "code"))
     settings.code = *word == "ascii" ? Code::ascii : Code::binary;
-  settings.pc = static_cast<std::uint8_t>(number_option(options, "pc", settings.pc, 0, 255));
-  const std::uint32_t timer =
-      number_option(options, "monitoring_timer_ms", settings.monitoring_timer * 250,
-                    kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
+  take_option(settings.pc, options, "pc", 0, 255);
+  std::uint32_t timer = settings.monitoring_timer * kMonitoringUnitMs;
+  take_option(timer, options, "monitoring_timer_ms", kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
   if (timer % kMonitoringUnitMs != 0)
     return refuse("monitoring_timer_ms must be a multiple of 250");
   settings.monitoring_timer = static_cast<std::uint16_t>(timer / kMonitoringUnitMs);

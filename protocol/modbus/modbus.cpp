@@ -126,17 +126,16 @@ std::string name_of(Space space, std::uint32_t number, std::uint32_t base) {
 Result<std::shared_ptr<const Codec>> Modbus::make(Framing framing, const Options& options) {
   Settings settings;
   settings.framing = framing;
-  settings.unit = static_cast<std::uint8_t>(number_option(options, "unit", settings.unit, 0, 255));
-  settings.max_read = number_option(options, "max_read", settings.max_read, 1, kMaxReadRegisters);
-  settings.max_gap = number_option(options, "max_gap", settings.max_gap, 0, kMaxReadRegisters);
-  settings.address_base = number_option(options, "address_base", settings.address_base, 0, 1);
+  take_option(settings.unit, options, "unit", 0, 255);
+  take_option(settings.max_read, options, "max_read", 1, kMaxReadRegisters);
+  take_option(settings.max_gap, options, "max_gap", 0, kMaxReadRegisters);
+  take_option(settings.address_base, options, "address_base", 0, 1);
   if (const auto* word = option<std::string>(options, "byte_order")) {
     const auto order = byte_order_from(*word);
     if (!order) return tl::make_unexpected(order.error());
     settings.order = *order;
   }
-  if (const auto* flag = option<bool>(options, "allow_read_modify_write"))
-    settings.allow_read_modify_write = *flag;
+  take_option(settings.allow_read_modify_write, options, "allow_read_modify_write");
   if (framing != Framing::tcp && settings.unit > 247)
     return refuse(
         "unit must be 1 to 247 on a serial line, or 0 for a broadcast; 248 to 255 are reserved");
