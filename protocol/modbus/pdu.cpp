@@ -81,9 +81,8 @@ Result<Bytes> encode_write(const Write& write) {
   append_16(pdu, place->number);
   append_16(pdu, place->count);
   pdu.push_back(static_cast<std::uint8_t>(write.image.size()));
-  Bytes data = space == Space::coil ? write.image : swapped(write.image);
-  if (space == Space::coil && write.span.bits % 8 != 0)
-    data.back() &= static_cast<std::uint8_t>((1U << (write.span.bits % 8)) - 1);
+  const Bytes data =
+      space == Space::coil ? extract_bits(write.image, 0, write.span.bits) : swapped(write.image);
   pdu.insert(pdu.end(), data.begin(), data.end());
   return pdu;
 }
@@ -228,12 +227,10 @@ Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu) {
     if (pdu.size() < 2 || pdu[1] != pdu.size() - 2)
       return garbled("the byte count does not fit the frame");
     if (pdu[1] != bytes) return std::nullopt;
-    Reply reply{.kind = Reply::Kind::data};
     const ByteView data = pdu.subspan(2);
-    reply.image = is_bit_table(read->span.space) ? Bytes(data.begin(), data.end()) : swapped(data);
-    if (is_bit_table(read->span.space) && read->span.bits % 8 != 0)
-      reply.image.back() &= static_cast<std::uint8_t>((1U << (read->span.bits % 8)) - 1);
-    return reply;
+    return Reply{.kind = Reply::Kind::data,
+                 .image = is_bit_table(read->span.space) ? extract_bits(data, 0, read->span.bits)
+                                                         : swapped(data)};
   }
   if (is_identify(request)) return decode_identity(pdu);
   // The answer to a write repeats the beginning of its request: place, and value or quantity.
