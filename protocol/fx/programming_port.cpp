@@ -152,16 +152,6 @@ tl::unexpected<Error> no_address(const Span& span) {
                 "port; use the computer link");
 }
 
-Span place_of(const Span& span) { return span; }
-Span place_of(const Address& address) { return address.span; }
-
-/// Returns `parsed`, or an error if this protocol has no address for it.
-template <class T>
-Result<T> reachable(Result<T> parsed) {
-  if (parsed && place_of(*parsed).space == id(Space::r)) return no_address(place_of(*parsed));
-  return parsed;
-}
-
 }  // namespace
 
 Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& options) {
@@ -186,11 +176,15 @@ Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& option
 
 Result<Address> ProgrammingPort::parse_address(std::string_view text,
                                                std::optional<DataType> type) const {
-  return reachable(fx::parse_address(settings_.model, text, type));
+  auto address = fx::parse_address(settings_.model, text, type);
+  if (address && address->span.space == id(Space::r)) return no_address(address->span);
+  return address;
 }
 
 Result<Span> ProgrammingPort::parse_range(std::string_view text) const {
-  return reachable(fx::parse_range(settings_.model, text));
+  auto span = fx::parse_range(settings_.model, text);
+  if (span && span->space == id(Space::r)) return no_address(*span);
+  return span;
 }
 
 Result<void> ProgrammingPort::check_range(const Span& span) const {
