@@ -544,11 +544,9 @@ Result<Span> parse_range(Model model, std::string_view text) {
   if (const auto present = check_number(model, *space, numbers.last); !present)
     return tl::make_unexpected(present.error());
   const Span span = span_of(*space, numbers);
-  if (const auto present = check_range(model, span); !present)
-    return tl::make_unexpected(present.error());
-  if (const auto allowed = check_forbidden(span); !allowed)
-    return tl::make_unexpected(allowed.error());
-  return span;
+  return check_range(model, span).and_then([&] { return check_forbidden(span); }).map([&] {
+    return span;
+  });
 }
 
 Result<void> check_range(Model model, const Span& span) {

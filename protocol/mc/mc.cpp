@@ -27,15 +27,16 @@ Reply refusal(std::uint16_t code, Series series) {
   return {.kind = Reply::Kind::nak, .device_code = code, .text = end_code_text(code, series)};
 }
 
-/// Returns why frames in ASCII code cannot reach all of a span; empty if they can.
-std::string why_out_of_reach(const Dialect& dialect, const Span& span) {
+/// Error: bad_request if frames in ASCII code cannot name all of a span.
+Result<void> check_named(const Dialect& dialect, const Span& span) {
   if (span.space >= kSpaces) return {};
   const auto space = static_cast<Space>(span.space);
   auto why = why_not_named(dialect, space, span.first_bit / kind_of(space).bits);
   const bool beyond = span.bits > kCertainWords || span.first_bit > kCertainWords - span.bits;
   if (why.empty() && beyond && has_doubtful_digits(dialect, space))
-    return why_not_named(dialect, space, kCertainWords);
-  return why;
+    why = why_not_named(dialect, space, kCertainWords);
+  if (!why.empty()) return refuse(std::move(why));
+  return {};
 }
 
 bool is_numbered_by_series(std::uint16_t space) {
@@ -98,21 +99,19 @@ Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& option
 Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
   auto address = mc::parse_address(settings_.model, text, type);
   if (!address) return address;
-  if (auto why = why_out_of_reach(dialect_, address->span); !why.empty())
-    return refuse(std::move(why));
-  return address;
+  return check_named(dialect_, address->span).map([&] { return std::move(*address); });
 }
 
 Result<void> Mc::check_range(const Span& span) const {
-  if (auto present = mc::check_range(settings_.model, span); !present) return present;
-  if (auto why = why_out_of_reach(dialect_, span); !why.empty()) return refuse(std::move(why));
-  return {};
+  return mc::check_range(settings_.model, span).and_then([&] {
+    return check_named(dialect_, span);
+  });
 }
 
 Result<void> Mc::check_write(const Span& span) const {
-  if (auto allowed = mc::check_write(settings_.model, span); !allowed) return allowed;
-  if (auto why = why_out_of_reach(dialect_, span); !why.empty()) return refuse(std::move(why));
-  return {};
+  return mc::check_write(settings_.model, span).and_then([&] {
+    return check_named(dialect_, span);
+  });
 }
 
 // ---- frames ------------------------------------------------------------------------------------

@@ -131,8 +131,7 @@ Result<void> check_reach(Model model, const Span& span) {
 }
 
 Result<void> check_reached_write(Model model, const Span& span) {
-  if (auto allowed = check_write(model, span); !allowed) return allowed;
-  return check_reach(model, span);
+  return check_write(model, span).and_then([&] { return check_reach(model, span); });
 }
 
 /// Returns `parsed`, or an error if 1E frames never reach it, whatever the model turns out to be.
