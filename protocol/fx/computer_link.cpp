@@ -1,6 +1,7 @@
 #include "protocol/fx/computer_link.h"
 
 #include <algorithm>
+#include <array>
 
 #include "protocol/control_characters.h"
 #include "protocol/encoding.h"
@@ -14,6 +15,19 @@ using Settings = ComputerLink::Settings;
 
 // STX header, 256 bits, ETX, sum, CR LF.
 constexpr std::size_t kLongestFrame = kHeader + 256 + 1 + 2 + 2;
+
+/// Codes of the models in answers to PC, JY992D69901 8.8; FX3 from JY997D16901, F4 from the
+/// FX3U-ENET manual. The code of FX3S is unknown.
+struct TypeCode {
+  int code;
+  Model model;
+};
+constexpr std::array<TypeCode, 6> kTypeCodes = {{{0xF2, Model::fx1s},
+                                                 {0x8E, Model::fx0n},
+                                                 {0x9E, Model::fx1n},
+                                                 {0x9D, Model::fx2n},
+                                                 {0xF3, Model::fx3u},
+                                                 {0xF4, Model::fx3g}}};
 
 /// Returns the characters of data in the answer to a read or to PC.
 std::uint32_t data_chars(const Request& request) {
@@ -274,6 +288,32 @@ RefusalMeaning ComputerLink::meaning_of(const Request& request, int device_code)
   if (device_code == kSumMismatch && !runs_or_stops) return RefusalMeaning::curable;
   const bool too_much = device_code == kNoDevice && std::holds_alternative<Read>(request);
   return too_much ? RefusalMeaning::hole : RefusalMeaning::final;
+}
+
+std::string_view link_refusal(int code) {
+  switch (code) {
+    case kSumMismatch:
+      return "the PLC found a wrong sum";
+    case 0x03:
+      return "the PLC is set to another format or procedure (D8120)";
+    case kNoDevice:
+      return "the device does not exist, or too many points";
+    case 0x07:
+      return "the data are not hex digits";
+    case 0x0A:
+    case 0x10:
+      return "the PLC number is not FF";
+    case 0x18:
+      return "remote RUN or STOP is not possible";
+    default:
+      return "a reason that the manual does not list";
+  }
+}
+
+std::string_view link_model(int code) {
+  for (const TypeCode& known : kTypeCodes)
+    if (known.code == code) return to_string(known.model);
+  return {};
 }
 
 }  // namespace fxagent::fx
