@@ -44,22 +44,16 @@ std::uint16_t crc(ByteView bytes) {
 std::uint8_t lrc(ByteView bytes) { return static_cast<std::uint8_t>(-byte_sum(bytes)); }
 
 Bytes framed(Framing framing, std::uint8_t unit, ByteView pdu, std::uint16_t transaction) {
-  Bytes frame;
-  frame.reserve(framed_length(framing, pdu.size()));
-  const auto append_pdu = [&] {
-    frame.push_back(unit);
-    frame.insert(frame.end(), pdu.begin(), pdu.end());
-  };
+  Bytes frame{unit};
+  frame.insert(frame.end(), pdu.begin(), pdu.end());
+  const auto low = [](std::size_t number) { return static_cast<std::uint8_t>(number); };
   switch (framing) {
     case Framing::rtu: {
-      append_pdu();
       const std::uint16_t sum = crc(frame);
-      frame.push_back(static_cast<std::uint8_t>(sum));
-      frame.push_back(static_cast<std::uint8_t>(sum >> 8));
+      frame.insert(frame.end(), {low(sum), low(sum >> 8U)});
       break;
     }
     case Framing::ascii: {
-      append_pdu();
       frame.push_back(lrc(frame));
       Bytes text{':'};
       for (const std::uint8_t byte : frame) append_hex(text, byte, 2);
@@ -67,11 +61,9 @@ Bytes framed(Framing framing, std::uint8_t unit, ByteView pdu, std::uint16_t tra
       return text;
     }
     case Framing::tcp: {
-      const std::size_t length = pdu.size() + 1;
-      frame = {
-          static_cast<std::uint8_t>(transaction >> 8), static_cast<std::uint8_t>(transaction), 0, 0,
-          static_cast<std::uint8_t>(length >> 8),      static_cast<std::uint8_t>(length)};
-      append_pdu();
+      const std::size_t length = frame.size();
+      frame.insert(frame.begin(), {low(transaction >> 8U), low(transaction), 0, 0,
+                                   low(length >> 8U), low(length)});
       break;
     }
   }
