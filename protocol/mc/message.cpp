@@ -52,26 +52,18 @@ bool is_block_read(const Gather& gather) {
   return !gather.parts.empty() && gather.parts.front().gather == kBlockRead;
 }
 
-bool is_of_bits(const Read& part) { return width_of(part.span.space) == 1; }
-
-/// Calls `visit` with the index of every part in the order of the frame: words before double words,
-/// and blocks of words before blocks of bits.
-template <class Visit>
-void for_each_part(const Gather& gather, Visit visit) {
-  const bool blocks = is_block_read(gather);
-  for (const bool later : {false, true})
-    for (std::size_t i = 0; i < gather.parts.size(); ++i) {
-      const Read& part = gather.parts[i];
-      if ((blocks ? is_of_bits(part) : words_of(part) == 2) == later) visit(i);
-    }
+/// True in the second half of a frame: words come before double words, and blocks of words before
+/// blocks of bits.
+bool is_later(const Read& part) {
+  return part.gather == kBlockRead ? width_of(part.span.space) == 1 : words_of(part) == 2;
 }
 
-/// Returns the number of parts in the second half of that order.
-std::uint32_t later_parts(const Gather& gather) {
-  const bool blocks = is_block_read(gather);
-  return static_cast<std::uint32_t>(std::count_if(
-      gather.parts.begin(), gather.parts.end(),
-      [&](const Read& part) { return blocks ? is_of_bits(part) : words_of(part) == 2; }));
+/// Calls `visit` with the index of every part in the order of the frame.
+template <class Visit>
+void for_each_part(const Gather& gather, Visit visit) {
+  for (const bool later : {false, true})
+    for (std::size_t i = 0; i < gather.parts.size(); ++i)
+      if (is_later(gather.parts[i]) == later) visit(i);
 }
 
 Result<void> check_gather(const Dialect& dialect, const Gather& gather) {
@@ -92,20 +84,14 @@ Result<void> check_gather(const Dialect& dialect, const Gather& gather) {
   return refuse(std::to_string(gather.parts.size()) + " places do not fit in one frame");
 }
 
-/// One value of a random write.
-struct Item {
-  std::uint16_t space = 0;
-  std::uint32_t bit = 0;
-  Bytes image;
-};
-
 /// Splits the words of a part into double words and, at the end, a single word.
-void cut(const Write& part, std::vector<Item>& words, std::vector<Item>& dwords) {
+void cut(const Write& part, std::vector<Write>& words, std::vector<Write>& dwords) {
   for (std::uint32_t done = 0; done < part.span.bits;) {
     const bool pair = part.span.bits - done >= 32;
     const std::uint32_t bits = pair ? 32 : 16;
-    Item item{part.span.space, part.span.first_bit + done, extract_bits(part.image, done, bits)};
-    (pair ? dwords : words).push_back(std::move(item));
+    (pair ? dwords : words)
+        .push_back({{part.span.space, part.span.first_bit + done, bits},
+                    extract_bits(part.image, done, bits)});
     done += bits;
   }
 }
@@ -135,7 +121,7 @@ Result<Bytes> encode_gather(const Dialect& dialect, const Gather& gather) {
   const bool blocks = is_block_read(gather);
   Body body(dialect, has_long_codes(dialect, gather.parts.front().way),
             id(blocks ? Command::block_read : Command::random_read), kWords);
-  const std::uint32_t later = later_parts(gather);
+  const auto later = static_cast<std::uint32_t>(std::ranges::count_if(gather.parts, is_later));
   body.number(static_cast<std::uint32_t>(gather.parts.size()) - later, 1);
   body.number(later, 1);
   for_each_part(gather, [&](std::size_t i) {
@@ -199,17 +185,17 @@ Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter) {
   if (all_bits && bits <= limits.random_bits)
     return encode_bits(dialect, scatter, long_codes, static_cast<std::uint32_t>(bits));
   if (!all_words || bits / 32 * kDwordCost > limits.random_cost) return cannot();
-  std::vector<Item> words;
-  std::vector<Item> dwords;
+  std::vector<Write> words;
+  std::vector<Write> dwords;
   for (const Write& part : scatter.parts) cut(part, words, dwords);
   if (words.size() * kWordCost + dwords.size() * kDwordCost > limits.random_cost) return cannot();
   Body body(dialect, long_codes, id(Command::random_write), kWords);
   body.number(static_cast<std::uint32_t>(words.size()), 1);
   body.number(static_cast<std::uint32_t>(dwords.size()), 1);
-  for (const std::vector<Item>* items : {&words, &dwords})
-    for (const Item& item : *items) {
-      body.device(item.space, item.bit);
-      append_image(dialect.code, body.bytes(), item.image, item.image.size());
+  for (const std::vector<Write>* values : {&words, &dwords})
+    for (const Write& value : *values) {
+      body.device(value.span.space, value.span.first_bit);
+      append_image(dialect.code, body.bytes(), value.image, value.image.size());
     }
   return body.take();
 }

@@ -54,22 +54,21 @@ std::size_t doubles(ByteView bytes) {
   return static_cast<std::size_t>(std::count(bytes.begin(), bytes.end(), kDle));
 }
 
-/// Returns length and route of an answer with `data` characters of data, before doubling.
-Bytes binary_answer_head(const SerialSettings& settings, std::size_t data) {
+/// Returns length and route of a frame with `rest` characters after them, before doubling.
+Bytes binary_head(const SerialSettings& settings, std::size_t rest) {
   Bytes head;
   const Bytes header = serial_header(settings);
-  append_number(Code::binary, head,
-                static_cast<std::uint32_t>(header.size() + kMark + kEndCode + data), kLength);
+  append_number(Code::binary, head, static_cast<std::uint32_t>(header.size() + rest), kLength);
   head.insert(head.end(), header.begin(), header.end());
   return head;
 }
 
+Bytes binary_answer_head(const SerialSettings& settings, std::size_t data) {
+  return binary_head(settings, kMark + kEndCode + data);
+}
+
 Bytes binary_request(const SerialSettings& settings, ByteView message) {
-  Bytes content;
-  const Bytes header = serial_header(settings);
-  append_number(Code::binary, content, static_cast<std::uint32_t>(header.size() + message.size()),
-                kLength);
-  content.insert(content.end(), header.begin(), header.end());
+  Bytes content = binary_head(settings, message.size());
   content.insert(content.end(), message.begin(), message.end());
   Bytes frame{kDle, kStx};
   append_doubled(frame, content);

@@ -319,8 +319,7 @@ std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> point
       if (part.first < part.end) elements.push_back(part);
     }
   }
-  std::sort(elements.begin(), elements.end(),
-            [](const Extent& a, const Extent& b) { return a.first < b.first; });
+  std::ranges::sort(elements, {}, &Extent::first);
   std::optional<Halves> best;
   const std::uint32_t middle = whole.first + span.bits / 2;
   const auto distance = [&](std::uint32_t at) { return at < middle ? middle - at : at - middle; };

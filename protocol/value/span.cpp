@@ -18,9 +18,8 @@ bool is_covered(Span span, std::span<const Span> ranges) {
 }
 
 std::vector<Span> merged(std::vector<Span> spans) {
-  std::sort(spans.begin(), spans.end(), [](const Span& a, const Span& b) {
-    return std::pair(a.space, a.first_bit) < std::pair(b.space, b.first_bit);
-  });
+  std::ranges::sort(spans, {},
+                    [](const Span& span) { return std::pair(span.space, span.first_bit); });
   std::vector<Span> runs;
   for (const Span& span : spans) {
     if (runs.empty() || runs.back().space != span.space || runs.back().end_bit() < span.first_bit)
