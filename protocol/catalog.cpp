@@ -34,13 +34,6 @@ OptionSpec choice(std::string_view key, const std::vector<std::string_view>& wor
   return {key, OptionSpec::Kind::choice, 0, 0, words, words.front(), meaning};
 }
 
-/// Speeds of both FX protocols. Models other than these three reach 19200 baud.
-void set_speeds(ProtocolInfo& info, std::vector<int> speeds) {
-  info.speeds = std::move(speeds);
-  info.most_speed = 19200;
-  info.fast_models = {"FX3S", "FX3G", "FX3U"};
-}
-
 constexpr AddressForms kFxAddresses{
     R"(^([XxYy][0-7]+|[MmSs][0-9]+|[DdRr][0-9]+(\.[0-9A-Fa-f])?|[TtCc][NnSs]?[0-9]+|[Kk][1-8]([XxYy][0-7]+|[MmSs][0-9]+)|.*\$\{.*)$)",
     "X17 Y0 (octal), M0 M8000 S20 D100 D8010 R0, TN5 CN5 (values), TS5 CS5 (contacts), "
@@ -77,19 +70,28 @@ constexpr std::string_view kFxModel =
     "the widest. Addresses that the real model lacks are then bad. An `FX1NC`, `FX2NC`, `FX3GC`, "
     "`FX3GE` or `FX3UC` counts as the model without the last letter.";
 
-ProtocolInfo programming_port() {
-  const fx::ProgrammingPort::Settings settings;
+ProtocolInfo fx_protocol(std::string_view name, std::string_view summary) {
   ProtocolInfo info;
-  info.name = "fx-programming-port";
+  info.name = name;
+  info.summary = summary;
   info.text_begins_with = kStx;
-  info.one_line = true;
-  // Speeds of its commands A1 to A5. It begins at 9600.
-  set_speeds(info, {9600, 19200, 38400, 57600, 115200});
-  info.summary = "Mitsubishi FX through its programming port (RS-422, 9600 7E1)";
+  // Models other than these three reach 19200 baud.
+  info.most_speed = 19200;
+  info.fast_models = {"FX3S", "FX3G", "FX3U"};
   info.models = names(fx::model_names());
   info.kin = names(fx::kin_names());
   info.model_meaning = kFxModel;
   info.address_forms = kFxAddresses;
+  return info;
+}
+
+ProtocolInfo programming_port() {
+  const fx::ProgrammingPort::Settings settings;
+  ProtocolInfo info = fx_protocol("fx-programming-port",
+                                  "Mitsubishi FX through its programming port (RS-422, 9600 7E1)");
+  info.one_line = true;
+  // Speeds of its commands A1 to A5. It begins at 9600.
+  info.speeds = {9600, 19200, 38400, 57600, 115200};
   info.options = {
       choice("command_set", {"auto", "classic", "extended"},
              "`auto`: classic commands within their range, extended commands beyond. FX0N and "
@@ -110,17 +112,11 @@ ProtocolInfo programming_port() {
 
 ProtocolInfo computer_link() {
   const fx::ComputerLink::Settings settings;
-  ProtocolInfo info;
-  info.name = "fx-computer-link";
-  info.text_begins_with = kStx;
+  ProtocolInfo info = fx_protocol(
+      "fx-computer-link", "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)");
   // D8120, bits 4 to 7. JY997D16901 lists 38400 for the FX3.
-  set_speeds(info, {300, 600, 1200, 2400, 4800, 9600, 19200, 38400});
-  info.summary = "Mitsubishi FX through its computer link (RS-485, stations 0 to 15)";
+  info.speeds = {300, 600, 1200, 2400, 4800, 9600, 19200, 38400};
   info.multidrop = true;
-  info.models = names(fx::model_names());
-  info.kin = names(fx::kin_names());
-  info.model_meaning = kFxModel;
-  info.address_forms = kFxAddresses;
   info.options = {
       integer("station", 0, 15, settings.station, "Station number, D8121 of the PLC."),
       integer("format", 1, 4, settings.ends_with_cr_lf ? 4 : 1,
