@@ -372,9 +372,7 @@ Result<std::optional<Reply>> OneE::decode(const Request& request, std::uint16_t 
                                           ByteView rx) const {
   const auto sent = encode(request, tag);
   if (!sent) return tl::make_unexpected(sent.error());
-  const bool in_ascii = settings_.code == Code::ascii;
-  const std::uint8_t command =
-      in_ascii ? (*one_e::from_ascii(ByteView(*sent).first(2)))[0] : (*sent)[0];
+  const auto command = static_cast<std::uint8_t>(*number_at(settings_.code, *sent, 0, 1));
   std::size_t at = 0;
   while (at < rx.size()) {
     const ByteView rest = rx.subspan(at);

@@ -29,17 +29,11 @@ void Writer::device(std::uint16_t device_code, std::uint32_t number_of_device) {
 }
 
 std::optional<Bytes> from_ascii(ByteView frame) {
+  if (!is_hex(frame)) return std::nullopt;
   Bytes bytes;
   bytes.reserve(frame.size() / 2);
-  for (std::size_t i = 0; i < frame.size(); ++i) {
-    const int digit = hex_digit(frame[i]);
-    if (digit < 0) return std::nullopt;
-    if (i % 2 == 0)
-      bytes.push_back(static_cast<std::uint8_t>(digit << 4));
-    else
-      bytes.back() |= static_cast<std::uint8_t>(digit);
-  }
-  if (frame.size() % 2 != 0) bytes.pop_back();
+  for (std::size_t i = 0; i + 1 < frame.size(); i += 2)
+    bytes.push_back(static_cast<std::uint8_t>(hex_byte(frame.subspan(i, 2))));
   return bytes;
 }
 
