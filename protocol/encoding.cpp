@@ -17,7 +17,7 @@ std::optional<std::uint32_t> number_in(NumberForm form, ByteView wire) {
 }
 
 bool is_hex(ByteView wire) {
-  return std::all_of(wire.begin(), wire.end(), [](std::uint8_t c) { return hex_digit(c) >= 0; });
+  return std::ranges::all_of(wire, [](std::uint8_t c) { return hex_digit(c) >= 0; });
 }
 
 Write write_of(const Force& force) {

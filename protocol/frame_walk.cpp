@@ -9,8 +9,7 @@
 namespace fxagent {
 
 bool is_printable(ByteView wire) {
-  return std::all_of(wire.begin(), wire.end(),
-                     [](std::uint8_t c) { return c >= 0x20 && c < 0x7F; });
+  return std::ranges::all_of(wire, [](std::uint8_t c) { return c >= 0x20 && c < 0x7F; });
 }
 
 std::string data_text(NumberForm form, ByteView data) {

@@ -18,7 +18,7 @@ std::uint32_t round_up(std::uint32_t value, std::uint32_t step) {
 
 bool one_read_holds(const std::vector<ReadWay>& ways, const Forbidden& forbidden,
                     const Extent& wanted) {
-  return std::any_of(ways.begin(), ways.end(), [&](const ReadWay& way) {
+  return std::ranges::any_of(ways, [&](const ReadWay& way) {
     const auto read = fit(way, wanted);
     return read && !forbidden.forbids(way, *read);
   });
@@ -255,8 +255,7 @@ std::vector<Read> ReadSearch::reads(std::uint32_t& counted) const {
     if (counts_ > 1 && reads.back().gather != 0) --counted;
     end = choice.first;
   }
-  std::sort(reads.begin(), reads.end(),
-            [](const Read& a, const Read& b) { return a.span.first_bit < b.span.first_bit; });
+  std::ranges::sort(reads, {}, [](const Read& read) { return read.span.first_bit; });
   return reads;
 }
 

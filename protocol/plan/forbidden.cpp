@@ -38,16 +38,14 @@ Forbidden::Forbidden(const Holes& holes, std::uint16_t space,
 bool Forbidden::forbids(const ReadWay& way, const Extent& read) const {
   if (holds(read)) return true;
   if (way.gather == 0) return false;
-  const auto place = std::partition_point(apart_.begin(), apart_.end(),
-                                          [&](const Extent& one) { return one.end <= read.first; });
+  const auto place = std::ranges::upper_bound(apart_, read.first, {}, &Extent::end);
   return place != apart_.end() && place->first < read.end;
 }
 
 bool Forbidden::holds(const Extent& read) const {
   const auto cut = std::upper_bound(cuts_.begin(), cuts_.end(), read.first);
   if (cut != cuts_.end() && *cut < read.end) return true;
-  const auto hole = std::partition_point(missing_.begin(), missing_.end(),
-                                         [&](const Extent& one) { return one.first < read.first; });
+  const auto hole = std::ranges::lower_bound(missing_, read.first, {}, &Extent::first);
   return hole != missing_.end() && hole->end <= read.end;
 }
 

@@ -17,9 +17,8 @@ namespace {
 /// Returns the reads that cover `span`: from the last read that contains its first bit to the read
 /// that contains its last bit.
 PointSource source_of(const std::vector<Read>& reads, const Span& span) {
-  const auto after = std::upper_bound(
-      reads.begin(), reads.end(), span.first_bit,
-      [](std::uint32_t bit, const Read& read) { return bit < read.span.first_bit; });
+  const auto after = std::ranges::upper_bound(reads, span.first_bit, {},
+                                              [](const Read& read) { return read.span.first_bit; });
   auto first = static_cast<std::size_t>(after - reads.begin()) - 1;
   while (first > 0 && reads[first].span.end_bit() <= span.first_bit) --first;
   std::size_t last = first;
@@ -83,9 +82,7 @@ class DeviceWays final {
 
  private:
   const GatherCommand* command_of(const ReadWay& way) const {
-    const auto found = std::find_if(commands_.begin(), commands_.end(), [&](const auto& command) {
-      return command.gather == way.gather;
-    });
+    const auto found = std::ranges::find(commands_, way.gather, &GatherCommand::gather);
     return found == commands_.end() ? nullptr : &*found;
   }
 
@@ -157,9 +154,8 @@ std::vector<PlannedExchange> in_order(std::uint32_t reads,
   }
   for (std::uint32_t read = 0; read < reads; ++read)
     if (!gathered[read]) out.push_back({{read}});
-  std::sort(out.begin(), out.end(), [](const PlannedExchange& a, const PlannedExchange& b) {
-    return a.reads.front() < b.reads.front();
-  });
+  std::ranges::sort(out, {},
+                    [](const PlannedExchange& exchange) { return exchange.reads.front(); });
   return out;
 }
 
@@ -198,8 +194,8 @@ std::vector<std::uint32_t> alternating(const std::vector<std::uint32_t>& lengths
 /// point stay close in time: a plan that has one keeps its order. `lengths` are those of the
 /// answers.
 void tell_neighbours_apart(Plan& plan, const std::vector<std::uint32_t>& lengths) {
-  const bool has_split_point = std::any_of(plan.sources.begin(), plan.sources.end(),
-                                           [](const PointSource& s) { return s.count > 1; });
+  const bool has_split_point =
+      std::ranges::any_of(plan.sources, [](const PointSource& source) { return source.count > 1; });
   const std::size_t equal = equal_neighbours(lengths);
   if (equal == 0 || has_split_point) return;
   std::vector<std::uint32_t> ordered;
