@@ -142,21 +142,17 @@ Gathering each_by_itself(const Codec& codec, const LineCost& cost,
   return out;
 }
 
-/// Orders the exchanges: each Gather stands at the place of its first read.
-std::vector<PlannedExchange> in_order(std::uint32_t reads,
-                                      std::vector<std::vector<std::uint32_t>> together) {
-  std::vector<PlannedExchange> out;
-  if (together.empty()) return out;
+/// Adds the reads that are sent alone, if there are Gathers, and orders all by their first reads.
+std::vector<std::vector<std::uint32_t>> in_order(std::uint32_t reads,
+                                                 std::vector<std::vector<std::uint32_t>> together) {
+  if (together.empty()) return together;
   std::vector<bool> gathered(reads);
-  for (auto& parts : together) {
+  for (const auto& parts : together)
     for (const std::uint32_t read : parts) gathered[read] = true;
-    out.push_back({std::move(parts)});
-  }
   for (std::uint32_t read = 0; read < reads; ++read)
-    if (!gathered[read]) out.push_back({{read}});
-  std::ranges::sort(out, {},
-                    [](const PlannedExchange& exchange) { return exchange.reads.front(); });
-  return out;
+    if (!gathered[read]) together.push_back({read});
+  std::ranges::sort(together, {}, [](const auto& parts) { return parts.front(); });
+  return together;
 }
 
 std::size_t equal_neighbours(const std::vector<std::uint32_t>& lengths) {
@@ -199,10 +195,10 @@ void tell_neighbours_apart(Plan& plan, const std::vector<std::uint32_t>& lengths
   const std::size_t equal = equal_neighbours(lengths);
   if (equal == 0 || has_split_point) return;
   std::vector<std::uint32_t> ordered;
-  std::vector<PlannedExchange> exchanges;
+  std::vector<std::vector<std::uint32_t>> exchanges;
   for (const std::uint32_t e : alternating(lengths)) {
     ordered.push_back(lengths[e]);
-    exchanges.push_back(plan.exchanges.empty() ? PlannedExchange{{e}} : plan.exchanges[e]);
+    exchanges.push_back(plan.exchanges.empty() ? std::vector{e} : plan.exchanges[e]);
   }
   if (equal_neighbours(ordered) < equal) plan.exchanges = std::move(exchanges);
 }

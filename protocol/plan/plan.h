@@ -98,15 +98,11 @@ class ReadIndices final {
   std::span<const std::uint32_t> several_;  ///< empty: `only_`
 };
 
-/// One exchange of a plan: a read sent alone, or the parts of a Gather.
-struct PlannedExchange {
-  std::vector<std::uint32_t> reads;  ///< indices in Plan::reads, ascending; never empty
-};
-
 struct Plan {
   std::vector<PlannedRead> reads;
-  /// Exchanges in the order of sending. Empty if each read is an exchange, in the order of `reads`.
-  std::vector<PlannedExchange> exchanges;
+  /// Exchanges in the order of sending: a read sent alone, or the parts of a Gather, as ascending
+  /// indices in `reads`. Empty if each read is an exchange, in the order of `reads`.
+  std::vector<std::vector<std::uint32_t>> exchanges;
   std::vector<PointSource> sources;        ///< one for each given point, in the same order
   std::vector<std::uint32_t> unreachable;  ///< points that no way of this model can read
   std::vector<std::uint32_t> refused;      ///< points that the device's holes leave no read for
@@ -120,7 +116,7 @@ struct Plan {
   }
   /// Returns the reads of an exchange; its number must be below exchange_count().
   ReadIndices reads_in(std::uint32_t exchange) const {
-    return exchanges.empty() ? ReadIndices(exchange) : ReadIndices(exchanges[exchange].reads);
+    return exchanges.empty() ? ReadIndices(exchange) : ReadIndices(exchanges[exchange]);
   }
   /// Returns the request for these reads: all of one exchange, or any single read.
   Request request(const ReadIndices& which) const;

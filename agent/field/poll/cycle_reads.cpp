@@ -65,15 +65,15 @@ void CycleReads::read_halves(const ReadIndices& reads) {
     failures_[reads[i]].reset();
     (i < (reads.size() + 1) / 2 ? left : right).push_back(reads[i]);
   }
-  plan_.exchanges.push_back({std::move(left)});
-  plan_.exchanges.push_back({std::move(right)});
+  plan_.exchanges.push_back(std::move(left));
+  plan_.exchanges.push_back(std::move(right));
 }
 
 void CycleReads::read_instead(const std::vector<std::uint32_t>& points, Plan part) {
   const auto offset = static_cast<std::uint32_t>(plan_.reads.size());
   const auto add_exchange = [&](const ReadIndices& reads, std::uint32_t first) {
-    PlannedExchange& added = plan_.exchanges.emplace_back();
-    for (std::size_t i = 0; i < reads.size(); ++i) added.reads.push_back(first + reads[i]);
+    std::vector<std::uint32_t>& added = plan_.exchanges.emplace_back();
+    for (std::size_t i = 0; i < reads.size(); ++i) added.push_back(first + reads[i]);
   };
   if (!part.exchanges.empty() && plan_.exchanges.empty())
     for (std::uint32_t read = 0; read < offset; ++read) add_exchange(ReadIndices(read), 0);
