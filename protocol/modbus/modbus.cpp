@@ -229,8 +229,6 @@ std::uint32_t Modbus::max_write_bits(std::uint16_t space) const {
   return space == id(Space::holding_register) ? kMaxWriteRegisters * 16 : 0;
 }
 
-ByteOrder Modbus::default_order() const { return settings_.order; }
-
 // ---- frames ------------------------------------------------------------------------------------
 
 namespace {
@@ -486,18 +484,6 @@ std::optional<Request> Modbus::presence() const {
 std::optional<Request> Modbus::identity() const {
   if (is_broadcast()) return std::nullopt;
   return Control{Control::Kind::identify};
-}
-
-bool Modbus::is_broadcast() const {
-  return settings_.framing != Framing::tcp && settings_.unit == 0;
-}
-
-Recovery Modbus::after_silence() const {
-  return settings_.framing == Framing::tcp ? Recovery::none : Recovery::drain;
-}
-
-Recovery Modbus::after_nonsense() const {
-  return settings_.framing == Framing::tcp ? Recovery::reconnect : Recovery::drain;
 }
 
 }  // namespace fxagent::modbus

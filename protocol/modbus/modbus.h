@@ -48,7 +48,7 @@ class Modbus final : public Codec, public AddressSpace {
   std::string name_of(const Span& span) const override;
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
   std::uint32_t max_write_bits(std::uint16_t space) const override;
-  ByteOrder default_order() const override;
+  ByteOrder default_order() const override { return settings_.order; }
 
   // Codec
   const AddressSpace& addresses() const override { return *this; }
@@ -73,9 +73,15 @@ class Modbus final : public Codec, public AddressSpace {
   /// one byte shorter, but some devices do not answer functions that they lack.
   std::optional<Request> presence() const override;
   std::optional<Request> identity() const override;
-  bool is_broadcast() const override;
-  Recovery after_silence() const override;
-  Recovery after_nonsense() const override;
+  bool is_broadcast() const override {
+    return settings_.framing != Framing::tcp && settings_.unit == 0;
+  }
+  Recovery after_silence() const override {
+    return settings_.framing == Framing::tcp ? Recovery::none : Recovery::drain;
+  }
+  Recovery after_nonsense() const override {
+    return settings_.framing == Framing::tcp ? Recovery::reconnect : Recovery::drain;
+  }
 
  private:
   Settings settings_;
