@@ -3,7 +3,7 @@
 // The limits: an answer comes at most twice timeout_ms after its request. A duplicate follows its
 // original directly. An unsolicited answer comes only while no request is pending. Modbus TCP has
 // no limit.
-#include "agent/field/bus/late_answers.h"
+#include "agent/field/bus/overheard.h"
 
 #include <gtest/gtest.h>
 
