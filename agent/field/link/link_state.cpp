@@ -4,6 +4,7 @@
 #include <utility>
 #include <variant>
 
+#include "agent/field/bus/unexpected_bytes.h"
 #include "agent/log/log.h"
 
 namespace fxagent {
@@ -27,6 +28,9 @@ constexpr int kDeadPeerAfter = 3;
 // A device that comes and goes has its groups read at once at most this often. If it is silent to
 // some reads and answers others, it would otherwise keep the line from all others.
 constexpr std::chrono::seconds kAtOnceEvery{10};
+
+// A recurring doubt is logged at most this often; each one is counted.
+constexpr std::chrono::seconds kDoubtLoggedEvery{60};
 
 /// Returns another seed for each link, each start and each machine.
 std::uint64_t jitter_seed(std::uint32_t link) {
@@ -68,6 +72,15 @@ void log_state(const std::string& device, const DeviceStatus& status) {
                      {"note", status.reason_text}});
 }
 
+/// Returns what the last unexpected bytes look like; empty: unknown.
+std::string what_nobody_asked_for(const LinkDevices& devices, const Bus& bus) {
+  if (devices.empty()) return {};
+  const LinkDevice& device = *devices.front();
+  const UnexpectedBytes guess =
+      looks_like(device.config, *device.codec, ByteView(), bus.last_unexpected());
+  return guess.cause == UnexpectedBytes::Cause::unknown ? "" : "; they look like " + guess.text;
+}
+
 }  // namespace
 
 LinkState::LinkState(const LinkConfig& link, std::uint32_t number, std::size_t links, Bus& bus,
@@ -78,7 +91,6 @@ LinkState::LinkState(const LinkConfig& link, std::uint32_t number, std::size_t l
       scheduler_(scheduler),
       devices_(devices),
       outbox_(outbox),
-      doubt_log_(link, bus, devices),
       reconnect_policy_(opening_rules(link), jitter_seed(number)) {}
 
 nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
@@ -195,7 +207,41 @@ void LinkState::look() {
     next_open_ = Clock::now();
   else if (!bus_.is_open() && was_open_)
     lost(std::string(bus_.channel().why_lost()));
-  doubt_log_.look();
+  log_findings();
+}
+
+void LinkState::log_findings() {
+  if (bus_.echo_found() && !echo_logged_) {
+    echo_logged_ = true;
+    log::warn("link", {{"link", config_.name},
+                       {"echo", "found"},
+                       {"note",
+                        "set echo for its devices: until three reads have shown the echo, the echo "
+                        "of a command may pass for its answer"}});
+  }
+  if (!unexpected_logged_ && !bus_.last_unexpected().empty()) {
+    unexpected_logged_ = true;
+    log::warn("link", {{"link", config_.name},
+                       {"unexpected", first_bytes(bus_.last_unexpected())},
+                       {"note", "unexpected bytes; health counts them from now on" +
+                                    what_nobody_asked_for(devices_, bus_)}});
+  }
+  const bool doubted = bus_.doubt().is_doubted();
+  if (doubted == doubt_logged_) return;
+  const auto now = Clock::now();
+  if (doubted && doubt_logged_at_ && now - *doubt_logged_at_ < kDoubtLoggedEvery) return;
+  doubt_logged_ = doubted;
+  if (doubted) {
+    doubt_logged_at_ = now;
+    log::warn("link", {{"link", config_.name},
+                       {"state", "doubted"},
+                       {"unexpected", first_bytes(bus_.last_unexpected())},
+                       {"note",
+                        "another master, or late answers? Until several exchanges in a row are "
+                        "clean, values are bad_frame and no ACK counts"}});
+  } else {
+    log::info("link", {{"link", config_.name}, {"state", "believed again"}});
+  }
 }
 
 void LinkState::answered(LinkDevice& device) {

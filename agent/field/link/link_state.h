@@ -5,18 +5,19 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
 #include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
-#include "agent/field/link/doubt_log.h"
 #include "agent/field/link/link_device.h"
 #include "agent/field/link/reconnect_policy.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/field/poll/polled_device.h"
 #include "agent/handover/command_message.h"
 #include "agent/handover/outbox.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 
@@ -82,6 +83,9 @@ class LinkState final {
   void log_up_once();
   void go_down(std::string why, std::string_view note);
   SteadyTime read_at_once(LinkDevice& device, SteadyTime from);
+  /// Logs what the bus has found besides answers, if it is new: an echo and unexpected bytes once,
+  /// the beginning and end of a doubt at most once a minute.
+  void log_findings();
 
   const LinkConfig& config_;
   const std::size_t links_;
@@ -89,7 +93,6 @@ class LinkState final {
   PollScheduler& scheduler_;
   const LinkDevices& devices_;
   Outbox& outbox_;
-  DoubtLog doubt_log_;
   ReconnectPolicy reconnect_policy_;
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";
@@ -107,6 +110,10 @@ class LinkState final {
   int unanswered_in_a_row_ = 0;
   std::string yielded_;                 ///< empty: the port is ours
   Reason why_stopping_ = Reason::none;  ///< none: not stopping
+  bool echo_logged_ = false;
+  bool unexpected_logged_ = false;
+  bool doubt_logged_ = false;
+  std::optional<SteadyTime> doubt_logged_at_;
 };
 
 }  // namespace fxagent
