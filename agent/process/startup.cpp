@@ -1,18 +1,20 @@
 #include "agent/process/startup.h"
 
 #include <sys/mman.h>
+#include <sys/resource.h>
 
 #include <cerrno>
 #include <cstring>
 #include <latch>
+#include <stdexcept>
 #include <system_error>
 #include <thread>
 #include <vector>
 
+#include "agent/log/log.h"
 #include "agent/without_signals.h"
 
 namespace fxagent {
-
 namespace {
 
 /// Lets threads end when the scope is left in any way.
@@ -63,6 +65,31 @@ std::string lacks(int threads, std::size_t bytes) {
            " MiB more: " + std::strerror(no_memory) +
            "; raise the limit of the address space (LimitAS of the service, ulimit -v)";
   return {};
+}
+
+// A socket for each of 1,000 links is more than Debian's soft limit of 1,024 leaves room for.
+void raise_file_limit(std::size_t least) {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);
+  if (limit.rlim_max > static_cast<rlim_t>(least)) return;
+  throw std::runtime_error("cannot start: " + std::to_string(limit.rlim_max) +
+                           " open files are allowed, and the agent needs more than " +
+                           std::to_string(least) +
+                           "; raise the hard limit (LimitNOFILE of the service, ulimit -Hn)");
+}
+
+void say_where_files_are_too_few(std::size_t needed) {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_max == RLIM_INFINITY ||
+      limit.rlim_max >= static_cast<rlim_t>(needed))
+    return;
+  log::error("agent", {{"open_files_allowed", std::to_string(limit.rlim_max)},
+                       {"open_files_needed", std::to_string(needed)},
+                       {"note",
+                        "too few open files for all links: raise the hard limit (LimitNOFILE of "
+                        "the service, ulimits of a container, ulimit -Hn in a shell)"}});
 }
 
 }  // namespace fxagent
