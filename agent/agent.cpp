@@ -19,7 +19,6 @@
 #include "agent/http/web_server.h"
 #include "agent/log/log.h"
 #include "agent/pair/pair_member.h"
-#include "agent/process/heartbeats.h"
 #include "agent/process/service_manager.h"
 #include "agent/process/service_reports.h"
 #include "agent/process/startup.h"

@@ -8,6 +8,18 @@
 
 namespace fxagent {
 
+std::string Heartbeats::stands_still() {
+  constexpr std::array<const char*, 3> kNames{"field", "uplink", "pair"};
+  std::array<std::uint64_t, 3> now{};
+  std::string who;
+  for (std::size_t i = 0; i < threads_; ++i) {
+    now[i] = signs_[i];
+    if (now[i] == then_[i]) who += (who.empty() ? "" : " and ") + std::string(kNames[i]);
+  }
+  if (who.empty()) then_ = now;
+  return who;
+}
+
 ServiceReports::ServiceReports(Heartbeats& signs, Sources sources, Time now)
     : signs_(signs),
       sources_(std::move(sources)),

@@ -2,14 +2,36 @@
 // and pair give signs of life, and sends a status line. Time is an argument. Main thread.
 #pragma once
 
+#include <array>
+#include <atomic>
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
 
-#include "agent/process/heartbeats.h"
-
 namespace fxagent {
+
+/// Detects if the field, the uplink and the pair, if there is one, still run. Each gives a sign of
+/// life only by doing its usual work; field and uplink get a request for it.
+class Heartbeats final {
+ public:
+  explicit Heartbeats(bool has_pair = false) : threads_(has_pair ? 3 : 2) {}
+
+  /// Called by the threads in each round of their loops.
+  void field_went_on() noexcept { ++signs_[0]; }
+  void uplink_went_on() noexcept { ++signs_[1]; }
+  void pair_went_on() noexcept { ++signs_[2]; }
+
+  /// Returns the threads without a sign since the last empty result: for example "field
+  /// and uplink"; empty: none. Call on one thread.
+  std::string stands_still();
+
+ private:
+  const std::size_t threads_;
+  std::array<std::atomic<std::uint64_t>, 3> signs_{};  ///< of field, uplink, pair
+  std::array<std::uint64_t, 3> then_{};                ///< at the last empty result
+};
 
 class ServiceReports final {
  public:

@@ -5,7 +5,7 @@
 #include <limits>
 #include <thread>
 
-#include "agent/process/heartbeats.h"
+#include "agent/process/service_reports.h"
 #include "agent/without_signals.h"
 
 namespace fxagent {
