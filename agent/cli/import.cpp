@@ -12,7 +12,6 @@
 #include "agent/config/suggestions.h"
 #include "agent/import/formats.h"
 #include "agent/import/text_encoding.h"
-#include "agent/text/counted.h"
 #include "agent/text/text.h"
 #include "protocol/catalog.h"
 

@@ -11,8 +11,8 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/plan_report.h"
 #include "agent/cli/report/table.h"
-#include "agent/text/counted.h"
 #include "agent/text/json_member.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

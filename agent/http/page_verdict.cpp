@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "agent/config/model.h"
-#include "agent/text/counted.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

@@ -18,7 +18,7 @@
 #include <string>
 
 #include "agent/import/formats.h"
-#include "agent/text/counted.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

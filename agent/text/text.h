@@ -1,5 +1,6 @@
-// Small functions for text: escapes what comes from outside, and writes durations. utfcpp decides
-// what is UTF-8 (RFC 3629: no overlong forms, no surrogates, nothing above U+10FFFF). Any thread.
+// Small functions for text: escapes what comes from outside, and writes durations and counts.
+// utfcpp decides what is UTF-8 (RFC 3629: no overlong forms, no surrogates, nothing above
+// U+10FFFF). Any thread.
 #pragma once
 
 #include <charconv>
@@ -45,6 +46,11 @@ enum class Escape : std::uint8_t {
 void append_escaped(std::string& out, std::string_view text, Escape how,
                     std::size_t most = std::string_view::npos);
 std::string escaped(std::string_view text, Escape how, std::size_t most = std::string_view::npos);
+
+/// Returns "1 tag", "0 tags", "2 tags".
+inline std::string counted(std::uint64_t number, std::string_view noun) {
+  return std::to_string(number) + " " + std::string(noun) + (number == 1 ? "" : "s");
+}
 
 /// Returns the duration in milliseconds, "12.5".
 std::string ms_text(std::chrono::nanoseconds duration);

@@ -14,7 +14,7 @@
 #include "agent/config/read/reader.h"
 #include "agent/config/read/remote_limits.h"
 #include "agent/remote/desired_config.h"
-#include "agent/text/counted.h"
+#include "agent/text/text.h"
 #include "agent/uplink/paho/tls_files.h"
 
 namespace fxagent {

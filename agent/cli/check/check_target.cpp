@@ -17,7 +17,7 @@
 #include "agent/config/plain_topic.h"
 #include "agent/config/read/findings.h"
 #include "agent/config/suggestions.h"
-#include "agent/text/counted.h"
+#include "agent/text/text.h"
 #include "agent/uplink/payload/json_payload.h"
 
 namespace fxagent {
