@@ -10,7 +10,6 @@
 #include <mutex>
 #include <span>
 
-#include "agent/log/journal_stream.h"
 #include "agent/log/log_repeats.h"
 #include "agent/log/log_writer.h"
 #include "agent/log/recent_events.h"

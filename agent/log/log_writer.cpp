@@ -1,15 +1,25 @@
 #include "agent/log/log_writer.h"
 
 #include <poll.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <thread>
 #include <utility>
 
 #include "agent/without_signals.h"
 
 namespace fxagent::log {
+
+bool is_journal_stream(int handle) {
+  // The environment does not change while the agent runs.
+  const char* named = std::getenv("JOURNAL_STREAM");  // NOLINT(concurrency-mt-unsafe)
+  struct stat file {};
+  if (named == nullptr || ::fstat(handle, &file) != 0) return false;
+  return named == std::to_string(file.st_dev) + ":" + std::to_string(file.st_ino);
+}
 
 LogWriter::LogWriter(int handle, Callbacks callbacks) : shared_(std::make_shared<Shared>()) {
   const WithoutSignals quiet;

@@ -14,6 +14,11 @@
 
 namespace fxagent::log {
 
+/// True if the open file `handle` is the journal of systemd: JOURNAL_STREAM (systemd.exec(5)) names
+/// its device and inode. False for a file that was redirected, even if the variable was inherited.
+/// Any thread.
+bool is_journal_stream(int handle);
+
 class LogWriter final {
  public:
   /// Most bytes waiting; lines beyond these are dropped and counted.

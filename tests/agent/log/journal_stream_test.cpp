@@ -1,4 +1,4 @@
-#include "agent/log/journal_stream.h"
+#include "agent/log/log_writer.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
