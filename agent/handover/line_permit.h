@@ -9,13 +9,18 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <ctime>
 
 namespace fxagent {
 
 /// Time since the boot of the machine.
 using BootTime = std::chrono::nanoseconds;
 /// Reads CLOCK_BOOTTIME.
-BootTime boot_time_now();
+inline BootTime boot_time_now() {
+  timespec time{};
+  clock_gettime(CLOCK_BOOTTIME, &time);
+  return std::chrono::seconds(time.tv_sec) + std::chrono::nanoseconds(time.tv_nsec);
+}
 
 class LinePermit final {
  public:
