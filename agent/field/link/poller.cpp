@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "agent/field/link/raised.h"
-#include "agent/field/poll/poll_grid.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
 

@@ -1,4 +1,4 @@
-#include "agent/field/poll/poll_grid.h"
+#include "agent/field/poll/group_schedule.h"
 
 #include <gtest/gtest.h>
 

@@ -7,8 +7,6 @@
 #include <random>
 #include <vector>
 
-#include "agent/field/poll/poll_grid.h"
-
 namespace fxagent::test {
 namespace {
 
