@@ -26,6 +26,19 @@ namespace fxagent {
 /// Returns the wall-clock time, UTC.
 inline std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
 
+/// Keeps a flag true while an operation is in progress. Clears it even if an exception or a
+/// cancelled coroutine ends the operation.
+class Raised final {
+ public:
+  explicit Raised(bool& flag) : flag_(flag) { flag_ = true; }
+  Raised(const Raised&) = delete;
+  Raised& operator=(const Raised&) = delete;
+  ~Raised() { flag_ = false; }
+
+ private:
+  bool& flag_;
+};
+
 /// One group of one device: its cycle and the inputs of its plan.
 struct GroupPoll {
   GroupPoll(const DeviceConfig& device, std::uint32_t index) : cycle(device, index) {}

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "agent/commands/result.h"
-#include "agent/field/link/raised.h"
 #include "agent/field/transport/stream_io.h"
 #include "agent/log/log.h"
 

@@ -3,7 +3,6 @@
 #include <chrono>
 #include <vector>
 
-#include "agent/field/link/raised.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
 #include "protocol/plc.h"

@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "agent/field/link/raised.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
 
