@@ -10,7 +10,6 @@
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
-#include "agent/field/command/bus_sharing.h"
 #include "agent/field/command/command_exchanges.h"
 #include "agent/handover/command_message.h"
 #include "protocol/plc.h"

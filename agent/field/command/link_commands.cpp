@@ -6,7 +6,6 @@
 
 #include "agent/commands/result.h"
 #include "agent/failpoint.h"
-#include "agent/field/command/bus_sharing.h"
 #include "agent/field/command/command_execution.h"
 #include "agent/field/command/command_line_time.h"
 #include "agent/line_time.h"
