@@ -29,28 +29,19 @@ void WireTrace::out(ByteView bytes, SteadyTime at) const {
   take(Way::out, bytes, at, nanoseconds(0), {});
 }
 
-void WireTrace::answer(ByteView bytes, SteadyTime at, nanoseconds after) const {
-  take(Way::in, bytes, at, after, {});
-}
-
-void WireTrace::no_answer(ByteView bytes, SteadyTime at, nanoseconds within,
-                          std::string why) const {
-  if (why.empty())
-    why = (bytes.empty() ? "no bytes within " : "no complete answer within ") + whole_ms(within) +
-          " ms";
-  take(Way::failed, bytes, at, within, std::move(why));
-}
-
 void WireTrace::ended(const Exchange& exchange, ByteView bytes, SteadyTime now,
                       SteadyTime deadline) const {
   if (exchange.has_answer()) {
     const std::size_t size = exchange.reply.consumed - exchange.reply.began;
-    answer(bytes.subspan(exchange.reply.began, size), now, now - exchange.began);
-  } else if (exchange.outcome == Exchange::Outcome::unanswered) {
-    no_answer(bytes, now, deadline - exchange.began, {});
-  } else {
-    no_answer(bytes, now, now - exchange.began, exchange.error);
+    return take(Way::in, bytes.subspan(exchange.reply.began, size), now, now - exchange.began, {});
   }
+  const bool is_missing = exchange.outcome == Exchange::Outcome::unanswered;
+  const nanoseconds within = (is_missing ? deadline : now) - exchange.began;
+  std::string why = is_missing ? "" : exchange.error;
+  if (why.empty())
+    why = (bytes.empty() ? "no bytes within " : "no complete answer within ") + whole_ms(within) +
+          " ms";
+  take(Way::failed, bytes, now, within, std::move(why));
 }
 
 void WireTrace::unasked(ByteView bytes, SteadyTime at) const {

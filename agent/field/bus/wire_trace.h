@@ -35,12 +35,6 @@ class WireTrace final {
 
   /// Takes the bytes that left the agent at `at`.
   void out(ByteView bytes, SteadyTime at) const;
-  /// Takes an answer; `after` is the time since the first byte of its request left.
-  void answer(ByteView bytes, SteadyTime at, std::chrono::nanoseconds after) const;
-  /// Takes a missing answer: `bytes`, possibly none, came within that time. `why` says what is
-  /// wrong; empty: the answer is missing or incomplete.
-  void no_answer(ByteView bytes, SteadyTime at, std::chrono::nanoseconds within,
-                 std::string why) const;
   /// Takes how the wait for an answer ended at `now`: by the answer, which is part of `bytes`, or
   /// without it. `deadline` is that of the answer.
   void ended(const Exchange& exchange, ByteView bytes, SteadyTime now, SteadyTime deadline) const;
