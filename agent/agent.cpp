@@ -113,7 +113,6 @@ struct ProfileParts {
 ProfileParts make_profile(const Config& config, const ProfileConfig& what,
                           const PublisherSettings& run, TakeOrder take_order, Outbox& outbox,
                           std::uint32_t seed, const LinePermit* permit) {
-  const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
   const auto wake = [&outbox] { outbox.notify(); };
   const BrokerConfig* broker = broker_named(config, what.broker);
   if (broker != nullptr && !broker->commands) take_order = {};
@@ -124,7 +123,7 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   Outlet::Settings settings;
   switch (what.kind) {
     case ProfileConfig::Kind::json:
-      parts.profile = std::make_unique<JsonProfile>(config, run.boot, run.version, utc_now(),
+      parts.profile = std::make_unique<JsonProfile>(config, run.boot, run.version, utc_now_ms(),
                                                     what.broker, std::move(take_order));
       break;
     case ProfileConfig::Kind::plain:
@@ -141,18 +140,18 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
       break;
     case ProfileConfig::Kind::sparkplug:
       parts.profile = std::make_unique<SparkplugProfile>(config, what, std::move(take_order),
-                                                         std::move(new_id), utc_now);
+                                                         std::move(new_id), utc_now_ms);
       settings.marker_topic = config.base_topic() + "/sparkplug";
       break;
     case ProfileConfig::Kind::sparkplug_commands:
       parts.profile =
-          std::make_unique<TypedCommandsProfile>(config, what, std::move(take_order), utc_now);
+          std::make_unique<TypedCommandsProfile>(config, what, std::move(take_order), utc_now_ms);
       break;
   }
   if (!config.store.path.empty() && parts.profile->wants_samples()) {
     StoreConfig own = config.store;
     own.path += "/" + name_of(what);
-    parts.store = std::make_unique<Store>(own, utc_now());
+    parts.store = std::make_unique<Store>(own, utc_now_ms());
     parts.guarded = std::make_unique<GuardedStore>(*parts.store, wake);
   }
   settings.name = name_of(what);
@@ -167,7 +166,7 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
                  wake, is_discovery ? kMaxDiscoveryBytes : kMaxMessageBytes),
              permit);
   parts.outlet = std::make_unique<Outlet>(config, std::move(settings), *parts.profile,
-                                          *parts.broker, utc_now, parts.guarded.get());
+                                          *parts.broker, utc_now_ms, parts.guarded.get());
   return parts;
 }
 
@@ -204,7 +203,6 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   settings.backlog_bytes =
       static_cast<std::size_t>(std::min<std::uint64_t>(config.store.max_bytes, kMostBacklogBytes));
 
-  const auto utc_now = [] { return utc_ms(std::chrono::system_clock::now()); };
   Heartbeats signs(config.pair.has_value());
   const auto pair = config.pair ? std::make_unique<PairMember>(config, settings.boot)
                                 : std::unique_ptr<PairMember>();
@@ -215,14 +213,15 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     settings.is_ours = [member = pair.get()](const std::string& boot) {
       return member->knows(boot);
     };
-  const auto store = config.store.path.empty() ? std::unique_ptr<Store>()
-                                               : std::make_unique<Store>(config.store, utc_now());
+  const auto store = config.store.path.empty()
+                         ? std::unique_ptr<Store>()
+                         : std::make_unique<Store>(config.store, utc_now_ms());
   Outbox outbox(kOutboxMessages);
   const auto guarded = store
                            ? std::make_unique<GuardedStore>(*store, [&outbox] { outbox.notify(); })
                            : std::unique_ptr<GuardedStore>();
   const auto recorder = make_recorder(config);
-  std::vector<std::uint64_t> numbers = first_numbers(config, store.get(), utc_now());
+  std::vector<std::uint64_t> numbers = first_numbers(config, store.get(), utc_now_ms());
   for (std::uint64_t& number : numbers) number = std::max(number, first_seq);
   Field field(config, outbox, numbers, Polling::on, recorder.get(), permit);
   const auto submit = [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); };
@@ -243,7 +242,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   if (guarded) {
     const auto now = std::chrono::steady_clock::now();
     const auto heard = pair ? pair->hand_over_to(*store) : std::vector<JournalEntry>();
-    commands.restore(recover(config, guarded->journal(), utc_now(), now, heard), now, utc_now());
+    commands.restore(recover(config, guarded->journal(), utc_now_ms(), now, heard), now,
+                     utc_now_ms());
   }
   JsonPayload payload(config, settings.boot, settings.version);
   const auto broker = fenced(
@@ -251,7 +251,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
           config.mqtt, [&payload] { return payload.last_will(); }, [&outbox] { outbox.notify(); }),
       permit);
   Publisher publisher(
-      config, settings, payload, outbox, *broker, commands, utc_now, guarded.get(),
+      config, settings, payload, outbox, *broker, commands, utc_now_ms, guarded.get(),
       [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); },
       [&field] { field.report(); });
 

@@ -27,9 +27,7 @@
 namespace fxagent {
 namespace {
 
-std::int64_t utc_now() { return utc_ms(std::chrono::system_clock::now()); }
-
-RemoteConfig::Moment moment() { return {std::chrono::steady_clock::now(), utc_now()}; }
+RemoteConfig::Moment moment() { return {std::chrono::steady_clock::now(), utc_now_ms()}; }
 
 sigset_t hangup() {
   sigset_t set;
@@ -72,7 +70,7 @@ Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Con
       publisher_(publisher),
       turn_(std::make_shared<Turn>()) {
   status_.hash = running_->hash;
-  status_.since_ms = utc_now();
+  status_.since_ms = utc_now_ms();
   listen();
   has_reported_ = remote_.take_left_answer();
   report(Log::always);
@@ -266,7 +264,7 @@ bool Reload::apply(Config config) {
   // Frees what only the old config owned here, and not on the field or uplink thread.
   running_ = {shared, &shared->config};
   status_.hash = running_->hash;
-  status_.since_ms = utc_now();
+  status_.since_ms = utc_now_ms();
   status_.change = what;
   const auto took = std::chrono::duration_cast<std::chrono::milliseconds>(
       std::chrono::steady_clock::now() - began);
@@ -292,7 +290,7 @@ void Reload::reject(const ConfigErrors& errors) {
 void Reload::say(const std::string& state, const ConfigErrors& errors) {
   ConfigStatus::Reload reload;
   reload.state = state;
-  reload.ts_ms = utc_now();
+  reload.ts_ms = utc_now_ms();
   reload.errors_in_all = errors.size();
   for (std::size_t i = 0; i < std::min(errors.size(), kErrorsInHealth); ++i)
     reload.errors.push_back(to_string(errors[i], path_));
@@ -336,7 +334,7 @@ std::string Reload::audit_record() const {
   receipt.desired_hash = report.desired.hash;
   receipt.hash = status_.hash;
   for (const ConfigError& error : report.errors) receipt.errors.push_back(text_of(error));
-  return audit::config(receipt, running_->base_topic() + std::string(kDesiredTopic), utc_now());
+  return audit::config(receipt, running_->base_topic() + std::string(kDesiredTopic), utc_now_ms());
 }
 
 /// Reports to the broker, and to log and audit if the report is new.

@@ -15,6 +15,9 @@ inline std::int64_t utc_ms(std::chrono::system_clock::time_point t) {
   return std::chrono::duration_cast<std::chrono::milliseconds>(t.time_since_epoch()).count();
 }
 
+/// Returns the current time in milliseconds UTC since 1970.
+inline std::int64_t utc_now_ms() { return utc_ms(std::chrono::system_clock::now()); }
+
 /// Converts a system clock reading to microseconds UTC since 1970.
 inline std::int64_t utc_us(std::chrono::system_clock::time_point t) {
   return std::chrono::duration_cast<std::chrono::microseconds>(t.time_since_epoch()).count();

@@ -16,7 +16,7 @@ std::atomic<bool> is_kept = false;
 class Kept final {
  public:
   void add(Level level, std::string_view name, std::string text) {
-    const std::int64_t now = utc_ms(std::chrono::system_clock::now());
+    const std::int64_t now = utc_now_ms();
     const std::lock_guard lock(mutex_);
     if (!events_.empty()) {
       Event& last = events_.back();

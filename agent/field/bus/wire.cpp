@@ -192,7 +192,7 @@ asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& stat
                             station.echo || overheard_.echo().is_found(),
                             last_activity_ + station.timeout);
   }
-  exchange.ended_ms = utc_ms(std::chrono::system_clock::now());
+  exchange.ended_ms = utc_now_ms();
   if (exchange.has_answer() && codec.expects_reply(request)) channel_.answered();
   counters_.busy += last_activity_ - rests_from;
   note_outcome(station, request, exchange);

@@ -23,9 +23,6 @@
 
 namespace fxagent {
 
-/// Returns the wall-clock time, UTC.
-inline std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
-
 /// Keeps a flag true while an operation is in progress. Clears it even if an exception or a
 /// cancelled coroutine ends the operation.
 class Raised final {
@@ -67,7 +64,7 @@ struct LinkDevice {
         index(device_index),
         codec(config.codec),
         turnaround(config.turnaround),
-        state(device_index, *config.codec, now_ms()) {
+        state(device_index, *config.codec, utc_now_ms()) {
     station.codec = codec;
     station.device = config.name;
     station.timeout = config.timeout;

@@ -308,7 +308,7 @@ void LinkState::update(LinkDevice& device) {
     facts.first_bad = group->cycle.first_bad();
     if (facts.first_bad) break;
   }
-  const auto change = device.state.update(facts, now_ms());
+  const auto change = device.state.update(facts, utc_now_ms());
   if (!change) return;
   if (change->other_state) log_state(device.config.name, change->status);
   DeviceStatus status = change->status;

@@ -250,8 +250,9 @@ void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {
 
 void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   ++device.collected;
-  auto message = group.cycle.finish(bus_.doubt().is_doubted(), bus_.doubt().findings(), now_ms(),
-                                    Clock::now(), scheduler_.group(group.id).next_due());
+  auto message =
+      group.cycle.finish(bus_.doubt().is_doubted(), bus_.doubt().findings(), utc_now_ms(),
+                         Clock::now(), scheduler_.group(group.id).next_due());
   for (const NoValue& none : group.cycle.take_no_values()) {
     const TagConfig& tag = device.config.tags[none.tag];
     log::warn("tag", {{"device", device.config.name},
@@ -281,7 +282,7 @@ void Poller::overwritten(LinkDevice& device, const Span& span, const Bytes* imag
 void Poller::publish_written(LinkDevice& device, std::uint32_t tag, Value value, Origin origin) {
   for (const auto& group : device.groups) {
     if (group->cycle.group() != device.config.tags[tag].group) continue;
-    Telemetry message = group->cycle.written(tag, std::move(value), now_ms());
+    Telemetry message = group->cycle.written(tag, std::move(value), utc_now_ms());
     message.written = origin == Origin::written;
     ++device.collected;
     publish(device, std::move(message));
