@@ -16,21 +16,26 @@ struct Percentiles {
   double p99 = 0;
 };
 
-struct LinkHealth {
-  bool open = false;     ///< at present
-  bool yielded = false;  ///< to another program, at present
+/// Counters of one bus since the start.
+struct BusCounters {
   std::uint64_t exchanges = 0;
   std::uint64_t timeouts = 0;
   std::uint64_t naks = 0;
   std::uint64_t bad_frames = 0;
-  std::uint64_t unexpected_bytes = 0;  ///< bytes received when no answer was due
-  std::uint64_t doubts = 0;            ///< number of times these bytes made the bus doubted
+  std::uint64_t unexpected_bytes = 0;  ///< received when no answer was due, or around one
+  /// "press1: ...", the last answer that was missing, damaged or a NAK; empty: none.
+  std::string last_error{};
+  std::int64_t last_error_ms = 0;
+};
+
+struct LinkHealth : BusCounters {
+  bool open = false;         ///< at present
+  bool yielded = false;      ///< to another program, at present
+  std::uint64_t doubts = 0;  ///< number of times unexpected bytes made the bus doubted
   bool doubted = false;
   double busy_percent = 0;
   double load_percent = 0;  ///< load of the bus that the poll intervals ask for; may exceed 100
   Percentiles turnaround_ms;
-  std::string last_error{};  ///< in words: the last missing or damaged answer, or NAK; empty: none
-  std::int64_t last_error_ms = 0;
 };
 
 struct DeviceHealth {

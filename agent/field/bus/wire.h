@@ -29,17 +29,9 @@ std::string beginning_of(const Bytes& bytes);
 
 class Wire final {
  public:
-  struct Counters {
-    std::uint64_t exchanges = 0;
-    std::uint64_t timeouts = 0;
-    std::uint64_t naks = 0;
-    std::uint64_t bad_frames = 0;
-    std::uint64_t unexpected_bytes = 0;  ///< received when no answer was due, or around one
-    std::chrono::nanoseconds busy{0};    ///< in exchanges and in the silence before them
+  struct Counters : BusCounters {
+    std::chrono::nanoseconds busy{0};  ///< in exchanges and in the silence before them
     PercentileWindow turnaround_ms;
-    std::string
-        last_error{};  ///< "press1: ...", the last answer that was missing, damaged or a NAK
-    std::int64_t last_error_ms = 0;
     std::unique_ptr<LinkDurations> durations;  ///< null: metrics are off
   };
 

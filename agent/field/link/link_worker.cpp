@@ -315,13 +315,9 @@ void LinkWorker::report(FieldHealth& health) {
   const auto now = Clock::now();
   Wire::Counters& counters = bus_.counters();
   LinkHealth& link = health.links[link_];
+  static_cast<BusCounters&>(link) = counters;
   link.open = bus_.is_open();
   link.yielded = state_.is_yielded();
-  link.exchanges = counters.exchanges;
-  link.timeouts = counters.timeouts;
-  link.naks = counters.naks;
-  link.bad_frames = counters.bad_frames;
-  link.unexpected_bytes = counters.unexpected_bytes;
   link.doubts = bus_.doubt().doubts();
   link.doubted = bus_.doubt().is_doubted();
   const double elapsed = std::chrono::duration<double>(now - counting_since_).count();
@@ -333,8 +329,6 @@ void LinkWorker::report(FieldHealth& health) {
     counting_since_ = now;
   }
   link.load_percent = 100.0 * scheduler_.load();
-  link.last_error = counters.last_error;
-  link.last_error_ms = counters.last_error_ms;
   link.turnaround_ms = counters.turnaround_ms.percentiles();
   if (counters.durations) health.durations[link_] = *counters.durations;
   for (const auto& device : devices_) {
