@@ -52,12 +52,6 @@ struct GroupPoll {
 
 /// A device of a link: its current codec, its plans, its state.
 struct LinkDevice {
-  /// `device_config` must outlive it.
-  LinkDevice(const DeviceConfig& device_config, std::uint32_t device_index)
-      : LinkDevice(
-            std::shared_ptr<const DeviceConfig>(std::shared_ptr<const void>(), &device_config),
-            device_index) {}
-  LinkDevice(DeviceConfig&& device_config, std::uint32_t device_index) = delete;
   LinkDevice(std::shared_ptr<const DeviceConfig> device_config, std::uint32_t device_index)
       : owned(std::move(device_config)),
         config(*owned),

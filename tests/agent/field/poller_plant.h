@@ -35,7 +35,7 @@ class PollerTest : public ::testing::Test {
     poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
     std::chrono::nanoseconds after = state->begin(now, std::chrono::milliseconds(0));
     for (std::uint32_t i = 0; i < config.devices.size(); ++i) {
-      devices.push_back(std::make_unique<LinkDevice>(config.devices[i], i));
+      devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(i), i));
       devices[i]->id = scheduler.add_device(config.devices[i].retries + 1, {});
       after += poller->add_groups(*devices[i], after);
     }

@@ -56,7 +56,7 @@ class LinkCommandsTest : public ::testing::Test {
     poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
     commands = std::make_unique<LinkCommands>(io.get_executor(), config.links[0], *bus, scheduler,
                                               devices, *state, *poller, outbox, recorder);
-    devices.push_back(std::make_unique<LinkDevice>(config.devices[0], 0));
+    devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(0), 0));
     devices[0]->id = scheduler.add_device(3, {});
     poller->add_groups(*devices[0], nanoseconds(0));
   }

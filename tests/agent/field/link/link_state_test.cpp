@@ -38,7 +38,7 @@ class LinkStateTest : public ::testing::Test {
     if (std::holds_alternative<UdpSettings>(config.links[0].channel))
       wire->be_udp(ScriptedTransport::Port::renewed);
     bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
-    devices.push_back(std::make_unique<LinkDevice>(config.devices[0], 0));
+    devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(0), 0));
     devices[0]->id = scheduler.add_device(3, {});
     devices[0]->station.wiring = wiring_of(config.links[0], config.devices[0]);
     link = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
@@ -232,7 +232,7 @@ TEST_F(LinkStateTest, WhereNobodyAnswersTheStateIsToldOnce) {
 TEST_F(LinkStateTest, ModelIsAskedAgainAfterALoss) {
   use(SerialSettings{});
   config.devices[0].codec = port_codec(fx::Model::unknown);
-  devices[0] = std::make_unique<LinkDevice>(config.devices[0], 0);
+  devices[0] = std::make_unique<LinkDevice>(config.devices.shared(0), 0);
   devices[0]->id = 0;
   open();
   devices[0]->state.set_model("FX3U");
@@ -347,7 +347,7 @@ TEST_F(LinkStateTest, DeviceThatHasAnsweredIsOfflineAfterAllItsTimeoutsAndHasThe
 TEST_F(LinkStateTest, DeviceWhoseNeighbourAnswersIsInDoubtAlone) {
   use(SerialSettings{"/dev/ttyUSB0"});
   config.devices.push_back(port_device("press2"));
-  devices.push_back(std::make_unique<LinkDevice>(config.devices[1], 1));
+  devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(1), 1));
   devices[1]->id = scheduler.add_device(3, {});
   open();
   link->answered(*devices[1]);
