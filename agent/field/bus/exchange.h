@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
@@ -31,6 +32,14 @@ struct Exchange {
   std::chrono::nanoseconds turnaround{0};  ///< answered: time beyond that of the characters
   Bytes heard;                             ///< unanswered or garbled: bytes in place of an answer
   Bytes asked;                             ///< request frame that `heard` came after
+
+  /// Returns an exchange that ended before anything was sent.
+  static Exchange unsent(Outcome how, std::string why) {
+    Exchange exchange;
+    exchange.outcome = how;
+    exchange.error = std::move(why);
+    return exchange;
+  }
 
   bool has_answer() const { return outcome == Outcome::answered; }
   /// Returns the line time that it used.

@@ -19,17 +19,19 @@ constexpr std::size_t kWireChunk = 512;
 // More datagrams than this in place of one answer are a flood.
 constexpr std::size_t kMostDatagrams = 1000;
 
-bool answers_by_ack(const Request& request) { return !is_read(request); }
+/// Sets `failed` to a request that a closed channel has kept back. Returns false.
+bool mark_as_down(Exchange& failed, std::string why, SteadyTime now) {
+  failed.outcome = Exchange::Outcome::link_down;
+  failed.error = std::move(why);
+  failed.began = failed.ended = now;
+  return false;
+}
 
 /// Takes a port for the next request. False: there is none; `failed` says why.
 bool renew_port(Transport& transport, const Codec& codec, Exchange& failed) {
   if (is_numbered(codec)) return true;
   const auto renewed = transport.renew();
-  if (renewed) return true;
-  failed.outcome = Exchange::Outcome::link_down;
-  failed.error = renewed.error().text;
-  failed.began = failed.ended = transport.now();
-  return false;
+  return renewed || mark_as_down(failed, renewed.error().text, transport.now());
 }
 
 /// Sends the bytes that close an exchange. With `is_echoed`, waits for their echo.
@@ -85,20 +87,14 @@ void Wire::begin(const Station& station) {
 
 bool Wire::look(const Codec& codec, Exchange& failed) {
   const auto found = channel_.transport().discard_input();
-  std::string why = found ? "" : found.error().text;
-  if (!found) channel_.lose();
-  if (found) {
-    note_unexpected(codec, *found);
-    if (found->size() >= Channel::kMostDrained) {
-      channel_.close_never_silent();
-      why = channel_.why_lost();
-    }
+  if (!found) {
+    channel_.lose();
+    return mark_as_down(failed, found.error().text, now());
   }
-  if (why.empty()) return true;
-  failed.outcome = Exchange::Outcome::link_down;
-  failed.error = std::move(why);
-  failed.began = failed.ended = now();
-  return false;
+  note_unexpected(codec, *found);
+  if (found->size() < Channel::kMostDrained) return true;
+  channel_.close_never_silent();
+  return mark_as_down(failed, std::string(channel_.why_lost()), now());
 }
 
 asio::awaitable<bool> Wire::drain(const Codec& codec, SteadyTime until, nanoseconds quiet) {
@@ -116,13 +112,9 @@ void Wire::note_unexpected(const Codec& codec, ByteView bytes) {
 
 asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& station,
                                          Request request, SteadyTime not_after) {
-  Exchange exchange;
   const auto frame = codec.encode(request, ++tag_);
-  if (!frame) {
-    exchange.outcome = Exchange::Outcome::garbled;
-    exchange.error = frame.error().text;
-    co_return exchange;
-  }
+  if (!frame) co_return Exchange::unsent(Exchange::Outcome::garbled, frame.error().text);
+  Exchange exchange;
   exchange.rest = std::max<nanoseconds>(station.gap, codec.quiet_before(char_time_));
   const SteadyTime rests_from = now();
   SteadyTime earliest = not_before_;
@@ -325,7 +317,7 @@ void Wire::note_outcome(const Station& station, const Request& request, const Ex
   // A lost ACK stays owed until a read has been answered, whatever is asked in between.
   const LineLength length = codec.line_length(request);
   overheard_.late().given_up(
-      answers_by_ack(request) ? LateAnswers::Owed::acknowledgement : LateAnswers::Owed::data,
+      is_read(request) ? LateAnswers::Owed::data : LateAnswers::Owed::acknowledgement,
       exchange.ended, station.timeout, length.reply_chars + length.more_reply_chars);
 }
 

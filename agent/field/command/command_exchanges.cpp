@@ -134,40 +134,33 @@ void CommandExchanges::add_hint(Exchange& exchange) const {
 
 asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_after,
                                                 Effect effect) {
+  using Outcome = Exchange::Outcome;
+  // No need to open a channel or to enquire.
+  if (Clock::now() > not_after) co_return Exchange::unsent(Outcome::expired, {});
   Exchange exchange;
-  if (Clock::now() > not_after) {  // no need to open a channel or to enquire
-    exchange.outcome = Exchange::Outcome::expired;
-    co_return exchange;
-  }
   // A channel that proves to be closed before a byte was sent is reopened once.
   for (int attempt = 0; attempt < 2; ++attempt) {
     if (sharing_ != nullptr && sharing_->is_over()) {
       cut_off_ = true;
-      exchange.outcome = Exchange::Outcome::link_down;
-      exchange.error = why_not_sent(sharing_->why_stopping());
-      co_return exchange;
+      co_return Exchange::unsent(Outcome::link_down, why_not_sent(sharing_->why_stopping()));
     }
     if (!bus_.is_open()) {
       const auto opened = co_await bus_.open();
       if (!opened) {
-        exchange.outcome = Exchange::Outcome::link_down;
-        exchange.error = opened.error().text;
+        exchange = Exchange::unsent(Outcome::link_down, opened.error().text);
         add_hint(exchange);
         co_return exchange;
       }
     }
     bool may_be_sent = true;
     if (effect == Effect::change) may_be_sent = co_await mark_started();
-    if (!may_be_sent) {
-      exchange.outcome = Exchange::Outcome::link_down;
-      exchange.error = "the store's disk does not respond; nothing was sent";
-      co_return exchange;
-    }
+    if (!may_be_sent)
+      co_return Exchange::unsent(Outcome::link_down,
+                                 "the store's disk does not respond; nothing was sent");
     exchange = co_await bus_.exchange(station_, request, not_after);
-    if (exchange.outcome != Exchange::Outcome::link_down || exchange.sent) break;
+    if (exchange.outcome != Outcome::link_down || exchange.sent) break;
   }
-  if (exchange.outcome == Exchange::Outcome::link_down && sharing_ != nullptr &&
-      sharing_->is_over())
+  if (exchange.outcome == Outcome::link_down && sharing_ != nullptr && sharing_->is_over())
     cut_off_ = true;
   add_hint(exchange);
   if (!exchange.heard.empty()) {
@@ -181,7 +174,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     last_byte_ = exchange.ended;
   }
   if (exchange.has_answer() && !is_of_gateway(exchange)) answered_ = true;
-  if (exchange.outcome == Exchange::Outcome::unanswered) unanswered_ = true;
+  if (exchange.outcome == Outcome::unanswered) unanswered_ = true;
   co_return exchange;
 }
 
@@ -196,9 +189,8 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
     if (e > 0) {
       const bool going_on = co_await go_on(gives_way(target));
       if (!going_on && target.requests.empty()) {  // after a write, the read-back goes on
-        out.last = {};
-        out.last.outcome = Exchange::Outcome::link_down;
-        out.last.error = why_not_sent(sharing_->why_stopping());
+        out.last =
+            Exchange::unsent(Exchange::Outcome::link_down, why_not_sent(sharing_->why_stopping()));
         cut_off_ = true;
         co_return out;
       }
