@@ -1,12 +1,13 @@
-// Counters of the field, for health and metrics.
+// Counters and measurements of the field, for health and metrics.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
-
-#include "agent/handover/duration_histogram.h"
 
 namespace fxagent {
 
@@ -14,6 +15,68 @@ namespace fxagent {
 struct Percentiles {
   double p50 = 0;
   double p99 = 0;
+};
+
+/// The last 256 measurements of one duration, for p50 and p99 in health. One thread.
+class PercentileWindow final {
+ public:
+  void add(std::chrono::nanoseconds duration) {
+    const auto ms = std::chrono::duration<float, std::milli>(duration).count();
+    if (window_.size() < kSize) {
+      window_.push_back(ms);
+    } else {
+      window_[next_] = ms;
+      next_ = (next_ + 1) % kSize;
+    }
+  }
+
+  /// Returns the percentiles of the window in ms; 0 if it is empty.
+  Percentiles percentiles() const {
+    if (window_.empty()) return {};
+    std::vector<float> sorted = window_;
+    std::sort(sorted.begin(), sorted.end());
+    const auto at = [&](std::size_t percent) {
+      return static_cast<double>(
+          sorted[std::min(sorted.size() - 1, sorted.size() * percent / 100)]);
+    };
+    return {at(50), at(99)};
+  }
+
+ private:
+  static constexpr std::size_t kSize = 256;
+  std::vector<float> window_;  ///< grows with use: an idle link costs nothing
+  std::size_t next_ = 0;
+};
+
+/// Counts durations in fixed buckets, for the histograms of metrics. An add() is a search among
+/// thirteen numbers and two additions. One thread.
+class DurationHistogram final {
+ public:
+  /// Upper bounds, inclusive. Durations above the last bound have a bucket of their own.
+  static constexpr std::array<std::chrono::microseconds, 13> kBounds{
+      std::chrono::microseconds(1'000),     std::chrono::microseconds(2'500),
+      std::chrono::microseconds(5'000),     std::chrono::microseconds(10'000),
+      std::chrono::microseconds(25'000),    std::chrono::microseconds(50'000),
+      std::chrono::microseconds(100'000),   std::chrono::microseconds(250'000),
+      std::chrono::microseconds(500'000),   std::chrono::microseconds(1'000'000),
+      std::chrono::microseconds(2'500'000), std::chrono::microseconds(5'000'000),
+      std::chrono::microseconds(10'000'000)};
+
+  /// Counts a negative duration as 0.
+  void add(std::chrono::nanoseconds duration) {
+    const auto bound = std::ranges::lower_bound(kBounds, duration);
+    ++counts_[static_cast<std::size_t>(bound - kBounds.begin())];
+    sum_ += std::max(duration, std::chrono::nanoseconds(0));
+  }
+
+  /// Returns the count of each bucket: at or below its bound and above the previous one. The last
+  /// bucket is above all bounds.
+  const std::array<std::uint64_t, kBounds.size() + 1>& counts() const { return counts_; }
+  std::chrono::nanoseconds sum() const { return sum_; }
+
+ private:
+  std::array<std::uint64_t, kBounds.size() + 1> counts_{};
+  std::chrono::nanoseconds sum_{0};
 };
 
 /// Counters of one bus since the start.

@@ -16,7 +16,6 @@
 #include <vector>
 
 #include "agent/handover/command_message.h"
-#include "agent/handover/duration_histogram.h"
 #include "agent/handover/field_health.h"
 #include "agent/handover/telemetry.h"
 

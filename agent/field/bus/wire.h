@@ -17,7 +17,6 @@
 #include "agent/field/bus/overheard.h"
 #include "agent/field/bus/station.h"
 #include "agent/field/bus/wire_trace.h"
-#include "agent/field/link/percentile_window.h"
 #include "agent/field/transport/transport.h"
 #include "agent/handover/field_health.h"
 #include "protocol/codec.h"

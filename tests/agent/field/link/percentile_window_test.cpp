@@ -1,4 +1,4 @@
-#include "agent/field/link/percentile_window.h"
+#include "agent/handover/field_health.h"
 
 #include <gtest/gtest.h>
 
