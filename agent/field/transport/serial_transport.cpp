@@ -11,8 +11,7 @@
 #include <system_error>
 #include <utility>
 
-#include "agent/field/transport/low_latency.h"
-#include "agent/field/transport/rs485.h"
+#include "agent/field/transport/serial_driver.h"
 #include "agent/field/transport/stream_io.h"
 #include "agent/file_handle.h"
 #include "agent/log/log.h"

@@ -1,4 +1,4 @@
-#include "agent/field/transport/low_latency.h"
+#include "agent/field/transport/serial_driver.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "agent/field/transport/rs485.h"
+#include "agent/field/transport/serial_driver.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
