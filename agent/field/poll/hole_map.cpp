@@ -20,7 +20,7 @@ constexpr int kProofs = 2;
 constexpr std::uint32_t kAny = std::numeric_limits<std::uint32_t>::max();
 
 void add(std::vector<Span>& spans, const Span& span) {
-  if (std::find(spans.begin(), spans.end(), span) == spans.end()) spans.push_back(span);
+  if (std::ranges::find(spans, span) == spans.end()) spans.push_back(span);
 }
 
 /// `parts` kAny: no limit.
@@ -30,14 +30,12 @@ void limit_parts(Holes& holes, std::uint8_t gather, std::uint32_t parts) {
 }
 
 std::uint32_t parts_of(const Holes& holes, std::uint8_t gather) {
-  for (const Holes::GatherLimit& limit : holes.gather_limits)
-    if (limit.gather == gather) return limit.parts;
-  return kAny;
+  const auto limit = std::ranges::find(holes.gather_limits, gather, &Holes::GatherLimit::gather);
+  return limit == holes.gather_limits.end() ? kAny : limit->parts;
 }
 
 bool is_suspect(const Holes& holes, const Span& span) {
-  return std::any_of(holes.suspects.begin(), holes.suspects.end(),
-                     [&](const Span& one) { return overlap(one, span); });
+  return std::ranges::any_of(holes.suspects, [&](const Span& one) { return overlap(one, span); });
 }
 
 /// Suspects only what was asked for, because the rest of `read` may never be read again.
@@ -74,11 +72,8 @@ void HoleMap::refused(const Span& read, const std::optional<Halves>& halves, Ste
     suspect(holes_, {read.space, halves->right_first, read.end_bit() - halves->right_first}, asked);
   }
   if (halves) {
-    Border border;
-    border.cut = {read.space, halves->right_first};
-    border.reason = read;
-    border.left_end = halves->left_end;
-    borders_.push_back(border);
+    borders_.push_back(
+        {.cut = {read.space, halves->right_first}, .reason = read, .left_end = halves->left_end});
   } else {
     explained(read);
     holes_.missing.push_back(read);
@@ -101,8 +96,7 @@ void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& as
   const std::uint8_t command = gather.parts.front().gather;
   if (holes_.suspects.empty()) holes_.most_suspects = holes_.most_others = kAny;
   if (holes_.suspects.empty() || !refused_gathers_.empty()) {
-    const auto known = std::find_if(refused_gathers_.begin(), refused_gathers_.end(),
-                                    [&](const Refused& one) { return one.gather == command; });
+    const auto known = std::ranges::find(refused_gathers_, command, &Refused::gather);
     if (known == refused_gathers_.end())
       refused_gathers_.push_back({command, half});
     else
@@ -129,8 +123,7 @@ void HoleMap::read_together(std::size_t parts) {
 }
 
 void HoleMap::unanswered(std::uint8_t gather) {
-  const auto known = std::find_if(doubts_.begin(), doubts_.end(),
-                                  [&](const Doubt& doubt) { return doubt.gather == gather; });
+  const auto known = std::ranges::find(doubts_, gather, &Doubt::gather);
   Doubt& doubt =
       known == doubts_.end() ? doubts_.emplace_back(Doubt{gather, false, 0, kAny}) : *known;
   if (parts_of(holes_, gather) == 0) return;
@@ -163,7 +156,7 @@ bool HoleMap::lacks(std::uint8_t gather, SteadyTime now) {
   limit_parts(holes_, gather, 0);
   commands_retry_at_ = now + kLongestRetry;
   changed();
-  if (std::find(lacking_.begin(), lacking_.end(), gather) != lacking_.end()) return false;
+  if (std::ranges::find(lacking_, gather) != lacking_.end()) return false;
   lacking_.push_back(gather);
   return true;
 }
@@ -179,10 +172,10 @@ void HoleMap::forgive(SteadyTime now) {
   const auto is_few = [](const Holes::GatherLimit& limit) { return limit.parts > 0; };
   // Missing spans under retry are kept apart for another reason.
   const auto is_apart = [&](const Span& span) {
-    return std::find(asked_again_.begin(), asked_again_.end(), span) == asked_again_.end();
+    return std::ranges::find(asked_again_, span) == asked_again_.end();
   };
-  if (std::none_of(holes_.gather_limits.begin(), holes_.gather_limits.end(), is_few) &&
-      std::none_of(holes_.apart.begin(), holes_.apart.end(), is_apart))
+  if (std::ranges::none_of(holes_.gather_limits, is_few) &&
+      std::ranges::none_of(holes_.apart, is_apart))
     return forgive_at_.reset();
   if (!forgive_at_) forgive_at_ = now + forgive_after_;
   if (now < *forgive_at_) return;
@@ -269,12 +262,8 @@ void HoleMap::retry(SteadyTime now) {
   retry_after_ = std::min(retry_after_ * 2, kLongestRetry);
   retry_at_ = now + retry_after_;
   for (const Span& span : holes_.missing) {
-    for (const std::uint32_t at : {span.first_bit, span.end_bit()}) {
-      Border border;
-      border.cut = {span.space, at};
-      border.reason = span;
-      borders_.push_back(border);
-    }
+    for (const std::uint32_t at : {span.first_bit, span.end_bit()})
+      borders_.push_back({.cut = {span.space, at}, .reason = span});
     add(asked_again_, span);
     if (is_gathered_) add(holes_.apart, span);
   }
