@@ -204,8 +204,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       static_cast<std::size_t>(std::min<std::uint64_t>(config.store.max_bytes, kMostBacklogBytes));
 
   Heartbeats signs(config.pair.has_value());
-  const auto pair = config.pair ? std::make_unique<PairMember>(config, settings.boot)
-                                : std::unique_ptr<PairMember>();
+  const auto pair = config.pair ? std::make_unique<PairMember>(config, settings.boot) : nullptr;
   const LinePermit* const permit = pair ? &pair->permit() : nullptr;
   const std::uint64_t first_seq = pair ? stand_by(*pair) : 0;
   settings.first_seq = first_seq;
@@ -213,13 +212,11 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     settings.is_ours = [member = pair.get()](const std::string& boot) {
       return member->knows(boot);
     };
-  const auto store = config.store.path.empty()
-                         ? std::unique_ptr<Store>()
-                         : std::make_unique<Store>(config.store, utc_now_ms());
+  const auto store =
+      config.store.path.empty() ? nullptr : std::make_unique<Store>(config.store, utc_now_ms());
   Outbox outbox(kOutboxMessages);
-  const auto guarded = store
-                           ? std::make_unique<GuardedStore>(*store, [&outbox] { outbox.notify(); })
-                           : std::unique_ptr<GuardedStore>();
+  const auto guarded =
+      store ? std::make_unique<GuardedStore>(*store, [&outbox] { outbox.notify(); }) : nullptr;
   const auto recorder = make_recorder(config);
   std::vector<std::uint64_t> numbers = first_numbers(config, store.get(), utc_now_ms());
   for (std::uint64_t& number : numbers) number = std::max(number, first_seq);
@@ -299,7 +296,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   };
   auto metrics =
       served_at ? std::make_unique<WebServer>(*served_at, publisher.board(), place, recorder.get())
-                : std::unique_ptr<WebServer>();
+                : nullptr;
   service_manager::notify_ready();
 
   const auto ask = [&] {
