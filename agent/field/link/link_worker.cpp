@@ -81,14 +81,12 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
   set_back_offs(scheduler_, devices_);
 }
 
-LinkWorker::~LinkWorker() = default;
-
 void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
-  if (Device* device = device_of(devices_, index)) device->seq = std::max(device->seq, seq);
+  if (LinkDevice* device = device_of(devices_, index)) device->seq = std::max(device->seq, seq);
 }
 
 void LinkWorker::submit(AdmittedCommand admitted) {
-  Device* device = device_of(devices_, admitted.command.device);
+  LinkDevice* device = device_of(devices_, admitted.command.device);
   if (device == nullptr) return outbox_.push(not_sent(admitted, Reason::reloading));
   if (state_.is_stopping()) return outbox_.push(not_sent(admitted, state_.why_stopping()));
   if (device->leaves_by) return outbox_.push(not_sent(admitted, Reason::reloading));
@@ -97,9 +95,9 @@ void LinkWorker::submit(AdmittedCommand admitted) {
   idle_.cancel();
 }
 
-LinkWorker::Device& LinkWorker::add_device(const Config& config, std::uint32_t index,
-                                           std::span<const std::uint64_t> last_seq) {
-  auto device = std::make_unique<Device>(config.devices.shared(index), index);
+LinkDevice& LinkWorker::add_device(const Config& config, std::uint32_t index,
+                                   std::span<const std::uint64_t> last_seq) {
+  auto device = std::make_unique<LinkDevice>(config.devices.shared(index), index);
   device->station.wiring = wiring_of(config_, device->config);
   device->station.recorded_as = recorder_.number(device->config);
   device->id = scheduler_.add_device(device->config.retries + 1, {});
@@ -111,7 +109,7 @@ LinkWorker::Device& LinkWorker::add_device(const Config& config, std::uint32_t i
 }
 
 /// Begins the polls of a device after those of the devices before it.
-void LinkWorker::begin_polls(Device& device) {
+void LinkWorker::begin_polls(LinkDevice& device) {
   if (polling_ == Polling::on) polls_begun_ += poller_.add_groups(device, polls_begun_);
   if (polling_ == Polling::on || device.codec->plc() != nullptr) poller_.add_question(device);
 }
@@ -121,7 +119,7 @@ void LinkWorker::begin_polls(Device& device) {
 void LinkWorker::add(const Config& config, std::span<const std::uint32_t> devices,
                      std::span<const std::uint64_t> last_seq) {
   for (const std::uint32_t index : devices) {
-    Device& device = add_device(config, index, last_seq);
+    LinkDevice& device = add_device(config, index, last_seq);
     begin_polls(device);
     state_.update(device);
   }
@@ -132,7 +130,7 @@ void LinkWorker::add(const Config& config, std::span<const std::uint32_t> device
 void LinkWorker::remove(std::span<const std::uint32_t> devices,
                         std::function<void(const std::vector<DepartedDevice>&)> left) {
   for (const std::uint32_t index : devices) {
-    Device* device = device_of(devices_, index);
+    LinkDevice* device = device_of(devices_, index);
     if (device == nullptr) continue;
     device->leaves_by = Clock::now() + kFinishWithin;
     for (const WaitingCommand& waiting : commands_.take_waiting(*device))
@@ -146,12 +144,11 @@ void LinkWorker::let_leave() {
   for (const Leave& leave : std::exchange(leaves_, {})) {
     std::vector<DepartedDevice> gone;
     for (const std::uint32_t index : leave.devices) {
-      const auto found =
-          std::ranges::find(devices_, index, [](const auto& device) { return device->index; });
-      if (found == devices_.end()) continue;
-      gone.push_back(fxagent::departed(**found));
-      scheduler_.remove_device((*found)->id);
-      devices_.erase(found);
+      LinkDevice* device = device_of(devices_, index);
+      if (device == nullptr) continue;
+      gone.push_back(fxagent::departed(*device));
+      scheduler_.remove_device(device->id);
+      std::erase_if(devices_, [index](const auto& each) { return each->index == index; });
     }
     set_back_offs(scheduler_, devices_);
     leave.left(gone);
@@ -166,7 +163,7 @@ void LinkWorker::adjust(const LinkConfig& link) {
 }
 
 void LinkWorker::adjust(std::uint32_t index, const DeviceConfig& next) {
-  Device* device = device_of(devices_, index);
+  LinkDevice* device = device_of(devices_, index);
   if (device == nullptr) return;
   poller_.adjust_groups(*device, next.groups);
   idle_.cancel();

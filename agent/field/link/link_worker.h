@@ -53,7 +53,6 @@ class LinkWorker final {
              Polling polling, FlightRecorder* recorder = nullptr);
   LinkWorker(const LinkWorker&) = delete;
   LinkWorker& operator=(const LinkWorker&) = delete;
-  ~LinkWorker();
 
   /// Makes the next sequence number of the device higher than `seq`.
   void number_above(std::uint32_t device, std::uint64_t seq);
@@ -103,15 +102,14 @@ class LinkWorker final {
   void report(FieldHealth& health);
 
  private:
-  using Device = LinkDevice;
   struct Leave {
     std::vector<std::uint32_t> devices;
     std::function<void(const std::vector<DepartedDevice>&)> left;
   };
 
-  Device& add_device(const Config& config, std::uint32_t index,
-                     std::span<const std::uint64_t> last_seq);
-  void begin_polls(Device& device);
+  LinkDevice& add_device(const Config& config, std::uint32_t index,
+                         std::span<const std::uint64_t> last_seq);
+  void begin_polls(LinkDevice& device);
   /// Removes the devices that leave. Call only while nothing is on the wire.
   void let_leave();
 
