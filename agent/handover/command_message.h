@@ -181,28 +181,27 @@ struct Progress {
   friend bool operator==(const Progress&, const Progress&) = default;
 };
 
-struct TargetResult {
-  std::string tag;
-  std::string address;
-  std::optional<Value> value;  ///< value actually written, or read
+/// How a command, or one of its targets, ended.
+struct CommandOutcome {
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;
   std::string detail;
   PlcAnswer plc = PlcAnswer::none;
   std::optional<Progress> progress;  ///< for partial, and unknown_outcome over several exchanges
+};
+
+struct TargetResult : CommandOutcome {
+  std::string tag;
+  std::string address;
+  std::optional<Value> value;  ///< value actually written, or read
   std::optional<Verification> verify;
 };
 
-struct CommandResult {
+struct CommandResult : CommandOutcome {
   std::uint32_t device = 0;
   std::uint64_t number = 0;   ///< command number
   std::string id;             ///< empty: null in the payload
   bool id_is_number = false;  ///< as in the command
-  CommandStatus status = CommandStatus::rejected;
-  Reason reason = Reason::none;
-  std::string detail;
-  PlcAnswer plc = PlcAnswer::none;
-  std::optional<Progress> progress;  ///< as for a target; for a list it counts targets
   std::string op;
   bool is_list = false;
   bool one_frame = false;  ///< list only: one frame carried all targets

@@ -128,14 +128,9 @@ void summarise(CommandResult& result) {
     telling = &target;
     break;
   }
-  result.status = telling->status;
-  result.reason = telling->reason;
-  result.detail = telling->detail;
-  result.plc = telling->plc;
-  if (!result.is_list) {
-    result.progress = telling->progress;
-    return;
-  }
+  static_cast<CommandOutcome&>(result) = *telling;
+  if (!result.is_list) return;
+  result.progress.reset();
   const auto done = std::count_if(result.targets.begin(), result.targets.end(), was_carried_out);
   const bool open = result.status == CommandStatus::unknown_outcome;
   const bool broken_off = done > 0 && static_cast<std::size_t>(done) < result.targets.size();
