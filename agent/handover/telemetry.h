@@ -58,6 +58,7 @@ struct DeviceStatus {
   /// Null: unchanged. Both threads read it; neither modifies it.
   std::shared_ptr<const Codec> codec{};
 
+  friend bool operator==(const DeviceStatus&, const DeviceStatus&) = default;
   /// True if the device answers, at least to a part of what is read.
   bool is_alive() const { return state >= State::degraded; }
 };

@@ -84,10 +84,7 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
     status.reason_text = "the PLC is an " + model_ + ", but the config says " + model_configured_ +
                          ": set model to " + model_ + ", or to auto";
   const bool other_state = starting_ || status.state != reported_.state;
-  if (!other_state && status.reason == reported_.reason &&
-      status.reason_text == reported_.reason_text && status.model == reported_.model &&
-      status.run == reported_.run)
-    return std::nullopt;
+  if (!starting_ && status == reported_) return std::nullopt;
   if (other_state) status.since_ms = now_ms;
   starting_ = false;
   reported_ = status;

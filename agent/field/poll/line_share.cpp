@@ -3,11 +3,8 @@
 #include <algorithm>
 
 namespace fxagent {
-namespace {
 
 using std::chrono::nanoseconds;
-
-}  // namespace
 
 bool LineShare::command_goes_first(Polls polls) {
   if (commands_ == 0) owed_to_polls_ = {};
