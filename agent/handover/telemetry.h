@@ -2,6 +2,8 @@
 // MQTT.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -16,8 +18,13 @@ namespace fxagent {
 class Codec;
 
 enum class BadReason : std::uint8_t { timeout, nak, bad_frame, link_down, unsupported, bad_value };
-/// Returns the payload's word: "timeout", "nak" …
-std::string_view to_string(BadReason reason);
+/// Returns the payload's word.
+inline std::string_view to_string(BadReason reason) {
+  constexpr auto kWords = std::to_array<std::string_view>(
+      {"timeout", "nak", "bad_frame", "link_down", "unsupported", "bad_value"});
+  static_assert(kWords.size() == static_cast<std::size_t>(BadReason::bad_value) + 1);
+  return kWords[static_cast<std::size_t>(reason)];
+}
 
 /// Reading of one tag within one message. `value` holds the value just read when the tag is good,
 /// or the last good value (if any) when it is bad.
@@ -62,6 +69,11 @@ struct DeviceStatus {
   /// True if the device answers, at least to a part of what is read.
   bool is_alive() const { return state >= State::degraded; }
 };
-std::string_view to_string(DeviceStatus::State state);
+inline std::string_view to_string(DeviceStatus::State state) {
+  constexpr auto kWords =
+      std::to_array<std::string_view>({"offline", "yielded", "degraded", "online"});
+  static_assert(kWords.size() == static_cast<std::size_t>(DeviceStatus::State::online) + 1);
+  return kWords[static_cast<std::size_t>(state)];
+}
 
 }  // namespace fxagent
