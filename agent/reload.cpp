@@ -101,18 +101,16 @@ bool Reload::wait_for_end(std::chrono::nanoseconds patience) {
 void Reload::listen() {
   ConfigTopics::Listener listener;
   listener.desired = [this](std::string payload) {
-    {
-      const std::lock_guard lock(mutex_);
-      news_.desired = std::move(payload);
-    }
+    std::unique_lock lock(mutex_);
+    news_.desired = std::move(payload);
+    lock.unlock();
     wake();
   };
   listener.connection = [this](bool connected, SteadyTime now) {
-    {
-      const std::lock_guard lock(mutex_);
-      news_.connected = connected;
-      news_.connected_at = now;
-    }
+    std::unique_lock lock(mutex_);
+    news_.connected = connected;
+    news_.connected_at = now;
+    lock.unlock();
     wake();
   };
   outbox_.ask([&publisher = publisher_, listener](SteadyTime) {
@@ -154,11 +152,9 @@ void Reload::run() {
 }
 
 void Reload::look_at_news() {
-  News news;
-  {
-    const std::lock_guard lock(mutex_);
-    news = std::exchange(news_, {});
-  }
+  std::unique_lock lock(mutex_);
+  const News news = std::exchange(news_, {});
+  lock.unlock();
   if (news.connected) remote_.connection(*news.connected, news.connected_at);
   if (auto next = remote_.due(moment())) take_over(std::move(*next));
   if (news.desired && !stopping_) hear(*news.desired);
