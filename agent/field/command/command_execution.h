@@ -27,12 +27,8 @@ class CommandExecution final {
   /// Returns the result, complete except for its bound. Opens the channel if it is closed.
   asio::awaitable<CommandResult> run();
 
-  /// Returns the line time since others last had their turn.
-  std::chrono::nanoseconds used() const { return wire_.used(); }
-
-  /// True if the device answered something, or left something unanswered, during the run.
-  bool was_answered() const { return wire_.was_answered(); }
-  bool was_unanswered() const { return wire_.was_unanswered(); }
+  /// The exchanges of the run.
+  const CommandExchanges& exchanges() const { return wire_; }
 
  private:
   asio::awaitable<void> run_targets();

@@ -246,9 +246,9 @@ asio::awaitable<void> LinkCommands::run_next() {
 
   device.station.handshake_in = station.handshake_in;
   state_.opened();
-  scheduler_.command_used(execution.used(), Clock::now());
-  if (execution.was_answered()) state_.answered(device);
-  if (execution.was_unanswered() && !execution.was_answered())
+  scheduler_.command_used(execution.exchanges().used(), Clock::now());
+  if (execution.exchanges().was_answered()) state_.answered(device);
+  if (execution.exchanges().was_unanswered() && !execution.exchanges().was_answered())
     state_.unanswered(device, PolledDevice::AskedBy::command);
   result.bound = admitted.bound;
   if (admitted.run_request && result.status == CommandStatus::succeeded)

@@ -100,8 +100,8 @@ class CommandExecutionTest : public ::testing::Test {
   CommandResult run(const AdmittedCommand& admitted) {
     CommandExecution execution(io.get_executor(), *line, station, device, admitted);
     CommandResult result = run_on(io, execution.run());
-    was_answered = execution.was_answered();
-    was_unanswered = execution.was_unanswered();
+    was_answered = execution.exchanges().was_answered();
+    was_unanswered = execution.exchanges().was_unanswered();
     return result;
   }
 

@@ -70,7 +70,7 @@ class CommandOnTheBusTest : public ::testing::Test {
     CommandExecution execution(io.get_executor(), *line, station, device,
                                std::get<AdmittedCommand>(decision));
     CommandResult result = run_on(io, execution.run());
-    was_answered = execution.was_answered();
+    was_answered = execution.exchanges().was_answered();
     return result;
   }
 
