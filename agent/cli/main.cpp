@@ -12,8 +12,10 @@
 #include <exception>
 #include <functional>
 #include <iostream>
+#include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "agent/cli/audit/audit.h"
@@ -44,15 +46,54 @@ namespace {
 
 using namespace fxagent;
 
-/// Returns the action of a subcommand that needs a valid config. `path` and `what` outlive it.
-template <typename Question>
-std::function<int()> with_config(const std::string& path, const Question& what,
-                                 int (*run)(const Config&, const Question&)) {
-  return [&path, &what, run] {
-    const auto config = loaded(path);
-    return config ? run(*config, what) : kWrong;
-  };
-}
+/// A subcommand and the arguments that it is called with.
+template <class Question>
+struct Subcommand {
+  CLI::App* command;
+  Question& what;
+};
+
+/// The subcommands. After parsing, `action` runs the one that was called.
+struct CommandLine {
+  CLI::App app{"fxagent: MQTT edge agent for Mitsubishi PLCs and Modbus devices", "fxagent"};
+  std::function<int()> action;
+  std::string path;  ///< CONFIG
+
+  CLI::App* add(const std::string& name, const std::string& meaning, std::function<int()> run) {
+    CLI::App* command = app.add_subcommand(name, meaning);
+    command->callback([this, run = std::move(run)] { action = run; });
+    return command;
+  }
+  template <class Question>
+  Subcommand<Question> add(const std::string& name, const std::string& meaning,
+                           int (*run)(const Question&)) {
+    const auto what = std::make_shared<Question>();
+    return {add(name, meaning, [what, run] { return run(*what); }), *what};
+  }
+  /// Adds a subcommand that takes the path of a config.
+  template <class Question>
+  Subcommand<Question> add_for_file(const std::string& name, const std::string& meaning,
+                                    int (*run)(const std::string&, const Question&)) {
+    const auto what = std::make_shared<Question>();
+    return {with_path(add(name, meaning, [this, what, run] { return run(path, *what); })), *what};
+  }
+  /// Adds a subcommand that needs a valid config.
+  template <class Question>
+  Subcommand<Question> add_for_config(const std::string& name, const std::string& meaning,
+                                      int (*run)(const Config&, const Question&)) {
+    const auto what = std::make_shared<Question>();
+    return {with_path(add(name, meaning,
+                          [this, what, run] {
+                            const auto config = loaded(path);
+                            return config ? run(*config, *what) : kWrong;
+                          })),
+            *what};
+  }
+  CLI::App* with_path(CLI::App* command) {
+    command->add_option("CONFIG", path, "Config file")->required();
+    return command;
+  }
+};
 
 /// Prints the config with all devices expanded.
 int expand(const std::string& path) {
@@ -80,9 +121,9 @@ void add_repeatable(CLI::App* command, const std::string& name, std::vector<std:
   command->add_option(name, values, meaning)->expected(1)->take_all();
 }
 
-void add_run(CLI::App& app, RunQuestion& what, std::function<int()>& action) {
-  CLI::App* command =
-      app.add_subcommand("run", "Poll, publish and carry out commands until SIGTERM");
+void add_run(CommandLine& line) {
+  const auto [command, what] =
+      line.add("run", "Poll, publish and carry out commands until SIGTERM", run_until_stopped);
   command->add_option("CONFIG", what.path, "Config file")->required();
   command->add_option("--log-level", what.log_level, "error, warn, info or debug (info)")
       ->check(CLI::IsMember({"error", "warn", "info", "debug"}))
@@ -92,13 +133,10 @@ void add_run(CLI::App& app, RunQuestion& what, std::function<int()>& action) {
       ->envname("FXAGENT_LOG_FORMAT");
   add_repeatable(command, "--trace", what.traced,
                  "Log every frame of this link and what it means; repeatable");
-  command->callback([&] { action = [&] { return run_until_stopped(what); }; });
 }
 
-void add_check(CLI::App& app, std::string& path, CheckQuestion& what,
-               std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("check", "Check a config file");
-  command->add_option("CONFIG", path, "Config file")->required();
+void add_check(CommandLine& line) {
+  const auto [command, what] = line.add_for_file("check", "Check a config file", run_check);
   auto* desired =
       command->add_option("--desired", what.desired, "Also check the remote config in this file");
   auto* online = command
@@ -111,47 +149,42 @@ void add_check(CLI::App& app, std::string& path, CheckQuestion& what,
       ->excludes(desired)
       ->excludes(online);
   command->add_flag("--json", what.as_json, "Print the results of --online as JSON")->needs(online);
-  command->callback([&] { action = [&] { return run_check(path, what); }; });
 }
 
-void add_doctor(CLI::App& app, std::string& path, DoctorQuestion& what,
-                std::function<int()>& action) {
-  CLI::App* command =
-      app.add_subcommand("doctor", "Find out why a device does not answer as the config says");
-  command->add_option("CONFIG", path, "Config file")->required();
+int doctor(const std::string& path, const DoctorQuestion& what) {
+  const auto config = loaded_for_lines(path);
+  return config ? run_doctor(*config, path, what) : kWrong;
+}
+
+void add_doctor(CommandLine& line) {
+  const auto [command, what] = line.add_for_file(
+      "doctor", "Find out why a device does not answer as the config says", doctor);
   command->add_option("--fix", what.fix,
                       "Write a copy of the config with the changes to this new file");
-  command->callback([&] {
-    action = [&] {
-      const auto config = loaded_for_lines(path);
-      return config ? run_doctor(*config, path, what) : kWrong;
-    };
-  });
 }
 
-void add_scan(CLI::App& app, std::string& port, std::function<int()>& action) {
-  CLI::App* command =
-      app.add_subcommand("scan", "Find what answers on a serial port, without a config");
-  command->add_option("PORT", port, "/dev/ttyUSB0")->required();
-  command->callback([&] { action = [&] { return run_scan(port); }; });
+void add_scan(CommandLine& line) {
+  const auto port = std::make_shared<std::string>();
+  line.add("scan", "Find what answers on a serial port, without a config",
+           [port] { return run_scan(*port); })
+      ->add_option("PORT", *port, "/dev/ttyUSB0")
+      ->required();
 }
 
-void add_config(CLI::App& app, std::string& path, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("config", "Print a config file in another form");
-  command->add_option("CONFIG", path, "Config file")->required();
-  command->add_flag("--expand")
+void add_config(CommandLine& line) {
+  CLI::App* command = line.add("config", "Print a config file in another form",
+                               [&line] { return expand(line.path); });
+  line.with_path(command)
+      ->add_flag("--expand")
       ->description("The default: every device in full, without templates");
-  command->callback([&] { action = [&] { return expand(path); }; });
 }
 
-void add_plan(CLI::App& app, std::string& path, PlanQuestion& what, std::function<int()>& action) {
-  CLI::App* command =
-      app.add_subcommand("plan", "Show the reads, their line time and the load of each line");
-  command->add_option("CONFIG", path, "Config file")->required();
+void add_plan(CommandLine& line) {
+  const auto [command, what] = line.add_for_config(
+      "plan", "Show the reads, their line time and the load of each line", run_plan);
   command->add_flag("--json", what.as_json, "Print JSON");
   add_repeatable(command, "--what-if", what.what_ifs,
                  "\"DEVICE FIRST..LAST@MS\": the plan before and after these tags");
-  command->callback([&] { action = with_config(path, what, run_plan); });
 }
 
 int one_shot(const std::string& path, const OneShot& what) {
@@ -161,11 +194,10 @@ int one_shot(const std::string& path, const OneShot& what) {
   return config ? run_one_shot(std::move(*config), what) : kWrong;
 }
 
-/// Adds the subcommand read, write or a force. main() runs `action` after parsing.
-void add_one_shot(CLI::App& app, const std::string& name, const std::string& meaning, Op op,
-                  std::string& path, OneShot& what, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand(name, meaning);
-  command->add_option("CONFIG", path, "Config file")->required();
+/// Adds the subcommand read, write or a force.
+void add_one_shot(CommandLine& line, const std::string& name, const std::string& meaning, Op op) {
+  const auto [command, what] = line.add_for_file(name, meaning, one_shot);
+  what.op = op;
   command->add_option("DEVICE", what.device, "Device name in the config")->required();
   if (op == Op::read)
     command->add_option("ADDRESS", what.names,
@@ -173,7 +205,7 @@ void add_one_shot(CLI::App& app, const std::string& name, const std::string& mea
   else
     command
         ->add_option_function<std::string>(
-            "ADDRESS", [&what](const std::string& address) { what.names = {address}; },
+            "ADDRESS", [&to = what](const std::string& address) { to.names = {address}; },
             "Address (D100, Y17, M0 …) or tag name")
         ->required();
   if (op == Op::write)
@@ -192,20 +224,21 @@ void add_one_shot(CLI::App& app, const std::string& name, const std::string& mea
                       "Show 32- and 64-bit values in every word order, side by side");
   command->add_flag("--json", what.as_json, "Print JSON");
   command->add_flag("--trace", what.trace, "Log every frame of the link and what it means");
-  command->callback([&, op] {
-    what.op = op;
-    action = [&] { return one_shot(path, what); };
-  });
 }
 
-void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
-                       std::function<int()>& action) {
-  CLI::App* command =
-      app.add_subcommand("verify-stream", "Listen to the agent's samples and list missing ones");
-  command->add_option("CONFIG", path, "Config file")->required();
+void add_one_shots(CommandLine& line) {
+  add_one_shot(line, "read", "Read a device", Op::read);
+  add_one_shot(line, "write", "Write a device, by the config's rules", Op::write);
+  add_one_shot(line, "force-on", "Force a bit on", Op::force_on);
+  add_one_shot(line, "force-off", "Force a bit off", Op::force_off);
+}
+
+void add_verify_stream(CommandLine& line) {
+  const auto [command, what] = line.add_for_config(
+      "verify-stream", "Listen to the agent's samples and list missing ones", run_verify_stream);
   command
       ->add_option_function<int>(
-          "--seconds", [&what](int seconds) { what.listen = std::chrono::seconds(seconds); },
+          "--seconds", [&to = what](int seconds) { to.listen = std::chrono::seconds(seconds); },
           "How long to listen (60)")
       ->check(CLI::Range(1, 604800));
   command->add_option("--username", what.username, "MQTT user instead of the config's");
@@ -213,13 +246,11 @@ void add_verify_stream(CLI::App& app, std::string& path, VerifyStream& what,
   command->add_option("--password-env", what.password_env, "Variable that holds its password")
       ->excludes(file);
   command->add_flag("--json", what.as_json, "Print JSON");
-  command->callback([&] { action = with_config(path, what, run_verify_stream); });
 }
 
-void add_audit(CLI::App& app, std::string& path, AuditQuestion& what,
-               std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("audit", "List every received command with its result");
-  command->add_option("CONFIG", path, "Config file")->required();
+void add_audit(CommandLine& line) {
+  const auto [command, what] =
+      line.add_for_config("audit", "List every received command with its result", run_audit);
   command->add_option("--since", what.since,
                       "ms UTC, 2026-11-21, 2026-11-21T08:30 (UTC), or 90s 30m 2h 7d");
   command->add_flag("--json", what.as_json, "Print JSON, one object a command");
@@ -229,42 +260,38 @@ void add_audit(CLI::App& app, std::string& path, AuditQuestion& what,
       ->add_option("--head", what.head,
                    "RECORDS:HASH of a health message: check that it is in the chain")
       ->needs(verify);
-  command->callback([&] { action = with_config(path, what, run_audit); });
 }
 
-void add_record(CLI::App& app, std::string& path, RecordQuestion& what,
-                std::function<int()>& action) {
-  CLI::App* command =
-      app.add_subcommand("record", "Ask the running agent to write its newest frames to files");
-  command->add_option("CONFIG", path, "Config file")->required();
+void add_record(CommandLine& line) {
+  const auto [command, what] = line.add_for_config(
+      "record", "Ask the running agent to write its newest frames to files", run_record);
   command->add_option("LINK", what.links, "Only these links");
-  command->callback([&] { action = with_config(path, what, run_record); });
 }
 
-void add_replay(CLI::App& app, ReplayQuestion& what, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("replay", "Explain every frame of a recording");
+void add_replay(CommandLine& line) {
+  const auto [command, what] = line.add("replay", "Explain every frame of a recording", run_replay);
   command->add_option("FILE", what.path, "Recording of the flight recorder")->required();
   auto* json = command->add_flag("--json", what.as_json, "Print JSON, one object a frame");
   command->add_option("--pcapng", what.pcapng, "Write a capture for Wireshark to this file")
       ->excludes(json);
-  command->callback([&] { action = [&] { return run_replay(what); }; });
 }
 
-void add_acl(CLI::App& app, std::string& path, AclQuestion& what, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("acl", "Print an acl_file for the agent's mosquitto");
-  command->add_option("CONFIG", path, "Config file")->required();
+void add_acl(CommandLine& line) {
+  const auto [command, what] =
+      line.add_for_config("acl", "Print an acl_file for the agent's mosquitto", run_acl);
   command->add_option("--agent", what.agent, "User of the agent (mqtt.username of the config)");
   add_repeatable(command, "--operator", what.operators,
                  "User who reads everything and sends commands; repeatable");
   add_repeatable(command, "--engineer", what.engineers,
                  "User who reads everything and sends configs; repeatable");
   add_repeatable(command, "--viewer", what.viewers, "User who reads everything; repeatable");
-  command->callback([&] { action = with_config(path, what, run_acl); });
 }
 
-void add_describe(CLI::App& app, DescribeQuestion& what, std::function<int()>& action) {
-  CLI::App* command =
-      app.add_subcommand("describe", "Describe the topics and payloads for other programs");
+int describe(const DescribeQuestion& what) { return run_describe(what, FXAGENT_VERSION); }
+
+void add_describe(CommandLine& line) {
+  const auto [command, what] =
+      line.add("describe", "Describe the topics and payloads for other programs", describe);
   command->add_option("CONFIG", what.path, "Config file; --schema also works without one");
   auto* schema =
       command->add_flag("--schema", what.schema, "Print the JSON Schema of every payload");
@@ -273,43 +300,41 @@ void add_describe(CLI::App& app, DescribeQuestion& what, std::function<int()>& a
   command->add_flag("--wot", what.wot, "Print a Thing Description of the Web of Things")
       ->excludes(schema)
       ->excludes(asyncapi);
-  command->callback([&] { action = [&] { return run_describe(what, FXAGENT_VERSION); }; });
 }
 
-void add_schema(CLI::App& app, bool& tables, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("schema", "Print the JSON Schema of config files");
-  command->add_flag("--tables", tables, "Print tables of all keys in Markdown instead");
-  command->callback([&] {
-    action = [&] {
-      std::cout << (tables ? config_tables() : config_schema());
-      return 0;
-    };
-  });
+void add_schema(CommandLine& line) {
+  const auto tables = std::make_shared<bool>(false);
+  line.add("schema", "Print the JSON Schema of config files",
+           [tables] {
+             std::cout << (*tables ? config_tables() : config_schema());
+             return 0;
+           })
+      ->add_flag("--tables", *tables, "Print tables of all keys in Markdown instead");
 }
 
-void add_import(CLI::App& app, ImportQuestion& what, std::function<int()>& action) {
-  CLI::App* command =
-      app.add_subcommand("import", "Make a config from another program's tags or device comments");
+void add_import(CommandLine& line) {
+  const auto [command, what] = line.add(
+      "import", "Make a config from another program's tags or device comments", run_import);
   command->add_option("FORMAT", what.format, import_format_names())->required();
   command->add_option("FILE", what.path, "The file")->required();
   command->add_option("--device", what.options.device, "Name of the device");
   command->add_option("--protocol", what.options.protocol, "Protocol of the device");
   command->add_option("--model", what.options.model, "Model of the PLC");
   command->add_option("--port", what.options.port, "/dev/ttyUSB0 or host:port");
-  command->callback([&] { action = [&] { return run_import(what); }; });
 }
 
-void add_export(CLI::App& app, std::string& path, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("export", "Print the tags of a config for a spreadsheet");
-  command->add_option("CONFIG", path, "Config file")->required();
-  command->add_flag("--csv")->description(
+void add_export(CommandLine& line) {
+  CLI::App* command = line.add("export", "Print the tags of a config for a spreadsheet", [&line] {
+    return loaded(line.path) ? run_export(line.path) : kWrong;
+  });
+  line.with_path(command)->add_flag("--csv")->description(
       "As CSV, the default: `import csv` makes the same config from it");
-  command->callback([&] { action = [&] { return loaded(path) ? run_export(path) : kWrong; }; });
 }
 
-void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand(
-      "init", "Write a config, its broker's access rules, a unit drop-in and a Node-RED flow");
+void add_init(CommandLine& line) {
+  const auto [command, what] = line.add(
+      "init", "Write a config, its broker's access rules, a unit drop-in and a Node-RED flow",
+      run_init);
   command->add_option("DIRECTORY", what.directory, "Where to write them (.)");
   command->add_option("--id", what.answers.id, "Name of this agent (edge1)");
   command->add_option("--broker", what.answers.broker, "mqtt://host or mqtts://host");
@@ -328,19 +353,17 @@ void add_init(CLI::App& app, InitQuestion& what, std::function<int()>& action) {
   add_repeatable(command, "--write", what.answers.write,
                  "The same, for addresses that may also be written; repeatable");
   command->add_flag("--force", what.force, "Overwrite existing files");
-  command->callback([&] { action = [&] { return run_init(what); }; });
 }
 
-void add_fleet(CLI::App& app, FleetQuestion& what, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand(
-      "fleet", "List all agents of a broker with their configs, or send them configs");
+void add_fleet(CommandLine& line) {
+  const auto [command, what] = line.add(
+      "fleet", "List all agents of a broker with their configs, or send them configs", run_fleet);
   command->add_option("WHAT", what.what, "status or push")
       ->required()
       ->check(CLI::IsMember({"status", "push"}));
   command->add_option("FILE", what.file,
                       "push: the remote config to send; {agent} in it is the name of each agent");
   command->add_option("--broker", what.broker, "mqtt://host or mqtts://host")->required();
-  what.root = "fx";
   command->add_option("--root", what.root, "agent.root of the configs (fx)");
   command->add_option("--mqtt-version", what.mqtt_version, "5 or 3.1.1 (5)")
       ->check(CLI::IsMember({"5", "3.1.1"}));
@@ -359,7 +382,7 @@ void add_fleet(CLI::App& app, FleetQuestion& what, std::function<int()>& action)
       ->check(CLI::Range(1, 10000));
   command
       ->add_option_function<int>(
-          "--wait-s", [&what](int wait) { what.wait_s = wait; },
+          "--wait-s", [&to = what](int wait) { to.wait_s = wait; },
           "push: how long a batch may take (30, with --confirmed 120); status: how long nothing "
           "arrives at the end, if this user may not publish (2)")
       ->check(CLI::Range(1, 86400));
@@ -367,22 +390,20 @@ void add_fleet(CLI::App& app, FleetQuestion& what, std::function<int()>& action)
   command->add_flag("--skip-offline", what.skip_offline, "push: leave out agents that are offline");
   command->add_flag("--dry-run", what.dry_run, "push: check and list, and send nothing");
   command->add_flag("--json", what.as_json, "Print JSON");
-  command->callback([&] { action = [&] { return run_fleet(what); }; });
 }
 
-void add_decode(CLI::App& app, DecodeQuestion& what, std::function<int()>& action) {
-  CLI::App* command = app.add_subcommand("decode", "Explain a frame field by field");
+void add_decode(CommandLine& line) {
+  const auto [command, what] = line.add("decode", "Explain a frame field by field", run_decode);
   command->add_option("PROTOCOL", what.protocol, "Protocol name in the config")->required();
   command->add_option("HEX", what.hex, "The frame in hex")->required();
   command->add_option("--model", what.model, "FX model that names the devices");
   auto* request = command->add_flag_callback(
-      "--request", [&] { what.direction = Direction::request; }, "The frame is a request");
+      "--request", [&to = what] { to.direction = Direction::request; }, "The frame is a request");
   command
       ->add_flag_callback(
-          "--reply", [&] { what.direction = Direction::reply; }, "The frame is a reply")
+          "--reply", [&to = what] { to.direction = Direction::reply; }, "The frame is a reply")
       ->excludes(request);
   command->add_flag("--json", what.as_json, "Print JSON");
-  command->callback([&] { action = [&] { return run_decode(what); }; });
 }
 
 /// Returns an error text if the first argument looks like a subcommand but is unknown; else empty.
@@ -397,67 +418,15 @@ std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
 }
 
 int dispatch(int argc, char** argv) {
-  CLI::App app("fxagent: MQTT edge agent for Mitsubishi PLCs and Modbus devices", "fxagent");
+  CommandLine line;
+  CLI::App& app = line.app;
   app.set_version_flag("--version", FXAGENT_VERSION);
   app.require_subcommand(1);
-  std::function<int()> action;
-  std::string path;
-
-  RunQuestion run;
-  add_run(app, run, action);
-
-  CheckQuestion check;
-  add_check(app, path, check, action);
-
-  DoctorQuestion doctor;
-  add_doctor(app, path, doctor, action);
-  std::string port;
-  add_scan(app, port, action);
-
-  add_config(app, path, action);
-  PlanQuestion plan;
-  add_plan(app, path, plan, action);
-
-  OneShot what;
-  add_one_shot(app, "read", "Read a device", Op::read, path, what, action);
-  add_one_shot(app, "write", "Write a device, by the config's rules", Op::write, path, what,
-               action);
-  add_one_shot(app, "force-on", "Force a bit on", Op::force_on, path, what, action);
-  add_one_shot(app, "force-off", "Force a bit off", Op::force_off, path, what, action);
-
-  VerifyStream verify_stream;
-  add_verify_stream(app, path, verify_stream, action);
-
-  RecordQuestion record;
-  add_record(app, path, record, action);
-  ReplayQuestion replay;
-  add_replay(app, replay, action);
-
-  AclQuestion acl;
-  add_acl(app, path, acl, action);
-
-  DescribeQuestion describe;
-  add_describe(app, describe, action);
-
-  bool tables = false;
-  add_schema(app, tables, action);
-
-  AuditQuestion audit;
-  add_audit(app, path, audit, action);
-
-  ImportQuestion import_question;
-  add_import(app, import_question, action);
-  add_export(app, path, action);
-
-  InitQuestion init;
-  add_init(app, init, action);
-
-  FleetQuestion fleet;
-  add_fleet(app, fleet, action);
-
-  DecodeQuestion decode;
-  add_decode(app, decode, action);
-
+  for (const auto add :
+       {add_run, add_check, add_doctor, add_scan, add_config, add_plan, add_one_shots,
+        add_verify_stream, add_record, add_replay, add_acl, add_describe, add_schema, add_audit,
+        add_import, add_export, add_init, add_fleet, add_decode})
+    add(line);
   // Set before parsing: a missing argument of a subcommand must not prevent --version.
   for (CLI::App* command : app.get_subcommands({}))
     command->set_version_flag("--version", FXAGENT_VERSION);
@@ -472,7 +441,7 @@ int dispatch(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrong;
   }
-  return action();
+  return line.action();
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ struct FleetQuestion {
   std::string what;  ///< status or push
   std::string file;  ///< of push; {agent} stands for the name of each agent
   std::string broker;
-  std::string root;  ///< agent.root of the configs
+  std::string root = "fx";  ///< agent.root of the configs
   std::string mqtt_version = "5";
   std::string user;
   std::string password_file;

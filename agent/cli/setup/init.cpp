@@ -251,7 +251,8 @@ tl::expected<std::string, std::string> keep_password(const MqttConfig& mqtt, boo
 
 }  // namespace
 
-int run_init(InitQuestion what) {
+int run_init(const InitQuestion& question) {
+  InitQuestion what = question;
   std::error_code fault;
   fs::path directory = fs::absolute(what.directory, fault).lexically_normal();
   if (!directory.has_filename()) directory = directory.parent_path();  // "." ends with a slash
