@@ -6,12 +6,9 @@
 #include "agent/config/json/tree.h"
 #include "agent/config/keys.h"
 #include "agent/config/read/devices/device.h"
-#include "agent/config/read/http.h"
 #include "agent/config/read/links.h"
-#include "agent/config/read/mqtt.h"
-#include "agent/config/read/profiles.h"
 #include "agent/config/read/reader.h"
-#include "agent/config/read/remote_limits.h"
+#include "agent/config/read/sections.h"
 #include "agent/text/sha256.h"
 
 namespace fxagent {

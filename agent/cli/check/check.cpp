@@ -12,7 +12,7 @@
 #include "agent/config/machine.h"
 #include "agent/config/read/config_limits.h"
 #include "agent/config/read/reader.h"
-#include "agent/config/read/remote_limits.h"
+#include "agent/config/read/sections.h"
 #include "agent/remote/desired_config.h"
 #include "agent/text/text.h"
 #include "agent/uplink/paho/tls_files.h"

@@ -1,4 +1,4 @@
-#include "agent/config/read/http.h"
+#include "agent/config/read/sections.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "agent/config/read/profiles.h"
+#include "agent/config/read/sections.h"
 
 #include <gtest/gtest.h>
 
