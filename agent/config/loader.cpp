@@ -41,13 +41,11 @@ void read_agent(ConfigReader& reader, const ConfigNode& agent, Config& config) {
 void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store) {
   reader.check_object(node, config_section("store"));
   store.path = reader.text(node, config_key("store.path")).value_or("");
-  store.max_bytes = reader.integer_as<std::uint64_t>(node, config_key("store.max_bytes"));
-  store.max_age = reader.integer_as<std::chrono::hours>(node, config_key("store.max_age_h"));
+  reader.set_integer(store.max_bytes, node, config_key("store.max_bytes"));
+  reader.set_integer(store.max_age, node, config_key("store.max_age_h"));
   store.sync_always = reader.choice_or_default(node, config_key("store.sync")) == 1;
-  store.audit_max_bytes =
-      reader.integer_as<std::uint64_t>(node, config_key("store.audit_max_bytes"));
-  store.audit_max_age =
-      reader.integer_as<std::chrono::hours>(node, config_key("store.audit_max_age_h"));
+  reader.set_integer(store.audit_max_bytes, node, config_key("store.audit_max_bytes"));
+  reader.set_integer(store.audit_max_age, node, config_key("store.audit_max_age_h"));
 }
 
 std::optional<RecorderConfig> read_recorder(ConfigReader& reader, const ConfigNode& node) {
@@ -56,8 +54,8 @@ std::optional<RecorderConfig> read_recorder(ConfigReader& reader, const ConfigNo
   RecorderConfig recorder;
   if (const auto bytes = reader.integer(node, config_key("recorder.link_bytes")))
     recorder.link_bytes = static_cast<std::uint64_t>(*bytes);
-  recorder.files = reader.integer_as<std::size_t>(node, config_key("recorder.files"));
-  recorder.max_bytes = reader.integer_as<std::uint64_t>(node, config_key("recorder.max_bytes"));
+  reader.set_integer(recorder.files, node, config_key("recorder.files"));
+  reader.set_integer(recorder.max_bytes, node, config_key("recorder.max_bytes"));
   if (!path) return std::nullopt;
   recorder.path = *path;
   return recorder;
@@ -82,7 +80,7 @@ std::optional<PairConfig> read_pair(ConfigReader& reader, const ConfigNode& node
   reader.check_object(node, config_section("pair"));
   const auto member = reader.name(node, config_key("pair.member"));
   PairConfig pair;
-  pair.quiet = reader.integer_as<std::chrono::milliseconds>(node, config_key("pair.quiet_ms"));
+  reader.set_integer(pair.quiet, node, config_key("pair.quiet_ms"));
   if (config.store.path.empty())
     reader.error(node,
                  "a pair needs a store: the standby keeps the ids of commands there, so that a "

@@ -30,10 +30,10 @@ Rs485 read_rs485(ConfigReader& reader, const ConfigNode& node) {
   Rs485 direction;
   reader.check_object(node, config_section("links[].serial.rs485"));
   direction.rts_on_send = reader.boolean(node, config_key("links[].serial.rs485.rts_on_send"));
-  direction.delay_before = std::chrono::milliseconds(
-      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_before_ms")));
-  direction.delay_after = std::chrono::milliseconds(
-      reader.integer_as<int>(node, config_key("links[].serial.rs485.delay_after_ms")));
+  reader.set_integer(direction.delay_before, node,
+                     config_key("links[].serial.rs485.delay_before_ms"));
+  reader.set_integer(direction.delay_after, node,
+                     config_key("links[].serial.rs485.delay_after_ms"));
   return direction;
 }
 
@@ -212,8 +212,8 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     if (serial != nullptr) read_serial(reader, node, *serial, ports, link, line);
     if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, line);
     if (udp != nullptr) read_udp(reader, node, *udp, hosts, link);
-    link.poll_share =
-        reader.integer_as<double>(node, config_key("links[].poll_share_percent")) / 100.0;
+    reader.set_integer(link.poll_share, node, config_key("links[].poll_share_percent"));
+    link.poll_share /= 100;
     link.allow_yield = reader.boolean(node, config_key("links[].allow_yield"));
   }
   return links;

@@ -141,14 +141,13 @@ MqttConfig read_broker(ConfigReader& reader, const ConfigNode& node, const std::
     reader.check_object(*tls, tls_keys);
     read_tls(reader, *tls, mqtt);
   }
-  mqtt.keep_alive = reader.integer_as<std::chrono::seconds>(node, config_key("mqtt.keep_alive_s"));
+  reader.set_integer(mqtt.keep_alive, node, config_key("mqtt.keep_alive_s"));
   const ConfigNode* qos = node.find("qos");
   if (qos == nullptr || qos->number != 2)
-    mqtt.qos = reader.integer_as<int>(node, config_key("mqtt.qos"));
+    reader.set_integer(mqtt.qos, node, config_key("mqtt.qos"));
   else
     reader.error(*qos, "must be 0 or 1; with 1 the seq shows repeats, and 2 would only cost time");
-  mqtt.reconnect_spread =
-      reader.integer_as<std::chrono::seconds>(node, config_key("mqtt.reconnect_spread_s"));
+  reader.set_integer(mqtt.reconnect_spread, node, config_key("mqtt.reconnect_spread_s"));
   return mqtt;
 }
 

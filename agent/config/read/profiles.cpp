@@ -197,8 +197,7 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
     if (profile.kind == ProfileConfig::Kind::homeassistant) read_prefix(reader, node, profile);
     if (profile.kind == ProfileConfig::Kind::thingsboard)
       if (const auto fault = key_fault(config)) reader.error(node, *fault);
-    profile.deadline =
-        reader.integer_as<std::chrono::seconds>(node, config_key("profiles[].deadline_s"));
+    reader.set_integer(profile.deadline, node, config_key("profiles[].deadline_s"));
     if (!names.insert(name_of(profile)).second)
       reader.error(node, "this kind stands twice for the same broker");
     if (profile.kind == ProfileConfig::Kind::json && profile.broker.empty()) {

@@ -79,10 +79,10 @@ class ConfigReader {
   std::vector<ConfigNode> items(const ConfigNode& parent, const ConfigKey& key);
 
   std::optional<std::int64_t> integer(const ConfigNode& parent, const ConfigKey& key);
-  /// Returns the default if the key is absent or wrong.
+  /// Sets `field` to the integer, or to the default if the key is absent or wrong.
   template <class T>
-  T integer_as(const ConfigNode& parent, const ConfigKey& key) {
-    return static_cast<T>(integer(parent, key).value_or(key.number()));
+  void set_integer(T& field, const ConfigNode& parent, const ConfigKey& key) {
+    field = static_cast<T>(integer(parent, key).value_or(key.number()));
   }
   std::optional<double> number(const ConfigNode& parent, const ConfigKey& key);
   /// Returns the default if the key is absent or wrong.

@@ -164,7 +164,7 @@ void DeviceReader::make_codec() {
     OptionValue& value = options[std::string(spec.key)];
     switch (spec.kind) {
       case OptionSpec::Kind::integer:
-        value = reader_.integer_as<std::int64_t>(node_, key);
+        value = reader_.integer(node_, key).value_or(key.number());
         break;
       case OptionSpec::Kind::boolean:
         value = reader_.boolean(node_, key);
@@ -196,13 +196,10 @@ void DeviceReader::make_codec() {
 }
 
 void DeviceReader::read_rest() {
-  device_.timeout =
-      reader_.integer_as<std::chrono::milliseconds>(node_, config_key("devices[].timeout_ms"));
-  device_.retries = reader_.integer_as<int>(node_, config_key("devices[].retries"));
-  device_.gap =
-      reader_.integer_as<std::chrono::milliseconds>(node_, config_key("devices[].gap_ms"));
-  device_.turnaround =
-      reader_.integer_as<std::chrono::milliseconds>(node_, config_key("devices[].turnaround_ms"));
+  reader_.set_integer(device_.timeout, node_, config_key("devices[].timeout_ms"));
+  reader_.set_integer(device_.retries, node_, config_key("devices[].retries"));
+  reader_.set_integer(device_.gap, node_, config_key("devices[].gap_ms"));
+  reader_.set_integer(device_.turnaround, node_, config_key("devices[].turnaround_ms"));
   device_.echo = reader_.boolean(node_, config_key("devices[].echo"));
   if (device_.protocol == nullptr || option_named(*device_.protocol, "max_block_bytes") == nullptr)
     device_.max_block_bytes = static_cast<std::uint32_t>(
@@ -258,12 +255,10 @@ void DeviceReader::read_groups() {
     if (!reader_.check_object(node, config_section("devices[].groups[]"))) continue;
     GroupConfig group;
     group.name = reader_.name(node, config_key("devices[].groups[].name")).value_or("");
-    group.interval = reader_.integer_as<std::chrono::milliseconds>(
-        node, config_key("devices[].groups[].interval_ms"));
+    reader_.set_integer(group.interval, node, config_key("devices[].groups[].interval_ms"));
     group.on_change =
         reader_.choice_or_default(node, config_key("devices[].groups[].publish")) == 1;
-    group.max_silent = reader_.integer_as<std::chrono::seconds>(
-        node, config_key("devices[].groups[].max_silent_s"));
+    reader_.set_integer(group.max_silent, node, config_key("devices[].groups[].max_silent_s"));
     warn_of_silence(reader_, node, group);
     if (!group.name.empty())
       groups_.add(reader_, group.name, *node.find("name"),
@@ -438,8 +433,7 @@ void DeviceReader::read_commands(const ConfigNode& node) {
   rules.allow_run_stop = reader_.boolean(node, config_key("devices[].commands.allow_run_stop"));
   if (rules.allow_run_stop && codec_ != nullptr && codec_->plc() == nullptr)
     reader_.warn(*node.find("allow_run_stop"), "has no effect: this protocol has no run and stop");
-  rules.max_expiry =
-      reader_.integer_as<std::chrono::seconds>(node, config_key("devices[].commands.max_expiry_s"));
+  reader_.set_integer(rules.max_expiry, node, config_key("devices[].commands.max_expiry_s"));
   const auto expiry = reader_.integer(node, config_key("devices[].commands.default_expiry_s"));
   // Without a given default_expiry_s, a short max_expiry_s lowers the default too.
   rules.default_expiry =
@@ -449,7 +443,7 @@ void DeviceReader::read_commands(const ConfigNode& node) {
                   "must not be longer than max_expiry_s, which is " +
                       std::to_string(rules.max_expiry.count()));
   rules.verify = reader_.boolean(node, config_key("devices[].commands.verify"));
-  rules.queue = reader_.integer_as<std::size_t>(node, config_key("devices[].commands.queue"));
+  reader_.set_integer(rules.queue, node, config_key("devices[].commands.queue"));
 }
 
 /// Reads the ranges of `allow` as spans, sorted and with neighbours merged.
