@@ -1,9 +1,14 @@
 #include "agent/config/read/links.h"
 
+#include <array>
 #include <chrono>
 #include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
 
 #include "agent/config/keys.h"
+#include "agent/config/read/devices/templates.h"
 #include "agent/config/read/warnings.h"
 
 namespace fxagent {
@@ -173,6 +178,33 @@ void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t i
   }
 }
 
+using Channel = LinkFacts::Channel;
+constexpr std::array kChannels{std::pair(Channel::serial, "serial"sv),
+                               std::pair(Channel::tcp, "tcp"sv), std::pair(Channel::udp, "udp"sv)};
+
+bool runs_on(const ProtocolInfo& protocol, Channel channel) {
+  // By Channel. For `none` the link's own error is already reported.
+  const std::array runs{true, protocol.on_serial, protocol.on_tcp, protocol.on_udp};
+  return runs[static_cast<std::size_t>(channel)];
+}
+
+/// Returns the error text for a protocol that does not run over the channel of its link.
+std::string why_not_on(const ProtocolInfo& protocol, Channel channel) {
+  std::string given;
+  std::string needed;
+  for (const auto& [each, word] : kChannels) {
+    if (each == channel) given = word;
+    if (runs_on(protocol, each))
+      needed.append(needed.empty() ? "\"" : " or \"").append(word).append("\"");
+  }
+  std::string others;
+  for (const ProtocolInfo& other : catalog())
+    if (channel == Channel::udp && other.on_udp)
+      others.append(others.empty() ? "; over udp run " : ", ").append(other.name);
+  return std::string(protocol.name) + " does not run over a " + given +
+         " link; it needs one with " + needed + others;
+}
+
 bool has_device(const Config& config, const std::string& name) {
   return std::ranges::any_of(std::as_const(config).devices, [&](const DeviceConfig& device) {
     return !device.is_vacant() && device.name == name;
@@ -217,6 +249,37 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     link.allow_yield = reader.boolean(node, config_key("links[].allow_yield"));
   }
   return links;
+}
+
+void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& links,
+               std::vector<LinkFacts>& facts, DeviceConfig& device) {
+  const ConfigNode& node = entry.members();
+  const auto name = reader.name(node, config_key("devices[].link"));
+  if (!name) return;
+  const ConfigNode& given = *node.find("link");
+  const auto index = links.find(*name);
+  if (!index)
+    return reader.error(given,
+                        "there is no link \"" + *name + "\"" +
+                            links.in_place_of(*name, reader, given, "; the config has no links"));
+  device.link = *index;
+  LinkFacts& link = facts[*index];
+  const ConfigNode* before = link.first_device;
+  if (before == nullptr) link.first_device = &entry.node();
+  if (device.protocol == nullptr) return;
+  const ProtocolInfo& protocol = *device.protocol;
+  if (!runs_on(protocol, link.channel)) reader.error(given, why_not_on(protocol, link.channel));
+  if (link.protocol == nullptr) {
+    link.protocol = &protocol;
+  } else if (link.protocol != &protocol) {
+    reader.error(*node.find("protocol"), "all devices of a link use one protocol, and " +
+                                             reader.place_of(*before) + " has " +
+                                             std::string(link.protocol->name) +
+                                             " here; put this device on another link");
+  } else if (!protocol.multidrop) {
+    reader.warn(given, "the same PLC answers for this device and for " + reader.place_of(*before) +
+                           ": " + std::string(protocol.name) + " has no station numbers");
+  }
 }
 
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,

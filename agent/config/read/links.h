@@ -1,5 +1,5 @@
 // Reads `links` of the config file: serial ports, TCP and UDP hosts, and the settings of their
-// lines.
+// lines. Joins each device to its link.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +11,8 @@
 #include "agent/config/read/reader.h"
 
 namespace fxagent {
+
+class DeviceEntry;
 
 /// Speed and character format of a line. The protocol on the link supplies missing values.
 struct LineKeys {
@@ -38,6 +40,11 @@ struct Links {
 
 /// Reads the links at `array` into `config.links`. Reports faults to `reader`.
 Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config);
+
+/// Sets `device.link` to the link that the entry names. Checks that the link's channel and its
+/// other devices allow the protocol, and records it in `facts`. Reports faults to `reader`.
+void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& links,
+               std::vector<LinkFacts>& facts, DeviceConfig& device);
 
 /// Fills in the line settings that the file leaves to the protocol of the link. Call it when the
 /// devices are known. Warns of links without devices and of unusual line settings.

@@ -7,13 +7,12 @@
 
 namespace fxagent {
 
-bool NameTable::add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
+void NameTable::add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
                     std::uint32_t index) {
   const auto [entry, fresh] = entries_.emplace(name, Entry{index, &node});
   if (!fresh)
     reader.error(node, "\"" + name + "\" is already used as a name at " +
                            reader.place_of(*entry->second.node));
-  return fresh;
 }
 
 std::optional<std::uint32_t> NameTable::find(std::string_view name) const {
@@ -21,13 +20,16 @@ std::optional<std::uint32_t> NameTable::find(std::string_view name) const {
   return entry == entries_.end() ? std::nullopt : std::optional(entry->second.index);
 }
 
-std::string NameTable::in_place_of(std::string_view name) const {
+std::string NameTable::in_place_of(std::string_view name, ConfigReader& reader,
+                                   const ConfigNode& at, std::string_view none) const {
+  if (entries_.empty()) return std::string(none);
+  if (!reader.may_suggest(at.offset)) return {};
   constexpr std::size_t kMostShown = 8;
   std::vector<std::string_view> names;
   names.reserve(entries_.size());
   for (const auto& [known, entry] : entries_) names.push_back(known);
   std::string text = did_you_mean(name, names);
-  if (!text.empty() || names.empty()) return text;
+  if (!text.empty()) return text;
   text = names.size() == 1 ? "; there is " : "; there are ";
   for (std::size_t i = 0; i < std::min(kMostShown, names.size()); ++i)
     text.append(i > 0 ? ", " : "").append(names[i]);

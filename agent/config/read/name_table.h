@@ -15,15 +15,15 @@ namespace fxagent {
 /// Detects duplicate names among siblings and remembers where each name stands.
 class NameTable {
  public:
-  /// Adds a name. If it is taken, reports an error at `node` that names the other place too, and
-  /// returns false.
-  bool add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
+  /// Adds a name. If it is taken, reports an error at `node` that names the other place too.
+  void add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
            std::uint32_t index);
   std::optional<std::uint32_t> find(std::string_view name) const;
-  /// Returns what to append to an error about the unknown `name`: "; did you mean line1?", or if no
-  /// name is near "; there are line1, line2", with at most 8 names. Compares it with every name.
-  std::string in_place_of(std::string_view name) const;
-  bool empty() const { return entries_.empty(); }
+  /// Returns what to append to the error at `at` about the unknown `name`: `none` if the table is
+  /// empty; "; did you mean line1?"; or if no name is near "; there are line1, line2", with at most
+  /// 8 names.
+  std::string in_place_of(std::string_view name, ConfigReader& reader, const ConfigNode& at,
+                          std::string_view none) const;
 
  private:
   struct Entry {

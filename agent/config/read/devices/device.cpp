@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "agent/config/keys.h"
-#include "agent/config/read/devices/join_link.h"
 #include "agent/config/read/devices/model_name.h"
 #include "agent/config/read/devices/shared_parts.h"
 #include "agent/config/read/devices/tag_units.h"
@@ -275,12 +274,8 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
   const std::string name = given.value_or(std::string(default_group));
   if (const auto index = groups_.find(name)) return *index;
   if (name != default_group) {
-    std::string text = "this device has no group \"" + name + "\"";
-    if (groups_.empty())
-      text += "; it has no groups";
-    else if (reader_.may_suggest(node->offset))
-      text += groups_.in_place_of(name);
-    reader_.error(*node, std::move(text));
+    reader_.error(*node, "this device has no group \"" + name + "\"" +
+                             groups_.in_place_of(name, reader_, *node, "; it has no groups"));
     return 0;
   }
   // Create the default group, which the device does not define, with the first tag that uses it.
