@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "agent/cli/exit_status.h"
-#include "agent/cli/manual/config_page.h"
+#include "agent/cli/manual/schema.h"
 #include "agent/import/formats.h"
 #include "protocol/catalog.h"
 #include "protocol/letter_case.h"

@@ -1,5 +1,5 @@
-// `fxagent schema`: what editors and people read about the keys of a config file, made from the key
-// table and the catalogue.
+// `fxagent schema` and fxagent.json(5): what editors and people read about the keys of a config
+// file, made from the key table and the catalogue.
 #pragma once
 
 #include <string>
@@ -14,5 +14,9 @@ std::string config_schema();
 /// Returns the tables of docs/config/keys.md in their order, each with its head: one for each
 /// section and, after that of devices, one for each group of protocols with the same keys.
 std::string config_tables();
+
+/// Returns the man page of the config file in roff: each section with its keys, then the keys of
+/// each protocol.
+std::string config_page(const std::string& version);
 
 }  // namespace fxagent

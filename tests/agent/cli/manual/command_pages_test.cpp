@@ -11,7 +11,7 @@
 #include <string>
 
 #include "agent/cli/manual/command_help.h"
-#include "agent/cli/manual/config_page.h"
+#include "agent/cli/manual/schema.h"
 
 namespace fxagent::test {
 namespace {
