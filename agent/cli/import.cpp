@@ -52,12 +52,6 @@ const ImportFormat* format_of(const std::string& name, const std::string& bytes)
 
 }  // namespace
 
-std::string import_format_names() {
-  std::string names = "auto";
-  for (const ImportFormat& format : import_formats()) names += " " + std::string(format.name);
-  return names;
-}
-
 int run_import(const ImportQuestion& what) {
   std::vector<std::string_view> names{"auto"};
   for (const ImportFormat& format : import_formats()) names.push_back(format.name);

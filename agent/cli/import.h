@@ -23,7 +23,4 @@ int run_import(const ImportQuestion& what);
 /// no longer be read.
 int run_export(const std::string& path);
 
-/// Returns the names of all formats, for --help.
-std::string import_format_names();
-
 }  // namespace fxagent

@@ -25,7 +25,6 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/fleet/fleet_command.h"
 #include "agent/cli/import.h"
-#include "agent/cli/manual/command_help.h"
 #include "agent/cli/manual/command_pages.h"
 #include "agent/cli/manual/schema.h"
 #include "agent/cli/one_shot.h"

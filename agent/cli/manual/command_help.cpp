@@ -1,4 +1,4 @@
-#include "agent/cli/manual/command_help.h"
+#include "agent/cli/manual/command_pages.h"
 
 #include <CLI/App.hpp>
 #include <array>

@@ -158,12 +158,6 @@ std::string protocol_names() {
   return out;
 }
 
-std::string format_names() {
-  std::string out = "auto";
-  for (const ImportFormat& format : import_formats()) out += " " + std::string(format.name);
-  return out;
-}
-
 std::string names_of_options(const CLI::App& command, bool with_value_only) {
   std::string out;
   for (const CLI::Option* option : command.get_options())
@@ -173,6 +167,12 @@ std::string names_of_options(const CLI::App& command, bool with_value_only) {
 }
 
 }  // namespace
+
+std::string import_format_names() {
+  std::string out = "auto";
+  for (const ImportFormat& format : import_formats()) out += " " + std::string(format.name);
+  return out;
+}
 
 std::string man_page(const CLI::App& app, const CLI::App* subcommand, const std::string& version) {
   const CLI::App& shown = subcommand == nullptr ? app : *subcommand;
@@ -211,7 +211,7 @@ std::string bash_completion(const CLI::App& app) {
          R"(_fxagent() {
   local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} words='' valued='' places=''
 )" + "  local protocols='" +
-         protocol_names() + "' formats='" + format_names() + "'\n" +
+         protocol_names() + "' formats='" + import_format_names() + "'\n" +
          R"(  COMPREPLY=()
   case ${COMP_WORDS[1]} in
 )" + cases +

@@ -1,5 +1,7 @@
 // Generates the man pages and the bash completion from the definition of the command line, so that
-// neither can become outdated. The package build calls the program to create them.
+// neither can become outdated. The package build calls the program to create them. Adds the parts
+// of --help and of the man pages that follow the options: examples, signals, and exit statuses that
+// a subcommand has to itself.
 #pragma once
 
 #include <optional>
@@ -11,6 +13,13 @@ class App;
 }
 
 namespace fxagent {
+
+/// Adds a footer to `app` and to each of its subcommands. A line that ends in a colon starts a
+/// section.
+void add_footers(CLI::App& app);
+
+/// Returns "auto" and the names of the formats of `fxagent import`.
+std::string import_format_names();
 
 /// Escapes text for roff: backslashes, hyphens, and a dot or a quote at the start of a line.
 std::string roff(std::string_view text);

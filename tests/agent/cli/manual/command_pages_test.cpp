@@ -10,7 +10,6 @@
 #include <set>
 #include <string>
 
-#include "agent/cli/manual/command_help.h"
 #include "agent/cli/manual/schema.h"
 
 namespace fxagent::test {
