@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "agent/cli/exit_status.h"
-#include "agent/cli/recording/explanation_json.h"
+#include "agent/cli/recording/replay_report.h"
 #include "agent/text/json_member.h"
 #include "protocol/catalog.h"
 

@@ -6,7 +6,6 @@
 #include <string_view>
 #include <utility>
 
-#include "agent/cli/recording/explanation_json.h"
 #include "agent/text/json_member.h"
 #include "agent/text/text.h"
 #include "protocol/explanation.h"
@@ -102,6 +101,30 @@ Bytes packet_of(const Replay& replay, const RecordedFrame& frame) {
 }
 
 }  // namespace
+
+Json explanation_json(const Explanation& frame) {
+  Json out;
+  const auto put = [&](const char* key, const auto& value) {
+    if (value) out[key] = *value;
+  };
+  out["ok"] = frame.ok;
+  out["direction"] = frame.direction == Direction::request ? "request" : "reply";
+  out["ambiguous"] = frame.ambiguous;
+  out["operation"] = frame.operation;
+  put("command", frame.command);
+  put("command_set", frame.command_set);
+  put("device", frame.device);
+  put("count", frame.count);
+  if (!frame.values.empty()) out["values"] = frame.values;
+  if (frame.checksum_given || frame.checksum_computed) {
+    auto& sum = out["checksum"] = Json::object();
+    if (frame.checksum_given) sum["given"] = *frame.checksum_given;
+    if (frame.checksum_computed) sum["computed"] = *frame.checksum_computed;
+  }
+  out["error"] = nullptr;
+  put("error", frame.error);
+  return out;
+}
 
 std::string replay_text(const Replay& replay) {
   const RecordingHead& head = replay.recording().head;

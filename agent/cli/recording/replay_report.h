@@ -2,12 +2,17 @@
 // capture for Wireshark.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "agent/recorder/replay.h"
+#include "protocol/codec.h"
 #include "protocol/value/bytes.h"
 
 namespace fxagent {
+
+/// The JSON of one explained frame, for `decode` and `replay`.
+nlohmann::ordered_json explanation_json(const Explanation& frame);
 
 /// A line for each frame, after those of the head.
 std::string replay_text(const Replay& replay);
