@@ -366,13 +366,14 @@ void add_fleet(CommandLine& line) {
   command->add_option("--root", what.root, "agent.root of the configs (fx)");
   command->add_option("--mqtt-version", what.mqtt_version, "5 or 3.1.1 (5)")
       ->check(CLI::IsMember({"5", "3.1.1"}));
-  command->add_option("--user", what.user, "MQTT user (none)");
-  auto* file = command->add_option("--password-file", what.password_file, "File of its password");
-  command->add_option("--password-env", what.password_env, "Variable that holds its password")
+  command->add_option("--user", what.mqtt.username, "MQTT user (none)");
+  auto* file =
+      command->add_option("--password-file", what.mqtt.password_file, "File of its password");
+  command->add_option("--password-env", what.mqtt.password_env, "Variable that holds its password")
       ->excludes(file);
-  command->add_option("--ca", what.ca_file, "Certificates that sign the broker's");
-  command->add_option("--cert", what.cert_file, "Certificate of this user");
-  command->add_option("--key", what.key_file, "Its private key");
+  command->add_option("--ca", what.tls.ca_file, "Certificates that sign the broker's");
+  command->add_option("--cert", what.tls.cert_file, "Certificate of this user");
+  command->add_option("--key", what.tls.key_file, "Its private key");
   auto* agents =
       command->add_option("--agents", what.agents, "Only these: a,b,c; push: in this order")
           ->delimiter(',');

@@ -40,15 +40,11 @@ constexpr std::uint64_t kMarkerId = ~std::uint64_t{0};
 SteadyTime now() { return std::chrono::steady_clock::now(); }
 
 MqttConfig connection_of(const FleetQuestion& what, const std::string& server) {
-  MqttConfig mqtt;
+  MqttConfig mqtt = what.mqtt;
   mqtt.servers = {server};
   mqtt.version = what.mqtt_version == "5" ? 5 : 4;
   mqtt.client_id = "fxagent-fleet-" + random_digits();
-  mqtt.username = what.user;
-  mqtt.password_file = what.password_file;
-  mqtt.password_env = what.password_env;
-  if (!what.ca_file.empty() || !what.cert_file.empty())
-    mqtt.tls = TlsSettings{what.ca_file, what.cert_file, what.key_file};
+  if (!what.tls.ca_file.empty() || !what.tls.cert_file.empty()) mqtt.tls = what.tls;
   return mqtt;
 }
 
@@ -220,7 +216,8 @@ std::string fault_of(const FleetQuestion& what) {
     if (!is_name(name)) return "--agents: \"" + name + "\" is not the name of an agent";
     if (!seen.insert(name).second) return "--agents names " + name + " twice";
   }
-  if (what.cert_file.empty() != what.key_file.empty()) return "--cert and --key belong together";
+  if (what.tls.cert_file.empty() != what.tls.key_file.empty())
+    return "--cert and --key belong together";
   if (what.what == "status") {
     if (!what.file.empty() || what.confirmed || what.skip_offline || what.dry_run)
       return "status takes no FILE, --confirmed, --skip-offline or --dry-run";

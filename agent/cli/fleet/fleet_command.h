@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "agent/config/model.h"
+
 namespace fxagent {
 
 struct FleetQuestion {
@@ -14,12 +16,8 @@ struct FleetQuestion {
   std::string broker;
   std::string root = "fx";  ///< agent.root of the configs
   std::string mqtt_version = "5";
-  std::string user;
-  std::string password_file;
-  std::string password_env;
-  std::string ca_file;
-  std::string cert_file;
-  std::string key_file;
+  MqttConfig mqtt;  ///< user and password
+  TlsSettings tls;
   std::vector<std::string> agents;
   bool all = false;
   std::size_t batch = 1;
