@@ -11,7 +11,7 @@
 
 namespace fxagent {
 
-int run_describe(const DescribeQuestion& what, std::string_view version) {
+int run_describe(const DescribeQuestion& what) {
   if (what.schema + what.asyncapi + what.wot != 1)
     return refused("fxagent describe", "give one of --schema, --asyncapi and --wot");
   if (what.path.empty()) {
@@ -22,8 +22,8 @@ int run_describe(const DescribeQuestion& what, std::string_view version) {
   const auto config = loaded(what.path);
   if (!config) return kWrong;
   std::cout << json_page(what.schema     ? contract::payload_page(*config)
-                         : what.asyncapi ? contract::asyncapi(*config, version)
-                                         : contract::thing(*config, version));
+                         : what.asyncapi ? contract::asyncapi(*config, FXAGENT_VERSION)
+                                         : contract::thing(*config, FXAGENT_VERSION));
   return kDone;
 }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 
 namespace fxagent {
 
@@ -13,8 +12,8 @@ struct DescribeQuestion {
   bool wot = false;       ///< W3C Thing Description
 };
 
-/// Prints the document to stdout; exactly one of the three must be set. `version` is that of the
-/// program. Exit status: 0, or 2 with the reason on stderr.
-int run_describe(const DescribeQuestion& what, std::string_view version);
+/// Prints the document to stdout; exactly one of the three must be set. Exit status: 0, or 2 with
+/// the reason on stderr.
+int run_describe(const DescribeQuestion& what);
 
 }  // namespace fxagent

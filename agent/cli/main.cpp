@@ -286,11 +286,9 @@ void add_acl(CommandLine& line) {
   add_repeatable(command, "--viewer", what.viewers, "User who reads everything; repeatable");
 }
 
-int describe(const DescribeQuestion& what) { return run_describe(what, FXAGENT_VERSION); }
-
 void add_describe(CommandLine& line) {
   const auto [command, what] =
-      line.add("describe", "Describe the topics and payloads for other programs", describe);
+      line.add("describe", "Describe the topics and payloads for other programs", run_describe);
   command->add_option("CONFIG", what.path, "Config file; --schema also works without one");
   auto* schema =
       command->add_flag("--schema", what.schema, "Print the JSON Schema of every payload");
