@@ -22,9 +22,6 @@ using Json = nlohmann::ordered_json;
 using DeviceState = OnlineDevice::State;
 using LinkState = OnlineLink::State;
 
-constexpr int kHeld = 3;
-constexpr int kDiffers = 4;
-
 // Limits of the text output; the JSON output is complete.
 constexpr std::size_t kMostToDo = 20;
 constexpr std::size_t kMostTags = 8;

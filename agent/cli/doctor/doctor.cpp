@@ -38,7 +38,6 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr int kDiffers = 4;
 constexpr milliseconds kLikelyTimeout{1000};  // of the first guesses, for a slow device
 constexpr std::size_t kLikelyGuesses = 4;
 constexpr milliseconds kPatience{2000};  // a device slower than its configured timeout is found

@@ -11,8 +11,6 @@
 
 namespace fxagent {
 
-/// Exit status if another process uses the port.
-inline constexpr int kHeld = 3;
 /// Wait for the answer to an unlikely guess.
 inline constexpr std::chrono::milliseconds kGuessTimeout{250};
 
