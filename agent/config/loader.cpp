@@ -161,8 +161,7 @@ tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
                                                 const ReadBounds& bounds) {
   const auto tree =
       ConfigTree::parse(text, ConfigTree::Folding::tags, {.stop = bounds.stop}, Comments::allowed);
-  if (!tree)
-    return tl::unexpected(ConfigErrors{ConfigError{"", tree.error().line, tree.error().text}});
+  if (!tree) return tl::unexpected(ConfigErrors{tree.error()});
   ConfigReader reader(*tree, environment, bounds);
   Config config = read_top(reader, tree->root(), privacy);
   if (bounds.is_stopped())

@@ -4,13 +4,14 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "agent/config/json/syntax_fault.h"
 #include "agent/config/json/tree.h"
 #include "agent/text/json_member.h"
 
 namespace fxagent {
 namespace {
 
-tl::expected<ConfigTree, ConfigTree::SyntaxError> parsed(const std::string& config) {
+tl::expected<ConfigTree, ConfigError> parsed(const std::string& config) {
   constexpr TreeBounds kAny{.nodes = ConfigTree::max_bytes};
   return ConfigTree::parse(config, ConfigTree::Folding::none, kAny, Comments::allowed);
 }
@@ -51,19 +52,6 @@ std::optional<Place> place_of(const ConfigNode& root, const KeyChange& change) {
   return place;
 }
 
-/// Returns the first byte from `at` on that is neither space nor comment.
-std::size_t next_token(const std::string& text, std::size_t at) {
-  for (;;) {
-    at = std::min(text.find_first_not_of(" \t\r\n", at), text.size());
-    if (text.compare(at, 2, "//") == 0)
-      at = std::min(text.find_first_of("\r\n", at), text.size());
-    else if (text.compare(at, 2, "/*") == 0)
-      at = text.find("*/", at + 2) + 2;
-    else
-      return at;
-  }
-}
-
 /// A part of the text and what replaces it.
 struct Edit {
   std::size_t begin = 0;
@@ -73,8 +61,8 @@ struct Edit {
 
 /// Replaces the value of `member`.
 Edit replacement(const std::string& text, const ConfigNode& member, const std::string& value) {
-  const std::size_t colon = next_token(text, member.key_offset + std::size_t{1});
-  const std::size_t begin = next_token(text, colon + 1);
+  const std::size_t colon = next_token(text, member.key_offset + std::size_t{1}, Comments::allowed);
+  const std::size_t begin = next_token(text, colon + 1, Comments::allowed);
   const bool is_number =
       member.kind == ConfigNode::Kind::integer || member.kind == ConfigNode::Kind::number;
   // The offset of a number is the byte after it.

@@ -12,7 +12,14 @@ bool is_sign(char c) { return c == '-' || c == '+' || c == '.'; }
 
 bool is_comment(std::string_view rest) { return rest.starts_with("//") || rest.starts_with("/*"); }
 
-/// Returns the first byte from `at` on that is neither blank nor part of an allowed comment.
+/// True if the character at `at` is a quote without a backslash that escapes it.
+bool is_quote(std::string_view text, std::size_t at) {
+  const std::size_t backslashes = at - (text.substr(0, at).find_last_not_of('\\') + 1);
+  return text[at] == '"' && backslashes % 2 == 0;
+}
+
+}  // namespace
+
 std::size_t next_token(std::string_view text, std::size_t at, Comments comments) {
   while (true) {
     at = std::min(text.find_first_not_of(" \t\r\n", at), text.size());
@@ -23,14 +30,6 @@ std::size_t next_token(std::string_view text, std::size_t at, Comments comments)
     at = is_line ? end : end + 2;
   }
 }
-
-/// True if the character at `at` is a quote without a backslash that escapes it.
-bool is_quote(std::string_view text, std::size_t at) {
-  const std::size_t backslashes = at - (text.substr(0, at).find_last_not_of('\\') + 1);
-  return text[at] == '"' && backslashes % 2 == 0;
-}
-
-}  // namespace
 
 SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, std::size_t read,
                          Comments comments, std::string words) {

@@ -27,6 +27,9 @@ struct SyntaxFault {
   std::optional<std::size_t> unclosed{};  ///< byte of the bracket that lacks its end
 };
 
+/// Returns the first byte from `at` on that is neither blank nor part of an allowed comment.
+std::size_t next_token(std::string_view text, std::size_t at, Comments comments);
+
 /// Returns the mistake behind a rejected token. `read` is the last byte that the parser read. If
 /// the mistake is none of those known here, returns `words`, the parser's own, for that byte.
 SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, std::size_t read,

@@ -240,13 +240,12 @@ std::string pointer_to(const ConfigNode& node) {
   return pointer_to(*node.parent) + (Json::json_pointer() / key).to_string();
 }
 
-tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_view text,
-                                                                    Folding folding,
-                                                                    const TreeBounds& bounds,
-                                                                    Comments comments) {
+tl::expected<ConfigTree, ConfigError> ConfigTree::parse(std::string_view text, Folding folding,
+                                                        const TreeBounds& bounds,
+                                                        Comments comments) {
   if (text.size() > max_bytes)
     return tl::unexpected(
-        SyntaxError{0, "larger than " + std::to_string(max_bytes >> 20) + " MiB"});
+        ConfigError{"", 0, "larger than " + std::to_string(max_bytes >> 20) + " MiB"});
   ConfigTree tree(text);
   tree.root_ = std::make_unique<ConfigNode>();
   for (std::size_t i = 0; i < text.size(); ++i)
@@ -256,9 +255,9 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
     const int line = tree.line_of(at);
     const std::size_t line_start =
         line == 1 ? 0 : tree.newlines_[static_cast<std::size_t>(line) - 2] + std::size_t{1};
-    return tl::unexpected(SyntaxError{line, "not JSON at line " + std::to_string(line) +
-                                                ", column " + std::to_string(at - line_start + 1) +
-                                                ": " + fault});
+    return tl::unexpected(ConfigError{"", line,
+                                      "not JSON at line " + std::to_string(line) + ", column " +
+                                          std::to_string(at - line_start + 1) + ": " + fault});
   };
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
     return syntax_error(0, "this file is UTF-16; save it as UTF-8");
@@ -274,7 +273,7 @@ tl::expected<ConfigTree, ConfigTree::SyntaxError> ConfigTree::parse(std::string_
                        &builder, Json::input_format_t::json, true, comments == Comments::allowed)) {
     const std::size_t read = taken == 0 ? 0 : taken - 1;
     if (!builder.end().empty())
-      return tl::unexpected(SyntaxError{tree.line_of(read), builder.end()});
+      return tl::unexpected(ConfigError{"", tree.line_of(read), builder.end()});
     SyntaxFault fault =
         syntax_fault(text, builder.accepted(), read, comments, shown(builder.fault(), kMaxFault));
     if (fault.unclosed)

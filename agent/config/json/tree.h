@@ -10,6 +10,8 @@
 #include <tl/expected.hpp>
 #include <vector>
 
+#include "agent/config/config_error.h"
+
 namespace fxagent {
 
 /// One value of the text. `children` are the members of an object or the items of an array, in the
@@ -55,11 +57,6 @@ enum class Comments : std::uint8_t { refused, allowed };
 /// parses them again.
 class ConfigTree {
  public:
-  struct SyntaxError {
-    int line = 0;
-    std::string text;  ///< with line and column in words
-  };
-
   /// Largest text in bytes. Far beyond any plant.
   static constexpr std::size_t max_bytes = std::size_t{64} << 20;
   static constexpr std::size_t max_depth = 32;
@@ -69,8 +66,8 @@ class ConfigTree {
   enum class Folding : std::uint8_t { tags, none };
 
   /// Parses `text`, which must outlive the tree. A text beyond the limits is an error too. Comments
-  /// are those of C++: // and /* */.
-  static tl::expected<ConfigTree, SyntaxError> parse(std::string_view text,
+  /// are those of C++: // and /* */. The text of the error has line and column in words.
+  static tl::expected<ConfigTree, ConfigError> parse(std::string_view text,
                                                      Folding folding = Folding::tags,
                                                      const TreeBounds& bounds = {},
                                                      Comments comments = Comments::refused);
