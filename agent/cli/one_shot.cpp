@@ -43,8 +43,7 @@ Value value_of_text(const std::string& text) {
 
 /// Reduces the config to one device and its link. Returns false if the device does not exist.
 bool narrow(Config& config, const std::string& name) {
-  const auto device = std::find_if(config.devices.begin(), config.devices.end(),
-                                   [&](const DeviceConfig& d) { return d.name == name; });
+  const auto device = std::ranges::find(config.devices, name, &DeviceConfig::name);
   if (device == config.devices.end()) return false;
   DeviceConfig only = std::move(*device);
   config.links = {config.links[only.link]};
@@ -63,8 +62,7 @@ bool is_meant_as_tag(std::string_view text, const AddressSpace& addresses) {
 }
 
 const TagConfig* tag_named(const std::string& name, const DeviceConfig& device) {
-  const auto found =
-      std::ranges::find_if(device.tags, [&](const TagConfig& tag) { return tag.name == name; });
+  const auto found = std::ranges::find(device.tags, name, &TagConfig::name);
   return found == device.tags.end() ? nullptr : &*found;
 }
 

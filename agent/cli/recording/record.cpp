@@ -55,32 +55,25 @@ int run_record(const Config& config, const RecordQuestion& question) {
                    "\"/var/lib/fxagent/recordings\"} and restart the agent");
   if (const std::string fault = unknown_link(config, question.links); !fault.empty())
     return refused("", fault);
+  const auto failed = [](const std::string& why) { return refused("", why, kFailed); };
   const std::string& directory = config.recorder->path;
   if (is_of_another(directory))
-    return refused("",
-                   directory +
-                       " belongs to another user: run this as the agent's user, as in "
-                       "sudo -u fxagent fxagent record",
-                   kFailed);
+    return failed(directory +
+                  " belongs to another user: run this as the agent's user, as in "
+                  "sudo -u fxagent fxagent record");
   const auto agent = writer_of(directory);
   if (!agent)
-    return refused("",
-                   "no running agent records to " + directory +
-                       ": start the agent, and restart it if recorder.path is new",
-                   kFailed);
+    return failed("no running agent records to " + directory +
+                  ": start the agent, and restart it if recorder.path is new");
   if (*agent <= 0)
-    return refused("",
-                   "the agent that records to " + directory +
-                       " runs in another container: send it SIGUSR2, as in docker kill -s USR2",
-                   kFailed);
+    return failed("the agent that records to " + directory +
+                  " runs in another container: send it SIGUSR2, as in docker kill -s USR2");
   const std::string before = last_answer(directory);
   if (const std::string fault = leave_request(directory, question.links); !fault.empty())
-    return refused("", fault, kFailed);
+    return failed(fault);
   if (::kill(*agent, SIGUSR2) != 0)
-    return refused("",
-                   "process " + std::to_string(*agent) + ": " +
-                       std::generic_category().message(errno) + ": run this as the agent's user",
-                   kFailed);
+    return failed("process " + std::to_string(*agent) + ": " +
+                  std::generic_category().message(errno) + ": run this as the agent's user");
   const auto give_up = Clock::now() + kAnswersWithin;
   while (Clock::now() < give_up) {
     const std::string answer = last_answer(directory);
@@ -88,14 +81,12 @@ int run_record(const Config& config, const RecordQuestion& question) {
     if (answer != before && paths != answer.npos) {
       std::cout << answer.substr(paths + 1);
       if (paths + 1 < answer.size()) return kDone;
-      return refused("", "the agent wrote no recording: its log says why", kFailed);
+      return failed("the agent wrote no recording: its log says why");
     }
     std::this_thread::sleep_for(kLookEvery);
   }
-  return refused("",
-                 "the agent did not answer within " + std::to_string(kAnswersWithin.count()) +
-                     " s: its disk may hang; see its log",
-                 kFailed);
+  return failed("the agent did not answer within " + std::to_string(kAnswersWithin.count()) +
+                " s: its disk may hang; see its log");
 }
 
 int run_replay(const ReplayQuestion& question) {

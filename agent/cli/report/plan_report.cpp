@@ -19,7 +19,7 @@ using std::chrono::nanoseconds;
 
 // Block sizes tried in addition to the configured one and the protocol's maximum.
 constexpr std::uint32_t kBlockSizes[] = {16, 32, 64};
-constexpr std::int64_t kLongestInterval = 86'400'000;  // as in the config, ms
+constexpr std::int64_t kLongestInterval = config_key("devices[].groups[].interval_ms").limits.max;
 
 double ratio(nanoseconds part, nanoseconds whole) {
   return static_cast<double>(part.count()) / static_cast<double>(whole.count());
@@ -239,12 +239,6 @@ ExchangeReport report_exchange(const DevicePlan& device, const Plan& plan, const
   return out;
 }
 
-void add_exchanges(const DevicePlan& plan, const GroupPlan& group, GroupLoad& load) {
-  for (std::uint32_t e = 0; e < group.plan.exchange_count(); ++e)
-    load.exchanges.push_back(
-        report_exchange(plan, group.plan, group.plan.reads_in(e), group.points, load.use));
-}
-
 // ---- one link -----------------------------------------------------------------------------------
 
 std::optional<int> baud_of(const LinkConfig& link) {
@@ -389,7 +383,11 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
                                 widest_name(*device.protocol));
     std::size_t at = report.groups.size();
     add_load(device, plan, load);
-    for (const GroupPlan& group : plan.groups) add_exchanges(plan, group, report.groups[at++]);
+    for (const auto& [group, points, reads] : plan.groups) {
+      GroupLoad& out = report.groups[at++];
+      for (std::uint32_t e = 0; e < reads.exchange_count(); ++e)
+        out.exchanges.push_back(report_exchange(plan, reads, reads.reads_in(e), points, out.use));
+    }
     devices.push_back(&device);
     shares.push_back(share_of(device, plan));
   }
@@ -442,12 +440,6 @@ Result<WhatIf> parse_what_if(const std::string& what) {
   return out;
 }
 
-DeviceConfig* device_named(Config& config, const std::string& name) {
-  const auto found = std::find_if(config.devices.begin(), config.devices.end(),
-                                  [&](const DeviceConfig& d) { return d.name == name; });
-  return found == config.devices.end() ? nullptr : &*found;
-}
-
 std::string names_of(const SharedList<DeviceConfig>& devices) {
   std::string names;
   for (const DeviceConfig& device : devices) names += (names.empty() ? "" : ", ") + device.name;
@@ -489,18 +481,14 @@ Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& aske
 
 /// Returns the device's first group with this interval; creates one if there is none.
 std::uint32_t group_of(DeviceConfig& device, milliseconds interval) {
-  const auto named = [&](const std::string& name) {
-    return std::any_of(device.groups.begin(), device.groups.end(),
-                       [&](const GroupConfig& g) { return g.name == name; });
-  };
-  const auto same = std::find_if(device.groups.begin(), device.groups.end(),
-                                 [&](const GroupConfig& g) { return g.interval == interval; });
-  if (same != device.groups.end()) return static_cast<std::uint32_t>(same - device.groups.begin());
-  GroupConfig group;
-  group.name = named("what-if") ? "what-if-" + std::to_string(interval.count()) : "what-if";
+  auto& groups = device.groups;
+  const auto same = std::ranges::find(groups, interval, &GroupConfig::interval);
+  if (same != groups.end()) return static_cast<std::uint32_t>(same - groups.begin());
+  const bool is_taken = std::ranges::find(groups, "what-if", &GroupConfig::name) != groups.end();
+  GroupConfig& group = groups.emplace_back();
+  group.name = is_taken ? "what-if-" + std::to_string(interval.count()) : "what-if";
   group.interval = interval;
-  device.groups.push_back(std::move(group));
-  return static_cast<std::uint32_t>(device.groups.size() - 1);
+  return static_cast<std::uint32_t>(groups.size() - 1);
 }
 
 }  // namespace
@@ -529,8 +517,8 @@ std::vector<LinkReport> plan_links(const Config& config) {
 Result<void> add_what_if(Config& config, const std::string& what) {
   const auto asked = parse_what_if(what);
   if (!asked) return tl::make_unexpected(asked.error());
-  DeviceConfig* device = device_named(config, asked->device);
-  if (device == nullptr)
+  const auto device = std::ranges::find(config.devices, asked->device, &DeviceConfig::name);
+  if (device == config.devices.end())
     return refuse(
         what, "there is no device " + asked->device + "; there are " + names_of(config.devices));
   const auto codec = widest(*device);
@@ -539,13 +527,8 @@ Result<void> add_what_if(Config& config, const std::string& what) {
   const auto points = points_between(*codec, *asked, what);
   if (!points) return tl::make_unexpected(points.error());
   const std::uint32_t group = group_of(*device, asked->interval);
-  for (const Point& point : *points) {
-    TagConfig tag;
-    tag.name = "what-if";
-    tag.point = point;
-    tag.group = group;
-    device->tags.push_back(std::move(tag));
-  }
+  for (const Point& point : *points)
+    device->tags.push_back({.name = "what-if", .point = point, .group = group});
   return {};
 }
 
