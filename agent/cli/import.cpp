@@ -24,12 +24,9 @@ std::string place(const std::string& path, int line) {
 
 /// Returns the fault in the options; empty if there is none.
 std::string fault_of(const ImportOptions& options) {
-  if (!options.protocol.empty() && find_protocol(options.protocol) == nullptr) {
-    std::vector<std::string_view> names;
-    for (const ProtocolInfo& info : catalog()) names.push_back(info.name);
+  if (!options.protocol.empty() && find_protocol(options.protocol) == nullptr)
     return "there is no protocol " + shown(options.protocol) +
-           did_you_mean(options.protocol, names);
-  }
+           did_you_mean(options.protocol, names_in(catalog()));
   if (!options.port.empty() && !LinkTable::is_serial(options.port))
     return "--port must be a serial port such as /dev/ttyUSB0, or host:port";
   if (!options.device.empty() && !is_name(options.device))
@@ -53,8 +50,8 @@ const ImportFormat* format_of(const std::string& name, const std::string& bytes)
 }  // namespace
 
 int run_import(const ImportQuestion& what) {
-  std::vector<std::string_view> names{"auto"};
-  for (const ImportFormat& format : import_formats()) names.push_back(format.name);
+  auto names = names_in(import_formats());
+  names.insert(names.begin(), "auto");
   if (std::ranges::find(names, what.format) == names.end())
     return refused("import",
                    "there is no format " + shown(what.format) + did_you_mean(what.format, names));

@@ -408,11 +408,10 @@ void add_decode(CommandLine& line) {
 std::string misspelt_subcommand(const CLI::App& app, int argc, char** argv) {
   const std::string_view said = argc > 1 ? argv[1] : "";
   if (said.empty() || said.starts_with('-')) return {};
-  std::vector<std::string> names;
+  std::vector<std::string_view> names;
   for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
   if (std::ranges::find(names, said) != names.end()) return {};
-  const std::vector<std::string_view> words(names.begin(), names.end());
-  return "there is no subcommand " + shown(said) + did_you_mean(said, words);
+  return "there is no subcommand " + shown(said) + did_you_mean(said, names);
 }
 
 int dispatch(int argc, char** argv) {

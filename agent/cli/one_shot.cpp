@@ -445,10 +445,8 @@ CommandResult command_result(const Config& config, const OneShot& what, CommandT
 
 int run_one_shot(Config config, const OneShot& what) {
   if (!narrow(config, what.device)) {
-    std::vector<std::string_view> names;
-    for (const DeviceConfig& device : config.devices) names.push_back(device.name);
-    std::cerr << "no device " << what.device << " in the config" << did_you_mean(what.device, names)
-              << '\n';
+    std::cerr << "no device " << what.device << " in the config"
+              << did_you_mean(what.device, names_in(config.devices)) << '\n';
     return kWrong;
   }
   if (const std::string fault = call_fault(what, config.devices.front()); !fault.empty())

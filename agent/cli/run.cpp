@@ -49,9 +49,7 @@ std::optional<std::vector<std::uint32_t>> traced_links(const Config& config,
   const auto status = remote.status();
   const bool is_local = (!status || status->version.empty()) && !was_restarted();
 
-  std::vector<std::string_view> names;
-  names.reserve(config.links.size());
-  for (const LinkConfig& link : config.links) names.push_back(link.name);
+  const auto names = names_in(config.links);
   std::vector<std::uint32_t> links;
   for (const std::string& name : what.traced) {
     const auto found = std::ranges::find(names, name);

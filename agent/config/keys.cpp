@@ -2,6 +2,8 @@
 
 #include <map>
 
+#include "agent/config/suggestions.h"
+
 namespace fxagent {
 
 const OptionSpec* option_named(const ProtocolInfo& protocol, std::string_view key) {
@@ -53,11 +55,7 @@ std::vector<ConfigKey> protocol_keys(const ProtocolInfo& protocol) {
 }
 
 ConfigKey protocol_key() {
-  static const auto names = [] {
-    std::vector<std::string_view> list;
-    for (const ProtocolInfo& info : catalog()) list.push_back(info.name);
-    return list;
-  }();
+  static const auto names = names_in(catalog());
   ConfigKey key = config_key("devices[].protocol");
   key.type = ConfigKey::Type::choice;
   key.limits = std::span(names);

@@ -8,6 +8,15 @@
 
 namespace fxagent {
 
+/// Returns the names of the items, which must outlive the result.
+template <class List>
+std::vector<std::string_view> names_in(const List& list) {
+  std::vector<std::string_view> names;
+  names.reserve(list.size());
+  for (const auto& item : list) names.push_back(item.name);
+  return names;
+}
+
 /// Returns the words that `word` stands for ("rw": "read_write", "E": "even"). Otherwise returns
 /// the words that begin with it ("password": "password_file", "password_env"). Otherwise returns
 /// the nearest words by edit distance: at most 2, none if more than half of the letters differ.

@@ -32,8 +32,7 @@ constexpr std::chrono::milliseconds kLookEvery{20};
 
 /// Returns the fault in the links of the question; empty if there is none.
 std::string unknown_link(const Config& config, const std::vector<std::string>& wanted) {
-  std::vector<std::string_view> names;
-  for (const LinkConfig& link : config.links) names.push_back(link.name);
+  const auto names = names_in(config.links);
   for (const std::string& name : wanted)
     if (std::ranges::find(names, name) == names.end())
       return "there is no link " + shown(name) + did_you_mean(name, names);

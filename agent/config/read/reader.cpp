@@ -155,8 +155,7 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKe
       continue;
     std::string text = "unknown key \"" + shown(child.key) + "\"";
     if (may_suggest(child.key_offset)) {
-      std::vector<std::string_view> known;
-      for (const ConfigKey& key : keys) known.push_back(key.name);
+      auto known = names_in(keys);
       known.insert(known.end(), more.begin(), more.end());
       text += cure_of_key(child.key, keys.front().section, known);
     }
