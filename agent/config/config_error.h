@@ -18,6 +18,12 @@ struct ConfigError {
 using ConfigErrors = std::vector<ConfigError>;
 
 /// Returns "agent.json:12: /devices/0/tags/3/address: X8 is not octal …".
-std::string to_string(const ConfigError& error, std::string_view file);
+inline std::string to_string(const ConfigError& error, std::string_view file) {
+  std::string text(file);
+  if (error.line > 0) text += ":" + std::to_string(error.line);
+  text += ": ";
+  if (!error.pointer.empty()) text += error.pointer + ": ";
+  return text + error.text;
+}
 
 }  // namespace fxagent

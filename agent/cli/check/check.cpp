@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "agent/cli/check/check_target.h"
-#include "agent/cli/check/online_check.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/plan_report.h"
 #include "agent/config/loader.h"

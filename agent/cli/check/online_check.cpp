@@ -1,4 +1,4 @@
-#include "agent/cli/check/online_check.h"
+#include "agent/cli/check/check.h"
 
 #include <algorithm>
 #include <chrono>
