@@ -1,4 +1,4 @@
-#include "agent/cli/describe.h"
+#include "agent/cli/subcommands.h"
 
 #include <iostream>
 #include <nlohmann/json.hpp>

@@ -1,4 +1,4 @@
-#include "agent/cli/import.h"
+#include "agent/cli/subcommands.h"
 
 #include <algorithm>
 #include <iostream>

@@ -1,4 +1,4 @@
-#include "agent/cli/one_shot.h"
+#include "agent/cli/subcommands.h"
 
 #include <algorithm>
 #include <chrono>

@@ -1,4 +1,4 @@
-#include "agent/cli/plan.h"
+#include "agent/cli/subcommands.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "agent/cli/run.h"
+#include "agent/cli/subcommands.h"
 
 #include <malloc.h>
 

@@ -1,4 +1,4 @@
-#include "agent/cli/verify_stream.h"
+#include "agent/cli/subcommands.h"
 
 #include <algorithm>
 #include <array>

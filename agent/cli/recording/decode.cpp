@@ -1,4 +1,4 @@
-#include "agent/cli/recording/decode.h"
+#include "agent/cli/recording/record.h"
 
 #include <algorithm>
 #include <iostream>

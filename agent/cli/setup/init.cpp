@@ -16,9 +16,9 @@
 
 #include "agent/cli/check/check.h"
 #include "agent/cli/exit_status.h"
-#include "agent/cli/plan.h"
 #include "agent/cli/setup/found_ports.h"
 #include "agent/cli/setup/password_file.h"
+#include "agent/cli/subcommands.h"
 #include "agent/config/loader.h"
 #include "agent/import/imported.h"
 
