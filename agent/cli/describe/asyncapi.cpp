@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "agent/cli/describe/payloads.h"
-#include "agent/cli/describe/profile_topics.h"
 #include "agent/cli/describe/topics.h"
 
 namespace fxagent::contract {

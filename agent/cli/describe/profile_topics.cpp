@@ -1,4 +1,4 @@
-#include "agent/cli/describe/profile_topics.h"
+#include "agent/cli/describe/topics.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,4 +1,5 @@
-// The topics of the contract, section 3, and their addresses with a config. Pure, any thread.
+// The topics of the contract, section 3, and their addresses with a config; and the topics of the
+// profiles that have a session of their own on the broker of `mqtt`. Pure, any thread.
 #pragma once
 
 #include <cstdint>
@@ -51,5 +52,22 @@ std::set<std::uint32_t> used_groups(const DeviceConfig& device);
 /// Returns the name of the schema of one device or group: "press1.sample.fast".
 std::string schema_name(const DeviceConfig& device, std::string_view schema,
                         const GroupConfig* group = nullptr);
+
+struct ProfileTopic {
+  std::string_view name;  ///< "plain_value", unique in a config
+  std::string address{};  ///< whole topic; {device}, {group}, {tag} and {object} stand for names
+  std::string_view summary{};
+  Sender sender = Sender::agent;
+  Retain retain = Retain::no;
+  int qos = 1;
+  bool is_command = false;    ///< operators publish to it
+  bool is_read_back = false;  ///< the agent also receives its own
+  std::string_view content_type = "application/json";
+
+  /// Returns the filter for all names: a level with a placeholder is "+".
+  std::string filter() const;
+};
+/// Returns the topics of the profiles on the broker of `mqtt`.
+std::vector<ProfileTopic> profile_topics(const Config& config);
 
 }  // namespace fxagent::contract

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/cli/describe/profile_topics.h"
+#include "agent/cli/describe/topics.h"
 #include "agent/cli/exit_status.h"
 #include "agent/uplink/topics.h"
 
