@@ -164,6 +164,12 @@ std::vector<std::string_view> nearest_words(std::string_view word,
   return nearest;
 }
 
+std::string joined(std::span<const std::string_view> words, std::string_view separator) {
+  std::string text;
+  for (const std::string_view word : words) text.append(text.empty() ? "" : separator).append(word);
+  return text;
+}
+
 std::string one_of(std::span<const std::string_view> words) {
   std::string text;
   for (std::size_t i = 0; i < words.size(); ++i) {

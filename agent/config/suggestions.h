@@ -26,6 +26,9 @@ std::vector<std::string_view> nearest_words(std::string_view word,
 /// Returns "; did you mean a or b?" to append to an error text; empty if no word is near.
 std::string did_you_mean(std::string_view word, std::span<const std::string_view> words);
 
+/// Returns the words with `separator` between them.
+std::string joined(std::span<const std::string_view> words, std::string_view separator);
+
 /// Returns "a, b or c".
 std::string one_of(std::span<const std::string_view> words);
 

@@ -11,6 +11,7 @@
 
 #include "agent/cli/exit_status.h"
 #include "agent/cli/manual/schema.h"
+#include "agent/config/suggestions.h"
 #include "agent/import/formats.h"
 #include "protocol/catalog.h"
 #include "protocol/letter_case.h"
@@ -151,13 +152,6 @@ std::string names_of_places(const CLI::App& command) {
   return out;
 }
 
-std::string protocol_names() {
-  std::string out;
-  for (const ProtocolInfo& protocol : catalog())
-    out += (out.empty() ? "" : " ") + std::string(protocol.name);
-  return out;
-}
-
 std::string names_of_options(const CLI::App& command, bool with_value_only) {
   std::string out;
   for (const CLI::Option* option : command.get_options())
@@ -168,11 +162,7 @@ std::string names_of_options(const CLI::App& command, bool with_value_only) {
 
 }  // namespace
 
-std::string import_format_names() {
-  std::string out = "auto";
-  for (const ImportFormat& format : import_formats()) out += " " + std::string(format.name);
-  return out;
-}
+std::string import_format_names() { return "auto " + joined(names_in(import_formats()), " "); }
 
 std::string man_page(const CLI::App& app, const CLI::App* subcommand, const std::string& version) {
   const CLI::App& shown = subcommand == nullptr ? app : *subcommand;
@@ -211,7 +201,7 @@ std::string bash_completion(const CLI::App& app) {
          R"(_fxagent() {
   local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} words='' valued='' places=''
 )" + "  local protocols='" +
-         protocol_names() + "' formats='" + import_format_names() + "'\n" +
+         joined(names_in(catalog()), " ") + "' formats='" + import_format_names() + "'\n" +
          R"(  COMPREPLY=()
   case ${COMP_WORDS[1]} in
 )" + cases +

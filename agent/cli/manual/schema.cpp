@@ -12,6 +12,7 @@
 #include "agent/cli/manual/command_pages.h"
 #include "agent/cli/report/json_page.h"
 #include "agent/config/keys.h"
+#include "agent/config/suggestions.h"
 #include "agent/text/json_member.h"
 #include "protocol/catalog.h"
 
@@ -327,18 +328,12 @@ class SchemaMaker {
 
 // ---- tables -------------------------------------------------------------------------------------
 
-std::string quoted(std::span<const std::string_view> words) {
-  std::string out;
-  for (const auto word : words) out += (out.empty() ? "`" : " `") + std::string(word) + "`";
-  return out;
-}
-
 std::string range_of(const ConfigKey& key) {
   constexpr std::array kWords{"name",    "string", "path",   "",      "number",
                               "boolean", "",       "object", "array", "range or list"};
   static_assert(kWords.size() == static_cast<std::size_t>(Type::numbers) + 1);
   const auto& [min, max, words] = key.limits;
-  if (key.type == Type::choice) return quoted(words);
+  if (key.type == Type::choice) return "`" + joined(words, "` `") + "`";
   if (key.type == Type::integer)
     return std::to_string(min) + (max - min == 1 ? ", " : "–") + std::to_string(max);
   return kWords[static_cast<std::size_t>(key.type)];
@@ -370,10 +365,7 @@ std::string type_of(const ConfigKey& key) {
   if (key.type == Type::integer)
     return std::to_string(key.limits.min) + " to " + std::to_string(key.limits.max);
   if (key.type != Type::choice) return kWords[static_cast<std::size_t>(key.type)];
-  std::string words;
-  for (const std::string_view word : key.limits.words)
-    words += (words.empty() ? "" : " | ") + std::string(word);
-  return words;
+  return joined(key.limits.words, " | ");
 }
 
 std::string fallback_of(const ConfigKey& key) {

@@ -6,6 +6,7 @@
 
 #include "agent/cli/exit_status.h"
 #include "agent/cli/recording/replay_report.h"
+#include "agent/config/suggestions.h"
 #include "agent/text/json_member.h"
 #include "protocol/catalog.h"
 
@@ -32,9 +33,8 @@ void print(const Explanation& frame) {
 int run_decode(const DecodeQuestion& question) {
   const ProtocolInfo* protocol = find_protocol(question.protocol);
   if (protocol == nullptr) {
-    std::cerr << "no protocol " << question.protocol << "; there are:";
-    for (const ProtocolInfo& known : catalog()) std::cerr << ' ' << known.name;
-    std::cerr << '\n';
+    std::cerr << "no protocol " << question.protocol
+              << "; there are: " << joined(names_in(catalog()), " ") << '\n';
     return kWrong;
   }
   std::string text;

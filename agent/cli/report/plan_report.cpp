@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "agent/config/suggestions.h"
 #include "agent/line_time.h"
 #include "agent/text/text.h"
 #include "protocol/plan/plan.h"
@@ -440,12 +441,6 @@ Result<WhatIf> parse_what_if(const std::string& what) {
   return out;
 }
 
-std::string names_of(const SharedList<DeviceConfig>& devices) {
-  std::string names;
-  for (const DeviceConfig& device : devices) names += (names.empty() ? "" : ", ") + device.name;
-  return names;
-}
-
 /// Returns one point for each device from the first to the last address.
 Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& asked,
                                           const std::string& what) {
@@ -519,8 +514,8 @@ Result<void> add_what_if(Config& config, const std::string& what) {
   if (!asked) return tl::make_unexpected(asked.error());
   const auto device = std::ranges::find(config.devices, asked->device, &DeviceConfig::name);
   if (device == config.devices.end())
-    return refuse(
-        what, "there is no device " + asked->device + "; there are " + names_of(config.devices));
+    return refuse(what, "there is no device " + asked->device + "; there are " +
+                            joined(names_in(config.devices), ", "));
   const auto codec = widest(*device);
   if (codec->is_broadcast())
     return refuse(what, device->name + " is a broadcast, and no unit answers one");

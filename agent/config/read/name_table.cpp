@@ -3,6 +3,7 @@
 #include "agent/config/suggestions.h"
 
 #include <algorithm>
+#include <span>
 #include <vector>
 
 namespace fxagent {
@@ -28,11 +29,10 @@ std::string NameTable::in_place_of(std::string_view name, ConfigReader& reader,
   std::vector<std::string_view> names;
   names.reserve(entries_.size());
   for (const auto& [known, entry] : entries_) names.push_back(known);
-  std::string text = did_you_mean(name, names);
-  if (!text.empty()) return text;
-  text = names.size() == 1 ? "; there is " : "; there are ";
-  for (std::size_t i = 0; i < std::min(kMostShown, names.size()); ++i)
-    text.append(i > 0 ? ", " : "").append(names[i]);
+  if (std::string meant = did_you_mean(name, names); !meant.empty()) return meant;
+  const std::span first(names.data(), std::min(kMostShown, names.size()));
+  const std::string text =
+      (names.size() == 1 ? "; there is " : "; there are ") + joined(first, ", ");
   return names.size() > kMostShown
              ? text + " and " + std::to_string(names.size() - kMostShown) + " more"
              : text;
