@@ -197,25 +197,19 @@ std::vector<ConfigNode> ConfigReader::items(const ConfigNode& parent, const Conf
 std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, const ConfigKey& key) {
   const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
-  const std::string wanted =
-      "an integer from " + std::to_string(key.limits.min) + " to " + std::to_string(key.limits.max);
   // JSON Schema treats 5.0 as the integer 5, so we do too. Every range is within the integers that
   // a double represents exactly.
   constexpr double kExact = 9007199254740992.0;
   const auto number = number_in(*node);
-  const bool whole = node->kind == Kind::integer ||
-                     (number && std::abs(*number) <= kExact && *number == std::trunc(*number));
-  if (!whole) {
-    wrong_kind(*node, wanted);
-    return std::nullopt;
-  }
-  const std::int64_t value =
-      node->kind == Kind::integer ? node->integer : static_cast<std::int64_t>(*number);
-  if (value < key.limits.min || value > key.limits.max) {
-    wrong_kind(*node, wanted);
-    return std::nullopt;
-  }
-  return value;
+  std::optional<std::int64_t> value;
+  if (node->kind == Kind::integer)
+    value = node->integer;
+  else if (number && std::abs(*number) <= kExact && *number == std::trunc(*number))
+    value = static_cast<std::int64_t>(*number);
+  if (value && *value >= key.limits.min && *value <= key.limits.max) return value;
+  wrong_kind(*node, "an integer from " + std::to_string(key.limits.min) + " to " +
+                        std::to_string(key.limits.max));
+  return std::nullopt;
 }
 
 std::optional<double> ConfigReader::number(const ConfigNode& parent, const ConfigKey& key) {
@@ -239,26 +233,19 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
     wrong_kind(node, "a string");
     return std::nullopt;
   }
-  if (origin_ != nullptr && origin_->n.empty() && has_place_of_n(node.text)) {
-    error(node, "{n} has no value: the device has no \"n\"");
-    return std::nullopt;
-  }
   std::string fault;
-  auto expanded = expand(spelled(node), &fault);
-  if (!expanded) {
-    error(node, fault);
-    return std::nullopt;
-  }
-  if (expanded->empty()) {
-    error(node, "must not be empty" +
-                    std::string(node.text.empty() ? "" : ", \"" + shown(node.text) + "\" is"));
-    return std::nullopt;
-  }
-  if (has_control(*expanded)) {
-    error(node, "must not have control characters");
-    return std::nullopt;
-  }
-  return expanded;
+  std::optional<std::string> value;
+  if (origin_ != nullptr && origin_->n.empty() && has_place_of_n(node.text))
+    fault = "{n} has no value: the device has no \"n\"";
+  else
+    value = expand(spelled(node), &fault);
+  if (value && value->empty())
+    fault = "must not be empty" + (node.text.empty() ? "" : ", \"" + shown(node.text) + "\" is");
+  else if (value && has_control(*value))
+    fault = "must not have control characters";
+  if (fault.empty()) return value;
+  error(node, std::move(fault));
+  return std::nullopt;
 }
 
 std::optional<std::string> ConfigReader::text(const ConfigNode& parent, const ConfigKey& key) {
@@ -292,25 +279,22 @@ std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& paren
 }
 
 std::optional<std::string> ConfigReader::name(const ConfigNode& parent, const ConfigKey& key) {
-  const ConfigNode* node = member(parent, key);
-  if (node == nullptr) return std::nullopt;
-  auto value = text(*node);
-  if (!value) return std::nullopt;
-  if (is_name(*value)) return value;
-  error(*node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node->text) + "\"");
+  auto value = text(parent, key);
+  if (!value || is_name(*value)) return value;
+  const ConfigNode& node = *parent.find(key.name);
+  error(node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node.text) + "\"");
   return std::nullopt;
 }
 
 std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, const ConfigKey& key) {
-  const ConfigNode* node = member(parent, key);
-  if (node == nullptr) return std::nullopt;
-  const auto value = text(*node);
+  const auto value = text(parent, key);
   if (!value) return std::nullopt;
   const auto words = key.limits.words;
   const auto found = std::ranges::find(words, *value);
   if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
-  error(*node, "must be " + one_of(words) + ", found \"" + shown(node->text) + "\"" +
-                   (may_suggest(node->offset) ? did_you_mean(node->text, words) : std::string()));
+  const ConfigNode& node = *parent.find(key.name);
+  error(node, "must be " + one_of(words) + ", found \"" + shown(node.text) + "\"" +
+                  (may_suggest(node.offset) ? did_you_mean(node.text, words) : std::string()));
   return std::nullopt;
 }
 
