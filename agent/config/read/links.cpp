@@ -169,12 +169,11 @@ void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t i
     if (device.link != index || device.options == nullptr) continue;
     const OptionSpec* binary = binary_option(protocol, *device.options);
     if (binary == nullptr) continue;
-    const auto value = std::get<std::int64_t>(device.options->find(binary->key)->second);
-    const std::string option = "\"" + std::string(binary->key) + "\" ";
-    std::string text = option + std::to_string(value);
-    text.append(" of ").append(device.name);
-    text.append(" is binary and needs 8 data bits: set 8 here and in the PLC, or ").append(option);
-    return reader.error(*at, text.append("below ").append(std::to_string(*binary->binary_from)));
+    const std::string key = "\"" + std::string(binary->key) + "\" ";
+    return reader.error(
+        *at, key + std::to_string(*option<std::int64_t>(*device.options, binary->key)) + " of " +
+                 device.name + " is binary and needs 8 data bits: set 8 here and in the PLC, or " +
+                 key + "below " + std::to_string(*binary->binary_from));
   }
 }
 

@@ -104,14 +104,13 @@ void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
 void StationTable::add(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device) {
   if (device.options == nullptr) return;
   for (const auto key : {"station"sv, "unit"sv}) {
-    const auto option = device.options->find(key);
-    if (option == device.options->end()) continue;
-    const auto number = std::get<std::int64_t>(option->second);
-    const auto [first, fresh] = first_.emplace(std::pair(device.link, number), &entry.node());
+    const auto* number = option<std::int64_t>(*device.options, key);
+    if (number == nullptr) continue;
+    const auto [first, fresh] = first_.emplace(std::pair(device.link, *number), &entry.node());
     if (fresh) continue;
     const ConfigNode* given = entry.in_file(key);
     reader.warn(given != nullptr ? *given : entry.node(),
-                std::string(key) + " " + std::to_string(number) + " is that of " +
+                std::string(key) + " " + std::to_string(*number) + " is that of " +
                     reader.place_of(*first->second) + " on the same link: the same device " +
                     "answers for both");
   }

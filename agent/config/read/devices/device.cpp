@@ -189,9 +189,8 @@ void DeviceReader::make_codec() {
   device_.options = made->options;
   codec_ = widest_of(protocol, made->codec);
 
-  if (const auto found = options.find("max_block_bytes"); found != options.end())
-    if (const auto* bytes = std::get_if<std::int64_t>(&found->second))
-      device_.max_block_bytes = static_cast<std::uint32_t>(*bytes);
+  if (const auto* bytes = option<std::int64_t>(options, "max_block_bytes"))
+    device_.max_block_bytes = static_cast<std::uint32_t>(*bytes);
 }
 
 void DeviceReader::read_rest() {
