@@ -244,8 +244,7 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "A device, or a transparent serial server."},
     {"links[]", "udp", object, {}, None{},
      "A device with one frame in each datagram."},
-    {"links[]", "line_baud", integer, kBaud, Rule{ "not known"},
-    
+    {"links[]", "line_baud", integer, kBaud, Rule{"not known"},
      "Speed of the line behind a serial server, only with `tcp`. Deadlines, `plan` and the bound "
      "of commands depend on it. The agent does not set the server."},
     {"links[]", "data_bits", integer, kBits, kOfProtocol,
@@ -314,7 +313,7 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "agent measures it, and makes a new plan if the difference is large."},
     {"devices[]", "echo", boolean, {}, false,
      "True if the line returns everything that is sent (two-wire adapters)."},
-    {"devices[]", "max_block_bytes", integer, {2, 65535}, Rule{ "the protocol's limit"},
+    {"devices[]", "max_block_bytes", integer, {2, 65535}, Rule{"the protocol's limit"},
      "Longest block of one read, in bytes."},
     {"devices[]", "groups", array, {}, None{}, "Tags that are read and published together."},
     {"devices[]", "tags", array, {}, None{}, "The values of the device."},
@@ -335,13 +334,12 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "Name of the tag, its key in `values` and `bad`."},
     {"devices[].tags[]", "address", text, {}, Required{}, "Place of the value in the device."},
     {"devices[].tags[]", "type", choice, kTypes, Rule{"by the address"}, "Coding of the value."},
-    {"devices[].tags[]", "count", integer, kElements, Rule{ "one value"},
+    {"devices[].tags[]", "count", integer, kElements, Rule{"one value"},
      "Number of elements. With this key the value is an array, even with one element."},
     {"devices[].tags[]", "length", integer, kElements, None{},
      "Number of characters; required for a `string`, and for strings only."},
-    {"devices[].tags[]", "word_order", choice, kWordOrders, Rule{
-     "FX: `low_first`; Modbus: `byte_order`"},
-    
+    {"devices[].tags[]", "word_order", choice, kWordOrders,
+     Rule{"FX: `low_first`; Modbus: `byte_order`"},
      "Order of the words of a 32- or 64-bit value; `low_first` is `CDAB`, `high_first` is "
      "`ABCD`. The four letters are for Modbus only. Not for `bool`."},
     {"devices[].tags[]", "scale", number, {}, 1, "The value is raw × `scale` + `offset`. Not 0."},

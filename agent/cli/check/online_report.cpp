@@ -126,7 +126,7 @@ std::string offer(const Config& config, const DeviceConfig& device, const std::s
   Json command;
   command["id"] = id;
   command["op"] = "read";
-  command["tag"] = std::string(std::string_view(device.tags.front().name));
+  command["tag"] = std::string(device.tags.front().name);
   return "mosquitto_rr" + reach + " -W 10 -q 1 -t " + base + "/command -e " + base +
          "/result/check -m '" + dumped(command) + "'";
 }
@@ -140,8 +140,8 @@ std::string names_of(const DeviceConfig& config, const std::vector<std::uint32_t
     if (&tag - tags.data() == kMostTags)
       return text + " and " + std::to_string(tags.size() - kMostTags) + " more";
     const TagConfig& named = config.tags[tag];
-    text += (text.empty() ? "" : ", ") + std::string(std::string_view(named.name)) + " (" +
-            std::string(std::string_view(named.point.address.text)) + ")";
+    text += (text.empty() ? "" : ", ") + std::string(named.name) + " (" +
+            std::string(named.point.address.text) + ")";
   }
   return text;
 }
@@ -239,14 +239,13 @@ Json json_of(const OnlineDevice& device, const DeviceConfig& config, const std::
   auto& bad = out["bad"] = Json::array();
   for (const OnlineDevice::BadTag& each : device.bad) {
     const TagConfig& tag = config.tags[each.tag];
-    bad.push_back({{"tag", std::string(std::string_view(tag.name))},
-                   {"address", std::string(std::string_view(tag.point.address.text))},
+    bad.push_back({{"tag", std::string(tag.name)},
+                   {"address", std::string(tag.point.address.text)},
                    {"reason", std::string(to_string(each.reason))}});
   }
   auto& hints = out["hints"] = Json::array();
   for (const OnlineDevice::Hint& each : device.hints)
-    hints.push_back(
-        {{"tag", std::string(std::string_view(config.tags[each.tag].name))}, {"text", each.text}});
+    hints.push_back({{"tag", std::string(config.tags[each.tag].name)}, {"text", each.text}});
   return out;
 }
 

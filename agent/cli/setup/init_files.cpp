@@ -120,7 +120,7 @@ std::string flow_text(const Config& config) {
        {"{port}", server.substr(colon + 1)},
        {"\"{usetls}\"", server.starts_with("mqtts://") ? "true" : "false"},
        {"{device}", device.name},
-       {"{tag}", has_tag ? std::string(std::string_view(tag->name)) : std::string()},
+       {"{tag}", has_tag ? std::string(tag->name) : std::string()},
        {"{payload}", is_bit ? "true" : "0"},
        {"{payload_type}", is_bit ? "bool" : "num"}}};
   std::string text(kInitFlow);
