@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "agent/cli/check/check.h"
+#include "agent/cli/doctor/guesses.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/setup/found_ports.h"
 #include "agent/cli/setup/password_file.h"
@@ -181,10 +182,8 @@ void ask_for(InitAnswers& answers) {
     settle(answers, [protocol](InitAnswers& a) { a.port = ask_port(*protocol); });
   if (answers.model.empty() && !protocol->models.empty())
     settle(answers, [protocol](InitAnswers& a) { a.model = ask_model(*protocol); });
-  if (answers.unit.empty())
-    for (const std::string_view key : {"unit", "station"})
-      if (std::ranges::find(protocol->options, key, &OptionSpec::key) != protocol->options.end())
-        settle(answers, [protocol, key](InitAnswers& a) { a.unit = ask_unit(*protocol, key); });
+  if (const auto key = station_key(*protocol); answers.unit.empty() && !key.empty())
+    settle(answers, [protocol, key](InitAnswers& a) { a.unit = ask_unit(*protocol, key); });
   settle(answers, [](InitAnswers& a) { a.device = ask("Name of the device", a.device); });
   if (answers.read.empty())
     settle(answers, [protocol](InitAnswers& a) {

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <utility>
 
+#include "agent/cli/doctor/guesses.h"
 #include "agent/cli/setup/acl.h"
 #include "agent/cli/setup/init_flow.h"
 #include "agent/config/json/pretty.h"
@@ -45,10 +46,9 @@ JsonObject device_of(const InitAnswers& answers) {
       {{"name", answers.device}, {"link", "line1"}, {"protocol", answers.protocol}});
   if (!answers.model.empty()) device["model"] = answers.model;
   const ProtocolInfo* protocol = find_protocol(answers.protocol);
-  for (const auto key : {"unit"sv, "station"sv})
-    if (protocol != nullptr && !answers.unit.empty() &&
-        std::ranges::find(protocol->options, key, &OptionSpec::key) != protocol->options.end())
-      device[key] = json_number(std::strtod(answers.unit.c_str(), nullptr));
+  const auto key = protocol == nullptr ? ""sv : station_key(*protocol);
+  if (!key.empty() && !answers.unit.empty())
+    device[key] = json_number(std::strtod(answers.unit.c_str(), nullptr));
   device["groups"].push_back(JsonObject::object({{"name", "fast"}, {"interval_ms", 1000}}));
   NameMaker names;
   JsonObject& tags = device["tags"] = JsonObject::array();
