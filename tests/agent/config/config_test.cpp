@@ -147,16 +147,15 @@ TEST(Config, EveryRequiredKeyIsMissedWhereItBelongs) {
 }
 
 TEST(Config, UnknownKeyNamesTheNearestOne) {
-  expect_error(changed("/agent/ID", "\"x\""), "/agent/ID", {"unknown key \"ID\"", "id"});
-  expect_error(changed("/mqtt/keepalive_s", "5"), "/mqtt/keepalive_s", {"keep_alive_s"});
-  expect_error(changed("/store/max_byte", "5"), "/store/max_byte", {"max_bytes"});
-  expect_error(changed("/links/0/serial/baudrate", "5"), "/links/0/serial/baudrate", {"baud"});
-  expect_error(changed("/devices/0/time_out_ms", "5"), "/devices/0/time_out_ms", {"timeout_ms"});
-  expect_error(changed("/devices/0/comand_set", "5"), "/devices/0/comand_set", {"command_set"});
-  expect_error(changed("/devices/0/groups/0/interval", "5"), "/devices/0/groups/0/interval",
-               {"interval_ms"});
-  expect_error(changed("/devices/0/tags/0/adress", "5"), "/devices/0/tags/0/adress", {"address"});
-  expect_error(changed("/devices/0/commands/que", "5"), "/devices/0/commands/que", {"queue"});
+  expect_refused("/agent/ID", "\"x\"", {"unknown key \"ID\"", "id"});
+  expect_refused("/mqtt/keepalive_s", "5", {"keep_alive_s"});
+  expect_refused("/store/max_byte", "5", {"max_bytes"});
+  expect_refused("/links/0/serial/baudrate", "5", {"baud"});
+  expect_refused("/devices/0/time_out_ms", "5", {"timeout_ms"});
+  expect_refused("/devices/0/comand_set", "5", {"command_set"});
+  expect_refused("/devices/0/groups/0/interval", "5", {"interval_ms"});
+  expect_refused("/devices/0/tags/0/adress", "5", {"address"});
+  expect_refused("/devices/0/commands/que", "5", {"queue"});
 }
 
 /// The small plant with additional keys under /mqtt.
@@ -210,7 +209,7 @@ TEST(Config, NoErrorQuotesAPassword) {
     expect_error(errors, "", {"not JSON", "line 1, column"});
     EXPECT_EQ(listed(errors).find("123456789"), std::string::npos) << listed(errors);
   }
-  expect_error(changed("/mqtt/password", "\"${NOT_SET}\""), "/mqtt/password", {"NOT_SET"});
+  expect_refused("/mqtt/password", "\"${NOT_SET}\"", {"NOT_SET"});
 }
 
 TEST(Config, PasswordHasOnePlace) {
@@ -329,14 +328,14 @@ TEST(Config, NamesAreWhatTopicsCanCarry) {
   for (const std::string& name :
        std::vector<std::string>{longest + "a", std::string("Edge7"), std::string("a b"),
                                 std::string("a/b"), std::string("é"), std::string("a+")})
-    expect_error(changed("/agent/id", "\"" + name + "\""), "/agent/id", {"1 to 64", name});
+    expect_refused("/agent/id", "\"" + name + "\"", {"1 to 64", name});
 }
 
 TEST(Config, RootIsPlainTopicLevels) {
   for (const auto* root : {"a", "a/b/c", "Werk 1/Ä", "a.b-c"})
     EXPECT_EQ(good(changed("/agent/root", "\"" + std::string(root) + "\"")).root, root);
   for (const auto* root : {"/a", "a/", "a//b", "+", "a/#", "$SYS/a", "/"})
-    expect_error(changed("/agent/root", "\"" + std::string(root) + "\""), "/agent/root", {"must"});
+    expect_refused("/agent/root", "\"" + std::string(root) + "\"", {"must"});
 }
 
 // ---- mqtt -------------------------------------------------------------------------------------
@@ -346,8 +345,7 @@ TEST(Config, ServersAreSchemeHostAndPort) {
        {"127.0.0.1:1883", "tcp://a:1883", "MQTT://a", "mqtt://", "mqtt://:1883",
         "mqtt://a:", "mqtt://a:0", "mqtt://a:65536", "mqtt://a:12x", "mqtt://a/b", "mqtt://a b",
         "mqtt://[::1", "mqtt://[]", "mqtt://[::1]x", "mqtt://[zz]", "mqtt://::1", "ws://a"})
-    expect_error(changed("/mqtt/servers/0", "\"" + std::string(server) + "\""), "/mqtt/servers/0",
-                 {});
+    expect_refused("/mqtt/servers/0", "\"" + std::string(server) + "\"", {});
 }
 
 TEST(Config, PasswordInTheServersAddressIsRefusedAndNotQuoted) {
@@ -358,14 +356,14 @@ TEST(Config, PasswordInTheServersAddressIsRefusedAndNotQuoted) {
 
 TEST(Config, VersionIsAStringOfTwo) {
   EXPECT_EQ(good(changed("/mqtt/version", R"("3.1.1")")).mqtt.version, 4);
-  expect_error(changed("/mqtt/version", R"("4")"), "/mqtt/version", {"5 or 3.1.1"});
-  expect_error(changed("/mqtt/version", "5"), "/mqtt/version", {"a string", "the number 5"});
+  expect_refused("/mqtt/version", R"("4")", {"5 or 3.1.1"});
+  expect_refused("/mqtt/version", "5", {"a string", "the number 5"});
 }
 
 TEST(Config, QosTwoIsRefusedWithAReason) {
-  expect_error(changed("/mqtt/qos", "2"), "/mqtt/qos", {"0 or 1", "seq"});
-  expect_error(changed("/mqtt/qos", "3"), "/mqtt/qos", {"3"});
-  expect_error(changed("/mqtt/qos", "7"), "/mqtt/qos", {"from 0 to 1, found the number 7"});
+  expect_refused("/mqtt/qos", "2", {"0 or 1", "seq"});
+  expect_refused("/mqtt/qos", "3", {"3"});
+  expect_refused("/mqtt/qos", "7", {"from 0 to 1, found the number 7"});
 }
 
 TEST(Config, OldMqttTakesNoPasswordWithoutAUser) {
@@ -402,8 +400,7 @@ TEST(Config, NoStoreIsAllowedAndWarnedOf) {
 }
 
 TEST(Config, StoreSyncIsOneOfTwoWords) {
-  expect_error(changed("/store/sync", R"("allways")"), "/store/sync",
-               {"offline or always", "did you mean always?"});
+  expect_refused("/store/sync", R"("allways")", {"offline or always", "did you mean always?"});
 }
 
 // ---- links ------------------------------------------------------------------------------------
@@ -471,7 +468,7 @@ TEST(Config, LineListensForTwiceTheTimeoutOfItsSlowestDevice) {
 TEST(Config, PollsKeepAFifthOfTheLineUnlessTheLinkSaysOtherwise) {
   EXPECT_EQ(good(small_plant().dump()).links[0].poll_share, 0.2);
   EXPECT_EQ(good(changed("/links/0/poll_share_percent", "45")).links[0].poll_share, 0.45);
-  expect_error(changed("/links/0/poll_share_percent", "91"), "/links/0/poll_share_percent", {"90"});
+  expect_refused("/links/0/poll_share_percent", "91", {"90"});
 }
 
 TEST(Config, TcpLineSpeedIsKnownOnlyWhereItIsGiven) {
@@ -486,18 +483,17 @@ TEST(Config, TcpLineSpeedIsKnownOnlyWhereItIsGiven) {
 }
 
 TEST(Config, LineSettingsOutOfRangeAreRefused) {
-  expect_error(changed("/links/0/serial/baud", "49"), "/links/0/serial/baud", {"50"});
-  expect_error(changed("/links/0/serial/baud", "4000001"), "/links/0/serial/baud", {"4000000"});
+  expect_refused("/links/0/serial/baud", "49", {"50"});
+  expect_refused("/links/0/serial/baud", "4000001", {"4000000"});
   EXPECT_EQ(
       std::get<SerialSettings>(good(changed("/links/0/serial/baud", "250000")).links[0].channel)
           .baud,
       250000);
-  expect_error(changed("/links/0/serial/data_bits", "6"), "/links/0/serial/data_bits", {"7 to 8"});
-  expect_error(changed("/links/0/serial/parity", R"("Even")"), "/links/0/serial/parity",
-               {"none, even or odd"});
-  expect_error(changed("/links/0/serial/stop_bits", "0"), "/links/0/serial/stop_bits", {"1 to 2"});
-  expect_error(changed("/links/1/tcp/port", "0"), "/links/1/tcp/port", {"1 to 65535"});
-  expect_error(changed("/links/1/tcp/host", R"("http://a/")"), "/links/1/tcp/host", {"host name"});
+  expect_refused("/links/0/serial/data_bits", "6", {"7 to 8"});
+  expect_refused("/links/0/serial/parity", R"("Even")", {"none, even or odd"});
+  expect_refused("/links/0/serial/stop_bits", "0", {"1 to 2"});
+  expect_refused("/links/1/tcp/port", "0", {"1 to 65535"});
+  expect_refused("/links/1/tcp/host", R"("http://a/")", {"host name"});
 }
 
 TEST(Config, LinkIsEitherSerialOrTcpOrUdp) {
@@ -508,8 +504,8 @@ TEST(Config, LinkIsEitherSerialOrTcpOrUdp) {
 }
 
 TEST(Config, LineKeysBelongToTheirKindOfLink) {
-  expect_error(changed("/links/0/line_baud", "9600"), "/links/0/line_baud", {"serial/baud"});
-  expect_error(changed("/links/0/parity", R"("even")"), "/links/0/parity", {"inside"});
+  expect_refused("/links/0/line_baud", "9600", {"serial/baud"});
+  expect_refused("/links/0/parity", R"("even")", {"inside"});
   auto plant = small_plant();
   plant["links"][1].erase("line_baud");
   plant["links"][1]["data_bits"] = 8;

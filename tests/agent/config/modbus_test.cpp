@@ -46,6 +46,10 @@ void expect_modbus_error(const std::string& pointer, const std::string& value,
   SCOPED_TRACE(pointer + " = " + value);
   expect_error(plant_with(pointer, value).dump(1), place, words);
 }
+void expect_modbus_refused(const std::string& pointer, const std::string& value,
+                           const std::vector<std::string>& words) {
+  expect_modbus_error(pointer, value, pointer, words);
+}
 
 TEST(ConfigModbus, UnitsShareALineWithoutAWarning) {
   const Config config = good(modbus_plant().dump());
@@ -92,13 +96,13 @@ TEST(ConfigModbus, AddressesAreTablesAndNumbers) {
 
 TEST(ConfigModbus, WrongAddressesNameTheFormsAndTheRange) {
   const std::string place = "/devices/0/tags/0/address";
-  expect_modbus_error(place, R"("D100")", place, {"hr:0 ir:0 co:0 di:0", "40001"});
-  expect_modbus_error(place, R"("hr:65536")", place, {"0 to 65535"});
-  expect_modbus_error(place, R"("40000")", place, {"1 to 9999"});
-  expect_modbus_error(place, R"("465537")", place, {"1 to 65536"});
-  expect_modbus_error(place, R"("4001")", place, {"5 or 6 digits"});
-  expect_modbus_error(place, R"("hr:1.16")", place, {".0 to .15"});
-  expect_modbus_error(place, R"("co:1.0")", place, {"only registers have bits"});
+  expect_modbus_refused(place, R"("D100")", {"hr:0 ir:0 co:0 di:0", "40001"});
+  expect_modbus_refused(place, R"("hr:65536")", {"0 to 65535"});
+  expect_modbus_refused(place, R"("40000")", {"1 to 9999"});
+  expect_modbus_refused(place, R"("465537")", {"1 to 65536"});
+  expect_modbus_refused(place, R"("4001")", {"5 or 6 digits"});
+  expect_modbus_refused(place, R"("hr:1.16")", {".0 to .15"});
+  expect_modbus_refused(place, R"("co:1.0")", {"only registers have bits"});
   expect_modbus_error("/devices/0/tags/0", R"({"name": "t", "address": "hr:65535", "count": 2})",
                       place, {"ends at hr:65535"});
 }
@@ -135,7 +139,7 @@ TEST(ConfigModbus, TheDevicesByteOrderIsThatOfItsTags) {
     plant["devices"][0]["tags"][1]["word_order"] = word;
     EXPECT_EQ(order(good(plant.dump())), wanted) << word;
   }
-  expect_modbus_error("/devices/0/byte_order", R"("little")", "/devices/0/byte_order", {"ABCD"});
+  expect_modbus_refused("/devices/0/byte_order", R"("little")", {"ABCD"});
 }
 
 TEST(ConfigModbus, OnlyCoilsHoldingRegistersAndTheirBitsAreWritten) {
@@ -157,9 +161,9 @@ TEST(ConfigModbus, AllowTakesRangesOfOneTable) {
   EXPECT_EQ(config.devices[0].commands.allow,
             (std::vector<Span>{{id(Space::coil), 0, 8}, {id(Space::holding_register), 1600, 320}}));
   const std::string place = "/devices/0/commands/allow/0";
-  expect_modbus_error(place, R"("co:0-hr:7")", place, {"one table"});
-  expect_modbus_error(place, R"("hr:9-hr:5")", place, {"ends before"});
-  expect_modbus_error(place, R"("hr:1-40119")", place, {"write hr:40119"});
+  expect_modbus_refused(place, R"("co:0-hr:7")", {"one table"});
+  expect_modbus_refused(place, R"("hr:9-hr:5")", {"ends before"});
+  expect_modbus_refused(place, R"("hr:1-40119")", {"write hr:40119"});
 }
 
 TEST(ConfigModbus, ABroadcastHasNoTagsAndMayHaveCommands) {
@@ -178,14 +182,14 @@ TEST(ConfigModbus, ABroadcastHasNoTagsAndMayHaveCommands) {
 }
 
 TEST(ConfigModbus, ReservedUnitsAreForTcpOnly) {
-  expect_modbus_error("/devices/0/unit", "248", "/devices/0/unit", {"1 to 247"});
+  expect_modbus_refused("/devices/0/unit", "248", {"1 to 247"});
   good_with("/devices/2/unit", "255");
-  expect_modbus_error("/devices/2/unit", "256", "/devices/2/unit", {"0 to 255"});
+  expect_modbus_refused("/devices/2/unit", "256", {"0 to 255"});
 }
 
 TEST(ConfigModbus, OneLinkSpeaksOneProtocol) {
-  expect_modbus_error("/devices/1/protocol", R"("modbus-ascii")", "/devices/1/protocol",
-                      {"one protocol", "/devices/0 (line", "modbus-rtu", "another link"});
+  expect_modbus_refused("/devices/1/protocol", R"("modbus-ascii")",
+                        {"one protocol", "/devices/0 (line", "modbus-rtu", "another link"});
   json plant = modbus_plant();
   plant["devices"] = json::array({plant["devices"][2]});
   plant["devices"][0]["link"] = "line1";
@@ -197,18 +201,18 @@ TEST(ConfigModbus, OneLinkSpeaksOneProtocol) {
 }
 
 TEST(ConfigModbus, ThereIsNoModelAndNoRunAndStop) {
-  expect_modbus_error("/devices/2/model", R"("FX3U")", "/devices/2/model",
-                      {"modbus-tcp has no models", "leave", "auto"});
+  expect_modbus_refused("/devices/2/model", R"("FX3U")",
+                        {"modbus-tcp has no models", "leave", "auto"});
   good_with("/devices/2/model", R"("auto")");
   const Config config = good_with("/devices/2/commands", R"({"allow_run_stop": true})");
   EXPECT_TRUE(warns(config, {"allow_run_stop", "no run and stop"}));
 }
 
 TEST(ConfigModbus, KeysOfOtherProtocolsNameThemAndTheirOwnInTheirPlace) {
-  expect_modbus_error("/devices/0/station", "1", "/devices/0/station",
-                      {"is for fx-computer-link", "modbus-rtu may have unit, "});
-  expect_modbus_error("/devices/2/enquire", R"("never")", "/devices/2/enquire",
-                      {"is for fx-programming-port; ", "modbus-tcp may have unit, "});
+  expect_modbus_refused("/devices/0/station", "1",
+                        {"is for fx-computer-link", "modbus-rtu may have unit, "});
+  expect_modbus_refused("/devices/2/enquire", R"("never")",
+                        {"is for fx-programming-port; ", "modbus-tcp may have unit, "});
   json plant = modbus_plant();
   plant["devices"][0].erase("tags");
   plant["devices"][0].erase("commands");
@@ -218,8 +222,7 @@ TEST(ConfigModbus, KeysOfOtherProtocolsNameThemAndTheirOwnInTheirPlace) {
   expect_error(
       plant.dump(1), "/devices/0/unit",
       {"is for modbus-rtu, modbus-ascii or modbus-tcp; ", "fx-computer-link may have station, "});
-  expect_modbus_error("/devices/0/max_reed", "1", "/devices/0/max_reed",
-                      {"unknown key", "did you mean max_read?"});
+  expect_modbus_refused("/devices/0/max_reed", "1", {"unknown key", "did you mean max_read?"});
 }
 
 TEST(ConfigModbus, RtuNeedsTheEighthBit) {

@@ -18,7 +18,7 @@ std::string with_recorder(const std::string& more) {
 
 TEST(ConfigRecorder, IsOffUnlessThereIsAPath) {
   EXPECT_FALSE(good(without("/metrics")).recorder);
-  expect_error(changed("/recorder", "{}"), "/recorder", {"path"});
+  expect_refused("/recorder", "{}", {"path"});
   const auto recorder = good(with_recorder("")).recorder;
   ASSERT_TRUE(recorder);
   EXPECT_EQ(recorder->path, "/var/lib/fxagent/recordings");

@@ -99,6 +99,13 @@ inline void expect_error(std::string_view text, const std::string& pointer,
   expect_error(errors_of(text), pointer, words);
 }
 
+/// Expects exactly one error at `pointer` in the small plant with the JSON `value` there.
+inline void expect_refused(const std::string& pointer, const std::string& value,
+                           const std::vector<std::string>& words) {
+  SCOPED_TRACE(pointer + " = " + value);
+  expect_error(changed(pointer, value), pointer, words);
+}
+
 /// True if one of the config's warnings contains all the words.
 inline bool warns(const Config& config, const std::vector<std::string>& words) {
   for (const std::string& warning : config.warnings) {

@@ -81,7 +81,7 @@ TEST(ProfilesConfig, EachFaultNamesItsPlaceAndItsCure) {
                {"belongs to the kind sparkplug"});
   expect_error(with_profiles(R"({"kind": "plain", "group": "a"})"), place + "/group",
                {"belongs to the kind sparkplug"});
-  expect_error(changed("/profiles", R"([{"kind": "plain"}])"), "/profiles", {"needs", "json"});
+  expect_refused("/profiles", R"([{"kind": "plain"}])", {"needs", "json"});
 }
 
 TEST(ProfilesConfig, EachTagNeedsATopicOfItsOwn) {

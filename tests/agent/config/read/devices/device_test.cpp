@@ -60,16 +60,15 @@ TEST(ConfigDevice, EverythingThatCanBeSetIsSet) {
 
 TEST(ConfigDevice, GapIsAMinuteAtMost) {
   EXPECT_EQ(good(changed("/devices/0/gap_ms", "60000")).devices[0].gap, milliseconds(60000));
-  expect_error(changed("/devices/0/gap_ms", "60001"), "/devices/0/gap_ms", {"60000"});
-  expect_error(changed("/devices/0/gap_ms", "90000"), "/devices/0/gap_ms", {"60000"});
+  expect_refused("/devices/0/gap_ms", "60001", {"60000"});
+  expect_refused("/devices/0/gap_ms", "90000", {"60000"});
 }
 
 TEST(ConfigDevice, OptionOutOfItsRangeIsRefused) {
-  expect_error(changed("/devices/0/max_block_bytes", "1"), "/devices/0/max_block_bytes", {"2 to"});
-  expect_error(changed("/devices/0/enquire", R"("sometimes")"), "/devices/0/enquire",
-               {"open, always or never"});
-  expect_error(changed("/devices/0/retries", "11"), "/devices/0/retries", {"0 to 10"});
-  expect_error(changed("/devices/0/timeout_ms", "0"), "/devices/0/timeout_ms", {"1 to 600000"});
+  expect_refused("/devices/0/max_block_bytes", "1", {"2 to"});
+  expect_refused("/devices/0/enquire", R"("sometimes")", {"open, always or never"});
+  expect_refused("/devices/0/retries", "11", {"0 to 10"});
+  expect_refused("/devices/0/timeout_ms", "0", {"1 to 600000"});
 }
 
 TEST(ConfigDevice, OptionsThatDoNotFitTheModelAreRefused) {
@@ -98,8 +97,8 @@ TEST(ConfigDevice, OptionThatTheProtocolRefusesIsFoundBesideOthers) {
 }
 
 TEST(ConfigDevice, UnknownProtocolNamesTheNearest) {
-  expect_error(changed("/devices/0/protocol", R"("fx-program-port")"), "/devices/0/protocol",
-               {"did you mean fx-programming-port?"});
+  expect_refused("/devices/0/protocol", R"("fx-program-port")",
+                 {"did you mean fx-programming-port?"});
 }
 
 TEST(ConfigDevice, UnknownProtocolDoesNotHideErrorsOfShape) {
@@ -112,10 +111,8 @@ TEST(ConfigDevice, UnknownProtocolDoesNotHideErrorsOfShape) {
 }
 
 TEST(ConfigDevice, UnknownModelNamesTheNearest) {
-  expect_error(changed("/devices/0/model", R"("FX3A")"), "/devices/0/model",
-               {"FX3G", "did you mean FX3S or FX3G"});
-  expect_error(changed("/devices/0/model", R"("fx3u")"), "/devices/0/model",
-               {"did you mean FX3U?"});
+  expect_refused("/devices/0/model", R"("FX3A")", {"FX3G", "did you mean FX3S or FX3G"});
+  expect_refused("/devices/0/model", R"("fx3u")", {"did you mean FX3U?"});
 }
 
 TEST(ConfigDevice, ModelCountsAsItsKin) {
@@ -134,8 +131,8 @@ TEST(ConfigDevice, ModelCountsAsItsKin) {
 
 TEST(ConfigDevice, ModelOfAnotherSeriesIsSentToItsProtocol) {
   for (const auto* model : {R"("FX5U")", R"("FX5UC")", R"("fx5s")"})
-    expect_error(changed("/devices/0/model", model), "/devices/0/model",
-                 {"fx-programming-port does not reach an FX5", "modbus-tcp or modbus-rtu"});
+    expect_refused("/devices/0/model", model,
+                   {"fx-programming-port does not reach an FX5", "modbus-tcp or modbus-rtu"});
 }
 
 TEST(ConfigDevice, ModelOfAnotherProtocolIsSentToThatOne) {
@@ -229,15 +226,12 @@ TEST(ConfigDevice, NormalSetupsHaveNoWarning) {
 }
 
 TEST(ConfigDevice, TwoDevicesOfOneNameAreAnErrorThatNamesBoth) {
-  expect_error(changed("/devices/1/name", R"("press1")"), "/devices/1/name",
-               {"press1", "/devices/0/name (line "});
+  expect_refused("/devices/1/name", R"("press1")", {"press1", "/devices/0/name (line "});
 }
 
 TEST(ConfigDevice, UnknownLinkNamesTheNearest) {
-  expect_error(changed("/devices/0/link", R"("lime1")"), "/devices/0/link",
-               {"lime1", "did you mean line1?"});
-  expect_error(changed("/devices/0/link", R"("x")"), "/devices/0/link",
-               {"there is no link \"x\"; there are gw1, line1"});
+  expect_refused("/devices/0/link", R"("lime1")", {"lime1", "did you mean line1?"});
+  expect_refused("/devices/0/link", R"("x")", {"there is no link \"x\"; there are gw1, line1"});
   auto plant = small_plant();
   for (int i = 1; i < 10; ++i) {
     plant["links"].push_back(plant["links"][1]);
@@ -286,17 +280,15 @@ TEST(ConfigDevice, DeclaredDefaultGroupIsUsed) {
 }
 
 TEST(ConfigDevice, UnknownGroupNamesTheNearest) {
-  expect_error(changed("/devices/0/tags/0/group", R"("fats")"), "/devices/0/tags/0/group",
-               {"fats", "did you mean fast?"});
-  expect_error(changed("/devices/0/tags/0/group", R"("x")"), "/devices/0/tags/0/group",
-               {"this device has no group \"x\"; there is fast"});
+  expect_refused("/devices/0/tags/0/group", R"("fats")", {"fats", "did you mean fast?"});
+  expect_refused("/devices/0/tags/0/group", R"("x")",
+                 {"this device has no group \"x\"; there is fast"});
 }
 
 TEST(ConfigDevice, NamesGivenTwiceAreErrorsThatNameBoth) {
   expect_error(changed("/devices/0/groups/1", R"({"name": "fast"})"), "/devices/0/groups/1/name",
                {"fast", "/devices/0/groups/0/name (line "});
-  expect_error(changed("/devices/0/tags/1/name", R"("temp")"), "/devices/0/tags/1/name",
-               {"temp", "/devices/0/tags/0/name (line "});
+  expect_refused("/devices/0/tags/1/name", R"("temp")", {"temp", "/devices/0/tags/0/name (line "});
 }
 
 // ---- tags -------------------------------------------------------------------------------------
