@@ -197,7 +197,7 @@ class ComputerLinkFramer final : public Framer {
   explicit ComputerLinkFramer(ComputerLinkSettings settings) : settings_(settings) {}
 
   void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) override {
-    if (!frame_.empty() && when - last_ > kHalfFrameLife) give_up(out);
+    if (when - last_ > kHalfFrameLife) give_up(out);
     if (starts_message(byte)) give_up(out);  // resets the PLC's sequence
     last_ = when;
     if (frame_.empty() && !starts_message(byte)) {
@@ -206,8 +206,7 @@ class ComputerLinkFramer final : public Framer {
     }
     frame_.push_back(byte);
     if (is_complete()) {
-      out.push_back({std::move(frame_), true, when});
-      frame_ = {};
+      finish(true, when, out);
     } else if (frame_.size() >= kMaxFrame) {
       give_up(out);
     }
@@ -222,14 +221,8 @@ class ComputerLinkFramer final : public Framer {
     if (frame_.front() == kAck || frame_.front() == kNak) return frame_.size() == 5;
     return true;  // EOT, CL
   }
-  void give_up(std::vector<Frame>& out) {
-    if (!frame_.empty()) out.push_back({std::move(frame_), false, last_});
-    frame_ = {};
-  }
 
   ComputerLinkSettings settings_;
-  Bytes frame_;
-  TimePoint last_;
 };
 
 /// Returns the text of a request, between ENQ and CR LF.

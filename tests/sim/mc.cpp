@@ -82,7 +82,8 @@ class EthernetFramer final : public Framer {
     const std::size_t subheader = code_ == McCode::ascii ? 4 : 2;
     if (frame_.size() < subheader) return;
     const auto first = first_of(frame_, code_);
-    if (first != kRequest3E && first != kRequest4E) {
+    lost_ = first != kRequest3E && first != kRequest4E;
+    if (lost_) {
       finish(false, when, out);
       return;
     }
@@ -90,23 +91,12 @@ class EthernetFramer final : public Framer {
     if (frame_.size() < layout.content) return;
     McReader in(ByteView(frame_).subspan(layout.length), code_);
     const auto length = in.number(2);
-    if (in.unreadable() || length > kMaxLength) {
-      finish(false, when, out);
-    } else if (frame_.size() >= layout.content + length) {
-      finish(true, when, out);
-    }
+    lost_ = in.unreadable() || length > kMaxLength;
+    if (lost_ || frame_.size() >= layout.content + length) finish(!lost_, when, out);
   }
 
  private:
-  void finish(bool whole, TimePoint when, std::vector<Frame>& out) {
-    lost_ = !whole;
-    out.push_back({std::move(frame_), whole, when});
-    frame_ = {};
-  }
-
   McCode code_;
-  Bytes frame_;
-  bool lost_ = false;
 };
 
 /// Builds the answer to `request` from an end code and the data after it.

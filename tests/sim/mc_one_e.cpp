@@ -173,8 +173,8 @@ class OneEFramer final : public Framer {
     McReader in(frame_, code_);
     const auto number = in.number(1);
     if (in.cut_off()) return;
-    if (in.unreadable() || number > kHighestCommand) {
-      lost_ = true;
+    lost_ = in.unreadable() || number > kHighestCommand;
+    if (lost_) {
       finish(false, when, out);
       return;
     }
@@ -185,14 +185,7 @@ class OneEFramer final : public Framer {
   }
 
  private:
-  void finish(bool whole, TimePoint when, std::vector<Frame>& out) {
-    out.push_back({std::move(frame_), whole, when});
-    frame_ = {};
-  }
-
   McCode code_;
-  Bytes frame_;
-  bool lost_ = false;
 };
 
 /// One request, carried out on one PLC.

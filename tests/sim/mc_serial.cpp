@@ -138,12 +138,15 @@ class SerialFramer final : public Framer {
   explicit SerialFramer(const McSettings& settings) : settings_(settings) {}
 
   void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) override {
-    if (!frame_.empty() && when - last_ > kHalfFrameLife) give_up(out);
+    if (when - last_ > kHalfFrameLife) give_up(out);
     last_ = when;
+    if (frame_.empty()) {
+      after_dle_ = false;
+      text_ends_at_ = 0;
+    }
     settings_.format == 5 ? take_binary(byte, out) : take_text(byte, out);
     if (!frame_.empty() && is_whole()) {
-      out.push_back({std::move(frame_), true, when});
-      forget();
+      finish(true, when, out);
     } else if (frame_.size() >= kMaxFrame) {
       give_up(out);
     }
@@ -219,19 +222,7 @@ class SerialFramer final : public Framer {
            request.used + sum_size() == message.size();
   }
 
-  void give_up(std::vector<Frame>& out) {
-    if (!frame_.empty()) out.push_back({std::move(frame_), false, last_});
-    forget();
-  }
-  void forget() {
-    frame_ = {};
-    after_dle_ = false;
-    text_ends_at_ = 0;
-  }
-
   McSettings settings_;
-  Bytes frame_;
-  TimePoint last_;
   bool after_dle_ = false;
   std::size_t text_ends_at_ = 0;  // format 5: position after DLE ETX
 };

@@ -88,8 +88,9 @@ RtuLength rtu_length(ByteView begun) {
 class RtuFramer final : public Framer {
  public:
   void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) override {
-    if (!frame_.empty() && when - last_ > kRtuSilence) finish(false, last_, out);
+    if (when - last_ > kRtuSilence) give_up(out);
     last_ = when;
+    if (frame_.empty()) crc_ = kCrcStart;
     frame_.push_back(byte);
     crc_ = crc_with(crc_, byte);
     const bool right = crc_ == 0;  // 0 over a message followed by its CRC
@@ -104,15 +105,7 @@ class RtuFramer final : public Framer {
   }
 
  private:
-  void finish(bool whole, TimePoint when, std::vector<Frame>& out) {
-    out.push_back({std::move(frame_), whole, when});
-    frame_ = {};
-    crc_ = kCrcStart;
-  }
-
-  Bytes frame_;
   std::uint16_t crc_ = kCrcStart;
-  TimePoint last_;
 };
 
 /// Decodes unit, PDU and LRC of ":0103...\r\n". Returns nullopt for any other line.
@@ -128,25 +121,18 @@ std::optional<Bytes> ascii_content(ByteView frame) {
 class AsciiFramer final : public Framer {
  public:
   void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) override {
-    if (!frame_.empty() && (when - last_ > kAsciiSilence || byte == ':')) finish(last_, out);
+    if (!frame_.empty() && (when - last_ > kAsciiSilence || byte == ':')) end(out);
     last_ = when;
     if (frame_.empty() && byte != ':') {
       add_stray(byte, when, out);
       return;
     }
     frame_.push_back(byte);
-    if (byte == '\n' || frame_.size() >= kMaxAscii) finish(when, out);
+    if (byte == '\n' || frame_.size() >= kMaxAscii) end(out);
   }
 
  private:
-  void finish(TimePoint when, std::vector<Frame>& out) {
-    const bool whole = ascii_content(frame_).has_value();
-    out.push_back({std::move(frame_), whole, when});
-    frame_ = {};
-  }
-
-  Bytes frame_;
-  TimePoint last_;
+  void end(std::vector<Frame>& out) { finish(ascii_content(frame_).has_value(), last_, out); }
 };
 
 class TcpFramer final : public Framer {
@@ -161,14 +147,8 @@ class TcpFramer final : public Framer {
     const std::size_t length = big_endian_at(frame_, 4);
     lost_ = length < kMinTcpLength || length > kMaxTcpLength;
     if (!lost_ && frame_.size() < kTcpHeader + length) return;
-    const bool whole = !lost_ && big_endian_at(frame_, 2) == 0;
-    out.push_back({std::move(frame_), whole, when});
-    frame_ = {};
+    finish(!lost_ && big_endian_at(frame_, 2) == 0, when, out);
   }
-
- private:
-  Bytes frame_;
-  bool lost_ = false;
 };
 
 Bytes joined(const ModbusMessage& message) {

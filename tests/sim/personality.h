@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/sim/bytes.h"
@@ -66,6 +67,20 @@ class Framer {
   /// Takes the byte that was complete on the wire at `when` and adds every frame it completes to
   /// `out`. Bytes outside of any frame are appended to the stray bytes before them in `out`.
   virtual void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) = 0;
+
+ protected:
+  /// Adds the collected bytes, the last of which was complete at `when`, as a frame.
+  void finish(bool whole, TimePoint when, std::vector<Frame>& out) {
+    out.push_back({std::exchange(frame_, {}), whole, when});
+  }
+  /// The same for a frame that was not completed; adds nothing if no bytes are collected.
+  void give_up(std::vector<Frame>& out) {
+    if (!frame_.empty()) finish(false, last_, out);
+  }
+
+  Bytes frame_;        // collected so far
+  TimePoint last_{};   // when the last byte was complete, for protocols with time limits
+  bool lost_ = false;  // the rest of the connection is unreadable
 };
 
 enum class Verdict : std::uint8_t { data, ack, nak, silent };

@@ -176,7 +176,7 @@ Command split(std::string_view text) {
 class ProgrammingPortFramer final : public Framer {
  public:
   void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) override {
-    if (!frame_.empty() && when - last_ > kHalfFrameLife) give_up(out);
+    if (when - last_ > kHalfFrameLife) give_up(out);
     last_ = when;        // after give_up(), which needs the end of the lost frame
     if (byte == kEnq) {  // resets any reception in progress
       give_up(out);
@@ -186,6 +186,7 @@ class ProgrammingPortFramer final : public Framer {
     if (byte == kStx) {
       give_up(out);
       frame_.push_back(byte);
+      after_etx_ = 0;
       return;
     }
     if (frame_.empty()) {
@@ -194,10 +195,7 @@ class ProgrammingPortFramer final : public Framer {
     }
     frame_.push_back(byte);
     if (after_etx_ > 0) {
-      if (++after_etx_ == 3) {
-        out.push_back({std::move(frame_), true, when});
-        clear();
-      }
+      if (++after_etx_ == 3) finish(true, when, out);
       return;
     }
     if (byte == kEtx) {
@@ -208,18 +206,7 @@ class ProgrammingPortFramer final : public Framer {
   }
 
  private:
-  void give_up(std::vector<Frame>& out) {
-    if (!frame_.empty()) out.push_back({std::move(frame_), false, last_});
-    clear();
-  }
-  void clear() {
-    frame_ = {};
-    after_etx_ = 0;
-  }
-
-  Bytes frame_;
   int after_etx_ = 0;  // 1 at the ETX, plus one for each digit of the sum
-  TimePoint last_;
 };
 
 Ruling refuse(std::string why) {

@@ -122,25 +122,24 @@ class RecordedFramer final : public Framer {
       : recording_(std::move(recording)) {}
 
   void take(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) override {
-    received_.push_back(byte);
-    while (!received_.empty()) {
+    frame_.push_back(byte);
+    while (!frame_.empty()) {
       bool may_go_on = false;
       for (const RecordedRequest& request : recording_->requests) {
-        if (!request.begins_with(received_)) continue;
+        if (!request.begins_with(frame_)) continue;
         may_go_on = true;
-        if (request.bytes.size() != received_.size()) continue;
-        out.push_back({std::exchange(received_, {}), true, when});
+        if (request.bytes.size() != frame_.size()) continue;
+        finish(true, when, out);
         return;
       }
       if (may_go_on) return;
-      add_stray(received_.front(), when, out);
-      received_.erase(received_.begin());
+      add_stray(frame_.front(), when, out);
+      frame_.erase(frame_.begin());
     }
   }
 
  private:
   std::shared_ptr<const Recording> recording_;  // owned with the device
-  Bytes received_;
 };
 
 }  // namespace
