@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 
 #include "tests/sim/sample_plc.h"
@@ -13,31 +12,9 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::string_view kMarks = "<>|+-.rn";
-constexpr std::array<char, 8> kCodes = {5, 2, 3, 6, 0x15, 4, 0x0D, 0x0A};
-
-Bytes wire(std::string_view text) {
-  Bytes bytes;
-  for (const char c : text) {
-    const auto mark = kMarks.find(c);
-    bytes.push_back(static_cast<std::uint8_t>(mark == std::string_view::npos ? c : kCodes[mark]));
-  }
-  return bytes;
-}
-
-std::string shown(ByteView bytes) {
-  std::string text;
-  for (const auto byte : bytes) {
-    const auto code = std::ranges::find(kCodes, static_cast<char>(byte));
-    text += code == kCodes.end() ? static_cast<char>(byte)
-                                 : kMarks[static_cast<std::size_t>(code - kCodes.begin())];
-  }
-  return text;
-}
-
 /// Builds a request to station 0, starting with the command, with the matching sum.
 Bytes summed(std::string_view command) {
-  auto request = wire("<00FF" + std::string(command));
+  auto request = from_marks("<00FF" + std::string(command));
   unsigned sum = 0;
   for (std::size_t i = 1; i < request.size(); ++i) sum += request[i];
   for (const auto nibble : {sum >> 4U & 0xFU, sum & 0xFU})
@@ -49,10 +26,10 @@ class ComputerLinkStation : public testing::Test {
  protected:
   /// Returns the answer of station 0 to a request that ends with its sum.
   std::string asked(std::string_view command) {
-    return shown(replies_of(ComputerLink({}), plc_, summed(command)));
+    return with_marks(replies_of(ComputerLink({}), plc_, summed(command)));
   }
   std::string sent(std::string_view text, ComputerLinkSettings settings = {}) {
-    return shown(replies_of(ComputerLink(settings), plc_, wire(text)));
+    return with_marks(replies_of(ComputerLink(settings), plc_, from_marks(text)));
   }
 
   Plc plc_ = make_plc("FX3U");
@@ -79,14 +56,11 @@ TEST(ComputerLinkFrames, DamagedOnesAreAnsweredByTheFormOrNotAtAll) {
     for (int i = 0; i < 200; ++i) {
       SCOPED_TRACE(e.where());
       auto plc = make_plc(e.model);
-      std::vector<Frame> frames;
-      const auto framer = link.make_framer();
-      for (const auto byte : damaged(e.request, random)) framer->take(byte, TimePoint{}, frames);
-      for (const auto& frame : frames) {
+      for (const auto& frame : frames_of(*link.make_framer(), damaged(e.request, random))) {
         link.kind(frame);
         if (frame.whole && !link.hears(frame)) continue;
         const auto ruling = link.execute(frame, plc);
-        const auto answer = shown(ruling.reply);
+        const auto answer = with_marks(ruling.reply);
         if (answer.empty()) continue;
         EXPECT_TRUE(frame.whole);
         EXPECT_EQ(ruling.verdict == Verdict::nak, answer.front() == '-');
@@ -236,17 +210,18 @@ TEST_F(ComputerLinkStation, NewEnquiryForgetsHalfARequest) {
 TEST_F(ComputerLinkStation, SilenceForgetsHalfARequest) {
   const ComputerLink link({});
   const auto framer = link.make_framer();
-  EXPECT_TRUE(replies_of(link, *framer, plc_, wire("<00FFTT005AB")).empty());
+  EXPECT_TRUE(replies_of(link, *framer, plc_, from_marks("<00FFTT005AB")).empty());
   EXPECT_TRUE(
-      replies_of(link, *framer, plc_, wire("CDE78"), TimePoint{milliseconds(12 + 101)}).empty());
+      replies_of(link, *framer, plc_, from_marks("CDE78"), TimePoint{milliseconds(12 + 101)})
+          .empty());
 }
 
 TEST_F(ComputerLinkStation, WordsOfTheMasterAreTakenSilently) {
   EXPECT_EQ(sent("+00FF-00FF.<00FFTT005ABCDE78+00FF"), ">00FF05ABCDE|A3");
   const ComputerLink link({});
-  EXPECT_EQ(link.kind({wire("+00FF"), true, {}}), RequestKind::handshake);
-  EXPECT_FALSE(link.hears({wire("+05FF"), true, {}}));
-  EXPECT_TRUE(link.hears({wire("."), true, {}}));
+  EXPECT_EQ(link.kind({from_marks("+00FF"), true, {}}), RequestKind::handshake);
+  EXPECT_FALSE(link.hears({from_marks("+05FF"), true, {}}));
+  EXPECT_TRUE(link.hears({from_marks("."), true, {}}));
 }
 
 TEST_F(ComputerLinkStation, MessageWaitIsToldToTheLine) {
@@ -304,9 +279,9 @@ TEST_F(ComputerLinkStation, KindsAreToldFromTheCommand) {
 
 TEST_F(ComputerLinkStation, FlawsLeaveTheRestAsItShouldBe) {
   const auto spoiled = [](std::string_view text, Flaw flaw, ComputerLinkSettings settings) {
-    auto reply = wire(text);
+    auto reply = from_marks(text);
     ComputerLink(settings).spoil(reply, flaw);
-    return shown(reply);
+    return with_marks(reply);
   };
   EXPECT_EQ(spoiled(">05FF01101|E7", Flaw::sum, {.station = 5}), ">05FF01101|E0");
   EXPECT_EQ(spoiled(">05FF01101|E7rn", Flaw::sum, {.station = 5, .format = 4}), ">05FF01101|E0rn");
@@ -319,8 +294,8 @@ TEST_F(ComputerLinkStation, FlawsLeaveTheRestAsItShouldBe) {
 
 TEST_F(ComputerLinkStation, RefusalCarriesItsCode) {
   const ComputerLink link({.station = 5, .format = 4});
-  EXPECT_EQ(shown(link.refusal({summed("PC0"), true, {}}, 0x18)), "-05FF18rn");
-  EXPECT_EQ(shown(link.refusal({summed("PC0"), true, {}}, std::nullopt)), "-05FF06rn");
+  EXPECT_EQ(with_marks(link.refusal({summed("PC0"), true, {}}, 0x18)), "-05FF18rn");
+  EXPECT_EQ(with_marks(link.refusal({summed("PC0"), true, {}}, std::nullopt)), "-05FF06rn");
 }
 
 }  // namespace

@@ -10,17 +10,12 @@ namespace {
 class McOneEPlc : public testing::Test {
  protected:
   std::string asked(std::string_view request) {
-    return to_hex(replies_of(McOneE(settings_), plc_, from_hex(request).value()));
+    return to_hex(replies_of(McOneE(settings_), plc_, hex(request)));
   }
   std::string asked_in_ascii(std::string_view request) {
     settings_.code = McCode::ascii;
     const auto reply = replies_of(McOneE(settings_), plc_, mc_bytes(request, McCode::ascii));
     return std::string(as_text(reply));
-  }
-  std::string zeros(unsigned count) {
-    std::string text;
-    for (unsigned i = 0; i < count; ++i) text += " 00";
-    return text;
   }
 
   McSettings settings_;
@@ -108,7 +103,7 @@ TEST_F(McOneEPlc, AnotherPcNumberCanBeMetWithSilence) {
 TEST_F(McOneEPlc, KindsAndCommands) {
   const McOneE station(settings_);
   const auto told = [&](std::string_view request) {
-    const Frame frame{from_hex(request).value(), true, {}};
+    const Frame frame{hex(request), true, {}};
     return request_kind_name(station.kind(frame)) + " " + station.command(frame);
   };
   EXPECT_EQ(told("01 FF 0A 00 00 00 00 00 20 44 01 00"), "read 01");
@@ -120,12 +115,12 @@ TEST_F(McOneEPlc, KindsAndCommands) {
 
 TEST_F(McOneEPlc, RefusalsAndFlawsOnDemand) {
   const McOneE station(settings_);
-  const Frame request{from_hex("01 FF 0A 00 00 00 00 00 20 44 01 00").value(), true, {}};
+  const Frame request{hex("01 FF 0A 00 00 00 00 00 20 44 01 00"), true, {}};
   EXPECT_EQ(to_hex(station.refusal(request, 0x56)), "81 56");
   EXPECT_EQ(to_hex(station.refusal(request, 0x5B)), "81 5B 10 00");
   EXPECT_EQ(to_hex(station.refusal(request, 0x5B12)), "81 5B 12 00");
   const auto spoiled = [&](Flaw flaw) {
-    auto reply = from_hex("81 00 34 12").value();
+    auto reply = hex("81 00 34 12");
     station.spoil(reply, flaw);
     return to_hex(reply);
   };

@@ -22,10 +22,8 @@ std::string number(unsigned value, unsigned bytes) {
 
 /// Builds a 3E request from `message`, which begins with the command.
 Bytes request_3e(std::string_view message, std::string_view route = kRouteOf3E) {
-  const auto size = static_cast<unsigned>(from_hex(message).value().size());
-  return from_hex("50 00 " + std::string(route) + number(size + 2, 2) + "10 00" +
-                  std::string(message))
-      .value();
+  const auto size = static_cast<unsigned>(hex(message).size());
+  return hex("50 00 " + std::string(route) + number(size + 2, 2) + "10 00" + std::string(message));
 }
 
 class McPlc : public testing::Test {
@@ -70,9 +68,7 @@ TEST(McFrames, RequestsWithoutAKnownReplyAreUnderstood) {
   for (const auto& [e, station, model] : mc_exchanges()) {
     if (!e.reply.empty()) continue;
     SCOPED_TRACE(e.where());
-    std::vector<Frame> frames;
-    const auto framer = station->make_framer();
-    for (const auto byte : e.request) framer->take(byte, {}, frames);
+    const auto frames = frames_of(*station->make_framer(), e.request);
     ASSERT_EQ(frames.size(), 1U);
     ASSERT_TRUE(frames[0].whole);
     ASSERT_TRUE(station->hears(frames[0]));
@@ -252,7 +248,7 @@ TEST_F(McPlc, TheOtherCodeAndAnotherFrameAreMetWithSilence) {
   const auto ascii = mc_bytes("500000FF03FF000018001004010000D*0000000001", McCode::ascii);
   const auto binary = request_3e("01 04 00 00 00 00 00 A8 01 00");
   EXPECT_EQ(to_hex(answer(ascii)), "");
-  EXPECT_EQ(to_hex(answer(from_hex("01 FF 0A 00 00 00 00 00 20 44 01 00").value())), "");
+  EXPECT_EQ(to_hex(answer(hex("01 FF 0A 00 00 00 00 00 20 44 01 00"))), "");
   settings_.code = McCode::ascii;
   EXPECT_EQ(to_hex(answer(binary)), "");
   EXPECT_NE(to_hex(answer(ascii)), "");
@@ -260,8 +256,7 @@ TEST_F(McPlc, TheOtherCodeAndAnotherFrameAreMetWithSilence) {
 
 TEST_F(McPlc, BuiltInPortOfQAndLIsSilentTo4E) {
   const auto request =
-      from_hex("54 00 34 12 00 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 00 00 00 A8 01 00")
-          .value();
+      hex("54 00 34 12 00 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 00 00 00 A8 01 00");
   EXPECT_NE(to_hex(answer(request)), "");
   use("L");
   EXPECT_EQ(to_hex(answer(request)), "");
@@ -301,7 +296,7 @@ TEST_F(McPlc, KindsCommandsAndLogTellWhatWasAsked) {
 
 TEST_F(McPlc, FlawsChangeOneThingEach) {
   const auto spoiled = [this](Flaw flaw, std::string_view frame) {
-    auto reply = from_hex(frame).value();
+    auto reply = hex(frame);
     McEthernet(protocol_, settings_).spoil(reply, flaw);
     return to_hex(reply);
   };

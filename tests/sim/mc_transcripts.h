@@ -1,5 +1,5 @@
-// The exchanges of tests/frames/mc_*.txt, each with a station that takes part in it, and the MC
-// protocol's ASCII code as text.
+// The exchanges of tests/frames/mc_*.txt, each with a station that takes part in it, and the frames
+// of the MC protocol as text: hexadecimal, or in ASCII code with marks (from_marks()).
 #pragma once
 
 #include <memory>
@@ -14,30 +14,11 @@
 
 namespace fxsim {
 
-// ENQ, STX, ETX, ACK, NAK, CR and LF are written as < > | + - r n.
-inline constexpr std::string_view kMcWritten = "<>|+-rn";
-inline constexpr std::string_view kMcMeant = "\x05\x02\x03\x06\x15\r\n";
-
-/// Converts hexadecimal, or in ASCII code text, to the bytes of a frame.
 inline Bytes mc_bytes(std::string_view text, McCode code) {
-  if (code == McCode::binary) return hex(text);
-  Bytes bytes;
-  for (const char character : text) {
-    const auto at = kMcWritten.find(character);
-    bytes.push_back(
-        static_cast<std::uint8_t>(at == std::string_view::npos ? character : kMcMeant[at]));
-  }
-  return bytes;
+  return code == McCode::binary ? hex(text) : from_marks(text);
 }
-
-/// The inverse of mc_bytes().
 inline std::string mc_text(ByteView bytes, McCode code) {
-  if (code == McCode::binary) return to_hex(bytes);
-  std::string text(as_text(bytes));
-  for (auto& character : text)
-    if (const auto at = kMcMeant.find(character); at != std::string_view::npos)
-      character = kMcWritten[at];
-  return text;
+  return code == McCode::binary ? to_hex(bytes) : with_marks(bytes);
 }
 
 struct McExchange {

@@ -79,11 +79,6 @@ TEST_F(ModbusDevice, LargestRequestsAreCarriedOutAndOneMoreIsNot) {
   EXPECT_EQ(asked("01 03 00 00 00 7E"), "83 03");
   EXPECT_EQ(asked("01 01 00 00 07 D0").substr(0, 5), "01 FA");
   EXPECT_EQ(asked("01 01 00 00 07 D1"), "81 03");
-  const auto zeros = [](int bytes) {
-    std::string text;
-    for (int i = 0; i < bytes; ++i) text += " 00";
-    return text;
-  };
   EXPECT_EQ(asked("01 10 00 00 00 7B F6" + zeros(246)), "10 00 00 00 7B");
   EXPECT_EQ(asked("01 10 00 00 00 7C 02" + zeros(2)), "90 03");
   EXPECT_EQ(asked("01 0F 00 00 07 B0 F6" + zeros(246)), "0F 00 00 07 B0");
@@ -317,10 +312,7 @@ TEST(ModbusFrames, DamagedOnesNeverMakeAReplyOfAnotherFunction) {
     const Modbus device(protocol, {.unit = unit_of(e)});
     for (int i = 0; i < 200; ++i) {
       auto plc = make_device();
-      std::vector<Frame> frames;
-      const auto framer = device.make_framer();
-      for (const auto byte : damaged(e.request, random)) framer->take(byte, TimePoint{}, frames);
-      for (const auto& frame : frames) {
+      for (const auto& frame : frames_of(*device.make_framer(), damaged(e.request, random))) {
         const auto kind = device.kind(frame);
         EXPECT_EQ(frame.whole, kind != RequestKind::malformed);
         if (!frame.whole || !device.hears(frame)) continue;

@@ -81,14 +81,49 @@ inline std::string differences(const Plc& plc, std::string_view notation) {
   return differences(plc, memory_runs(notation, plc.memory().model().family));
 }
 
-/// Returns all replies of `personality` to `bytes`. The first byte is complete at `when`, the
-/// others follow at 1 ms each. As on a line, frames for other stations are not passed on.
-inline Bytes replies_of(const Personality& personality, Framer& framer, Plc& plc, ByteView bytes,
-                        TimePoint when = TimePoint{}) {
+// ENQ, STX, ETX, ACK, NAK, EOT, CR and LF are written as < > | + - . r n.
+inline constexpr std::string_view kMarks = "<>|+-.rn";
+inline constexpr std::string_view kMarked = "\x05\x02\x03\x06\x15\x04\r\n";
+
+/// Converts text with marks to the bytes of a frame.
+inline Bytes from_marks(std::string_view text) {
+  Bytes bytes;
+  for (const char c : text) {
+    const auto mark = kMarks.find(c);
+    bytes.push_back(static_cast<std::uint8_t>(mark == std::string_view::npos ? c : kMarked[mark]));
+  }
+  return bytes;
+}
+
+/// The inverse of from_marks().
+inline std::string with_marks(ByteView bytes) {
+  std::string text(as_text(bytes));
+  for (auto& c : text)
+    if (const auto mark = kMarked.find(c); mark != std::string_view::npos) c = kMarks[mark];
+  return text;
+}
+
+/// `count` bytes 00 in hex, each after a blank.
+inline std::string zeros(unsigned count) {
+  std::string text;
+  for (unsigned i = 0; i < count; ++i) text += " 00";
+  return text;
+}
+
+/// Returns the frames that `bytes` complete. The first byte is complete at `when`, the others
+/// follow at 1 ms each.
+inline std::vector<Frame> frames_of(Framer& framer, ByteView bytes, TimePoint when = TimePoint{}) {
   std::vector<Frame> frames;
   for (const auto byte : bytes) framer.take(byte, when += std::chrono::milliseconds(1), frames);
+  return frames;
+}
+
+/// Returns all replies of `personality` to `bytes`, which arrive as in frames_of(). As on a line,
+/// frames for other stations are not passed on.
+inline Bytes replies_of(const Personality& personality, Framer& framer, Plc& plc, ByteView bytes,
+                        TimePoint when = TimePoint{}) {
   Bytes replies;
-  for (const auto& frame : frames) {
+  for (const auto& frame : frames_of(framer, bytes, when)) {
     if (frame.whole && !personality.hears(frame)) continue;
     const auto ruling = personality.execute(frame, plc);
     replies.insert(replies.end(), ruling.reply.begin(), ruling.reply.end());
