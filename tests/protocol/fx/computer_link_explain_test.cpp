@@ -1,15 +1,14 @@
 #include <gtest/gtest.h>
 
 #include "protocol/fx/computer_link.h"
+#include "tests/protocol/answers.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {
 
-using test::hex;
+using namespace test;
 using Values = std::vector<std::string>;
-
-Bytes ascii(std::string_view text) { return {text.begin(), text.end()}; }
 
 Explanation explain(std::string_view frame, std::optional<Direction> direction = {}) {
   return explain_link_frame(Model::unknown, ascii(frame), direction);
@@ -54,9 +53,7 @@ TEST(LinkExplanation, NamesEveryFrameOfTheTranscripts) {
 }
 
 TEST(LinkExplanation, AReadOfBitsSaysAllOfIt) {
-  const auto out = explain(
-      "\x05"
-      "05FFBRAX00400547");
+  const auto out = explain("%05FFBRAX00400547");
   EXPECT_TRUE(out.ok);
   EXPECT_FALSE(out.ambiguous);
   EXPECT_EQ(out.operation, "read");
@@ -70,29 +67,19 @@ TEST(LinkExplanation, AReadOfBitsSaysAllOfIt) {
 }
 
 TEST(LinkExplanation, WordsOfABitDeviceAreItsBits) {
-  const auto out = summed(
-      "\x05"
-      "00FFWW0M0640018001");
+  const auto out = summed("%00FFWW0M0640018001");
   EXPECT_EQ(out.count, 16U);
   ASSERT_EQ(out.values.size(), 16U);
   EXPECT_EQ(out.values.front(), "1");
   EXPECT_EQ(out.values[1], "0");
   EXPECT_EQ(out.values.back(), "1");
   EXPECT_EQ(field(out, "data"), "8001");
-  EXPECT_EQ(summed("\x05"
-                   "00FFWW0D0000021234ACD7")
-                .values,
-            (Values{"1234", "ACD7"}));
-  EXPECT_EQ(summed("\x05"
-                   "00FFWW0CN2000112345678")
-                .values,
-            Values{"12345678"});
+  EXPECT_EQ(summed("%00FFWW0D0000021234ACD7").values, (Values{"1234", "ACD7"}));
+  EXPECT_EQ(summed("%00FFWW0CN2000112345678").values, Values{"12345678"});
 }
 
 TEST(LinkExplanation, ScatteredDevicesAreAllNamed) {
-  const auto out = summed(
-      "\x05"
-      "05FFQT002R0120001234Y000100BCA9");
+  const auto out = summed("%05FFQT002R0120001234Y000100BCA9");
   EXPECT_TRUE(out.ok);
   EXPECT_EQ(out.device, "R12000,Y100");
   EXPECT_EQ(out.count, 2U);
@@ -103,88 +90,44 @@ TEST(LinkExplanation, ScatteredDevicesAreAllNamed) {
 TEST(LinkExplanation, ExtensionRegistersAreNamedInSevenCharactersOnly) {
   for (const std::string_view text :
        {"00FFWR0R000002", "00FFWW0R0000011234", "00FFWT001R00001234"}) {
-    const auto out = summed("\x05" + std::string(text));
+    const auto out = summed("%" + std::string(text));
     EXPECT_FALSE(out.ok) << text;
     EXPECT_NE(out.error.value_or("").find("'R0000' is not a device"), std::string::npos)
         << out.error.value_or("");
   }
-  const auto read = summed(
-      "\x05"
-      "00FFQR0R00000002");
+  const auto read = summed("%00FFQR0R00000002");
   EXPECT_TRUE(read.ok) << read.error.value_or("");
   EXPECT_EQ(read.device, "R0");
-  EXPECT_FALSE(summed("\x05"
-                      "00FFQR0R03276801")
-                   .ok)
-      << "R32767 is the last one";
+  EXPECT_FALSE(summed("%00FFQR0R03276801").ok) << "R32767 is the last one";
 }
 
 TEST(LinkExplanation, DataAreWordsBitsAModelOrAText) {
-  EXPECT_EQ(summed("\x02"
-                   "00FF1234ABCD\x03")
-                .values,
-            (Values{"1234", "ABCD"}));
-  EXPECT_EQ(summed("\x02"
-                   "00FF01101\x03")
-                .values,
-            (Values{"0", "1", "1", "0", "1"}));
-  EXPECT_EQ(field(summed("\x02"
-                         "00FFF3\x03"),
-                  "answer to PC"),
-            "FX3U");
-  EXPECT_EQ(field(summed("\x02"
-                         "00FF8D\x03"),
-                  "answer to PC"),
-            "an unknown model");
-  EXPECT_EQ(field(summed("\x02"
-                         "00FF05ABXYE\x03"),
-                  "answer to TT"),
-            "ABXYE");
-  EXPECT_EQ(field(summed("\x02"
-                         "00FE12345678\x03"),
-                  "PLC number"),
-            "FE, sent on demand");
-  EXPECT_EQ(summed("\x02"
-                   "00FF12XY5\x03")
-                .error,
-            "the data are neither words nor bits");
+  EXPECT_EQ(summed("<00FF1234ABCD>").values, (Values{"1234", "ABCD"}));
+  EXPECT_EQ(summed("<00FF01101>").values, (Values{"0", "1", "1", "0", "1"}));
+  EXPECT_EQ(field(summed("<00FFF3>"), "answer to PC"), "FX3U");
+  EXPECT_EQ(field(summed("<00FF8D>"), "answer to PC"), "an unknown model");
+  EXPECT_EQ(field(summed("<00FF05ABXYE>"), "answer to TT"), "ABXYE");
+  EXPECT_EQ(field(summed("<00FE12345678>"), "PLC number"), "FE, sent on demand");
+  EXPECT_EQ(summed("<00FF12XY5>").error, "the data are neither words nor bits");
 }
 
 TEST(LinkExplanation, AnAckMayComeFromEitherSide) {
-  const auto ack = explain(
-      "\x06"
-      "00FF");
+  const auto ack = explain("+00FF");
   EXPECT_TRUE(ack.ok);
   EXPECT_TRUE(ack.ambiguous);
   EXPECT_EQ(ack.direction, Direction::reply);
   EXPECT_EQ(ack.operation, "ack");
-  EXPECT_TRUE(explain("\x06"
-                      "00FF\r\n",
-                      Direction::request)
-                  .ok);
-  const auto nak = explain(
-      "\x15"
-      "00FF06");
+  EXPECT_TRUE(explain("+00FF\r\n", Direction::request).ok);
+  const auto nak = explain("-00FF06");
   EXPECT_EQ(nak.operation, "nak");
   EXPECT_EQ(field(nak, "reason"), "06, the device does not exist, or too many points");
-  EXPECT_EQ(explain("\x15"
-                    "00FF")
-                .direction,
-            Direction::request);
-  EXPECT_FALSE(explain("\x15"
-                       "00FF",
-                       Direction::reply)
-                   .ok);
-  EXPECT_FALSE(explain("\x15"
-                       "00FF06",
-                       Direction::request)
-                   .ok);
+  EXPECT_EQ(explain("-00FF").direction, Direction::request);
+  EXPECT_FALSE(explain("-00FF", Direction::reply).ok);
+  EXPECT_FALSE(explain("-00FF06", Direction::request).ok);
 }
 
 TEST(LinkExplanation, CrLfAndAMissingSumAreSaid) {
-  const auto out = explain(
-      "\x05"
-      "00FFRR0\r\n");
+  const auto out = explain("%00FFRR0\r\n");
   EXPECT_TRUE(out.ok);
   EXPECT_EQ(field(out, "end"), "CR LF: format 4");
   EXPECT_EQ(field(out, "sum"), "none");
@@ -195,79 +138,31 @@ TEST(LinkExplanation, WhatIsWrongIsSaid) {
   const auto error = [](std::string_view frame) { return explain(frame).error.value_or("good"); };
   EXPECT_EQ(error(""), "no bytes");
   EXPECT_EQ(error("A"), "a frame begins with ENQ, STX, ACK, NAK, EOT or CL, not with 41");
-  EXPECT_EQ(error("\x05"
-                  "00"),
-            "station and PLC number are four hex digits");
-  EXPECT_EQ(error("\x05"
-                  "00FFBR"),
-            "the request is truncated");
-  EXPECT_EQ(error("\x05"
-                  "00F1RR0"),
-            "the PLC number of an FX is FF");
-  EXPECT_EQ(error("\x05"
-                  "00FFJR0"),
-            "'JR' is not a command of an FX");
-  EXPECT_EQ(error("\x05"
-                  "00FFRRX"),
-            "the message wait is not a hex digit");
-  EXPECT_EQ(error("\x05"
-                  "00FFRR0C9"),
-            "sum C9 given, C0 computed");
-  EXPECT_EQ(error("\x05"
-                  "00FFRR0C"),
-            "1 characters are left over; a sum has two");
-  EXPECT_EQ(error("\x05"
-                  "00FFBR0X008001"),
-            "'X0080' is not a device of 5 characters on this model");
-  EXPECT_EQ(error("\x05"
-                  "00FFBR0T012301"),
-            "'T0123' is not a device of 5 characters on this model");
-  EXPECT_EQ(error("\x05"
-                  "00FFBR0X00"),
-            "the request is truncated");
-  EXPECT_EQ(error("\x05"
-                  "00FFBR0D012301"),
-            "D123 is a word, not a bit");
-  EXPECT_EQ(error("\x05"
-                  "00FFWR0TS12301"),
+  EXPECT_EQ(error("%00"), "station and PLC number are four hex digits");
+  EXPECT_EQ(error("%00FFBR"), "the request is truncated");
+  EXPECT_EQ(error("%00F1RR0"), "the PLC number of an FX is FF");
+  EXPECT_EQ(error("%00FFJR0"), "'JR' is not a command of an FX");
+  EXPECT_EQ(error("%00FFRRX"), "the message wait is not a hex digit");
+  EXPECT_EQ(error("%00FFRR0C9"), "sum C9 given, C0 computed");
+  EXPECT_EQ(error("%00FFRR0C"), "1 characters are left over; a sum has two");
+  EXPECT_EQ(error("%00FFBR0X008001"), "'X0080' is not a device of 5 characters on this model");
+  EXPECT_EQ(error("%00FFBR0T012301"), "'T0123' is not a device of 5 characters on this model");
+  EXPECT_EQ(error("%00FFBR0X00"), "the request is truncated");
+  EXPECT_EQ(error("%00FFBR0D012301"), "D123 is a word, not a bit");
+  EXPECT_EQ(error("%00FFWR0TS12301"),
             "contacts of timers and counters can only be accessed bit by bit");
-  EXPECT_EQ(error("\x05"
-                  "00FFWR0D012300"),
-            "the number of points is not two hex digits from 01 up");
-  EXPECT_EQ(error("\x05"
-                  "00FFWW0D01230212340"),
-            "5 data characters given, 8 expected");
-  EXPECT_EQ(error("\x05"
-                  "00FFBW0M0123022101"),
-            "the data are not 0 and 1");
-  EXPECT_EQ(error("\x05"
-                  "00FFBT002M01231"),
-            "only 1 of 2 points are present");
-  EXPECT_EQ(error("\x05"
-                  "00FFBT001D01231"),
-            "'D0123' is not a device for this command");
-  EXPECT_EQ(error("\x05"
-                  "00FFWT001CN20012345678"),
-            "'CN200' is not a device for this command");
-  EXPECT_EQ(error("\x05"
-                  "00FFBT001M01232"),
-            "'2' is not a value of M123");
-  EXPECT_EQ(error("\x05"
-                  "FFFFGW02"),
-            "the flag is neither 0 nor 1");
-  EXPECT_EQ(error("\x05"
-                  "00FFTT005ABC"),
-            "the text is shorter than its length says");
-  EXPECT_EQ(error("\x02"
-                  "00FF1234"),
-            "there is no ETX (03)");
-  EXPECT_EQ(error("\x02"
-                  "00FF\x03"
-                  "00"),
-            "there are no data");
-  EXPECT_EQ(error("\x06"
-                  "00FF00"),
-            "'00' must not follow an ACK");
+  EXPECT_EQ(error("%00FFWR0D012300"), "the number of points is not two hex digits from 01 up");
+  EXPECT_EQ(error("%00FFWW0D01230212340"), "5 data characters given, 8 expected");
+  EXPECT_EQ(error("%00FFBW0M0123022101"), "the data are not 0 and 1");
+  EXPECT_EQ(error("%00FFBT002M01231"), "only 1 of 2 points are present");
+  EXPECT_EQ(error("%00FFBT001D01231"), "'D0123' is not a device for this command");
+  EXPECT_EQ(error("%00FFWT001CN20012345678"), "'CN200' is not a device for this command");
+  EXPECT_EQ(error("%00FFBT001M01232"), "'2' is not a value of M123");
+  EXPECT_EQ(error("%FFFFGW02"), "the flag is neither 0 nor 1");
+  EXPECT_EQ(error("%00FFTT005ABC"), "the text is shorter than its length says");
+  EXPECT_EQ(error("<00FF1234"), "there is no ETX (03)");
+  EXPECT_EQ(error("<00FF>00"), "there are no data");
+  EXPECT_EQ(error("+00FF00"), "'00' must not follow an ACK");
   EXPECT_EQ(error("\x04"
                   "00"),
             "nothing follows EOT and CL");

@@ -6,12 +6,13 @@
 
 #include "protocol/fx/link_frame.h"
 #include "protocol/plan/plan.h"
+#include "tests/protocol/answers.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {
 
-using test::hex;
+using namespace test;
 using Settings = ComputerLink::Settings;
 
 ComputerLink station(Model model = Model::fx3u) {
@@ -19,8 +20,6 @@ ComputerLink station(Model model = Model::fx3u) {
   settings.model = model;
   return ComputerLink(settings);
 }
-
-Bytes ascii(std::string_view text) { return {text.begin(), text.end()}; }
 
 /// `points` bits or words starting at `address`.
 Span span(std::string_view address, std::uint32_t points) {
@@ -391,45 +390,29 @@ const Force kForce{id(Space::y), 0, true};
 
 /// STX, text, ETX and the correct sum.
 std::string data(std::string_view text) {
-  Bytes frame = ascii(text);
-  frame.push_back(0x03);
-  append_hex(frame, byte_sum(frame), 2);
-  return "\x02" + text_of(frame);
+  const std::string summed = std::string(text) + ">";
+  Bytes sum;
+  append_hex(sum, byte_sum(ascii(summed)), 2);
+  return "<" + summed + text_of(sum);
 }
 
 const std::string kAnswer = data("00FF1234ABCD");
-const std::string kAckFrame =
-    "\x06"
-    "00FF";
-const std::string kNakFrame =
-    "\x15"
-    "00FF06";
-
-Result<std::optional<Reply>> answer(const std::string& rx, const Request& request = kWords,
-                                    const ComputerLink& codec = station()) {
-  return codec.decode(request, 0, ascii(rx));
-}
+const std::string kAckFrame = "+00FF";
+const std::string kNakFrame = "-00FF06";
 
 bool needs_more(const std::string& rx, const Request& request = kWords,
                 const ComputerLink& codec = station()) {
-  const auto reply = answer(rx, request, codec);
-  return reply && !*reply;
+  return test::needs_more(codec, request, ascii(rx));
 }
 
 Reply good(const std::string& rx, const Request& request = kWords,
            const ComputerLink& codec = station()) {
-  const auto reply = answer(rx, request, codec);
-  EXPECT_TRUE(reply && *reply) << (reply ? "need more" : reply.error().text);
-  return reply && *reply ? **reply : Reply{};
+  return answer(codec, request, ascii(rx));
 }
 
 std::string bad_frame(const std::string& rx, const Request& request = kWords,
                       const ComputerLink& codec = station()) {
-  const auto reply = answer(rx, request, codec);
-  EXPECT_FALSE(reply.has_value());
-  if (reply) return {};
-  EXPECT_EQ(reply.error().code, ErrorCode::bad_frame);
-  return reply.error().text;
+  return fault(codec, request, ascii(rx));
 }
 
 const Bytes kImage{0x34, 0x12, 0xCD, 0xAB};
@@ -456,7 +439,7 @@ TEST(ComputerLink, EveryBeginningOfAnAnswerNeedsMore) {
 }
 
 TEST(ComputerLink, NoiseAndAcksBeforeDataAreSkipped) {
-  EXPECT_EQ(good("\x7F?\x03" + kAnswer).image, kImage);
+  EXPECT_EQ(good("\x7F?>" + kAnswer).image, kImage);
   EXPECT_EQ(good(kAckFrame + kAnswer).image, kImage);
   EXPECT_TRUE(needs_more(kAckFrame));
 }
@@ -464,20 +447,9 @@ TEST(ComputerLink, NoiseAndAcksBeforeDataAreSkipped) {
 TEST(ComputerLink, AnswersOfOtherStationsAreSkipped) {
   EXPECT_EQ(good(data("01FF5555AAAA") + kAnswer).image, kImage);
   EXPECT_TRUE(needs_more(data("01FF5555AAAA")));
-  EXPECT_EQ(good("\x06"
-                 "01FF" +
-                     kAckFrame,
-                 kForce)
-                .consumed,
-            10U);
-  EXPECT_TRUE(
-      needs_more("\x15"
-                 "01FF06",
-                 kForce));
-  EXPECT_TRUE(
-      needs_more("\x06"
-                 "00FE",
-                 kForce));
+  EXPECT_EQ(good("+01FF" + kAckFrame, kForce).consumed, 10U);
+  EXPECT_TRUE(needs_more("-01FF06", kForce));
+  EXPECT_TRUE(needs_more("+00FE", kForce));
 }
 
 TEST(ComputerLink, AFrameOnDemandIsNoAnswer) {
@@ -490,17 +462,13 @@ TEST(ComputerLink, LateDataBeforeTheAckOfAWriteAreSkipped) {
   EXPECT_EQ(good(kAnswer + kNakFrame, kForce).kind, Reply::Kind::nak);
   EXPECT_TRUE(needs_more(kAnswer, kForce));
   // An ACK inside late data is a digit with one bit flipped.
-  EXPECT_TRUE(
-      needs_more("\x02"
-                 "00FF12\x06"
-                 "00FF",
-                 kForce));
+  EXPECT_TRUE(needs_more("<00FF12+00FF", kForce));
 }
 
 TEST(ComputerLink, WhatCameBeforeTheEchoOfTheRequestIsOlder) {
-  const std::string echo = "\x05" + sent(station(), kForce);
+  const std::string echo = "%" + sent(station(), kForce);
   EXPECT_TRUE(needs_more(kAckFrame + echo, kForce));
-  EXPECT_TRUE(needs_more(kAckFrame + "\x05", kForce));
+  EXPECT_TRUE(needs_more(kAckFrame + "%", kForce));
   EXPECT_EQ(good(kAckFrame + echo + kNakFrame, kForce).kind, Reply::Kind::nak);
 }
 
@@ -510,30 +478,15 @@ TEST(ComputerLink, ARefusalTellsItsReason) {
   EXPECT_EQ(reply.device_code, 6);
   EXPECT_EQ(reply.text, "nak 06: the device does not exist, or too many points");
   EXPECT_TRUE(reply.closing.empty());
-  EXPECT_EQ(good("\x15"
-                 "00ff0a",
-                 kForce)
-                .device_code,
-            0x0A);
-  EXPECT_EQ(bad_frame("\x15"
-                      "00FF0G"),
-            "NAK with the reason 30 47");
+  EXPECT_EQ(good("-00ff0a", kForce).device_code, 0x0A);
+  EXPECT_EQ(bad_frame("-00FF0G"), "NAK with the reason 30 47");
   EXPECT_FALSE(link_refusal(0x55).empty());
 }
 
 TEST(ComputerLink, AFrameCutOffByAnotherStxBeginsAgain) {
-  EXPECT_EQ(good("\x02"
-                 "00FF12" +
-                 kAnswer)
-                .image,
-            kImage);
-  EXPECT_EQ(good("\x02" + kAnswer).image, kImage);
-  EXPECT_EQ(good("\x02"
-                 "01F" +
-                     kAnswer + kAckFrame,
-                 kForce)
-                .kind,
-            Reply::Kind::ack);
+  EXPECT_EQ(good("<00FF12" + kAnswer).image, kImage);
+  EXPECT_EQ(good("<" + kAnswer).image, kImage);
+  EXPECT_EQ(good("<01F" + kAnswer + kAckFrame, kForce).kind, Reply::Kind::ack);
 }
 
 TEST(ComputerLink, AWrongSumIsABadFrameThatNamesBothSums) {
@@ -548,9 +501,7 @@ TEST(ComputerLink, AWrongSumIsABadFrameThatNamesBothSums) {
 TEST(ComputerLink, AnAnswerOfAnotherLengthIsABadFrame) {
   EXPECT_EQ(bad_frame(data("00FF1234")), "4 data characters given, 8 expected");
   EXPECT_EQ(bad_frame(data("00FF")), "0 data characters given, 8 expected");
-  EXPECT_EQ(bad_frame("\x02"
-                      "00FF1234ABCD1"),
-            "more data characters given, 8 expected");
+  EXPECT_EQ(bad_frame("<00FF1234ABCD1"), "more data characters given, 8 expected");
 }
 
 TEST(ComputerLink, DataThatAreNotDigitsAreABadFrame) {
@@ -586,7 +537,7 @@ TEST(ComputerLink, Format4IsCompleteWithCrLfAndNotBefore) {
 TEST(ComputerLink, EndlessNoiseIsABadFrame) {
   EXPECT_TRUE(needs_more(std::string(532, '?')));
   EXPECT_NE(bad_frame(std::string(533, '?')).find("533 bytes"), std::string::npos);
-  EXPECT_NE(bad_frame("\x02" + std::string(533, '0'), kForce).find("534 bytes"), std::string::npos);
+  EXPECT_NE(bad_frame("<" + std::string(533, '0'), kForce).find("534 bytes"), std::string::npos);
 }
 
 TEST(ComputerLink, NothingAnswersAnEot) {
@@ -596,7 +547,7 @@ TEST(ComputerLink, NothingAnswersAnEot) {
   EXPECT_TRUE(station().expects_reply(kForce));
   EXPECT_EQ(station().line_length(reset).request_chars, 1U);
   EXPECT_EQ(station().line_length(reset).reply_chars, 0U);
-  EXPECT_EQ(answer(kAckFrame, reset).error().code, ErrorCode::unsupported);
+  EXPECT_EQ(station().decode(reset, 0, ascii(kAckFrame)).error().code, ErrorCode::unsupported);
 }
 
 // ---- the PLC itself ----------------------------------------------------------------------------
@@ -662,9 +613,7 @@ TEST(ComputerLink, IsMadeFromItsOptions) {
                                         {"message_wait_ms", std::int64_t{100}},
                                         {"acknowledge_data", false}});
   ASSERT_TRUE(made);
-  EXPECT_EQ(text_of(*(*made)->encode(Control{}, 0)),
-            "\x05"
-            "0FFFPCA\r\n");
+  EXPECT_EQ(*(*made)->encode(Control{}, 0), ascii("%0FFFPCA!"));
   EXPECT_EQ((*made)->line_length(Control{}).closing_chars, 0U);
   EXPECT_TRUE(ComputerLink::make({}));
   EXPECT_FALSE(ComputerLink::make({{"model", std::string("FX9")}}));

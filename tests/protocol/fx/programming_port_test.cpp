@@ -4,12 +4,13 @@
 
 #include "protocol/plan/plan.h"
 #include "protocol/value/unpack.h"
+#include "tests/protocol/answers.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {
 
-using test::hex;
+using namespace test;
 using Commands = ProgrammingPort::Commands;
 
 ProgrammingPort port(Model model = Model::fx3u, Commands commands = Commands::automatic,
@@ -23,8 +24,6 @@ Span span(std::string_view address, std::uint32_t bytes) {
   const std::uint32_t first = parsed->span.first_bit;
   return {parsed->span.space, first - first % 8, bytes * 8};
 }
-
-Bytes ascii(std::string_view text) { return {text.begin(), text.end()}; }
 
 // ---- transcripts ------------------------------------------------------------------------------
 
@@ -105,9 +104,7 @@ TEST(ProgrammingPort, TheWordThatWasPrintedAs3584Is33845) {
 
 TEST(ProgrammingPort, ClassicCommandsAreTakenWhereverTheyReach) {
   EXPECT_EQ(*port().encode(Force{id(Space::y), 0, true}, 0), hex("02 37 30 30 30 35 03 46 46"));
-  EXPECT_EQ(*port().encode(Force{id(Space::m), 1536, true}, 0), ascii("\x02"
-                                                                      "E70046\x03"
-                                                                      "49"));
+  EXPECT_EQ(*port().encode(Force{id(Space::m), 1536, true}, 0), ascii("<E70046>49"));
   EXPECT_EQ(*port().encode(Write{span("D1023", 2), {0x34, 0x12}}, 0)->begin(), 0x02);
   EXPECT_EQ((*port().encode(Write{span("D1023", 2), {0x34, 0x12}}, 0))[1], '1');
   EXPECT_EQ((*port().encode(Write{span("D1024", 2), {0x34, 0x12}}, 0))[1], 'E');
@@ -223,37 +220,22 @@ TEST(ProgrammingPort, WritesThatBreakTheLimitsAreNotSent) {
 
 // D123 and D124 hold 1234h and ABCDh.
 const Read kRead{{id(Space::d), 123 * 16, 32}, 0};
-const std::string kRequest =
-    "\x02"
-    "010F604\x03"
-    "74";
-const std::string kAnswer =
-    "\x02"
-    "3412CDAB\x03"
-    "D7";
+const std::string kRequest = "<010F604>74";
+const std::string kAnswer = "<3412CDAB>D7";
 
 Result<std::optional<Reply>> answer(const std::string& rx, const Request& request = kRead) {
   return port().decode(request, 0, ascii(rx));
 }
 
 /// Returns the image of a good answer; empty if there is none, which no test expects.
-Bytes image(const std::string& rx) {
-  const auto reply = answer(rx);
-  EXPECT_TRUE(reply && *reply) << (reply ? "need more" : reply.error().text);
-  return reply && *reply ? (*reply)->image : Bytes{};
-}
+Bytes image(const std::string& rx) { return test::answer(port(), kRead, ascii(rx)).image; }
 
 std::string bad_frame(const std::string& rx, const Request& request = kRead) {
-  const auto reply = answer(rx, request);
-  EXPECT_FALSE(reply.has_value());
-  if (reply) return {};
-  EXPECT_EQ(reply.error().code, ErrorCode::bad_frame);
-  return reply.error().text;
+  return fault(port(), request, ascii(rx));
 }
 
 bool needs_more(const std::string& rx, const Request& request = kRead) {
-  const auto reply = answer(rx, request);
-  return reply && !*reply;
+  return test::needs_more(port(), request, ascii(rx));
 }
 
 const Bytes kImage{0x34, 0x12, 0xCD, 0xAB};
@@ -266,18 +248,18 @@ TEST(ProgrammingPort, EveryBeginningOfAnAnswerNeedsMore) {
 }
 
 TEST(ProgrammingPort, NoiseBeforeTheAnswerIsSkipped) {
-  EXPECT_EQ(image(std::string("\xFF\x00?\x03", 4) + kAnswer), kImage);
+  EXPECT_EQ(image(std::string("\xFF\x00?>", 4) + kAnswer), kImage);
   const auto reply = answer("??" + kAnswer);
   EXPECT_EQ((*reply)->consumed, kAnswer.size() + 2);
 }
 
 TEST(ProgrammingPort, AStrayAckBeforeTheAnswerIsSkipped) {
-  EXPECT_EQ(image("\x06" + kAnswer), kImage);
-  EXPECT_TRUE(needs_more("\x06"));
+  EXPECT_EQ(image("+" + kAnswer), kImage);
+  EXPECT_TRUE(needs_more("+"));
 }
 
 TEST(ProgrammingPort, ANakBeforeAnyStxIsARefusal) {
-  for (const std::string rx : {"\x15", "?\x15", "\x15\x03"}) {
+  for (const std::string rx : {"-", "?-", "->"}) {
     const auto reply = answer(rx);
     ASSERT_TRUE(reply && *reply);
     EXPECT_EQ((*reply)->kind, Reply::Kind::nak);
@@ -285,13 +267,13 @@ TEST(ProgrammingPort, ANakBeforeAnyStxIsARefusal) {
     EXPECT_FALSE((*reply)->text.empty());
     EXPECT_TRUE((*reply)->image.empty());
   }
-  EXPECT_EQ((*answer("?\x15\x03"))->consumed, 2U);
+  EXPECT_EQ((*answer("?->"))->consumed, 2U);
 }
 
 TEST(ProgrammingPort, TheEchoOfARequestIsSkipped) {
   EXPECT_EQ(image(kRequest + kAnswer), kImage);
-  EXPECT_EQ(image(kRequest + "\x06" + kAnswer), kImage);
-  const auto refused = answer(kRequest + "\x15");
+  EXPECT_EQ(image(kRequest + "+" + kAnswer), kImage);
+  const auto refused = answer(kRequest + "-");
   EXPECT_EQ((*refused)->kind, Reply::Kind::nak);
 }
 
@@ -307,84 +289,43 @@ TEST(ProgrammingPort, AFrameThatEqualsTheRequestIsNeverAnAnswer) {
 }
 
 TEST(ProgrammingPort, AFrameCutOffByAnotherStxBeginsAgain) {
-  EXPECT_EQ(image("\x02"
-                  "34" +
-                  kAnswer),
-            kImage);
-  EXPECT_EQ(image("\x02"
-                  "3412\x03" +
-                  kAnswer),
-            kImage);
-  EXPECT_EQ(image("\x02"
-                  "3412\x03"
-                  "C" +
-                  kAnswer),
-            kImage);
+  EXPECT_EQ(image("<34" + kAnswer), kImage);
+  EXPECT_EQ(image("<3412>" + kAnswer), kImage);
+  EXPECT_EQ(image("<3412>C" + kAnswer), kImage);
 }
 
 TEST(ProgrammingPort, AWrongSumIsABadFrameThatNamesBothSums) {
-  EXPECT_EQ(bad_frame("\x02"
-                      "3412CDAB\x03"
-                      "D8"),
-            "sum D8 given, D7 computed");
-  EXPECT_EQ(bad_frame("\x02"
-                      "3412CDAC\x03"
-                      "D7"),
-            "sum D7 given, D8 computed");
+  EXPECT_EQ(bad_frame("<3412CDAB>D8"), "sum D8 given, D7 computed");
+  EXPECT_EQ(bad_frame("<3412CDAC>D7"), "sum D7 given, D8 computed");
 }
 
 TEST(ProgrammingPort, ASumThatIsNotHexIsABadFrame) {
-  EXPECT_EQ(bad_frame("\x02"
-                      "3412CDAB\x03"
-                      "G7"),
-            "sum 47 37 is not two hex digits");
-  EXPECT_EQ(bad_frame("\x02"
-                      "3412CDAB\x03"
-                      "D\x06"),
-            "sum 44 06 is not two hex digits");
+  EXPECT_EQ(bad_frame("<3412CDAB>G7"), "sum 47 37 is not two hex digits");
+  EXPECT_EQ(bad_frame("<3412CDAB>D+"), "sum 44 06 is not two hex digits");
 }
 
 TEST(ProgrammingPort, AnAnswerOfAnotherLengthIsABadFrame) {
-  EXPECT_EQ(bad_frame("\x02"
-                      "3412\x03"
-                      "CD"),
-            "4 data digits given, 8 expected");
-  EXPECT_EQ(bad_frame("\x02\x03"
-                      "03"),
-            "0 data digits given, 8 expected");
-  EXPECT_EQ(bad_frame("\x02"
-                      "3412CDAB00\x03"
-                      "37"),
-            "10 data digits given, 8 expected");
+  EXPECT_EQ(bad_frame("<3412>CD"), "4 data digits given, 8 expected");
+  EXPECT_EQ(bad_frame("<>03"), "0 data digits given, 8 expected");
+  EXPECT_EQ(bad_frame("<3412CDAB00>37"), "10 data digits given, 8 expected");
 }
 
 TEST(ProgrammingPort, DataThatAreNotHexAreABadFrame) {
-  EXPECT_EQ(bad_frame("\x02"
-                      "3412CDAG\x03"
-                      "DC"),
-            "data 41 47 is not two hex digits");
-  EXPECT_EQ(bad_frame("\x02"
-                      "34 2CDAB\x03"
-                      "C6"),
-            "data 20 32 is not two hex digits");
+  EXPECT_EQ(bad_frame("<3412CDAG>DC"), "data 41 47 is not two hex digits");
+  EXPECT_EQ(bad_frame("<34 2CDAB>C6"), "data 20 32 is not two hex digits");
 }
 
-TEST(ProgrammingPort, LowerCaseDigitsAreUnderstood) {
-  EXPECT_EQ(image("\x02"
-                  "3412cdab\x03"
-                  "57"),
-            kImage);
-}
+TEST(ProgrammingPort, LowerCaseDigitsAreUnderstood) { EXPECT_EQ(image("<3412cdab>57"), kImage); }
 
 TEST(ProgrammingPort, MoreThanTheLongestFrameWithoutAnEndIsABadFrame) {
-  EXPECT_TRUE(needs_more("\x02" + std::string(511, '0')));
-  EXPECT_NE(bad_frame("\x02" + std::string(512, '0')).find("513 bytes"), std::string::npos);
+  EXPECT_TRUE(needs_more("<" + std::string(511, '0')));
+  EXPECT_NE(bad_frame("<" + std::string(512, '0')).find("513 bytes"), std::string::npos);
   EXPECT_TRUE(needs_more(std::string(512, '?')));
   EXPECT_NE(bad_frame(std::string(513, '?')).find("513 bytes"), std::string::npos);
 }
 
 TEST(ProgrammingPort, WhatFollowsTheAnswerIsNotConsumed) {
-  const auto reply = answer(kAnswer + "\x03\x06");
+  const auto reply = answer(kAnswer + ">+");
   ASSERT_TRUE(reply && *reply);
   EXPECT_EQ((*reply)->consumed, kAnswer.size());
 }
@@ -392,58 +333,46 @@ TEST(ProgrammingPort, WhatFollowsTheAnswerIsNotConsumed) {
 // ---- bare ACK and NAK ---------------------------------------------------------------------------
 
 const Force kForce{id(Space::y), 0, true};
-const std::string kForceRequest =
-    "\x02"
-    "70005\x03"
-    "FF";
+const std::string kForceRequest = "<70005>FF";
 
 Reply::Kind verdict(const std::string& rx, const Request& request = kForce) {
-  const auto reply = answer(rx, request);
-  EXPECT_TRUE(reply && *reply) << (reply ? "need more" : reply.error().text);
-  return reply && *reply ? (*reply)->kind : Reply::Kind::data;
+  return test::answer(port(), request, ascii(rx)).kind;
 }
 
 TEST(ProgrammingPort, AckAndNakAnswerWritesForcesAndEnquiries) {
   for (const Request& request :
        {Request(kForce), Request(Enquire{}), Request(Write{span("D0", 2), {1, 2}})}) {
-    EXPECT_EQ(verdict("\x06", request), Reply::Kind::ack);
-    EXPECT_EQ(verdict("\x15", request), Reply::Kind::nak);
+    EXPECT_EQ(verdict("+", request), Reply::Kind::ack);
+    EXPECT_EQ(verdict("-", request), Reply::Kind::nak);
     EXPECT_TRUE(needs_more("", request));
   }
 }
 
 TEST(ProgrammingPort, TheEchoOfAnOrderIsSkipped) {
-  EXPECT_EQ(verdict(kForceRequest + "\x06"), Reply::Kind::ack);
-  EXPECT_EQ(verdict(kForceRequest + "\x15"), Reply::Kind::nak);
-  EXPECT_EQ(verdict("\x05\x06", Enquire{}), Reply::Kind::ack);
-  EXPECT_TRUE(needs_more("\x05", Enquire{}));
+  EXPECT_EQ(verdict(kForceRequest + "+"), Reply::Kind::ack);
+  EXPECT_EQ(verdict(kForceRequest + "-"), Reply::Kind::nak);
+  EXPECT_EQ(verdict("%+", Enquire{}), Reply::Kind::ack);
+  EXPECT_TRUE(needs_more("%", Enquire{}));
   for (std::size_t n = 0; n <= kForceRequest.size(); ++n)
     EXPECT_TRUE(needs_more(kForceRequest.substr(0, n), kForce)) << n;
 }
 
 TEST(ProgrammingPort, TheLateAnswerToAnOldReadIsSkippedBeforeAnAck) {
-  EXPECT_EQ(verdict(kAnswer + "\x06"), Reply::Kind::ack);
-  EXPECT_EQ(verdict(kAnswer + "\x15"), Reply::Kind::nak);
-  EXPECT_EQ(verdict(kForceRequest + kAnswer + "\x06"), Reply::Kind::ack);
-  EXPECT_EQ(verdict("?\x03" + kAnswer + "?\x06"), Reply::Kind::ack);
+  EXPECT_EQ(verdict(kAnswer + "+"), Reply::Kind::ack);
+  EXPECT_EQ(verdict(kAnswer + "-"), Reply::Kind::nak);
+  EXPECT_EQ(verdict(kForceRequest + kAnswer + "+"), Reply::Kind::ack);
+  EXPECT_EQ(verdict("?>" + kAnswer + "?+"), Reply::Kind::ack);
   EXPECT_TRUE(needs_more(kAnswer, kForce));
 }
 
 TEST(ProgrammingPort, AnAckInsideAFrameIsNoAnswer) {
   // A digit F in an echo, turned into 06 by one flipped bit.
-  EXPECT_TRUE(
-      needs_more("\x02"
-                 "70005\x03"
-                 "F\x06",
-                 kForce));
-  EXPECT_TRUE(
-      needs_more("\x02"
-                 "70\x06",
-                 kForce));
+  EXPECT_TRUE(needs_more("<70005>F+", kForce));
+  EXPECT_TRUE(needs_more("<70+", kForce));
 }
 
 TEST(ProgrammingPort, AnAckIsConsumedAloneAndLeavesAStrayEtx) {
-  const auto reply = answer("\x06\x03", kForce);
+  const auto reply = answer("+>", kForce);
   ASSERT_TRUE(reply && *reply);
   EXPECT_EQ((*reply)->consumed, 1U);
 }
@@ -451,11 +380,11 @@ TEST(ProgrammingPort, AnAckIsConsumedAloneAndLeavesAStrayEtx) {
 TEST(ProgrammingPort, EndlessNoiseInPlaceOfAnAckIsABadFrame) {
   EXPECT_TRUE(needs_more(std::string(512, '?'), kForce));
   EXPECT_NE(bad_frame(std::string(513, '?'), kForce).find("513 bytes"), std::string::npos);
-  EXPECT_NE(bad_frame("\x02" + std::string(512, '0'), kForce).find("513"), std::string::npos);
+  EXPECT_NE(bad_frame("<" + std::string(512, '0'), kForce).find("513"), std::string::npos);
 }
 
 TEST(ProgrammingPort, ARequestThatCannotBeSentHasNoAnswer) {
-  const auto reply = answer("\x06", Control{Control::Kind::reset});
+  const auto reply = answer("+", Control{Control::Kind::reset});
   ASSERT_FALSE(reply);
   EXPECT_EQ(reply.error().code, ErrorCode::unsupported);
 }
@@ -467,9 +396,7 @@ TEST(ProgrammingPort, TheModelIsAskedForInClassicCommands) {
     const auto requests = codec.identify();
     ASSERT_EQ(requests.size(), 2U);
     EXPECT_EQ(*codec.encode(requests[0], 0), hex("02 30 30 45 30 32 30 32 03 36 43"));
-    EXPECT_EQ(*codec.encode(requests[1], 0), ascii("\x02"
-                                                   "00ECA02\x03"
-                                                   "8E"));
+    EXPECT_EQ(*codec.encode(requests[1], 0), ascii("<00ECA02>8E"));
   }
 }
 
@@ -517,18 +444,10 @@ TEST(ProgrammingPort, RunIsReadFromTheByteOfM8000) {
   const auto frame = [](const ProgrammingPort& codec) {
     return *codec.encode(codec.run_state(), 0);
   };
-  EXPECT_EQ(frame(port()), ascii("\x02"
-                                 "001E001\x03"
-                                 "6A"));
-  EXPECT_EQ(frame(port(Model::unknown, Commands::extended)), ascii("\x02"
-                                                                   "001E001\x03"
-                                                                   "6A"));
-  EXPECT_EQ(frame(port(Model::fx1n, Commands::extended)), ascii("\x02"
-                                                                "E0001C001\x03"
-                                                                "DD"));
-  EXPECT_EQ(frame(port(Model::fx3u, Commands::extended)), ascii("\x02"
-                                                                "E008C0001\x03"
-                                                                "E4"));
+  EXPECT_EQ(frame(port()), ascii("<001E001>6A"));
+  EXPECT_EQ(frame(port(Model::unknown, Commands::extended)), ascii("<001E001>6A"));
+  EXPECT_EQ(frame(port(Model::fx1n, Commands::extended)), ascii("<E0001C001>DD"));
+  EXPECT_EQ(frame(port(Model::fx3u, Commands::extended)), ascii("<E008C0001>E4"));
   EXPECT_EQ(port().probe(0), port().run_state());
   EXPECT_EQ(port().run_state_from(Bytes{0x09}), true);
   EXPECT_EQ(port().run_state_from(Bytes{0x0A}), false);
@@ -543,15 +462,9 @@ TEST(ProgrammingPort, StopForcesM8037OnAndRunForcesItOff) {
   const auto fx3u = port(Model::fx3u, Commands::extended);
   EXPECT_EQ(frame(fx2n, false), hex("02 45 37 32 35 30 45 03 35 42"));
   EXPECT_EQ(frame(fx3u, false), hex("02 45 37 32 35 36 30 03 34 43"));
-  EXPECT_EQ(frame(fx3u, true), ascii("\x02"
-                                     "E82560\x03"
-                                     "4D"));
-  EXPECT_EQ(frame(port(), false), ascii("\x02"
-                                        "7250F\x03"
-                                        "17"));
-  EXPECT_EQ(frame(port(), true), ascii("\x02"
-                                       "8250F\x03"
-                                       "18"));
+  EXPECT_EQ(frame(fx3u, true), ascii("<E82560>4D"));
+  EXPECT_EQ(frame(port(), false), ascii("<7250F>17"));
+  EXPECT_EQ(frame(port(), true), ascii("<8250F>18"));
   EXPECT_FALSE(port().run_hint().empty());
 }
 

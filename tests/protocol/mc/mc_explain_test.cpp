@@ -4,14 +4,13 @@
 #include <random>
 
 #include "protocol/mc/mc.h"
+#include "tests/protocol/answers.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {
 
-using test::hex;
-
-Bytes bytes(std::string_view text) { return {text.begin(), text.end()}; }
+using namespace test;
 
 Explanation told(Frame frame, const Bytes& rx, std::optional<Direction> direction = std::nullopt) {
   return explain_frame(frame, Model::fx5u, rx, direction);
@@ -97,9 +96,9 @@ TEST(McExplain, WhatIsWrongWithAFrameIsSaid) {
       {Frame::e3, {}, "shorter than its header"},
       {Frame::e3, hex("50 00 00 FF FF 03 00 0C 00 10 00"), "shorter than its header"},
       {Frame::e3, hex("54 00 34 12 00 00 00 FF FF 03 00 02 00 10 00"), "mc-4e"},
-      {Frame::e4, bytes("D00000FF03FF0000040000"), "mc-3e"},
+      {Frame::e4, ascii("D00000FF03FF0000040000"), "mc-3e"},
       {Frame::e3, hex("D0 00 00 FF FF 03 00 02 00 00 00 11"), "1 bytes follow"},
-      {Frame::e3, bytes("D00000FF03FF0000040G00"), "not hex digits"},
+      {Frame::e3, ascii("D00000FF03FF0000040G00"), "not hex digits"},
       {Frame::e3, hex("50 00 00 FF FF 03 00 04 00 10 00 01 04"), "before the subcommand"},
       {Frame::e3, hex("50 00 00 FF FF 03 00 08 00 10 00 01 04 00 00 64 00"), "its devices"},
       {Frame::e3, hex("50 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 64 00 00 87 01 00"),
@@ -114,56 +113,21 @@ TEST(McExplain, WhatIsWrongWithAFrameIsSaid) {
        "bits are 0 and 1"},
       {Frame::e3, hex("50 00 00 FF FF 03 00 0E 00 10 00 06 04 00 00 01 00 64 00 00 90 01 00"),
        "M100 among the blocks of words"},
-      {Frame::e3, bytes("500000FF03FF000018001004010000Q*0000000004"), "not a device"},
-      {Frame::e3, bytes("500000FF03FF000018001004010000D*00000X0004"), "not a device"},
-      {Frame::c3, bytes("F9"), "too short"},
-      {Frame::c3, bytes("F90000FF00"), "begins with ENQ"},
-      {Frame::c3,
-       bytes("\x05"
-             "F70000FF00"),
-       "no frame id"},
-      {Frame::c3,
-       bytes("\x06"
-             "F80000FF03FF0000"),
-       "mc-4c"},
-      {Frame::c4,
-       bytes("\x06"
-             "F90000FF00"),
-       "mc-3c"},
-      {Frame::c3,
-       bytes("\x06"
-             "F9000"),
-       "ends in its route"},
-      {Frame::c3,
-       bytes("\x06"
-             "F9XX00FF00"),
-       "route is not hex"},
-      {Frame::c3,
-       bytes("\x06"
-             "F90000FF00A"),
-       "more than an acknowledgement"},
-      {Frame::c3,
-       bytes("\x15"
-             "F90000FF0071"),
-       "four hex digits"},
-      {Frame::c3,
-       bytes("\x02"
-             "F90000FF001234"),
-       "no ETX"},
-      {Frame::c3,
-       bytes("\x02"
-             "F90000FF001234\x03"
-             "1"),
-       "two characters of sum"},
-      {Frame::c3,
-       bytes("\x02"
-             "F90000FF0012340002\x03"
-             "BB"),
-       "sum BB given, BA computed"},
-      {Frame::c3,
-       bytes("\x05"
-             "F90000FF0004010000M*00010000020B"),
-       "sum 0B given, 0A computed"},
+      {Frame::e3, ascii("500000FF03FF000018001004010000Q*0000000004"), "not a device"},
+      {Frame::e3, ascii("500000FF03FF000018001004010000D*00000X0004"), "not a device"},
+      {Frame::c3, ascii("F9"), "too short"},
+      {Frame::c3, ascii("F90000FF00"), "begins with ENQ"},
+      {Frame::c3, ascii("%F70000FF00"), "no frame id"},
+      {Frame::c3, ascii("+F80000FF03FF0000"), "mc-4c"},
+      {Frame::c4, ascii("+F90000FF00"), "mc-3c"},
+      {Frame::c3, ascii("+F9000"), "ends in its route"},
+      {Frame::c3, ascii("+F9XX00FF00"), "route is not hex"},
+      {Frame::c3, ascii("+F90000FF00A"), "more than an acknowledgement"},
+      {Frame::c3, ascii("-F90000FF0071"), "four hex digits"},
+      {Frame::c3, ascii("<F90000FF001234"), "no ETX"},
+      {Frame::c3, ascii("<F90000FF001234>1"), "two characters of sum"},
+      {Frame::c3, ascii("<F90000FF0012340002>BB"), "sum BB given, BA computed"},
+      {Frame::c3, ascii("%F90000FF0004010000M*00010000020B"), "sum 0B given, 0A computed"},
       {Frame::c4, hex("10 02 12 00"), "from 10 02 to 10 03"},
       {Frame::c4, hex("10 02 10 03"), "too short for its length"},
       {Frame::c4, hex("10 02 00 00 10 03"), "no frame id"},
@@ -184,9 +148,7 @@ TEST(McExplain, TheDirectionThatIsAskedForCounts) {
   EXPECT_FALSE(
       told(Frame::e3, hex("50 00 00 FF FF 03 00 06 00 10 00 01 01 00 00"), Direction::reply).ok);
   // In format 3 a request and a data frame may look alike.
-  const Bytes both = bytes(
-      "\x02"
-      "F90000FF0001010000\x03");
+  const Bytes both = ascii("<F90000FF0001010000>");
   const Explanation likelier = told(Frame::c3, both);
   EXPECT_TRUE(likelier.ambiguous);
   EXPECT_EQ(likelier.direction, Direction::request);
@@ -195,9 +157,7 @@ TEST(McExplain, TheDirectionThatIsAskedForCounts) {
 }
 
 TEST(McExplain, SumsMayBeMissing) {
-  EXPECT_TRUE(told(Frame::c3, bytes("\x05"
-                                    "F90000FF0004010000M*0001000002"))
-                  .ok);
+  EXPECT_TRUE(told(Frame::c3, ascii("%F90000FF0004010000M*0001000002")).ok);
   const Explanation five =
       told(Frame::c4, hex("10 02 0C 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 03"));
   EXPECT_TRUE(five.ok) << five.error.value_or("");

@@ -1,15 +1,15 @@
 // mc-3c and mc-4c beyond the transcripts: the bytes a line may deliver in each format.
 #include <gtest/gtest.h>
 
-#include "protocol/control_characters.h"
 #include "protocol/mc/mc.h"
 #include "protocol/plan/plan.h"
+#include "tests/protocol/answers.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {
 
-using test::hex;
+using namespace test;
 
 constexpr std::uint16_t kD = id(Space::d);
 constexpr std::uint16_t kM = id(Space::m);
@@ -24,84 +24,32 @@ Mc codec(std::uint32_t format, Frame frame = Frame::c4, bool sum = true) {
   return Mc(settings);
 }
 
-/// Control characters, written as characters that no frame contains: < STX, > ETX, ? ENQ, + ACK, -
-/// NAK, ! CR LF.
-Bytes line(std::string_view text) {
-  Bytes bytes;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        bytes.push_back(kStx);
-        break;
-      case '>':
-        bytes.push_back(kEtx);
-        break;
-      case '?':
-        bytes.push_back(kEnq);
-        break;
-      case '+':
-        bytes.push_back(kAck);
-        break;
-      case '-':
-        bytes.push_back(kNak);
-        break;
-      case '!':
-        bytes.insert(bytes.end(), {kCr, kLf});
-        break;
-      default:
-        bytes.push_back(static_cast<std::uint8_t>(c));
-    }
-  }
-  return bytes;
-}
-
 const Request kTwoWords = Read{{kM, 100, 32}, kWordWay};
 const Request kWrite = Write{{kD, 1600, 32}, {0x34, 0x12, 0xCD, 0xAB}};
 
-std::string fault(const Mc& mc, const Request& request, const Bytes& rx, std::uint16_t tag = 1) {
-  const auto reply = mc.decode(request, tag, rx);
-  EXPECT_FALSE(reply);
-  return reply ? std::string() : reply.error().text;
-}
-
-bool needs_more(const Mc& mc, const Request& request, const Bytes& rx, std::uint16_t tag = 1) {
-  const auto reply = mc.decode(request, tag, rx);
-  EXPECT_TRUE(reply) << reply.error().text;
-  return reply && !*reply;
-}
-
-Reply answer(const Mc& mc, const Request& request, const Bytes& rx, std::uint16_t tag = 1) {
-  const auto reply = mc.decode(request, tag, rx);
-  EXPECT_TRUE(reply && *reply) << (reply ? "needs more" : reply.error().text);
-  return reply && *reply ? **reply : Reply{};
-}
-
-void expect_says(const std::string& text, std::string_view part) {
-  EXPECT_NE(text.find(part), std::string::npos) << text;
-}
-
 TEST(McSerial, WhatIsWrongWithAnAnswerIsSaid) {
   const Mc one = codec(1);
-  expect_says(fault(one, kTwoWords, line("<F80000FF03FF000012340002>09")),
+  expect_says(fault(one, kTwoWords, ascii("<F80000FF03FF000012340002>09")),
               "sum 09 given, 08 computed");
-  expect_says(fault(one, kTwoWords, line("<F80000FF03FF000012340002>GG")), "not two hex digits");
-  expect_says(fault(one, kTwoWords, line("<F80000FF03FF00001234000>1A")), "7 data characters");
-  expect_says(fault(one, kTwoWords, line("<F80000FF03FF0000123400021>1A")), "more data characters");
-  expect_says(fault(one, kTwoWords, line("-F80000FF03FF00007E4G")), "not four hex digits");
+  expect_says(fault(one, kTwoWords, ascii("<F80000FF03FF000012340002>GG")), "not two hex digits");
+  expect_says(fault(one, kTwoWords, ascii("<F80000FF03FF00001234000>1A")), "7 data characters");
+  expect_says(fault(one, kTwoWords, ascii("<F80000FF03FF0000123400021>1A")),
+              "more data characters");
+  expect_says(fault(one, kTwoWords, ascii("-F80000FF03FF00007E4G")), "not four hex digits");
   const Mc four = codec(4);
-  expect_says(fault(four, kTwoWords, line("<F80000FF03FF000012340002>08xx")), "CR LF is missing");
-  expect_says(fault(four, kWrite, line("+F80000FF03FF0000xx")), "CR LF is missing");
-  expect_says(fault(four, kWrite, line("-F80000FF03FF00007167xx")), "CR LF is missing");
+  expect_says(fault(four, kTwoWords, ascii("<F80000FF03FF000012340002>08xx")), "CR LF is missing");
+  expect_says(fault(four, kWrite, ascii("+F80000FF03FF0000xx")), "CR LF is missing");
+  expect_says(fault(four, kWrite, ascii("-F80000FF03FF00007167xx")), "CR LF is missing");
   const Mc three = codec(3);
-  expect_says(fault(three, kWrite, line("<F80000FF03FF0000QNAK7167x")), "ETX is missing");
+  expect_says(fault(three, kWrite, ascii("<F80000FF03FF0000QNAK7167x")), "ETX is missing");
   Bytes babble(9000, '0');
   expect_says(fault(one, kTwoWords, babble), "9000 bytes without an answer");
 }
 
 TEST(McSerial, WithoutSumsNeitherSideHasThem) {
   const Mc mc = codec(1, Frame::c3, false);
-  EXPECT_EQ(*mc.encode(kTwoWords, 1), line("?F90000FF0004010000M*0001000002"));
-  const Bytes reply = line("<F90000FF0012340002>");
+  EXPECT_EQ(*mc.encode(kTwoWords, 1), ascii("%F90000FF0004010000M*0001000002"));
+  const Bytes reply = ascii("<F90000FF0012340002>");
   EXPECT_EQ(answer(mc, kTwoWords, reply).image, hex("34 12 02 00"));
   EXPECT_EQ(mc.line_length(kTwoWords).reply_chars, reply.size());
   const Mc five = codec(5, Frame::c4, false);
@@ -112,20 +60,20 @@ TEST(McSerial, WithoutSumsNeitherSideHasThem) {
 
 TEST(McSerial, ABlockNumberTellsAnOldAnswerFromTheRightOne) {
   const Mc mc = codec(2, Frame::c3);
-  EXPECT_TRUE(needs_more(mc, kTwoWords, line("<79F90000FF0055550002>42"), 0x7A));
+  EXPECT_TRUE(needs_more(mc, kTwoWords, ascii("<79F90000FF0055550002>42"), 0x7A));
   const Reply reply =
-      answer(mc, kTwoWords, line("<79F90000FF0055550002>42<7AF90000FF0012340002>32"), 0x7A);
+      answer(mc, kTwoWords, ascii("<79F90000FF0055550002>42<7AF90000FF0012340002>32"), 0x7A);
   EXPECT_EQ(reply.image, hex("34 12 02 00"));
   EXPECT_EQ(reply.began, 24U);
-  EXPECT_TRUE(needs_more(mc, kWrite, line("+79F90000FF00"), 0x7A));
-  EXPECT_EQ(answer(mc, kWrite, line("+7AF90000FF00"), 0x7A).kind, Reply::Kind::ack);
+  EXPECT_TRUE(needs_more(mc, kWrite, ascii("+79F90000FF00"), 0x7A));
+  EXPECT_EQ(answer(mc, kWrite, ascii("+7AF90000FF00"), 0x7A).kind, Reply::Kind::ack);
 }
 
 TEST(McSerial, AnswersOfOtherStationsAndOfTheOtherKindArePassedOver) {
   const Mc one = codec(1);
-  const Bytes own = line("<F80000FF03FF000012340002>08");
+  const Bytes own = ascii("<F80000FF03FF000012340002>08");
   const auto behind = [&](const Mc& mc, std::string_view before, const Bytes& right) {
-    Bytes rx = line(before);
+    Bytes rx = ascii(before);
     const bool waits = needs_more(mc, kTwoWords, rx);
     EXPECT_TRUE(waits) << before;
     rx.insert(rx.end(), right.begin(), right.end());
@@ -135,37 +83,36 @@ TEST(McSerial, AnswersOfOtherStationsAndOfTheOtherKindArePassedOver) {
   behind(one, "<F90000FF0055550002>00", own);        // a 3C frame
   behind(one, "+F80000FF03FF0000", own);             // an acknowledgement instead of data
   behind(one, "-F80100FF03FF00007E4F", own);         // another station refuses
-  behind(one, "?F80000FF03FF000004010000M*000100000258", own);  // the echo of the request
+  behind(one, "%F80000FF03FF000004010000M*000100000258", own);  // the echo of the request
   behind(one, "<F80000FF03FF00001234", own);                    // truncated by the right one
   EXPECT_TRUE(needs_more(one, kWrite, own));  // data instead of an acknowledgement
-  EXPECT_EQ(answer(one, kWrite, line("<F80000FF03FF000012340002>08+F80000FF03FF0000")).kind,
+  EXPECT_EQ(answer(one, kWrite, ascii("<F80000FF03FF000012340002>08+F80000FF03FF0000")).kind,
             Reply::Kind::ack);
 }
 
 TEST(McSerial, Format3TellsAnswersByQackAndQnak) {
   const Mc mc = codec(3);
   const Bytes request = *mc.encode(kTwoWords, 1);
-  EXPECT_EQ(request, line("<F80000FF03FF000004010000M*0001000002>5B"));
+  EXPECT_EQ(request, ascii("<F80000FF03FF000004010000M*0001000002>5B"));
   EXPECT_TRUE(needs_more(mc, kTwoWords, request));
   Bytes rx = request;
-  const Bytes late = line("<F80000FF03FF0000QACK>");
+  const Bytes late = ascii("<F80000FF03FF0000QACK>");
   rx.insert(rx.end(), late.begin(), late.end());
   EXPECT_TRUE(needs_more(mc, kTwoWords, rx));
-  const Bytes own = line("<F80000FF03FF0000QACK12340002>28");
+  const Bytes own = ascii("<F80000FF03FF0000QACK12340002>28");
   rx.insert(rx.end(), own.begin(), own.end());
   EXPECT_EQ(answer(mc, kTwoWords, rx).image, hex("34 12 02 00"));
-  const Reply refused = answer(mc, kTwoWords, line("<F80000FF03FF0000QNAK7E4F>"));
+  const Reply refused = answer(mc, kTwoWords, ascii("<F80000FF03FF0000QNAK7E4F>"));
   EXPECT_EQ(refused.device_code, 0x7E4F);
-  EXPECT_EQ(answer(mc, kWrite, line("<F80000FF03FF0000QACK>")).kind, Reply::Kind::ack);
+  EXPECT_EQ(answer(mc, kWrite, ascii("<F80000FF03FF0000QACK>")).kind, Reply::Kind::ack);
   // A late answer with data and a refusal for another station, before the right answer.
   EXPECT_EQ(answer(mc, kWrite,
-                   line("<F80000FF03FF0000QACK12340002>28<F80100FF03FF0000QNAK7167>"
-                        "<F80000FF03FF0000QACK>"))
+                   ascii("<F80000FF03FF0000QACK12340002>28<F80100FF03FF0000QNAK7167>"
+                         "<F80000FF03FF0000QACK>"))
                 .kind,
             Reply::Kind::ack);
   for (std::size_t n = 0; n < own.size(); ++n)
-    EXPECT_TRUE(needs_more(mc, kTwoWords,
-                           Bytes(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(n))));
+    EXPECT_TRUE(needs_more(mc, kTwoWords, first(own, n)));
 }
 
 TEST(McSerial, Format5DoublesEvery10AndFindsItsFramesAgain) {
@@ -173,9 +120,7 @@ TEST(McSerial, Format5DoublesEvery10AndFindsItsFramesAgain) {
   const Request word = Read{{kD, 256, 16}, kWordWay};
   const Bytes own = hex("10 02 0E 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 10 10 10 10 03 32 35");
   EXPECT_EQ(answer(mc, word, own).image, hex("10 10"));
-  for (std::size_t n = 0; n < own.size(); ++n)
-    EXPECT_TRUE(
-        needs_more(mc, word, Bytes(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(n))));
+  for (std::size_t n = 0; n < own.size(); ++n) EXPECT_TRUE(needs_more(mc, word, first(own, n)));
   const auto behind = [&](std::string_view before) {
     Bytes rx = hex(before);
     rx.insert(rx.end(), own.begin(), own.end());
@@ -209,9 +154,9 @@ TEST(McSerial, Format5DoublesEvery10AndFindsItsFramesAgain) {
 TEST(McSerial, OtherMastersAndNoiseAreToldFromAnswers) {
   for (const std::uint32_t format : {1U, 2U, 3U, 4U}) {
     const Mc mc = codec(format);
-    EXPECT_TRUE(mc.may_pass_for_answer(line("<F8")));
-    EXPECT_TRUE(mc.may_pass_for_answer(line("x?F80000FF")));
-    EXPECT_FALSE(mc.may_pass_for_answer(line("<xyz")));
+    EXPECT_TRUE(mc.may_pass_for_answer(ascii("<F8")));
+    EXPECT_TRUE(mc.may_pass_for_answer(ascii("x%F80000FF")));
+    EXPECT_FALSE(mc.may_pass_for_answer(ascii("<xyz")));
     EXPECT_FALSE(mc.may_pass_for_answer({}));
   }
   const Mc five = codec(5);
@@ -273,7 +218,7 @@ TEST(McSerial, OptionsOfTheConfigAreItsSettings) {
                                          {"format", std::int64_t{4}},
                                          {"sum_check", false}});
   ASSERT_TRUE(made);
-  EXPECT_EQ(*(*made)->encode(kTwoWords, 1), line("?F80500FF03FF000004010000M*0001000002!"));
+  EXPECT_EQ(*(*made)->encode(kTwoWords, 1), ascii("%F80500FF03FF000004010000M*0001000002!"));
   const auto three = Mc::make(Frame::c3, {{"format", std::int64_t{1}}});
   ASSERT_TRUE(three);
   EXPECT_EQ((*three)->encode(kTwoWords, 1)->front(), kEnq);

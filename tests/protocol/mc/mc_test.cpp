@@ -6,12 +6,13 @@
 #include <array>
 
 #include "protocol/mc/end_code.h"
+#include "tests/protocol/answers.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {
 
-using test::hex;
+using namespace test;
 
 constexpr std::uint16_t kD = id(Space::d);
 constexpr std::uint16_t kM = id(Space::m);
@@ -44,26 +45,7 @@ std::string why_not(const Mc& mc, const Request& request) {
 
 std::string fault(const Mc& mc, const Request& request, std::string_view rx,
                   std::uint16_t tag = 1) {
-  const auto reply = mc.decode(request, tag, hex(rx));
-  EXPECT_FALSE(reply) << rx;
-  if (reply) return {};
-  EXPECT_EQ(reply.error().code, ErrorCode::bad_frame);
-  return reply.error().text;
-}
-
-bool needs_more(const Mc& mc, const Request& request, ByteView rx, std::uint16_t tag = 1) {
-  const auto reply = mc.decode(request, tag, rx);
-  return reply && !*reply;
-}
-
-Reply answer(const Mc& mc, const Request& request, ByteView rx, std::uint16_t tag = 1) {
-  const auto reply = mc.decode(request, tag, rx);
-  EXPECT_TRUE(reply && *reply) << (reply ? "needs more" : reply.error().text);
-  return reply && *reply ? **reply : Reply{};
-}
-
-void expect_says(const std::string& text, std::string_view part) {
-  EXPECT_NE(text.find(part), std::string::npos) << text;
+  return test::fault(mc, request, hex(rx), tag);
 }
 
 const Request kTwoWords = Read{{kD, 1600, 32}, kWordWay};

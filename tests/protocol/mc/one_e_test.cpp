@@ -7,12 +7,13 @@
 #include <sstream>
 
 #include "protocol/plan/plan.h"
+#include "tests/protocol/answers.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {
 
-using test::hex;
+using namespace test;
 using Settings = OneE::Settings;
 
 OneE plc(Model model = Model::fx3u, Code code = Code::binary) {
@@ -25,8 +26,6 @@ OneE plc(Model model = Model::fx3u, Code code = Code::binary) {
 
 const OneE kBinary = plc();
 const OneE kAscii = plc(Model::fx3u, Code::ascii);
-
-Bytes text(std::string_view characters) { return {characters.begin(), characters.end()}; }
 
 /// `points` devices starting at `address`.
 Span span(std::string_view address, std::uint32_t points, Model model = Model::fx3u) {
@@ -371,101 +370,72 @@ const Read kBits{{id(Space::m), 0, 5}, kBitWay};     // M0 to M4
 const Force kForce{id(Space::y), 0, true};
 const Bytes kImage{0x34, 0x12, 0xCD, 0xAB};
 
-bool needs_more(const OneE& codec, const Request& request, const Bytes& rx) {
-  const auto reply = codec.decode(request, 0, rx);
-  return reply && !*reply;
-}
-
-Bytes first(const Bytes& bytes, std::size_t count) {
-  const ByteView part = ByteView(bytes).first(count);
-  return {part.begin(), part.end()};
-}
-
-Reply good(const OneE& codec, const Request& request, const Bytes& rx) {
-  const auto reply = codec.decode(request, 0, rx);
-  EXPECT_TRUE(reply && *reply) << (reply ? "need more" : reply.error().text);
-  return reply && *reply ? **reply : Reply{};
-}
-
-std::string bad_frame(const OneE& codec, const Request& request, const Bytes& rx) {
-  const auto reply = codec.decode(request, 0, rx);
-  EXPECT_FALSE(reply.has_value()) << to_hex(rx);
-  if (reply) return {};
-  EXPECT_EQ(reply.error().code, ErrorCode::bad_frame);
-  return reply.error().text;
-}
-
-void expect_says(const std::string& said, std::string_view part) {
-  EXPECT_NE(said.find(part), std::string::npos) << said;
-}
-
 TEST(OneE, EveryBeginningOfAnAnswerNeedsMore) {
   const Bytes binary = hex("81 00 34 12 CD AB");
   for (std::size_t n = 0; n < binary.size(); ++n)
     EXPECT_TRUE(needs_more(kBinary, kWords, first(binary, n))) << n;
-  EXPECT_EQ(good(kBinary, kWords, binary).image, kImage);
-  const Bytes ascii = text("81001234ABCD");
-  for (std::size_t n = 0; n < ascii.size(); ++n)
-    EXPECT_TRUE(needs_more(kAscii, kWords, first(ascii, n))) << n;
-  EXPECT_EQ(good(kAscii, kWords, ascii).image, kImage);
-  EXPECT_EQ(good(kAscii, kWords, text("81001234abcd")).image, kImage);
+  EXPECT_EQ(answer(kBinary, kWords, binary).image, kImage);
+  const Bytes digits = ascii("81001234ABCD");
+  for (std::size_t n = 0; n < digits.size(); ++n)
+    EXPECT_TRUE(needs_more(kAscii, kWords, first(digits, n))) << n;
+  EXPECT_EQ(answer(kAscii, kWords, digits).image, kImage);
+  EXPECT_EQ(answer(kAscii, kWords, ascii("81001234abcd")).image, kImage);
 }
 
 TEST(OneE, AnAnswerLongerThanAskedIsNoValue) {
-  expect_says(bad_frame(kBinary, kWords, hex("81 00 34 12 CD AB 00")), "7 bytes where 6 were due");
-  expect_says(bad_frame(kAscii, kWords, text("81001234ABCD0")), "13 bytes where 12 were due");
-  expect_says(bad_frame(kBinary, kForce, hex("82 00 00")), "3 bytes where 2");
-  expect_says(bad_frame(kBinary, kBits, hex("80 00 10 10 10 10")), "6 bytes where 5");
+  expect_says(fault(kBinary, kWords, hex("81 00 34 12 CD AB 00")), "7 bytes where 6 were due");
+  expect_says(fault(kAscii, kWords, ascii("81001234ABCD0")), "13 bytes where 12 were due");
+  expect_says(fault(kBinary, kForce, hex("82 00 00")), "3 bytes where 2");
+  expect_says(fault(kBinary, kBits, hex("80 00 10 10 10 10")), "6 bytes where 5");
 }
 
 TEST(OneE, AnEndCodeWithDataIsNoAnswer) {
-  expect_says(bad_frame(kBinary, kWords, hex("81 57 34 12 CD AB")), "6 bytes where 4");
-  expect_says(bad_frame(kBinary, kWords, hex("81 5B 10 00 34 12")), "6 bytes where 4");
+  expect_says(fault(kBinary, kWords, hex("81 57 34 12 CD AB")), "6 bytes where 4");
+  expect_says(fault(kBinary, kWords, hex("81 5B 10 00 34 12")), "6 bytes where 4");
   EXPECT_TRUE(needs_more(kBinary, kWords, hex("81 5B 10")));
 }
 
 TEST(OneE, AnAnswerToAnotherCommandIsNeverTaken) {
-  EXPECT_EQ(bad_frame(kBinary, kForce, hex("81 00 34 12")),
+  EXPECT_EQ(fault(kBinary, kForce, hex("81 00 34 12")),
             "an answer that begins with 81 where 82 is due");
-  EXPECT_EQ(bad_frame(kBinary, kWords, hex("82 00")),
-            "an answer that begins with 82 where 81 is due");
-  EXPECT_EQ(bad_frame(kBinary, kWords, hex("06")), "an answer that begins with 06 where 81 is due");
-  EXPECT_EQ(bad_frame(kAscii, kWords, text("8300")),
-            "an answer that begins with 83 where 81 is due");
+  EXPECT_EQ(fault(kBinary, kWords, hex("82 00")), "an answer that begins with 82 where 81 is due");
+  EXPECT_EQ(fault(kBinary, kWords, hex("06")), "an answer that begins with 06 where 81 is due");
+  EXPECT_EQ(fault(kAscii, kWords, ascii("8300")), "an answer that begins with 83 where 81 is due");
 }
 
 TEST(OneE, AnAnswerOfAnotherFrameKindOrCodeNamesTheSetting) {
-  expect_says(bad_frame(kBinary, kWords, hex("D0 00 00 FF FF 03 00 02 00 00 00")),
+  expect_says(fault(kBinary, kWords, hex("D0 00 00 FF FF 03 00 02 00 00 00")),
               "an answer of 3E or 4E frames");
-  expect_says(bad_frame(kAscii, kWords, text("D00000FF03FF00")), "an answer of 3E or 4E frames");
-  expect_says(bad_frame(kBinary, kWords, text("8100")), "it is in ASCII; `code`");
-  expect_says(bad_frame(kAscii, kWords, hex("81 00 34 12 CD AB")), "it is in binary; `code`");
+  expect_says(fault(kAscii, kWords, ascii("D00000FF03FF00")), "an answer of 3E or 4E frames");
+  expect_says(fault(kBinary, kWords, ascii("8100")), "it is in ASCII; `code`");
+  expect_says(fault(kAscii, kWords, hex("81 00 34 12 CD AB")), "it is in binary; `code`");
 }
 
 TEST(OneE, DataThatCannotBeAreABadFrame) {
-  expect_says(bad_frame(kBinary, kBits, hex("80 00 10 20 10")), "are not bits");
-  expect_says(bad_frame(kAscii, kWords, text("8100123GABCD")), "not all hex digits");
+  expect_says(fault(kBinary, kBits, hex("80 00 10 20 10")), "are not bits");
+  expect_says(fault(kAscii, kWords, ascii("8100123GABCD")), "not all hex digits");
   // The padding after an odd count may have any value.
-  EXPECT_EQ(good(kBinary, kBits, hex("80 00 01 10 1F")).image, Bytes{0x16});
+  EXPECT_EQ(answer(kBinary, kBits, hex("80 00 01 10 1F")).image, Bytes{0x16});
 }
 
 TEST(OneE, ARefusalTellsItsReason) {
-  const Reply beyond = good(kBinary, kWords, hex("81 57"));
+  const Reply beyond = answer(kBinary, kWords, hex("81 57"));
   EXPECT_EQ(beyond.kind, Reply::Kind::nak);
   EXPECT_EQ(beyond.device_code, 0x57);
   EXPECT_EQ(beyond.text, "nak 57: too many points, or beyond the last device");
-  const Reply pc = good(kBinary, kWords, hex("81 5B 10 00"));
+  const Reply pc = answer(kBinary, kWords, hex("81 5B 10 00"));
   EXPECT_EQ(pc.device_code, 0x105B);
   EXPECT_EQ(pc.text, "nak 5B 10: no PLC has this PC number (`pc`)");
-  EXPECT_EQ(good(kBinary, kForce, hex("82 5B 15 00")).text,
+  EXPECT_EQ(answer(kBinary, kForce, hex("82 5B 15 00")).text,
             "nak 5B 15: the Ethernet module cannot reach the PLC");
   // An E71 may add an abnormal code to other end codes too.
-  EXPECT_EQ(good(kBinary, kForce, hex("82 55 01 00")).device_code, 0x0155);
-  expect_says(good(kAscii, kForce, text("8255")).text, "\"Enable online change\"");
-  expect_says(good(kAscii, kForce, text("8255")).text, "FX3U-ENET: \"Enable Write at RUN time\"");
-  expect_says(good(kAscii, kForce, text("8254")).text, "`code`");
+  EXPECT_EQ(answer(kBinary, kForce, hex("82 55 01 00")).device_code, 0x0155);
+  expect_says(answer(kAscii, kForce, ascii("8255")).text, "\"Enable online change\"");
+  expect_says(answer(kAscii, kForce, ascii("8255")).text,
+              "FX3U-ENET: \"Enable Write at RUN time\"");
+  expect_says(answer(kAscii, kForce, ascii("8254")).text, "`code`");
   for (const char* code : {"50", "56", "58", "60", "7F"})
-    EXPECT_TRUE(good(kAscii, kForce, text(std::string("82") + code)).text.starts_with("nak "));
+    EXPECT_TRUE(answer(kAscii, kForce, ascii(std::string("82") + code)).text.starts_with("nak "));
 }
 
 TEST(OneE, WhatARefusalMeans) {
@@ -529,11 +499,11 @@ TEST(OneE, AQuestionThatIsToldApartIsShorter) {
 TEST(OneE, OnlyWhatBeginsLikeAnAnswerMayPassForOne) {
   EXPECT_TRUE(kBinary.may_pass_for_answer(hex("00 96 00")));
   EXPECT_FALSE(kBinary.may_pass_for_answer(hex("00 86 92 97 C0")));
-  EXPECT_TRUE(kAscii.may_pass_for_answer(text("??85")));
+  EXPECT_TRUE(kAscii.may_pass_for_answer(ascii("??85")));
   // The rest may still be on its way.
-  EXPECT_TRUE(kAscii.may_pass_for_answer(text("8")));
-  EXPECT_TRUE(kAscii.may_pass_for_answer(text("9")));
-  EXPECT_FALSE(kAscii.may_pass_for_answer(text("0G13")));
+  EXPECT_TRUE(kAscii.may_pass_for_answer(ascii("8")));
+  EXPECT_TRUE(kAscii.may_pass_for_answer(ascii("9")));
+  EXPECT_FALSE(kAscii.may_pass_for_answer(ascii("0G13")));
 }
 
 // ---- options of the config ---------------------------------------------------------------------
@@ -547,7 +517,7 @@ TEST(OneE, IsMadeFromItsOptions) {
   EXPECT_EQ(model_of(**made), "FX3G");
   const auto frame = (*made)->encode(Control{Control::Kind::stop}, 0);
   ASSERT_TRUE(frame);
-  EXPECT_EQ(*frame, text("14020004"));
+  EXPECT_EQ(*frame, ascii("14020004"));
   const auto plain = OneE::make({});
   ASSERT_TRUE(plain);
   EXPECT_EQ(model_of(**plain), "");

@@ -9,13 +9,14 @@
 #include "protocol/catalog.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
+#include "tests/protocol/answers.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent::modbus {
 namespace {
 
 using namespace std::chrono_literals;
-using test::hex;
+using namespace test;
 using Settings = Modbus::Settings;
 
 constexpr std::uint16_t kCoil = id(Space::coil);
@@ -330,14 +331,11 @@ const std::string kTcpAnswer = "15 03 00 00 00 09 FF 03 06 02 2B 00 00 00 64";
 
 std::string garbled(const Modbus& codec, const Request& request, std::string_view rx,
                     std::uint16_t tag = 0) {
-  const auto reply = codec.decode(request, tag, hex(rx));
-  EXPECT_FALSE(reply.has_value()) << rx;
-  return reply ? "" : reply.error().text;
+  return fault(codec, request, hex(rx), tag);
 }
 bool needs_more(const Modbus& codec, const Request& request, std::string_view rx,
                 std::uint16_t tag = 0) {
-  const auto reply = codec.decode(request, tag, hex(rx));
-  return reply && !*reply;
+  return test::needs_more(codec, request, hex(rx), tag);
 }
 
 TEST(Modbus, AWrongSumIsNamed) {
@@ -516,14 +514,13 @@ TEST(Modbus, AnAnswerWithTheBytesOfItsQuestionIsAnAnswer) {
 TEST(Modbus, AsciiBeginsAnewAtEveryColonAndTakesLowerCase) {
   const Modbus codec = unit(17, Framing::ascii);
   const Request read = Read{{kInputRegister, 128, 16}};
-  const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
-  const auto reply = codec.decode(read, 0, text("xx:11:1104:110402000adf\r\n"));
+  const auto reply = codec.decode(read, 0, ascii("xx:11:1104:110402000adf\r\n"));
   ASSERT_TRUE(reply && *reply);
   EXPECT_EQ((*reply)->image, (Bytes{10, 0}));
-  EXPECT_FALSE(codec.decode(read, 0, text(":110402000AD\r\n")));
-  EXPECT_FALSE(codec.decode(read, 0, text(":110402000ADF\rx")));
-  EXPECT_FALSE(codec.decode(read, 0, text(":1104G2000ADF\r\n")));
-  EXPECT_FALSE(codec.decode(read, 0, text(":11EF\r\n")));
+  EXPECT_FALSE(codec.decode(read, 0, ascii(":110402000AD\r\n")));
+  EXPECT_FALSE(codec.decode(read, 0, ascii(":110402000ADF\rx")));
+  EXPECT_FALSE(codec.decode(read, 0, ascii(":1104G2000ADF\r\n")));
+  EXPECT_FALSE(codec.decode(read, 0, ascii(":11EF\r\n")));
   EXPECT_FALSE(codec.decode(read, 0, Bytes(600, ':')).has_value());
 }
 
