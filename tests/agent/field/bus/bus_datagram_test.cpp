@@ -1,7 +1,6 @@
 // The bus on UDP: a datagram is exactly one frame or invalid.
 #include <gtest/gtest.h>
 
-#include <asio/io_context.hpp>
 #include <memory>
 #include <set>
 #include <string>
@@ -10,44 +9,24 @@
 #include "agent/field/bus/bus.h"
 #include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"
-#include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/support/scripted_transport.h"
+#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::nanoseconds;
 using Outcome = Exchange::Outcome;
 using Port = ScriptedTransport::Port;
 
-class DatagramBus : public ::testing::Test {
+class DatagramBus : public ScriptedBusTest {
  protected:
-  ~DatagramBus() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
-
   void use(std::string_view protocol, Port port) {
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    wire->be_udp(port);
-    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+    make_bus({}, {}, port);
     station.codec = codec_of(protocol);
     station.enquire = EnquirePolicy::never;
   }
-  void open() {
-    const auto opened = run_on(io, bus->open());
-    ASSERT_TRUE(opened) << opened.error().text;
-  }
-  Exchange read(std::string_view address) {
-    const Request request{Read{station.codec->addresses().parse_address(address, {})->span}};
-    return run_on(io, bus->exchange(station, request));
-  }
   std::uint64_t unexpected() { return bus->counters().unexpected_bytes; }
-
-  asio::io_context io;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Bus> bus;
-  Station station;
 };
 
 /// A protocol with numbered answers; every request reads hr:0 under its own number.

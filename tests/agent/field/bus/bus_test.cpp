@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <memory>
 #include <string>
@@ -12,9 +11,8 @@
 #include "protocol/fx/computer_link.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/late_wire.h"
-#include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/support/scripted_transport.h"
+#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
@@ -34,18 +32,11 @@ const Bytes kNextProbe = read_frame(kM8000, 2);
 const Bytes kNextProbeAnswer = data_frame({0x01, 0x00});
 
 /// One line with one PLC on the programming port.
-class BusTest : public ::testing::Test {
+class BusTest : public ScriptedBusTest {
  protected:
   BusTest() {
-    make_line(nanoseconds(0));
+    make_bus();
     station.codec = codec;
-  }
-  ~BusTest() override { EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out"; }
-
-  void make_line(nanoseconds char_time, nanoseconds listening = nanoseconds(0)) {
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time, listening);
   }
   /// Scripts one exchange on a doubted bus: silence, a distinguishable request, silence.
   void script_doubted(const Bytes& question, const Bytes& answer) {
@@ -53,26 +44,11 @@ class BusTest : public ::testing::Test {
     wire->expect(kProbe).give(kProbeAnswer);
     wire->expect(question).give(answer).silence();
   }
-  void open() {
-    const auto opened = run_on(io, line->open());
-    ASSERT_TRUE(opened) << opened.error().text;
-  }
-  Exchange ask(Request request, SteadyTime not_after = SteadyTime::max()) {
-    return run_on(io, line->exchange(station, std::move(request), not_after));
-  }
-  Exchange read(std::string_view address) { return ask(request_for(address)); }
   Exchange write_d200(unsigned value = 50) {
     return ask(Write{codec->addresses().parse_address("D200", {})->span, word(value)});
   }
-  Request request_for(std::string_view address) const {
-    return Read{codec->addresses().parse_address(address, {})->span};
-  }
 
   std::shared_ptr<const Codec> codec = port_codec();
-  asio::io_context io;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Bus> line;
-  Station station;
 };
 
 // ---- a stream with numbered answers ------------------------------------------------------------
@@ -85,13 +61,13 @@ TEST_F(BusTest, AnswerThatIsBrokenOffByItsDeadlineTakesItsConnectionWithIt) {
   open();
   const Request request{Read{station.codec->addresses().parse_address("hr:0", {})->span}};
   EXPECT_EQ(ask(request).outcome, Outcome::unanswered);
-  EXPECT_FALSE(line->is_open()) << "the rest would stand before the next answer";
-  EXPECT_TRUE(line->channel().closed_after_silence()) << "which is no loss";
+  EXPECT_FALSE(bus->is_open()) << "the rest would stand before the next answer";
+  EXPECT_TRUE(bus->channel().closed_after_silence()) << "which is no loss";
   open();
-  EXPECT_FALSE(line->channel().closed_after_silence());
+  EXPECT_FALSE(bus->channel().closed_after_silence());
   wire->expect(*from_hex("00 02 00 00 00 06 01 03 00 00 00 01")).silence();
   EXPECT_EQ(ask(request).outcome, Outcome::unanswered);
-  EXPECT_TRUE(line->is_open()) << "nothing of an answer has come";
+  EXPECT_TRUE(bus->is_open()) << "nothing of an answer has come";
 }
 
 // ---- the plain case ----------------------------------------------------------------------------
@@ -115,7 +91,7 @@ TEST_F(BusTest, EnquiresAgainAfterTheNextOpening) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(2));
   open();
   EXPECT_TRUE(read("D100").is_data());
-  line->close();
+  bus->close();
   open();
   EXPECT_TRUE(read("D100").is_data());
 }
@@ -194,13 +170,13 @@ TEST_F(BusTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
   wire->expect(kReadD100).give(data);
   open();
   for (int i = 0; i < 3; ++i) {
-    EXPECT_FALSE(line->echo_found());
+    EXPECT_FALSE(bus->echo_found());
     EXPECT_TRUE(read("D100").is_data());
   }
-  EXPECT_TRUE(line->echo_found());
+  EXPECT_TRUE(bus->echo_found());
   EXPECT_TRUE(write_d200().is_ack());
   EXPECT_TRUE(read("D100").is_data()) << "a read without an echo is a read";
-  EXPECT_FALSE(line->echo_found());
+  EXPECT_FALSE(bus->echo_found());
 }
 
 TEST_F(BusTest, EchoOfWhatNobodyAnswersIsFoundToo) {
@@ -219,12 +195,12 @@ TEST_F(BusTest, EchoOfWhatNobodyAnswersIsFoundToo) {
     wire->expect(question).give(joined(ack, question)).give(answer).expect(ack);
   open();
   for (int i = 0; i < 3; ++i) {
-    EXPECT_FALSE(line->echo_found());
+    EXPECT_FALSE(bus->echo_found());
     EXPECT_EQ(ask(d100).reply.image, word(234));
   }
-  EXPECT_TRUE(line->echo_found());
-  EXPECT_FALSE(line->doubt().is_doubted());
-  EXPECT_EQ(line->counters().unexpected_bytes, 0U);
+  EXPECT_TRUE(bus->echo_found());
+  EXPECT_FALSE(bus->doubt().is_doubted());
+  EXPECT_EQ(bus->counters().unexpected_bytes, 0U);
 }
 
 TEST_F(BusTest, OnALineThatReturnsNothingTheLastFrameIsNoEcho) {
@@ -238,7 +214,7 @@ TEST_F(BusTest, OnALineThatReturnsNothingTheLastFrameIsNoEcho) {
   const std::uint16_t space = station.codec->addresses().parse_address("hr:0", {})->span.space;
   EXPECT_TRUE(ask(Read{{space, 0, 32}}).is_data());
   EXPECT_EQ(ask(Write{{space, 16, 16}, word(0xAA)}).outcome, Outcome::garbled);
-  EXPECT_TRUE(line->doubt().is_doubted());
+  EXPECT_TRUE(bus->doubt().is_doubted());
 }
 
 TEST_F(BusTest, EchoThatWasFoundAndCeasesMakesNoDeviceSilentForEver) {
@@ -249,10 +225,10 @@ TEST_F(BusTest, EchoThatWasFoundAndCeasesMakesNoDeviceSilentForEver) {
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(data);
   open();
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(read("D100").is_data());
-  EXPECT_TRUE(line->echo_found());
+  EXPECT_TRUE(bus->echo_found());
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
   EXPECT_TRUE(read("D100").is_data()) << "behind an enquiry that nothing echoes";
-  EXPECT_FALSE(line->echo_found());
+  EXPECT_FALSE(bus->echo_found());
 }
 
 TEST_F(BusTest, NoiseBeforeTheReplyIsPassedOver) {
@@ -320,7 +296,7 @@ TEST_F(BusTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
 
 TEST_F(BusTest, LineIsInUseUntilTheAckOfAnAnswerHasLeft) {
   constexpr auto kCharTime = milliseconds(20);
-  make_line(kCharTime);
+  make_bus(kCharTime);
   codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
   station.codec = codec;
   const Read d100{codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
@@ -330,10 +306,10 @@ TEST_F(BusTest, LineIsInUseUntilTheAckOfAnAnswerHasLeft) {
   wire->expect(*codec->encode(*codec->resync(), 0));
   wire->expect(question).give(plc.data(plc.understand(question), 234)).expect(ack);
   open();
-  const auto before = line->counters().busy;
+  const auto before = bus->counters().busy;
   const Exchange exchange = ask(d100);
   EXPECT_TRUE(exchange.is_data());
-  EXPECT_GE(line->counters().busy - before, exchange.ended - exchange.began + 5 * kCharTime);
+  EXPECT_GE(bus->counters().busy - before, exchange.ended - exchange.began + 5 * kCharTime);
 }
 
 TEST_F(BusTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
@@ -479,9 +455,9 @@ TEST_F(BusTest, NoiseAroundAnAnswerIsThrownAwayAndCounted) {
   const Exchange second = read("D100");
   EXPECT_EQ(second.reply.image, word(2));
   EXPECT_FALSE(second.doubted);
-  EXPECT_EQ(line->counters().unexpected_bytes, 2U);
-  EXPECT_EQ(to_hex(line->last_unexpected()), "55 55");
-  EXPECT_FALSE(line->doubt().is_doubted()) << "no answer is made of these";
+  EXPECT_EQ(bus->counters().unexpected_bytes, 2U);
+  EXPECT_EQ(to_hex(bus->last_unexpected()), "55 55");
+  EXPECT_FALSE(bus->doubt().is_doubted()) << "no answer is made of these";
 }
 
 TEST_F(BusTest, WhatAnEarlierSessionLeftRunsDryOnOpening) {
@@ -492,7 +468,7 @@ TEST_F(BusTest, WhatAnEarlierSessionLeftRunsDryOnOpening) {
 }
 
 TEST_F(BusTest, ListensBeforeTheFirstQuestionOfEachSession) {
-  make_line(nanoseconds(0), milliseconds(120));
+  make_bus(nanoseconds(0), milliseconds(120));
   station.enquire = EnquirePolicy::never;
   for (unsigned session = 1; session <= 2; ++session) {
     wire->later(word_frame(99)).hang();  // the answer to an earlier client
@@ -502,9 +478,9 @@ TEST_F(BusTest, ListensBeforeTheFirstQuestionOfEachSession) {
     const Exchange first = read("D100");
     EXPECT_EQ(first.reply.image, word(session));
     EXPECT_GE(first.began - before, milliseconds(120));
-    line->close();
+    bus->close();
   }
-  EXPECT_FALSE(line->doubt().is_doubted()) << "a dead agent's answer is no sign of another master";
+  EXPECT_FALSE(bus->doubt().is_doubted()) << "a dead agent's answer is no sign of another master";
 }
 
 TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
@@ -540,9 +516,9 @@ TEST_F(BusTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
   const Exchange second = read("D100");
   EXPECT_TRUE(second.is_data());
   EXPECT_TRUE(second.doubted) << "it may be right, and is not to be believed";
-  EXPECT_TRUE(line->doubt().is_doubted());
-  EXPECT_EQ(line->counters().unexpected_bytes, 8U);
-  EXPECT_EQ(line->last_unexpected(), word_frame(99));
+  EXPECT_TRUE(bus->doubt().is_doubted());
+  EXPECT_EQ(bus->counters().unexpected_bytes, 8U);
+  EXPECT_EQ(bus->last_unexpected(), word_frame(99));
 }
 
 TEST_F(BusTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
@@ -587,7 +563,7 @@ TEST_F(BusTest, AGoodFrameOfAnotherLengthMakesReadsTwice) {
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::garbled);
   EXPECT_EQ(read("D100").reply.image, word(3)) << "the first answer may be another's too";
-  EXPECT_FALSE(line->doubt().is_doubted());
+  EXPECT_FALSE(bus->doubt().is_doubted());
 }
 
 TEST_F(BusTest, TwoAnswersWhileOneIsOwedMakeReadsTwice) {
@@ -598,7 +574,7 @@ TEST_F(BusTest, TwoAnswersWhileOneIsOwedMakeReadsTwice) {
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
   EXPECT_EQ(read("D100").reply.image, word(3));
-  EXPECT_FALSE(line->doubt().is_doubted());
+  EXPECT_FALSE(bus->doubt().is_doubted());
 }
 
 TEST_F(BusTest, TheOneAnswerThatIsOwedCostsNoSecondRead) {
@@ -637,7 +613,7 @@ TEST_F(BusTest, SecondAnswerDuringTheSilenceBehindTheFirstIsFoundAndLastsTheDoub
     EXPECT_FALSE(doubled.is_data()) << i;
     EXPECT_EQ(doubled.outcome, Outcome::garbled);
   }
-  EXPECT_TRUE(line->doubt().is_doubted());
+  EXPECT_TRUE(bus->doubt().is_doubted());
 }
 
 TEST_F(BusTest, AnswerPastWhichAnOlderOneWasSkippedIsNoAnswer) {
@@ -646,7 +622,7 @@ TEST_F(BusTest, AnswerPastWhichAnOlderOneWasSkippedIsNoAnswer) {
   wire->expect(kWriteD200).give(joined(word_frame(7), kAck));
   open();
   EXPECT_EQ(write_d200().outcome, Outcome::garbled);
-  EXPECT_TRUE(line->doubt().is_doubted());
+  EXPECT_TRUE(bus->doubt().is_doubted());
 }
 
 TEST_F(BusTest, NakThatLiesBehindAnAckTakesTheAckWithIt) {
@@ -656,7 +632,7 @@ TEST_F(BusTest, NakThatLiesBehindAnAckTakesTheAckWithIt) {
   const Exchange first = write_d200();
   EXPECT_EQ(first.outcome, Outcome::garbled);
   EXPECT_NE(first.error.find("15"), std::string::npos) << first.error;
-  EXPECT_EQ(line->counters().bad_frames, 1U);
+  EXPECT_EQ(bus->counters().bad_frames, 1U);
 }
 
 TEST_F(BusTest, NakThatHasArrivedByTheTimeTheAckWasReadTakesItWithItToo) {
@@ -719,7 +695,7 @@ TEST_F(BusTest, AnswersWithNumbersAreNeverDoubted) {
   const Exchange second = ask(hr0);
   EXPECT_EQ(second.reply.image, word(101));
   EXPECT_FALSE(second.doubted);
-  EXPECT_EQ(line->counters().unexpected_bytes, 22U) << "counted all the same";
+  EXPECT_EQ(bus->counters().unexpected_bytes, 22U) << "counted all the same";
 }
 
 TEST_F(BusTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
@@ -751,8 +727,8 @@ TEST_F(BusTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
   open();
   EXPECT_TRUE(ask(write).is_ack());
   EXPECT_TRUE(ask(write).is_ack());
-  EXPECT_FALSE(line->doubt().is_doubted());
-  EXPECT_EQ(line->counters().unexpected_bytes, 0U);
+  EXPECT_FALSE(bus->doubt().is_doubted());
+  EXPECT_EQ(bus->counters().unexpected_bytes, 0U);
 }
 
 // ---- a channel that is never silent ------------------------------------------------------------
@@ -766,8 +742,8 @@ TEST_F(BusTest, FloodBetweenTwoQuestionsClosesTheChannel) {
   EXPECT_EQ(flooded.outcome, Outcome::link_down);
   EXPECT_FALSE(flooded.sent);
   EXPECT_NE(flooded.error.find("without a pause"), std::string::npos) << flooded.error;
-  EXPECT_FALSE(line->is_open());
-  EXPECT_TRUE(line->channel().never_silent());
+  EXPECT_FALSE(bus->is_open());
+  EXPECT_TRUE(bus->channel().never_silent());
 }
 
 TEST_F(BusTest, FloodWhileItListensClosesTheChannel) {
@@ -777,32 +753,32 @@ TEST_F(BusTest, FloodWhileItListensClosesTheChannel) {
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
   const Exchange flooded = read("D100");
   EXPECT_EQ(flooded.outcome, Outcome::link_down);
-  EXPECT_FALSE(line->is_open());
-  EXPECT_TRUE(line->channel().never_silent());
+  EXPECT_FALSE(bus->is_open());
+  EXPECT_TRUE(bus->channel().never_silent());
 }
 
 TEST_F(BusTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
   wire->give(Bytes(65536, 0x55));
-  const auto opened = run_on(io, line->open());
+  const auto opened = run_on(io, bus->open());
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().code, ErrorCode::link_down);
   EXPECT_NE(opened.error().text.find("without a pause"), std::string::npos);
-  EXPECT_TRUE(line->channel().never_silent());
+  EXPECT_TRUE(bus->channel().never_silent());
   wire->refuse_open("the port is gone");
-  EXPECT_FALSE(run_on(io, line->open()));
-  EXPECT_EQ(line->last_unexpected(), Bytes(64, 0x55)) << "still what to show";
+  EXPECT_FALSE(run_on(io, bus->open()));
+  EXPECT_EQ(bus->last_unexpected(), Bytes(64, 0x55)) << "still what to show";
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
   open();
-  EXPECT_TRUE(line->channel().never_silent()) << "until something was answered";
+  EXPECT_TRUE(bus->channel().never_silent()) << "until something was answered";
   EXPECT_TRUE(read("D100").is_data());
-  EXPECT_FALSE(line->channel().never_silent());
+  EXPECT_FALSE(bus->channel().never_silent());
 }
 
 // ---- time --------------------------------------------------------------------------------------
 
 TEST_F(BusTest, AnswerHasTheTimeOfItsCharactersBesideTheTimeout) {
   // 11 characters out and 8 back: a slow line does not make a slow device.
-  make_line(milliseconds(4));
+  make_bus(milliseconds(4));
   station.enquire = EnquirePolicy::never;
   station.timeout = milliseconds(5);
   wire->expect(kReadD100).hang();
@@ -847,7 +823,7 @@ TEST_F(BusTest, GapIsKeptBetweenTwoRequests) {
   EXPECT_GE(second.began - first.ended, milliseconds(15));
   EXPECT_EQ(second.rest, milliseconds(15));
   EXPECT_EQ(second.line_time(), milliseconds(15) + (second.ended - second.began));
-  EXPECT_GE(line->counters().busy, milliseconds(15)) << "nobody else can use the line meanwhile";
+  EXPECT_GE(bus->counters().busy, milliseconds(15)) << "nobody else can use the line meanwhile";
 }
 
 TEST_F(BusTest, ReadWaitsForItsDeadlineAndNoLonger) {
@@ -868,7 +844,7 @@ TEST_F(BusTest, LinkLostBeforeTheFirstByteSendsNothing) {
   const Exchange exchange = write_d200();
   EXPECT_EQ(exchange.outcome, Outcome::link_down);
   EXPECT_FALSE(exchange.sent);
-  EXPECT_FALSE(line->is_open());
+  EXPECT_FALSE(bus->is_open());
   EXPECT_FALSE(exchange.error.empty());
 }
 
@@ -878,7 +854,7 @@ TEST_F(BusTest, WriteThatBreaksBeforeItsFirstByteWasNotSent) {
   const Exchange exchange = write_d200();
   EXPECT_EQ(exchange.outcome, Outcome::link_down);
   EXPECT_FALSE(exchange.sent);
-  EXPECT_FALSE(line->is_open());
+  EXPECT_FALSE(bus->is_open());
 }
 
 TEST_F(BusTest, WriteThatBreaksAfterOneByteWasSent) {
@@ -895,7 +871,7 @@ TEST_F(BusTest, LinkLostWhileWaitingWasSent) {
   const Exchange exchange = write_d200();
   EXPECT_EQ(exchange.outcome, Outcome::link_down);
   EXPECT_TRUE(exchange.sent);
-  EXPECT_FALSE(line->is_open());
+  EXPECT_FALSE(bus->is_open());
 }
 
 TEST_F(BusTest, LinkLostDuringTheEnquirySendsNothingElse) {
@@ -918,7 +894,7 @@ TEST_F(BusTest, LinkLostDuringTheDrainSendsNothing) {
 TEST_F(BusTest, ClosingEndsAWaitingExchange) {
   station.timeout = std::chrono::hours(1);
   wire->expect(kEnq).give(kAck).expect(kReadD100).call(
-      [&] { asio::post(io, [&] { line->close(); }); });
+      [&] { asio::post(io, [&] { bus->close(); }); });
   wire->hang();
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::link_down);
@@ -926,18 +902,18 @@ TEST_F(BusTest, ClosingEndsAWaitingExchange) {
 
 TEST_F(BusTest, ChannelThatWillNotOpenSaysWhy) {
   wire->refuse_open("no such adapter");
-  const auto opened = run_on(io, line->open());
+  const auto opened = run_on(io, bus->open());
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().code, ErrorCode::link_down);
   EXPECT_EQ(opened.error().text, "no such adapter");
-  EXPECT_FALSE(line->is_open());
+  EXPECT_FALSE(bus->is_open());
 }
 
 TEST_F(BusTest, PeerThatGoesRightAfterOpeningIsAFailureToOpen) {
   wire->hang_up();
-  const auto opened = run_on(io, line->open());
+  const auto opened = run_on(io, bus->open());
   EXPECT_FALSE(opened);
-  EXPECT_FALSE(line->is_open());
+  EXPECT_FALSE(bus->is_open());
 }
 
 // ---- counters ----------------------------------------------------------------------------------
@@ -956,7 +932,7 @@ TEST_F(BusTest, EachEndOfAnExchangeIsCounted) {
   read("D100");
   read("D100");
   ask(request_for("D100"), Clock::now() - milliseconds(1));
-  const Wire::Counters& counters = line->counters();
+  const Wire::Counters& counters = bus->counters();
   EXPECT_EQ(counters.exchanges, 4U) << "the one that expired was never sent";
   EXPECT_EQ(counters.naks, 1U);
   EXPECT_EQ(counters.bad_frames, 1U);

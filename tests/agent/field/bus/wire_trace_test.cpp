@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <asio/io_context.hpp>
 #include <memory>
 #include <regex>
 #include <sstream>
@@ -13,15 +12,13 @@
 
 #include "agent/field/bus/bus.h"
 #include "tests/agent/field/field_plant.h"
-#include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/support/scripted_transport.h"
+#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::nanoseconds;
 using Lines = std::vector<std::string>;
 
 const Bytes kReadD100 = read_frame(kD100, 2);
@@ -30,26 +27,23 @@ const std::string kAsked =
     kFrame + "out bytes=\"" + to_hex(kReadD100) + "\" says=\"read D100 × 1\"";
 
 /// A line whose log the test reads.
-class WireTraceTest : public ::testing::Test {
+class WireTraceTest : public ScriptedBusTest {
  protected:
   WireTraceTest() {
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+    make_bus();
     station.codec = port_codec();
     station.device = "press1";
     station.enquire = EnquirePolicy::never;
     station.timeout = milliseconds(1000);
   }
-  void trace() { line->trace_to(std::make_unique<WireTrace>("line1")); }
+  void trace() { bus->trace_to(std::make_unique<WireTrace>("line1")); }
   /// Returns the log lines of a read of D100, without the times.
   Lines read_d100() {
     testing::internal::CaptureStderr();
-    if (!line->is_open()) {
-      EXPECT_TRUE(run_on(io, line->open()).has_value());
+    if (!bus->is_open()) {
+      EXPECT_TRUE(run_on(io, bus->open()).has_value());
     }
-    const Request request{Read{station.codec->addresses().parse_address("D100", {})->span}};
-    run_on(io, line->exchange(station, request));
+    read("D100");
     std::istringstream log(testing::internal::GetCapturedStderr());
     Lines lines;
     for (std::string text; std::getline(log, text);) {
@@ -59,11 +53,6 @@ class WireTraceTest : public ::testing::Test {
     }
     return lines;
   }
-
-  asio::io_context io;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Bus> line;
-  Station station;
 };
 
 TEST_F(WireTraceTest, QuestionAndAnswerAreExplained) {
@@ -77,9 +66,9 @@ TEST_F(WireTraceTest, ALinkThatIsNotTracedShowsNothingAndATraceMayCease) {
   for (int i = 0; i < 3; ++i) wire->expect(kReadD100).give(word_frame(1));
   EXPECT_EQ(read_d100(), Lines{});
   trace();
-  EXPECT_TRUE(line->is_traced());
+  EXPECT_TRUE(bus->is_traced());
   EXPECT_EQ(read_d100().size(), 2U);
-  line->trace_to(nullptr);
+  bus->trace_to(nullptr);
   EXPECT_EQ(read_d100(), Lines{});
 }
 
@@ -160,7 +149,7 @@ class RingTest : public WireTraceTest {
 
   RingTest() {
     station.recorded_as = ring->number({"press1", "fx-programming-port", {}});
-    line->trace_to(std::make_unique<WireTrace>("line1", WireTrace::Log::no, ring));
+    bus->trace_to(std::make_unique<WireTrace>("line1", WireTrace::Log::no, ring));
   }
   Frames recorded() {
     Frames frames;
@@ -178,7 +167,7 @@ class RingTest : public WireTraceTest {
 TEST_F(RingTest, HasWhatATraceShowsAndTheLogHasNothing) {
   wire->expect(kReadD100).give(joined(word_frame(1), kNak));
   EXPECT_EQ(read_d100(), Lines{});
-  EXPECT_FALSE(line->is_traced());
+  EXPECT_FALSE(bus->is_traced());
   EXPECT_EQ(recorded(), (Frames{{RecordedFrame::Way::out, kReadD100},
                                 {RecordedFrame::Way::unasked, kNak},
                                 {RecordedFrame::Way::in, word_frame(1)}}));

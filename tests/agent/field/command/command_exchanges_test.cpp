@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <asio/io_context.hpp>
 #include <memory>
 #include <string>
 #include <utility>
@@ -11,9 +10,8 @@
 #include "protocol/catalog.h"
 #include "protocol/plan/plan.h"
 #include "tests/agent/field/field_plant.h"
-#include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/support/scripted_transport.h"
+#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
@@ -44,13 +42,11 @@ class Others final : public BusSharing {
 };
 
 /// One line with a PLC that needs no enquiry, and one word, D200.
-class CommandExchangesTest : public ::testing::Test {
+class CommandExchangesTest : public ScriptedBusTest {
  protected:
   CommandExchangesTest() {
     device.retries = 1;
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+    make_bus();
     station.codec = device.codec;
     station.enquire = EnquirePolicy::never;
     target.point = tag(*device.codec, "setpoint", "D200").point;
@@ -59,18 +55,11 @@ class CommandExchangesTest : public ::testing::Test {
     exchanges = std::make_unique<CommandExchanges>(io.get_executor(), *bus, station, device,
                                                    admitted, &others);
   }
-  ~CommandExchangesTest() override {
-    EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";
-  }
   Exchange send(bool may_repeat = true) {
     return run_on(io, exchanges->send_once_or_twice(write, may_repeat));
   }
 
   DeviceConfig device = port_device();
-  asio::io_context io;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Bus> bus;
-  Station station;
   AdmittedCommand admitted;
   AdmittedTarget target;
   Request write;

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <asio/io_context.hpp>
 #include <memory>
 #include <string>
 #include <utility>
@@ -14,9 +13,8 @@
 #include "agent/field/command/command_line_time.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/field_plant.h"
-#include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/support/scripted_transport.h"
+#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
@@ -41,7 +39,7 @@ const Bytes kStop = force_frame(kForceM8037, true);
 const Bytes kRun = force_frame(kForceM8037, false);
 
 /// One open line with a PLC that has answered its enquiry; commands pass through real admission.
-class CommandExecutionTest : public ::testing::Test {
+class CommandExecutionTest : public ScriptedBusTest {
  protected:
   CommandExecutionTest() {
     const Codec& codec = *device.codec;
@@ -54,14 +52,9 @@ class CommandExecutionTest : public ::testing::Test {
     device.tags.push_back(tag(codec, "temp", "D100"));
     device.tags.push_back(tag(codec, "flow", "D100", DataType::float32));
     device.commands.allow_run_stop = true;
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+    make_bus();
     station.codec = device.codec;
     wire->expect(kEnq).give(kAck);
-  }
-  ~CommandExecutionTest() override {
-    EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";
   }
 
   Command command(Op op, CommandTarget target) {
@@ -98,7 +91,7 @@ class CommandExecutionTest : public ::testing::Test {
     return {};
   }
   CommandResult run(const AdmittedCommand& admitted) {
-    CommandExecution execution(io.get_executor(), *line, station, device, admitted);
+    CommandExecution execution(io.get_executor(), *bus, station, device, admitted);
     CommandResult result = run_on(io, execution.run());
     was_answered = execution.exchanges().was_answered();
     was_unanswered = execution.exchanges().was_unanswered();
@@ -107,10 +100,6 @@ class CommandExecutionTest : public ::testing::Test {
 
   DeviceConfig device = port_device();
   CommandAdmission admission{device};
-  asio::io_context io;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Bus> line;
-  Station station;
   std::function<void(AdmittedCommand&)> before_sending;
   bool was_answered = false;
   bool was_unanswered = false;
@@ -583,7 +572,7 @@ TEST_F(CommandExecutionTest, ClosedLinkIsOpenedForTheCommand) {
   wire->expect(kWrite50).give(kAck);
   Command command = write_50();
   command.verify = false;
-  ASSERT_FALSE(line->is_open());
+  ASSERT_FALSE(bus->is_open());
   EXPECT_EQ(run(command).status, CommandStatus::succeeded);
   EXPECT_EQ(wire->opened(), 1U);
 }
@@ -592,9 +581,7 @@ class CommandExecutionWithoutLink : public CommandExecutionTest {
  protected:
   CommandExecutionWithoutLink() {
     wire->discard_input();
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+    make_bus();
   }
 };
 

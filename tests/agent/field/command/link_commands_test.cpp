@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <asio/io_context.hpp>
 #include <functional>
 #include <memory>
 #include <stdexcept>
@@ -17,9 +16,8 @@
 #include "agent/field/command/command_line_time.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/field_plant.h"
-#include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/support/scripted_transport.h"
+#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
@@ -34,7 +32,7 @@ asio::awaitable<bool> ended(asio::awaitable<void> task) {
 }
 
 /// One link without its loop, at 1 ms per character: the test decides when the next command runs.
-class LinkCommandsTest : public ::testing::Test {
+class LinkCommandsTest : public ScriptedBusTest {
  protected:
   using Change = std::function<void(DeviceConfig&)>;
   explicit LinkCommandsTest(nanoseconds char_time = milliseconds(1), const Change& change = {}) {
@@ -48,10 +46,8 @@ class LinkCommandsTest : public ::testing::Test {
     press.commands.allow_run_stop = true;
     if (change) change(press);
     config.devices.push_back(std::move(press));
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
+    make_bus(char_time);
     wire->then([this](ByteView request) { return plc.answer(request); });
-    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), char_time);
     state = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
     poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
     commands = std::make_unique<LinkCommands>(io.get_executor(), config.links[0], *bus, scheduler,
@@ -109,7 +105,7 @@ class LinkCommandsTest : public ::testing::Test {
     return true;
   }
   void open() {
-    EXPECT_TRUE(run_on(io, bus->open()).has_value());
+    ScriptedBusTest::open();
     state->opened();
   }
   /// Lets the PLC execute RUN and STOP too.
@@ -130,13 +126,10 @@ class LinkCommandsTest : public ::testing::Test {
   }
 
   Config config;
-  asio::io_context io;
   Outbox outbox{1000};
   PollScheduler scheduler;
   LinkDevices devices;
   FakePort plc;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Bus> bus;
   std::unique_ptr<LinkState> state;
   std::unique_ptr<Poller> poller;
   const LinkConfig of_recorder;  // it is off

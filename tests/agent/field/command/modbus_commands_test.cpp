@@ -2,7 +2,6 @@
 // broadcasts, several writes in one frame. The frames come from the specifications.
 #include <gtest/gtest.h>
 
-#include <asio/io_context.hpp>
 #include <memory>
 #include <string>
 #include <utility>
@@ -11,37 +10,29 @@
 #include "agent/commands/admission.h"
 #include "agent/field/command/command_execution.h"
 #include "tests/agent/field/field_plant.h"
-#include "tests/agent/field/on_io.h"
-#include "tests/support/scripted_transport.h"
+#include "tests/agent/field/port_frames.h"
+#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
 
-using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
 Bytes hex(std::string_view text) { return *from_hex(text); }
 
 /// One open line with one device; commands pass through real admission.
-class CommandOnTheBusTest : public ::testing::Test {
+class CommandOnTheBusTest : public ScriptedBusTest {
  protected:
   void use(std::string_view protocol, std::shared_ptr<const Codec> codec) {
     device = device_on(protocol, std::move(codec));
     station.codec = device.codec;
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    line = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+    make_bus();
   }
   void use_modbus(bool read_modify_write = false) {
     use("modbus-tcp", codec_of("modbus-tcp", {{"allow_read_modify_write", read_modify_write}}));
     device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:10")));
     device.tags.push_back(writable(tag(*device.codec, "enable", "hr:10.3")));
     device.tags.push_back(writable(tag(*device.codec, "lamp", "co:5")));
-  }
-  ~CommandOnTheBusTest() override {
-    if (wire != nullptr) {
-      EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";
-    }
   }
 
   CommandResult write(std::string tag, Value value, bool verify = false) {
@@ -67,7 +58,7 @@ class CommandOnTheBusTest : public ::testing::Test {
       ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
       return *refused;
     }
-    CommandExecution execution(io.get_executor(), *line, station, device,
+    CommandExecution execution(io.get_executor(), *bus, station, device,
                                std::get<AdmittedCommand>(decision));
     CommandResult result = run_on(io, execution.run());
     was_answered = execution.exchanges().was_answered();
@@ -75,10 +66,6 @@ class CommandOnTheBusTest : public ::testing::Test {
   }
 
   DeviceConfig device;
-  asio::io_context io;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Bus> line;
-  Station station;
   bool was_answered = false;
 };
 
@@ -229,10 +216,8 @@ TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
   device.tags.push_back(writable(tag(*device.codec, "c", "CN100")));
   const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
   station.enquire = EnquirePolicy::never;
-  wire->expect(text("\x05"
-                    "05FFWT003D05001234Y0100BCA9CN100006407"))
-      .give(text("\x06"
-                 "05FF"));
+  wire->expect(joined(kEnq, text("05FFWT003D05001234Y0100BCA9CN100006407")))
+      .give(joined(kAck, text("05FF")));
   Command command;
   command.is_list = true;
   command.targets.push_back({"a", "", std::nullopt, number(0x1234)});
@@ -252,16 +237,10 @@ TEST_F(CommandOnTheBusTest, TargetsThatOverlapAreSentOneAfterTheOther) {
   device.tags.push_back(writable(tag(*device.codec, "a", "D500")));
   device.tags.push_back(writable(tag(*device.codec, "again", "D500")));
   const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
-  const Bytes ack = text(
-      "\x06"
-      "05FF");
+  const Bytes ack = joined(kAck, text("05FF"));
   station.enquire = EnquirePolicy::never;
-  wire->expect(text("\x05"
-                    "05FFWW0D0500010001FA"))
-      .give(ack)
-      .expect(text("\x05"
-                   "05FFWW0D0500010002FB"))
-      .give(ack);
+  wire->expect(joined(kEnq, text("05FFWW0D0500010001FA"))).give(ack);
+  wire->expect(joined(kEnq, text("05FFWW0D0500010002FB"))).give(ack);
   Command command;
   command.is_list = true;
   command.targets.push_back({"a", "", std::nullopt, number(1)});

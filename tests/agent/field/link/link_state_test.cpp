@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <asio/io_context.hpp>
 #include <functional>
 #include <memory>
 #include <utility>
@@ -11,9 +10,8 @@
 
 #include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"
-#include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/support/scripted_transport.h"
+#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
@@ -24,7 +22,7 @@ using Clock = std::chrono::steady_clock;
 using State = DeviceStatus::State;
 
 /// One link with one device that is silent after three unanswered exchanges.
-class LinkStateTest : public ::testing::Test {
+class LinkStateTest : public ScriptedBusTest {
  protected:
   void use(decltype(LinkConfig::channel) channel) {
     config.links.push_back({"line1", std::move(channel), nanoseconds(0)});
@@ -33,18 +31,15 @@ class LinkStateTest : public ::testing::Test {
     hinting.hints.silent = "is it switched on";
     hinting.hints.closed = "is another program using this connection?";
     config.devices[0].protocol = &hinting;
-    auto transport = std::make_unique<ScriptedTransport>(io.get_executor());
-    wire = transport.get();
-    if (std::holds_alternative<UdpSettings>(config.links[0].channel))
-      wire->be_udp(ScriptedTransport::Port::renewed);
-    bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), nanoseconds(0));
+    const bool udp = std::holds_alternative<UdpSettings>(config.links[0].channel);
+    make_bus({}, {}, udp ? std::optional(ScriptedTransport::Port::renewed) : std::nullopt);
     devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(0), 0));
     devices[0]->id = scheduler.add_device(3, {});
     devices[0]->station.wiring = wiring_of(config.links[0], config.devices[0]);
     link = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
   }
   void open() {
-    ASSERT_TRUE(run_on(io, bus->open()).has_value());
+    ScriptedBusTest::open();
     link->opened();
   }
   /// Returns the device states reported since the last call.
@@ -63,23 +58,20 @@ class LinkStateTest : public ::testing::Test {
     const auto opened = run_on(io, bus->open());
     if (!opened) return link->open_failed(opened.error().text);
     link->opened();
-    Station& station = devices[0]->station;
-    station.enquire = EnquirePolicy::never;
-    const Request read{Read{station.codec->addresses().parse_address("D100", {})->span}};
-    const Exchange exchange = run_on(io, bus->exchange(station, read));
+    Station& press = devices[0]->station;
+    press.enquire = EnquirePolicy::never;
+    const Request d100{Read{press.codec->addresses().parse_address("D100", {})->span}};
+    const Exchange exchange = run_on(io, bus->exchange(press, d100));
     if (exchange.has_answer()) link->answered(*devices[0]);
     if (exchange.outcome == Exchange::Outcome::link_down) link->lost(exchange.error);
   }
 
   const Bytes kReadD100 = read_frame(kD100, 2);
   ProtocolInfo hinting;
-  asio::io_context io;
   Config config;
   Outbox outbox{1000};
   PollScheduler scheduler;
   LinkDevices devices;
-  ScriptedTransport* wire = nullptr;
-  std::unique_ptr<Bus> bus;
   std::unique_ptr<LinkState> link;
 };
 
