@@ -1,13 +1,17 @@
-// Frames written as text, and what a codec makes of an answer; for the tests of all protocols.
+// Frames written as text, what a codec makes of an answer, and the exchanges of tests/frames; for
+// the tests of all protocols.
 #pragma once
 
 #include <gtest/gtest.h>
 
+#include <sstream>
 #include <string>
 #include <string_view>
 
 #include "protocol/codec.h"
 #include "protocol/control_characters.h"
+#include "protocol/explanation.h"
+#include "tests/support/transcripts.h"
 
 namespace fxagent::test {
 
@@ -54,6 +58,55 @@ inline std::string fault(const Codec& codec, const Request& request, ByteView rx
   if (reply) return {};
   EXPECT_EQ(reply.error().code, ErrorCode::bad_frame);
   return reply.error().text;
+}
+
+/// Expects the request of an exchange as `codec` encodes it.
+inline void expect_spoken(const Codec& codec, const Request& request, const Exchange& e,
+                          std::uint16_t tag = 0) {
+  const auto frame = codec.encode(request, tag);
+  ASSERT_TRUE(frame) << frame.error().text;
+  EXPECT_EQ(to_hex(*frame), to_hex(e.request));
+  EXPECT_EQ(codec.line_length(request).request_chars, e.request.size());
+}
+
+/// Expects that `codec` understands the answer of an exchange, which is a refusal if `refused`.
+inline Reply expect_understood(const Codec& codec, const Request& request, const Exchange& e,
+                               bool refused, std::uint16_t tag = 0) {
+  Reply reply = answer(codec, request, e.reply, tag);
+  EXPECT_EQ(reply.consumed, e.reply.size());
+  if (refused) {
+    EXPECT_EQ(reply.kind, Reply::Kind::nak);
+    return reply;
+  }
+  EXPECT_EQ(reply.kind, brings_data(request) ? Reply::Kind::data : Reply::Kind::ack);
+  if (brings_data(request)) {
+    EXPECT_EQ(to_hex(reply.image), to_hex(e.image));
+  }
+  EXPECT_EQ(codec.line_length(request).reply_chars, e.reply.size());
+  return reply;
+}
+
+/// Returns the write of an exchange to several devices, "M50,Y2F": bits or words. `span_of` gives
+/// the place of a device.
+template <class SpanOf>
+Request scatter_of(const Exchange& e, SpanOf span_of) {
+  Scatter scatter;
+  std::istringstream devices(e.device);
+  std::string device;
+  const std::size_t width = e.image.size() / e.bytes;
+  for (std::size_t at = 0; std::getline(devices, device, ','); at += width) {
+    Write part{span_of(device), first(ByteView(e.image).subspan(at), width)};
+    part.span.bits = width == 1 ? 1 : 16;
+    scatter.parts.push_back(part);
+  }
+  return scatter;
+}
+
+/// Returns the field of an explanation.
+inline std::string field(const Explanation& out, std::string_view name) {
+  for (const auto& [key, value] : out.fields)
+    if (key == name) return value;
+  return "(none)";
 }
 
 inline void expect_says(const std::string& text, std::string_view part) {

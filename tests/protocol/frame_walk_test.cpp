@@ -2,16 +2,14 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/transcripts.h"
+#include "tests/protocol/answers.h"
 
 namespace fxagent {
 namespace {
 
-using test::hex;
+using namespace test;
 using Values = std::vector<std::string>;
 using Shown = std::vector<std::pair<std::string, std::string>>;
-
-Bytes ascii(std::string_view text) { return {text.begin(), text.end()}; }
 
 /// A protocol whose devices are D0 to D9, M0 to M9 and CN0 to CN9, by the first digit.
 class ToyWalk final : public DeviceWalk {

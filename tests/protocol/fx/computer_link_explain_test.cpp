@@ -2,7 +2,6 @@
 
 #include "protocol/fx/computer_link.h"
 #include "tests/protocol/answers.h"
-#include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {
@@ -19,12 +18,6 @@ Explanation summed(std::string_view text) {
   Bytes frame = ascii(text);
   append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
   return explain_link_frame(Model::unknown, frame, std::nullopt);
-}
-
-std::string field(const Explanation& out, std::string_view name) {
-  for (const auto& [key, value] : out.fields)
-    if (key == name) return value;
-  return "(none)";
 }
 
 TEST(LinkExplanation, NamesEveryFrameOfTheTranscripts) {

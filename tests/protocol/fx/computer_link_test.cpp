@@ -7,7 +7,6 @@
 #include "protocol/fx/link_frame.h"
 #include "protocol/plan/plan.h"
 #include "tests/protocol/answers.h"
-#include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {
@@ -54,21 +53,6 @@ ComputerLink codec_of(const test::Exchange& e) {
   return ComputerLink(settings);
 }
 
-Request scatter_of(const test::Exchange& e) {
-  Scatter scatter;
-  std::istringstream devices(e.device);
-  std::string device;
-  const std::size_t width = e.image.size() / e.bytes;
-  for (std::size_t at = 0; std::getline(devices, device, ','); at += width) {
-    Write part{span(device, 1), {}};
-    part.span.bits = width == 1 ? 1 : 16;
-    part.image.assign(e.image.begin() + static_cast<std::ptrdiff_t>(at),
-                      e.image.begin() + static_cast<std::ptrdiff_t>(at + width));
-    scatter.parts.push_back(part);
-  }
-  return scatter;
-}
-
 std::optional<Request> request_of(const test::Exchange& e) {
   const std::string& what = e.operation;
   if (what == "read_bits") return Read{span(e.device, e.bytes), ComputerLink::kBitWay};
@@ -79,7 +63,7 @@ std::optional<Request> request_of(const test::Exchange& e) {
     if (what == "write") return Write{place, e.image};
     return Read{place, ComputerLink::kWordWay};
   }
-  if (what == "scatter") return scatter_of(e);
+  if (what == "scatter") return scatter_of(e, [](const auto& device) { return span(device, 1); });
   if (what == "run" || what == "nak") return Control{Control::Kind::run};
   if (what == "stop") return Control{Control::Kind::stop};
   if (what == "identify") return Control{Control::Kind::identify};
@@ -92,12 +76,8 @@ TEST(ComputerLink, SpeaksEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("fx_computer_link.txt")) {
     const auto request = request_of(e);
     if (!request) continue;
-    const auto codec = codec_of(e);
     SCOPED_TRACE(e.where());
-    const auto frame = codec.encode(*request, 0);
-    ASSERT_TRUE(frame) << frame.error().text;
-    EXPECT_EQ(to_hex(*frame), to_hex(e.request));
-    EXPECT_EQ(codec.line_length(*request).request_chars, e.request.size());
+    expect_spoken(codec_of(e), *request, e);
     ++spoken;
   }
   EXPECT_EQ(spoken, 41);
@@ -110,21 +90,11 @@ TEST(ComputerLink, UnderstandsEveryAnswerOfTheTranscripts) {
     const auto codec = codec_of(e);
     if (!request || e.reply.empty()) continue;
     SCOPED_TRACE(e.where());
-    const auto reply = codec.decode(*request, 0, e.reply);
-    ASSERT_TRUE(reply && *reply);
-    EXPECT_EQ((*reply)->consumed, e.reply.size());
-    const auto length = codec.line_length(*request);
-    EXPECT_EQ((*reply)->closing.size(), length.closing_chars);
-    if (e.operation == "nak") {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::nak);
-      EXPECT_TRUE((*reply)->text.starts_with("nak " + e.device + ": ")) << (*reply)->text;
-    } else if (e.operation.starts_with("read") || e.operation == "identify") {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::data);
-      EXPECT_EQ(to_hex((*reply)->image), to_hex(e.image));
-      EXPECT_EQ(length.reply_chars, e.reply.size());
-    } else {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::ack);
-      EXPECT_EQ(length.reply_chars, e.reply.size());
+    const bool refused = e.operation == "nak";
+    const Reply reply = expect_understood(codec, *request, e, refused);
+    EXPECT_EQ(reply.closing.size(), codec.line_length(*request).closing_chars);
+    if (refused) {
+      EXPECT_TRUE(reply.text.starts_with("nak " + e.device + ": ")) << reply.text;
     }
     ++understood;
   }

@@ -5,7 +5,6 @@
 #include "protocol/plan/plan.h"
 #include "protocol/value/unpack.h"
 #include "tests/protocol/answers.h"
-#include "tests/support/transcripts.h"
 
 namespace fxagent::fx {
 namespace {
@@ -58,10 +57,8 @@ TEST(ProgrammingPort, SpeaksEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("fx_programming_port.txt")) {
     const auto request = request_of(e);
     if (!request) continue;
-    const auto frame = port_of(e).encode(*request, 0);
-    ASSERT_TRUE(frame) << "line " << e.line << ": " << frame.error().text;
-    EXPECT_EQ(to_hex(*frame), to_hex(e.request)) << "line " << e.line << ", " << e.source;
-    EXPECT_EQ(port_of(e).line_length(*request).request_chars, e.request.size());
+    SCOPED_TRACE(e.where());
+    expect_spoken(port_of(e), *request, e);
     ++spoken;
   }
   EXPECT_EQ(spoken, 184);
@@ -72,16 +69,8 @@ TEST(ProgrammingPort, UnderstandsEveryAnswerOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("fx_programming_port.txt")) {
     const auto request = request_of(e);
     if (!request || e.reply.empty()) continue;
-    const auto reply = port_of(e).decode(*request, 0, e.reply);
-    ASSERT_TRUE(reply && *reply) << "line " << e.line;
-    EXPECT_EQ((*reply)->consumed, e.reply.size());
-    EXPECT_EQ(port_of(e).line_length(*request).reply_chars, e.reply.size());
-    if (e.operation == "read") {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::data);
-      EXPECT_EQ(to_hex((*reply)->image), to_hex(e.image)) << "line " << e.line;
-    } else {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::ack);
-    }
+    SCOPED_TRACE(e.where());
+    expect_understood(port_of(e), *request, e, false);
     ++understood;
   }
   EXPECT_GT(understood, 100);

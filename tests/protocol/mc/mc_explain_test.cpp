@@ -5,7 +5,6 @@
 
 #include "protocol/mc/mc.h"
 #include "tests/protocol/answers.h"
-#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {

@@ -4,7 +4,6 @@
 #include "protocol/mc/mc.h"
 #include "protocol/plan/plan.h"
 #include "tests/protocol/answers.h"
-#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {

@@ -7,7 +7,6 @@
 
 #include "protocol/mc/end_code.h"
 #include "tests/protocol/answers.h"
-#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {

@@ -1,12 +1,12 @@
 #include <gtest/gtest.h>
 
 #include "protocol/mc/one_e.h"
-#include "tests/support/transcripts.h"
+#include "tests/protocol/answers.h"
 
 namespace fxagent::mc {
 namespace {
 
-using test::hex;
+using namespace test;
 using Values = std::vector<std::string>;
 
 Explanation explain(std::string_view frame, Model model = Model::fx3u) {
@@ -15,12 +15,6 @@ Explanation explain(std::string_view frame, Model model = Model::fx3u) {
 
 Explanation explain_text(std::string_view frame) {
   return one_e::explain_frame(Model::fx3u, Bytes(frame.begin(), frame.end()), std::nullopt);
-}
-
-std::string field(const Explanation& out, std::string_view name) {
-  for (const auto& [key, value] : out.fields)
-    if (key == name) return value;
-  return "(none)";
 }
 
 TEST(OneEExplanation, NamesEveryFrameOfTheTranscripts) {

@@ -8,7 +8,6 @@
 
 #include "protocol/plan/plan.h"
 #include "tests/protocol/answers.h"
-#include "tests/support/transcripts.h"
 
 namespace fxagent::mc {
 namespace {
@@ -56,25 +55,10 @@ OneE codec_of(const test::Exchange& e) {
   return OneE(settings);
 }
 
-Request scatter_of(const test::Exchange& e) {
-  Scatter scatter;
-  std::istringstream devices(e.device);
-  std::string device;
-  const std::size_t width = e.image.size() / e.bytes;
-  for (std::size_t at = 0; std::getline(devices, device, ','); at += width) {
-    Write part{span(device, 1), {}};
-    part.span.bits = width == 1 ? 1 : 16;
-    part.image.assign(e.image.begin() + static_cast<std::ptrdiff_t>(at),
-                      e.image.begin() + static_cast<std::ptrdiff_t>(at + width));
-    scatter.parts.push_back(part);
-  }
-  return scatter;
-}
-
 /// Returns nullopt for a request that this product never sends.
 std::optional<Request> request_of(const test::Exchange& e) {
   const std::string& what = e.operation;
-  if (what == "scatter") return scatter_of(e);
+  if (what == "scatter") return scatter_of(e, [](const auto& device) { return span(device, 1); });
   if (what == "run") return Control{Control::Kind::run};
   if (what == "stop") return Control{Control::Kind::stop};
   if (what == "identify") return Control{Control::Kind::identify};
@@ -91,12 +75,8 @@ TEST(OneE, SpeaksEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("mc_1e.txt")) {
     const auto request = request_of(e);
     if (!request) continue;
-    const auto codec = codec_of(e);
     SCOPED_TRACE(e.where());
-    const auto frame = codec.encode(*request, 0);
-    ASSERT_TRUE(frame) << frame.error().text;
-    EXPECT_EQ(to_hex(*frame), to_hex(e.request));
-    EXPECT_EQ(codec.line_length(*request).request_chars, e.request.size());
+    expect_spoken(codec_of(e), *request, e);
     ++spoken;
   }
   EXPECT_EQ(spoken, 24);
@@ -107,22 +87,8 @@ TEST(OneE, UnderstandsEveryAnswerOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("mc_1e.txt")) {
     const auto request = request_of(e);
     if (!request || e.reply.empty()) continue;
-    const auto codec = codec_of(e);
     SCOPED_TRACE(e.where());
-    const auto reply = codec.decode(*request, 0, e.reply);
-    ASSERT_TRUE(reply && *reply) << (reply ? "need more" : reply.error().text);
-    EXPECT_EQ((*reply)->consumed, e.reply.size());
-    if (e.operation == "nak") {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::nak);
-    } else if (e.operation.starts_with("read") || e.operation == "identify") {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::data);
-      EXPECT_EQ(to_hex((*reply)->image), to_hex(e.image));
-    } else {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::ack);
-    }
-    if (e.operation != "nak") {
-      EXPECT_EQ(codec.line_length(*request).reply_chars, e.reply.size());
-    }
+    expect_understood(codec_of(e), *request, e, e.operation == "nak");
     ++understood;
   }
   EXPECT_EQ(understood, 22);

@@ -10,7 +10,6 @@
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "tests/protocol/answers.h"
-#include "tests/support/transcripts.h"
 
 namespace fxagent::modbus {
 namespace {
@@ -83,8 +82,7 @@ TEST(Modbus, SpeaksEveryFrameOfTheTranscripts) {
     if (!request) continue;
     SCOPED_TRACE(e.where());
     const Modbus codec = codec_of(e);
-    EXPECT_EQ(to_hex(sent(codec, *request, transaction_of(e))), to_hex(e.request));
-    EXPECT_EQ(codec.line_length(*request).request_chars, e.request.size());
+    expect_spoken(codec, *request, e, transaction_of(e));
     EXPECT_EQ(codec.expects_reply(*request), !e.reply.empty());
     ++spoken;
   }
@@ -97,23 +95,14 @@ TEST(Modbus, UnderstandsEveryAnswerOfTheTranscripts) {
     const auto request = request_of(e);
     if (!request || e.reply.empty()) continue;
     SCOPED_TRACE(e.where());
-    const Modbus codec = codec_of(e);
-    const auto reply = codec.decode(*request, transaction_of(e), e.reply);
-    ASSERT_TRUE(reply && *reply) << (reply ? "needs more" : reply.error().text);
     ++understood;
-    EXPECT_EQ((*reply)->consumed, e.reply.size());
+    const Reply reply =
+        expect_understood(codec_of(e), *request, e, is_refused(e), transaction_of(e));
     if (is_refused(e)) {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::nak);
-      EXPECT_FALSE((*reply)->text.empty());
-      if (e.operation == "read_refused") {
-        EXPECT_EQ((*reply)->device_code, e.image[0]);
-      }
-    } else if (std::holds_alternative<Read>(*request)) {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::data);
-      EXPECT_EQ(to_hex((*reply)->image), to_hex(e.image));
-      EXPECT_EQ(codec.line_length(*request).reply_chars, e.reply.size());
-    } else {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::ack);
+      EXPECT_FALSE(reply.text.empty());
+    }
+    if (e.operation == "read_refused") {
+      EXPECT_EQ(reply.device_code, e.image[0]);
     }
   }
   EXPECT_EQ(understood, 82);
