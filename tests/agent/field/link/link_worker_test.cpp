@@ -189,6 +189,14 @@ class LinkWorkerTest : public ::testing::Test {
     static const CommandResult nothing;
     return found != nullptr ? *found : nothing;
   }
+  FieldHealth reported() const {
+    FieldHealth health;
+    health.links.resize(1);
+    health.devices.resize(config.devices.size());
+    health.durations.resize(config.http ? 1 : 0);
+    worker->report(health);
+    return health;
+  }
   /// Returns the newest state of a device.
   DeviceStatus state(std::uint32_t device = 0) const {
     DeviceStatus newest;
@@ -198,6 +206,16 @@ class LinkWorkerTest : public ::testing::Test {
   }
   void wait_for_state(State wanted, const std::string& reason, std::uint32_t device = 0) {
     wait([&] { return state(device).state == wanted && state(device).reason == reason; });
+  }
+  /// Starts on a channel that floods twice, and waits until the third connection is online.
+  void expect_two_pauses() {
+    const auto began = Clock::now();
+    start();
+    wait_for_state(State::offline, "never_silent");
+    wait_for_state(State::online, "");
+    EXPECT_EQ(wire->opened(), 3U);
+    // Half a second and then one second, each shortened by at most a fifth.
+    EXPECT_GE(Clock::now() - began, milliseconds(1200));
   }
   std::vector<Telemetry> of_device(std::uint32_t device) const {
     std::vector<Telemetry> out;
@@ -284,10 +302,7 @@ TEST_F(LinkWorkerTest, OnChangeIsSuppressedAndCounted) {
   plc.set(kD100, word(2));
   wait([&] { return telemetry.size() >= 2; });
   EXPECT_EQ(telemetry[1].seq, telemetry[0].seq + 1) << "what was suppressed took no number";
-  FieldHealth health;
-  health.links.resize(1);
-  health.devices.resize(1);
-  worker->report(health);
+  const FieldHealth health = reported();
   EXPECT_EQ(health.devices[0].collected, health.devices[0].suppressed + 2);
   EXPECT_GE(health.devices[0].polls, 20U);
   EXPECT_GE(health.links[0].exchanges, 20U);
@@ -303,11 +318,7 @@ TEST_F(LinkWorkerTest, DurationsAreCountedWhereTheConfigAsksForMetrics) {
   config.http.emplace();
   start();
   wait([&] { return plc.count("read 10C8 2") >= 20; });
-  FieldHealth health;
-  health.links.resize(1);
-  health.devices.resize(1);
-  health.durations.resize(1);
-  worker->report(health);
+  const FieldHealth health = reported();
   EXPECT_TRUE(health.links[0].open);
   const std::uint64_t answered = total(health.durations[0].turnaround);
   EXPECT_LE(answered, health.links[0].exchanges);
@@ -484,10 +495,7 @@ TEST_F(LinkWorkerTest, ValuesOfADoubtedBusAreBadFramesUntilItIsBelievedAgain) {
   wait([&] { return telemetry.size() >= in_doubt + 10; });
   for (std::size_t i = in_doubt; i < telemetry.size(); ++i)
     EXPECT_EQ(telemetry[i].readings[0].bad, BadReason::bad_frame) << i;
-  FieldHealth health;
-  health.links.resize(1);
-  health.devices.resize(1);
-  worker->report(health);
+  const FieldHealth health = reported();
   EXPECT_EQ(health.links[0].doubts, 1U);
   EXPECT_TRUE(health.links[0].doubted);
   EXPECT_GT(health.links[0].unexpected_bytes, 0U);
@@ -512,10 +520,7 @@ TEST_F(LinkWorkerTest, DoubtThatComesBackWithinAMinuteIsLoggedOnce) {
     wait_for_state(State::online, "");
   }
   const std::string log = testing::internal::GetCapturedStderr();
-  FieldHealth health;
-  health.links.resize(1);
-  health.devices.resize(1);
-  worker->report(health);
+  const FieldHealth health = reported();
   EXPECT_EQ(health.links[0].doubts, 2U);
   const std::size_t first = log.find("state=doubted");
   ASSERT_NE(first, std::string::npos) << log;
@@ -539,24 +544,13 @@ TEST_F(LinkWorkerTest, WholeCycleIsBadInWhichForeignBytesWereFound) {
 
 TEST_F(LinkWorkerTest, ChannelThatNeverFallsSilentIsClosedAndBacksOff) {
   script().give(Bytes(65536, 0x55)).call([] {}).give(Bytes(65536, 0x55));
-  const auto began = Clock::now();
-  start();
-  wait_for_state(State::offline, "never_silent");
-  wait_for_state(State::online, "");
-  EXPECT_EQ(wire->opened(), 3U);
-  // Half a second and then one second, each shortened by at most a fifth.
-  EXPECT_GE(Clock::now() - began, milliseconds(1200));
+  expect_two_pauses();
 }
 
 TEST_F(LinkWorkerTest, ChannelThatFloodsAgainAndAgainWhenItIsAskedBacksOffLongerEachTime) {
   script();
   for (int i = 0; i < 2; ++i) wire->expect(kEnq).give(Bytes(65536 + 8192, 0x55));
-  const auto began = Clock::now();
-  start();
-  wait_for_state(State::offline, "never_silent");
-  wait_for_state(State::online, "");
-  EXPECT_EQ(wire->opened(), 3U);
-  EXPECT_GE(Clock::now() - began, milliseconds(1200));
+  expect_two_pauses();
 }
 
 TEST_F(LinkWorkerTest, BugInAPollDoesNotEndTheLink) {
@@ -1343,10 +1337,7 @@ TEST_F(LinkWorkerChangeTest, DeviceLeavesAndComesBackWhileItsNeighbourIsPolled) 
   for (std::size_t i = 1; i < of_device(0).size(); ++i)
     EXPECT_EQ(of_device(0)[i].seq, of_device(0)[i - 1].seq + 1);
   EXPECT_EQ(wire->opened(), 1U) << "its connection stands";
-  FieldHealth health;
-  health.links.resize(1);
-  health.devices.resize(2);
-  worker->report(health);
+  const FieldHealth health = reported();
   const auto intervals =
       (std::chrono::steady_clock::now() - added) / config.devices[1].groups[0].interval;
   EXPECT_LE(health.devices[1].missed, static_cast<std::uint64_t>(intervals) + 1)
