@@ -11,6 +11,7 @@
 #include "protocol/codec.h"
 #include "protocol/control_characters.h"
 #include "protocol/explanation.h"
+#include "tests/support/says.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent::test {
@@ -107,10 +108,6 @@ inline std::string field(const Explanation& out, std::string_view name) {
   for (const auto& [key, value] : out.fields)
     if (key == name) return value;
   return "(none)";
-}
-
-inline void expect_says(const std::string& text, std::string_view part) {
-  EXPECT_NE(text.find(part), std::string::npos) << text;
 }
 
 }  // namespace fxagent::test

@@ -2,8 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/says.h"
+
 namespace fxagent::mc {
 namespace {
+
+using test::expect_says;
 
 Address address(Model model, std::string_view text, std::optional<DataType> type = {}) {
   const auto parsed = parse_address(model, text, type);
@@ -17,10 +21,6 @@ std::string refusal(Model model, std::string_view text, std::optional<DataType> 
   if (parsed) return {};
   EXPECT_EQ(parsed.error().code, ErrorCode::bad_request);
   return parsed.error().text;
-}
-
-void expect_says(const std::string& text, std::string_view part) {
-  EXPECT_NE(text.find(part), std::string::npos) << text;
 }
 
 constexpr Model kAll[] = {Model::unknown, Model::unknown_fx3, Model::fx3u,    Model::fx3g,

@@ -177,7 +177,7 @@ TEST(Modbus, TheBaseIsThatOfTheFirstNumberAndOfNamesWithATableOnly) {
   EXPECT_EQ(address("hr:65536", codec).text, "hr:65536");
   EXPECT_EQ(address("40001", codec).text, "hr:1");
   EXPECT_EQ(codec.name_of({kCoil, 0, 1}), "co:1");
-  EXPECT_NE(refusal("hr:0", codec).find("from 1 to 65536"), std::string::npos);
+  expect_says(refusal("hr:0", codec), "from 1 to 65536");
 }
 
 TEST(Modbus, WhatIsNoAddressIsRefusedWithTheForms) {
@@ -186,12 +186,12 @@ TEST(Modbus, WhatIsNoAddressIsRefusedWithTheForms) {
   for (const char* text : {"hr:", "hr:65536", "co:-1", "hr:1x", "hr:0x", "di: 1"})
     EXPECT_NE(refusal(text).find("from 0 to 65535"), std::string::npos) << text << refusal(text);
   EXPECT_TRUE(refusal("D100").starts_with("'D100' ")) << "as it was written: " << refusal("D100");
-  EXPECT_NE(refusal("40000").find("from 1 to 9999"), std::string::npos);
-  EXPECT_NE(refusal("465537").find("from 1 to 65536"), std::string::npos);
-  EXPECT_NE(refusal("20001").find("first digit"), std::string::npos);
-  EXPECT_NE(refusal("4001").find("5 or 6 digits"), std::string::npos);
-  EXPECT_NE(refusal("hr:5.16").find(".0 to .15"), std::string::npos);
-  EXPECT_NE(refusal("co:5.1").find("only registers have bits"), std::string::npos);
+  expect_says(refusal("40000"), "from 1 to 9999");
+  expect_says(refusal("465537"), "from 1 to 65536");
+  expect_says(refusal("20001"), "first digit");
+  expect_says(refusal("4001"), "5 or 6 digits");
+  expect_says(refusal("hr:5.16"), ".0 to .15");
+  expect_says(refusal("co:5.1"), "only registers have bits");
 }
 
 TEST(Modbus, RangesOfTheAllowList) {
@@ -211,7 +211,7 @@ TEST(Modbus, RangesOfTheAllowList) {
                                                         {"D5-D7", "the forms are"}}) {
     const auto span = codec.parse_range(text);
     ASSERT_FALSE(span) << text;
-    EXPECT_NE(span.error().text.find(why), std::string::npos) << span.error().text;
+    expect_says(span.error().text, why);
   }
 }
 
@@ -341,9 +341,8 @@ TEST(Modbus, AnswersOfOtherUnitsAreWaitedPast) {
   EXPECT_TRUE(needs_more(unit(18), kRead, kRtuAnswer));
   EXPECT_TRUE(needs_more(unit(0x12, Framing::ascii), Read{{kInputRegister, 128, 16}},
                          "3A 31 31 30 34 30 32 30 30 30 41 44 46 0D 0A"));
-  EXPECT_NE(garbled(unit(1, Framing::tcp), kRead, kTcpAnswer, 0x1503)
-                .find("unit 255 answered, unit 1 was asked"),
-            std::string::npos);
+  expect_says(garbled(unit(1, Framing::tcp), kRead, kTcpAnswer, 0x1503),
+              "unit 255 answered, unit 1 was asked");
 }
 
 TEST(Modbus, ALateAnswerIsToldByItsNumberOnTcp) {
@@ -357,9 +356,9 @@ TEST(Modbus, ALateAnswerIsToldByItsNumberOnTcp) {
 
 TEST(Modbus, AHeaderOfNonsenseEndsTheConnection) {
   const Modbus codec = unit(255, Framing::tcp);
-  EXPECT_NE(garbled(codec, kRead, "15 03 00 00 03 84 FF").find("length 900"), std::string::npos);
-  EXPECT_NE(garbled(codec, kRead, "15 03 00 00 00 02 FF 03").find("length 2"), std::string::npos);
-  EXPECT_NE(garbled(codec, kRead, "48 54 54 50 2F 31").find("protocol 5450"), std::string::npos);
+  expect_says(garbled(codec, kRead, "15 03 00 00 03 84 FF"), "length 900");
+  expect_says(garbled(codec, kRead, "15 03 00 00 00 02 FF 03"), "length 2");
+  expect_says(garbled(codec, kRead, "48 54 54 50 2F 31"), "protocol 5450");
   EXPECT_EQ(codec.after_nonsense(), Recovery::reconnect);
   EXPECT_EQ(codec.after_silence(), Recovery::none);
   EXPECT_EQ(unit().after_nonsense(), Recovery::drain);
@@ -368,16 +367,11 @@ TEST(Modbus, AHeaderOfNonsenseEndsTheConnection) {
 
 TEST(Modbus, AnAnswerToAnotherQuestionIsNamedOnTcp) {
   const Modbus codec = unit(255, Framing::tcp);
-  EXPECT_NE(garbled(codec, kRead, "00 00 00 00 00 05 FF 04 02 00 0A").find("another function"),
-            std::string::npos);
-  EXPECT_NE(garbled(codec, kRead, "00 00 00 00 00 05 FF 03 02 00 0A").find("count"),
-            std::string::npos);
-  EXPECT_NE(garbled(codec, kRead, "00 00 00 00 00 05 FF 03 07 00 0A").find("byte count"),
-            std::string::npos);
-  EXPECT_NE(garbled(codec, kRead, "00 00 00 00 00 04 FF 83 02 00").find("exception of 3"),
-            std::string::npos);
-  EXPECT_NE(garbled(codec, Force{kCoil, 1, true}, "00 00 00 00 00 05 FF 05 00 01 FF").find("write"),
-            std::string::npos);
+  expect_says(garbled(codec, kRead, "00 00 00 00 00 05 FF 04 02 00 0A"), "another function");
+  expect_says(garbled(codec, kRead, "00 00 00 00 00 05 FF 03 02 00 0A"), "count");
+  expect_says(garbled(codec, kRead, "00 00 00 00 00 05 FF 03 07 00 0A"), "byte count");
+  expect_says(garbled(codec, kRead, "00 00 00 00 00 04 FF 83 02 00"), "exception of 3");
+  expect_says(garbled(codec, Force{kCoil, 1, true}, "00 00 00 00 00 05 FF 05 00 01 FF"), "write");
 }
 
 TEST(Modbus, ALateAnswerToAnotherWriteIsPassedOver) {
@@ -514,8 +508,7 @@ TEST(Modbus, AsciiBeginsAnewAtEveryColonAndTakesLowerCase) {
 }
 
 TEST(Modbus, ABabblingLineIsNamed) {
-  EXPECT_NE(unit().decode(kRead, 0, Bytes(600, 0x7F)).error().text.find("600 bytes"),
-            std::string::npos);
+  expect_says(unit().decode(kRead, 0, Bytes(600, 0x7F)).error().text, "600 bytes");
   EXPECT_FALSE(unit(1, Framing::ascii).decode(kRead, 0, Bytes(1100, 0x7F)));
 }
 
@@ -595,7 +588,7 @@ TEST(Modbus, IsMadeFromItsOptions) {
   EXPECT_EQ((*made)->addresses().default_order(), ByteOrder::cdab);
   EXPECT_EQ((*made)->addresses().read_ways(kHolding)[0].max_bits, 160U);
   options["unit"] = std::int64_t{250};
-  EXPECT_NE(rtu->make(options).error().text.find("reserved"), std::string::npos);
+  expect_says(rtu->make(options).error().text, "reserved");
   EXPECT_TRUE(find_protocol("modbus-tcp")->make(options));
   EXPECT_TRUE(find_protocol("modbus-ascii")->make(default_options(*rtu)));
   options["byte_order"] = std::string("XYZ");
@@ -695,42 +688,26 @@ TEST(ModbusExplain, SaysWhatIsWrong) {
     EXPECT_FALSE(out.ok) << frame;
     return out.error.value_or("");
   };
-  EXPECT_NE(error(Framing::rtu, "11 03 00 6B 00 03 76 88").find("CRC 76 88 given, 76 87 computed"),
-            std::string::npos);
-  EXPECT_NE(error(Framing::rtu, "11 03").find("too short"), std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "15 03 00 00 00 06 FF 03 00").find("shorter"), std::string::npos);
-  EXPECT_NE(error(Framing::tcp, kTcpAnswer + " 00").find("1 bytes follow"), std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "15 03 00 01 00 06 FF 03 00 6B 00 03").find("protocol 0001"),
-            std::string::npos);
-  EXPECT_NE(error(Framing::ascii, "3A 31 31").find("CR LF"), std::string::npos);
+  expect_says(error(Framing::rtu, "11 03 00 6B 00 03 76 88"), "CRC 76 88 given, 76 87 computed");
+  expect_says(error(Framing::rtu, "11 03"), "too short");
+  expect_says(error(Framing::tcp, "15 03 00 00 00 06 FF 03 00"), "shorter");
+  expect_says(error(Framing::tcp, kTcpAnswer + " 00"), "1 bytes follow");
+  expect_says(error(Framing::tcp, "15 03 00 01 00 06 FF 03 00 6B 00 03"), "protocol 0001");
+  expect_says(error(Framing::ascii, "3A 31 31"), "CR LF");
   const auto request = Direction::request;
   const auto reply = Direction::reply;
-  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 06 FF 03 00 00 00 7E", request).find("1 to 125"),
-            std::string::npos);
-  EXPECT_NE(
-      error(Framing::tcp, "00 00 00 00 00 06 FF 05 00 00 12 34", request).find("FF00 or 0000"),
-      std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 06 FF 03 FF FF 00 02", request).find("65535"),
-            std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 03 FF 83 02", request).find("not a request"),
-            std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 04 FF 83 02 00", reply).find("2 belong"),
-            std::string::npos);
-  EXPECT_NE(
-      error(Framing::tcp, "00 00 00 00 00 05 FF 10 00 01 00", request).find("before its data"),
-      std::string::npos);
-  EXPECT_NE(
-      error(Framing::tcp, "00 00 00 00 00 05 FF 17 00 01 00", request).find("before its data"),
-      std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 0B FF 10 00 01 00 02 03 00 0A 01 02", request)
-                .find("byte count 3"),
-            std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 05 FF 03 04 00 0A", reply).find("byte count"),
-            std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 06 FF 03 03 00 0A 0B", reply).find("odd count"),
-            std::string::npos);
-  EXPECT_NE(error(Framing::tcp, "00 00 00 00 00 05 FF 10 00 01 00", reply).find("5 belong"),
-            std::string::npos);
+  expect_says(error(Framing::tcp, "00 00 00 00 00 06 FF 03 00 00 00 7E", request), "1 to 125");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 06 FF 05 00 00 12 34", request), "FF00 or 0000");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 06 FF 03 FF FF 00 02", request), "65535");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 03 FF 83 02", request), "not a request");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 04 FF 83 02 00", reply), "2 belong");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 05 FF 10 00 01 00", request), "before its data");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 05 FF 17 00 01 00", request), "before its data");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 0B FF 10 00 01 00 02 03 00 0A 01 02", request),
+              "byte count 3");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 05 FF 03 04 00 0A", reply), "byte count");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 06 FF 03 03 00 0A 0B", reply), "odd count");
+  expect_says(error(Framing::tcp, "00 00 00 00 00 05 FF 10 00 01 00", reply), "5 belong");
 }
 
 TEST(ModbusExplain, AFunctionThatIsNeverSentIsStillAFrame) {

@@ -1,6 +1,7 @@
 // The report of `check --online`: its lines, the advice, the exit status.
 #include "agent/cli/check/online_report.h"
 #include "agent/config/loader.h"
+#include "tests/support/says.h"
 
 #include <gtest/gtest.h>
 
@@ -12,6 +13,7 @@ namespace fxagent {
 namespace {
 
 using nlohmann::json;
+using test::expect_says;
 
 constexpr const char* kConfig = R"({
   "agent": {"id": "edge7", "root": "fx"},
@@ -124,8 +126,8 @@ TEST_F(OnlineReport, WhatDoesNotAnswerGoesBeforeEverythingElse) {
   findings.links[2].state = OnlineLink::State::held;
   findings.links[2].holder = OnlineHolder{7, "picocom", OnlineHolder::Runs::no_agent};
   const std::string said = text();
-  EXPECT_NE(said.find("link line2, place: does not open\n"), std::string::npos) << said;
-  EXPECT_NE(said.find("device meter on line2: does not answer (link_down)\n"), std::string::npos);
+  expect_says(said, "link line2, place: does not open\n");
+  expect_says(said, "device meter on line2: does not answer (link_down)\n");
   EXPECT_NE(said.find("  line2: link_down\n"), std::string::npos) << "told once, by the link";
   EXPECT_EQ(said.find("  meter: "), std::string::npos) << said;
   EXPECT_EQ(status(), 1);
@@ -135,8 +137,7 @@ TEST_F(OnlineReport, ABrokerThatIsAwayIsOneAndOneThatRefusesIsFour) {
   press_answers();
   meter_answers();
   findings.brokers[0].text = "it refuses fx/edge7/+/command";
-  EXPECT_NE(text().find("  mqtts://broker.example:8883: it refuses fx/edge7/+/command\n"),
-            std::string::npos);
+  expect_says(text(), "  mqtts://broker.example:8883: it refuses fx/edge7/+/command\n");
   EXPECT_EQ(status(), 4);
   findings.brokers[0].connected = false;
   EXPECT_EQ(status(), 1);
@@ -148,12 +149,8 @@ TEST_F(OnlineReport, TagsThatAreRefusedAreNamedTogetherWithTheCure) {
   sends(0, 0, {bad(0, BadReason::nak), bad(1, BadReason::nak)});
   sends(0, 1, {good(2)});
   const std::string said = text();
-  EXPECT_NE(said.find("device press1 on line1: answers, FX3U, RUN, 1 of 3 tags read\n"),
-            std::string::npos)
-      << said;
-  EXPECT_NE(said.find("  press1: temp (D100), speed (D101): the device refuses to read it"),
-            std::string::npos)
-      << said;
+  expect_says(said, "device press1 on line1: answers, FX3U, RUN, 1 of 3 tags read\n");
+  expect_says(said, "  press1: temp (D100), speed (D101): the device refuses to read it");
   EXPECT_EQ(status(), 4);
 }
 
@@ -173,17 +170,14 @@ TEST_F(OnlineReport, AnotherModelIsNamedWithBothAndStopIsANote) {
   text();
   findings.devices[0].run = false;
   std::string said = online_text(config, findings);
-  EXPECT_NE(said.find("answers, FX3U, STOP, 3 tags read\n"), std::string::npos) << said;
-  EXPECT_NE(said.find("  press1: the PLC is in STOP"), std::string::npos) << said;
+  expect_says(said, "answers, FX3U, STOP, 3 tags read\n");
+  expect_says(said, "  press1: the PLC is in STOP");
   EXPECT_EQ(status(), 0) << "it answers";
   findings.devices[0].model_configured = "FX3G";
   said = online_text(config, findings);
-  EXPECT_NE(said.find("answers, FX3U instead of the config's FX3G, STOP"), std::string::npos)
-      << said;
-  EXPECT_NE(
-      said.find("  press1: the PLC is an FX3U, but the config says FX3G: set \"model\": \"FX3U\""),
-      std::string::npos)
-      << said;
+  expect_says(said, "answers, FX3U instead of the config's FX3G, STOP");
+  expect_says(said,
+              "  press1: the PLC is an FX3U, but the config says FX3G: set \"model\": \"FX3U\"");
   EXPECT_EQ(status(), 4);
 }
 
@@ -199,8 +193,8 @@ TEST_F(OnlineReport, TheTextsAndTheConfiguredModelAreThoseOfTheState) {
   status.reason_text = "is `unit` 1 its own address?";
   devices.take(status);
   const std::string said = text();
-  EXPECT_NE(said.find("FX3U instead of the config's FX3G"), std::string::npos) << said;
-  EXPECT_NE(said.find("  meter: is `unit` 1 its own address?\n"), std::string::npos) << said;
+  expect_says(said, "FX3U instead of the config's FX3G");
+  expect_says(said, "  meter: is `unit` 1 its own address?\n");
 }
 
 TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
@@ -214,22 +208,18 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
   meter_answers();
   EXPECT_TRUE(devices.settled()) << "nobody waits for who was not asked";
   const std::string said = text();
-  EXPECT_NE(
-      said.find("link line1, place: not checked: fxagent, pid 4711, uses it (the agent of this "
-                "config)\n"),
-      std::string::npos)
-      << said;
-  EXPECT_NE(said.find("device press1 on line1: not asked\n"), std::string::npos);
-  EXPECT_NE(said.find("with -u and -P of a user who may send commands: mosquitto_rr -h "
-                      "broker.example -p 8883 --cafile /etc/ca.pem -W 10 -q 1 -t "
-                      "fx/edge7/press1/command -e fx/edge7/press1/result/check -m "
-                      "'{\"id\":\"check-1\",\"op\":\"read\",\"tag\":\"temp\"}'\n"),
-            std::string::npos)
-      << said;
+  expect_says(said,
+              "link line1, place: not checked: fxagent, pid 4711, uses it (the agent of this "
+              "config)\n");
+  expect_says(said, "device press1 on line1: not asked\n");
+  expect_says(said,
+              "with -u and -P of a user who may send commands: mosquitto_rr -h "
+              "broker.example -p 8883 --cafile /etc/ca.pem -W 10 -q 1 -t "
+              "fx/edge7/press1/command -e fx/edge7/press1/result/check -m "
+              "'{\"id\":\"check-1\",\"op\":\"read\",\"tag\":\"temp\"}'\n");
   EXPECT_EQ(status(), 3);
   link.holder = OnlineHolder{9, "picocom", OnlineHolder::Runs::no_agent};
-  EXPECT_NE(online_text(config, findings).find("  line1: end picocom (pid 9), or "),
-            std::string::npos);
+  expect_says(online_text(config, findings), "  line1: end picocom (pid 9), or ");
   findings.links[1].state = OnlineLink::State::held;
   findings.links[1].holder = OnlineHolder{8, "fxagent", OnlineHolder::Runs::another_config};
   EXPECT_NE(online_text(config, findings).find("  line2: end fxagent (pid 8) for this check: "),
@@ -263,12 +253,10 @@ TEST(OnlineHints, AGoodFloatThatIsPlainInAnotherWordOrderIsNamedAndStillGood) {
   findings.devices = devices.found();
   judge_links(config, findings);
   const std::string said = online_text(config, findings);
-  EXPECT_NE(said.find("meter on net: answers, 3 tags read\n"), std::string::npos) << said;
-  EXPECT_NE(
-      said.find("  meter: power (ir:0): in word order CDAB it is 230: compare word_order with "
-                "the device\n"),
-      std::string::npos)
-      << said;
+  expect_says(said, "meter on net: answers, 3 tags read\n");
+  expect_says(said,
+              "  meter: power (ir:0): in word order CDAB it is 230: compare word_order with "
+              "the device\n");
   EXPECT_EQ(exit_status(findings), 0) << "it answers, and the value may be what is there";
   const json out = json::parse(online_json(config, findings));
   EXPECT_EQ(out["devices"][0]["good"], 3);

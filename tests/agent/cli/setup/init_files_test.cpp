@@ -11,11 +11,13 @@
 #include <tuple>
 
 #include "agent/config/loader.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
 
 using nlohmann::json;
+using test::expect_says;
 
 InitAnswers answers_for(const ProtocolInfo& protocol) {
   InitAnswers answers;
@@ -51,11 +53,9 @@ TEST(InitFiles, FitEachOtherForEveryProtocol) {
     EXPECT_FALSE(device.tags[0].writable);
     EXPECT_TRUE(device.tags[2].writable);
     const std::string base = config->base_topic();
-    EXPECT_NE(files.at("fxagent.acl").find("user edge7\ntopic write " + base + "/state\n"),
-              std::string::npos);
-    EXPECT_NE(files.at("fxagent.acl").find("user nodered\n"), std::string::npos);
-    EXPECT_NE(files.at("fxagent.service.d.conf").find("run /etc/fxagent/agent.json\n"),
-              std::string::npos);
+    expect_says(files.at("fxagent.acl"), "user edge7\ntopic write " + base + "/state\n");
+    expect_says(files.at("fxagent.acl"), "user nodered\n");
+    expect_says(files.at("fxagent.service.d.conf"), "run /etc/fxagent/agent.json\n");
 
     const json flow = json::parse(files.at("node-red-flow.json"));
     std::set<std::string> ids;
@@ -114,11 +114,9 @@ TEST(InitFiles, TheDropInKnowsThePort) {
   InitAnswers answers = answers_for(*find_protocol("modbus-rtu"));
   EXPECT_EQ(made(answers).at("fxagent.service.d.conf").find("DeviceAllow"), std::string::npos);
   answers.port = "/dev/moxa0";
-  EXPECT_NE(made(answers).at("fxagent.service.d.conf").find("DeviceAllow=/dev/moxa0 rw\n"),
-            std::string::npos);
+  expect_says(made(answers).at("fxagent.service.d.conf"), "DeviceAllow=/dev/moxa0 rw\n");
   answers.port = "192.0.2.1:4001";
-  EXPECT_NE(made(answers).at("fxagent.service.d.conf").find("PrivateDevices=yes\n"),
-            std::string::npos);
+  expect_says(made(answers).at("fxagent.service.d.conf"), "PrivateDevices=yes\n");
 }
 
 TEST(InitFiles, TheUnitReadsItsConfigWhereItsUserCan) {
@@ -161,16 +159,12 @@ TEST(InitFiles, WrongAnswersAreErrors) {
     const auto files = init_files(answers, "/tmp");
     return files ? std::string() : files.error();
   };
-  EXPECT_NE(error_of([](InitAnswers& a) { a.port = "COM1"; }).find("--port"), std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.unit = "x"; }).find("--unit"), std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.broker = "tcp://a"; }).find("--broker: must begin"),
-            std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.protocol = "s7"; }).find("--protocol: must be"),
-            std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.read = {"X8"}; }).find("--read X8: "),
-            std::string::npos);
-  EXPECT_NE(error_of([](InitAnswers& a) { a.write = {"b=X8"}; }).find("--write b=X8: "),
-            std::string::npos);
+  expect_says(error_of([](InitAnswers& a) { a.port = "COM1"; }), "--port");
+  expect_says(error_of([](InitAnswers& a) { a.unit = "x"; }), "--unit");
+  expect_says(error_of([](InitAnswers& a) { a.broker = "tcp://a"; }), "--broker: must begin");
+  expect_says(error_of([](InitAnswers& a) { a.protocol = "s7"; }), "--protocol: must be");
+  expect_says(error_of([](InitAnswers& a) { a.read = {"X8"}; }), "--read X8: ");
+  expect_says(error_of([](InitAnswers& a) { a.write = {"b=X8"}; }), "--write b=X8: ");
   const std::string all = error_of([](InitAnswers& a) {
     a.broker = "tcp://a";
     a.port = "COM1";
@@ -179,8 +173,7 @@ TEST(InitFiles, WrongAnswersAreErrors) {
   });
   for (const char* flag : {"--broker: ", "--port ", "--unit ", "--model: "})
     EXPECT_NE(all.find(flag), std::string::npos) << flag << all;
-  EXPECT_NE(error_of([](InitAnswers& a) { a.operator_name = "edge7"; }).find("named twice"),
-            std::string::npos);
+  expect_says(error_of([](InitAnswers& a) { a.operator_name = "edge7"; }), "named twice");
 }
 
 }  // namespace

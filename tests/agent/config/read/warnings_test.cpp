@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "tests/agent/config/small_plant.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -60,7 +61,7 @@ TEST(ConfigWarnings, LimitBeyondWhatTheTypeHoldsHasNoEffect) {
             "has no effect: the values of this tag go from -32767 to 32768");
   EXPECT_EQ(of_tag(R"("type": "bcd16", "max": 10000)"),
             "has no effect: the values of this tag go from 0 to 9999");
-  EXPECT_NE(of_tag(R"("type": "float32", "max": 1e39)").find("has no effect"), std::string::npos);
+  expect_says(of_tag(R"("type": "float32", "max": 1e39)"), "has no effect");
   const auto both = warnings_of(
       with_tag(R"({"name": "temp", "address": "K2M0", "type": "int16", "min": -1, "max": 256})"));
   ASSERT_EQ(both.size(), 2U);
@@ -95,11 +96,11 @@ TEST(ConfigWarnings, SilenceShorterThanTheIntervalHasNoEffect) {
   EXPECT_EQ(of_group(R"({"name": "fast", "interval_ms": 5000, "max_silent_s": 5})"), "");
   const auto given = of_group(R"({"name": "fast", "interval_ms": 5001, "max_silent_s": 5})");
   EXPECT_TRUE(given.starts_with("/devices/0/groups/0/max_silent_s (line ")) << given;
-  EXPECT_NE(given.find("is shorter than interval_ms: every poll is published"), std::string::npos);
+  expect_says(given, "is shorter than interval_ms: every poll is published");
   const auto fallback =
       of_group(R"({"name": "fast", "interval_ms": 61000, "publish": "on_change"})");
   EXPECT_TRUE(fallback.starts_with("/devices/0/groups/0/publish (line ")) << fallback;
-  EXPECT_NE(fallback.find("max_silent_s (by default 60"), std::string::npos) << fallback;
+  expect_says(fallback, "max_silent_s (by default 60");
   EXPECT_EQ(of_group(R"({"name": "fast", "interval_ms": 61000})"), "");
 }
 
@@ -116,9 +117,9 @@ TEST(ConfigWarnings, TwoDevicesOfOneStationOnALinkAreOnePlc) {
   const auto list = warnings_of(plant.dump(1));
   ASSERT_EQ(list.size(), 2U);
   EXPECT_TRUE(list[0].starts_with("/devices/2/station (line ")) << list[0];
-  EXPECT_NE(list[0].find("station 3 is that of /devices/0 (line "), std::string::npos) << list[0];
+  expect_says(list[0], "station 3 is that of /devices/0 (line ");
   EXPECT_TRUE(list[1].starts_with("/devices/4 (line ")) << list[1];
-  EXPECT_NE(list[1].find("is that of /devices/3 (line "), std::string::npos) << list[1];
+  expect_says(list[1], "is that of /devices/3 (line ");
 }
 
 // ---- lines ------------------------------------------------------------------------------------
@@ -151,23 +152,20 @@ TEST(ConfigWarnings, SpeedsThatADocumentKnowsAreFine) {
 TEST(ConfigWarnings, SpeedThatNoDocumentOfTheProtocolKnowsIsToldWithThoseItDoes) {
   auto found = of_line(R"("baud":4800)", "fx-programming-port", R"(,"model":"FX2N")");
   ASSERT_EQ(found.size(), 1U);
-  EXPECT_NE(found[0].find("/links/0/serial/baud"), std::string::npos) << found[0];
-  EXPECT_NE(found[0].find("4800 baud is not a known speed of fx-programming-port; its speeds are "
-                          "9600, 19200, 38400, 57600, 115200"),
-            std::string::npos)
-      << found[0];
+  expect_says(found[0], "/links/0/serial/baud");
+  expect_says(found[0],
+              "4800 baud is not a known speed of fx-programming-port; its speeds are "
+              "9600, 19200, 38400, 57600, 115200");
   found = of_line(R"("baud":115200)", "fx-computer-link", R"(,"model":"FX3U")");
   ASSERT_EQ(found.size(), 1U);
-  EXPECT_NE(found[0].find("19200, 38400"), std::string::npos) << found[0];
+  expect_says(found[0], "19200, 38400");
 }
 
 TEST(ConfigWarnings, SpeedThatTheModelDoesNotReachIsTold) {
   for (const char* protocol : {"fx-programming-port", "fx-computer-link"}) {
     const auto found = of_line(R"("baud":38400)", protocol, R"(,"model":"FX2N")");
     ASSERT_EQ(found.size(), 1U) << protocol;
-    EXPECT_NE(found[0].find("press1 is an FX2N, whose highest speed is 19200 baud"),
-              std::string::npos)
-        << found[0];
+    expect_says(found[0], "press1 is an FX2N, whose highest speed is 19200 baud");
   }
 }
 
@@ -176,8 +174,7 @@ TEST(ConfigWarnings, ProgrammingPortThatIsNot7E1IsTold) {
        {R"("data_bits":8,"parity":"none")", R"("parity":"odd")", R"("stop_bits":2)"}) {
     const auto found = of_line(serial, "fx-programming-port", R"(,"model":"FX2N")");
     ASSERT_EQ(found.size(), 1U) << serial;
-    EXPECT_NE(found[0].find("7 data bits, even parity and 1 stop bit"), std::string::npos)
-        << found[0];
+    expect_says(found[0], "7 data bits, even parity and 1 stop bit");
     EXPECT_TRUE(of_line(serial, "fx-computer-link", R"(,"model":"FX2N")").empty());
   }
 }

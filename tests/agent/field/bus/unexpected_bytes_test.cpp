@@ -14,6 +14,7 @@
 #include "protocol/value/bytes.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
+#include "tests/support/says.h"
 
 namespace fxagent::test {
 namespace {
@@ -124,21 +125,20 @@ TEST(UnexpectedBytes, TheQuestionItselfIsAnEcho) {
         std::pair{"modbus-rtu", kRtuRequest}}) {
     const auto found = guess(device_of(protocol), frame, frame);
     EXPECT_EQ(found.cause, Cause::echo) << protocol << ": " << found.text;
-    EXPECT_NE(found.text.find("set echo"), std::string::npos) << found.text;
+    expect_says(found.text, "set echo");
   }
 }
 
 TEST(UnexpectedBytes, AQuestionOfAnotherIsAnotherMaster) {
   const auto found = guess(device_of("fx-computer-link"), kLinkRead, printed("!00FFPC0C5"));
   EXPECT_EQ(found.cause, Cause::another_master);
-  EXPECT_NE(found.text.find("of station 5, \"read X40 × 5\": another master"), std::string::npos)
-      << found.text;
+  expect_says(found.text, "of station 5, \"read X40 × 5\": another master");
 }
 
 TEST(UnexpectedBytes, AnAnswerOfAnotherStationNamesIt) {
   const auto found = guess(device_of("modbus-rtu"), kRtuReply, hex("01 01 00 13 00 13 8D C2"));
   EXPECT_EQ(found.cause, Cause::another_master);
-  EXPECT_NE(found.text.find("of unit 17"), std::string::npos) << found.text;
+  expect_says(found.text, "of unit 17");
 }
 
 struct Foreign {
@@ -169,7 +169,7 @@ TEST(UnexpectedBytes, FramesOfOtherProtocolsAreNamed) {
   for (const Foreign& row : rows) {
     const auto found = guess(device_of(row.on), row.heard);
     EXPECT_EQ(found.cause, row.cause) << row.on << " heard " << to_hex(row.heard) << found.text;
-    EXPECT_NE(found.text.find(row.says), std::string::npos) << found.text;
+    expect_says(found.text, row.says);
   }
 }
 
@@ -180,12 +180,10 @@ TEST(UnexpectedBytes, AComputerLinkWithOtherSettingsOfD8120IsTold) {
   const Bytes without_sum = printed("<05FF01101>");
   Bytes format_4 = kLinkData;
   for (const char c : {'\r', '\n'}) format_4.push_back(static_cast<std::uint8_t>(c));
-  EXPECT_NE(guess(sums(true, 1), without_sum).text.find("set sum_check to false"),
-            std::string::npos);
-  EXPECT_NE(guess(sums(false, 1), kLinkData).text.find("set sum_check to true"), std::string::npos);
-  EXPECT_NE(guess(sums(true, 1), format_4).text.find("set format to 4"), std::string::npos);
-  EXPECT_NE(guess(sums(true, 4), kLinkData).text.find("set format to 1, or format 4 in D8120"),
-            std::string::npos);
+  expect_says(guess(sums(true, 1), without_sum).text, "set sum_check to false");
+  expect_says(guess(sums(false, 1), kLinkData).text, "set sum_check to true");
+  expect_says(guess(sums(true, 1), format_4).text, "set format to 4");
+  expect_says(guess(sums(true, 4), kLinkData).text, "set format to 1, or format 4 in D8120");
   EXPECT_EQ(guess(sums(true, 1), kLinkData).cause, Cause::another_master)
       << "its settings are right";
 }
@@ -211,9 +209,8 @@ TEST(UnexpectedBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
     }
   }
   const auto with_sum = guess(port(1, false), format_1);
-  EXPECT_NE(with_sum.text.find("or disable the sum check in the parameters"), std::string::npos)
-      << with_sum.text;
-  EXPECT_NE(with_sum.text.find("485 Serial Port"), std::string::npos) << with_sum.text;
+  expect_says(with_sum.text, "or disable the sum check in the parameters");
+  expect_says(with_sum.text, "485 Serial Port");
   EXPECT_EQ(with_sum.text.find("D8120"), std::string::npos) << with_sum.text;
 }
 
@@ -235,14 +232,14 @@ TEST(UnexpectedBytes, ACutOrSpoiltAnswerOfAnMcPortIsNoFxPlc) {
     }
   }
   const auto other = guess(device_of("mc-3c", {{"model", "Q"}}), k4cData);
-  EXPECT_NE(other.text.find("a valid frame of mc-4c"), std::string::npos) << other.text;
+  expect_says(other.text, "a valid frame of mc-4c");
 }
 
 TEST(UnexpectedBytes, StxAndTextMayBeAnyProtocolWhoseFramesBeginSo) {
   const auto found = guess(device_of("modbus-rtu"), printed("<F90000FF0012"));
   EXPECT_EQ(found.cause, Cause::other_protocol) << found.text;
   for (const char* name : {"fx-programming-port", "fx-computer-link", "mc-3c", "mc-4c"})
-    EXPECT_NE(found.text.find(name), std::string::npos) << found.text;
+    expect_says(found.text, name);
 }
 
 TEST(UnexpectedBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
@@ -256,7 +253,7 @@ TEST(UnexpectedBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
       EXPECT_EQ(found.cause, Cause::unknown) << protocol << " " << to_hex(heard) << found.text;
       for (const char* word : {"baud", "parity", "not text", "fx-"})
         EXPECT_EQ(found.text.find(word), std::string::npos) << protocol << ": " << found.text;
-      EXPECT_NE(found.text.find("protocol"), std::string::npos) << found.text;
+      expect_says(found.text, "protocol");
     }
   }
 }
@@ -266,7 +263,7 @@ TEST(UnexpectedBytes, FramesOfTextHaveTheirParitySeenOn8BitsToo) {
     const Bytes heard = heard_by({8, Parity::none}, 1, on_the_wire(frame, {7, Parity::even}));
     const auto even = guess(device_of(protocol, {{"model", "Q"}}), heard);
     EXPECT_EQ(even.cause, Cause::parity) << even.text;
-    EXPECT_NE(even.text.find("even parity in bit 7"), std::string::npos) << even.text;
+    expect_says(even.text, "even parity in bit 7");
   }
   // Format 5 is binary, so its bytes may have bit 7 set.
   const auto binary = guess(device_of("mc-4c", {{"model", "Q"}, {"format", std::int64_t{5}}}),
@@ -283,14 +280,14 @@ TEST(UnexpectedBytes, WrongParityIsSeenInBit7OrAsZeros) {
     // "Opening 8N1 shows 80h-set bytes."
     const auto even = found({8, Parity::none}, {7, Parity::even});
     EXPECT_EQ(even.cause, Cause::parity) << even.text;
-    EXPECT_NE(even.text.find("even parity in bit 7"), std::string::npos) << even.text;
+    expect_says(even.text, "even parity in bit 7");
     const auto odd = found({8, Parity::none}, {7, Parity::odd});
-    EXPECT_NE(odd.text.find("odd parity in bit 7"), std::string::npos) << odd.text;
+    expect_says(odd.text, "odd parity in bit 7");
     const auto none = found({7, Parity::even}, {8, Parity::none});
     EXPECT_EQ(none.cause, Cause::parity) << none.text;
-    EXPECT_NE(none.text.find("without parity"), std::string::npos) << none.text;
+    expect_says(none.text, "without parity");
     const auto wrong = found({7, Parity::even}, {7, Parity::odd});
-    EXPECT_NE(wrong.text.find("odd?"), std::string::npos) << wrong.text;
+    expect_says(wrong.text, "odd?");
   }
 }
 
@@ -319,7 +316,7 @@ TEST(UnexpectedBytes, WrongSpeedIsSeenInTheBits) {
     const auto found = guess(device_of(row.protocol), heard);
     EXPECT_EQ(found.cause, Cause::speed)
         << row.protocol << " " << row.bit << ": " << to_hex(heard) << " " << found.text;
-    EXPECT_NE(found.text.find(row.says), std::string::npos) << found.text;
+    expect_says(found.text, row.says);
   }
 }
 

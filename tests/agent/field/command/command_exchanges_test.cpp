@@ -12,6 +12,7 @@
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
 #include "tests/agent/field/scripted_bus.h"
+#include "tests/support/says.h"
 
 namespace fxagent::test {
 namespace {
@@ -72,9 +73,7 @@ TEST_F(CommandExchangesTest, BytesThatAreNoAnswerAreToldWithWhatTheyLookLike) {
   wire->expect(kWrite50).give(kWrite50).silence();
   const Exchange exchange = send(false);
   EXPECT_EQ(exchange.outcome, Exchange::Outcome::unanswered);
-  EXPECT_NE(exchange.error.find("; it looks like the request itself, which the line returns"),
-            std::string::npos)
-      << exchange.error;
+  expect_says(exchange.error, "; it looks like the request itself, which the line returns");
 }
 
 TEST_F(CommandExchangesTest, OfBytesThatLookLikeNothingNothingIsClaimed) {
@@ -173,11 +172,8 @@ TEST_F(CommandExchangesTest, UnitBehindAGatewayThatDoesNotAnswerIsToldWithWhatTo
     return run_on(io, exchanges->read_point(target, SteadyTime::max())).last.reply.text;
   };
   const std::string silent = read("00 01", " 00 00 00 03 01 83 0B");
-  EXPECT_NE(
-      silent.find(
-          "\": the gateway 192.0.2.10:502 answers, but the device behind it does not. Check: "),
-      std::string::npos)
-      << silent;
+  expect_says(silent,
+              "\": the gateway 192.0.2.10:502 answers, but the device behind it does not. Check: ");
   EXPECT_EQ(read("00 02", " 00 00 00 03 01 83 02").find("Check: "), std::string::npos)
       << "the device's own refusal";
 }
@@ -196,11 +192,11 @@ class HintingExchangesTest : public CommandExchangesTest {
 TEST_F(HintingExchangesTest, DeviceThatHasNeverAnsweredIsToldWithWhatToLookAt) {
   wire->hang_up();  // during the drain
   const std::string closed = send().error;
-  EXPECT_NE(closed.find("; is another program"), std::string::npos) << closed;
+  expect_says(closed, "; is another program");
   wire->silence().expect(kWrite50).silence();
   const std::string silent = send().error;
   EXPECT_EQ(silent.find("no answer on "), 0U) << silent;
-  EXPECT_NE(silent.find("; is it switched on; "), std::string::npos) << silent;
+  expect_says(silent, "; is it switched on; ");
 }
 
 TEST_F(HintingExchangesTest, DeviceThatHasAnsweredHasTheRightSettings) {

@@ -12,6 +12,7 @@
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
 #include "tests/agent/field/scripted_bus.h"
+#include "tests/support/says.h"
 
 namespace fxagent::test {
 namespace {
@@ -133,12 +134,10 @@ TEST_F(LinkStateTest, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
   const Bytes parity{0x82, 0x33, 0xB4, 0xB1, 0xB2, 0xC3, 0x44, 0x41, 0x42,
                      0x03, 0x44, 0xB7, 0x82, 0x33, 0xB4, 0xB1, 0xB2, 0xC3};
   const std::string first = told_of(parity);
-  EXPECT_NE(
-      first.find("warning device device=press1 heard=\"82 33 B4 B1 B2 C3 44 41 42 03 44 B7 82 "
-                 "33 B4 B1 … (18 bytes)\" reason=\"no STX\" looks_like=\"7 bits with even "
-                 "parity in bit 7: "),
-      std::string::npos)
-      << first;
+  expect_says(first,
+              "warning device device=press1 heard=\"82 33 B4 B1 B2 C3 44 41 42 03 44 B7 82 "
+              "33 B4 B1 … (18 bytes)\" reason=\"no STX\" looks_like=\"7 bits with even "
+              "parity in bit 7: ");
   EXPECT_EQ(told_of(parity), "") << "the same cause";
   EXPECT_NE(told_of({0xFF, 0x00, 0x13, 0x99}), "");
   EXPECT_EQ(told_of({}), "") << "silence is no garbage";
@@ -262,7 +261,7 @@ TEST_F(LinkStateTest, ConnectionThatFollowsAVainOneIsUpOnceItHasAnswered) {
       << "nothing is known yet";
   wire->silence();
   const std::string log = logged([&] { try_it(word_frame(1)); });
-  EXPECT_NE(log.find("state=up"), std::string::npos) << log;
+  expect_says(log, "state=up");
   EXPECT_TRUE(bus->is_open());
   bus->close();
   link->look();
@@ -289,9 +288,9 @@ TEST_F(LinkStateTest, ConnectionOverWhichNothingWasEverAnsweredIsToldWithWhatToL
     });
     EXPECT_LE(next_open_in(), milliseconds(200)) << "it was not the peer who closed it";
   }
-  EXPECT_NE(log.find("reason=\"no answers on this connection\""), std::string::npos) << log;
+  expect_says(log, "reason=\"no answers on this connection\"");
   EXPECT_EQ(log.find("no answers on"), log.rfind("no answers on")) << log;
-  EXPECT_NE(log.find("is it switched on"), std::string::npos) << log;
+  expect_says(log, "is it switched on");
   EXPECT_EQ(log.find("is it switched on"), log.rfind("is it switched on")) << log;
 }
 
@@ -302,10 +301,9 @@ TEST_F(LinkStateTest, DeviceThatNeverAnsweredIsOfflineAfterItsFirstTimeoutWithWh
     link->unanswered(*devices[0]);
     link->update(*devices[0]);
   });
-  EXPECT_NE(log.find("warning device device=press1 state=offline reason=timeout note=\"no answer "
-                     "on /dev/ttyUSB0. Check: does the device have power; is it switched on; "),
-            std::string::npos)
-      << log;
+  expect_says(log,
+              "warning device device=press1 state=offline reason=timeout note=\"no answer "
+              "on /dev/ttyUSB0. Check: does the device have power; is it switched on; ");
   const auto states = told();
   ASSERT_EQ(states.size(), 1U);
   EXPECT_EQ(states[0].reason, "timeout");
@@ -329,7 +327,7 @@ TEST_F(LinkStateTest, DeviceThatHasAnsweredIsOfflineAfterAllItsTimeoutsAndHasThe
   link->unanswered(*devices[0]);
   link->update(*devices[0]);
   const std::string text = told().at(0).reason_text;
-  EXPECT_NE(text.find("it has answered before"), std::string::npos) << text;
+  expect_says(text, "it has answered before");
   EXPECT_EQ(text.find("is it switched on"), std::string::npos) << text;
   link->answered(*devices[0]);
   link->update(*devices[0]);
@@ -346,16 +344,14 @@ TEST_F(LinkStateTest, DeviceWhoseNeighbourAnswersIsInDoubtAlone) {
   link->unanswered(*devices[0]);
   link->update(*devices[0]);
   const std::string text = told().at(0).reason_text;
-  EXPECT_NE(text.find("other devices on /dev/ttyUSB0 answer"), std::string::npos) << text;
+  expect_says(text, "other devices on /dev/ttyUSB0 answer");
 }
 
 TEST_F(LinkStateTest, LinkThatIsDownSaysWhyInTheStateOfItsDevices) {
   use(TcpSettings{"192.0.2.10", 502});
   const std::string why = "192.0.2.10:502: connection refused";
   const std::string log = logged([&] { link->open_failed(why); });
-  EXPECT_NE(log.find("warning device device=press1 state=offline reason=link_down"),
-            std::string::npos)
-      << log;
+  expect_says(log, "warning device device=press1 state=offline reason=link_down");
   EXPECT_EQ(told().at(0).reason_text, why);
 }
 
@@ -366,7 +362,7 @@ TEST_F(LinkStateTest, UdpPortWhereNobodyAnswersIsLeft) {
     for (int i = 0; i < 3; ++i) link->unanswered(*devices[0]);
   });
   EXPECT_FALSE(bus->is_open());
-  EXPECT_NE(log.find("reason=\"no answers on this UDP port\""), std::string::npos) << log;
+  expect_says(log, "reason=\"no answers on this UDP port\"");
   EXPECT_EQ(told().at(0).reason, "timeout");
 }
 

@@ -25,12 +25,14 @@
 #include "agent/uplink/publisher.h"
 #include "tests/agent/uplink/mosquitto.h"
 #include "tests/agent/uplink/plant.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
 
 using namespace std::chrono_literals;
 using nlohmann::json;
+using test::expect_says;
 using test::Mosquitto;
 using test::Scratch;
 
@@ -335,16 +337,16 @@ TEST(PahoBroker, PasswordOfTheConfigItselfIsUsed) {
 TEST(PahoBroker, PasswordFileWithoutEndIsRefused) {
   MqttConfig config = settings("mqtt://127.0.0.1:1");
   config.password_file = "/dev/zero";
-  EXPECT_NE(Client(config).refusal().find("longer than a password"), std::string::npos);
+  expect_says(Client(config).refusal(), "longer than a password");
 }
 
 TEST(PahoBroker, MissingSecretIsSaidWithoutAskingTheBroker) {
   MqttConfig config = settings("mqtt://127.0.0.1:1");
   config.password_file = "/nonexistent/secret";
-  EXPECT_NE(Client(config).refusal().find("/nonexistent/secret: No such file"), std::string::npos);
+  expect_says(Client(config).refusal(), "/nonexistent/secret: No such file");
   config.password_file.clear();
   config.password_env = "FXAGENT_TEST_NOT_SET";
-  EXPECT_NE(Client(config).refusal().find("FXAGENT_TEST_NOT_SET"), std::string::npos);
+  expect_says(Client(config).refusal(), "FXAGENT_TEST_NOT_SET");
 }
 
 TEST(PahoBroker, PropertiesOfMqtt5AndTheRetainFlagArrive) {
@@ -437,7 +439,7 @@ TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
   const auto failed = client.next<DeliveryFailed>();
   EXPECT_EQ(failed.id, 1U);
   EXPECT_EQ(failed.reason_code, 0x87);
-  EXPECT_NE(failed.text.find("fxagent acl prints"), std::string::npos) << failed.text;
+  expect_says(failed.text, "fxagent acl prints");
   client->publish(publication(2, "allowed", "x"));
   EXPECT_EQ(client.next<Delivered>().id, 2U);
 }
@@ -610,7 +612,7 @@ TEST(PahoBroker, ServerThatAnswersWithATlsAlertIsSaidToSpeakTls) {
   std::thread server = answer_first_packet(listener, {"\x15\x03\x01\x00\x02\x02\x46", 7});
   const std::string text = Client(settings(listener.url())).refusal();
   server.join();
-  EXPECT_NE(text.find("answers with TLS: try mqtts://"), std::string::npos) << text;
+  expect_says(text, "answers with TLS: try mqtts://");
 }
 
 TEST(PahoBroker, EveryRefusalOfAConnectHasACure) {
@@ -620,7 +622,7 @@ TEST(PahoBroker, EveryRefusalOfAConnectHasACure) {
     std::thread server = answer_first_packet(listener, connack);
     const std::string text = Client(settings(listener.url())).refusal();
     server.join();
-    EXPECT_NE(text.find(": "), std::string::npos) << text;
+    expect_says(text, ": ");
   }
 }
 
@@ -642,12 +644,11 @@ TEST_P(PahoBrokerVersion, WrongPasswordAndMissingUserNameTheKeysToSet) {
   const Mosquitto mosquitto = edge7_only(directory);
   MqttConfig config = settings(mosquitto.url(), GetParam());
   const std::string nobody = Client(config).refusal();
-  EXPECT_NE(nobody.find("set mqtt.username and password_file"), std::string::npos) << nobody;
+  expect_says(nobody, "set mqtt.username and password_file");
   config.username = "edge7";
   config.password = "left";
   const std::string text = Client(config).refusal();
-  EXPECT_NE(text.find("does not accept mqtt.username with this password"), std::string::npos)
-      << text;
+  expect_says(text, "does not accept mqtt.username with this password");
 }
 
 TEST(PahoBroker, SessionTakenOverNamesTheClientId) {
@@ -655,8 +656,7 @@ TEST(PahoBroker, SessionTakenOverNamesTheClientId) {
   Client client(settings(server.url()));
   client.connect();
   const Lost lost = client.next<Lost>();
-  EXPECT_NE(lost.text.find("Session taken over (another client connected"), std::string::npos)
-      << lost.text;
+  expect_says(lost.text, "Session taken over (another client connected");
 }
 
 // Debian's mosquitto does this when it gives the session to another client.
@@ -669,9 +669,7 @@ TEST_P(PahoBrokerVersion, CloseWithoutAWordNamesTheClientIdToo) {
   Client second(config);
   second.connect();
   const Lost lost = first.next<Lost>();
-  EXPECT_NE(lost.text.find("another client connected with this agent's client id"),
-            std::string::npos)
-      << lost.text;
+  expect_says(lost.text, "another client connected with this agent's client id");
 }
 
 TEST(PahoBroker, DisconnectWithoutACodeIsALossToo) {
@@ -715,7 +713,7 @@ TEST_P(PahoBrokerVersion, PacketThatIsFarTooLongEndsTheConnectionBeforeItIsRead)
   const SpitefulServer server(GetParam(), huge, Afterwards::stays);
   Client client(settings(server.url(), GetParam()));
   client.connect();
-  EXPECT_NE(client.next<Lost>().text.find("a packet of 250000000 bytes"), std::string::npos);
+  expect_says(client.next<Lost>().text, "a packet of 250000000 bytes");
   client.connect();
 }
 
@@ -740,7 +738,7 @@ TEST_P(PahoBrokerVersion, LongestPacketArrivesAndOneByteMoreEndsTheConnection) {
                               Afterwards::stays);
   Client client(settings(server.url(), GetParam()));
   client.connect();
-  EXPECT_NE(client.next<Lost>().text.find("a packet of 16777217 bytes"), std::string::npos);
+  expect_says(client.next<Lost>().text, "a packet of 16777217 bytes");
 }
 
 // ---- TLS ----------------------------------------------------------------------------------------
@@ -790,14 +788,10 @@ TEST_F(PahoBrokerTls, WrongAuthorityReadsAsSuch) {
   const Mosquitto mosquitto(*directory_, listener());
   const std::string text =
       Client(tls(mosquitto.url("mqtts", "localhost"), "other-ca.pem")).refusal();
-  EXPECT_NE(text.find("certificate verify failed"), std::string::npos) << text;
-  EXPECT_NE(
-      text.find("mqtt.tls.ca_file " + file("other-ca.pem") + " does not contain the authority"),
-      std::string::npos)
-      << text;
+  expect_says(text, "certificate verify failed");
+  expect_says(text, "mqtt.tls.ca_file " + file("other-ca.pem") + " does not contain the authority");
   const std::string by_system = Client(settings(mosquitto.url("mqtts", "localhost"))).refusal();
-  EXPECT_NE(by_system.find("set mqtt.tls.ca_file to the authority"), std::string::npos)
-      << by_system;
+  expect_says(by_system, "set mqtt.tls.ca_file to the authority");
 }
 
 TEST_F(PahoBrokerTls, PortOfTheOtherKindIsSaidWithTheSchemeToTry) {
@@ -805,17 +799,17 @@ TEST_F(PahoBrokerTls, PortOfTheOtherKindIsSaidWithTheSchemeToTry) {
   for (const int version : {4, 5}) {
     const std::string text =
         Client(settings(encrypted.url("mqtt", "localhost"), version)).refusal();
-    EXPECT_NE(text.find("try mqtts://"), std::string::npos) << text;
+    expect_says(text, "try mqtts://");
   }
   const Mosquitto plain(*directory_, "allow_anonymous true");
   const std::string text = Client(tls(plain.url("mqtts", "localhost"), "ca.pem")).refusal();
-  EXPECT_NE(text.find("try mqtt://"), std::string::npos) << text;
+  expect_says(text, "try mqtt://");
 }
 
 TEST_F(PahoBrokerTls, CertificateOfAnotherHostIsRefused) {
   const Mosquitto mosquitto(*directory_, listener());
   const std::string text = Client(tls(mosquitto.url("mqtts", "127.0.0.1"), "ca.pem")).refusal();
-  EXPECT_NE(text.find("is not for this host name: use a host name"), std::string::npos) << text;
+  expect_says(text, "is not for this host name: use a host name");
 }
 
 TEST_F(PahoBrokerTls, CertificateOfAnAddressIsNotSaidToBeOfAnotherHost) {
@@ -823,7 +817,7 @@ TEST_F(PahoBrokerTls, CertificateOfAnAddressIsNotSaidToBeOfAnotherHost) {
   const Mosquitto mosquitto(*directory_, listener("require_certificate true", "address-"));
   const std::string text =
       Client(tls(mosquitto.url("mqtts", "127.0.0.1"), "address-ca.pem")).refusal();
-  EXPECT_NE(text.find("set mqtt.tls.cert_file and key_file"), std::string::npos) << text;
+  expect_says(text, "set mqtt.tls.cert_file and key_file");
   EXPECT_EQ(text.find("host name"), std::string::npos) << text;
 }
 
@@ -841,7 +835,7 @@ TEST_F(PahoBrokerTls, ServerThatResetsTheHandshakeIsNamed) {
 TEST_F(PahoBrokerTls, MissingFileIsNamed) {
   const Mosquitto mosquitto(*directory_, listener());
   const std::string text = Client(tls(mosquitto.url("mqtts", "localhost"), "no.pem")).refusal();
-  EXPECT_NE(text.find("no.pem: No such file"), std::string::npos) << text;
+  expect_says(text, "no.pem: No such file");
 }
 
 TEST_F(PahoBrokerTls, MutualTlsNeedsTheClientsCertificate) {
@@ -849,7 +843,7 @@ TEST_F(PahoBrokerTls, MutualTlsNeedsTheClientsCertificate) {
   MqttConfig config = tls(mosquitto.url("mqtts", "localhost"), "ca.pem");
   for (int i = 0; i < 5; ++i) {  // the TLS error depends on timing
     const std::string text = Client(config).refusal();
-    EXPECT_NE(text.find("set mqtt.tls.cert_file and key_file"), std::string::npos) << text;
+    expect_says(text, "set mqtt.tls.cert_file and key_file");
   }
   config.tls->cert_file = file("other-client.pem");
   config.tls->key_file = file("other-client.key");
