@@ -84,6 +84,20 @@ struct PublisherBench {
   void settle() {
     for (int i = 0; i < 200; ++i) step();
   }
+  /// The field has made the samples `first` to `last`.
+  void take_samples(std::uint64_t first, std::uint64_t last) {
+    for (std::uint64_t seq = first; seq <= last; ++seq) outbox.push(sample(seq));
+    settle();
+  }
+  void take_samples(std::uint64_t seq) { take_samples(seq, seq); }
+  void acknowledge_all() {
+    broker.acknowledge_all();
+    settle();
+  }
+  void lose_connection() {
+    broker.lose();
+    settle();
+  }
   void advance(SteadyTime::duration by) {
     now += by;
     settle();

@@ -60,8 +60,7 @@ TEST_F(PublisherChange, DeviceThatComesBackBeforeItsTopicsWereClearedKeepsThem) 
   const Config both = config;
   broker.acknowledges = false;
   broker.receive_maximum = 4;
-  broker.lose();
-  settle();
+  lose_connection();
   advance(20s);  // a window of four, all in use
   ASSERT_TRUE(broker.up());
   change_to(without_press1(config));
@@ -89,8 +88,7 @@ TEST_F(PublisherChange, ChangedDeviceHasItsNewMetaAndNoStateUntilTheFieldTellsOn
   const json meta = json::parse(broker.on(kBase + "/press1/meta")[0]);
   EXPECT_EQ(meta["tags"]["temp"]["scale"], 0.5);
   EXPECT_TRUE(broker.on(kBase + "/press1/state").empty());
-  outbox.push(test::sample(5));
-  settle();
+  take_samples(5);
   const json sample = json::parse(broker.on(kBase + "/press1/data/fast").at(0));
   EXPECT_EQ(sample["meta"], meta["hash"]);
 }
@@ -131,8 +129,7 @@ TEST_F(PublisherChange, WhatWaitsForTheBrokerIsDeliveredThoughItsDeviceIsGone) {
   online();
   write("a");
   broker.reachable = false;
-  broker.lose();
-  settle();
+  lose_connection();
   outbox.push(test::sample(5));
   outbox.push(succeeded("a"));
   change_to(without_press1(config));

@@ -355,8 +355,7 @@ TEST_F(PublisherOnlineTest, ResultComesOnceAndAgainUntilItIsAcknowledged) {
   bench.broker.acknowledges = false;
   bench.outbox.push(test::succeeded("b"));
   bench.settle();
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.broker.acknowledges = true;
   bench.broker.log.clear();
   bench.advance(2s);
@@ -370,8 +369,7 @@ TEST_F(PublisherOnlineTest, ResultComesOnceAndAgainUntilItIsAcknowledged) {
 TEST_F(PublisherOnlineTest, TotalEndsWhenTheResultIsFirstHandedOver) {
   CommandResult result = test::succeeded("a");
   result.received = bench.now;
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.outbox.push(result);
   bench.now += 700ms;
   bench.step();
@@ -601,8 +599,7 @@ TEST_F(PublisherOnlineTest, WhatWasReadBeforeAWriteAndFindsNoRoomBeforeItsResult
   const auto before = bench.broker.on(kBase + "/press1/data/fast").size();
   EXPECT_LT(before, 30U);
   bench.broker.acknowledges = true;
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_EQ(bench.broker.on(kBase + "/press1/data/fast").size(), before);
   EXPECT_EQ(test::seqs(bench.broker.on(kBase + "/press1/data/fast/history")).size(), 30U - before);
 }
@@ -676,8 +673,7 @@ TEST_F(PublisherFloodOnlineTest, WaitingResultsHoldMessagesBackAndLetSomeInForWh
   EXPECT_GE(bench.broker.let_in, 100U);
   EXPECT_LE(bench.broker.let_in, 500U) << "fewer than can be answered";
   bench.broker.acknowledges = true;
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_FALSE(bench.broker.held);
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U) << "none is dropped";
 }
@@ -737,8 +733,7 @@ TEST_F(PublisherFloodTest, NextConnectionAfterALossMaySendAheadAgain) {
   acknowledge_behind(bench, 1000);
   bench.advance(1s);
   ASSERT_EQ(bench.broker.sends_ahead, 1);
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.advance(5s);
   EXPECT_EQ(bench.broker.sends_ahead, kReceiveMaximum);
 }
@@ -863,8 +858,7 @@ TEST_F(PublisherFloodOnlineTest, OfQosZeroNothingIsTakenWhileResultsAreFull) {
   for (std::size_t i = 0; i < 10; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})", 0));
   bench.step();
   bench.broker.acknowledges = true;
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_EQ(bench.results().size(), 300U);
 }
 

@@ -52,8 +52,7 @@ TEST_F(PublisherConfig, DocumentsAndTheConnectionAreToldAsTheyCome) {
   desire("{}");
   desire("");
   EXPECT_EQ(heard, (std::vector<std::string>{"{}", ""}));
-  broker.lose();
-  settle();
+  lose_connection();
   EXPECT_EQ(connections, (std::vector<bool>{true, false}));
 }
 
@@ -61,8 +60,7 @@ TEST_F(PublisherConfig, DocumentsAreHeardAfterAReconnectToo) {
   config.remote.enabled = true;
   listen();
   online();
-  broker.lose();
-  settle();
+  lose_connection();
   advance(60s);
   ASSERT_TRUE(broker.up());
   EXPECT_TRUE(broker.filters.contains(kDesired));
@@ -94,15 +92,13 @@ TEST_F(PublisherConfig, TheReportIsRetainedAndComesAfterEachConnect) {
   made().configs().report("two", "");
   settle();
   EXPECT_EQ(broker.on(kReported).back(), "two");
-  broker.lose();
-  settle();
+  lose_connection();
   advance(60s);
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", "two", "two"}));
   made().configs().report("", "");
   settle();
   EXPECT_EQ(broker.on(kReported).back(), "");
-  broker.lose();
-  settle();
+  lose_connection();
   advance(60s);
   EXPECT_EQ(broker.on(kReported).size(), 4u);  // no further answer on the old topic
 }

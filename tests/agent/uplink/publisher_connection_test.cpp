@@ -40,8 +40,7 @@ using PublisherConnectionTest = test::OnBench;
 TEST_F(PublisherConnectionOnlineTest, PublishThatFindsNoConnectionIsALoss) {
   bench.broker.vanish();
   bench.broker.believes = true;
-  bench.outbox.push(test::sample(1));
-  bench.settle();
+  bench.take_samples(1);
   bench.advance(2s);
   EXPECT_EQ(bench.broker.connects.size(), 2U);
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
@@ -144,8 +143,7 @@ TEST_F(PublisherConnectionTest, BrokerThatIsBackWithinMinutesIsMetWithinFiveSeco
   bench.config.mqtt.servers = {"mqtt://one:1883"};
   bench.online();
   bench.broker.reachable = false;
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   for (const SteadyTime end = bench.now + 4min; bench.now < end;)
     EXPECT_LE(until_next_connect(bench), 5s);
   bench.now += 2min;
@@ -160,8 +158,7 @@ TEST_F(PublisherConnectionTest, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
   // Another agent with this id does the same, so each connection lasts as long as its pause.
   SteadyTime::duration pause{};
   for (int thrown = 0; thrown < 12; ++thrown) {
-    bench.broker.lose();
-    bench.settle();
+    bench.lose_connection();
     const SteadyTime::duration next = until_next_connect(bench);
     // The first connection was stable: its agents spread over a second.
     EXPECT_GE(next, thrown == 0 ? 250ms : std::min<SteadyTime::duration>(60s, 1s * (1 << thrown)))
@@ -172,8 +169,7 @@ TEST_F(PublisherConnectionTest, BrokerThatThrowsUsOffIsMetEverMoreSlowly) {
     bench.advance(pause);
   }
   bench.advance(150s);  // the other agent has stopped
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   EXPECT_LE(until_next_connect(bench), 1300ms);
 }
 
@@ -229,8 +225,7 @@ TEST(PublisherConnection, RefusedSubscriptionIsInTheStateAndAskedForAgain) {
 
 TEST_F(PublisherConnectionTest, UnansweredSubscriptionIsInTheStateAfterASecond) {
   bench.broker.confirms = false;
-  bench.outbox.push(test::sample(1));
-  bench.settle();
+  bench.take_samples(1);
   EXPECT_LE(bench.step(), bench.now + 1s);
   bench.advance(1s);
   EXPECT_EQ(last_state(bench)["commands"], false);
@@ -247,8 +242,7 @@ TEST_F(PublisherConnectionTest, DeafnessEndsWithItsConnection) {
   bench.broker.refusal = "Not authorized";
   bench.online();
   bench.broker.refusal.clear();
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.advance(3s);
   ASSERT_EQ(bench.broker.connects.size(), 2U);
   EXPECT_EQ(last_state(bench)["state"], "online");

@@ -117,12 +117,10 @@ TEST_F(PublisherHang, SamplesOfAnOutageArriveOnceAndInTheirOrder) {
   bench.broker.reachable = false;
   bench.settle();
   freeze();
-  for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 3);
   bench.advance(200ms);
   await_hang();
-  for (std::uint64_t seq = 4; seq <= 5; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(4, 5);
   bench.advance(200ms);
   bench.broker.reachable = true;
   for (int i = 0; i < 60; ++i) bench.advance(1s);
@@ -137,18 +135,15 @@ TEST_F(PublisherHang, SamplesOfAnOutageArriveOnceAndInTheirOrder) {
 TEST_F(PublisherHang, SamplesInFlightAreAcknowledgedOnce) {
   bench.online();
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::sample(1));
-  bench.settle();
+  bench.take_samples(1);
   bench.advance(1s);
   ASSERT_EQ(bench.made().samples().stored, 1U) << "in flight and on disk";
   freeze();
-  bench.outbox.push(test::sample(2));
-  bench.settle();
+  bench.take_samples(2);
   bench.advance(1s);
   await_hang();  // needs the disk
   EXPECT_EQ(bench.made().samples().in_flight, 1U);
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_EQ(bench.made().samples().acknowledged, 1U) << "the other one is on disk still";
   EXPECT_EQ(bench.made().samples().stored, 1U);
   thaw();

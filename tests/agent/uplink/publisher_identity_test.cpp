@@ -177,8 +177,7 @@ TEST_F(PublisherIdentityTest, WhatStandsOnAServerWhereOursNeverStoodIsNoSessionT
   bench.config.mqtt.servers = {"mqtt://one:1883", "mqtt://two:1883"};
   bench.broker.echoes = true;
   bench.online();
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   while (!bench.broker.up()) bench.advance(100ms);
   ASSERT_EQ(bench.broker.connects.back(), 1U);
   hear(bench, kState, R"({"state":"offline","boot":"0lder","reason":"lost"})");
@@ -304,8 +303,7 @@ TEST_F(PublisherIdentityTest, WhatWasThereBeforeOursNeedsNoRepair) {
   bench.settle();
   hear(bench, kState, kWill);  // found when subscribing
   bench.broker.echoes = true;
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   bench.advance(10s);
   EXPECT_EQ(bench.broker.on(kState).size(), 1U);
 }
@@ -313,8 +311,7 @@ TEST_F(PublisherIdentityTest, WhatWasThereBeforeOursNeedsNoRepair) {
 TEST_F(PublisherIdentityTest, RefusedSubscriptionToStatesStopsNothing) {
   bench.broker.refuses_states = true;
   bench.online();
-  bench.outbox.push(test::sample(1));
-  bench.settle();
+  bench.take_samples(1);
   EXPECT_EQ(bench.made().samples().acknowledged, 1U);
   EXPECT_FALSE(last_on(bench, kState).contains("commands"));
   result_of(bench, "a");

@@ -26,8 +26,7 @@ TEST(PublisherStore, SamplesOfAnOutageOutliveTheProcess) {
   {
     Bench bench(scratch.path("store"));
     bench.broker.reachable = false;
-    for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-    bench.settle();
+    bench.take_samples(1, 3);
     EXPECT_EQ(bench.made().samples().queued, 3U);  // gathered for one commit
     bench.advance(200ms);
     EXPECT_EQ(bench.made().samples().stored, 3U);
@@ -86,8 +85,7 @@ TEST(PublisherStore, RowsOfAnEarlierProgramAndOfThisOneGoOutAsTheyWouldHaveLive)
   {
     Bench bench(scratch.path("store"));
     bench.broker.reachable = false;
-    bench.outbox.push(test::sample(2));
-    bench.settle();
+    bench.take_samples(2);
     bench.advance(200ms);
     EXPECT_EQ(bench.made().samples().stored, 2U);
     EXPECT_EQ(bench.store->set_aside(), "");
@@ -106,16 +104,14 @@ TEST(PublisherStore, RowsOfAnEarlierProgramAndOfThisOneGoOutAsTheyWouldHaveLive)
 
 TEST_F(PublisherStoreOnlineTest, UnacknowledgedForASecondIsOnDiskAndStillInFlight) {
   bench.broker.acknowledges = false;
-  for (std::uint64_t seq = 1; seq <= 20; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 20);
   EXPECT_EQ(bench.made().samples().in_flight, 18U);
   EXPECT_LE(bench.step(), bench.now + 1s);
   bench.advance(1s);
   EXPECT_EQ(bench.made().samples().in_flight, 0U);
   EXPECT_EQ(bench.made().samples().stored, 20U);
   EXPECT_TRUE(bench.broker.on(kBase + "/press1/data/fast/history").empty());
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_EQ(bench.made().samples().acknowledged, 18U);
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{19, 20}));
@@ -147,8 +143,7 @@ TEST_F(PublisherStoreOnlineTest, SamplesOfOneFifthOfASecondGoToDiskTogether) {
 
 TEST_F(PublisherStoreOnlineTest, SampleInFlightWhenTheConnectionGoesIsOnDiskWithinItsSecond) {
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::sample(1));
-  bench.settle();
+  bench.take_samples(1);
   bench.advance(900ms);
   bench.broker.lose();
   bench.now += 50ms;
@@ -174,8 +169,7 @@ TEST_F(PublisherStoreTest, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
   bench.config.store.sync_always = true;
   bench.online();
   bench.broker.acknowledges = false;
-  for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 3);
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")),
             (std::vector<std::uint64_t>{1, 2, 3}));
   EXPECT_EQ(bench.made().samples().stored, 3U);
@@ -192,8 +186,7 @@ TEST_F(PublisherStoreTest, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
 
 TEST_F(PublisherStoreTest, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothing) {
   bench.broker.reachable = false;
-  for (std::uint64_t seq = 1; seq <= 900; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 900);
   bench.advance(1s);
   bench.broker.reachable = true;
   bench.broker.acknowledges = false;
@@ -205,8 +198,7 @@ TEST_F(PublisherStoreTest, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothi
   ASSERT_LT(bench.made().samples().stored, 900U);
   ASSERT_GT(bench.made().samples().stored, 0U);
   ASSERT_GT(bench.broker.open(), 0U);
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.broker.acknowledges = true;
   for (int i = 0; i < 40; ++i) bench.advance(1s);
   std::vector<std::string> taken;
@@ -230,11 +222,9 @@ TEST_F(PublisherStoreTest, HistoryHasAShareOfTheWindowAndLiveTheRest) {
   bench.broker.receive_maximum = 8;
   bench.broker.acknowledges = false;
   bench.advance(5s);
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   bench.broker.log.clear();
-  bench.outbox.push(test::sample(21));
-  bench.settle();
+  bench.take_samples(21);
   EXPECT_LE(bench.broker.open(), 3U);  // two history messages and the live one
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{21});
 }
@@ -333,8 +323,7 @@ TEST(PublisherStore, HistoryRestsHalfAsLongAsItsLastMessageTook) {
     const test::Scratch scratch;
     Bench bench(on_disk ? scratch.path("store") : std::string());
     bench.broker.reachable = false;
-    for (std::uint64_t seq = 1; seq <= 900; ++seq) bench.outbox.push(test::sample(seq));
-    bench.settle();
+    bench.take_samples(1, 900);
     bench.advance(1s);
     bench.broker.reachable = true;
     bench.broker.acknowledges = false;
@@ -372,8 +361,7 @@ TEST(PublisherStore, DiskThatRefusesIsReplacedByMemoryUntilItTakesAgain) {
   std::ofstream(scratch.path("store")) << "a file in its place";
   Bench bench(scratch.path("store"));
   bench.broker.reachable = false;
-  for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 3);
   EXPECT_EQ(bench.store->state(), "memory");
   EXPECT_EQ(bench.made().samples().stored, 3U);
   std::filesystem::remove(scratch.path("store"));

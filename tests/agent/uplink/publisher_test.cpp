@@ -44,8 +44,7 @@ TEST_F(PublisherTest, ConnectSubscribesThenPublishesEverythingRetained) {
 TEST_F(PublisherTest, EveryRetainedTopicComesAgainAfterAReconnect) {
   bench.outbox.push(test::offline(1, "timeout"));
   bench.online();
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.advance(2s);
   EXPECT_EQ(bench.broker.on(kBase + "/state").size(), 1U);
   EXPECT_EQ(bench.broker.on(kBase + "/press1/meta").size(), 1U);
@@ -64,8 +63,7 @@ TEST_F(PublisherOnlineTest, AcknowledgementWakesNobodyWhoDoesNotWaitForIt) {
   bench.outbox.push(test::succeeded("b7e1"));
   bench.step();
   EXPECT_TRUE(bench.broker.acknowledgements_awaited) << "a result is marked as told";
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_FALSE(bench.broker.acknowledgements_awaited);
   for (std::uint64_t seq = 2; seq < 30; ++seq) bench.outbox.push(test::sample(seq));
   bench.step();
@@ -109,8 +107,7 @@ TEST_F(PublisherTest, SampleGoesOutLiveAtTheDataQos) {
 
 TEST_F(PublisherOnlineTest, WindowIsKeptAndResultsStillFindRoom) {
   bench.broker.acknowledges = false;
-  for (std::uint64_t seq = 1; seq <= 100; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 100);
   EXPECT_EQ(bench.broker.open(), 18U);
   bench.outbox.push(test::succeeded("a"));
   bench.settle();
@@ -124,8 +121,7 @@ TEST_F(PublisherOnlineTest, WindowIsKeptAndResultsStillFindRoom) {
 TEST_F(PublisherTest, SmallerReceiveMaximumIsObeyed) {
   bench.broker.receive_maximum = 3;
   bench.broker.acknowledges = false;
-  for (std::uint64_t seq = 1; seq <= 10; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 10);
   for (int i = 0; i < 50; ++i) {
     EXPECT_LE(bench.broker.open(), 3U);
     if (bench.broker.open() > 0) bench.broker.acknowledge_next();
@@ -137,19 +133,16 @@ TEST_F(PublisherTest, SmallerReceiveMaximumIsObeyed) {
 
 TEST_F(PublisherOnlineTest, UnacknowledgedSamplesComeAgainAsHistoryBesideLiveOnes) {
   bench.broker.acknowledges = false;
-  for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 3);
   bench.broker.lose();
-  bench.outbox.push(test::sample(4));
-  bench.settle();
+  bench.take_samples(4);
   EXPECT_EQ(bench.made().samples().stored, 4U);
   bench.broker.acknowledges = true;
   bench.broker.log.clear();
   bench.now += 2s;
   bench.outbox.push(test::sample(5));  // before the reconnect: becomes history too
   bench.settle();
-  bench.outbox.push(test::sample(6));
-  bench.settle();
+  bench.take_samples(6);
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{1, 2, 3, 4, 5}));
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), (std::vector<std::uint64_t>{6}));
@@ -164,29 +157,25 @@ TEST_F(PublisherOnlineTest, UnacknowledgedSamplesComeAgainAsHistoryBesideLiveOne
 
 TEST_F(PublisherTest, RowsLeaveMemoryOnlyAfterTheirAcknowledgement) {
   bench.broker.reachable = false;
-  for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 3);
   bench.broker.reachable = true;
   bench.advance(40s);
   bench.advance(20s);
   EXPECT_EQ(bench.made().samples().stored, 0U);
   bench.broker.lose();
-  bench.outbox.push(test::sample(4));
-  bench.settle();
+  bench.take_samples(4);
   bench.broker.acknowledges = false;
   bench.advance(40s);
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{1, 2, 3, 4}));
   EXPECT_EQ(bench.made().samples().stored, 1U);
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_EQ(bench.made().samples().stored, 0U);
 }
 
 TEST_F(PublisherTest, HistoryMessagesStayBelowTheirLimit) {
   bench.broker.reachable = false;
-  for (std::uint64_t seq = 1; seq <= 999; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 999);
   bench.broker.reachable = true;
   bench.advance(40s);
   const auto messages = bench.broker.on(kBase + "/press1/data/fast/history");
@@ -197,15 +186,13 @@ TEST_F(PublisherTest, HistoryMessagesStayBelowTheirLimit) {
 
 TEST_F(PublisherOnlineTest, SampleThatFindsNoRoomForASecondBecomesHistory) {
   bench.broker.acknowledges = false;
-  for (std::uint64_t seq = 1; seq <= 20; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 20);
   EXPECT_EQ(bench.made().samples().queued, 2U);
   bench.advance(1s);
   EXPECT_EQ(bench.made().samples().queued, 0U);
   EXPECT_EQ(bench.made().samples().stored, 2U);
   bench.broker.acknowledges = true;
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{19, 20}));
 }
@@ -233,8 +220,7 @@ TEST_F(PublisherOnlineTest, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
   bench.advance(2min);  // nothing in flight: no wait
   EXPECT_EQ(bench.broker.connects.size(), 1U);
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::sample(1));
-  bench.settle();
+  bench.take_samples(1);
   bench.advance(29s);
   EXPECT_EQ(bench.broker.connects.size(), 1U);
   EXPECT_LE(bench.step(), bench.now + 1s);
@@ -304,15 +290,13 @@ TEST_F(PublisherTest, StaysOnItsServerUntilThatFailsAndThenTriesItLast) {
   ASSERT_TRUE(bench.broker.up());
   bench.advance(1h);
   const std::size_t connects = bench.broker.connects.size();
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.advance(2s);
   ASSERT_EQ(bench.broker.connects.size(), connects + 1);
   EXPECT_EQ(bench.broker.connects.back(), 1U);
   bench.advance(1h);
   EXPECT_EQ(bench.broker.connects.size(), connects + 1);
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.advance(2s);
   ASSERT_EQ(bench.broker.connects.size(), connects + 2);
   EXPECT_EQ(bench.broker.connects.back(), 0U);
@@ -320,8 +304,7 @@ TEST_F(PublisherTest, StaysOnItsServerUntilThatFailsAndThenTriesItLast) {
 
 TEST_F(PublisherTest, ServerThatDropsUsAtOnceIsNotTriedForEver) {
   bench.settle();
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.advance(1s);
   EXPECT_EQ(bench.broker.connects, (std::vector<std::size_t>{0, 1}));
 }
@@ -365,8 +348,7 @@ TEST_F(PublisherOnlineTest, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
     bench.advance(2s);
     EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
               (std::vector<std::uint64_t>{1, 2}));
-    bench.broker.acknowledge_all();
-    bench.settle();
+    bench.acknowledge_all();
   }
   EXPECT_EQ(bench.made().samples().acknowledged, 6U);
 }
@@ -385,16 +367,14 @@ TEST_F(PublisherOnlineTest, HealthNamesTheCodeOfARefusalUntilItIsOver) {
   };
   EXPECT_EQ(refused(), "0x97");
   bench.broker.acknowledges = true;
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_EQ(refused(), nullptr);
 }
 
 TEST_F(PublisherTest, HistoryThatIsTooLargeIsCutInsteadOfDropped) {
   bench.broker.reachable = false;
   bench.broker.maximum_packet = 2000;
-  for (std::uint64_t seq = 1; seq <= 100; ++seq) bench.outbox.push(test::sample(seq));
-  bench.settle();
+  bench.take_samples(1, 100);
   bench.broker.reachable = true;
   bench.advance(40s);
   EXPECT_EQ(bench.made().samples().acknowledged, 100U);

@@ -94,8 +94,7 @@ TEST_F(ResultDeliveryOnlineTest, NewConnectionEndsThePauseAndTheNextOneIsShortAg
   bench.advance(2500ms);
   ASSERT_EQ(bench.broker.on(kOwn).size(), 3U);
   refuse(bench);  // the next pause is 4 s or more
-  bench.broker.lose();
-  bench.settle();
+  bench.lose_connection();
   bench.advance(2s);
   ASSERT_TRUE(bench.broker.up());
   EXPECT_EQ(bench.broker.on(kOwn).size(), 4U) << "at once";
@@ -117,8 +116,7 @@ TEST_F(ResultDeliveryOnlineTest, EightMebibytesOfResultsHoldCommandsBack) {
   push(40);
   EXPECT_TRUE(bench.broker.held) << "140 results are fewer than their number allows";
   bench.broker.acknowledges = true;
-  bench.broker.acknowledge_all();
-  bench.settle();
+  bench.acknowledge_all();
   EXPECT_FALSE(bench.broker.held);
 }
 
@@ -131,8 +129,7 @@ TEST_F(RetainedStateOnlineTest, PauseBetweenRefusalsGrows) {
 
 TEST_F(SampleDeliveryOnlineTest, PauseBetweenRefusalsGrows) {
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::sample(1));
-  bench.settle();
+  bench.take_samples(1);
   expect_growing_pauses(
       bench, [&] { return bench.broker.on(kBase + "/press1/data/fast/history").size(); });
 }

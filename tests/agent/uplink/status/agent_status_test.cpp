@@ -123,8 +123,7 @@ TEST_F(AgentStatusOnlineTest, HealthSaysWhatThePublishedStatusSays) {
 
 TEST_F(AgentStatusOnlineTest, TellsHowLongTheStoreLastsFromTheFirstMinuteWithSamplesOn) {
   const auto hours_left = [&] { return bench.asked()->hours_left; };
-  bench.outbox.push(test::sample(1));
-  bench.settle();
+  bench.take_samples(1);
   EXPECT_EQ(hours_left(), std::nullopt);
   bench.advance(60s);
   const auto after_a_minute = hours_left();
@@ -133,8 +132,7 @@ TEST_F(AgentStatusOnlineTest, TellsHowLongTheStoreLastsFromTheFirstMinuteWithSam
   bench.advance(60s);
   EXPECT_EQ(hours_left(), after_a_minute) << "minutes without samples say nothing of the rate";
   // As many bytes as in the first minute, in about three minutes.
-  bench.outbox.push(test::sample(2));
-  bench.settle();
+  bench.take_samples(2);
   bench.advance(60s);
   ASSERT_TRUE(hours_left());
   EXPECT_GT(*hours_left(), 1.5 * *after_a_minute);
