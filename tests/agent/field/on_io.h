@@ -34,6 +34,13 @@ T run_on(asio::io_context& io, asio::awaitable<T> task) {
   return T();
 }
 
+inline void run_on(asio::io_context& io, asio::awaitable<void> task) {
+  run_on(io, [](asio::awaitable<void> of) -> asio::awaitable<bool> {
+    co_await std::move(of);
+    co_return true;
+  }(std::move(task)));
+}
+
 /// Runs events until `reached` returns true. Reports a failure if it never does.
 inline void run_until(asio::io_context& io, const std::function<bool()>& reached) {
   io.restart();

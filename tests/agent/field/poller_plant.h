@@ -18,11 +18,6 @@
 
 namespace fxagent::test {
 
-inline asio::awaitable<bool> ended(asio::awaitable<void> task) {
-  co_await std::move(task);
-  co_return true;
-}
-
 /// The polls of one link without its loop: a test runs every step. Nothing waits: if no poll is
 /// due, the test advances the scheduler's time.
 class PollerTest : public ::testing::Test {
@@ -58,7 +53,7 @@ class PollerTest : public ::testing::Test {
       now = std::max(job.until, std::chrono::steady_clock::now());
       job = scheduler.next(now);
     }
-    if (job.kind == PollScheduler::Job::Kind::poll) run_on(io, ended(poller->run(job.poll)));
+    if (job.kind == PollScheduler::Job::Kind::poll) run_on(io, poller->run(job.poll));
     EXPECT_FALSE(poller->is_polling());
     Outbox::Batch batch = outbox.take();
     for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));

@@ -26,11 +26,6 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-asio::awaitable<bool> ended(asio::awaitable<void> task) {
-  co_await std::move(task);
-  co_return true;
-}
-
 /// One link without its loop, at 1 ms per character: the test decides when the next command runs.
 class LinkCommandsTest : public ScriptedBusTest {
  protected:
@@ -59,31 +54,25 @@ class LinkCommandsTest : public ScriptedBusTest {
 
   /// Adds a command that writes 50, 51 … to x0, x1 …
   void add(std::string id, std::vector<int> tags) {
-    Command command;
-    command.id = std::move(id);
-    command.op = Op::write;
-    command.op_text = "write";
-    command.verify = false;
+    Command command = command_of(std::move(id), Op::write);
     command.is_list = tags.size() > 1;
     for (const int i : tags)
       command.targets.push_back({"x" + std::to_string(i), "", std::nullopt, number(50 + i)});
     submit(std::move(command));
   }
   void add_wide(std::string id) {
-    Command command;
-    command.id = std::move(id);
-    command.op = Op::write;
-    command.op_text = "write";
-    command.verify = false;
+    Command command = command_of(std::move(id), Op::write);
     command.targets.push_back({"wide", "", std::nullopt, number(9)});
     submit(std::move(command));
   }
-  void add(std::string id, Op op) {
+  void add(std::string id, Op op) { submit(command_of(std::move(id), op)); }
+  static Command command_of(std::string id, Op op) {
     Command command;
     command.id = std::move(id);
     command.op = op;
     command.op_text = to_string(op);
-    submit(std::move(command));
+    if (op == Op::write) command.verify = false;
+    return command;
   }
   void submit(Command command) {
     command.received = Clock::now();
@@ -96,13 +85,21 @@ class LinkCommandsTest : public ScriptedBusTest {
     }
     commands->add(std::get<AdmittedCommand>(std::move(decision)), device);
   }
-  void run_next() { run_on(io, ended(commands->run_next())); }
+  void run_next() { run_on(io, commands->run_next()); }
   /// Runs the next due poll. Returns false if none is due.
   bool poll() {
     const PollScheduler::Job job = scheduler.next(Clock::now());
     if (job.kind != PollScheduler::Job::Kind::poll) return false;
-    run_on(io, ended(poller->run(job.poll)));
+    run_on(io, poller->run(job.poll));
     return true;
+  }
+  /// Runs up to three polls until there is telemetry.
+  bool polls_bring_telemetry() {
+    for (int i = 0; i < 3 && telemetry.empty(); ++i) {
+      EXPECT_TRUE(poll());
+      collect();
+    }
+    return !telemetry.empty();
   }
   void open() {
     ScriptedBusTest::open();
@@ -323,11 +320,7 @@ TEST_F(CycleOfTwoReads, LinkLostInACommandTakesTheOldValueWithIt) {
   run_next();
   plc.set(kD200, word(50));  // it has arrived
   open();
-  for (int i = 0; i < 3 && telemetry.empty(); ++i) {
-    EXPECT_TRUE(poll());
-    collect();
-  }
-  ASSERT_FALSE(telemetry.empty());
+  ASSERT_TRUE(polls_bring_telemetry());
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].status, CommandStatus::unknown_outcome);
   EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
@@ -344,11 +337,7 @@ TEST_F(CycleOfTwoReads, FaultInACommandTakesTheOldValueWithIt) {
   plc.set(kD200, word(50));  // it has arrived
   bus->close();
   open();
-  for (int i = 0; i < 3 && telemetry.empty(); ++i) {
-    EXPECT_TRUE(poll());
-    collect();
-  }
-  ASSERT_FALSE(telemetry.empty());
+  ASSERT_TRUE(polls_bring_telemetry());
   EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
 }
 
@@ -371,11 +360,7 @@ TEST_F(CycleWithTheRunSwitch, RunOrStopTakesTheOldStateOfTheSwitchWithIt) {
   add("stop", Op::stop);
   run_next();
   plc.set(kM8032, {0x20});  // M8037 is on
-  for (int i = 0; i < 3 && telemetry.empty(); ++i) {
-    EXPECT_TRUE(poll());
-    collect();
-  }
-  ASSERT_FALSE(telemetry.empty());
+  ASSERT_TRUE(polls_bring_telemetry());
   EXPECT_TRUE(std::get<bool>(telemetry[0].readings.at(0).value.items.at(0)));
 }
 
