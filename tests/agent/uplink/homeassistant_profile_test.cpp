@@ -47,10 +47,7 @@ class HomeAssistant : public testing::Test {
     return Json::parse(retained().at(topic)).at("components");
   }
   void hear(const std::string& topic, const std::string& payload) {
-    Message message;
-    message.topic = topic;
-    message.payload = payload;
-    profile_->hear(message);
+    profile_->hear(test::message_on(topic, payload));
   }
   /// Changes to `wanted` as a reload does.
   void reload(Config wanted) {

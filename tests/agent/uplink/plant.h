@@ -8,6 +8,7 @@
 #include "agent/handover/command_message.h"
 #include "agent/handover/field_health.h"
 #include "agent/handover/telemetry.h"
+#include "agent/uplink/broker.h"
 #include "protocol/fx/programming_port.h"
 
 namespace fxagent::test {
@@ -86,6 +87,14 @@ inline Telemetry sample(std::uint64_t seq, std::uint32_t device = 0, std::uint32
   message.seq = seq;
   message.ts_ms = 1790000000000 + static_cast<std::int64_t>(seq);
   message.readings = {good(temp, Value(23.4))};
+  return message;
+}
+
+inline Message message_on(std::string topic, std::string payload, bool retained = false) {
+  Message message;
+  message.topic = std::move(topic);
+  message.payload = std::move(payload);
+  message.retained = retained;
   return message;
 }
 

@@ -25,10 +25,7 @@ class PublisherConfig : public ::testing::Test, public test::PublisherBench {
     made().configs().set_listener(std::move(listener));
   }
   void desire(const std::string& payload) {
-    Message message;
-    message.topic = kDesired;
-    message.payload = payload;
-    broker.send(std::move(message));
+    broker.send(test::message_on(kDesired, payload));
     settle();
   }
 

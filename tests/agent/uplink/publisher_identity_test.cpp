@@ -18,11 +18,7 @@ const std::string kOnline = R"({"state":"online","since":1,"boot":"0ther","versi
 const std::string kWill = R"({"state":"offline","since":null,"reason":"lost","boot":"0ther"})";
 
 void hear(Bench& bench, const std::string& topic, const std::string& payload) {
-  Message message;
-  message.topic = topic;
-  message.payload = payload;
-  message.retained = true;
-  bench.broker.send(std::move(message));
+  bench.broker.send(test::message_on(topic, payload, true));
   bench.settle();
 }
 
@@ -124,12 +120,8 @@ struct Twins {
   }
   void pass_on(Bench& from, Bench& to) {
     for (std::size_t& i = passed_on[&from]; i < from.broker.log.size(); ++i)
-      if (from.broker.log[i].topic == kState) {
-        Message message;
-        message.topic = kState;
-        message.payload = from.broker.log[i].payload;
-        to.broker.send(std::move(message));
-      }
+      if (from.broker.log[i].topic == kState)
+        to.broker.send(test::message_on(kState, from.broker.log[i].payload));
   }
   void run(SteadyTime::duration time) {
     for (const SteadyTime end = a.now + time; a.now < end; a.now += 20ms) {
@@ -341,11 +333,7 @@ TEST_F(PublisherIdentityOnlineTest, CommandForAnUnknownDeviceIsAnswered) {
 
 TEST_F(PublisherIdentityOnlineTest, MessageForAnUnknownDeviceIsCheckedLikeAnyOther) {
   const auto reason = [&](const std::string& payload, bool retained = false) {
-    Message message;
-    message.topic = kBase + "/nobody/command";
-    message.payload = payload;
-    message.retained = retained;
-    bench.broker.send(message);
+    bench.broker.send(test::message_on(kBase + "/nobody/command", payload, retained));
     bench.settle();
     const json result = last_on(bench, kBase + "/nobody/result");
     return result.is_object() ? result["reason"] : json();

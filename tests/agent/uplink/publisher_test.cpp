@@ -236,11 +236,7 @@ TEST_F(PublisherTest, RetainedTopicsOfUnknownDevicesAreCleared) {
   bench.settle();
   bench.broker.taken.clear();
   const auto retained = [&](const std::string& topic, const std::string& payload) {
-    Message message;
-    message.topic = topic;
-    message.payload = payload;
-    message.retained = true;
-    bench.broker.send(message);
+    bench.broker.send(test::message_on(topic, payload, true));
   };
   retained(kBase + "/press9/state", "{}");
   retained(kBase + "/press9/meta", "{}");

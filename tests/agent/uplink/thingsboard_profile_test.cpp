@@ -87,10 +87,7 @@ class ThingsBoardProfileTest : public testing::Test {
   }
 
   void ask(const std::string& payload, bool retained = false) {
-    Message message;
-    message.topic = "v1/gateway/rpc";
-    message.payload = payload;
-    message.retained = retained;
+    Message message = test::message_on("v1/gateway/rpc", payload, retained);
     message.received_ms = 1790000000000;
     profile->hear(message);
   }

@@ -48,11 +48,7 @@ class SparkplugTest : public testing::Test {
     profile_->device_state(status);
   }
   void hear(const std::string& topic, std::string payload, bool retained = false) {
-    Message message;
-    message.topic = topic;
-    message.payload = std::move(payload);
-    message.retained = retained;
-    profile_->hear(message);
+    profile_->hear(test::message_on(topic, std::move(payload), retained));
   }
   /// Returns the topics that are due, without what all have in common.
   std::vector<std::string> due() {

@@ -82,11 +82,7 @@ class TypedCommandsTest : public testing::Test {
     profile_->device_state(status);
   }
   void hear(const std::string& topic, const char* text, bool retained = false) {
-    Message message;
-    message.topic = "spCv1.0/plant-a/" + topic;
-    message.payload = test::bytes(text);
-    message.retained = retained;
-    profile_->hear(message);
+    profile_->hear(test::message_on("spCv1.0/plant-a/" + topic, test::bytes(text), retained));
   }
   /// Returns "VERB/node/device seq" of all that is due.
   std::vector<std::string> due() {
