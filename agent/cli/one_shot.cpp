@@ -19,7 +19,7 @@
 #include "agent/config/suggestions.h"
 #include "agent/field/field.h"
 #include "agent/handover/outbox.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "protocol/plc.h"
 #include "protocol/value/pack.h"

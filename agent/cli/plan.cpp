@@ -11,7 +11,7 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/plan_report.h"
 #include "agent/cli/report/table.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 
 namespace fxagent {

@@ -12,7 +12,7 @@
 #include "agent/cli/report/stream_check.h"
 #include "agent/cli/waiting_broker.h"
 #include "agent/log/log.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 
 namespace fxagent {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <variant>
 
-#include "agent/commands/parse.h"
+#include "agent/commands/parse/parse.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
 #include "agent/config/suggestions.h"

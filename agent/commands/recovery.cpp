@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "agent/commands/audit_records.h"
-#include "agent/commands/parse.h"
+#include "agent/commands/parse/parse.h"
 #include "agent/commands/result.h"
 #include "agent/commands/result_text.h"
 #include "agent/log/log.h"

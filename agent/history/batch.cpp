@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/sha256.h"
 #include "agent/text/text.h"
 

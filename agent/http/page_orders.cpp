@@ -15,7 +15,7 @@
 
 #include "agent/file_handle.h"
 #include "agent/log/log.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 
 namespace fxagent {
 namespace {

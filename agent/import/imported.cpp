@@ -8,7 +8,7 @@
 
 #include "agent/config/json/pretty.h"
 #include "agent/config/loader.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 #include "protocol/catalog.h"
 #include "protocol/letter_case.h"

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "agent/config/keys.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 #include "protocol/value/bytes.h"

@@ -11,7 +11,7 @@
 #include "agent/config/suggestions.h"
 #include "agent/remote/beyond_limits.h"
 #include "agent/remote/error_list.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/sha256.h"
 
 namespace fxagent {

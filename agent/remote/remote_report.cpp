@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 
 namespace fxagent {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 
 namespace fxagent::audit {

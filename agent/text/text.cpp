@@ -7,7 +7,7 @@
 #include <random>
 #include <utility>
 
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 
 namespace fxagent {
 namespace {

@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "agent/commands/journal.h"
-#include "agent/commands/parse.h"
+#include "agent/commands/parse/parse.h"
 #include "agent/commands/result_text.h"
 #include "agent/config/read/config_limits.h"
 #include "agent/handover/command_message.h"

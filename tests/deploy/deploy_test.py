@@ -445,7 +445,7 @@ class Scripts(unittest.TestCase):
         script = shutil.copy(in_root("tests", "include_graph.sh"), os.path.join(directory, "tests"))
         output_of(script, "--check")
         with open(os.path.join(directory, "agent", "config", "json", "tree.cpp"), "a") as source:
-            source.write('#include "agent/commands/parse.h"\n')
+            source.write('#include "agent/commands/parse/parse.h"\n')
         done = subprocess.run([script, "--check"], capture_output=True, text=True)
         self.assertEqual(done.returncode, 1)
         self.assertIn("commands <--> config", done.stderr)

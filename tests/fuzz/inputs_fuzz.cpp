@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/commands/parse.h"
+#include "agent/commands/parse/parse.h"
 #include "agent/commands/result_text.h"
 #include "agent/config/loader.h"
 

@@ -11,7 +11,7 @@
 #include "agent/steady_time.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/disk/store_file.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 
 namespace fxagent {

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "agent/text/calendar.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 
 namespace fxagent::audit {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "agent/cli/exit_status.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 #include "protocol/value/pack.h"
 #include "protocol/value/unpack.h"

@@ -3,7 +3,7 @@
 #include <initializer_list>
 #include <utility>
 
-#include "agent/commands/parse.h"
+#include "agent/commands/parse/parse.h"
 #include "agent/handover/telemetry.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/remote_report.h"

@@ -6,7 +6,7 @@
 
 #include "agent/config/json/syntax_fault.h"
 #include "agent/config/json/tree.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 
 namespace fxagent {
 namespace {

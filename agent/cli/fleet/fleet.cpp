@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/sha256.h"
 #include "agent/uplink/broker.h"
 

@@ -7,7 +7,7 @@
 
 #include "agent/cli/report/table.h"
 #include "agent/text/calendar.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 
 namespace fxagent {

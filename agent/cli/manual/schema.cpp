@@ -13,7 +13,7 @@
 #include "agent/cli/report/json_page.h"
 #include "agent/config/keys.h"
 #include "agent/config/suggestions.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {

@@ -7,7 +7,7 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/recording/replay_report.h"
 #include "agent/config/suggestions.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "protocol/catalog.h"
 
 namespace fxagent {

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <utility>
 
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 #include "protocol/explanation.h"
 

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 #include "agent/uplink/topics.h"
 

@@ -12,7 +12,7 @@
 #include "agent/config/loader.h"
 #include "agent/config/read/reader.h"
 #include "agent/import/imported.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 
 namespace fxagent {
 namespace {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "agent/log/log.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 #include "protocol/value/value_range.h"

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "agent/uplink/payload/json_payload.h"
 

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "agent/log/log.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 
 namespace fxagent::sparkplug {
 namespace {

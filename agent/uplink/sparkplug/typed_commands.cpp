@@ -7,7 +7,7 @@
 #include <variant>
 
 #include "agent/log/log.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/sha256.h"
 #include "agent/text/text.h"

@@ -10,7 +10,7 @@
 #include <variant>
 #include <vector>
 
-#include "agent/commands/parse.h"
+#include "agent/commands/parse/parse.h"
 #include "agent/commands/pending_budget.h"
 #include "agent/commands/result.h"
 #include "protocol/catalog.h"

@@ -1,5 +1,5 @@
 #include "agent/import/imported.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 
 #include <gtest/gtest.h>
 

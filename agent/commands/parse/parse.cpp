@@ -1,4 +1,4 @@
-#include "agent/commands/parse.h"
+#include "agent/commands/parse/parse.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,10 +7,10 @@
 #include <set>
 #include <utility>
 
-#include "agent/commands/command_keys.h"
-#include "agent/commands/faults.h"
+#include "agent/commands/parse/command_keys.h"
+#include "agent/commands/parse/faults.h"
 #include "agent/config/json/tree.h"
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 
 namespace fxagent {

@@ -1,4 +1,4 @@
-#include "agent/commands/parse.h"
+#include "agent/commands/parse/parse.h"
 
 #include <gtest/gtest.h>
 

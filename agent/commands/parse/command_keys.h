@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "agent/commands/faults.h"
+#include "agent/commands/parse/faults.h"
 #include "agent/handover/command_message.h"
 
 namespace fxagent {

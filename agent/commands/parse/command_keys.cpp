@@ -1,4 +1,4 @@
-#include "agent/commands/command_keys.h"
+#include "agent/commands/parse/command_keys.h"
 
 #include <algorithm>
 #include <array>

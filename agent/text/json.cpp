@@ -1,4 +1,4 @@
-#include "agent/text/json_member.h"
+#include "agent/text/json.h"
 
 #include <cstdint>
 #include <limits>

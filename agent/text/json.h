@@ -1,5 +1,5 @@
 // Reads and writes JSON with nlohmann's library. Its parser and its printer are compiled only once,
-// in json_member.cpp: each takes a second in every file that calls it directly. Pure. Any thread.
+// in json.cpp: each takes a second in every file that calls it directly. Pure. Any thread.
 #pragma once
 
 #include <nlohmann/json.hpp>
