@@ -25,7 +25,7 @@ Write write_of(const Force& force) {
 }
 
 Result<ReadWay> way_for(const std::vector<ReadWay>& ways, std::uint8_t number, const Span& span,
-                        const std::string& name, std::string_view how) {
+                        const std::function<std::string()>& name, std::string_view how) {
   for (const ReadWay& way : ways) {
     if (way.way != number || span.first_bit < way.first_bit || span.bits > way.end_bit ||
         span.first_bit > way.end_bit - span.bits)
@@ -33,11 +33,11 @@ Result<ReadWay> way_for(const std::vector<ReadWay>& ways, std::uint8_t number, c
     if (span.first_bit % way.align_bits == 0 && span.bits % way.unit_bits == 0 && span.bits != 0 &&
         span.bits <= way.max_bits)
       return way;
-    return refuse("read of " + std::to_string(span.bits) + " bits from " + name + ": at most " +
+    return refuse("read of " + std::to_string(span.bits) + " bits from " + name() + ": at most " +
                   std::to_string(way.max_bits) + ", in steps of " + std::to_string(way.unit_bits));
   }
-  return fail(ErrorCode::unsupported, name + ": " + std::to_string(span.bits) + " bits cannot be " +
-                                          std::string(how) + " on this model");
+  return fail(ErrorCode::unsupported, name() + ": " + std::to_string(span.bits) +
+                                          " bits cannot be " + std::string(how) + " on this model");
 }
 
 std::optional<Request> Codec::combine(const std::vector<Request>& requests) const {

@@ -1,7 +1,9 @@
-// Numbers on the wire and steps of Codec::encode() that several protocols share.
+// Numbers on the wire and steps of Codec::encode() that several protocols share. The .cpp also has
+// the default of Codec::combine().
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -22,10 +24,10 @@ bool is_hex(ByteView wire);
 /// Returns the force as a write of its single bit, by the same way.
 Write write_of(const Force& force);
 
-/// Returns the one of `ways` that has this number and reaches `span`, whose device is `name`.
-/// Errors: bad_request if it cannot read exactly this span; unsupported if there is none: "D0: 16
-/// bits cannot be `how` on this model".
+/// Returns the one of `ways` that has this number and reaches `span`. `name` returns the name of
+/// its device, and is called for an error only. Errors: bad_request if it cannot read exactly this
+/// span; unsupported if there is none: "D0: 16 bits cannot be `how` on this model".
 Result<ReadWay> way_for(const std::vector<ReadWay>& ways, std::uint8_t number, const Span& span,
-                        const std::string& name, std::string_view how);
+                        const std::function<std::string()>& name, std::string_view how);
 
 }  // namespace fxagent

@@ -56,6 +56,7 @@ struct HttpAnswer {
   std::string etag{};  ///< ETag with its quotes; empty: none
 };
 
+/// Returns an answer with this JSON, which is sent as it is.
 HttpAnswer json_answer(unsigned status, std::string json);
 /// Returns an answer with `why` as JSON: {"error": "..."}.
 HttpAnswer refusal(unsigned status, std::string_view why);

@@ -68,7 +68,8 @@ std::string_view CsvRow::at(std::size_t column) const {
 tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text, char delimiter) {
   RowReader reader(delimiter);
   while (!text.empty()) {
-    const std::string_view line = text.substr(0, std::min(text.find('\n'), text.size() - 1) + 1);
+    const std::size_t end = text.find('\n');
+    const std::string_view line = text.substr(0, end == text.npos ? end : end + 1);
     if (!reader.take(line))
       return tl::unexpected(ImportFault{reader.line(), "a quote inside a cell"});
     text.remove_prefix(line.size());

@@ -268,11 +268,14 @@ ImportedDevice& NeuronReader::device_of(const Driver& driver, std::string_view p
   ImportedDevice device = new_device(std::move(name), link_, protocol);
   if (unit >= 0) device.keys["unit"] = unit;
   if (!options_.model.empty()) device.keys["model"] = options_.model;
-  if (driver.params != nullptr)
-    for (const auto& [theirs, ours] :
-         {std::pair("timeout"sv, "timeout_ms"sv), std::pair("interval"sv, "gap_ms"sv)})
-      if (const auto ms = integer_at(*driver.params, theirs); ms && *ms > 0)
-        device.keys[ours] = *ms;
+  const auto put_ms = [&](std::string_view theirs, std::string_view ours) {
+    const auto ms = integer_at(*driver.params, theirs);
+    if (ms && *ms > 0) device.keys[ours] = *ms;
+  };
+  if (driver.params != nullptr) {
+    put_ms("timeout", "timeout_ms");
+    put_ms("interval", "gap_ms");
+  }
   return out_.devices.emplace_back(std::move(device));
 }
 

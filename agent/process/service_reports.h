@@ -16,21 +16,23 @@ namespace fxagent {
 /// life only by doing its usual work; field and uplink get a request for it.
 class Heartbeats final {
  public:
-  explicit Heartbeats(bool has_pair = false) : threads_(has_pair ? 3 : 2) {}
+  explicit Heartbeats(bool has_pair = false) : threads_(has_pair ? kThreads : kPair) {}
 
   /// Called by the threads in each round of their loops.
-  void field_went_on() noexcept { ++signs_[0]; }
-  void uplink_went_on() noexcept { ++signs_[1]; }
-  void pair_went_on() noexcept { ++signs_[2]; }
+  void field_went_on() noexcept { ++signs_[kField]; }
+  void uplink_went_on() noexcept { ++signs_[kUplink]; }
+  void pair_went_on() noexcept { ++signs_[kPair]; }
 
   /// Returns the threads without a sign since the last empty result: for example "field
   /// and uplink"; empty: none. Call on one thread.
   std::string stands_still();
 
  private:
-  const std::size_t threads_;
-  std::array<std::atomic<std::uint64_t>, 3> signs_{};  ///< of field, uplink, pair
-  std::array<std::uint64_t, 3> then_{};                ///< at the last empty result
+  enum Thread : std::uint8_t { kField, kUplink, kPair, kThreads };
+
+  const std::size_t threads_;  ///< that run; the pair is the last
+  std::array<std::atomic<std::uint64_t>, kThreads> signs_{};
+  std::array<std::uint64_t, kThreads> then_{};  ///< at the last empty result
 };
 
 class ServiceReports final {

@@ -1,5 +1,5 @@
-// Resources that the agent needs before it begins: threads, memory and open files. Without them it
-// would hang inside a library and report nothing.
+// Resources that the agent needs before it begins, or before a new config: threads, memory and open
+// files. Without them it would hang inside a library and report nothing.
 #pragma once
 
 #include <cstddef>

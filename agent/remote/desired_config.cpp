@@ -270,6 +270,7 @@ MergedConfig merged_config(std::string_view local_text, const DesiredConfig& des
                            const RemoteLimits& limits) {
   const Json document = parsed_json(desired.text);
   Json local = parsed_json(local_text, /*ignore_comments=*/true);
+  if (local.is_discarded()) return {{}, {{"", 0, "the local file is not JSON any more"}}};
   return Merger(std::move(local), document, limits).run();
 }
 

@@ -13,8 +13,9 @@ namespace {
 using OrderedJson = nlohmann::ordered_json;
 using State = RemoteReport::State;
 
-constexpr std::array<std::string_view, 3> kStates{"applied", "rejected",
-                                                  "rolled_back"};  // as State
+constexpr auto kStates =
+    std::to_array<std::string_view>({"applied", "rejected", "rolled_back"});  // as State
+static_assert(kStates.size() == static_cast<std::size_t>(State::rolled_back) + 1);
 
 /// Cuts `text` after at most kMostErrorBytes, at the end of a UTF-8 character, and appends "…".
 std::string cut(std::string text) {

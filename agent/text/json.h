@@ -1,5 +1,6 @@
-// Reads and writes JSON with nlohmann's library. Its parser and its printer are compiled only once,
-// in json.cpp: each takes a second in every file that calls it directly. Pure. Any thread.
+// Reads and writes JSON with nlohmann's library. Its parser and its printer are compiled in
+// json.cpp for all: each takes a second more in a file that calls it directly, as those do that
+// need a callback or indentation. Pure. Any thread.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -86,6 +86,20 @@ struct DeliveryFailed {
   int reason_code = 0;
   std::string text;
 };
+struct Subscribed {
+  std::string filter;
+  bool granted = false;
+  std::string text;  ///< reason of a refusal
+};
+/// The uplink took its events too slowly, and `count` messages were discarded. QoS 1 messages are
+/// among them only if hold_messages() was not used or had no effect.
+struct MessagesDropped {
+  std::uint64_t count = 0;
+};
+
+using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, Message, Delivered,
+                                 DeliveryFailed, Subscribed, MessagesDropped>;
+
 // Reason codes of a PUBACK (MQTT 5, section 3.4.2.1) that a repetition cannot cure.
 inline constexpr int kTopicNameInvalid = 0x90;
 inline constexpr int kPacketTooLarge = 0x95;
@@ -102,19 +116,6 @@ inline std::string hex_code(int reason_code) {
   append_hex(digits, static_cast<std::uint32_t>(reason_code), 2);
   return "0x" + std::string(digits.begin(), digits.end());
 }
-struct Subscribed {
-  std::string filter;
-  bool granted = false;
-  std::string text;  ///< reason of a refusal
-};
-/// The uplink took its events too slowly, and `count` messages were discarded. QoS 1 messages are
-/// among them only if hold_messages() was not used or had no effect.
-struct MessagesDropped {
-  std::uint64_t count = 0;
-};
-
-using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, Message, Delivered,
-                                 DeliveryFailed, Subscribed, MessagesDropped>;
 
 /// Longest payload that the agent processes. One more byte is kept, which shows that there was
 /// more.

@@ -183,11 +183,13 @@ class Publisher final {
   std::vector<Beside> outlets_;
   SteadyTime outlets_wake_ = SteadyTime::max();
 
-  /// Nothing is taken from a store that opens: rows recovered for a device that ends with the
-  /// change would come too late.
+  /// From begin_change() to change(). Nothing is taken from a store that opens meanwhile: rows
+  /// recovered for a device that ends with the change would come too late.
   bool is_changing_ = false;
-  std::vector<std::string> joined_;  ///< devices that were in no config of this run before
-  bool samples_first_ = false;       ///< samples go before results, in a window too small to share
+  /// Devices that were in no config of this run before: what earlier runs left of them is to be
+  /// recovered.
+  std::vector<std::string> joined_;
+  bool samples_first_ = false;  ///< samples go before results, in a window too small to share
   /// Devices of commands that may have written and whose results are not handed over yet.
   std::set<std::string> written_;
   std::optional<SteadyTime> started_;

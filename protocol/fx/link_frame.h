@@ -1,4 +1,5 @@
-// Parts of computer-link frames. Only for the files of this codec.
+// Parts of computer-link frames, defined in computer_link.cpp and link_request.cpp. Only for the
+// files of this codec.
 #pragma once
 
 #include <cstdint>

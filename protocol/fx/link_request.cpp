@@ -133,8 +133,8 @@ Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& 
                           const Read& read) {
   const Span& span = read.span;
   const std::string_view command = read_command(read);
-  const auto way =
-      way_for(ways, read.way, span, device_name(span), "read by " + std::string(command));
+  const auto way = way_for(
+      ways, read.way, span, [&] { return device_name(span); }, "read by " + std::string(command));
   if (!way) return tl::make_unexpected(way.error());
   Bytes area;
   append_device(area, span.space, span.first_bit, name_chars(span.space));

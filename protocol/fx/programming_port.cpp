@@ -280,7 +280,7 @@ Result<Bytes> encode_read(const Settings& settings, const Read& read) {
   const auto set = classic ? CommandSet::classic : CommandSet::extended;
   const auto space = static_cast<Space>(read.span.space);
   const auto way = way_for(
-      ways_of(settings, space, set), way_of(set), read.span, device_name(read.span),
+      ways_of(settings, space, set), way_of(set), read.span, [&] { return device_name(read.span); },
       classic ? "reached with the classic command set" : "reached with the extended command set");
   if (!way) return tl::make_unexpected(way.error());
   const std::uint32_t address =

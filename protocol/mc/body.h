@@ -49,7 +49,7 @@ class Body final {
   void number(std::uint32_t value, std::size_t bytes) {
     append_number(dialect_.code, out_, value, bytes);
   }
-  /// Appends the device that contains this bit of the space.
+  /// Appends the device that contains this bit of the space. If it has no name, take() fails.
   void device(std::uint16_t space, std::uint32_t bit);
   Bytes& bytes() { return out_; }
   /// Error: unsupported if this code has no name or no certain digits for one of the devices.

@@ -105,8 +105,9 @@ std::vector<GatherCommand> gathers(const Dialect& dialect) {
 }
 
 Result<ReadWay> way_of(const Dialect& dialect, const Read& read) {
-  return way_for(read_ways(dialect, read.span.space), plain_way(read.way), read.span,
-                 device_name(dialect.model, read.span), "read in this way");
+  return way_for(
+      read_ways(dialect, read.span.space), plain_way(read.way), read.span,
+      [&] { return device_name(dialect.model, read.span); }, "read in this way");
 }
 
 std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space_id) {

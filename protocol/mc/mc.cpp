@@ -99,7 +99,9 @@ Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& option
 Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
   auto address = mc::parse_address(settings_.model, text, type);
   if (!address) return address;
-  return check_named(dialect_, address->span).map([&] { return std::move(*address); });
+  if (const auto named = check_named(dialect_, address->span); !named)
+    return tl::make_unexpected(named.error());
+  return address;
 }
 
 Result<void> Mc::check_range(const Span& span) const {

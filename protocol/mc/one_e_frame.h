@@ -38,7 +38,7 @@ inline constexpr std::size_t kAnswerHead = 2;
 /// A frame under construction.
 class Writer final {
  public:
-  explicit Writer(Code data_code) : data_code_(data_code) {}
+  explicit Writer(Code data_code) : data_code_(data_code) { frame_.reserve(24); }  // a read
   /// Low byte first in binary, high digit first in ASCII.
   void number(std::uint32_t value, std::size_t bytes) {
     append_number(data_code_, frame_, value, bytes);

@@ -63,6 +63,7 @@ Bytes binary_head(const SerialSettings& settings, std::size_t rest) {
   return head;
 }
 
+/// Returns the head of an answer with `data` characters, before doubling.
 Bytes binary_answer_head(const SerialSettings& settings, std::size_t data) {
   return binary_head(settings, kMark + kEndCode + data);
 }

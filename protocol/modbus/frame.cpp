@@ -44,7 +44,9 @@ std::uint16_t crc(ByteView bytes) {
 std::uint8_t lrc(ByteView bytes) { return static_cast<std::uint8_t>(-byte_sum(bytes)); }
 
 Bytes framed(Framing framing, std::uint8_t unit, ByteView pdu, std::uint16_t transaction) {
-  Bytes frame{unit};
+  Bytes frame;
+  frame.reserve(framed_length(framing, pdu.size()));
+  frame.push_back(unit);
   frame.insert(frame.end(), pdu.begin(), pdu.end());
   const auto low = [](std::size_t number) { return static_cast<std::uint8_t>(number); };
   switch (framing) {

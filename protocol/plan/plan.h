@@ -101,7 +101,7 @@ class ReadIndices final {
 struct Plan {
   std::vector<PlannedRead> reads;
   /// Exchanges in the order of sending: a read sent alone, or the parts of a Gather, as ascending
-  /// indices in `reads`. Empty if each read is an exchange, in the order of `reads`.
+  /// indices in `reads`, never none. Empty if each read is an exchange, in the order of `reads`.
   std::vector<std::vector<std::uint32_t>> exchanges;
   std::vector<PointSource> sources;        ///< one for each given point, in the same order
   std::vector<std::uint32_t> unreachable;  ///< points that no way of this model can read

@@ -384,10 +384,11 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
                                 widest_name(*device.protocol));
     std::size_t at = report.groups.size();
     add_load(device, plan, load);
-    for (const auto& [group, points, reads] : plan.groups) {
+    for (const GroupPlan& group : plan.groups) {
       GroupLoad& out = report.groups[at++];
-      for (std::uint32_t e = 0; e < reads.exchange_count(); ++e)
-        out.exchanges.push_back(report_exchange(plan, reads, reads.reads_in(e), points, out.use));
+      for (std::uint32_t e = 0; e < group.plan.exchange_count(); ++e)
+        out.exchanges.push_back(
+            report_exchange(plan, group.plan, group.plan.reads_in(e), group.points, out.use));
     }
     devices.push_back(&device);
     shares.push_back(share_of(device, plan));

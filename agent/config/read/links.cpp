@@ -168,7 +168,7 @@ void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t i
   for (const DeviceConfig& device : devices) {
     if (device.link != index || device.options == nullptr) continue;
     const OptionSpec* binary = binary_option(protocol, *device.options);
-    if (binary == nullptr) continue;
+    if (binary == nullptr) continue;  // from here on the option has an integer
     const std::string key = "\"" + std::string(binary->key) + "\" ";
     return reader.error(
         *at, key + std::to_string(*option<std::int64_t>(*device.options, binary->key)) + " of " +
@@ -243,8 +243,9 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     if (serial != nullptr) read_serial(reader, node, *serial, ports, link, line);
     if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, line);
     if (udp != nullptr) read_udp(reader, node, *udp, hosts, link);
-    reader.set_integer(link.poll_share, node, config_key("links[].poll_share_percent"));
-    link.poll_share /= 100;
+    const ConfigKey& share = config_key("links[].poll_share_percent");
+    link.poll_share =
+        static_cast<double>(reader.integer(node, share).value_or(share.number())) / 100;
     link.allow_yield = reader.boolean(node, config_key("links[].allow_yield"));
   }
   return links;

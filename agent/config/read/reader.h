@@ -79,7 +79,8 @@ class ConfigReader {
   std::vector<ConfigNode> items(const ConfigNode& parent, const ConfigKey& key);
 
   std::optional<std::int64_t> integer(const ConfigNode& parent, const ConfigKey& key);
-  /// Sets `field` to the integer, or to the default if the key is absent or wrong.
+  /// Sets `field`, a number or a duration in the unit of the key, to the integer, or to the default
+  /// if the key is absent or wrong.
   template <class T>
   void set_integer(T& field, const ConfigNode& parent, const ConfigKey& key) {
     field = static_cast<T>(integer(parent, key).value_or(key.number()));

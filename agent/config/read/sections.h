@@ -1,6 +1,6 @@
-// Reads the sections of the config file that need no table of their own: `mqtt` and `brokers`,
-// `http` and `metrics`, `profiles`, and the limits of remote configs in `agent`. Each function
-// reports faults to its reader.
+// Reads the smaller sections of the config file: `mqtt` and `brokers` (mqtt.cpp), `http` and
+// `metrics` (http.cpp), `profiles` (profiles.cpp), and the limits of remote configs in `agent`
+// (remote_limits.cpp). Each function reports faults to its reader.
 #pragma once
 
 #include <optional>

@@ -47,27 +47,20 @@ std::string whose(const Explanation& frame) {
 
 // ---- frames -------------------------------------------------------------------------------------
 
-/// Returns the option of the device; null if it has none of this name and type.
-template <class T>
-const T* option_of(const DeviceConfig& device, std::string_view key) {
-  if (device.options == nullptr) return nullptr;
-  const auto option = device.options->find(key);
-  return option == device.options->end() ? nullptr : std::get_if<T>(&option->second);
-}
-
 /// Recognises a PLC whose frame settings differ from the config. `frame` is valid in itself.
 std::optional<UnexpectedBytes> other_settings(const DeviceConfig& device,
                                               const Explanation& frame) {
-  if (device.protocol == nullptr || device.protocol->format_place.empty()) return std::nullopt;
+  if (device.protocol == nullptr || device.protocol->format_place.empty() || !device.options)
+    return std::nullopt;
   const std::string place(device.protocol->format_place);
-  const auto* format = option_of<std::int64_t>(device, "format");
+  const auto* format = option<std::int64_t>(*device.options, "format");
   if (format != nullptr && frame.format && *frame.format != *format) {
     const std::string theirs = std::to_string(*frame.format);
     return UnexpectedBytes{Cause::other_settings, "a frame of format " + theirs +
                                                       ": set format to " + theirs + ", or format " +
                                                       std::to_string(*format) + " in " + place};
   }
-  const bool* has_sums = option_of<bool>(device, "sum_check");
+  const bool* has_sums = option<bool>(*device.options, "sum_check");
   const bool may_have_sum = frame.operation == "data" || frame.direction == Direction::request;
   if (has_sums != nullptr && may_have_sum && frame.checksum_given.has_value() != *has_sums)
     return UnexpectedBytes{

@@ -19,19 +19,19 @@ constexpr std::size_t kWireChunk = 512;
 // More datagrams than this in place of one answer are a flood.
 constexpr std::size_t kMostDatagrams = 1000;
 
-/// Sets `failed` to a request that a closed channel has kept back. Returns false.
-bool mark_as_down(Exchange& failed, std::string why, SteadyTime now) {
+/// Sets `failed` to a request that a closed channel has kept back.
+void mark_as_down(Exchange& failed, std::string why, SteadyTime now) {
   failed.outcome = Exchange::Outcome::link_down;
   failed.error = std::move(why);
   failed.began = failed.ended = now;
-  return false;
 }
 
 /// Takes a port for the next request. False: there is none; `failed` says why.
 bool renew_port(Transport& transport, const Codec& codec, Exchange& failed) {
   if (is_numbered(codec)) return true;
   const auto renewed = transport.renew();
-  return renewed || mark_as_down(failed, renewed.error().text, transport.now());
+  if (!renewed) mark_as_down(failed, renewed.error().text, transport.now());
+  return renewed.has_value();
 }
 
 /// Sends the bytes that close an exchange. With `is_echoed`, waits for their echo.
@@ -89,12 +89,14 @@ bool Wire::look(const Codec& codec, Exchange& failed) {
   const auto found = channel_.transport().discard_input();
   if (!found) {
     channel_.lose();
-    return mark_as_down(failed, found.error().text, now());
+    mark_as_down(failed, found.error().text, now());
+    return false;
   }
   note_unexpected(codec, *found);
   if (found->size() < Channel::kMostDrained) return true;
   channel_.close_never_silent();
-  return mark_as_down(failed, std::string(channel_.why_lost()), now());
+  mark_as_down(failed, std::string(channel_.why_lost()), now());
+  return false;
 }
 
 asio::awaitable<bool> Wire::drain(const Codec& codec, SteadyTime until, nanoseconds quiet) {

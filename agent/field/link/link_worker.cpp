@@ -144,11 +144,12 @@ void LinkWorker::let_leave() {
   for (const Leave& leave : std::exchange(leaves_, {})) {
     std::vector<DepartedDevice> gone;
     for (const std::uint32_t index : leave.devices) {
-      LinkDevice* device = device_of(devices_, index);
-      if (device == nullptr) continue;
-      gone.push_back(fxagent::departed(*device));
-      scheduler_.remove_device(device->id);
-      std::erase_if(devices_, [index](const auto& each) { return each->index == index; });
+      const auto found =
+          std::ranges::find(devices_, index, [](const auto& device) { return device->index; });
+      if (found == devices_.end()) continue;
+      gone.push_back(fxagent::departed(**found));
+      scheduler_.remove_device((*found)->id);
+      devices_.erase(found);
     }
     set_back_offs(scheduler_, devices_);
     leave.left(gone);

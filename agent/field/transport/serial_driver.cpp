@@ -15,9 +15,9 @@ namespace {
 constexpr auto kSwitchesItself =
     "; remove rs485 if the adapter switches on its own, otherwise use an adapter that does";
 
-constexpr int kLeastTimerMs = 1;
+constexpr int kLeastLatencyTimerMs = 1;
 
-bool set_flag(int fd) {
+bool set_low_latency_flag(int fd) {
   serial_struct port{};
   if (ioctl(fd, TIOCGSERIAL, &port) != 0) return false;
   port.flags |= static_cast<int>(ASYNC_LOW_LATENCY);
@@ -25,7 +25,7 @@ bool set_flag(int fd) {
   return (port.flags & static_cast<int>(ASYNC_LOW_LATENCY)) != 0;
 }
 
-std::optional<int> timer_of(const std::filesystem::path& file) {
+std::optional<int> latency_timer_of(const std::filesystem::path& file) {
   int timer_ms = 0;
   if (std::ifstream(file) >> timer_ms) return timer_ms;
   return std::nullopt;
@@ -79,16 +79,16 @@ std::string switch_direction(int fd, const Rs485& wish) {
 
 LowLatency ask_for_low_latency(int fd, const std::filesystem::path& devices) {
   LowLatency out;
-  out.flag_taken = set_flag(fd);
+  out.flag_taken = set_low_latency_flag(fd);
   struct stat node {};
   if (fstat(fd, &node) != 0) return out;
   const auto number =
       std::to_string(major(node.st_rdev)) + ":" + std::to_string(minor(node.st_rdev));
   const auto file = devices / number / "device" / "latency_timer";
-  out.timer_ms = timer_of(file);
-  if (!out.timer_ms || *out.timer_ms <= kLeastTimerMs) return out;
-  std::ofstream(file) << kLeastTimerMs << '\n';
-  out.timer_ms = timer_of(file);
+  out.timer_ms = latency_timer_of(file);
+  if (!out.timer_ms || *out.timer_ms <= kLeastLatencyTimerMs) return out;
+  std::ofstream(file) << kLeastLatencyTimerMs << '\n';
+  out.timer_ms = latency_timer_of(file);
   return out;
 }
 

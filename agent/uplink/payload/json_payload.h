@@ -56,6 +56,7 @@ class JsonPayload final : public SamplePayload {
   JsonPayload(const Config& config, std::string boot, std::string version, std::string broker = {});
 
   /// Returns the message that the broker publishes if the connection ends without a DISCONNECT.
+  /// Called before each attempt to connect.
   Will last_will() const;
   /// Published before the other states of a connection, and again when `not_heard_why` or
   /// `conflict` changes; see json::agent_online(). `since_ms` is the start of the agent.

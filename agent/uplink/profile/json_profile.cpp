@@ -19,7 +19,7 @@ constexpr std::chrono::seconds kAgainAfter{30};
 JsonProfile::JsonProfile(const Config& config, std::string boot, std::string version,
                          std::int64_t since_ms, std::string broker, TakeOrder take_order)
     : config_(config),
-      payload_(config, std::move(boot), std::move(version), broker),
+      payload_(config, std::move(boot), std::move(version), broker),  // before it is moved
       since_ms_(since_ms),
       broker_(std::move(broker)),
       take_order_(std::move(take_order)),

@@ -67,8 +67,10 @@ class SampleSpool final {
   /// `store` outlives the object. No store: rows are kept in `backlog_bytes` of memory.
   SampleSpool(GuardedStore* store, std::size_t backlog_bytes)
       : store_(store), backlog_(backlog_bytes) {}
+  SampleSpool(const SampleSpool&) = delete;  // what as_dropped() returned refers to it
+  SampleSpool& operator=(const SampleSpool&) = delete;
 
-  /// GuardedStore::upkeep().
+  /// GuardedStore::upkeep(), and counts what the store has dropped. Does nothing without a store.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
   /// Notes in the store that the number is in use.
   void used(const std::string& device, std::uint64_t seq) {

@@ -23,7 +23,7 @@
 namespace fxagent::sparkplug {
 
 /// Whether the primary host application is online, by its STATE messages (Sparkplug 3.0, section
-/// 5.4). Pure.
+/// 5.4). Pure, except for the log. Uplink thread.
 class PrimaryHost final {
  public:
   /// `topic` is that of its state; empty: no host is waited for. `old_state`: the state is ONLINE
