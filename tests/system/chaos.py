@@ -18,9 +18,10 @@ import time
 
 import chaos_faults
 from chaos_ledger import Ledger
-from chaos_commands import Client, Commands, Deeds, judge_commands, unanswered
+from chaos_commands import Client, Commands, judge_commands, unanswered
 from chaos_plant import CLOCK_LIBRARY, ChaosAgent, Consumer, Disk, Plant
 from chaos_relay import Relay
+from ledger import Deeds
 from plant import BASE, FXAGENT, PATIENCE, Broker, wait_for
 
 SETTLE_S = 120  # silent devices and a lost broker are retried at most every 30 s

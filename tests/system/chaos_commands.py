@@ -10,8 +10,8 @@ import time
 
 import paho.mqtt.client as mqtt
 
+from ledger import FORCED, untruth_of_one
 from plant import PATIENCE, request_properties, wait_for
-from truth import untruth_of_one
 
 # Bits and words of each kind of device that only commands write. Each pair of place and value is used once, so an
 # execution identifies its command.
@@ -65,7 +65,7 @@ class Commands:
                 self.keys[device, "write", place, value].append(identity)
                 return {"op": "write", "address": place, "value": value}
             op = "force_off" if round_ % 2 else "force_on"
-            self.keys[device, op, place, None].append(identity)
+            self.keys[device, op, place, FORCED[op]].append(identity)
             return {"op": op, "address": place}
 
     def begin(self, kind, device, identity):
@@ -167,34 +167,6 @@ class Client:
         return command
 
 
-class Deeds:
-    """The executions reported by the simulator, read incrementally from its log."""
-
-    def __init__(self, sim, devices):
-        self.sim = sim
-        self.since = dict.fromkeys(devices, 0)
-        self.count = collections.Counter()  # (device, kind, place, value)
-        self.forces = collections.defaultdict(list)  # (device, place) -> [(time, kind)]
-
-    def collect(self):
-        for device, since in self.since.items():
-            for entry in self.sim.ask(cmd="log", plc=device, since=since)["log"]:
-                self.since[device] = entry["index"] + 1
-                if entry["kind"] == "write":
-                    self.count[device, "write", entry["device"], entry["value"]] += 1
-                elif entry["kind"] in ("force_on", "force_off"):
-                    self.forced(device, entry["kind"], entry["device"], entry["ms"] / 1000)
-
-    def forced(self, device, kind, place, at):
-        self.count[device, kind, place, None] += 1
-        self.forces[device, place].append((at, kind))
-
-    def stood_so(self, device, kind, place, at):
-        """True if the bit already had the value that a command of this kind sets, at that time."""
-        before = [forced for when, forced in self.forces[device, place] if when < at]
-        return kind == (before[-1] if before else "force_off")
-
-
 def judge_commands(ledger, commands, deeds, version):
     """Checks commands, results and executions against each other and reports violations to the ledger. On MQTT 3.1.1
     a connected agent cannot recognise a retained command, so it may carry it out."""
@@ -229,7 +201,7 @@ def judge_commands(ledger, commands, deeds, version):
             ledger.fault(f"{key} ({kind}) was carried out and has no result")
         if results and kind in ("change", "soon") and key not in shared:
             taken = min(ledger.taken.get(key, [time.monotonic()])) + since_start
-            stood_so = deeds.stood_so(key[0], results[0]["op"], results[0]["address"], taken)
+            stood_so = FORCED.get(results[0]["op"]) == deeds.value(key[0], results[0]["address"], taken)
             judge_one(ledger, key, results[0], times, stood_so)
         if not results and ledger.taken.get(key):
             judge_silence(ledger, key, kind)

@@ -12,6 +12,8 @@ import json
 import threading
 import time
 
+from ledger import without_times
+
 SCAN_S = 0.020  # the simulator's scan: one count of its ramps
 WORD = 65536
 
@@ -325,7 +327,7 @@ class Ledger:
         if result["status"] == "DUPLICATE":
             self._first_of(key, result)
             return
-        plain = {k: v for k, v in result.items() if k != "t"}
+        plain = without_times(result)
         if plain not in self.results[key]:
             self.results[key].append(plain)
 
@@ -333,7 +335,7 @@ class Ledger:
         first = duplicate["first"]
         if first is None:
             return
-        plain = {k: v for k, v in first.items() if k != "t"}
+        plain = without_times(first)
         if plain not in self.results[key]:
             self.results[key].append(plain)
             if len(self.results[key]) > 1:

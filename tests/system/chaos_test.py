@@ -13,9 +13,10 @@ import chaos_faults
 from chaos import Chaos as Run
 from chaos import run_chaos
 from chaos_ledger import Ledger, Ramp
-from chaos_commands import FX_PLACES, Commands, Deeds, judge_commands, unanswered
+from chaos_commands import FX_PLACES, Commands, judge_commands, unanswered
 from chaos_plant import Disk, Plant
 from chaos_relay import Tap
+from ledger import FORCED, Deeds
 from plant import BASE
 
 
@@ -180,7 +181,6 @@ class Checks(unittest.TestCase):
     def command(self, identity, carried_out, *results, kind="change", taken=True):
         self.commands.begin(kind, "press1", identity)
         command = self.commands.change("press1", identity)
-        key = ("press1", command["op"], command["address"], command.get("value"))
         if taken:
             self.ledger.command_taken(1, f"{BASE}/press1/command",
                                       json.dumps({"id": identity, **command}).encode())
@@ -190,10 +190,8 @@ class Checks(unittest.TestCase):
             self.ledger.consumed(f"{BASE}/press1/result", json.dumps(body).encode(), False)
 
         for _ in range(carried_out):
-            if command["op"] == "write":
-                self.deeds.count[key] += 1
-            else:
-                self.deeds.forced(*key[:3], time.time())
+            self.deeds.add("press1", command["op"], command["address"], command.get("value", FORCED.get(command["op"])),
+                           time.time())
 
     def judged(self, count, word=""):
         judge_commands(self.ledger, self.commands, self.deeds, "5")
@@ -211,7 +209,7 @@ class Checks(unittest.TestCase):
 
     def test_a_bit_that_stood_so_already_is_no_lie(self):
         self.command("1", 0, ("REJECTED", "queue_full"))
-        key = ("press1", "force_on", FX_PLACES["bits"][0].format(FX_PLACES["bits"][1]), None)
+        key = ("press1", "force_on", FX_PLACES["bits"][0].format(FX_PLACES["bits"][1]), 1)
         self.assertEqual(self.commands.keys[key], ["1"])
         self.bits_again(1)
         self.command("2", 0, ("SUCCEEDED", None))

@@ -18,9 +18,11 @@ import time
 
 import paho.mqtt.client as mqtt
 
+from ledger import Deeds
 from plant import Agent, Sim, free_port, wait_for
 
 DEVICE = "press"
+PLACE = "D300"  # of all commands
 RESEND_S = 4.0  # a command without a result is sent again, with the same id
 EVENT = re.compile(r"^(\S+Z) \S+ (broker_connected|broker_lost|broker_unreachable) server=mqtt://127\.0\.0\.1:(\d+)(.*)$",
                    re.MULTILINE)
@@ -135,7 +137,7 @@ class Commander:
     def _send(self, command):
         agent, identity, value = command
         self.open[command] = time.monotonic()
-        self.observer.send(agent, {"id": identity, "op": "write", "address": "D300", "value": value,
+        self.observer.send(agent, {"id": identity, "op": "write", "address": PLACE, "value": value,
                                    "verify": False})
 
     def _run(self):
@@ -205,7 +207,7 @@ class ClusterPlant:
                              "timeout_ms": 2000,
                              "groups": [{"name": "fast", "interval_ms": interval_ms}],
                              "tags": [{"name": "temp", "address": "D100", "group": "fast"}],
-                             "commands": {"allow": ["D300"]}}]})
+                             "commands": {"allow": [PLACE]}}]})
             agent.start()
             self.stack.callback(agent.stop)
         self.all_connected(120)
@@ -279,11 +281,11 @@ class ClusterPlant:
                 out.append(f"{agent} {identity} has {len(own)} different results: {own}")
             elif json.loads(next(iter(own)))["status"] != "SUCCEEDED":
                 out.append(f"{agent} {identity}: {own}")
+        done = Deeds(self.sim, self.names).collect().count
+        asked = collections.Counter((agent, "write", PLACE, value) for agent, _, value in self.commander.sent)
+        if done != asked:
+            out.append(f"carried out too often: {done - asked}, not: {asked - done}")
         for name in self.names:
-            commanded = collections.Counter(entry["value"] for entry in self.sim.commands(name))
-            sent = collections.Counter(value for agent, _, value in self.commander.sent if agent == name)
-            if commanded != sent:
-                out.append(f"{name} carried out {commanded - sent} too often, {sent - commanded} not")
             for topic in (f"fx/{name}/state", f"fx/{name}/{DEVICE}/state"):
                 if self.observer.states[topic]["state"] != "online":
                     out.append(f"the last {topic} is {self.observer.states[topic]}")

@@ -618,35 +618,6 @@ class Commands(PlantTest):
             self.assertEqual([p for p in self.watcher.payloads(bad, since)
                               if isinstance(p, dict) and "status" in p], [])
 
-    def test_every_id_has_one_result_and_every_command_is_sent_as_often_as_it_says(self):
-        self.start_press()
-        chance = random.Random(7)
-        commands = {}
-        for number in range(1, 151):  # 0 is the PLC's present value
-            if chance.random() < 0.1:
-                kind = chance.choice(["nak", "silent", "execute_then_silent", "wrong_sum",
-                                      "garbage_before", "noise_after", "truncated", "echo"])
-                self.sim.fault("press1", kind, match=chance.choice(["any", "write", "force"]))
-            name = f"r{chance.randrange(120)}"
-            command = {"id": name, "op": "write", "tag": "setpoint", "value": number}
-            commands.setdefault(name, []).append(number)
-            self.send(command)
-        sent = sum(len(values) for values in commands.values())
-        results = wait_for("a result for each message", lambda: [
-            r for r in self.watcher.payloads(f"{BASE}/press1/result")]
-            if len(self.watcher.payloads(f"{BASE}/press1/result")) >= sent else None, 90)
-        self.assertEqual(len(results), sent)
-        for name in commands:
-            own = [r for r in results if r["id"] == name]
-            decided = [r for r in own if r["status"] != "DUPLICATE"]
-            self.assertEqual(len(decided), 1, own)
-            carried_out = [o for o in self.sim.commands("press1") if o["value"] in commands[name]]
-            self.assertLessEqual(len(carried_out), max(1, decided[0]["attempts"]))
-            if decided[0]["status"] == "SUCCEEDED":
-                self.assertGreaterEqual(len(carried_out), 1, decided[0])
-            if decided[0]["status"] in ("REJECTED", "EXPIRED"):
-                self.assertEqual(carried_out, [])
-
     def test_the_computed_bound_holds_on_a_paced_line(self):
         tags = TAGS + [{"name": "block", "address": "D1000", "count": 20, "group": "fast"}]
         self.start([device(tags=tags, groups=[{"name": "fast", "interval_ms": 300}])],

@@ -9,8 +9,8 @@ import threading
 import time
 import unittest
 
+from ledger import untruth_of_one
 from plant import BASE, Broker, PlantTest, Watcher, device, wait_for
-from truth import untruth_of_one
 
 TIMEOUT_MS = 300
 # Blocks of equal length in which each word is its own number: a late answer to one would fit another.

@@ -433,11 +433,15 @@ class PlantTest(unittest.TestCase):
 
     def start(self, devices=None, plcs=None, links=None, broker_conf="", mqtt_config=None,
               version="5", store=None, arguments=(), **sections):
+        self.start_around(plcs, broker_conf)
+        self.start_agent(devices, links, mqtt_config, version, store, arguments, **sections)
+
+    def start_around(self, plcs=None, broker_conf=""):
+        """Starts all but the agent."""
         self.broker = Broker(self.directory, broker_conf)
         self.broker.start()
         self.start_sim(plcs)
         self.watcher = Watcher(self.broker.port)
-        self.start_agent(devices, links, mqtt_config, version, store, arguments, **sections)
 
     def start_sim(self, plcs=None):
         self.sim = Sim(self.directory, plcs or [self.plc()])
@@ -484,6 +488,10 @@ class PlantTest(unittest.TestCase):
 
     def results(self, identity, name="press1"):
         return [r for r in self.watcher.payloads(f"{BASE}/{name}/result") if r["id"] == identity]
+
+    def own_results(self, identity, name="press1"):
+        """Returns the results of an id except DUPLICATE; a repeated one is there twice."""
+        return [r for r in self.results(identity, name) if r["status"] != "DUPLICATE"]
 
     def result(self, identity, name="press1", since=0, accept=lambda r: True):
         return self.watcher.wait(f"{BASE}/{name}/result",
