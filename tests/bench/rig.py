@@ -16,7 +16,8 @@ import time
 from probe import Control, Mqtt
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-from ports import free_port
+from ports import free_port, is_open
+from waiting import wait_for
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 FXAGENT = os.environ["FXAGENT"]
@@ -85,11 +86,7 @@ class Bench:
 
     def start_broker(self):
         self.broker = self.spawn([BROKER, "-c", self.broker_conf])
-        for _ in range(500):
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", self.port)) == 0:
-                    break
-            time.sleep(0.01)
+        wait_for("the broker", lambda: is_open(self.port))
 
     def stop_broker(self):
         self.broker.kill()

@@ -13,7 +13,6 @@ import re
 import shlex
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -25,11 +24,11 @@ import yaml
 
 ROOT = sys.argv.pop(1)
 sys.path.insert(0, os.path.join(ROOT, "tests", "support"))
-from ports import free_port
+from ports import free_port, is_open
+from waiting import PATIENCE, wait_for
 
 FXAGENT = os.environ["FXAGENT"]
 FXSIM = os.environ["FXSIM"]
-PATIENCE = 30
 TOPIC = "fx/plant-a/edge7/press1"
 # Debian installs the broker in /usr/sbin, which is only in root's PATH.
 SYSTEM_PATH = os.environ["PATH"] + ":/usr/sbin"
@@ -134,19 +133,6 @@ def is_ignored(path):
     parts = path.split("/")
     heads = ["/".join(parts[:i + 1]) for i in range(len(parts))]
     return any(fnmatch.fnmatch(head, pattern) for head in heads for pattern in patterns)
-
-
-def wait_for(what, condition):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        if time.monotonic() > deadline:
-            raise AssertionError("waited in vain for " + what)
-        time.sleep(0.05)
-
-
-def is_open(port):
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 class Replacing:

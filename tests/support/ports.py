@@ -14,3 +14,9 @@ def free_port():
     holder.bind(("127.0.0.1", 0))
     _held.append(holder)
     return holder.getsockname()[1]
+
+
+def is_open(port):
+    """True if a server accepts connections on this loopback port."""
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0

@@ -1,7 +1,6 @@
 """The machine provides less than the agent needs: threads, memory, files, a disk, a reader of its log. The agent
 reports it and ends or continues; SIGTERM always ends it. Contract, sections 1 and 7."""
 
-import fcntl
 import os
 import resource
 import shutil

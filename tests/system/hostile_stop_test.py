@@ -9,7 +9,7 @@ import subprocess
 import threading
 import time
 
-from plant import BASE, FXAGENT, Agent, PlantTest, device, free_port, wait_for
+from plant import FXAGENT, Agent, PlantTest, device, free_port, wait_for
 
 LIMIT_S = 10.0
 LONGEST_MS = 600000

@@ -6,7 +6,7 @@ import os
 import signal
 import unittest
 
-from plant import BASE, Agent, PlantTest, Watcher, device, request_properties, wait_for
+from plant import BASE, Agent, PlantTest, Watcher, request_properties, wait_for
 
 FORCE = {"op": "force_on", "address": "M150"}
 

@@ -10,13 +10,13 @@ import contextlib
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
 import unittest
 
 from plant import FXAGENT, PATIENCE, Sim, free_port, has_failed, text_of, wait_for
+from ports import is_open
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
 
@@ -131,7 +131,7 @@ class Pymodbus(Peer):
     def test_tcp(self):
         port = free_port()
         self.serve("tcp", port)
-        wait_for("its port", lambda: _accepts(port))
+        wait_for("its port", lambda: is_open(port))
         self.use("modbus-tcp", self.tcp_link(port))
         self.exercise()
 
@@ -202,12 +202,6 @@ class Mbpoll(Peer):
         self.poll(port, "-t", "0", "-r", "30", "127.0.0.1", "1")
         self.assertEqual(sim.ask(cmd="get", plc="m", device="hr:20", count=2)["values"], [11, 12])
         self.assertEqual(sim.get("m", "co:30"), 1)
-
-
-def _accepts(port):
-    with socket.socket() as probe:
-        probe.settimeout(1)
-        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from paho.mqtt.properties import Properties
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
 from ports import free_port
+from waiting import PATIENCE, wait_for
 
 FXAGENT = os.environ["FXAGENT"]
 FXSIM = os.environ["FXSIM"]
@@ -34,8 +35,6 @@ FXSIM = os.environ["FXSIM"]
 MEMORY_FACTOR = 10 if os.environ.get("SANITIZE") else 1
 BROKER = shutil.which("mosquitto", path=os.environ.get("PATH", "") + ":/usr/sbin")
 
-# The longest wait for an event on a busy machine; not a bound on anything measured.
-PATIENCE = 30.0
 # Seed of the tests that differ in each run. tests/run.sh sets it, so that a rerun repeats the same test.
 TEST_SEED = int(os.environ.get("FXAGENT_TEST_SEED") or random.randrange(1 << 30))
 # Delay by the scheduler of a busy machine, in addition to a time determined by the line, in ms.
@@ -82,18 +81,6 @@ def text_of(path):
         with open(path, errors="replace") as text:
             return text.read()
     return ""
-
-
-def wait_for(what, condition, patience=PATIENCE):
-    """Returns the first true value of condition(). Fails the test if there is none in time."""
-    deadline = time.monotonic() + patience
-    while True:
-        value = condition()
-        if value:
-            return value
-        if time.monotonic() > deadline:
-            raise AssertionError("waited in vain for " + what)
-        time.sleep(0.01)
 
 
 def device(name="press1", link="line1", tags=None, groups=None, **more):

@@ -23,7 +23,8 @@ import threading
 import time
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-from ports import free_port
+from ports import free_port, is_open
+from waiting import wait_for
 
 PROGRAM = "/usr/lib/rabbitmq/bin/rabbitmq-server"
 EPMD = shutil.which("epmd")
@@ -390,14 +391,10 @@ class RabbitCluster:
 
     def wait_for_epmd(self):
         """Returns when it accepts connections. A node that finds none starts a daemon of its own."""
-        end = time.monotonic() + START_PATIENCE
-        while True:
-            try:
-                return socket.create_connection(("127.0.0.1", self.epmd_port), START_PATIENCE).close()
-            except OSError:
-                if time.monotonic() > end or self.epmd.poll() is not None:
-                    raise
-                time.sleep(0.05)
+        def serves():
+            assert self.epmd.poll() is None, "epmd has ended"
+            return is_open(self.epmd_port)
+        wait_for("epmd", serves, START_PATIENCE)
 
     def wait_until_whole(self, patience):
         """Waits until each classic queue has a mirror with all its messages, and each quorum queue all its nodes. A

@@ -13,7 +13,7 @@ import sys
 import time
 
 import profiles_test
-from plant import BASE, Watcher, device, wait_for
+from plant import BASE, Watcher, device
 from profiles_test import TAGS, Sparkplug
 
 

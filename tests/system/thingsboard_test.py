@@ -3,15 +3,11 @@
 import json
 import os
 import subprocess
-import sys
 import threading
 import time
 import unittest
 
-from plant import BASE, PATIENCE, PlantTest, device, wait_for
-
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-from ports import free_port
+from plant import BASE, PATIENCE, PlantTest, device, free_port, wait_for
 
 TOKEN = "A1_TEST_TOKEN"
 RPC = "v1/gateway/rpc"
