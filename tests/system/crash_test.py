@@ -149,14 +149,13 @@ class Crashes(PlantTest):
                     self.setUp()
                 since = self.start_plant(point, "always")
                 self.wait_dead()
-                seen = self.seqs(since)
+                topic = f"{BASE}/press1/data/fast"
+                seen = self.watcher.numbers(topic, since)
                 self.agent.start()
                 again = self.data(lambda m: m["seq"] > max(seen) + 3, since=since)
-                first = min(seen)
-                wait_for("every number",
-                         lambda: set(range(first, again["seq"])) <= set(self.seqs(since)))
-                history = [row["seq"] for m in self.watcher.payloads(
-                    f"{BASE}/press1/data/fast/history", since) for row in m["rows"]]
+                wait_for("every number", lambda: set(range(min(seen), again["seq"])) <= set(
+                    self.watcher.numbers(topic, since)))
+                history = [row["seq"] for row in self.watcher.history(topic, since)]
                 self.assertEqual(history, sorted(history))
 
     def test_the_history_of_an_outage_comes_again_after_a_crash_at_its_acknowledgement(self):
@@ -174,12 +173,6 @@ class Crashes(PlantTest):
         numbers = [row["seq"] for row in history["rows"]]
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
         self.assertGreater(len(numbers), 20)
-
-    def seqs(self, since):
-        live = [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)]
-        return live + [row["seq"] for m in
-                       self.watcher.payloads(f"{BASE}/press1/data/fast/history", since)
-                       for row in m["rows"]]
 
     def polls(self):
         return self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]

@@ -153,8 +153,7 @@ class Nodes(NodeRedTest):
         seqs = [msg["seq"] for msg in values]
         self.assertEqual(seqs, sorted(set(seqs)))
         # Nothing of the group is left out.
-        rows = [row for message in self.watcher.payloads(f"{BASE}/press1/data/fast/history", mark)
-                for row in message["rows"]]
+        rows = self.watcher.history(f"{BASE}/press1/data/fast", mark)
         live = self.watcher.payloads(f"{BASE}/press1/data/fast")
         known = {row["seq"] for row in rows + live if seqs[0] <= row["seq"] <= seqs[-1]}
         self.assertEqual(set(seqs), known)

@@ -187,6 +187,14 @@ class Watcher:
         with self.lock:
             return [p for _, t, p, _ in self.messages[since:] if t == topic]
 
+    def history(self, topic, since=0):
+        """Returns the samples of the history of a data topic, in the order of arrival."""
+        return [row for message in self.payloads(topic + "/history", since) for row in message["rows"]]
+
+    def numbers(self, topic, since=0):
+        """Returns the numbers of the live samples of a data topic, then those of its history."""
+        return [sample["seq"] for sample in self.payloads(topic, since) + self.history(topic, since)]
+
     def mark(self):
         with self.lock:
             return len(self.messages)

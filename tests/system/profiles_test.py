@@ -135,11 +135,8 @@ class MoreBrokers(Profiles):
         seqs = [message["seq"] for message in self.watcher.wait_count(f"{BASE}/press1/data/fast", 10, since=since)]
         cloud.start()
         again = self.watch(cloud)
-
-        def rows():
-            return {row["seq"] for message in again.payloads(f"{BASE}/press1/data/fast/history")
-                    for row in message["rows"]}
-        wait_for("the history", lambda: rows() >= set(seqs))
+        wait_for("the history", lambda: set(seqs) <= {
+            row["seq"] for row in again.history(f"{BASE}/press1/data/fast")})
         self.adds_up("json@cloud", lambda samples: samples["stored"] == 0)
         # The agent's own broker goes away, and the other has everything at once.
         self.broker.kill()

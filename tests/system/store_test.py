@@ -14,14 +14,11 @@ class StoreLife(PlantTest):
         self.store = {"path": os.path.join(self.directory, "store"), "sync": sync}
         self.start(devices, store=self.store)
 
-    def rows(self, since=0, group="fast"):
-        """Returns every row of the history, in the order of arrival."""
-        return [row for m in self.watcher.payloads(f"{BASE}/press1/data/{group}/history", since)
-                for row in m["rows"]]
+    def rows(self):
+        return self.watcher.history(f"{BASE}/press1/data/fast")
 
-    def seqs(self, since=0):
-        live = {m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)}
-        return live | {row["seq"] for row in self.rows(since)}
+    def seqs(self):
+        return set(self.watcher.numbers(f"{BASE}/press1/data/fast"))
 
     def broker_away(self):
         """Kills the broker and waits until the agent has logged the loss."""
