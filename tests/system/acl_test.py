@@ -147,7 +147,7 @@ class BrokerAcl(PlantTest):
         self.start_plant()
         self.anna.got(f"{BASE}/old/state")
         self.broker.kill()
-        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
         polls = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
         wait_for("polls", lambda: self.sim.ask(
             cmd="stats", plc="press1")["accepted_reads"] > polls + 20)

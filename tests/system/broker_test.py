@@ -79,7 +79,7 @@ class BrokerLife(PlantTest):
                 self.start(version=version)
                 self.data()
                 self.broker.kill()
-                wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+                self.agent.wait_logged("broker_lost")
                 since = self.watcher.mark()
                 self.broker.start()
                 self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "online", since)
@@ -102,7 +102,7 @@ class BrokerLife(PlantTest):
         self.start()
         self.state("press1", "online")
         self.broker.kill()
-        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
         self.broker.start()  # it lost everything
         late = Watcher(self.broker.port)
         late.wait(f"{BASE}/state", lambda s: s["state"] == "online")
@@ -128,7 +128,7 @@ class BrokerLife(PlantTest):
                    [self.plc(memory={"D1000": [60000] * 400})])
         first = self.data()["seq"]
         self.broker.kill()
-        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
         polls = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
         # 800 bytes take at most 13 reads of 64.
         wait_for("a hundred rows", lambda: self.sim.ask(
@@ -164,7 +164,7 @@ class BrokerLife(PlantTest):
         self.send({"id": "across", "op": "force_on", "address": "M150"})
         wait_for("the command to be carried out", lambda: self.sim.commands("press1"))
         self.broker.kill()
-        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
         since = self.watcher.mark()
         self.broker.start()
         self.assert_result(self.result("across", since=since), "SUCCEEDED", None, "ACK")
@@ -178,7 +178,7 @@ class BrokerLife(PlantTest):
         first = self.data()["seq"]
         self.broker.process.send_signal(signal.SIGSTOP)
         try:
-            wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+            self.agent.wait_logged("broker_lost")
         finally:
             self.broker.process.send_signal(signal.SIGCONT)
         since = self.watcher.mark()
@@ -250,7 +250,7 @@ class BrokerLife(PlantTest):
         self.data()
         # One at once; another after each connect, when samples are in every possible place.
         self.broker.kill()
-        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
         since = self.watcher.mark()
         self.broker.start()
         self.watcher.wait(f"{BASE}/health", lambda h: h["samples"]["collected"] > 0, since)
@@ -274,7 +274,7 @@ class BrokerLife(PlantTest):
         self.start_sim()
         servers = [f"mqtt://127.0.0.1:{b.port}" for b in (self.broker, second)]
         self.start_agent(mqtt_config={"servers": servers})
-        wait_for("the log", lambda: "broker_unreachable" in self.agent.logged())
+        self.agent.wait_logged("broker_unreachable")
         second.start()
         self.stack.callback(second.kill)
         self.watcher = Watcher(second.port)
@@ -322,7 +322,7 @@ class Secrets(PlantTest):
         with open(secret, "w") as out:
             out.write("wrong\n")
         self.start_agent(mqtt_config={"username": "edge7", "password_file": secret})
-        wait_for("the log", lambda: "broker_unreachable" in self.agent.logged())
+        self.agent.wait_logged("broker_unreachable")
         self.assertNotIn("wrong", self.agent.logged())
         with open(secret, "w") as out:
             out.write("right\n")
@@ -349,14 +349,14 @@ class Secrets(PlantTest):
     def test_a_wrong_ca_is_refused_and_named(self):
         self.tls()
         self.start_tls(ca_file="other.pem")
-        wait_for("the log", lambda: "broker_unreachable" in self.agent.logged())
+        self.agent.wait_logged("broker_unreachable")
         self.assertIn("certificate", self.agent.logged())
         self.assertNotIn("broker_connected", self.agent.logged())
 
     def test_the_right_ca_connects(self):
         self.tls()
         self.start_tls(ca_file="ca.pem")
-        wait_for("the log", lambda: "broker_connected" in self.agent.logged())
+        self.agent.wait_logged("broker_connected")
 
     def test_a_certificate_of_another_host_is_refused(self):
         self.tls()
@@ -364,7 +364,7 @@ class Secrets(PlantTest):
         self.start_agent(mqtt_config={
             "servers": [f"mqtts://localhost:{self.broker.port}"],
             "tls": {"ca_file": os.path.join(self.directory, "ca.pem")}})
-        wait_for("the log", lambda: "broker_unreachable" in self.agent.logged())
+        self.agent.wait_logged("broker_unreachable")
         wait_for("the broker's word that it was reached",
                  lambda: "New connection from" in text_of(self.broker.log_path))
         self.assertNotIn("broker_connected", self.agent.logged())
@@ -372,7 +372,7 @@ class Secrets(PlantTest):
         sign(self.directory, "server", "DNS:localhost")
         self.broker.kill()
         self.broker.start()
-        wait_for("the log", lambda: "broker_connected" in self.agent.logged())
+        self.agent.wait_logged("broker_connected")
 
     def test_commands_and_telemetry_go_over_tls(self):
         self.tls(listener="plain")
@@ -389,7 +389,7 @@ class Secrets(PlantTest):
                  "broker_lost" in self.agent.logged())
         self.agent.stop()
         self.start_tls(ca_file="ca.pem", cert_file="edge7.pem", key_file="edge7.key")
-        wait_for("the log", lambda: "broker_connected" in self.agent.logged())
+        self.agent.wait_logged("broker_connected")
 
     def told(self, event, **mqtt_config):
         """Returns the reason of the first such event of an agent with this `mqtt` section."""

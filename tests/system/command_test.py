@@ -365,7 +365,7 @@ class Commands(PlantTest):
             self.send({"id": f"waiting-{number}", "op": "force_on", "address": "M151"})
         self.result_of_dry_run()
         self.agent.process.send_signal(signal.SIGTERM)
-        wait_for("the stop", lambda: "state=stopping" in self.agent.logged())
+        self.agent.wait_logged("state=stopping")
         self.send({"id": "late", "op": "force_on", "address": "M152"})
         self.assertEqual(self.agent.stop(), 0)
         self.assertEqual(len(self.results("running")), 1)

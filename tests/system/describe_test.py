@@ -410,7 +410,7 @@ class DescribedPlant(PlantTest):
         self.data(lambda m: "bad" not in m, since=self.watcher.mark())
         # An outage of the broker.
         self.broker.kill()
-        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
         reads = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
         wait_for("polls", lambda: self.sim.ask(cmd="stats", plc="press1")["accepted_reads"] > reads + 20)
         self.keep()

@@ -172,7 +172,7 @@ class Faults(PlantTest):
         for row in rows:
             with self.subTest(row):
                 self.data(lambda m: m["values"] == {"a": 5}, row)
-                wait_for("the log", lambda: f"link={row} echo=found" in self.agent.logged())
+                self.agent.wait_logged(f"link={row} echo=found")
 
     def test_a_reply_in_pieces_is_one_reply(self):
         self.start(plcs=[self.plc(memory={"D100": 5}, faults=[
@@ -250,7 +250,7 @@ class Faults(PlantTest):
     def test_a_path_that_is_missing_or_taken_is_named_in_the_log(self):
         self.start(links=[self.serial(plc="nothing")])
         self.state("press1", "offline")
-        wait_for("the log", lambda: "No such file" in self.agent.logged())
+        self.agent.wait_logged("No such file")
         self.assertIn("by-id", self.agent.logged())
         result = self.command(op="force_on", address="M150")
         self.assert_result(result, "FAILED", "link_down")
@@ -260,7 +260,7 @@ class Faults(PlantTest):
         fcntl.flock(other, fcntl.LOCK_EX)
         self.agent.write({**self.agent.config, "links": [self.serial()]})
         self.agent.start()
-        wait_for("the log", lambda: "another program uses it: " in self.agent.logged())
+        self.agent.wait_logged("another program uses it: ")
         os.close(other)
         self.state("press1", "online", self.watcher.mark())
 
@@ -273,7 +273,7 @@ class OverTcp(PlantTest):
         port = free_port()
         self.start(plcs=[self.plc("other")], links=[self.link(port)])
         self.state("press1", "offline")
-        wait_for("the log", lambda: "refused" in self.agent.logged())
+        self.agent.wait_logged("refused")
         self.sim.stop()
         self.start_sim([self.plc(tcp=port)])
         self.state("press1", "online")

@@ -159,7 +159,7 @@ class History(PlantTest):
         self.samples(20)
         # The broker stops while it has messages that no consumer can store.
         self.broker.kill(signal.SIGTERM)
-        wait_for("the agent's log", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
         self.broker.start()
         self.watchers.append(Watcher(self.broker.port))
         self.watcher = self.watchers[-1]

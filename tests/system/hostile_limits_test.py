@@ -188,7 +188,7 @@ class Log(PlantTest):
         self.command(op="force_on", address="M150",
                    properties=request_properties("x" * 60000 + "/command"))
         self.watcher.client.publish(f"{BASE}/{'n' * 60000}/command", "{}", 1)
-        wait_for("the line", lambda: "command_for_unknown_device" in self.agent.logged())
+        self.agent.wait_logged("command_for_unknown_device")
         for line in self.agent.logged().splitlines():
             self.assertLess(len(line), 600)
         self.assertIn("bytes)", self.agent.logged())
@@ -266,7 +266,7 @@ class Watchdog(PlantTest):
         self.start_watched(point)
         self.fed(3)
         self.send({"id": "stop-here", "op": "force_on", "address": "M150"})
-        wait_for("the log", lambda: f"watchdog stands_still={who}" in self.agent.logged())
+        self.agent.wait_logged(f"watchdog stands_still={who}")
         while self.told(0.01):  # messages sent earlier
             pass
         self.assertIsNone(self.told(3), "it was fed by a thread that stands still")

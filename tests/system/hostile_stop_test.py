@@ -36,9 +36,6 @@ class StopTest(PlantTest):
         self.agent = Agent(self.directory, config)
         self.agent.start(**more)
 
-    def logged(self, text):
-        wait_for(f"{text} in the log", lambda: text in self.agent.logged())
-
     def slow_machine(self, **what):
         if os.environ.get("SANITIZE"):
             self.skipTest("a sanitizer must be the first library of a program: use a build without FXAGENT_SANITIZE")
@@ -181,7 +178,7 @@ class Waits(StopTest):
                     connection.sendall(b"\x55" * 4096)
         port = self.peer(babble)
         self.start_alone([{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}])
-        self.logged("starting")
+        self.agent.wait_logged("starting")
         time.sleep(1)  # no event shows that the agent is in the middle of it
         self.stopped()
 
@@ -195,13 +192,13 @@ class Waits(StopTest):
             self.stack.callback(filler.close)
         port = listener.getsockname()[1]
         self.start_alone([{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}])
-        self.logged("starting")
+        self.agent.wait_logged("starting")
         self.stopped()
 
     def test_a_port_whose_opening_blocks_is_named(self):
         path = self.pty("press1")
         self.start_alone([self.serial()], environment=self.slow_machine(SLOW_OPEN=path))
-        self.logged("starting")
+        self.agent.wait_logged("starting")
         time.sleep(1)  # no event shows that the agent is in the middle of it
         self.stopped(expected=1)
         self.assertIn('unfinished="links: line1"', self.agent.logged())
@@ -209,14 +206,14 @@ class Waits(StopTest):
     def test_a_name_lookup_that_takes_long(self):
         link = {"name": "line1", "tcp": {"host": "plc.invalid", "port": 5551}}
         self.start_alone([link], environment=self.slow_machine(SLOW_LOOKUP="plc.invalid"))
-        self.logged("starting")
+        self.agent.wait_logged("starting")
         time.sleep(1)  # no event shows that the agent is in the middle of it
         self.stopped()
 
     def test_a_broker_whose_name_takes_long_to_look_up(self):
         self.start_alone([self.serial()], server="broker.invalid:1883",
                          environment=self.slow_machine(SLOW_LOOKUP="broker.invalid"))
-        self.logged("starting")
+        self.agent.wait_logged("starting")
         began = time.monotonic()
         self.agent.stop(expected=None)
         self.assertLessEqual(time.monotonic() - began, LIMIT_S)
@@ -228,7 +225,7 @@ class Waits(StopTest):
         store = {"path": os.path.join(self.directory, "store"), "sync": "always"}
         self.start_alone([self.serial()], [device()], config={"store": store},
                          environment=self.slow_machine(SLOW_SYNC=slow))
-        self.logged("state=online")
+        self.agent.wait_logged("state=online")
         open(slow, "w").close()
         time.sleep(1)  # samples are committed five times a second
         self.stopped(expected=0)

@@ -131,7 +131,7 @@ class Identity(PlantTest):
         self.data(lambda m: m["seq"] >= 0)
         self.watcher.wait_count(f"{BASE}/press1/data/fast", 5)
         self.broker.kill()
-        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
         since = self.watcher.mark()
         self.broker.start()
         health = self.watcher.wait(f"{BASE}/health", since=since)

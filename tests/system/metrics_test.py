@@ -50,7 +50,7 @@ class Metrics(PlantTest):
         self.start(metrics={"listen": listen or f"127.0.0.1:{self.port}"}, **more)
 
     def listening(self):
-        wait_for("the metrics", lambda: "state=listening" in self.agent.logged())
+        self.agent.wait_logged("state=listening")
 
     def probe(self, path):
         status, body = get(self.port, path)
@@ -106,7 +106,7 @@ class Metrics(PlantTest):
         self.agent.config["metrics"]["listen"] = "unix:" + path
         self.agent.write(self.agent.config)
         self.agent.start()
-        wait_for("the socket", lambda: f"state=listening listen=unix:{path}" in self.agent.logged())
+        self.agent.wait_logged(f"state=listening listen=unix:{path}")
         with socket.socket(socket.AF_UNIX) as connection:
             connection.settimeout(PATIENCE)
             connection.connect(path)
@@ -324,7 +324,7 @@ class HostileClients(PlantTest):
                                    groups=[{"name": "fast", "interval_ms": self.INTERVAL_MS}],
                                    tags=[{"name": "temp", "address": "hr:0", "group": "fast"}])])
         self.state("press1", "online")
-        wait_for("the metrics", lambda: "state=listening" in self.agent.logged())
+        self.agent.wait_logged("state=listening")
 
         def wait_a_little():
             time.sleep(0.01)

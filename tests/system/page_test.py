@@ -33,7 +33,7 @@ class PagePlant(PlantTest):
         self.listening()
 
     def listening(self):
-        wait_for("the page", lambda: "state=listening" in self.agent.logged())
+        self.agent.wait_logged("state=listening")
 
     def get(self, path, host=None):
         """Returns status and body."""

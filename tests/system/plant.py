@@ -373,6 +373,9 @@ class Agent:
         with open(self.log_path) as text:
             return text.read()
 
+    def wait_logged(self, words, times=1):
+        wait_for(f"{words} in the agent's log", lambda: self.logged().count(words) >= times)
+
 
 class PlantTest(unittest.TestCase):
     """A test with a broker, a simulator, an agent and a watcher, all ended with the test."""

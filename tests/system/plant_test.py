@@ -71,7 +71,7 @@ class LateFaults(unittest.TestCase):
                 os.chmod(program, stat.S_IRWXU)
                 self.agent = Agent(self.directory, {})
                 self.agent.start(program)
-                wait_for("its start", lambda: "started" in self.agent.logged())
+                self.agent.wait_logged("started")
                 if stop_in_test:
                     self.agent.stop(signal.SIGTERM)
                 self.assertFalse(fails, "it was to fail")

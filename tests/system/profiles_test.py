@@ -86,7 +86,7 @@ class Plain(Profiles):
             self.watcher.publish(f"{BASE}/press1/{topic}/set", value)
             self.assert_result(self.watcher.wait(f"{BASE}/press1/{topic}/result", since=since), "REJECTED", reason)
         self.watcher.publish(f"{BASE}/press1/temp/set", "1")  # only read
-        wait_for("the log", lambda: "command_ignored" in self.agent.logged())
+        self.agent.wait_logged("command_ignored")
         # A retained command was meant for an earlier time.
         since = self.watcher.mark()
         self.watcher.publish(f"{BASE}/press1/setpoint/set", "78", retain=True)
@@ -323,7 +323,7 @@ class Sparkplug(SparkplugPlant):
     def test_primary_host(self):
         self.begin_sparkplug(host="scada")
         now = int(time.time() * 1000)
-        wait_for("the session", lambda: "for sparkplug" in self.agent.logged())
+        self.agent.wait_logged("for sparkplug")
         self.data()
         self.assertEqual([m["type"] for m in self.judge.seen()], ["ready"])
         self.judge.order(state=True, host="scada", timestamp=now)
@@ -436,7 +436,7 @@ class TypedCommands(SparkplugPlant):
                 self.assertTrue(answer["message"].startswith(f"REJECTED: {word}: "), answer["message"])
         # A retained request was meant for an earlier time.
         self.judge.order(command={"device": "press1", "name": "Write/setpoint", "id": "r", "arguments": [value], "retain": True})
-        wait_for("the log", lambda: "it is retained" in self.agent.logged())
+        self.agent.wait_logged("it is retained")
         self.assertEqual([m for m in self.judge.seen() if m.get("id") == "r"], [])
         self.assertEqual(self.sim.commands("press1"), [])
         self.assert_no_faults()
@@ -517,7 +517,7 @@ class TypedCommands(SparkplugPlant):
     def test_the_node_waits_for_its_host_and_dies_with_the_agent(self):
         self.begin_sparkplug(commands=True, host="scada")
         payload_b = self.spawn_host()
-        wait_for("the session", lambda: "for sparkplug-commands" in self.agent.logged())
+        self.agent.wait_logged("for sparkplug-commands")
         self.data()
         self.assertEqual([m["type"] for m in self.judge.seen()], ["ready"])
         now = time.time_ns()

@@ -443,7 +443,7 @@ class Programs(PlantTest):
             self.agent = Agent(self.directory, self.configuration(links=[
                 {"name": "line1", "tcp": {"host": "127.0.0.1", "port": free_port()}}]))
             self.agent.start()
-            wait_for("the log", lambda: "broker_unreachable" in self.agent.logged())
+            self.agent.wait_logged("broker_unreachable")
             self.assertEqual(self.agent.stop(sign), 0)
             os.remove(self.agent.log_path)
 

@@ -65,9 +65,6 @@ class Reader(PlantTest):
         polls = self.polls()
         wait_for("polls", lambda: self.polls() >= polls + count)
 
-    def wait_log(self, words, times=1):
-        wait_for("the log", lambda: self.agent.logged().count(words) >= times)
-
     def ticks(self):
         """Returns utime and stime of proc(5)."""
         for number in os.listdir(f"/proc/{self.agent.process.pid}/task"):
@@ -95,17 +92,17 @@ class Reader(PlantTest):
         self.broker = Broker(self.directory)
         self.broker.start()
         self.start_plant(keep_alive_s=5)
-        self.wait_log("broker_connected")
+        self.agent.wait_logged("broker_connected")
         self.assert_waits("nothing is said")
         self.broker.process.send_signal(signal.SIGSTOP)
         self.assert_waits("the broker hangs")
-        self.wait_log("broker_lost")
+        self.agent.wait_logged("broker_lost")
         self.assert_waits("the broker takes the next connection and says nothing")
         self.broker.process.send_signal(signal.SIGCONT)
         self.broker.kill()
         self.assert_waits("nobody listens")
         self.broker.start()
-        self.wait_log("broker_connected", 2)
+        self.agent.wait_logged("broker_connected", 2)
         self.assert_waits("nothing is said again")
 
     def test_it_waits_over_tls(self):
@@ -117,10 +114,10 @@ class Reader(PlantTest):
         self.broker.start()
         self.start_plant(servers=[f"mqtts://127.0.0.1:{self.broker.port}"],
                          tls={"ca_file": os.path.join(here, "ca.pem")})
-        self.wait_log("broker_connected")
+        self.agent.wait_logged("broker_connected")
         self.assert_waits("nothing is said")
         self.broker.kill()
-        self.wait_log("broker_lost")
+        self.agent.wait_logged("broker_lost")
         self.assert_waits("nobody listens")
 
     def test_it_waits_while_the_broker_refuses(self):
@@ -130,7 +127,7 @@ class Reader(PlantTest):
         self.broker = Scripted(Script(), Script(connect=refuse))
         self.start_plant()
         self.broker.wait_online(BASE).close()
-        self.wait_log("Not authorized")
+        self.agent.wait_logged("Not authorized")
         self.assert_waits("the broker refuses")
 
     def test_it_waits_while_the_broker_talks_and_does_not_read(self):

@@ -153,7 +153,7 @@ class Recorder(Recorded):
         with open(self.recordings, "w") as file:
             file.write("in its place")
         self.agent.process.send_signal(signal.SIGUSR2)
-        wait_for("the log", lambda: "recorder link=line1 state=\"not written\"" in self.agent.logged())
+        self.agent.wait_logged('recorder link=line1 state="not written"')
         since = self.watcher.mark()
         self.data(since=since)
 

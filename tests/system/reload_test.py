@@ -144,7 +144,7 @@ class Reload(ReloadTest):
         text = "\n".join(said["last_reload"]["errors"])
         self.assertIn("timeut_ms", text)
         self.assertIn("/devices/0/tags/0/address", text)
-        wait_for("the log", lambda: "timeut_ms" in self.agent.logged())
+        self.agent.wait_logged("timeut_ms")
         self.assertEqual(said["last_reload"]["errors_in_all"], len(said["last_reload"]["errors"]))
         for n in range(20):
             wrong["devices"][0][f"key{n}"] = 7

@@ -154,7 +154,7 @@ class RemoteConfig(ReloadTest):
         self.desire("v2", {"devices": [reading("m3", "a", 3)]})
         self.report("applied", "v2", since)
         self.broker.kill(signal.SIGTERM)
-        wait_for("the rollback", lambda: "state=rolled_back" in self.agent.logged())
+        self.agent.wait_logged("state=rolled_back")
         since = self.watcher.mark()
         self.broker.start()
         report = self.report("rolled_back", "v2", since)

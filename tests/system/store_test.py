@@ -23,7 +23,7 @@ class StoreLife(PlantTest):
     def broker_away(self):
         """Kills the broker and waits until the agent has logged the loss."""
         self.broker.kill()
-        wait_for("the log", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
 
     def broker_back(self):
         """Starts the broker with a watcher that connects before the agent; the previous watcher's rows are gone."""

@@ -89,14 +89,14 @@ class Threads(PlantTest):
         self.start_agent(devices, links, mqtt_config={
             "servers": [f"mqtts://127.0.0.1:{self.broker.port}"],
             "tls": {"ca_file": os.path.join(here, "ca.pem")}})
-        wait_for("the log", lambda: "broker_unreachable" in self.agent.logged())
+        self.agent.wait_logged("broker_unreachable")
         self.broker.kill()
         with open(self.broker.conf) as text:
             settings = text.read()
         with open(self.broker.conf, "w") as out:
             out.write(settings.replace("/other.", "/server."))
         self.broker.start()
-        wait_for("the log", lambda: "broker_connected" in self.agent.logged())
+        self.agent.wait_logged("broker_connected")
         self.watcher = Watcher(plain)
         self.data()
         self.commands(5, "tls")

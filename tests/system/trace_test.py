@@ -63,7 +63,7 @@ class Trace(TracedTest):
         self.shown("a frame", lambda f: f["link"] == "line1")
         self.assertIn("info trace links=all state=on", self.agent.logged())
         self.agent.process.send_signal(signal.SIGUSR1)
-        wait_for("the end", lambda: "info trace links=all state=off" in self.agent.logged())
+        self.agent.wait_logged("info trace links=all state=off")
         ended = self.agent.logged().index("state=off")
         mark = self.watcher.mark()
         self.command(op="force_on", address="M150")
@@ -206,7 +206,7 @@ class Log(PlantTest):
         self.assertEqual(self.agent.logged(), "")
         self.agent.arguments = []
         self.agent.start(environment={"FXAGENT_LOG_LEVEL": "debug"})
-        wait_for("debug", lambda: " debug serial " in self.agent.logged())
+        self.agent.wait_logged(" debug serial ")
 
     def test_a_level_that_is_none_is_refused(self):
         for given in ({"arguments": ["--log-level", "loud"]}, {"FXAGENT_LOG_LEVEL": "loud"}):

@@ -171,7 +171,7 @@ class VerifyStream(PlantTest):
         wait_for("verify-stream to listen", lambda: self.subscriptions("edge7") == 2)
         self.data(since=self.watcher.mark())
         self.broker.kill(signal.SIGTERM)
-        wait_for("the agent to notice", lambda: "broker_lost" in self.agent.logged())
+        self.agent.wait_logged("broker_lost")
         self.broker.start()
         self.data(since=self.watcher.mark())
         status, report = run.end()
