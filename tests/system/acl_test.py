@@ -146,11 +146,8 @@ class BrokerAcl(PlantTest):
     def test_history_the_last_will_and_the_clearing_of_former_devices_pass(self):
         self.start_plant()
         self.anna.got(f"{BASE}/old/state")
-        self.broker.kill()
-        self.agent.wait_logged("broker_lost")
-        polls = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
-        wait_for("polls", lambda: self.sim.ask(
-            cmd="stats", plc="press1")["accepted_reads"] > polls + 20)
+        self.broker_away()
+        self.sim.wait_reads(21)
         self.broker.start()
         anna = self.user("anna")
         anna.subscribe(BASE + "/#")

@@ -78,8 +78,7 @@ class BrokerLife(PlantTest):
             with self.subTest(version=version):
                 self.start(version=version)
                 self.data()
-                self.broker.kill()
-                self.agent.wait_logged("broker_lost")
+                self.broker_away()
                 since = self.watcher.mark()
                 self.broker.start()
                 self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "online", since)
@@ -101,8 +100,7 @@ class BrokerLife(PlantTest):
     def test_every_retained_topic_is_published_again_after_a_reconnect(self):
         self.start()
         self.state("press1", "online")
-        self.broker.kill()
-        self.agent.wait_logged("broker_lost")
+        self.broker_away()
         self.broker.start()  # it lost everything
         late = Watcher(self.broker.port)
         late.wait(f"{BASE}/state", lambda s: s["state"] == "online")
@@ -127,12 +125,8 @@ class BrokerLife(PlantTest):
         self.start([device(tags=tags, groups=[{"name": "fast", "interval_ms": 20}])],
                    [self.plc(memory={"D1000": [60000] * 400})])
         first = self.data()["seq"]
-        self.broker.kill()
-        self.agent.wait_logged("broker_lost")
-        polls = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
-        # 800 bytes take at most 13 reads of 64.
-        wait_for("a hundred rows", lambda: self.sim.ask(
-            cmd="stats", plc="press1")["accepted_reads"] > polls + 100 * 13)
+        self.broker_away()
+        self.sim.wait_reads(100 * 13 + 1)  # a hundred rows: 800 bytes take at most 13 reads of 64
         since = self.watcher.mark()
         self.broker.start()
         live = self.data(since=since)
@@ -163,8 +157,7 @@ class BrokerLife(PlantTest):
         self.sim.fault("press1", "late", match="force", ms=800)
         self.send({"id": "across", "op": "force_on", "address": "M150"})
         wait_for("the command to be carried out", lambda: self.sim.commands("press1"))
-        self.broker.kill()
-        self.agent.wait_logged("broker_lost")
+        self.broker_away()
         since = self.watcher.mark()
         self.broker.start()
         self.assert_result(self.result("across", since=since), "SUCCEEDED", None, "ACK")
@@ -249,8 +242,7 @@ class BrokerLife(PlantTest):
         self.start()
         self.data()
         # One at once; another after each connect, when samples are in every possible place.
-        self.broker.kill()
-        self.agent.wait_logged("broker_lost")
+        self.broker_away()
         since = self.watcher.mark()
         self.broker.start()
         self.watcher.wait(f"{BASE}/health", lambda h: h["samples"]["collected"] > 0, since)

@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, device, wait_for
+from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, device
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 JUDGES = os.environ.get("DESCRIBE_JUDGES", "")
@@ -409,10 +409,8 @@ class DescribedPlant(PlantTest):
         self.sim.ask(cmd="clear_faults", plc="press1")
         self.data(lambda m: "bad" not in m, since=self.watcher.mark())
         # An outage of the broker.
-        self.broker.kill()
-        self.agent.wait_logged("broker_lost")
-        reads = self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
-        wait_for("polls", lambda: self.sim.ask(cmd="stats", plc="press1")["accepted_reads"] > reads + 20)
+        self.broker_away()
+        self.sim.wait_reads(21)
         self.keep()
         self.watcher.close()
         self.broker.start()

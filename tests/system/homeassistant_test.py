@@ -341,9 +341,7 @@ class HomeAssistant(PlantTest):
         self.watcher.publish(f"{PREFIX}/status", "online")
         self.assertEqual(self.watcher.wait(self.topic(), since=since), first)
         self.broker.kill()
-        self.broker.start()  # it has lost what was retained
-        self.watcher.close()
-        self.watcher = Watcher(self.broker.port)
+        self.broker_back()  # it has lost what was retained
         self.assertEqual(self.watcher.wait(self.topic()), first)
 
     def test_what_the_config_no_longer_has_is_cleared(self):

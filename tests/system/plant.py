@@ -301,6 +301,13 @@ class Sim:
     def fault(self, plc, kind, **more):
         self.ask(cmd="fault", plc=plc, kind=kind, **more)
 
+    def wait_reads(self, count, plc="press1"):
+        """Waits until the PLC has answered so many more reads."""
+        def reads():
+            return self.ask(cmd="stats", plc=plc)["accepted_reads"]
+        until = reads() + count
+        wait_for(f"{count} reads of {plc}", lambda: reads() >= until)
+
     def commands(self, plc):
         """Returns the changes commanded to the PLC: accepted writes and forces, oldest first."""
         entries = self.ask(cmd="log", plc=plc, since=0)["log"]
@@ -459,6 +466,17 @@ class PlantTest(unittest.TestCase):
         config["mqtt"].update(mqtt_config or {})
         self.agent = Agent(self.directory, config, arguments)
         self.agent.start()
+
+    def broker_away(self):
+        """Kills the broker and waits until the agent has logged the loss."""
+        self.broker.kill()
+        self.agent.wait_logged("broker_lost")
+
+    def broker_back(self):
+        """Starts the broker with a watcher that connects before the agent; the previous watcher's messages are gone."""
+        self.broker.start()
+        self.watcher.close()
+        self.watcher = Watcher(self.broker.port)
 
     # --- The most frequent requests of tests.
 

@@ -6,7 +6,7 @@ import signal
 import sqlite3
 import unittest
 
-from plant import BASE, PlantTest, Watcher, device, wait_for
+from plant import BASE, PlantTest, device, wait_for
 
 
 class StoreLife(PlantTest):
@@ -20,25 +20,10 @@ class StoreLife(PlantTest):
     def seqs(self):
         return set(self.watcher.numbers(f"{BASE}/press1/data/fast"))
 
-    def broker_away(self):
-        """Kills the broker and waits until the agent has logged the loss."""
-        self.broker.kill()
-        self.agent.wait_logged("broker_lost")
-
-    def broker_back(self):
-        """Starts the broker with a watcher that connects before the agent; the previous watcher's rows are gone."""
-        self.broker.start()
-        self.watcher.close()
-        self.watcher = Watcher(self.broker.port)
-
-    def polls(self):
-        return self.sim.ask(cmd="stats", plc="press1")["accepted_reads"]
-
     def poll_on(self, count):
         """Waits until the agent has made this many samples. The PLC counts reads: one of them may be the question for RUN,
         and the agent may not have taken in the answer to the last."""
-        until = self.polls() + count + 2
-        wait_for(f"{count} polls", lambda: self.polls() >= until)
+        self.sim.wait_reads(count + 2)
 
     def log_of_the_store(self):
         with open(os.path.join(self.store["path"], "fxagent.db-wal"), "rb") as log:
