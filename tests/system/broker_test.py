@@ -209,10 +209,7 @@ class BrokerLife(PlantTest):
         self.assertEqual((self.sim.commands("press1"), self.results("while-away")), ([], []))
 
     def test_a_retained_command_from_before_is_refused_on_3_1_1(self):
-        self.broker = Broker(self.directory)
-        self.broker.start()
-        self.start_sim()
-        self.watcher = Watcher(self.broker.port)
+        self.start_around()
         self.send({"id": "old", "op": "force_on", "address": "M150"}, retain=True)
         self.start_agent(version="3.1.1")
         self.assert_result(self.result("old"), "REJECTED", "retained")

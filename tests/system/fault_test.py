@@ -6,7 +6,7 @@ import socket
 import threading
 import unittest
 
-from plant import BASE, SCHEDULING_MS, Broker, PlantTest, Watcher, device, free_port, wait_for
+from plant import BASE, SCHEDULING_MS, PlantTest, device, free_port, wait_for
 
 
 class Faults(PlantTest):
@@ -158,11 +158,8 @@ class Faults(PlantTest):
         rows = {"fx-programming-port": fx, "fx-computer-link": fx, "modbus-rtu": {}, "modbus-ascii": {},
                 "mc-3c": mc, "mc-4c": mc}
         word = {row: "hr:100" if row.startswith("modbus") else "D100" for row in rows}
-        self.broker = Broker(self.directory)
-        self.broker.start()
-        self.start_sim([{"name": row, "protocol": row, "tcp": 0, "baud": 0, "memory": {word[row]: 5},
-                         "faults": [{"kind": "echo", "count": -1}], **more} for row, more in rows.items()])
-        self.watcher = Watcher(self.broker.port)
+        self.start_around([{"name": row, "protocol": row, "tcp": 0, "baud": 0, "memory": {word[row]: 5},
+                            "faults": [{"kind": "echo", "count": -1}], **more} for row, more in rows.items()])
         devices = [device(row, row, protocol=row, tags=[{"name": "a", "address": word[row], "group": "fast"}],
                           commands={}, **more) for row, more in rows.items()]
         for each in devices:

@@ -8,7 +8,7 @@ import socket
 import subprocess
 import unittest
 
-from plant import FXAGENT, PATIENCE, Broker, PlantTest, Watcher, wait_for
+from plant import FXAGENT, PATIENCE, PlantTest, wait_for
 
 # Name of a device: its protocol, model, extra keys for its PLC and for its device, and an input. The input is number
 # 31 in the series' own base, or one below 8 if the model is detected, because the base is unknown until then.
@@ -64,10 +64,7 @@ class McTest(PlantTest):
                 **keys, **more}
 
     def start_plant(self, names, **more):
-        self.broker = Broker(self.directory)
-        self.broker.start()
-        self.start_sim([self.plc_of(name, **more.get(name, {})) for name in names])
-        self.watcher = Watcher(self.broker.port)
+        self.start_around([self.plc_of(name, **more.get(name, {})) for name in names])
         self.start_agent([self.device_of(name) for name in names], [self.link_of(name) for name in names])
 
 

@@ -10,7 +10,7 @@ import time
 import unittest
 
 from ledger import untruth_of_one
-from plant import BASE, Broker, PlantTest, Watcher, device, wait_for
+from plant import BASE, PlantTest, device, wait_for
 
 TIMEOUT_MS = 300
 # Blocks of equal length in which each word is its own number: a late answer to one would fit another.
@@ -113,15 +113,8 @@ class McOverUdp(PlantTest):
     def memory(self):
         return {f"D{first}": list(range(first, first + WORDS)) for first in BLOCKS.values()}
 
-    def start_others(self, plcs):
-        """Starts everything except the agent."""
-        self.start_sim(plcs)
-        self.broker = Broker(self.directory)
-        self.broker.start()
-        self.watcher = Watcher(self.broker.port)
-
     def start_on_bad_network(self, protocol, seed):
-        self.start_others([self.plc(protocol=protocol, model="FX5U", udp=0, memory=self.memory())])
+        self.start_around([self.plc(protocol=protocol, model="FX5U", udp=0, memory=self.memory())])
         self.network = BadNetwork(self.sim.ports["press1"], seed)
         self.stack.callback(self.network.close)
         self.start_agent([self.press(protocol)], [{
@@ -167,7 +160,7 @@ class McOverUdp(PlantTest):
         own = free_udp_port()
         plc = {"protocol": "mc-3e", "model": "FX5U", "udp_peer_port": own, "memory": self.memory()}
         names = ["press1", "press2"]
-        self.start_others([self.plc(name, udp=0, **plc) for name in names])
+        self.start_around([self.plc(name, udp=0, **plc) for name in names])
         links = [{"name": name, "udp": {"host": "127.0.0.1", "port": self.sim.ports[name]}}
                  for name in names]
         links[0]["udp"]["local_port"] = own
@@ -181,7 +174,7 @@ class McOverUdp(PlantTest):
         self.assertGreater(self.sim.ask(cmd="stats", plc="press2")["strangers"], 0)
 
     def test_a_connection_that_another_program_holds_is_told_once(self):
-        self.start_others([self.plc(protocol="mc-4e", model="FX5U", tcp=0, connections=1,
+        self.start_around([self.plc(protocol="mc-4e", model="FX5U", tcp=0, connections=1,
                                     memory=self.memory())])
         port = self.sim.ports["press1"]
         with socket.create_connection(("127.0.0.1", port)):

@@ -5,7 +5,7 @@ import json
 import statistics
 import unittest
 
-from plant import BASE, SCHEDULING_MS, Broker, PlantTest, Watcher, wait_for
+from plant import BASE, SCHEDULING_MS, PlantTest, wait_for
 
 INTERVAL_MS = 500
 TIMEOUT_MS = 150
@@ -36,10 +36,7 @@ class MixedPlant(PlantTest):
         self.start_plant(plcs)
 
     def start_plant(self, plcs):
-        self.broker = Broker(self.directory)
-        self.broker.start()
-        self.start_sim(plcs)
-        self.watcher = Watcher(self.broker.port)
+        self.start_around(plcs)
         links, devices = [], []
         for name in PORTS:
             links.append({"name": name, "serial": {"path": self.pty(name), "baud": 9600}})
