@@ -10,8 +10,7 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import (BASE, FXAGENT, PATIENCE, Agent, Broker, PlantTest, device, request_properties,
-                   wait_for)
+from plant import BASE, PATIENCE, Agent, Broker, PlantTest, device, fxagent, request_properties, wait_for
 
 NOT_AUTHORISED = 0x87
 PASSWORD = "s3cret"
@@ -75,9 +74,7 @@ class BrokerAcl(PlantTest):
         path = os.path.join(self.directory, f"{config['agent']['id']}.json")
         with open(path, "w") as out:
             json.dump(config, out)
-        done = subprocess.run([FXAGENT, "acl", path, *arguments], capture_output=True, text=True,
-                              timeout=PATIENCE)
-        return done.returncode, done.stdout, done.stderr
+        return fxagent("acl", path, *arguments)
 
     def config(self, name="edge7", username="edge7"):
         secret = os.path.join(self.directory, "secret")

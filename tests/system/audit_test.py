@@ -6,17 +6,14 @@ import re
 import shutil
 import signal
 import sqlite3
-import subprocess
 import unittest
 
-from plant import BASE, FXAGENT, PlantTest, wait_for
+from plant import BASE, PlantTest, fxagent, wait_for
 
 
 class Audit(PlantTest):
     def audit(self, *arguments):
-        done = subprocess.run([FXAGENT, "audit", self.agent.path, *arguments], capture_output=True,
-                              text=True, timeout=60)
-        return done.returncode, done.stdout, done.stderr
+        return fxagent("audit", self.agent.path, *arguments)
 
     def lines(self, *arguments):
         status, out, err = self.audit("--json", *arguments)
@@ -74,9 +71,8 @@ class Audit(PlantTest):
         self.assertEqual(ways, ["out", "in"] * (len(ways) // 2))
         answers = [frame["in"] for frame in written["frames"] if "in" in frame]
         self.assertIn("06", answers)
-        decoded = subprocess.run([FXAGENT, "decode", "fx-programming-port", "--request", "--json",
-                                  written["frames"][-4]["out"]], capture_output=True, text=True)
-        self.assertEqual(json.loads(decoded.stdout)["operation"], "write")
+        _, decoded, _ = fxagent("decode", "fx-programming-port", "--request", "--json", written["frames"][-4]["out"])
+        self.assertEqual(json.loads(decoded)["operation"], "write")
         self.assertEqual([f["in"] for f in nak["frames"] if "in" in f], ["15", "15"])
         self.assertTrue(bad["payload"].startswith('{"id":"bad", \\xff \x1b'), bad["payload"])
         self.assertGreater(bad["payload_bytes"], 1000)
@@ -96,9 +92,7 @@ class Audit(PlantTest):
         self.assertEqual(self.audit("--since", "yesterday")[0], 2)
 
     def write_by_hand(self, value):
-        done = subprocess.run([FXAGENT, "write", self.agent.path, "press1", "D300", str(value)], capture_output=True,
-                              text=True, timeout=60)
-        return done.returncode, done.stdout
+        return fxagent("write", self.agent.path, "press1", "D300", str(value))[:2]
 
     def test_the_command_line_is_in_it_and_sends_nothing_while_an_agent_has_the_store(self):
         self.start_stored()

@@ -8,15 +8,10 @@ import subprocess
 import threading
 import unittest
 
-from plant import FXAGENT, PlantTest, device, free_port
+from plant import PlantTest, device, free_port, fxagent
 
 
 class Doctor(PlantTest):
-    def call(self, *arguments):
-        done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=120, check=False,
-                              stdin=subprocess.DEVNULL)
-        return done.returncode, done.stdout, done.stderr
-
     def write(self, *devices, **serial):
         path = os.path.join(self.directory, "config.json")
         with open(path, "w") as out:
@@ -40,12 +35,12 @@ class Doctor(PlantTest):
         with open(path) as text:
             before = text.read()
         fixed = path + ".fixed"
-        status, said, errors = self.call("doctor", path, "--fix", fixed)
+        status, said, errors = fxagent("doctor", path, "--fix", fixed)
         self.assertEqual(status, 4, said + errors)
         self.assertIn(finding, said)
         self.assertIn("config: " + key + "\n", said)
-        self.assertEqual(self.call("check", fixed)[0], 0)
-        status, said, errors = self.call("doctor", fixed)
+        self.assertEqual(fxagent("check", fixed)[0], 0)
+        status, said, errors = fxagent("doctor", fixed)
         self.assertEqual(status, 0, said + errors)
         with open(path) as text:
             self.assertEqual(text.read(), before)
@@ -56,7 +51,7 @@ class Doctor(PlantTest):
         self.start_sim([self.rtu(baud=9600, parity="none", strict_line=True)])
         fixed = self.assert_finds(self.write(self.meter()), "answers at 9600 baud 8N1",
                                   '/links/0/serial/parity = "none"')
-        self.assertEqual(self.call("read", fixed, "meter", "hr:0")[0], 0)
+        self.assertEqual(fxagent("read", fixed, "meter", "hr:0")[0], 0)
 
     def test_wrong_unit(self):
         self.start_sim([self.rtu(unit=3)])
@@ -82,14 +77,14 @@ class Doctor(PlantTest):
 
     def test_who_made_the_device(self):
         self.start_sim([self.rtu(identity=["Sunny Meters", "M2\u001b[31m", "V1.7"])])
-        status, said, errors = self.call("doctor", self.write(self.meter()))
+        status, said, errors = fxagent("doctor", self.write(self.meter()))
         self.assertEqual(status, 0, said + errors)
         self.assertIn("identity: Sunny Meters, M2?[31m, V1.7\n", said)
 
     def test_a_device_that_closes_the_line_at_an_unknown_function(self):
         self.start_sim([self.rtu()])
         self.sim.fault("press1", "drop", match="other")
-        status, said, errors = self.call("doctor", self.write(self.meter()))
+        status, said, errors = fxagent("doctor", self.write(self.meter()))
         self.assertEqual(status, 0, said + errors)
         self.assertIn("identity: not reported\n", said)
 
@@ -105,21 +100,21 @@ class Doctor(PlantTest):
                 plc = self.plc("press1", protocol=protocol, model=model, memory=memory)
                 self.start_sim([plc])
                 stack.callback(self.sim.stop)
-                status, said, errors = self.call("doctor", self.write(device(protocol=protocol, model=model, **form)))
+                status, said, errors = fxagent("doctor", self.write(device(protocol=protocol, model=model, **form)))
                 self.assertEqual(status, 0, said + errors)
                 self.assertEqual("clock 2026-11-27 01:48:15\n" in said, clock, said)
 
     def test_a_device_slower_than_the_config_says(self):
         self.start_sim([self.rtu(turnaround_ms=150)])
         path = self.write(self.meter(turnaround_ms=10))
-        status, said, errors = self.call("doctor", path)
+        status, said, errors = fxagent("doctor", path)
         self.assertEqual(status, 4, said + errors)
         self.assertRegex(said, r"config: /devices/0/turnaround_ms = [1-9][0-9][0-9]\n")
 
     def test_a_hole_is_no_limit(self):
         self.start_sim([self.rtu(holes=["hr:40-hr:41"])])
         tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]
-        status, said, errors = self.call("doctor", self.write(self.meter(tags=tags)))
+        status, said, errors = fxagent("doctor", self.write(self.meter(tags=tags)))
         self.assertEqual(status, 0, said + errors)
         self.assertIn("does not exist", said)
 
@@ -128,7 +123,7 @@ class Doctor(PlantTest):
         with subprocess.Popen(["flock", self.pty("press1"), "sh", "-c", "echo ready; exec cat"],
                               stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
             self.assertEqual(holder.stdout.readline(), "ready\n")
-            status, said, _ = self.call("doctor", self.write(device()))
+            status, said, _ = fxagent("doctor", self.write(device()))
             holder.communicate("")
         self.assertEqual(status, 3, said)
         self.assertIn("another program uses the port: ", said)
@@ -137,14 +132,14 @@ class Doctor(PlantTest):
     def test_never_replaces_a_file(self):
         self.start_sim([self.plc("press1", model="FX2N")])
         path = self.write(device(model="FX3U"))
-        status, _, errors = self.call("doctor", path, "--fix", path)
+        status, _, errors = fxagent("doctor", path, "--fix", path)
         self.assertEqual(status, 1)
         self.assertIn("cannot be written", errors)
 
     def test_a_line_that_is_right_for_others_stays(self):
         self.start_sim([self.plc(protocol="fx-computer-link", baud=9600, strict_line=True)])
         path = self.write(self.station(0), self.station(9, name="gone"))
-        status, said, errors = self.call("doctor", path, "--fix", path + ".fixed")
+        status, said, errors = fxagent("doctor", path, "--fix", path + ".fixed")
         self.assertEqual(status, 1, said + errors)
         self.assertIn("gone: no answer; trying", errors)
         self.assertNotIn("config: ", said)
@@ -153,7 +148,7 @@ class Doctor(PlantTest):
     def test_two_silent_devices_are_not_given_one_unit(self):
         self.start_sim([self.plc(protocol="fx-computer-link", station=5)])
         path = self.write(self.station(1), self.station(2, name="second"))
-        status, said, errors = self.call("doctor", path, "--fix", path + ".fixed")
+        status, said, errors = fxagent("doctor", path, "--fix", path + ".fixed")
         self.assertEqual(status, 1, said + errors)
         self.assertEqual(said.count("station = 5"), 1)
         self.assertIn("with 1 of 1 changes", said)
@@ -161,14 +156,14 @@ class Doctor(PlantTest):
     def test_lost_answers_are_a_fault(self):
         self.start_sim([self.rtu()])
         self.sim.fault("press1", "silent", every=4, count=1)
-        status, said, errors = self.call("doctor", self.write(self.meter()))
+        status, said, errors = fxagent("doctor", self.write(self.meter()))
         self.assertEqual(status, 1, said + errors)
         self.assertIn("answers 4 of 5 requests", said)
 
     def test_the_copy_is_checked_before_the_search(self):
         path = self.write(self.meter())
         for fixed in (path, os.path.join(self.directory, "no", "where.json")):
-            status, said, errors = self.call("doctor", path, "--fix", fixed)
+            status, said, errors = fxagent("doctor", path, "--fix", fixed)
             self.assertEqual((status, said), (1, ""), errors)
             self.assertIn("cannot be written", errors)
 
@@ -187,13 +182,13 @@ class Doctor(PlantTest):
                 json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
                            "links": [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}],
                            "devices": [self.meter(protocol="mc-3e", model="FX5U", tags=[{"name": "level", "address": "D0"}])]}, out)
-            status, said, errors = self.call("doctor", path)
+            status, said, errors = fxagent("doctor", path)
             server.shutdown(socket.SHUT_RDWR)
         self.assertEqual(status, 1, said + errors)
 
     def test_scan_prints_a_section_that_works(self):
         self.start_sim([self.plc("press1", baud=9600, strict_line=True)])
-        status, said, errors = self.call("scan", self.pty("press1"))
+        status, said, errors = fxagent("scan", self.pty("press1"))
         self.assertEqual(status, 0, errors)
         self.assertIn("At most ", errors)
         found = json.loads("{" + said + "}")

@@ -6,7 +6,7 @@ import os
 import subprocess
 import unittest
 
-from plant import FXAGENT, PATIENCE, Agent, Broker, PlantTest, Watcher
+from plant import Agent, Broker, PlantTest, Watcher, fxagent
 
 ROOT = "fx/plant-a"
 ACL = """user ann
@@ -61,9 +61,7 @@ class Fleet(PlantTest):
         return path
 
     def fleet(self, *arguments, root=ROOT):
-        done = subprocess.run([FXAGENT, "fleet", *arguments, "--broker", f"mqtt://127.0.0.1:{self.broker.port}",
-                               "--root", root], capture_output=True, text=True, timeout=PATIENCE * 2, check=False)
-        return done.returncode, done.stdout, done.stderr
+        return fxagent("fleet", *arguments, "--broker", f"mqtt://127.0.0.1:{self.broker.port}", "--root", root)
 
     def state_of(self, *arguments):
         status, out, err = self.fleet("status", "--json", *arguments)

@@ -4,11 +4,10 @@ import glob
 import json
 import os
 import re
-import subprocess
 import tempfile
 import unittest
 
-from plant import FXAGENT
+from plant import fxagent
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 
@@ -24,16 +23,11 @@ class Import(unittest.TestCase):
             out.write(content if isinstance(content, bytes) else content.encode())
         return path
 
-    def run_agent(self, *arguments, env=None):
-        done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=60, check=False,
-                              env={**os.environ, **(env or {})})
-        return done.returncode, done.stdout, done.stderr
-
     def imported(self, *arguments):
         """Returns the config, which must pass check, and the messages."""
-        status, out, err = self.run_agent("import", *arguments)
+        status, out, err = fxagent("import", *arguments)
         self.assertEqual(status, 0, err)
-        self.assertEqual(self.run_agent("check", self.file("made.json", out))[0], 0, out)
+        self.assertEqual(fxagent("check", self.file("made.json", out))[0], 0, out)
         return json.loads(out), err
 
     def test_formats_are_found_by_themselves(self):
@@ -55,17 +49,17 @@ class Import(unittest.TestCase):
 
     def test_exit_status(self):
         nothing = self.file("n.csv", "Device Name,Comment\nP0,sub\n")
-        status, out, err = self.run_agent("import", "gx", nothing)
+        status, out, err = fxagent("import", "gx", nothing)
         self.assertEqual((status, out), (1, ""))
         self.assertIn("nothing was imported", err)
         workbook = self.file("tags.xlsx", b"PK\x03\x04" + bytes(30))
-        status, _, err = self.run_agent("import", "neuron", workbook)
+        status, _, err = fxagent("import", "neuron", workbook)
         self.assertEqual(status, 2)
         self.assertIn(f"{workbook}: is a zip file, perhaps a workbook (.xlsx): save its sheet as CSV", err)
         for arguments in (["gxx", nothing], ["gx", "/nowhere"], ["neuron", nothing], ["auto", self.file("x", "x")],
                           ["gx", nothing, "--protocol", "modbus-rtx"], ["gx", nothing, "--port", "COM1"],
                           ["gx", nothing, "--device", "A b"], ["gx"]):
-            status, out, err = self.run_agent("import", *arguments)
+            status, out, err = fxagent("import", *arguments)
             self.assertEqual((status, out), (2, ""), arguments)
             self.assertNotEqual(err, "", arguments)
 
@@ -78,16 +72,16 @@ class Import(unittest.TestCase):
             with open(path) as text:
                 variables = {name: "1883" for name in re.findall(r"\$\{(\w+)\}", text.read())}
             variables["PLANT_BROKER"] = "mqtt://127.0.0.1"
-            status, csv, err = self.run_agent("export", "--csv", path, env=variables)
+            status, csv, err = fxagent("export", "--csv", path, environment=variables)
             self.assertEqual(status, 0, err)
-            status, out, err = self.run_agent("import", "csv", self.file("e.csv", csv), env=variables)
+            status, out, err = fxagent("import", "csv", self.file("e.csv", csv), environment=variables)
             self.assertEqual(status, 0, err)
             with open(path) as before:
                 self.assertEqual(json.loads(out), json.load(before), path)
 
     def test_a_wrong_config_is_not_exported(self):
-        self.assertEqual(self.run_agent("export", "--csv", self.file("w.json", "{}"))[0], 2)
-        self.assertEqual(self.run_agent("export", self.file("w.json", "{}"))[0], 2)
+        self.assertEqual(fxagent("export", "--csv", self.file("w.json", "{}"))[0], 2)
+        self.assertEqual(fxagent("export", self.file("w.json", "{}"))[0], 2)
 
 
 if __name__ == "__main__":

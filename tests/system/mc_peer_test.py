@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import FXAGENT, PATIENCE, Sim
+from plant import PATIENCE, Sim, fxagent
 
 PEERS = os.environ["NODE_PEERS"]
 MEMORY = {"D0": list(range(1000, 1140)), "D50": [0x5678, 0x1234], "D7990": [1, -1, 32767], "R100": [4, 5],
@@ -55,10 +55,9 @@ class Mcprotocol(unittest.TestCase):
         return json.loads(said[0].removeprefix("result "))
 
     def agent(self, *words):
-        done = subprocess.run([FXAGENT, words[0], self.config, "plc", *words[1:], "--json"],
-                              capture_output=True, text=True, timeout=PATIENCE, check=False)
-        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
-        return json.loads(done.stdout)
+        status, out, err = fxagent(words[0], self.config, "plc", *words[1:], "--json")
+        self.assertEqual(status, 0, out + err)
+        return json.loads(out)
 
     def agent_reads(self, address, count=1, kind=None):
         return self.agent("read", address, "--count", str(count), *(["--type", kind] if kind else []))["values"]

@@ -5,10 +5,9 @@ wrong settings."""
 import json
 import os
 import socket
-import subprocess
 import unittest
 
-from plant import FXAGENT, PATIENCE, PlantTest, wait_for
+from plant import PlantTest, fxagent, wait_for
 
 # Name of a device: its protocol, model, extra keys for its PLC and for its device, and an input. The input is number
 # 31 in the series' own base, or one below 8 if the model is detected, because the base is unknown until then.
@@ -170,9 +169,8 @@ class WrongSettings(McTest):
                        "devices": [self.device_of(name, **(device or {}))]}, out)
 
     def read(self, name, address="D100"):
-        done = subprocess.run([FXAGENT, "read", self.config, name, address], capture_output=True, text=True,
-                              timeout=2 * PATIENCE, check=False)
-        return done.returncode, done.stdout + done.stderr
+        status, out, err = fxagent("read", self.config, name, address)
+        return status, out + err
 
     def test_another_data_code_is_named(self):
         for name, setting in (("fx3", "Communication Data Code"), ("fx5", "Communication Data Code")):

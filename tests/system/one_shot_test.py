@@ -2,10 +2,9 @@
 
 import json
 import os
-import subprocess
 import unittest
 
-from plant import FXAGENT, PlantTest
+from plant import PlantTest, fxagent
 
 
 def tag(name, address, kind, **more):
@@ -35,9 +34,7 @@ class OneShots(PlantTest):
                                     "commands": {"allow": ["hr:0-hr:99"]}}], **sections}, out)
 
     def call(self, subcommand, *arguments):
-        done = subprocess.run([FXAGENT, subcommand, self.path, "meter", *arguments], capture_output=True, text=True,
-                              timeout=30, check=False)
-        return done.returncode, done.stdout, done.stderr
+        return fxagent(subcommand, self.path, "meter", *arguments)
 
     def read(self, *arguments):
         """What `read --json` found, by name."""

@@ -6,7 +6,7 @@ import shlex
 import subprocess
 import unittest
 
-from plant import BASE, FXAGENT, Agent, Broker, PlantTest, Watcher, device, free_port
+from plant import BASE, Agent, Broker, PlantTest, Watcher, device, free_port, fxagent
 
 METER = {"name": "meter", "link": "line2", "protocol": "modbus-tcp", "timeout_ms": 300,
          "groups": [{"name": "fast", "interval_ms": 1000}],
@@ -16,9 +16,7 @@ METER = {"name": "meter", "link": "line2", "protocol": "modbus-tcp", "timeout_ms
 
 class Online(PlantTest):
     def check(self, *more, path=None):
-        done = subprocess.run([FXAGENT, "check", "--online", path or self.agent.path, *more], capture_output=True, text=True,
-                              timeout=60, check=False, stdin=subprocess.DEVNULL)
-        return done.returncode, done.stdout, done.stderr
+        return fxagent("check", "--online", path or self.agent.path, *more)
 
     def write(self, **changes):
         config = {"agent": {"id": "edge7", "root": "fx/plant-a"},

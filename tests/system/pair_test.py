@@ -4,14 +4,13 @@ import json
 import os
 import signal
 import struct
-import subprocess
 import time
 import unittest
 
 from broker_test import certificates
 from chaos_plant import Disk
 from pair_plant import BASE, PairTest, QUIET_MS, SerialBus
-from plant import FXAGENT, PATIENCE, free_port, wait_for
+from plant import PATIENCE, free_port, fxagent, wait_for
 
 
 class Pair(PairTest):
@@ -50,9 +49,7 @@ class Pair(PairTest):
                  if " info pair peer=" in line or " warning pair peer=" in line]
         self.assertEqual(peers, ["a", '""'])
         # A call on the other machine uses the line without asking, and says so.
-        call = subprocess.run([FXAGENT, "read", self.agents["a"].path, "press1", "D300"], capture_output=True, text=True,
-                              timeout=PATIENCE)
-        self.assertIn("the other gateway of the pair", call.stderr)
+        self.assertIn("the other gateway of the pair", fxagent("read", self.agents["a"].path, "press1", "D300")[2])
 
     def test_paused_gateway_wakes_as_the_standby_and_sends_nothing(self):
         self.start_pair()
@@ -82,9 +79,8 @@ class Pair(PairTest):
         self.polls("b", time.monotonic())
         result = self.result("wire-1")
         self.assertIn(result["status"], ("UNKNOWN_OUTCOME", "SUCCEEDED"))
-        audit = subprocess.run([FXAGENT, "audit", "--json", self.agents["b"].path], capture_output=True, text=True,
-                               timeout=PATIENCE)
-        told = {line["id"]: line["status"] for line in map(json.loads, audit.stdout.splitlines())}
+        audit = fxagent("audit", "--json", self.agents["b"].path)
+        told = {line["id"]: line["status"] for line in map(json.loads, audit[1].splitlines())}
         self.assertEqual((told.get("done-1"), told.get("wire-1")), ("SUCCEEDED", result["status"]), audit)
         for identity in ("done-1", "wire-1"):
             again = self.repeated(identity)

@@ -15,7 +15,7 @@ import sys
 import tempfile
 import unittest
 
-from plant import FXAGENT, PATIENCE, Sim, free_port, has_failed, text_of, wait_for
+from plant import PATIENCE, Sim, free_port, fxagent, has_failed, text_of, wait_for
 from ports import is_open
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
@@ -77,10 +77,9 @@ class Peer(unittest.TestCase):
                        "links": [link], "devices": [device]}, out)
 
     def call(self, verb, *words):
-        done = subprocess.run([FXAGENT, verb, self.config, "meter", *words, "--json"],
-                              capture_output=True, text=True, timeout=2 * PATIENCE, check=False)
-        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
-        return json.loads(done.stdout)
+        status, out, err = fxagent(verb, self.config, "meter", *words, "--json")
+        self.assertEqual(status, 0, out + err)
+        return json.loads(out)
 
     def read(self, address, count=1, kind=None):
         words = [address, "--count", str(count)] + (["--type", kind] if kind else [])
@@ -117,11 +116,10 @@ class Peer(unittest.TestCase):
             self.assertEqual(self.read("hr:50"), [1050 | 8])
             self.write("hr:50.3", False)
             self.assertEqual(self.read("hr:50"), [1050 & ~8])
-        refused = subprocess.run([FXAGENT, "read", self.config, "meter", "hr:5000", "--json"],
-                                 capture_output=True, text=True, timeout=2 * PATIENCE, check=False)
-        self.assertEqual(refused.returncode, 1)
+        status, out, _ = fxagent("read", self.config, "meter", "hr:5000", "--json")
+        self.assertEqual(status, 1)
         if refuses:
-            self.assertIn("exception 02", json.loads(refused.stdout)["detail"])
+            self.assertIn("exception 02", json.loads(out)["detail"])
 
 
 class Pymodbus(Peer):

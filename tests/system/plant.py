@@ -384,6 +384,13 @@ class Agent:
         wait_for(f"{words} in the agent's log", lambda: self.logged().count(words) >= times)
 
 
+def fxagent(*arguments, environment=None):
+    """Runs a subcommand to its end. Returns exit status, output and errors."""
+    done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=4 * PATIENCE, check=False,
+                          stdin=subprocess.DEVNULL, env=dict(os.environ, **(environment or {})))
+    return done.returncode, done.stdout, done.stderr
+
+
 class PlantTest(unittest.TestCase):
     """A test with a broker, a simulator, an agent and a watcher, all ended with the test."""
 

@@ -3,17 +3,12 @@
 import json
 import os
 import signal
-import subprocess
 import unittest
 
-from plant import FXAGENT, Agent, PlantTest, device, free_port, wait_for
+from plant import Agent, PlantTest, device, free_port, fxagent, wait_for
 
 
 class Programs(PlantTest):
-    def run_agent(self, *arguments):
-        done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=30)
-        return done.returncode, done.stdout, done.stderr
-
     def configuration(self, **more):
         config = {"agent": {"id": "edge7", "root": "fx"},
                   "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
@@ -31,28 +26,28 @@ class Programs(PlantTest):
     def test_read_write_and_force_go_straight_to_the_device(self):
         self.start_sim([self.plc(memory={"D100": [1, 2, 3]})])
         path = self.config()
-        status, out, _ = self.run_agent("read", path, "press1", "D100", "--count", "3", "--json")
+        status, out, _ = fxagent("read", path, "press1", "D100", "--count", "3", "--json")
         answer = json.loads(out)
         self.assertEqual((status, answer["ok"], answer["address"], answer["values"]),
                          (0, True, "D100", [1, 2, 3]))
-        self.assertEqual(self.run_agent("read", path, "press1", "temp")[0], 0)
+        self.assertEqual(fxagent("read", path, "press1", "temp")[0], 0)
         for option in (["--type", "int16"], ["--count", "1"]):
-            status, _, err = self.run_agent("read", path, "press1", "temp", *option)
+            status, _, err = fxagent("read", path, "press1", "temp", *option)
             self.assertEqual(status, 2)
             self.assertIn(option[0], err)
-        status, out, _ = self.run_agent("force-on", path, "press1", "M150", "--json")
+        status, out, _ = fxagent("force-on", path, "press1", "M150", "--json")
         self.assertEqual((status, json.loads(out)["plc"]), (0, "ACK"))
         self.assertEqual(self.sim.get("press1", "M150"), 1)
-        self.assertEqual(self.run_agent("force-off", path, "press1", "M150")[0], 0)
-        self.assertEqual(self.run_agent("write", path, "press1", "D300", "7")[0], 0)
+        self.assertEqual(fxagent("force-off", path, "press1", "M150")[0], 0)
+        self.assertEqual(fxagent("write", path, "press1", "D300", "7")[0], 0)
         self.assertEqual(self.sim.get("press1", "D300"), 7)
-        self.assertEqual(self.run_agent("write", path, "press1", "D200", "7")[0], 2)
-        self.assertEqual(self.run_agent("read", path, "press1", "X8")[0], 2)
-        self.assertEqual(self.run_agent("read", path, "nobody", "D1")[0], 2)
+        self.assertEqual(fxagent("write", path, "press1", "D200", "7")[0], 2)
+        self.assertEqual(fxagent("read", path, "press1", "X8")[0], 2)
+        self.assertEqual(fxagent("read", path, "nobody", "D1")[0], 2)
         self.sim.fault("press1", "nak", count=-1)
-        status, out, _ = self.run_agent("write", path, "press1", "D300", "8", "--json")
+        status, out, _ = fxagent("write", path, "press1", "D300", "8", "--json")
         self.assertEqual((status, json.loads(out)["plc"]), (1, "NAK"))
-        status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
+        status, out, _ = fxagent("read", path, "press1", "D100", "--json")
         self.assertEqual((status, json.loads(out)["reason"]), (1, "nak"))
 
     def test_what_the_agent_writes_is_its_users_alone(self):
@@ -80,25 +75,25 @@ class Programs(PlantTest):
         os.chmod(self.directory, 0o755)
         servers = ["mqtt://127.0.0.1:1"]
         path = self.config(mqtt={"servers": servers, "password_file": secret})
-        status, _, errors = self.run_agent("check", path)
+        status, _, errors = fxagent("check", path)
         self.assertEqual(status, 0)
         self.assertIn("/mqtt/password_file: " + secret + " can be read by everybody", errors)
         path = self.config(mqtt={"servers": servers, "username": "u", "password": "hunter2"})
         os.chmod(path, 0o644)
-        status, _, errors = self.run_agent("check", path)
+        status, _, errors = fxagent("check", path)
         self.assertEqual(status, 2)
         self.assertIn("/mqtt/password: a plain-text password", errors)
         os.chmod(path, 0o600)
-        self.assertEqual(self.run_agent("check", path)[0], 0)
+        self.assertEqual(fxagent("check", path)[0], 0)
         path = self.config(mqtt={"servers": ["mqtt://u:hunter2@127.0.0.1:1"]})
-        status, _, errors = self.run_agent("check", path)
+        status, _, errors = fxagent("check", path)
         self.assertEqual(status, 2)
         self.assertIn("must not contain a user or a password", errors)
         self.assertNotIn("hunter2", errors)
 
     def test_decode_explains_frames_and_judges_their_sums(self):
         def decode(*arguments):
-            status, out, _ = self.run_agent("decode", "fx-programming-port", *arguments, "--json")
+            status, out, _ = fxagent("decode", "fx-programming-port", *arguments, "--json")
             return status, json.loads(out)
         status, frame = decode("02 30 31 30 46 36 30 34 03 37 34")
         self.assertEqual(status, 0)
@@ -114,8 +109,8 @@ class Programs(PlantTest):
         self.assertEqual((status, frame["ok"], frame["checksum"]),
                          (1, False, {"given": "D6", "computed": "D7"}))
         self.assertEqual(decode("15")[1]["operation"], "nak")
-        self.assertEqual(self.run_agent("decode", "fx-programming-port", "zz")[0], 2)
-        self.assertEqual(self.run_agent("decode", "no-such", "05")[0], 2)
+        self.assertEqual(fxagent("decode", "fx-programming-port", "zz")[0], 2)
+        self.assertEqual(fxagent("decode", "no-such", "05")[0], 2)
 
     def test_every_error_of_a_config_is_told_with_its_line_and_pointer(self):
         text = """{
@@ -154,7 +149,7 @@ class Programs(PlantTest):
             "/devices/0/tags/8/unit": (19, "FXAGENT_NO_SUCH_VARIABLE"),
         }
         for command in ("check", "run"):
-            status, out, errors = self.run_agent(command, path)
+            status, out, errors = fxagent(command, path)
             self.assertEqual((status, out), (2, ""))
             lines = errors.splitlines()
             for pointer, (line, word) in expected.items():
@@ -169,11 +164,11 @@ class Programs(PlantTest):
             path = os.path.join(self.directory, "not.json")
             with open(path, "w") as out:
                 out.write(text)
-            status, out, errors = self.run_agent("check", path)
+            status, out, errors = fxagent("check", path)
             self.assertEqual((status, out), (2, ""), text[:40])
             self.assertIn(f"{path}:{line}:", errors)
-        self.assertEqual(self.run_agent("check", os.path.join(self.directory, "nothing"))[0], 2)
-        self.assertEqual(self.run_agent("check", self.directory)[0], 2)
+        self.assertEqual(fxagent("check", os.path.join(self.directory, "nothing"))[0], 2)
+        self.assertEqual(fxagent("check", self.directory)[0], 2)
 
     def test_check_tells_of_a_port_that_an_agent_of_another_config_has(self):
         self.start_sim([self.plc()])
@@ -181,13 +176,13 @@ class Programs(PlantTest):
         agent.start()
         self.stack.callback(agent.stop)
         wait_for("the port to be open", lambda: "state=up" in agent.logged())
-        self.assertNotIn("in use", self.run_agent("check", agent.path)[2])
-        errors = self.run_agent("check", self.config())[2]
+        self.assertNotIn("in use", fxagent("check", agent.path)[2])
+        errors = fxagent("check", self.config())[2]
         self.assertIn("is in use by another program: fxagent, pid ", errors)
         self.assertIn(", which runs another config", errors)
 
     def test_check_says_what_is_right_and_warns_of_files_that_are_missing(self):
-        status, out, errors = self.run_agent("check", self.config())
+        status, out, errors = fxagent("check", self.config())
         self.assertEqual(status, 0)
         self.assertIn("valid", out)
         self.assertIn("/links/0/serial/path", errors)  # no simulator runs, so the pty does not exist
@@ -197,21 +192,19 @@ class Programs(PlantTest):
         mqtt = {"servers": ["mqtt://127.0.0.1:1"], "username": "edge7",
                 "password_env": "FXAGENT_TEST_SECRET"}
         path = self.config(mqtt=mqtt)
-        with_secret = dict(os.environ, FXAGENT_TEST_SECRET=secret)
-        done = subprocess.run([FXAGENT, "check", path], capture_output=True, text=True, timeout=30,
-                              env=with_secret)
-        self.assertEqual(done.returncode, 0)
-        self.assertNotIn(secret, done.stdout + done.stderr)
+        with_secret = {"FXAGENT_TEST_SECRET": secret}
+        status, out, err = fxagent("check", path, environment=with_secret)
+        self.assertEqual(status, 0)
+        self.assertNotIn(secret, out + err)
         mqtt["password"] = secret  # an unknown key
-        done = subprocess.run([FXAGENT, "check", self.config(mqtt=mqtt)], capture_output=True,
-                              text=True, timeout=30, env=with_secret)
-        self.assertEqual(done.returncode, 2)
-        self.assertIn("/mqtt/password", done.stderr)
-        self.assertNotIn(secret, done.stdout + done.stderr)
+        status, out, err = fxagent("check", self.config(mqtt=mqtt), environment=with_secret)
+        self.assertEqual(status, 2)
+        self.assertIn("/mqtt/password", err)
+        self.assertNotIn(secret, out + err)
 
     def plan(self, path, *what_ifs):
         asked = [word for what in what_ifs for word in ("--what-if", what)]
-        status, out, err = self.run_agent("plan", path, "--json", *asked)
+        status, out, err = fxagent("plan", path, "--json", *asked)
         self.assertEqual((status, err), (0, ""))
         return json.loads(out)
 
@@ -236,7 +229,7 @@ class Programs(PlantTest):
         self.assertAlmostEqual(link["busy_percent"], 19.9, delta=0.15)
         # The longest poll, then a write of 15 and 1 characters and the same read again.
         self.assertAlmostEqual(link["command_bound_ms"], 19.8 + 16.7 + 19.8, delta=0.2)
-        status, out, err = self.run_agent("plan", path)
+        status, out, err = fxagent("plan", path)
         self.assertEqual((status, err), (0, ""))
         lines = [line.split() for line in out.splitlines()]
         self.assertIn("busy 20.0 %; a command takes at most 56.3 ms", out)
@@ -245,7 +238,7 @@ class Programs(PlantTest):
         self.assertIn(["D100", "press1/fast", "2", "bytes", "19", "19.8"], lines)
         self.assertEqual(link["listening_ms"], 2 * 300)
         self.assertIn("  listens for 600 ms before its first request\n", out)
-        self.assertEqual(self.run_agent("plan", os.path.join(self.directory, "nothing"))[0], 2)
+        self.assertEqual(fxagent("plan", os.path.join(self.directory, "nothing"))[0], 2)
 
     def test_plan_of_100_words_and_64_bits_is_the_least_that_the_port_can_do(self):
         tags = [{"name": "d", "address": "D0", "count": 100, "group": "fast"},
@@ -272,7 +265,7 @@ class Programs(PlantTest):
         self.assertEqual(group["exchanges"], [{"address": "D100", "bytes": 2, "bits": 16,
                                                "chars": 19, "line_ms": None}])
         self.assertIn("line_baud", link["warnings"][0])
-        status, out, _ = self.run_agent("plan", path)
+        status, out, _ = fxagent("plan", path)
         self.assertEqual(status, 0)
         self.assertIn("line_baud", out)
 
@@ -286,7 +279,7 @@ class Programs(PlantTest):
         self.assertGreater(after["command_bound_ms"], before["command_bound_ms"])
         self.assertEqual(before["warnings"], [])
         self.assertTrue(any("press1/fast has an interval of 100 ms" in w for w in after["warnings"]))
-        status, out, err = self.run_agent("plan", path, "--what-if", "press1 D500..D563@100")
+        status, out, err = fxagent("plan", path, "--what-if", "press1 D500..D563@100")
         self.assertEqual((status, err), (0, ""))
         self.assertIn(["press1/fast,", "every", "100", "ms", "19.8", "ms", "317.7", "ms"],
                       [line.split() for line in out.splitlines()])
@@ -294,7 +287,7 @@ class Programs(PlantTest):
         for wrong, word in (("press9 D1@5", "no device press9"), ("press1 X8@5", "octal"),
                             ("press1 D5", "DEVICE FIRST..LAST@MS"),
                             ("press1 D5@x", "interval"), ("press1 D9..D5@5", "lower one first")):
-            status, out, err = self.run_agent("plan", path, "--what-if", wrong)
+            status, out, err = fxagent("plan", path, "--what-if", wrong)
             self.assertEqual((status, out), (2, ""), wrong)
             self.assertIn(word, err)
 
@@ -313,19 +306,19 @@ class Programs(PlantTest):
 
     def test_a_device_that_does_not_answer_is_exit_1(self):
         path = self.config()  # the pty is not in use
-        status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
+        status, out, _ = fxagent("read", path, "press1", "D100", "--json")
         answer = json.loads(out)
         self.assertEqual((status, answer["ok"], answer["reason"]), (1, False, "link_down"))
         self.start_sim()
         self.sim.fault("press1", "dead")
-        status, out, _ = self.run_agent("read", path, "press1", "D100", "--json")
+        status, out, _ = fxagent("read", path, "press1", "D100", "--json")
         answer = json.loads(out)
         self.assertEqual((status, answer["ok"], answer["reason"]), (1, False, "device_offline"))
-        status, out, _ = self.run_agent("force-on", path, "press1", "M150", "--json")
+        status, out, _ = fxagent("force-on", path, "press1", "M150", "--json")
         answer = json.loads(out)
         self.assertEqual((status, answer["status"], answer["reason"]),
                          (1, "FAILED", "device_offline"))
-        status, out, _ = self.run_agent("force-on", path, "press1", "M150")
+        status, out, _ = fxagent("force-on", path, "press1", "M150")
         self.assertEqual(status, 1)
         self.assertIn("FAILED", out)
 
@@ -343,36 +336,36 @@ class Programs(PlantTest):
                               (["force-on", "press1", "M8036"], "not_writable"),
                               (["force-off", "press1", "Y8"], "bad_address"),
                               (["write", "press1", "D300", "1", "--type", "float23"], None)]:
-            status, out, errors = self.run_agent(command[0], path, *command[1:], "--json")
+            status, out, errors = fxagent(command[0], path, *command[1:], "--json")
             self.assertEqual(status, 2, (command, out, errors))
             if reason:
                 result = json.loads(out)
                 self.assertEqual((result["status"], result["reason"]), ("REJECTED", reason))
         self.assertEqual(self.sim.commands("press1"), [])
-        status, out, _ = self.run_agent("write", path, "press1", "setpoint", "55.5", "--json")
+        status, out, _ = fxagent("write", path, "press1", "setpoint", "55.5", "--json")
         result = json.loads(out)
         self.assertEqual((status, result["status"], result["plc"], result["verify"]),
                          (0, "SUCCEEDED", "ACK", {"read": 55.5, "match": True}))
         self.assertEqual(self.sim.get("press1", "D200"), 555)
         for arguments, values in [(["D300", "[1,2]"], [1, 2]), (["D300", "-7"], [0xFFF9])]:
-            self.assertEqual(self.run_agent("write", path, "press1", *arguments)[0], 0, arguments)
+            self.assertEqual(fxagent("write", path, "press1", *arguments)[0], 0, arguments)
             self.assertEqual([self.sim.get("press1", f"D{300 + i}") for i in range(len(values))],
                              values)
-        status, out, _ = self.run_agent("write", path, "press1", "D300", "1.5", "--type", "float32")
+        status, out, _ = fxagent("write", path, "press1", "D300", "1.5", "--type", "float32")
         self.assertEqual(status, 0)
-        status, out, _ = self.run_agent("read", path, "press1", "D300", "--type", "float32", "--json")
+        status, out, _ = fxagent("read", path, "press1", "D300", "--type", "float32", "--json")
         self.assertEqual((status, json.loads(out)["values"]), (0, [1.5]))
         # Reads are not restricted: the engineer at the machine may read places that no tag names.
-        status, out, _ = self.run_agent("read", path, "press1", "D7000")
+        status, out, _ = fxagent("read", path, "press1", "D7000")
         self.assertEqual(status, 0)
         self.assertIn("D7000", out)
-        status, out, _ = self.run_agent("force-on", path, "press1", "M150")
+        status, out, _ = fxagent("force-on", path, "press1", "M150")
         self.assertEqual(status, 0)
         self.assertIn("ACK", out)
 
     def test_a_refused_command_is_told_without_an_answer_that_nobody_waited_for(self):
         path = self.config()
-        status, out, _ = self.run_agent("write", path, "press1", "temp", "1")
+        status, out, _ = fxagent("write", path, "press1", "temp", "1")
         self.assertEqual((status, out),
                          (2, "press1 write D100: REJECTED, not_writable: the tag's access is read; "
                              "with \"access\": \"read_write\" in the config, commands may write it\n"))
@@ -380,21 +373,21 @@ class Programs(PlantTest):
     def test_a_misspelt_name_is_told_with_the_nearest(self):
         path = self.config()
         for command in (["read", path, "press1", "tepm"], ["write", path, "press1", "tepm", "1"]):
-            status, out, _ = self.run_agent(*command)
+            status, out, _ = fxagent(*command)
             self.assertEqual(status, 2)
             self.assertIn("unknown_tag: device press1 has no tag tepm; did you mean temp?", out)
             self.assertNotIn("FX device", out)
-        status, out, _ = self.run_agent("read", path, "press1", "tepm", "--json")
+        status, out, _ = fxagent("read", path, "press1", "tepm", "--json")
         self.assertEqual((status, json.loads(out)["reason"]), (2, "unknown_tag"))
-        status, out, _ = self.run_agent("read", path, "press1", "Q100")
+        status, out, _ = fxagent("read", path, "press1", "Q100")
         self.assertIn("'Q100' is not an FX device", out)
-        status, _, errors = self.run_agent("read", path, "pres1", "temp")
+        status, _, errors = fxagent("read", path, "pres1", "temp")
         self.assertEqual((status, errors),
                          (2, "no device pres1 in the config; did you mean press1?\n"))
 
     def test_a_misspelt_subcommand_is_told_with_the_nearest(self):
         for said, meant in [("runn", "run"), ("chekc", "check"), ("force_on", "force-on")]:
-            status, out, errors = self.run_agent(said, "agent.json")
+            status, out, errors = fxagent(said, "agent.json")
             self.assertEqual((status, out), (2, ""))
             self.assertIn(f"there is no subcommand {said}; did you mean {meant}?", errors)
 
@@ -418,24 +411,24 @@ class Programs(PlantTest):
              {"operation": "read", "device": "D8001", "count": 1}),
         ]
         for frame, arguments, expected in table:
-            status, out, _ = self.run_agent("decode", "fx-programming-port", *frame.split(),
-                                            *arguments, "--json")
+            status, out, _ = fxagent("decode", "fx-programming-port", *frame.split(),
+                                     *arguments, "--json")
             answer = json.loads(out)
             self.assertEqual((status, answer["ok"], answer["error"]), (0, True, None), frame)
             self.assertEqual({key: answer.get(key) for key in expected}, expected, frame)
-        status, out, _ = self.run_agent("decode", "fx-programming-port",
-                                        "02 33 35 38 34 03 44 37", "--reply", "--json")
+        status, out, _ = fxagent("decode", "fx-programming-port",
+                                 "02 33 35 38 34 03 44 37", "--reply", "--json")
         answer = json.loads(out)
         self.assertEqual((status, answer["operation"], answer["direction"], answer["checksum"]),
                          (0, "data", "reply", {"given": "D7", "computed": "D7"}))
         # Truncated, with a wrong sum, with an unknown command: reported as bad, without a crash.
         for frame in ("02 30 31", "02 37 30 30 30 35 03 46 45", "03", "02 03 30 33", "FF"):
-            status, out, _ = self.run_agent("decode", "fx-programming-port", frame, "--json")
+            status, out, _ = fxagent("decode", "fx-programming-port", frame, "--json")
             self.assertEqual((status, json.loads(out)["ok"]), (1, False), frame)
             self.assertTrue(json.loads(out)["error"])
-        self.assertEqual(self.run_agent("decode", "fx-programming-port", "05", "--request",
-                                        "--reply")[0], 2)
-        self.assertEqual(self.run_agent("decode", "fx-programming-port", "05", "--model", "FX9")[0],
+        self.assertEqual(fxagent("decode", "fx-programming-port", "05", "--request",
+                                 "--reply")[0], 2)
+        self.assertEqual(fxagent("decode", "fx-programming-port", "05", "--model", "FX9")[0],
                          2)
 
     def test_an_agent_that_cannot_open_anything_still_stops_cleanly(self):
@@ -448,18 +441,18 @@ class Programs(PlantTest):
             os.remove(self.agent.log_path)
 
     def test_help_and_version_are_everywhere(self):
-        version = self.run_agent("--version")
+        version = fxagent("--version")
         self.assertEqual(version[0], 0)
         for command in ("run", "check", "plan", "read", "write", "force-on", "force-off", "decode",
                         "audit", "verify-stream", "acl"):
             with self.subTest(command):
-                status, out, _ = self.run_agent(command, "--help")
+                status, out, _ = fxagent(command, "--help")
                 self.assertEqual((status, bool(out)), (0, True))
                 self.assertIn("--version", out)
-                self.assertEqual(self.run_agent(command, "--version"), version)
-                self.assertEqual(self.run_agent(command)[0], 2)
-        self.assertEqual(self.run_agent()[0], 2)
-        self.assertEqual(self.run_agent("fly")[0], 2)
+                self.assertEqual(fxagent(command, "--version"), version)
+                self.assertEqual(fxagent(command)[0], 2)
+        self.assertEqual(fxagent()[0], 2)
+        self.assertEqual(fxagent("fly")[0], 2)
 
 
 if __name__ == "__main__":

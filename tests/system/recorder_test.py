@@ -10,7 +10,7 @@ import subprocess
 import sys
 import unittest
 
-from plant import BASE, FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, wait_for
+from plant import BASE, FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, wait_for
 
 LUA = os.path.join(os.path.dirname(__file__), "..", "..", "config", "wireshark", "fxagent.lua")
 FROM_RECORDING = os.path.join(os.path.dirname(__file__), "..", "frames", "from_recording.py")
@@ -26,9 +26,9 @@ class Recorded(PlantTest):
         self.state("press1", "online")
 
     def run_agent(self, *arguments, status=0):
-        done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=PATIENCE)
-        self.assertEqual(done.returncode, status, done.stdout + done.stderr)
-        return done.stderr if status else done.stdout
+        ended, out, err = fxagent(*arguments)
+        self.assertEqual(ended, status, out + err)
+        return err if status else out
 
     def files(self):
         return sorted(glob.glob(os.path.join(self.recordings, "*.fxrec")))

@@ -5,11 +5,10 @@ import copy
 import json
 import os
 import signal
-import subprocess
 import time
 import unittest
 
-from plant import BASE, FXAGENT, MEMORY_FACTOR, PATIENCE, Watcher, memory_kib, wait_for
+from plant import BASE, MEMORY_FACTOR, PATIENCE, Watcher, fxagent, memory_kib, wait_for
 from reload_test import ReloadTest, modbus
 
 FXAGENT_CRASHING = os.environ["FXAGENT_CRASHING"]
@@ -55,8 +54,8 @@ class RemoteConfig(ReloadTest):
         return self.report("applied", version, since, confirmed=True)
 
     def audit(self):
-        said = subprocess.run([FXAGENT, "audit", self.agent.path, "--json"], stdout=subprocess.PIPE,
-                              check=True, timeout=PATIENCE).stdout.decode()
+        status, said, _ = fxagent("audit", self.agent.path, "--json")
+        self.assertEqual(status, 0)
         return [json.loads(line) for line in said.splitlines() if '"kind":"config"' in line]
 
     def test_a_right_one_is_applied_and_a_wrong_one_told_every_error(self):

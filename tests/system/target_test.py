@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import BASE, FXAGENT, PlantTest, Watcher, device, free_port, listens, text_of, wait_for
+from plant import BASE, PlantTest, Watcher, device, free_port, fxagent, listens, text_of, wait_for
 
 PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "docs", "operate", "brokers.md")
 
@@ -42,8 +42,8 @@ class OtherBroker:
 
 def check(target, path):
     """Returns the exit status and the output of `fxagent check --target`."""
-    done = subprocess.run([FXAGENT, "check", "--target", target, path], capture_output=True, text=True)
-    return done.returncode, done.stdout + done.stderr
+    status, out, err = fxagent("check", "--target", target, path)
+    return status, out + err
 
 
 class Target(PlantTest):
@@ -135,8 +135,8 @@ class Page(unittest.TestCase):
             for name, config in configs.items():
                 with open(path, "w") as out:
                     json.dump(config, out)
-                done = subprocess.run([FXAGENT, "check", path], capture_output=True, text=True)
-                self.assertEqual(done.returncode, 0, f"{name}:\n{done.stderr}")
+                status, _, err = fxagent("check", path)
+                self.assertEqual(status, 0, f"{name}:\n{err}")
                 if name in self.TARGETS:
                     status, said = check(self.TARGETS[name], path)
                     self.assertEqual(status, 0, f"{name}:\n{said}")

@@ -6,17 +6,13 @@ import subprocess
 import sys
 import unittest
 
-from plant import BASE, FXAGENT, Agent, Broker, PlantTest, Watcher, free_port
+from plant import BASE, FXAGENT, Agent, Broker, PlantTest, Watcher, free_port, fxagent
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
 UNITS = 200
 
 
 class Templates(PlantTest):
-    def run_agent(self, *arguments):
-        done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=60, check=False)
-        return done.returncode, done.stdout, done.stderr
-
     def written(self, config, name="c.json"):
         path = os.path.join(self.directory, name)
         with open(path, "w") as out:
@@ -57,23 +53,23 @@ class Templates(PlantTest):
 
     def test_the_expanded_file_is_right_and_means_the_same(self):
         path = self.written(self.meters(502))
-        status, out, err = self.run_agent("config", path, "--expand")
+        status, out, err = fxagent("config", path, "--expand")
         self.assertEqual((status, err), (0, ""))
         expanded = json.loads(out)
         self.assertEqual(len(expanded["devices"]), UNITS)
         self.assertEqual(expanded["devices"][6]["unit"], 7)
         again = self.written(expanded, "expanded.json")
-        self.assertEqual(self.run_agent("check", again)[0], 0)
-        self.assertEqual(self.run_agent("plan", path, "--json")[1], self.run_agent("plan", again, "--json")[1])
+        self.assertEqual(fxagent("check", again)[0], 0)
+        self.assertEqual(fxagent("plan", path, "--json")[1], fxagent("plan", again, "--json")[1])
 
     def test_a_wrong_file_is_told_where(self):
         config = self.meters(502)
         config["templates"]["meter"]["tags"][1]["address"] = "xx:{n}"
-        status, out, err = self.run_agent("config", self.written(config), "--expand")
+        status, out, err = fxagent("config", self.written(config), "--expand")
         self.assertEqual((status, out), (2, ""))
         self.assertIn("/templates/meter/tags/1/address", err)
         self.assertIn("/devices/0", err)
-        self.assertEqual(self.run_agent("config", self.written(config))[0], 2)
+        self.assertEqual(fxagent("config", self.written(config))[0], 2)
 
     def peak_kib(self, path):
         """Returns the peak memory of a check. Runs in a separate process, because the peak of this one would be
@@ -95,7 +91,7 @@ class Templates(PlantTest):
         config["devices"] = [{"template": "meter", "name": f"line{i}_{{n}}", "link": f"gw{i}", "n": "1-250",
                               "unit": "{n}"} for i in range(1, 5)]
         path = self.written(config)
-        status, out, _ = self.run_agent("config", path, "--expand")
+        status, out, _ = fxagent("config", path, "--expand")
         self.assertEqual(status, 0)
         whole = self.written(json.loads(out), "whole.json")
         short, long = self.peak_kib(path), self.peak_kib(whole)

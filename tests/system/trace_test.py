@@ -11,7 +11,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import FXAGENT, PATIENCE, Broker, PlantTest, device, wait_for
+from plant import FXAGENT, PATIENCE, Broker, PlantTest, device, fxagent, wait_for
 
 # D100 of an FX3U, two bytes, by the classic command.
 QUESTION = "02 30 31 30 43 38 30 32 03 37 31"
@@ -112,19 +112,17 @@ class Trace(TracedTest):
     def test_one_shots_show_their_frames(self):
         self.start_sim([self.plc(memory={"D100": 234})])
         path = self.config()
-        done = subprocess.run([FXAGENT, "read", path, "press1", "D100", "--trace"],
-                              capture_output=True, text=True, timeout=PATIENCE)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("press1 D100 = 234", done.stdout)
-        self.assertIn("says=enquire", done.stderr)
-        self.assertIn(f'way=out bytes="{QUESTION}" says="read D100 × 1"', done.stderr)
-        self.assertIn('says="data 00EA"', done.stderr)
+        status, out, err = fxagent("read", path, "press1", "D100", "--trace")
+        self.assertEqual(status, 0, err)
+        self.assertIn("press1 D100 = 234", out)
+        self.assertIn("says=enquire", err)
+        self.assertIn(f'way=out bytes="{QUESTION}" says="read D100 × 1"', err)
+        self.assertIn('says="data 00EA"', err)
 
     def test_a_link_that_is_not_there_is_named_with_the_nearest(self):
-        done = subprocess.run([FXAGENT, "run", self.config(), "--trace", "lin1"],
-                              capture_output=True, text=True, timeout=PATIENCE)
-        self.assertEqual(done.returncode, 2)
-        self.assertIn("--trace: there is no link lin1; did you mean line1?", done.stderr)
+        status, _, err = fxagent("run", self.config(), "--trace", "lin1")
+        self.assertEqual(status, 2)
+        self.assertIn("--trace: there is no link lin1; did you mean line1?", err)
 
 
 class Garbage(PlantTest):
@@ -162,10 +160,9 @@ class Garbage(PlantTest):
         self.assertIn(f'heard="{self.WORD.upper()}"', lines[0])
         self.assertIn("7 bits with even parity in bit 7: set data_bits to 7", lines[0])
         self.agent.stop()
-        done = subprocess.run([FXAGENT, "read", self.agent.path, "press1", "D100"],
-                              capture_output=True, text=True, timeout=PATIENCE)
-        self.assertEqual(done.returncode, 1)
-        self.assertIn("it looks like 7 bits with even parity in bit 7", done.stdout)
+        status, out, _ = fxagent("read", self.agent.path, "press1", "D100")
+        self.assertEqual(status, 1)
+        self.assertIn("it looks like 7 bits with even parity in bit 7", out)
 
 
 class Log(PlantTest):
@@ -186,16 +183,15 @@ class Log(PlantTest):
         path = os.path.join(self.directory, "c.json")
         with open(path, "w") as out:
             json.dump(config, out)
-        return subprocess.run([FXAGENT, "run", path, *arguments], capture_output=True, text=True,
-                              timeout=PATIENCE, env=dict(os.environ, **environment))
+        return fxagent("run", path, *arguments, environment=environment)
 
     def test_a_wrong_config_is_told_in_the_format_that_was_asked_for(self):
-        done = self.run_agent({"agent": {}})
-        self.assertEqual(done.returncode, 2)
-        self.assertRegex(done.stderr, r"(?m)^\S+c\.json:\d+: /agent: ")
-        done = self.run_agent({"agent": {}}, FXAGENT_LOG_FORMAT="json")
-        self.assertEqual(done.returncode, 2)
-        first = json.loads(done.stderr.splitlines()[0])
+        status, _, err = self.run_agent({"agent": {}})
+        self.assertEqual(status, 2)
+        self.assertRegex(err, r"(?m)^\S+c\.json:\d+: /agent: ")
+        status, _, err = self.run_agent({"agent": {}}, FXAGENT_LOG_FORMAT="json")
+        self.assertEqual(status, 2)
+        first = json.loads(err.splitlines()[0])
         self.assertEqual((first["level"], first["event"]), ("error", "config"))
         self.assertIn("c.json:", first["fields"]["note"])
 
@@ -210,9 +206,9 @@ class Log(PlantTest):
 
     def test_a_level_that_is_none_is_refused(self):
         for given in ({"arguments": ["--log-level", "loud"]}, {"FXAGENT_LOG_LEVEL": "loud"}):
-            done = self.run_agent({}, *given.pop("arguments", []), **given)
-            self.assertEqual(done.returncode, 2)
-            self.assertIn("loud", done.stderr)
+            status, _, err = self.run_agent({}, *given.pop("arguments", []), **given)
+            self.assertEqual(status, 2)
+            self.assertIn("loud", err)
 
     def test_lines_in_the_journal_begin_with_their_priority(self):
         self.start()

@@ -3,11 +3,10 @@
 import json
 import os
 import re
-import subprocess
 import unittest
 import urllib.request
 
-from plant import BASE, FXAGENT, PATIENCE, PlantTest, device, free_port, wait_for
+from plant import BASE, PATIENCE, PlantTest, device, free_port, fxagent, wait_for
 
 
 class Yield(PlantTest):
@@ -113,8 +112,8 @@ class Yield(PlantTest):
     def test_the_audit_knows_who_it_was(self):
         self.begin(store={"path": os.path.join(self.directory, "store.db")})
         self.to_link({"id": "y1", "op": "yield", "by": "anna"})
-        row = wait_for("the record", lambda: [row for row in subprocess.run(
-            [FXAGENT, "audit", self.agent.path], stdout=subprocess.PIPE, text=True, check=True).stdout.splitlines() if "anna" in row])
+        row = wait_for("the record", lambda: [
+            row for row in fxagent("audit", self.agent.path)[1].splitlines() if "anna" in row])
         self.assertIn("line1", row[0])
 
     def test_a_stop_ends_a_yield(self):
@@ -150,9 +149,9 @@ class Yield(PlantTest):
         with open(path, "w") as out:
             json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
                        "links": [self.serial("press1") | {"allow_yield": True}], "devices": [device(link="press1")]}, out)
-        check = subprocess.run([FXAGENT, "check", path], capture_output=True, text=True, timeout=PATIENCE)
-        self.assertNotEqual(check.returncode, 0)
-        self.assertIn("/links/0/allow_yield", check.stdout + check.stderr)
+        status, out, err = fxagent("check", path)
+        self.assertNotEqual(status, 0)
+        self.assertIn("/links/0/allow_yield", out + err)
 
 
 if __name__ == "__main__":
