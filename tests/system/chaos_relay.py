@@ -110,6 +110,15 @@ class Tap:
         self.ledger.connection_over(self.number)
 
 
+class Nobody:
+    """A ledger that keeps nothing."""
+
+    def agent_sent(self, *_):
+        pass
+
+    broker_has = connected = connection_over = command_taken = agent_sent
+
+
 class Relay:
     """Listens on `port` and forwards to the broker, in its own thread."""
 

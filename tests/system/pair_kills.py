@@ -9,7 +9,6 @@ used again.
 """
 
 import argparse
-import asyncio
 import collections
 import json
 import random
@@ -19,64 +18,21 @@ import threading
 import time
 import unittest
 
+from chaos_relay import Nobody, Relay
 from ledger import Deeds
 from pair_plant import BASE, PairTest
-from plant import free_port
 
 ARGUMENTS = None
 FIRST_ADDRESS, ADDRESSES = 300, 100
-
-
-class Cut:
-    """A relay to the broker for one gateway. While `is_cut`, it passes nothing and closes nothing: packets are lost."""
-
-    def __init__(self, target):
-        self.target = target
-        self.port = free_port()
-        self.is_cut = False
-        self.loop = asyncio.new_event_loop()
-        self.writers = set()
-        ready = threading.Event()
-
-        def run():
-            asyncio.set_event_loop(self.loop)
-            self.loop.run_until_complete(asyncio.start_server(self._serve, "127.0.0.1", self.port, reuse_address=True))
-            ready.set()
-            self.loop.run_forever()
-        threading.Thread(target=run, daemon=True).start()
-        assert ready.wait(30)
-
-    async def _serve(self, reader, writer):
-        while self.is_cut:
-            await asyncio.sleep(0.05)
-        try:
-            broker_reader, broker_writer = await asyncio.open_connection("127.0.0.1", self.target)
-        except OSError:
-            writer.close()
-            return
-
-        async def pump(source, sink):
-            while data := await source.read(65536):
-                while self.is_cut:  # delivered late, as by a network that comes back
-                    await asyncio.sleep(0.02)
-                sink.write(data)
-                await sink.drain()
-        tasks = [asyncio.ensure_future(pump(reader, broker_writer)), asyncio.ensure_future(pump(broker_reader, writer))]
-        try:
-            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            broker_writer.close()
-            writer.close()
 
 
 class Kills(PairTest):
     def test_kills(self):
         dice = random.Random(ARGUMENTS.seed)
         self.start_plant(lifetime_s=20 * ARGUMENTS.kills + 600)
-        cuts = {name: Cut(self.broker.port) for name in "ab"}
+        cuts = {name: Relay(self.broker.port, Nobody()) for name in "ab"}
         for name in "ab":
+            cuts[name].start()
             self.start_member(name, config=self.config(name, port=cuts[name].port))
         self.data()
         stop = threading.Event()
@@ -128,7 +84,7 @@ class Kills(PairTest):
         elif kind == "stop":
             agent.process.send_signal(signal.SIGSTOP)
         else:
-            cuts[name].is_cut = True
+            cuts[name].silence()
         takeovers[kind].append(self.polls(other, began) - began)
         time.sleep(dice.uniform(0, 2))
         since = self.watcher.mark()
@@ -137,7 +93,7 @@ class Kills(PairTest):
         elif kind == "stop":
             agent.process.send_signal(signal.SIGCONT)
         else:
-            cuts[name].is_cut = False
+            cuts[name].resume()
         self.watcher.wait(f"{BASE}/pair/{name}", lambda s: s.get("role") == "standby", since)
         # The other fault may come at any time after that.
         time.sleep(dice.uniform(0.8, 2))
