@@ -35,7 +35,7 @@ os.environ.setdefault("FXSIM", os.path.join(BUILD, "tests", "sim", "fxsim"))
 import paho.mqtt.client as mqtt
 
 from chaos_ledger import SCAN_S, Ramp
-from plant import BASE, Agent, Broker, Sim
+from plant import BASE, Agent, Broker, Sim, config_of
 
 TIMEOUT_S = 0.2
 OLD_S = 1.5
@@ -268,11 +268,8 @@ class Plant:
         self.client.connect("127.0.0.1", self.broker.port)
         self.client.loop_start()
         assert subscribed.wait(PATIENCE_S), "the judge found no broker"
-        self.agent = Agent(directory, {
-            "agent": {"id": "edge7", "root": "fx/plant-a"},
-            "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"]},
-            "links": [self.link(row) for row in self.rows],
-            "devices": [self.device(row) for row in self.rows]})
+        self.agent = Agent(directory, config_of(self.broker.port, [self.link(row) for row in self.rows],
+                                                [self.device(row) for row in self.rows]))
 
     def plc(self, row):
         line = {"udp": 0} if row == "udp" else {"tcp": 0, "baud": 0}

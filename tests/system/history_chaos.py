@@ -25,7 +25,7 @@ import time
 
 from chaos_relay import Nobody, Relay
 from history_plant import BROKER_CONF, Consumer, Postgres, rows_of, stored
-from plant import PATIENCE, Agent, Broker, Sim, device, wait_for
+from plant import PATIENCE, Agent, Broker, Sim, config_of, device, wait_for
 
 DEVICES = ("press1", "press2")
 FAULTS = {"agent": 2, "broker": 2, "broker stop": 2, "consumer": 5, "consumer stop": 2, "database": 2}
@@ -88,15 +88,13 @@ class Chaos:
         self.sim.start()
         store = os.path.join(self.directory, "store")
         os.mkdir(store)
-        self.agent = Agent(self.directory, {
-            "agent": {"id": "edge7", "root": "fx/plant-a"},
-            "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.relays[0].port}"]},
-            "brokers": [{"name": "second", "servers": [f"mqtt://127.0.0.1:{relay.port}"]} for relay in self.relays[1:]],
-            "profiles": [{"kind": "json"}] + [{"kind": "json", "broker": "second"} for _ in self.relays[1:]],
-            "store": {"path": store, "sync": "always"},
-            "links": [{"name": f"line-{name}", "serial": {"path": os.path.join(self.directory, name), "baud": 9600}}
-                      for name in DEVICES],
-            "devices": [device(name, f"line-{name}", groups=[{"name": "fast", "interval_ms": 50}]) for name in DEVICES]})
+        self.agent = Agent(self.directory, config_of(
+            self.relays[0].port,
+            [{"name": f"line-{name}", "serial": {"path": os.path.join(self.directory, name), "baud": 9600}} for name in DEVICES],
+            [device(name, f"line-{name}", groups=[{"name": "fast", "interval_ms": 50}]) for name in DEVICES],
+            brokers=[{"name": "second", "servers": [f"mqtt://127.0.0.1:{relay.port}"]} for relay in self.relays[1:]],
+            profiles=[{"kind": "json"}] + [{"kind": "json", "broker": "second"} for _ in self.relays[1:]],
+            store={"path": store, "sync": "always"}))
         self.agent.start()
 
     def add_consumer(self, name, broker, *arguments):

@@ -6,7 +6,7 @@ import shlex
 import subprocess
 import unittest
 
-from plant import BASE, Agent, Broker, PlantTest, Watcher, device, free_port, fxagent
+from plant import BASE, Agent, Broker, PlantTest, Watcher, config_of, device, free_port, fxagent
 
 METER = {"name": "meter", "link": "line2", "protocol": "modbus-tcp", "timeout_ms": 300,
          "groups": [{"name": "fast", "interval_ms": 1000}],
@@ -19,11 +19,7 @@ class Online(PlantTest):
         return fxagent("check", "--online", path or self.agent.path, *more)
 
     def write(self, **changes):
-        config = {"agent": {"id": "edge7", "root": "fx/plant-a"},
-                  "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"]},
-                  "links": [self.serial()], "devices": [device()]}
-        config.update(changes)
-        self.agent = Agent(self.directory, config)
+        self.agent = Agent(self.directory, config_of(self.broker.port, [self.serial()], [device()]) | changes)
 
     def begin(self):
         self.broker = Broker(self.directory)

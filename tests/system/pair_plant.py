@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 import os
 import select
 import socket
@@ -10,7 +9,7 @@ import threading
 import time
 import tty
 
-from plant import Agent, BASE, Broker, device, free_port, PlantTest, Sim, wait_for, Watcher
+from plant import BASE, Agent, Broker, PlantTest, Sim, Watcher, config_of, device, free_port, wait_for
 
 QUIET_MS = 1500
 
@@ -168,16 +167,9 @@ class PairTest(PlantTest):
         self.watcher = Watcher(self.broker.port)
 
     def config(self, member, port=None, **more):
-        out = {
-            "agent": {"id": "edge7", "root": "fx/plant-a"},
-            "mqtt": {"servers": [f"mqtt://127.0.0.1:{port or self.broker.port}"]},
-            "store": {"path": os.path.join(self.directory, f"store-{member}")},
-            "pair": {"member": member, "quiet_ms": QUIET_MS},
-            "links": [{"name": "line1"} | self.masters.link(member)],
-            "devices": [device()],
-        }
-        out.update(more)
-        return out
+        return config_of(port or self.broker.port, [{"name": "line1"} | self.masters.link(member)], [device()],
+                         store={"path": os.path.join(self.directory, f"store-{member}")},
+                         pair={"member": member, "quiet_ms": QUIET_MS}) | more
 
     def start_member(self, name, key=None, environment=None, config=None):
         directory = os.path.join(self.directory, key or name)
@@ -216,6 +208,3 @@ class PairTest(PlantTest):
 
     def faults(self, name):
         return [line for line in self.agents[name].logged().splitlines() if " pair fault=" in line]
-
-
-__all__ = ["BASE", "Masters", "PairTest", "QUIET_MS", "SerialBus", "json"]

@@ -96,6 +96,12 @@ def device(name="press1", link="line1", tags=None, groups=None, **more):
     return out
 
 
+def config_of(port, links, devices, **sections):
+    """Returns the config of the agent whose topics begin with BASE, with a broker on this port of the loopback."""
+    return {"agent": {"id": "edge7", "root": "fx/plant-a"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{port}"]},
+            "links": links, "devices": devices, **sections}
+
+
 class Broker:
     """One mosquitto on its own port; start() and kill() may be repeated. Its output is in mosquitto-PORT.log next to
     its settings. After a kill() its watchers subscribe before an agent connects: the broker has lost their sessions."""
@@ -461,16 +467,10 @@ class PlantTest(unittest.TestCase):
 
     def start_agent(self, devices=None, links=None, mqtt_config=None, version="5", store=None,
                     arguments=(), **sections):
-        config = {
-            "agent": {"id": "edge7", "root": "fx/plant-a"},
-            "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"], "version": version},
-            "links": links or [self.serial()],
-            "devices": devices or [device()],
-            **sections,
-        }
+        config = config_of(self.broker.port, links or [self.serial()], devices or [device()], **sections)
         if store:
             config["store"] = store
-        config["mqtt"].update(mqtt_config or {})
+        config["mqtt"].update({"version": version, **(mqtt_config or {})})
         self.agent = Agent(self.directory, config, arguments)
         self.agent.start()
 

@@ -17,7 +17,7 @@ import threading
 import time
 import unittest
 
-from plant import BASE, PATIENCE, TEST_SEED, Agent, Broker, PlantTest, Watcher, device, wait_for
+from plant import BASE, PATIENCE, TEST_SEED, Agent, Broker, PlantTest, Watcher, config_of, device, wait_for
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "peers"))
 from modbus_recorder import Recorder
@@ -80,10 +80,7 @@ class ReloadTest(PlantTest):
         self.broker = Broker(self.directory)
         self.broker.start()
         self.watcher = Watcher(self.broker.port)
-        config = {"agent": {"id": "edge7", "root": "fx/plant-a"},
-                  "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"]},
-                  "store": {"path": self.store, "sync": sync},
-                  "links": links, "devices": devices}
+        config = config_of(self.broker.port, links, devices, store={"path": self.store, "sync": sync})
         self.agent = Agent(self.directory, config)
         self.agent.start(environment=environment)
         for each in devices:

@@ -209,7 +209,7 @@ class RemoteConfig(ReloadTest):
         self.report("applied", "v3", since, confirmed=True)
 
     def test_without_a_broker_the_kept_one_is_begun_with(self):
-        config = self.begin_remote()
+        self.begin_remote()
         self.applied("v1", {"devices": [reading("m2", "a", 2)]})
         self.agent.stop()
         self.broker.kill(signal.SIGTERM)
