@@ -4,12 +4,11 @@ import contextlib
 import http.client
 import json
 import os
-import subprocess
 import threading
 import unittest
 
 from browser import Browser, why_no_browser
-from plant import PATIENCE, PlantTest, device, free_port, wait_for
+from plant import PATIENCE, PlantTest, device, free_port, fxagent, wait_for
 
 SCRIPT = "<img src=x onerror=alert(1)><script>alert(1)</script>"
 
@@ -166,10 +165,9 @@ class Orders(PagePlant):
         last = self.until("the command", lambda news: news["last_commands"])["last_commands"][-1]
         self.assertEqual((last["by"], last["target"], last["value"]), ("page:anna", "total", 70000))
         self.assertTrue(last["frames"])
-        audit = subprocess.run([os.environ["FXAGENT"], "audit", self.agent.path], stdout=subprocess.PIPE,
-                               text=True, check=True)
-        self.assertIn("page:anna", audit.stdout)
-        self.assertNotIn(self.TOKEN, audit.stdout + self.agent.logged())
+        _, audit, _ = fxagent("audit", self.agent.path)
+        self.assertIn("page:anna", audit)
+        self.assertNotIn(self.TOKEN, audit + self.agent.logged())
 
     def test_a_repeated_command_is_not_carried_out(self):
         self.begin()

@@ -479,11 +479,11 @@ class PlantTest(unittest.TestCase):
         self.broker.kill()
         self.agent.wait_logged("broker_lost")
 
-    def broker_back(self):
+    def broker_back(self, **watcher):
         """Starts the broker with a watcher that connects before the agent; the previous watcher's messages are gone."""
         self.broker.start()
         self.watcher.close()
-        self.watcher = Watcher(self.broker.port)
+        self.watcher = Watcher(self.broker.port, **watcher)
 
     # --- The most frequent requests of tests.
 

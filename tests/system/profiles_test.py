@@ -36,6 +36,13 @@ class Profiles(PlantTest):
         self.stack.callback(watcher.close)
         return watcher
 
+    def broker_away_for_19_values(self):
+        self.broker.kill()
+        wait_for("the log", lambda: self.agent.logged().count("broker_lost") == 2)
+        for value in range(1, 20):
+            self.sim.set("press1", "D100", value)
+            self.sim.wait_reads(3)  # two polls
+
     def adds_up(self, name, accept=lambda samples: True):
         """Waits for health in which the samples of the profile and those of the agent add up."""
         def look(health):
@@ -97,11 +104,7 @@ class Plain(Profiles):
     def test_values_of_an_outage_follow_as_history(self):
         self.begin([{"kind": "plain"}])
         self.watcher.wait(f"{BASE}/press1/temp")
-        self.broker.kill()
-        wait_for("the log", lambda: self.agent.logged().count("broker_lost") == 2)
-        for value in range(1, 20):
-            self.sim.set("press1", "D100", value)
-            self.sim.wait_reads(3)  # two polls
+        self.broker_away_for_19_values()
         self.broker_back()
         rows = []
 
@@ -273,15 +276,9 @@ class Sparkplug(SparkplugPlant):
     def test_outage_is_made_up_for_as_historical_metrics(self):
         self.begin_sparkplug()
         self.judge.wait("DBIRTH")
-        self.broker.kill()
-        wait_for("the log", lambda: self.agent.logged().count("broker_lost") == 2)
-        for value in range(1, 20):
-            self.sim.set("press1", "D100", value)
-            self.sim.wait_reads(3)  # two polls
+        self.broker_away_for_19_values()
         mark = self.judge.mark()
-        self.broker.start()
-        self.watcher.close()
-        self.watcher = Watcher(self.broker.port, topics=f"{BASE}/#")
+        self.broker_back(topics=f"{BASE}/#")
 
         def missed():
             seen = {m["value"] for d in self.judge.seen(mark) for m in d.get("metrics", [])

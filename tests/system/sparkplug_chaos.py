@@ -13,7 +13,7 @@ import sys
 import time
 
 import profiles_test
-from plant import BASE, Watcher, device
+from plant import BASE, device
 from profiles_test import TAGS, Sparkplug
 
 
@@ -38,9 +38,7 @@ class Chaos(Sparkplug):
                 self.agent.start()
             elif kind == "broker":
                 self.broker.kill()
-                self.broker.start()
-                self.watcher.close()
-                self.watcher = Watcher(self.broker.port, topics=f"{BASE}/#")
+                self.broker_back(topics=f"{BASE}/#")
             elif kind == "host":
                 hosts[-1].process.kill()
                 hosts.append(self.spawn_host("late"))
