@@ -119,8 +119,8 @@ class RandomCommands:
 
 
 class DeedsOf(Deeds):
-    """Deeds without their kind, because one frame may set several bits by a write. On the computer link, the log has all
-    values of one frame and only its first place, so the place is that of the command with this value."""
+    """Deeds without their kind, because one frame may set several bits by a write. On the computer link, the log has
+    all values of one frame and only its first place, so the place is that of the command with this value."""
 
     def __init__(self, sim, sent):
         super().__init__(sim, PROTOCOLS)
@@ -311,7 +311,8 @@ def fault_of(result, sent, name, done):
         return "no command, and not REJECTED"
     if not sent.targets:
         return "of a read" if result["status"] in ("PARTIAL", "UNKNOWN_OUTCOME") else None
-    return untruth_of(result, [(sum(1 for deed in deeds if done.times(name, deed)), len(deeds)) for deeds in sent.targets])
+    return untruth_of(result, [(sum(1 for deed in deeds if done.times(name, deed)), len(deeds))
+                               for deeds in sent.targets])
 
 
 if __name__ == "__main__":

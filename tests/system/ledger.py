@@ -1,7 +1,8 @@
-"""What the tests keep of many commands: what the devices did, what the agent said, and the judge of whether these agree.
+"""What devices did for the commands of a test, and the judge of whether a result agrees with that, as the contract's
+table of statuses says.
 
-A deed is the change of one place: (device, kind, place, value), with the kind of fxsim's log: write, force_on, force_off.
-Each test lets no two commands ask for the same deed, so the log tells what was done for which command.
+A deed is the change of one place: (device, kind, place, value), with the kind of fxsim's log: write, force_on or
+force_off. A test lets no two commands ask for the same deed, so the log tells what was done for which command.
 """
 
 import collections
