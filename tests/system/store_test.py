@@ -21,9 +21,9 @@ class StoreLife(PlantTest):
         return set(self.watcher.numbers(f"{BASE}/press1/data/fast"))
 
     def poll_on(self, count):
-        """Waits until the agent has made this many samples. The PLC counts reads: one of them may be the question for RUN,
-        and the agent may not have taken in the answer to the last."""
-        self.sim.wait_reads(count + 2)
+        """Waits until the agent has made this many samples. The PLC counts reads: right after the start, three of them ask
+        for RUN and the model, and the agent may not have taken in the answer to the last."""
+        self.sim.wait_reads(count + 4)
 
     def log_of_the_store(self):
         with open(os.path.join(self.store["path"], "fxagent.db-wal"), "rb") as log:
