@@ -43,7 +43,7 @@ def prepare(work):
     """Copies the source and configures a build that compiles fast."""
     source, build = work / "source", work / "build"
     source.mkdir(parents=True, exist_ok=True)
-    files = run("git", "-C", ROOT, "ls-files", check=True).stdout.split()
+    files = run("git", "-C", ROOT, "ls-files", check=True).stdout.splitlines()
     for name in files:
         there, here = source / name, ROOT / name
         # A file whose text is the same keeps its time, so that nothing is compiled again.
