@@ -71,7 +71,7 @@ struct Control {
 
 using Request = std::variant<Enquire, Read, Write, Force, Control, Scatter, Gather>;
 
-/// True if only data answers the request, never an ACK.
+/// True for Read and Gather: only data answers them, never an ACK.
 inline bool is_read(const Request& request) {
   return std::holds_alternative<Read>(request) || std::holds_alternative<Gather>(request);
 }
@@ -183,15 +183,16 @@ class Codec {
   /// it. Errors: unsupported (not possible with this model or protocol), bad_request (outside the
   /// limits of addresses()).
   virtual Result<Bytes> encode(const Request& request, std::uint16_t tag) const = 0;
-  /// Decodes an answer from `rx`, which holds everything received since the request was sent.
-  /// Returns nullopt if more bytes are needed. A refusal is a Reply with Kind::nak, not an error.
-  /// Error: bad_frame if the bytes cannot become an answer.
-  virtual Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
-                                              ByteView rx) const = 0;
   /// False if the request has no answer (EOT, a broadcast).
   virtual bool expects_reply(const Request& /*request*/) const { return !is_broadcast(); }
   /// True if every device listens and none answers: no tags, and the only outcome is `broadcast`.
   virtual bool is_broadcast() const { return false; }
+  /// Decodes the answer to `request`, for which encode() gave a frame and expects_reply() is true.
+  /// `rx`: what was received since, without the line's echo; of datagrams only the last one.
+  /// Returns nullopt if more bytes are needed. A refusal is a Reply with Kind::nak, not an error.
+  /// Error: bad_frame if the bytes cannot become an answer.
+  virtual Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
+                                              ByteView rx) const = 0;
   /// True if unrequested bytes could be all or part of an answer to the next request, whatever it
   /// is, or come from another master. Bytes that cannot form an answer are noise.
   virtual bool may_pass_for_answer(ByteView bytes) const { return !bytes.empty(); }
@@ -229,7 +230,8 @@ class Codec {
   /// Number of consecutive probes whose answers can be distinguished.
   static constexpr std::uint32_t kProbes = 16;
   /// Returns a cheap read whose answer is not an ACK: the barrier after a lost answer. Probes whose
-  /// numbers differ modulo kProbes have answers of different length.
+  /// numbers differ modulo kProbes have answers of different length, as far as the longest answer
+  /// of the device has room for as many lengths.
   virtual std::optional<Request> probe(std::uint32_t /*number*/) const { return std::nullopt; }
   /// Returns the shortest read that any device behind this codec answers, even if with a refusal.
   /// It detects a device from which nothing else is read. nullopt if plc() has a request for this,

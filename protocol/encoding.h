@@ -1,5 +1,5 @@
 // Numbers on the wire and steps of Codec::encode() that several protocols share. The .cpp also has
-// the default of Codec::combine().
+// Codec::combine().
 #pragma once
 
 #include <cstdint>

@@ -76,7 +76,10 @@ class Commands final {
   /// what earlier runs left of them must be restored.
   std::vector<std::string> change(const ConfigChange& change, SteadyTime now);
 
-  /// Restores what earlier runs left. `utc_ms` is the calendar time of `now`.
+  /// Takes over what earlier runs left: remembers the ids, queues the results for take_results(),
+  /// and submits the read-back of each interrupted write, or finishes it if reading cannot show the
+  /// outcome. Call again for devices that join, or a store that opens late. `utc_ms` is the
+  /// calendar time of `now`.
   void restore(Recovered known, SteadyTime now, std::int64_t utc_ms);
 
   /// Takes a message on the command topic of a device. There is one result for it, in
@@ -106,7 +109,8 @@ class Commands final {
   /// `other_boot`, has our id. Empty: there is none.
   void set_conflict(const std::string& other_boot);
 
-  /// Returns results for the broker, in the order in which they came. The journal has them by now.
+  /// Returns results for the broker, in the order in which they came. The journal has those of
+  /// admitted commands by now.
   std::vector<ResultMessage> take_results();
   /// Call when the result was handed over to MQTT for the first time: `total` is known.
   void note_total(const ResultMessage& result);
@@ -126,7 +130,7 @@ class Commands final {
     const std::string name;
     CommandAdmission admission;
     std::shared_ptr<const Codec> codec;
-    /// Commands without a result, by id, each with its share of the room.
+    /// Commands without a result, by id, each with its share of the room; null: of an earlier run.
     std::unordered_map<std::string, std::shared_ptr<const PendingBudget::Place>> pending;
 
     /// One of the pending commands may be in progress; the others wait.

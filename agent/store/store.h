@@ -1,8 +1,9 @@
 // The store on disk: samples that were not acknowledged, the journal of commands, the audit trail,
-// and the sequence number of each device. One SQLite file, fxagent.db, in its own directory. The
-// parts define the contents; the store opens the file and schedules the work. One thread at a time:
-// the thread that made it, then the uplink's, which runs disk access on the disk's thread
-// (guarded_store.h).
+// and the sequence number of each device. One SQLite file, fxagent.db, in its own directory, and
+// fxagent.db.started and fxagent.db.behind beside it. The parts define the contents; the store
+// opens the file and schedules the work. One thread at a time: the thread that made it, then the
+// uplink's, which runs disk access on the disk's thread (guarded_store.h). Only started().mark()
+// runs on a thread of its own.
 //
 // A failure of the disk is not a failure of the caller. The caller keeps samples that could not be
 // written, the state becomes `memory`, and upkeep() tries again every 10 s.

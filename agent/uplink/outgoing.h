@@ -40,17 +40,18 @@ class Outgoing final {
   /// Ends the connection. Senders get no outcome of what was in flight.
   void forget();
 
-  /// Returns the publication's id, which its sender gets with the outcome. If the broker would
-  /// close the connection because of it, it is not sent and fails with the next fail_unsendable().
+  /// Hands the publication over at once, even beyond the window: ask has_room() first. Returns its
+  /// id, which its sender gets with the outcome. If the broker would close the connection because
+  /// of it, it is not sent and fails with the next fail_unsendable().
   std::uint64_t send(Sender& sender, Publication publication);
-  /// Sends one or more publications, in order. They are delivered when all are, and fail when one
-  /// has failed. Those without room wait for it.
+  /// Sends publications, at least one, in order. They are delivered when all are, and fail when one
+  /// has failed. Two or more wait for room; a single one is handed over as above.
   std::uint64_t send(Sender& sender, std::vector<Publication> publications);
-  /// Returns true if something failed.
+  /// Calls Sender::failed() for what could not be sent. Returns true if something failed.
   bool fail_unsendable(SteadyTime now);
 
+  /// Tells the sender of the publication its outcome.
   void on(const Delivered& event, SteadyTime now);
-  /// Same for DeliveryFailed.
   void on(const DeliveryFailed& event, SteadyTime now);
   /// Drops what waits for room; its senders get no outcome. Call before the last messages.
   void drop_waiting() { waiting_.clear(); }

@@ -170,10 +170,10 @@ void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t i
     const OptionSpec* binary = binary_option(protocol, *device.options);
     if (binary == nullptr) continue;  // from here on the option has an integer
     const std::string key = "\"" + std::string(binary->key) + "\" ";
-    return reader.error(
-        *at, key + std::to_string(*option<std::int64_t>(*device.options, binary->key)) + " of " +
-                 device.name + " is binary and needs 8 data bits: set 8 here and in the PLC, or " +
-                 key + "below " + std::to_string(*binary->binary_from));
+    std::string text = key + std::to_string(*option<std::int64_t>(*device.options, binary->key));
+    text.append(" of ").append(device.name);
+    text.append(" is binary and needs 8 data bits: set 8 here and in the PLC, or ").append(key);
+    return reader.error(*at, text.append("below ").append(std::to_string(*binary->binary_from)));
   }
 }
 

@@ -117,7 +117,8 @@ class Echo final {
   /// Records that no answer follows what was sent: its echo may precede the next answer.
   void sent_unanswered(const Bytes& bytes) { last_sent_ = unanswered_ = bytes; }
   /// Takes the bytes that came before an answer to `request`, and returns those that are not its
-  /// echo. With `shows` they show whether the line echoes requests.
+  /// echo. `shows`: the bytes show whether the line echoes requests, as those of a read do whose
+  /// echo was not taken off before.
   Bytes answered(Bytes before, const Bytes& request, bool shows);
   /// Records that an answer has come since sent_unanswered().
   void forget_unanswered() { unanswered_.clear(); }
@@ -137,6 +138,8 @@ class Echo final {
 /// True if answers carry numbers. A late or repeated answer then never matches another request.
 inline bool is_numbered(const Codec& codec) { return codec.after_silence() == Recovery::none; }
 
+/// What one wire hears besides answers. judge() updates doubt() and late(); the wire and the bus
+/// report all else to the parts.
 class Overheard final {
  public:
   /// Number of unexpected bytes that are examined: more than the longest frame of a serial line.

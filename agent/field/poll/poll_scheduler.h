@@ -54,8 +54,10 @@ class PollScheduler final {
   /// The schedule of a group. Valid until the next add_group().
   GroupSchedule& group(GroupId id) { return groups_[id].schedule; }
 
-  /// Returns the job to run now, or until when to wait. Waiting commands come first, except for the
-  /// polls' share; then the due group with the earliest deadline whose device is not in back-off. A
+  /// Returns the job to run now, or until when to wait. Not a query: the cycle of a poll with
+  /// `starts_cycle` has begun, and the same exchange is offered again until step_done(), or until
+  /// the cycle ends otherwise. Waiting commands come first, except for the polls' share; then the
+  /// due group with the earliest deadline whose device is not in back-off. A
   /// running cycle goes on with its next exchange by the same rule. A late cycle does not move the
   /// later ones: missed intervals are skipped and counted, never sent in a burst. If the groups ask
   /// for more than the whole line, all intervals are stretched by the same factor.

@@ -72,7 +72,7 @@ class SampleSpool final {
 
   /// GuardedStore::upkeep(), and counts what the store has dropped. Does nothing without a store.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
-  /// Notes in the store that the number is in use.
+  /// Notes in the store that the number is in use. Call before the sample leaves the agent.
   void used(const std::string& device, std::uint64_t seq) {
     if (store_ != nullptr) store_->samples().used(device, seq);
   }
@@ -90,15 +90,17 @@ class SampleSpool final {
   bool hold(std::vector<SampleRow>& rows);
   bool can_hold() const { return store_ != nullptr && store_->is_writable(); }
 
-  /// Returns the next history message of a device for which `may_send` is true. Rows in memory are
-  /// younger than those of the same stream on disk, and wait for them.
+  /// Returns the next history message of a device for which `may_send` is true; nullopt if there is
+  /// none. No other message of its stream leaves until returned() or remove() is called with it,
+  /// once. Rows in memory are younger than those of the same stream on disk, and wait for them.
   std::optional<OutgoingHistory> next(SamplePayload& payload, std::size_t max_bytes,
                                       const std::function<bool(const std::string&)>& may_send);
+  /// Call if the message did not arrive. Its rows wait again, in their old places.
   void returned(const OutgoingHistory& message);
   /// Removes the rows of a message that is complete. `then` gets the number of rows that still
   /// existed; it is called later if the disk does not answer now.
   void remove(const OutgoingHistory& message, const GuardedSamples::Removed& then);
-  /// Removes a held row that is complete. `then` gets 1 if it still existed.
+  /// Removes a held row that is complete (LiveRow::stored). `then` gets 1 if it still existed.
   void remove(const LiveRow& live, const GuardedSamples::Removed& then);
   /// Returns the `then` that counts the rows as dropped.
   GuardedSamples::Removed as_dropped(std::string device) {
