@@ -43,8 +43,8 @@ struct ConfigChange {
 /// Returns the change from `running` to `wanted`. Only `running` may have vacant places.
 ConfigChange change_between(const Config& running, Config wanted);
 
-/// Returns an error for each setting of `wanted` that needs a restart of the agent: its id and
-/// root, its store and its metrics address. The texts describe what is in force.
+/// Returns an error for each setting of `wanted` that needs a restart of the agent, such as its id,
+/// its store or its brokers. The texts describe what is in force.
 std::vector<ConfigError> needs_restart(const Config& running, const Config& wanted);
 
 /// Returns the change for the log, with devices by name: "changed: 2 (press1 press2), new: 1

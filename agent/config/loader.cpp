@@ -192,6 +192,7 @@ tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::
     if (!name.empty()) name = (directory / name).string();
   };
   resolve(config->store.path);
+  if (config->recorder) resolve(config->recorder->path);
   if (config->http) resolve(config->http->token_file);
   const auto resolve_files = [&](MqttConfig& mqtt) {
     resolve(mqtt.password_file);

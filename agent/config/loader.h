@@ -13,8 +13,7 @@ namespace fxagent {
 
 /// Reads and checks a config file: JSON with // and /* */ comments. Returns all errors together, in
 /// the order of the file. Replaces `${NAME}` in strings with the environment variable; `$${NAME}`
-/// stands for a plain `${NAME}`. Relative paths of `mqtt` and `store` are relative to the directory
-/// of the file. Never throws.
+/// stands for a plain `${NAME}`. Relative paths start at the directory of the file. Never throws.
 tl::expected<Config, ConfigErrors> load_config(const std::string& path);
 /// Same for `text` in place of the content of the file. The file's permissions and directory apply.
 tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text);

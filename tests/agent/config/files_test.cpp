@@ -110,12 +110,14 @@ TEST_F(ConfigFiles, ProcessEnvironmentIsUsed) {
 TEST_F(ConfigFiles, RelativePathsCountFromTheFilesDirectory) {
   auto plant = small_plant();
   plant["store"]["path"] = "store";
+  plant["recorder"] = {{"path", "recordings"}};
   plant["mqtt"]["password_file"] = "secret";
   plant["mqtt"]["servers"][0] = "mqtts://a";
   plant["mqtt"]["tls"] = {{"ca_file", "/etc/ca.pem"}, {"cert_file", "c"}, {"key_file", "k"}};
   const auto config = load_config(write("agent.json", plant.dump()));
   ASSERT_TRUE(config) << listed(config.error());
   EXPECT_EQ(config->store.path, (directory_ / "store").string());
+  EXPECT_EQ(config->recorder->path, (directory_ / "recordings").string());
   EXPECT_EQ(config->mqtt.password_file, (directory_ / "secret").string());
   EXPECT_EQ(config->mqtt.tls->ca_file, "/etc/ca.pem");
   EXPECT_EQ(config->mqtt.tls->key_file, (directory_ / "k").string());
