@@ -34,7 +34,7 @@ constexpr std::size_t kMostMessages = 20;
 enum class Login : std::uint8_t { any, certificate, password, certificate_or_password };
 
 /// Limits of one broker. A default means that the broker has no such limit.
-struct Limits {
+struct BrokerLimits {
   std::string_view target;
   std::string_view broker;
   std::string_view old_mqtt{};  ///< versions without MQTT 5; empty: every version has it
@@ -57,7 +57,7 @@ struct Limits {
   bool retained_by_wildcard = true;  ///< a subscription with + receives retained messages
 };
 
-constexpr auto kLimits = std::to_array<Limits>({
+constexpr auto kLimits = std::to_array<BrokerLimits>({
     // docs.aws.amazon.com/general/latest/gr/iot-core.html#message-broker-limits, and the section
     // "AWS IoT differences from MQTT specifications" of the developer guide.
     {.target = "aws",
@@ -120,8 +120,8 @@ constexpr auto kLimits = std::to_array<Limits>({
      .retained_by_wildcard = false},
 });
 
-const Limits* limits_of(std::string_view target) {
-  const auto* found = std::ranges::find(kLimits, target, &Limits::target);
+const BrokerLimits* limits_of(std::string_view target) {
+  const auto* found = std::ranges::find(kLimits, target, &BrokerLimits::target);
   return found == kLimits.end() ? nullptr : found;
 }
 
@@ -131,7 +131,7 @@ std::size_t levels_of(std::string_view topic) {
 
 class Examination {
  public:
-  Examination(const Config& config, std::string_view text, const Limits& limits)
+  Examination(const Config& config, std::string_view text, const BrokerLimits& limits)
       : config_(config), limits_(limits), places_(text), payload_(config, "00000000", "0.0.0") {}
 
   std::vector<TargetFinding> run() {
@@ -355,7 +355,7 @@ class Examination {
   }
 
   const Config& config_;
-  const Limits& limits_;
+  const BrokerLimits& limits_;
   ConfigPlaces places_;
   JsonPayload payload_;
   std::vector<TargetFinding> found_;
@@ -369,7 +369,7 @@ std::string target_fault(std::string_view target) {
     return "Azure IoT Hub has fixed topics and is not an MQTT broker for this agent: use an Azure "
            "Event Grid namespace, and --target azure";
   std::vector<std::string_view> names;
-  for (const Limits& limits : kLimits) names.push_back(limits.target);
+  for (const BrokerLimits& limits : kLimits) names.push_back(limits.target);
   return "there is no target " + shown(target) + did_you_mean(target, names) +
          "; the targets are aws, azure, hivemq, nats and rabbitmq";
 }

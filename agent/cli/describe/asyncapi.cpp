@@ -14,7 +14,6 @@
 namespace fxagent::contract {
 namespace {
 
-constexpr std::string_view kJson = "application/json";
 constexpr std::string_view kBinding = "0.2.0";
 
 Json pointer(const std::string& place) { return {{"$ref", "#/" + place}}; }
@@ -68,7 +67,7 @@ class Document {
     if (is_own || !messages.contains(place.schema))
       append(messages, place.schema,
              {{"name", place.schema},
-              {"contentType", kJson},
+              {"contentType", kJsonType},
               {"payload", pointer("components/schemas/" + place.schema)}});
     add_operation(place, key);
   }
@@ -158,7 +157,7 @@ Json asyncapi(const Config& config, std::string_view version) {
              {"version", version},
              {"description", "What the agent sends and receives, from its config with the hash " +
                                  config.hash + "."}}},
-           {"defaultContentType", kJson},
+           {"defaultContentType", kJsonType},
            {"servers", servers_of(config.mqtt, !login.is_null())},
            {"channels", std::move(document.channels)},
            {"operations", std::move(document.operations)},

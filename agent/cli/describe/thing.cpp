@@ -14,8 +14,6 @@
 namespace fxagent::contract {
 namespace {
 
-constexpr std::string_view kJson = "application/json";
-
 /// Replaces references by the schemas, because a Thing Description has none. The `first` result in
 /// a result would have no end: it is any object.
 Json without_references(Json schema, const Json& all) {
@@ -106,7 +104,7 @@ class ThingMaker {
     Json out = Json::array();
     for (const std::string& server : config_.mqtt.servers) {
       Json form{
-          {"href", server + "/" + path_of(place.address)}, {"contentType", kJson}, {"op", ops}};
+          {"href", server + "/" + path_of(place.address)}, {"contentType", kJsonType}, {"op", ops}};
       form[subscribes ? "mqv:filter" : "mqv:topic"] = place.address;
       form["mqv:qos"] = std::to_string(qos);
       if (place.topic->retain == Retain::yes) form["mqv:retain"] = true;

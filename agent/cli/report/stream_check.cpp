@@ -13,10 +13,10 @@
 namespace fxagent {
 namespace {
 
-using Json = nlohmann::json;
+using SortedJson = nlohmann::json;
 
 /// Parses `seq`: a number, or above 2^53 a string of digits.
-std::optional<std::uint64_t> number_of(const Json& json) {
+std::optional<std::uint64_t> number_of(const SortedJson& json) {
   if (json.is_number_unsigned()) return json.get<std::uint64_t>();
   const auto* text = json.get_ptr<const std::string*>();
   return text == nullptr ? std::nullopt : number_from<std::uint64_t>(*text);
@@ -24,12 +24,12 @@ std::optional<std::uint64_t> number_of(const Json& json) {
 
 /// Parses JSON. Returns nullopt if it is invalid, or nested so deeply that walking it could exhaust
 /// the stack.
-std::optional<Json> parsed(std::string_view text) {
+std::optional<SortedJson> parsed(std::string_view text) {
   constexpr int deepest = 16;  // a sample needs 5
   bool too_deep = false;
-  Json json = Json::parse(
+  SortedJson json = SortedJson::parse(
       text.begin(), text.end(),
-      [&too_deep](int depth, Json::parse_event_t, Json&) {
+      [&too_deep](int depth, SortedJson::parse_event_t, SortedJson&) {
         too_deep = too_deep || depth > deepest;
         return !too_deep;
       },
@@ -49,13 +49,13 @@ struct StreamCheck::Sample {
   bool is_live = false;
 
   /// Reads a sample from `json`. Returns its fault, or an empty text if there is none.
-  std::string_view read(const Json& json) {
+  std::string_view read(const SortedJson& json) {
     if (!json.is_object()) return "a sample is a JSON object";
     const auto value = number_of(member(json, "seq"));
     if (!value) return "seq is not a number";
-    const Json& time = member(json, "ts");
+    const SortedJson& time = member(json, "ts");
     if (!time.is_number_integer()) return "ts is not a whole number";
-    const Json& id = member(json, "boot");
+    const SortedJson& id = member(json, "boot");
     if (!id.is_string()) return "boot is not a string";
     seq = *value;
     ts = time.get<std::int64_t>();
@@ -91,7 +91,7 @@ void StreamCheck::take(std::string_view topic, std::string_view payload, bool re
   const auto malformed = [&from](std::string_view why) {
     if (from.stream.malformed++ == 0) from.stream.malformed_why = why;
   };
-  const auto take_one = [&](const Json& json) {
+  const auto take_one = [&](const SortedJson& json) {
     Sample sample;
     sample.is_live = !place->is_history;
     const std::string_view fault = sample.read(json);
@@ -100,9 +100,9 @@ void StreamCheck::take(std::string_view topic, std::string_view payload, bool re
   const auto json = parsed(payload);
   if (!json) return malformed("not JSON, or nested too deeply");
   if (!place->is_history) return take_one(*json);
-  const Json& rows = member(*json, "rows");
+  const SortedJson& rows = member(*json, "rows");
   if (!rows.is_array()) return malformed("history without rows");
-  for (const Json& row : rows) take_one(row);
+  for (const SortedJson& row : rows) take_one(row);
 }
 
 std::uint32_t StreamCheck::boot_of(Device& device, const std::string& id, std::uint64_t seq) const {
