@@ -138,6 +138,7 @@ class PairTest(PlantTest):
 
     # Scheduling of a busy machine may delay a request that was permitted in time.
     FENCE_S = QUIET_MS / 2000 * 0.9
+    quiet_ms = QUIET_MS
 
     def setUp(self):
         super().setUp()
@@ -169,7 +170,7 @@ class PairTest(PlantTest):
     def config(self, member, port=None, **more):
         return config_of(port or self.broker.port, [{"name": "line1"} | self.masters.link(member)], [device()],
                          store={"path": os.path.join(self.directory, f"store-{member}")},
-                         pair={"member": member, "quiet_ms": QUIET_MS}) | more
+                         pair={"member": member, "quiet_ms": self.quiet_ms}) | more
 
     def start_member(self, name, key=None, environment=None, config=None):
         directory = os.path.join(self.directory, key or name)
