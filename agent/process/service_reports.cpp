@@ -9,8 +9,8 @@
 namespace fxagent {
 
 std::string Heartbeats::stands_still() {
-  constexpr std::array<const char*, kThreads> kNames{"field", "uplink", "pair"};  // as Thread
-  std::array<std::uint64_t, kThreads> now{};
+  constexpr std::array<const char*, kThreadCount> kNames{"field", "uplink", "pair"};  // as Thread
+  std::array<std::uint64_t, kThreadCount> now{};
   std::string who;
   for (std::size_t i = 0; i < threads_; ++i) {
     now[i] = signs_[i];

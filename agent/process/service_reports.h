@@ -16,23 +16,23 @@ namespace fxagent {
 /// life only by doing its usual work; field and uplink get a request for it.
 class Heartbeats final {
  public:
-  explicit Heartbeats(bool has_pair = false) : threads_(has_pair ? kThreads : kPair) {}
+  explicit Heartbeats(bool has_pair = false) : threads_(has_pair ? kThreadCount : kPairThread) {}
 
   /// Called by the threads in each round of their loops.
-  void field_went_on() noexcept { ++signs_[kField]; }
-  void uplink_went_on() noexcept { ++signs_[kUplink]; }
-  void pair_went_on() noexcept { ++signs_[kPair]; }
+  void field_went_on() noexcept { ++signs_[kFieldThread]; }
+  void uplink_went_on() noexcept { ++signs_[kUplinkThread]; }
+  void pair_went_on() noexcept { ++signs_[kPairThread]; }
 
   /// Returns the threads without a sign since the last empty result: for example "field
   /// and uplink"; empty: none. Call on one thread.
   std::string stands_still();
 
  private:
-  enum Thread : std::uint8_t { kField, kUplink, kPair, kThreads };
+  enum Thread : std::uint8_t { kFieldThread, kUplinkThread, kPairThread, kThreadCount };
 
   const std::size_t threads_;  ///< that run; the pair is the last
-  std::array<std::atomic<std::uint64_t>, kThreads> signs_{};
-  std::array<std::uint64_t, kThreads> then_{};  ///< at the last empty result
+  std::array<std::atomic<std::uint64_t>, kThreadCount> signs_{};
+  std::array<std::uint64_t, kThreadCount> then_{};  ///< at the last empty result
 };
 
 class ServiceReports final {
