@@ -35,7 +35,7 @@ enum class Login : std::uint8_t { any, certificate, password, certificate_or_pas
 
 /// Limits of one broker. A default means that the broker has no such limit.
 struct BrokerLimits {
-  std::string_view target;
+  std::string_view name;  ///< as given to --target
   std::string_view broker;
   std::string_view old_mqtt{};  ///< versions without MQTT 5; empty: every version has it
   bool needs_tls = false;
@@ -60,7 +60,7 @@ struct BrokerLimits {
 constexpr auto kLimits = std::to_array<BrokerLimits>({
     // docs.aws.amazon.com/general/latest/gr/iot-core.html#message-broker-limits, and the section
     // "AWS IoT differences from MQTT specifications" of the developer guide.
-    {.target = "aws",
+    {.name = "aws",
      .broker = "AWS IoT Core",
      .needs_tls = true,
      .wrong_port = ":443",
@@ -77,7 +77,7 @@ constexpr auto kLimits = std::to_array<BrokerLimits>({
      .retained_by_wildcard = false},
     // learn.microsoft.com/azure/event-grid/quotas-limits and mqtt-support, July 2025. Before May
     // 2025 a topic had at most 8 segments.
-    {.target = "azure",
+    {.name = "azure",
      .broker = "Azure Event Grid",
      .needs_tls = true,
      .wrong_port = ":443",
@@ -91,7 +91,7 @@ constexpr auto kLimits = std::to_array<BrokerLimits>({
      .messages_per_s = 1000},
     // docs.hivemq.com/hivemq-cloud, and community.hivemq.com/t/514. No document was found for the
     // size of a message.
-    {.target = "hivemq",
+    {.name = "hivemq",
      .broker = "HiveMQ Cloud",
      .needs_tls = true,
      .wrong_port = ":8884",
@@ -101,7 +101,7 @@ constexpr auto kLimits = std::to_array<BrokerLimits>({
      .too_large = Severity::warning},
     // docs.nats.io/running-a-nats-service/configuration/mqtt, and tried with 2.9.10. That version
     // does not apply max_payload to MQTT messages.
-    {.target = "nats",
+    {.name = "nats",
      .broker = "nats-server",
      .old_mqtt = "any version",
      .topic_without = " .",
@@ -111,7 +111,7 @@ constexpr auto kLimits = std::to_array<BrokerLimits>({
      .message_bytes = kKiB * kKiB,
      .too_large = Severity::warning},
     // rabbitmq.com/docs/3.13/mqtt, and tried with 3.10.8.
-    {.target = "rabbitmq",
+    {.name = "rabbitmq",
      .broker = "RabbitMQ",
      .old_mqtt = "before 3.13",
      .topic_without = ".*",
@@ -121,7 +121,7 @@ constexpr auto kLimits = std::to_array<BrokerLimits>({
 });
 
 const BrokerLimits* limits_of(std::string_view target) {
-  const auto* found = std::ranges::find(kLimits, target, &BrokerLimits::target);
+  const auto* found = std::ranges::find(kLimits, target, &BrokerLimits::name);
   return found == kLimits.end() ? nullptr : found;
 }
 
@@ -343,11 +343,11 @@ class Examination {
       warn("/agent/remote_config", "a remote config has at most " +
                                        counted(limits_.message_bytes, "byte") +
                                        ": this broker does not deliver a larger one");
-    if (limits_.target == "aws" && config_.mqtt.version == 5)
+    if (limits_.name == "aws" && config_.mqtt.version == 5)
       warn("/mqtt/version",
            "the agent announces a Maximum Packet Size of 16 MiB, and AWS documents 128 KB as the "
            "largest; if it refuses the connection, set version to \"3.1.1\"");
-    if (limits_.target == "rabbitmq" && config_.mqtt.username.empty() &&
+    if (limits_.name == "rabbitmq" && config_.mqtt.username.empty() &&
         std::ranges::any_of(config_.mqtt.servers, is_remote))
       warn("/mqtt/username",
            "RabbitMQ accepts its default user guest only from its own machine: set username and "
@@ -368,9 +368,7 @@ std::string target_fault(std::string_view target) {
   if (target == "iothub")
     return "Azure IoT Hub has fixed topics and is not an MQTT broker for this agent: use an Azure "
            "Event Grid namespace, and --target azure";
-  std::vector<std::string_view> names;
-  for (const BrokerLimits& limits : kLimits) names.push_back(limits.target);
-  return "there is no target " + shown(target) + did_you_mean(target, names) +
+  return "there is no target " + shown(target) + did_you_mean(target, names_in(kLimits)) +
          "; the targets are aws, azure, hivemq, nats and rabbitmq";
 }
 
