@@ -10,9 +10,6 @@ namespace fxagent::contract {
 
 using Json = nlohmann::ordered_json;
 
-/// Content type of payloads.
-inline constexpr std::string_view kJsonType = "application/json";
-
 /// --schema: returns docs/payloads.schema.json, the JSON Schema (draft 2020-12) of every payload of
 /// any agent. It accepts an object with topics as keys and payloads as values; the topics have the
 /// placeholders of the contract.

@@ -53,6 +53,9 @@ std::set<std::uint32_t> used_groups(const DeviceConfig& device);
 std::string schema_name(const DeviceConfig& device, std::string_view schema,
                         const GroupConfig* group = nullptr);
 
+/// Content type of most payloads.
+inline constexpr std::string_view kJsonType = "application/json";
+
 struct ProfileTopic {
   std::string_view name;  ///< "plain_value", unique in a config
   std::string address{};  ///< whole topic; {device}, {group}, {tag} and {object} stand for names
@@ -62,7 +65,7 @@ struct ProfileTopic {
   int qos = 1;
   bool is_command = false;    ///< operators publish to it
   bool is_read_back = false;  ///< the agent also receives its own
-  std::string_view content_type = "application/json";
+  std::string_view content_type = kJsonType;
 
   /// Returns the filter for all names: a level with a placeholder is "+".
   std::string filter() const;
