@@ -281,9 +281,17 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   remote.begin();
   field.start();
   if (pair)
-    pair->agent_began([&outbox] { return outbox.highest_seq(); },
-                      [&signs] { signs.pair_went_on(); },
-                      [&watchdog] { return watchdog.has_signal(); });
+    pair->agent_began(
+        {.highest_seq = [&outbox] { return outbox.highest_seq(); },
+         .goes_on = [&signs] { signs.pair_went_on(); },
+         .is_stopping = [&watchdog] { return watchdog.has_signal(); },
+         .take_unanswered =
+             [&](JournalEntry left, const std::string& topic) {
+               const auto reply = [&pair](JournalEntry known) { pair->reply(std::move(known)); };
+               outbox.ask(
+                   [&publisher, command = Publisher::Unanswered{std::move(left), topic, reply}](
+                       SteadyTime) mutable { publisher.take_unanswered(std::move(command)); });
+             }});
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher);
   std::jthread uplink([&](std::stop_token stop) {
     ThreadProgress library("MQTTAsync_");

@@ -111,6 +111,23 @@ Recovered recover_of(const std::vector<std::string>& devices, const Config& conf
   return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now);
 }
 
+Recovered recover_unanswered(const Config& config, CommandJournal& journal, JournalEntry left,
+                             const std::string& topic, std::int64_t utc_ms, SteadyTime now) {
+  if (std::ranges::find(config.devices, left.device, &DeviceConfig::name) == config.devices.end())
+    return {};
+  left.number = journal.next_command_number();
+  const audit::Receipt receipt{.number = left.number,
+                               .device = left.device,
+                               .topic = topic,
+                               .received_ms = left.received_ms};
+  journal.note(audit::admitted(receipt, left.id, left.op, utc_ms));
+  if (!left.result.empty()) {
+    left.audit = audit::result(left.number, left.device, left.result, {}, utc_ms);
+    journal.record(left);
+  }
+  return recover(config, journal, {}, {std::move(left)}, utc_ms, now);
+}
+
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
                   std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now) {
   std::map<std::string, std::uint32_t> index;

@@ -31,6 +31,10 @@ Recovered recover(const Config& config, CommandJournal& journal, std::int64_t ut
 /// Same for these devices only, which are new to this run. Uplink thread.
 Recovered recover_of(const std::vector<std::string>& devices, const Config& config,
                      CommandJournal& journal, std::int64_t utc_ms, SteadyTime now);
+/// Same for a command that the other gateway of a pair left, as it announced it on `topic`, if the
+/// journal does not know it. Writes it to the journal.
+Recovered recover_unanswered(const Config& config, CommandJournal& journal, JournalEntry left,
+                             const std::string& topic, std::int64_t utc_ms, SteadyTime now);
 /// Same for the contents of a journal that opened later.
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
                   std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now);

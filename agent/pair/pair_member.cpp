@@ -7,6 +7,7 @@
 #include <utility>
 #include <variant>
 
+#include "agent/commands/parse/parse.h"
 #include "agent/log/log.h"
 #include "agent/pair/pair_messages.h"
 #include "agent/process/restart.h"
@@ -27,6 +28,7 @@ constexpr milliseconds kReconnect{500};
 constexpr seconds kLongestPause{60};
 constexpr int kMostDoublings = 6;
 constexpr seconds kSteady{10};  // a session that lasts so long is not being taken over
+constexpr seconds kAnnounceAgain{5};
 constexpr milliseconds kFarewell{1000};
 constexpr milliseconds kShortestWait{2};
 constexpr milliseconds kLongestWait{200};
@@ -104,13 +106,10 @@ std::vector<JournalEntry> PairMember::hand_over_to(Store& store) {
   return entries;
 }
 
-void PairMember::agent_began(HighestSeq highest, std::function<void()> goes_on,
-                             std::function<bool()> is_stopping) {
+void PairMember::agent_began(Agent agent) {
   const std::lock_guard lock(mutex_);
-  highest_ = std::move(highest);
-  goes_on_ = std::move(goes_on);
-  is_stopping_ = std::move(is_stopping);
-  agent_runs_ = woken_ = true;
+  agent_ = std::move(agent);
+  woken_ = true;
   news_.notify_all();
 }
 
@@ -129,6 +128,7 @@ void PairMember::announce(AdmittedCommand command, const std::string& device,
       what.received_ms + std::chrono::ceil<milliseconds>(command.deadline - what.received).count();
   entry.response_topic = what.response_topic;
   entry.correlation = what.correlation;
+  announcement.id_is_number = what.id_is_number;
   Waiting waiting{std::move(command), pair_messages::announcement(announcement), submit};
   {
     const std::lock_guard lock(mutex_);
@@ -140,6 +140,13 @@ void PairMember::announce(AdmittedCommand command, const std::string& device,
     }
   }
   submit(std::move(waiting.command));
+}
+
+void PairMember::reply(JournalEntry answered) {
+  const std::lock_guard lock(mutex_);
+  answered_.push_back(std::move(answered));
+  woken_ = true;
+  news_.notify_all();
 }
 
 void PairMember::release() {
@@ -186,8 +193,12 @@ void PairMember::run(const std::stop_token& stop) {
       news_.wait_for(lock, wait, [this] { return woken_; });
       woken_ = false;
       ++rounds_;
-      if (goes_on_) goes_on_();
-      if (agent_runs_) state_.agent_began();
+      if (agent_) {
+        agent_->goes_on();
+        state_.agent_began();
+        for (auto& [left, topic] : std::exchange(unanswered_by_other_, {}))
+          agent_->take_unanswered(std::move(left), topic);
+      }
       leaving = leaving_;
     }
     const BootTime now = boot_time_now();
@@ -231,7 +242,37 @@ void PairMember::keep(BootTime now) {
     connect_at_ = {};
     member_->connect(server_, kReceiveMaximum);
   }
+  announce_unanswered(now);
   if (journal_) journal_->upkeep(std::chrono::steady_clock::now());
+}
+
+/// Announces what earlier processes of this gateway left, one command after the other.
+void PairMember::announce_unanswered(BootTime now) {
+  std::deque<JournalEntry> answered;
+  {
+    const std::lock_guard lock(mutex_);
+    answered.swap(answered_);
+  }
+  for (JournalEntry& entry : answered)
+    member_->publish({.id = next_id_++,
+                      .topic = topic("/journal"),
+                      .payload = pair_messages::announcement(
+                          {.boot = boot_, .answered = true, .entry = std::move(entry)})});
+  if (!journal_) return unanswered_.clear();  // the agent publishes the results itself
+  if (!member_up_ || announcing_ != 0) return;
+  if (unanswered_.empty() && now >= announce_at_) {
+    unanswered_ = journal_->unanswered();
+    announce_at_ = now + kAnnounceAgain;
+  }
+  if (unanswered_.empty()) return;
+  pair_messages::Announcement announcement{
+      .boot = boot_, .unanswered = true, .entry = unanswered_.front()};
+  announcement.id_is_number = parse_command(announcement.entry.payload).id_is_number;
+  unanswered_.pop_front();
+  announcing_ = next_id_++;
+  member_->publish({.id = announcing_,
+                    .topic = topic("/journal"),
+                    .payload = pair_messages::announcement(announcement)});
 }
 
 void PairMember::take_member_events(BootTime now) {
@@ -245,6 +286,9 @@ void PairMember::take_member_events(BootTime now) {
     if constexpr (std::is_same_v<Event, Connected>) {
       member_up_ = true;
       member_since_ = now;
+      announcing_ = 0;
+      announce_at_ = now;
+      heard_all_ = heard_all_ && event.session_present;
       if (!event.session_present)
         log::warn("pair", {{"session", "new"},
                            {"note",
@@ -276,8 +320,10 @@ void PairMember::take_member_events(BootTime now) {
           std::min<BootTime>(pause * (1 << std::min(thrown_, kMostDoublings)) / 2, kLongestPause));
     } else if constexpr (std::is_same_v<Event, Message>) {
       hear(event, now);
-    } else if constexpr (std::is_same_v<Event, Delivered>) {
+    } else if constexpr (std::is_same_v<Event, Delivered> ||
+                         std::is_same_v<Event, DeliveryFailed>) {
       if (event.id == farewell_) farewell_ = 0;
+      if (event.id == announcing_) announcing_ = 0;
     }
   };
   for (const BrokerEvent& event : member_->take_events()) std::visit(take, event);
@@ -312,7 +358,12 @@ void PairMember::hear(const Message& message, BootTime now) {
     if (announcement->mark != 0) {
       mark_came_ = mark_came_ || (announcement->boot == boot_ && announcement->mark == mark_);
     } else if (announcement->boot != boot_ && journal_) {
-      journal_->keep_announced(std::move(announcement->entry), message.topic);
+      JournalEntry& entry = announcement->entry;
+      if (announcement->answered) return journal_->keep_answered(entry);
+      auto known = journal_->keep_announced(std::move(entry), message.topic);
+      if (announcement->unanswered && known && known->acknowledged) reply(std::move(*known));
+    } else if (announcement->boot != boot_ && announcement->unanswered) {
+      unanswered_by_other_.emplace_back(std::move(announcement->entry), message.topic);
     }
   }
 }
@@ -354,7 +405,7 @@ void PairMember::lease_ended(bool taken_over, BootTime now) {
   claim_ = Claim::none;
   {
     const std::lock_guard lock(mutex_);
-    over_ = is_stopping_ && is_stopping_();
+    over_ = agent_ && agent_->is_stopping();
     if (over_) return;
   }
   state_.lease_ended(taken_over, now);
@@ -405,8 +456,9 @@ void PairMember::go_on_with_claim(BootTime now) {
   }
   if (claim_ != Claim::marking || !mark_came_) return;
   claim_ = Claim::claimed;
-  // Numbers grow with each takeover: the other gateway has held the pair after this one.
-  if (other_seq_ > own_seq_) journal_->acknowledge_own_commands();
+  // Numbers grow with each takeover: the other gateway has held the pair after this one, and its
+  // results may not have come here.
+  if (!heard_all_ && other_seq_ > own_seq_) journal_->acknowledge_own_commands();
   auto unwritten = journal_->close();
   journal_.reset();
   state_.has_claimed();
@@ -435,7 +487,7 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
       std::uint64_t seq = state_.highest_seq();
       {
         const std::lock_guard lock(mutex_);
-        if (claimed_) seq = std::max(highest_ ? highest_() : 0, floor_) + kReserve;
+        if (claimed_) seq = std::max(agent_ ? agent_->highest_seq() : 0, floor_) + kReserve;
       }
       const std::uint64_t id = next_id_++;
       state_.heartbeat_sent(id, now);

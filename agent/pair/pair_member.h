@@ -38,7 +38,16 @@ namespace fxagent {
 class PairMember final {
  public:
   using Submit = std::function<void(AdmittedCommand)>;
-  using HighestSeq = std::function<std::uint64_t()>;
+  /// What the agent gives to the pair. All are called on the pair's thread.
+  struct Agent {
+    std::function<std::uint64_t()> highest_seq;  ///< in use
+    std::function<void()> goes_on;               ///< in each round of the pair's thread
+    /// True if the agent is to stop: then the end of the lease does not start it anew.
+    std::function<bool()> is_stopping;
+    /// Takes a command of which the other gateway does not know a published result, and the topic
+    /// of its announcement.
+    std::function<void(JournalEntry left, const std::string& topic)> take_unanswered;
+  };
 
   /// `config` has a pair. `boot`: of this process. Starts the thread. Throws std::system_error.
   PairMember(const Config& config, std::string boot);
@@ -53,16 +62,15 @@ class PairMember final {
   /// Passes to `store`, the agent's, what the disk refused to record on standby, and returns it as
   /// it stands there. After await_claim(). Main thread.
   std::vector<JournalEntry> hand_over_to(Store& store);
-  /// The agent runs. `highest` returns the highest sequence number in use. `goes_on` is called in
-  /// each round of the pair's thread. `is_stopping` returns true if the agent is to stop: then the
-  /// end of the lease does not start it anew. All three are called on the pair's thread.
-  void agent_began(HighestSeq highest, std::function<void()> goes_on,
-                   std::function<bool()> is_stopping);
+  /// The agent runs.
+  void agent_began(Agent agent);
   const LinePermit& permit() const { return permit_; }
 
   /// Announces the command to the other gateway, then passes it to `submit` on the pair's thread. A
   /// read is passed at once. Uplink thread.
   void announce(AdmittedCommand command, const std::string& device, const Submit& submit);
+  /// Tells the other gateway that the result of this command is published. Uplink thread.
+  void reply(JournalEntry answered);
   /// Passes everything that waits to `submit`, without an announcement, and later commands too. The
   /// field must refuse commands by now.
   void release();
@@ -93,6 +101,7 @@ class PairMember final {
   void carry_out(PairState::Order order, BootTime now);
   void publish_status();
   void send_announcements();
+  void announce_unanswered(BootTime now);
   void log_role();
   void log_peer(BootTime now);
   std::string topic(const char* leaf = "") const;
@@ -113,6 +122,7 @@ class PairMember final {
   std::unique_ptr<Broker> evicting_;  ///< the session of the agent, to end that of the other one
   std::size_t server_ = 0;
   bool member_up_ = false;
+  bool heard_all_ = true;  ///< the broker has kept the member session since the last process
   std::size_t granted_ = 0;
   int thrown_ = 0;  ///< times in a row that the member session was taken over
   BootTime member_since_{};
@@ -127,23 +137,26 @@ class PairMember final {
   bool mark_came_ = false;
   std::uint64_t farewell_ = 0;  ///< publication of the last status
   std::map<std::uint64_t, Waiting> announced_;
-  std::vector<Waiting> refused_;  ///< by the broker; they end at their deadlines
+  std::vector<Waiting> refused_;         ///< by the broker; they end at their deadlines
+  std::deque<JournalEntry> unanswered_;  ///< by earlier processes of this gateway, to be announced
+  std::uint64_t announcing_ = 0;         ///< publication of one of them; 0: none
+  BootTime announce_at_{};               ///< those without a reply again
+  /// By the other gateway, each with its topic, for an agent that does not run yet.
+  std::vector<std::pair<JournalEntry, std::string>> unanswered_by_other_;
 
   mutable std::mutex mutex_;
   std::condition_variable news_;
   bool woken_ = false;                   ///< under mutex_
   bool claimed_ = false;                 ///< under mutex_
-  bool agent_runs_ = false;              ///< under mutex_
   bool released_ = false;                ///< under mutex_
   bool leaving_ = false;                 ///< under mutex_
   bool left_ = false;                    ///< under mutex_
   std::uint64_t rounds_ = 0;             ///< under mutex_
   std::uint64_t floor_ = 0;              ///< under mutex_
-  HighestSeq highest_;                   ///< under mutex_
-  std::function<void()> goes_on_;        ///< under mutex_
-  std::function<bool()> is_stopping_;    ///< under mutex_
+  std::optional<Agent> agent_;           ///< under mutex_; nullopt: it does not run yet
   std::vector<JournalEntry> unwritten_;  ///< under mutex_
   std::deque<Waiting> to_announce_;      ///< under mutex_
+  std::deque<JournalEntry> answered_;    ///< under mutex_
   std::jthread thread_;
 };
 

@@ -112,6 +112,12 @@ std::string announcement(const Announcement& announcement) {
   out.key("received_ms").integer(entry.received_ms).key("deadline_ms").integer(entry.deadline_ms);
   if (!entry.response_topic.empty()) out.key("response_topic").string(entry.response_topic);
   if (!entry.correlation.empty()) out.key("correlation").string(to_hex(entry.correlation));
+  if (announcement.id_is_number) out.key("id_is_number").boolean(true);
+  if (announcement.unanswered) out.key("unanswered").boolean(true);
+  if (announcement.answered) out.key("answered").boolean(true);
+  if (entry.surely_not_sent) out.key("unsent").boolean(true);
+  if (entry.refused) out.key("refused").boolean(true);
+  if (!entry.result.empty()) out.key("result").string(entry.result);
   return out.end_object().take();
 }
 
@@ -124,7 +130,15 @@ std::optional<Announcement> announcement_from(std::string_view text) {
   JournalEntry& entry = announcement.entry;
   entry.device = text_at(*found, "device");
   entry.id = text_at(*found, "id");
+  const auto is_set = [&](const char* key) { return member(*found, key) == json(true); };
+  announcement.id_is_number = is_set("id_is_number");
+  if (announcement.id_is_number) entry.payload = R"({"id":)" + entry.id + "}";
   entry.op = text_at(*found, "op");
+  announcement.unanswered = is_set("unanswered");
+  announcement.answered = is_set("answered");
+  entry.surely_not_sent = is_set("unsent");
+  entry.refused = is_set("refused");
+  entry.result = text_at(*found, "result");
   entry.received_ms = number<std::int64_t>(*found, "received_ms");
   entry.deadline_ms = number<std::int64_t>(*found, "deadline_ms");
   entry.response_topic = text_at(*found, "response_topic");

@@ -41,8 +41,11 @@ std::optional<Heartbeat> heartbeat_from(std::string_view text);
 /// A command that the holder is about to carry out, or a mark in the stream of them.
 struct Announcement {
   std::string boot{};
-  std::uint64_t mark = 0;  ///< not 0: a mark, without an entry
-  JournalEntry entry{};
+  std::uint64_t mark = 0;   ///< not 0: a mark, without an entry
+  bool unanswered = false;  ///< its gateway has ended, and does not know of a published result
+  bool answered = false;    ///< the reply to that: the result is published
+  bool id_is_number = false;
+  JournalEntry entry{};  ///< as heard, its payload has nothing but an id that is a number
 };
 std::string announcement(const Announcement& announcement);
 std::optional<Announcement> announcement_from(std::string_view text);

@@ -21,18 +21,26 @@ StandbyJournal::StandbyJournal(const StoreConfig& config) : store_(config, now_m
   for (const JournalEntry& entry : store_.journal().unacknowledged({})) own_.insert(entry.number);
 }
 
-void StandbyJournal::keep_announced(JournalEntry entry, const std::string& topic) {
+std::optional<JournalEntry> StandbyJournal::keep_announced(JournalEntry entry,
+                                                           const std::string& topic) {
   StoredJournal& journal = store_.journal();
-  if (journal.find(entry.device, entry.id)) return;
+  if (auto known = journal.find(entry.device, entry.id)) return known;
   entry.number = journal.next_command_number();
   const audit::Receipt receipt{.number = entry.number,
                                .device = entry.device,
                                .topic = topic,
                                .received_ms = entry.received_ms};
   entry.audit = audit::admitted(receipt, entry.id, entry.op, now_ms());
+  if (!entry.result.empty()) {
+    journal.note(std::exchange(
+        entry.audit, audit::result(entry.number, entry.device, entry.result, {}, now_ms())));
+    journal.record(std::move(entry));
+    return std::nullopt;
+  }
   // It counts as sent: only the other gateway knows.
-  store_.started().mark(entry.number);
+  if (!entry.surely_not_sent) store_.started().mark(entry.number);
   journal.journal({&entry, 1});
+  return std::nullopt;
 }
 
 void StandbyJournal::keep_result(const std::string& device, const std::string& text) {
@@ -65,12 +73,26 @@ void StandbyJournal::keep_result(const std::string& device, const std::string& t
   journal.acknowledge(device, result->id, number, {});
 }
 
+void StandbyJournal::keep_answered(const JournalEntry& entry) {
+  if (!entry.result.empty()) return keep_result(entry.device, entry.result);
+  if (const auto known = store_.journal().find(entry.device, entry.id))
+    store_.journal().acknowledge(entry.device, entry.id, known->number, {});
+}
+
+std::deque<JournalEntry> StandbyJournal::unanswered() {
+  std::deque<JournalEntry> entries;
+  if (own_.empty()) return entries;
+  for (JournalEntry& entry : store_.journal().unacknowledged({}))
+    if (own_.contains(entry.number)) entries.push_back(std::move(entry));
+  if (entries.empty()) own_.clear();
+  return entries;
+}
+
 // Only reads and refusals were not announced.
 void StandbyJournal::acknowledge_own_commands() {
-  StoredJournal& journal = store_.journal();
-  for (const JournalEntry& entry : journal.unacknowledged({}))
-    if (own_.contains(entry.number) && !entry.refused && entry.op != to_string(Op::read))
-      journal.acknowledge(entry.device, entry.id, entry.number, {});
+  for (const JournalEntry& entry : unanswered())
+    if (!entry.refused && entry.op != to_string(Op::read))
+      store_.journal().acknowledge(entry.device, entry.id, entry.number, {});
 }
 
 void StandbyJournal::upkeep(SteadyTime now) {
@@ -93,7 +115,7 @@ void take_over(std::vector<JournalEntry>& entries, Store& store) {
     const bool is_known = known && known->number == entry.number;
     if (!is_known) {
       entry.number = journal.next_command_number();
-      store.started().mark(entry.number);
+      if (!entry.surely_not_sent) store.started().mark(entry.number);
     }
     if (!entry.result.empty())
       results.push_back(entry);

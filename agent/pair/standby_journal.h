@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -15,17 +17,27 @@
 namespace fxagent {
 
 /// Made before the pair's thread starts; then the pair's thread.
+///
+/// A command of an earlier process of this gateway may have no result yet, and the other gateway
+/// may not know it: it came just before the end. So this gateway announces what it left, until it
+/// has heard each result. The gateway that is active publishes those that it does not know.
 class StandbyJournal final {
  public:
   /// Opens this gateway's store.
   explicit StandbyJournal(const StoreConfig& config);
 
-  /// Keeps a command that the active gateway announced on `topic`.
-  void keep_announced(JournalEntry entry, const std::string& topic);
+  /// Keeps a command that the other gateway announced on `topic`, or left. Returns its entry if it
+  /// was known before.
+  std::optional<JournalEntry> keep_announced(JournalEntry entry, const std::string& topic);
   /// Keeps a result that the active gateway published, as in docs/interface.md.
   void keep_result(const std::string& device, const std::string& text);
-  /// Acknowledges the commands of an earlier process of this gateway: the other gateway knew each
-  /// from its announcement, and has published its result.
+  /// Keeps the reply to an unanswered command.
+  void keep_answered(const JournalEntry& entry);
+  /// Returns the commands of earlier processes of this gateway whose results it has not heard,
+  /// oldest first.
+  std::deque<JournalEntry> unanswered();
+  /// Acknowledges the commands of an earlier process of this gateway. Call if the results that the
+  /// other gateway published may not have come here.
   void acknowledge_own_commands();
   void upkeep(SteadyTime now);
   /// Closes the store. Returns the entries that the disk refused to record.

@@ -1,5 +1,7 @@
 #include "agent/store/store.h"
 
+#include <algorithm>
+
 #include "agent/log/log.h"
 
 namespace fxagent {
@@ -118,7 +120,9 @@ void Store::close() {
   if (!is_writable()) return;
   disk_.flush();
   numbers_.write_last();
-  started_.close();
+  // The standby of a pair may close it with commands that have no result: the marks tell of them.
+  const auto has_result = [](const JournalEntry& entry) { return !entry.result.empty(); };
+  if (std::ranges::all_of(journal_.unacknowledged({}), has_result)) started_.close();
   disk_.close();
 }
 

@@ -194,8 +194,22 @@ void Publisher::recover_joined(SteadyTime now) {
   commands_.restore(std::move(known), now, utc_ms_());
 }
 
+void Publisher::recover_other_gateway(SteadyTime now) {
+  if (store_ == nullptr || store_->hangs() || is_changing_) return;
+  for (Unanswered& each : std::exchange(unanswered_, {})) {
+    if (auto known = store_->journal().find(each.entry.device, each.entry.id)) {
+      if (known->acknowledged) each.published(std::move(*known));
+      continue;
+    }
+    commands_.restore(recover_unanswered(config_, store_->journal(), std::move(each.entry),
+                                         each.topic, utc_ms_(), now),
+                      now, utc_ms_());
+  }
+}
+
 void Publisher::take_commands(SteadyTime now) {
   recover_joined(now);
+  recover_other_gateway(now);
   if (outbox_.refuses_commands()) commands_.close();
   intake_.take_some(now, utc_ms_());
   for (ResultMessage& result : commands_.take_results()) results_.add(std::move(result), now);

@@ -117,6 +117,15 @@ class Publisher final {
   /// results wait for the broker, the command is rejected, and only its sender learns of it.
   void take_order(Order order, SteadyTime now);
 
+  struct Unanswered {
+    JournalEntry entry;
+    std::string topic;                            ///< of its announcement
+    std::function<void(JournalEntry)> published;  ///< called if its result is
+  };
+  /// Takes a command that the other gateway of a pair left. Its result is published unless this
+  /// gateway knows the command.
+  void take_unanswered(Unanswered command) { unanswered_.push_back(std::move(command)); }
+
   /// The topics of remote configs; valid for the publisher's lifetime.
   ConfigTopics& configs() { return configs_; }
 
@@ -135,6 +144,8 @@ class Publisher final {
   void take_found_late(SteadyTime now);
   /// Same for devices that a config change has added. Tries again later if the store hangs.
   void recover_joined(SteadyTime now);
+  /// Same for commands that the other gateway of a pair left.
+  void recover_other_gateway(SteadyTime now);
   void keep_outlets(SteadyTime now);
   void keep_session(SteadyTime now);
   void send(SteadyTime now);
@@ -189,6 +200,7 @@ class Publisher final {
   /// Devices that were in no config of this run before: what earlier runs left of them is to be
   /// recovered.
   std::vector<std::string> joined_;
+  std::vector<Unanswered> unanswered_;  ///< not recovered yet
   bool samples_first_ = false;  ///< samples go before results, in a window too small to share
   /// Devices of commands that may have written and whose results are not handed over yet.
   std::set<std::string> written_;

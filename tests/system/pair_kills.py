@@ -21,6 +21,7 @@ import unittest
 from chaos_relay import Nobody, Relay
 from ledger import Deeds
 from pair_plant import BASE, PairTest
+from plant import fxagent
 
 ARGUMENTS = None
 FIRST_ADDRESS, ADDRESSES = 300, 100
@@ -108,16 +109,29 @@ class Kills(PairTest):
         gaps = self.masters.changes()
         double = [gap for gap in gaps if gap < self.FENCE_S]
         repeated = [each for each in results.items() if len(each[1]) > 1]
-        twice = list(Deeds(self.sim, ["press1"]).collect().count - asked)
+        deeds = Deeds(self.sim, ["press1"]).collect()
+        twice = list(deeds.count - asked)
+        for place, value in [deed[2:] for deed in twice]:
+            identity = next(i for i, deed in sent.items() if deed == (place, value))
+            print(f"{identity} was carried out at {[t for t, v in deeds.values['press1', place] if v == value]}:")
+            for at, topic, payload, _ in list(self.watcher.messages):
+                if isinstance(payload, dict) and payload.get("id") == identity:
+                    print(f"  {at:.3f} {topic} {json.dumps(payload)}")
+        # What a gateway has received needs a result; the others were lost while nobody had subscribed.
+        received = set()
+        for agent in self.agents.values():
+            received |= {json.loads(line)["id"] for line in fxagent("audit", "--json", agent.path)[1].splitlines()}
+        silent = sorted(received & set(sent) - set(results))
         statuses = collections.Counter(status for each in results.values() for status in each)
         for kind, times in takeovers.items():
             print(f"{kind}: {len(times)}, takeover median {sorted(times)[len(times) // 2]:.2f} s, longest {max(times):.2f} s")
         print(f"changes of master {len(gaps)}, shortest gap "
               f"{min(gaps, default=0):.3f} s\ndouble masters {len(double)}\ncommands sent {len(sent)}\nresults {dict(statuses)}\n"
-              f"without a result (lost while nobody had subscribed) {len([i for i in sent if i not in results])}\n"
+              f"lost while nobody had subscribed {len(set(sent) - received)}\n"
+              f"received, and without a result {len(silent)} {silent[:5]}\n"
               f"more than one result {len(repeated)} {repeated[:5]}\nwritten twice {len(twice)} {twice[:5]}\n"
               f"samples {len(seqs)}\nseq used again {len(seqs) - len(set(seqs))}", flush=True)
-        self.assertEqual((double, repeated, twice, len(seqs) - len(set(seqs))), ([], [], [], 0))
+        self.assertEqual((double, repeated, twice, silent, len(seqs) - len(set(seqs))), ([], [], [], [], 0))
 
 
 if __name__ == "__main__":

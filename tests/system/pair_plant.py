@@ -172,13 +172,13 @@ class PairTest(PlantTest):
                          store={"path": os.path.join(self.directory, f"store-{member}")},
                          pair={"member": member, "quiet_ms": self.quiet_ms}) | more
 
-    def start_member(self, name, key=None, environment=None, config=None):
+    def start_member(self, name, key=None, config=None, **more):
         directory = os.path.join(self.directory, key or name)
         os.makedirs(directory, exist_ok=True)
         agent = Agent(directory, config or self.config(name))
         # The base class prints logs of its own directory alone.
         agent.log_path = os.path.join(self.directory, f"agent-{key or name}.log")
-        agent.start(environment=environment)
+        agent.start(**more)
         self.agents[key or name] = agent
         return agent
 

@@ -96,6 +96,32 @@ class Pair(PairTest):
         for identity in ("done-1", "wire-1"):
             self.assertEqual(len(self.own_results(identity)), 1, self.own_results(identity))
 
+    def test_command_that_dies_with_its_gateway_before_the_announcement_gets_one_result(self):
+        self.start_plant()
+        crash = {"FXAGENT_CRASH_AT": "command_journaled"}
+        self.start_member("a", environment=crash, program=os.environ["FXAGENT_CRASHING"])
+        self.role("a", "active")
+        since = self.watcher.mark()
+        self.start_member("b")
+        self.role("b", "standby", since)
+        self.data()
+        self.send({"id": 7, "op": "write", "address": "D301", "value": 8})
+        self.assertEqual(self.agents["a"].process.wait(30), -signal.SIGKILL)
+        self.agents["a"].stop(signal.SIGKILL, expected=None)
+        self.polls("b", time.monotonic())
+        # Until `a` is back, nobody alive knows the command.
+        since = self.watcher.mark()
+        self.agents["a"].start()
+        result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == 7, since)
+        self.assertEqual((result["status"], result["reason"]), ("FAILED", "interrupted"), result)
+        self.assertEqual(self.repeated(7)["status"], "DUPLICATE")
+        self.assertEqual(self.sim.get("press1", "D301"), 0)
+        self.agents["b"].stop(signal.SIGKILL, expected=None)
+        self.polls("a", time.monotonic())
+        self.assertEqual(self.repeated(7)["status"], "DUPLICATE")
+        self.command(id="last", op="read", address="D302")
+        self.assertEqual(len([r for r in self.own_results(7) if r["status"] != "DUPLICATE"]), 1)
+
     def repeated(self, identity):
         """Sends a known id again until that has a result, three times at most: after a takeover, a busy machine can
         interrupt the new gateway for a moment, and then none receives the command."""

@@ -81,6 +81,26 @@ TEST_F(RecoveryTest, NewerEntryReplacesThatOfTheJournalAndMakesItsIdKnown) {
   EXPECT_TRUE(std::ranges::any_of(found.ids, [](const KnownId& id) { return id.id == "heard"; }));
 }
 
+TEST_F(RecoveryTest, CommandThatTheOtherGatewayLeftGetsItsResultAndIsKnown) {
+  const auto take = [&](JournalEntry left) {
+    return recover_unanswered(config, store->journal(), std::move(left), "a/topic", kNow, kStart);
+  };
+  JournalEntry unsent = order("unsent", 0);
+  unsent.surely_not_sent = true;
+  JournalEntry done = order("done", 0);
+  done.result = R"({"id":"done","op":"write","status":"FAILED"})";
+  JournalEntry elsewhere = order("elsewhere", 0);
+  elsewhere.device = "press9";
+  EXPECT_EQ(take(unsent).unacknowledged.at(0).status, CommandStatus::failed);
+  EXPECT_EQ(take(done).unacknowledged.at(0).recorded, done.result);
+  EXPECT_TRUE(take(elsewhere).unacknowledged.empty());
+  for (const JournalEntry& again : {unsent, done}) {
+    const auto known = store->journal().find("press1", again.id);
+    ASSERT_TRUE(known) << again.id;
+    EXPECT_NE(known->result, "");
+  }
+}
+
 // Otherwise its id would be remembered for longer, and its deadline would move away.
 TEST_F(RecoveryTest, InterruptedCommandIsNotYoungerAfterTheClockWasSetBack) {
   const std::string payload = R"({"id":"mine","op":"write","tag":"setpoint","value":5})";

@@ -33,6 +33,21 @@ TEST(PairMessages, AnnouncementKeepsWhatTheOtherGatewayMustAnswer) {
   EXPECT_EQ(heard->entry.correlation, sent.entry.correlation);
 }
 
+TEST(PairMessages, CommandThatWasLeftKeepsWhatItsResultNeeds) {
+  messages::Announcement sent{.boot = "b", .unanswered = true, .id_is_number = true};
+  sent.entry.device = "press1";
+  sent.entry.id = "7";
+  sent.entry.surely_not_sent = sent.entry.refused = true;
+  sent.entry.result = R"({"id":7,"status":"REJECTED"})";
+  const auto heard = messages::announcement_from(messages::announcement(sent));
+  ASSERT_TRUE(heard);
+  EXPECT_TRUE(heard->unanswered);
+  EXPECT_TRUE(heard->entry.surely_not_sent);
+  EXPECT_TRUE(heard->entry.refused);
+  EXPECT_EQ(heard->entry.result, sent.entry.result);
+  EXPECT_EQ(heard->entry.payload, R"({"id":7})");
+}
+
 TEST(PairMessages, MarkHasNoEntry) {
   const auto heard = messages::announcement_from(messages::announcement({"b", 7}));
   ASSERT_TRUE(heard);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -130,6 +131,38 @@ TEST_F(StandbyJournalTest, OwnCommandsOfAnEarlierProcessAreAcknowledgedButReadsA
   EXPECT_TRUE(kept("w").acknowledged);
   EXPECT_FALSE(kept("r").acknowledged);
   EXPECT_FALSE(kept("n").acknowledged) << "the other gateway announced it";
+}
+
+TEST_F(StandbyJournalTest, CommandThatTheOtherGatewayLeftKeepsItsResult) {
+  stand_by();
+  JournalEntry done = command("done");
+  done.result = result("done", "FAILED");
+  JournalEntry unsent = command("unsent");
+  unsent.surely_not_sent = true;
+  JournalEntry sent = command("sent");
+  for (const JournalEntry& each : {done, unsent, sent}) journal_->keep_announced(each, kTopic);
+  take_over_store();
+  EXPECT_EQ(kept("done").result, done.result);
+  std::map<std::string, bool> unanswered;
+  for (const JournalEntry& each : store_->journal().unacknowledged({}))
+    unanswered[each.id] = each.surely_not_sent;
+  EXPECT_EQ(unanswered,
+            (std::map<std::string, bool>{{"done", false}, {"sent", false}, {"unsent", true}}));
+}
+
+TEST_F(StandbyJournalTest, WhatItLeftIsUnansweredUntilItHearsTheResult) {
+  stand_by();
+  journal_->keep_announced(command("1"), kTopic);
+  journal_->keep_announced(command("2"), kTopic);
+  take_over_store().close();
+  store_.reset();
+  stand_by();
+  journal_->keep_announced(command("of the other"), kTopic);
+  journal_->keep_result("press1", result("1", "FAILED"));
+  journal_->upkeep(SteadyTime{} + std::chrono::hours(1));
+  const auto unanswered = journal_->unanswered();
+  ASSERT_EQ(unanswered.size(), 1U);
+  EXPECT_EQ(unanswered[0].id, "2");
 }
 
 TEST_F(StandbyJournalTest, TakenOverEntryGetsANumberOfTheOtherStore) {
