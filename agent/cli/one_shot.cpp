@@ -23,7 +23,6 @@
 #include "agent/text/json_writer.h"
 #include "protocol/plc.h"
 #include "protocol/value/pack.h"
-#include "protocol/value/unpack.h"
 #include "protocol/value/value.h"
 
 namespace fxagent {

@@ -8,9 +8,7 @@
 #include "agent/config/suggestions.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
-#include "protocol/value/kind.h"
 #include "protocol/value/pack.h"
-#include "protocol/value/unpack.h"
 #include "protocol/value/value.h"
 
 namespace fxagent {

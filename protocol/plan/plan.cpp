@@ -8,8 +8,8 @@
 
 #include "protocol/plan/cheapest_reads.h"
 #include "protocol/plan/gathering.h"
+#include "protocol/value/pack.h"
 #include "protocol/value/span.h"
-#include "protocol/value/unpack.h"
 
 namespace fxagent {
 namespace {

@@ -1,16 +1,114 @@
 #include "protocol/value/pack.h"
 
+#include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
 #include <optional>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
-#include "protocol/value/kind.h"
 #include "protocol/value/raw.h"
 
 namespace fxagent {
+
+// ---- kinds -------------------------------------------------------------------------------------
+
+namespace {
+
+/// Returns a quoted text if it is short and printable ASCII, otherwise an empty one.
+std::string shown(const std::string& text) {
+  constexpr std::size_t kMost = 32;
+  const bool plain = text.size() <= kMost && std::ranges::all_of(text, [](char c) {
+                       return c >= ' ' && c <= '~' && c != '"' && c != '\\';
+                     });
+  return plain ? '"' + text + '"' : std::string();
+}
+
+/// Returns the number that a text spells; ignores blanks around it.
+std::optional<double> number_in(const std::string& text) {
+  const std::size_t first = text.find_first_not_of(' ');
+  if (first == text.npos) return std::nullopt;
+  const char* const end = text.data() + text.find_last_not_of(' ') + 1;
+  double number = 0;
+  const auto [stop, fault] = std::from_chars(text.data() + first, end, number);
+  const bool is_whole = fault == std::errc() && stop == end;
+  return is_whole && std::isfinite(number) ? std::optional(number) : std::nullopt;
+}
+
+/// Returns the end of a sentence that names what `type` takes: `: send the number 50, not the text
+/// "50"`. Quotes a text only if it is short and printable. Empty if there is nothing to add. Forms
+/// and flows often turn numbers into text.
+std::string instead_of(const Scalar& scalar, DataType type) {
+  if (const auto* text = std::get_if<std::string>(&scalar)) {
+    const bool is_bit = type == DataType::boolean;
+    if (is_bit && (*text == "true" || *text == "false"))
+      return ": send " + *text + " without quotes, not the text " + shown(*text);
+    if (const auto number = number_in(*text); number && !shown(*text).empty())
+      return ": send the number " + spelled(*number) + ", not the text " + shown(*text);
+    return shown(*text).empty() ? ", not a text" : ", not the text " + shown(*text);
+  }
+  if (type == DataType::string) {
+    const auto* flag = std::get_if<bool>(&scalar);
+    if (flag != nullptr) return ": send it in quotes";
+    return ": send \"" + spelled(scalar) + "\" in quotes, not a number";
+  }
+  if (const auto* flag = std::get_if<bool>(&scalar); flag != nullptr && type != DataType::boolean)
+    return std::string(": send ") + (*flag ? "1, not true" : "0, not false");
+  return {};
+}
+
+/// Returns the integer in a text if samples of the point may have one in that form, otherwise the
+/// scalar itself.
+Scalar without_quotes(const Point& point, const Scalar& scalar) {
+  const auto* text = std::get_if<std::string>(&scalar);
+  if (text == nullptr || is_float(point.type) || bits_of_type(point.type) < 16) return scalar;
+  const auto whole = whole_from(*text);
+  const bool is_wide = bits_of_type(point.type) == 64;
+  const bool is_large = whole && abs(*whole) > Whole(kExactDouble);
+  if (!whole || !(is_wide || (point.scaled() && is_large))) return scalar;
+  return scalar_of(*whole);
+}
+
+/// Checks that the scalar is of a kind that the point's type takes.
+Result<void> check_scalar(const Point& point, const Scalar& given) {
+  const Scalar scalar = without_quotes(point, given);
+  const auto* whole = std::get_if<std::int64_t>(&scalar);
+  const auto* real = std::get_if<double>(&scalar);
+  if (real != nullptr && !std::isfinite(*real)) return refuse("the value is not finite");
+  const std::string type(to_string(point.type));
+  if (point.type == DataType::boolean) {
+    const bool bit = std::holds_alternative<bool>(scalar) ||
+                     (whole != nullptr && (*whole == 0 || *whole == 1)) ||
+                     (real != nullptr && (*real == 0.0 || *real == 1.0));
+    if (!bit) return refuse(type + " takes true, false, 1 or 0" + instead_of(scalar, point.type));
+  } else if (point.type == DataType::string) {
+    if (!std::holds_alternative<std::string>(scalar))
+      return refuse(type + " takes a text" + instead_of(scalar, point.type));
+  } else if (!number_of(scalar)) {
+    return refuse(type + " takes a number" + instead_of(scalar, point.type));
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<void> check_kind(const Point& point, const Value& value) {
+  if (value.is_array != point.is_array)
+    return refuse(point.is_array ? "an array is expected" : "one value is expected, not an array");
+  if (value.items.size() != point.count)
+    return refuse(std::to_string(value.items.size()) + " elements given, " +
+                  std::to_string(point.count) + " expected");
+  for (const Scalar& scalar : value.items)
+    if (auto kind = check_scalar(point, scalar); !kind) return kind;
+  return {};
+}
+
+// ---- from values to images ---------------------------------------------------------------------
+
 namespace {
 
 void set_bits(Bytes& image, std::size_t to_bit, std::uint32_t bits, std::uint64_t value) {
@@ -145,6 +243,88 @@ Bytes with_padding_of(const Point& point, Bytes image, ByteView other) {
   const std::size_t at = point.order == ByteOrder::abcd ? bytes - 2 : bytes - 1;
   for (std::size_t i = at; i < image.size() && i < other.size(); i += bytes) image[i] = other[i];
   return image;
+}
+
+// ---- from images to values ---------------------------------------------------------------------
+
+namespace {
+
+double widen(double number) { return number; }
+/// Returns the double with the same shortest spelling as `number`: 23.4 for 23.4F, not
+/// 23.399999618530273.
+double widen(float number) {
+  std::array<char, 32> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
+  double wide = 0;
+  std::from_chars(text.data(), end, wide);
+  return wide;
+}
+
+// A character of a PLC has eight bits, which are read as Latin-1. JSON needs UTF-8.
+std::string utf8_from_latin1(std::uint8_t byte) {
+  if (byte < 0x80) return std::string(1, static_cast<char>(byte));
+  return {static_cast<char>(0xC0 | byte >> 6), static_cast<char>(0x80 | (byte & 0x3F))};
+}
+
+/// Decodes a float from its bit pattern `raw`.
+template <class Float, class Pattern>
+Result<Scalar> float_from(const Point& point, Pattern raw) {
+  Float number = 0;
+  static_assert(sizeof number == sizeof raw);
+  std::memcpy(&number, &raw, sizeof number);
+  if (!std::isfinite(number))
+    return refuse(hex_text(raw, static_cast<int>(2 * sizeof raw)) +
+                  (std::isnan(number) ? " is NaN" : " is infinite"));
+  return scaled_real(point, widen(number));
+}
+
+Result<Scalar> element_from(const Point& point, ByteView image, std::size_t bit,
+                            std::uint32_t bits) {
+  if (point.type == DataType::boolean) return Scalar(bits_at(image, bit, 1) != 0);
+  if (point.type == DataType::string) {
+    std::string text;
+    for (std::size_t i = 0; i < point.length; ++i) {
+      const std::size_t at = bit / 8 + character_at(i, point.order);
+      const auto byte = static_cast<std::uint8_t>(bits_at(image, 8 * at, 8));
+      if (byte == 0) break;
+      text += utf8_from_latin1(byte);
+    }
+    return Scalar(std::move(text));
+  }
+  std::uint64_t raw = bits_at(image, bit, bits);
+  if (point.address.unit == Unit::word) raw = reordered(raw, bits, point.order);
+  if (point.type == DataType::float64) return float_from<double>(point, raw);
+  if (point.type == DataType::float32)
+    return float_from<float>(point, static_cast<std::uint32_t>(raw));
+  if (is_bcd(point.type)) {
+    const auto number = from_bcd(static_cast<std::uint32_t>(raw));
+    if (!number) return refuse(hex_text(raw, static_cast<int>(bits / 4)) + " is not BCD");
+    return scaled_whole(point, *number);
+  }
+  Whole number(raw);
+  if (raw > limits_of(point.type, bits).max) number -= Whole(1) << bits;
+  return scaled_whole(point, number);
+}
+
+}  // namespace
+
+Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_first_bit) {
+  const auto span = span_of(point);
+  if (!span) return tl::make_unexpected(span.error());
+  const std::uint64_t image_end = image_first_bit + std::uint64_t{image.size()} * 8;
+  if (span->first_bit < image_first_bit || span->end_bit() > image_end)
+    return fail(ErrorCode::unsupported, point.address.text + " is not in what was read");
+  const std::uint32_t bits = span->bits / point.count;
+  std::size_t bit = span->first_bit - image_first_bit;
+  Value value;
+  value.is_array = point.is_array;
+  value.items.reserve(point.count);
+  for (std::uint16_t i = 0; i < point.count; ++i, bit += bits) {
+    auto element = element_from(point, image, bit, bits);
+    if (!element) return tl::make_unexpected(std::move(element.error()));
+    value.items.push_back(std::move(*element));
+  }
+  return value;
 }
 
 }  // namespace fxagent

@@ -1,4 +1,4 @@
-// Encodes the value of a point as an image.
+// Encodes the value of a point as an image, and decodes it.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +8,10 @@
 #include "protocol/value/value.h"
 
 namespace fxagent {
+
+/// Checks that `value` has the kind and the number of elements that the point takes. Does not check
+/// its range. Error: bad_request states what the point takes.
+Result<void> check_kind(const Point& point, const Value& value);
 
 /// Kind of a failure of pack(): the value has the wrong kind or count, or it is out of range.
 enum class PackFault : std::uint8_t { bad_value, out_of_range };
@@ -25,5 +29,10 @@ tl::expected<Bytes, PackError> pack(const Point& point, const Value& value);
 bool has_padding(const Point& point);
 /// Returns `image` of the point with those bytes copied from `other`, another image of the point.
 Bytes with_padding_of(const Point& point, Bytes image, ByteView other);
+
+/// Decodes the point's value from `image`, whose first bit is `image_first_bit` of the point's
+/// space. Errors: unsupported (the point is not wholly inside the image), or bad_request with the
+/// text for `bad_value` (NaN, infinite, a nibble that is not BCD). Never bad_frame.
+Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_first_bit);
 
 }  // namespace fxagent

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "protocol/value/unpack.h"
+#include "protocol/value/pack.h"
 
 namespace fxagent {
 namespace {

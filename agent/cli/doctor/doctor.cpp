@@ -30,7 +30,7 @@
 #include "protocol/checklist.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
-#include "protocol/value/unpack.h"
+#include "protocol/value/pack.h"
 #include "protocol/value/word_order.h"
 
 namespace fxagent {

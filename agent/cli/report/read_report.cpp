@@ -6,7 +6,7 @@
 
 #include "agent/cli/report/table.h"
 #include "agent/text/json_writer.h"
-#include "protocol/value/unpack.h"
+#include "protocol/value/pack.h"
 #include "protocol/value/value.h"
 #include "protocol/value/word_order.h"
 

@@ -7,7 +7,6 @@
 #include "agent/field/command/command_line_time.h"
 #include "protocol/plan/plan.h"
 #include "protocol/value/pack.h"
-#include "protocol/value/unpack.h"
 
 namespace fxagent {
 namespace {

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/plan/plan.h"
-#include "protocol/value/unpack.h"
+#include "protocol/value/pack.h"
 #include "tests/protocol/answers.h"
 
 namespace fxagent::fx {

@@ -5,9 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "protocol/value/kind.h"
 #include "protocol/value/pack.h"
-#include "protocol/value/unpack.h"
 #include "protocol/value/value.h"
 #include "tests/support/transcripts.h"
 

@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "protocol/value/unpack.h"
+#include "protocol/value/pack.h"
 
 namespace fxagent {
 namespace {
