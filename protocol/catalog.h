@@ -72,8 +72,7 @@ struct ProtocolInfo {
   /// Human-readable place in the PLC where frame format and sum check are set. Empty if there is
   /// none.
   std::string_view format_place;
-  /// Returns the PLC setting that these options and this line need: "is D8120 H6086 …".
-  std::string (*plc_line_word)(const Options&, const LineDefaults&) = nullptr;
+  bool has_d8120 = false;  ///< word D8120 of the PLC sets line and format
   Result<std::shared_ptr<const Codec>> (*make)(const Options&) = nullptr;
 };
 
