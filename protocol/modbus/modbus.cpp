@@ -281,55 +281,37 @@ Result<std::optional<Reply>> decode_rtu(std::uint8_t unit, const Request& reques
   return std::nullopt;
 }
 
-Result<std::optional<Reply>> decode_ascii(std::uint8_t unit, const Request& request, ByteView pdu,
-                                          ByteView rx) {
+/// Decodes frames that contain their own end: ASCII and TCP.
+Result<std::optional<Reply>> decode_delimited(const Modbus::Settings& settings,
+                                              const Request& request, ByteView pdu,
+                                              std::uint16_t tag, ByteView rx) {
+  const bool is_tcp = settings.framing == Framing::tcp;
   const bool echo_differs = !answers_by_echo(request, pdu);
-  std::size_t at = 0;
-  for (;;) {
-    const Frame frame = ascii_frame(rx, at);
+  for (std::size_t at = 0;;) {
+    const Frame frame = is_tcp ? tcp_frame(rx, at) : ascii_frame(rx, at);
     if (frame.state == Frame::State::incomplete) break;
     if (frame.state == Frame::State::wrong) return garbled(frame.error);
     const std::size_t began = at;
     at = frame.end;
-    const bool echo =
-        echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
-    if (frame.unit != unit || echo) continue;
+    if (echo_differs && std::ranges::equal(frame.pdu, pdu)) continue;
+    // A late answer to an older request, or on a shared line a frame of another unit.
+    if (is_tcp ? frame.transaction != tag : frame.unit != settings.unit) continue;
+    if (frame.unit != settings.unit)
+      return garbled("unit " + std::to_string(frame.unit) + " answered, unit " +
+                     std::to_string(settings.unit) + " was asked");
     auto reply = decode_pdu(request, frame.pdu);
     if (!reply) return reply;
-    if (!*reply) continue;
-    (*reply)->began = began;
-    (*reply)->consumed = frame.end;
-    return reply;
+    if (*reply) {
+      (*reply)->began = began;
+      (*reply)->consumed = frame.end;
+      return reply;
+    }
+    if (is_tcp)
+      return garbled("the answer is to another function, address or count: " + to_hex(frame.pdu));
   }
-  if (rx.size() > 2 * kLongestAscii)
+  if (!is_tcp && rx.size() > 2 * kLongestAscii)
     return garbled(std::to_string(rx.size()) + " bytes without an answer");
   return std::nullopt;
-}
-
-Result<std::optional<Reply>> decode_tcp(std::uint8_t unit, const Request& request, ByteView pdu,
-                                        std::uint16_t tag, ByteView rx) {
-  const bool echo_differs = !answers_by_echo(request, pdu);
-  std::size_t at = 0;
-  for (;;) {
-    const Frame frame = tcp_frame(rx, at);
-    if (frame.state == Frame::State::incomplete) return std::nullopt;
-    if (frame.state == Frame::State::wrong) return garbled(frame.error);
-    const std::size_t began = at;
-    at = frame.end;
-    const bool echo =
-        echo_differs && std::equal(frame.pdu.begin(), frame.pdu.end(), pdu.begin(), pdu.end());
-    if (frame.transaction != tag || echo) continue;  // a late answer to an older request
-    if (frame.unit != unit)
-      return garbled("unit " + std::to_string(frame.unit) + " answered, unit " +
-                     std::to_string(unit) + " was asked");
-    auto reply = decode_pdu(request, frame.pdu);
-    if (!reply) return reply;
-    if (!*reply)
-      return garbled("the answer is to another function, address or count: " + to_hex(frame.pdu));
-    (*reply)->began = began;
-    (*reply)->consumed = frame.end;
-    return reply;
-  }
 }
 
 }  // namespace
@@ -351,15 +333,8 @@ Result<std::optional<Reply>> Modbus::decode(const Request& request, std::uint16_
   const auto pdu = encode_pdu(request);
   if (!pdu) return tl::make_unexpected(pdu.error());
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "no unit answers a broadcast");
-  switch (settings_.framing) {
-    case Framing::rtu:
-      return decode_rtu(settings_.unit, request, *pdu, rx);
-    case Framing::ascii:
-      return decode_ascii(settings_.unit, request, *pdu, rx);
-    case Framing::tcp:
-      break;
-  }
-  return decode_tcp(settings_.unit, request, *pdu, tag, rx);
+  if (settings_.framing == Framing::rtu) return decode_rtu(settings_.unit, request, *pdu, rx);
+  return decode_delimited(settings_, request, *pdu, tag, rx);
 }
 
 LineLength Modbus::line_length(const Request& request) const {
