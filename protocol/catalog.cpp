@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "protocol/control_characters.h"
+#include "protocol/encoding.h"
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/programming_port.h"
 #include "protocol/mc/mc.h"

@@ -1,5 +1,5 @@
-// Numbers on the wire and steps of Codec::encode() that several protocols share. The .cpp also has
-// Codec::combine().
+// Numbers and control characters on the wire, and steps of Codec::encode() that several protocols
+// share. The .cpp also has Codec::combine().
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,18 @@
 #include "protocol/codec.h"
 
 namespace fxagent {
+
+// Control characters (ASCII) that begin, end and acknowledge frames of serial lines.
+inline constexpr std::uint8_t kStx = 0x02;
+inline constexpr std::uint8_t kEtx = 0x03;
+inline constexpr std::uint8_t kEot = 0x04;
+inline constexpr std::uint8_t kEnq = 0x05;
+inline constexpr std::uint8_t kAck = 0x06;
+inline constexpr std::uint8_t kLf = 0x0A;
+inline constexpr std::uint8_t kCl = 0x0C;
+inline constexpr std::uint8_t kCr = 0x0D;
+inline constexpr std::uint8_t kDle = 0x10;  ///< around 4C frames of format 5; doubled inside
+inline constexpr std::uint8_t kNak = 0x15;
 
 /// Form of the numbers on the wire: hex digits, or bytes with the high or the low one first.
 enum class NumberForm : std::uint8_t { digits, high_first, low_first };

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 
-#include "protocol/control_characters.h"
 #include "protocol/encoding.h"
 #include "protocol/fx/link_frame.h"
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <string>
 
-#include "protocol/control_characters.h"
 #include "protocol/device_walk.h"
 #include "protocol/fx/computer_link.h"
 #include "protocol/fx/link_frame.h"

@@ -4,7 +4,6 @@
 #include <string>
 #include <string_view>
 
-#include "protocol/control_characters.h"
 #include "protocol/encoding.h"
 #include "protocol/fx/link_frame.h"
 

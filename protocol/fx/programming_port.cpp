@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "protocol/control_characters.h"
 #include "protocol/encoding.h"
 
 namespace fxagent::fx {

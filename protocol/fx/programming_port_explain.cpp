@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <string>
 
-#include "protocol/control_characters.h"
 #include "protocol/frame_walk.h"
 #include "protocol/fx/programming_port.h"
 

@@ -3,7 +3,6 @@
 #include <string>
 #include <string_view>
 
-#include "protocol/control_characters.h"
 #include "protocol/frame_walk.h"
 #include "protocol/mc/body.h"
 #include "protocol/mc/explain_message.h"

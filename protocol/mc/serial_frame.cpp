@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <string_view>
 
-#include "protocol/control_characters.h"
 #include "protocol/mc/body.h"
 
 namespace fxagent::mc {

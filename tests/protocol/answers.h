@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "protocol/codec.h"
-#include "protocol/control_characters.h"
+#include "protocol/encoding.h"
 #include "protocol/explanation.h"
 #include "tests/support/says.h"
 #include "tests/support/transcripts.h"
