@@ -5,7 +5,6 @@
 
 #include "protocol/frame_walk.h"
 #include "protocol/mc/body.h"
-#include "protocol/mc/explain_message.h"
 #include "protocol/mc/mc.h"
 #include "protocol/mc/message.h"
 

@@ -1,5 +1,4 @@
-#include "protocol/mc/explain_message.h"
-
+// Explains messages of 3E, 4E, 3C and 4C (message.h).
 #include <algorithm>
 
 #include "protocol/device_walk.h"

@@ -40,4 +40,16 @@ Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, Byte
 /// Bytes of the type name in the image of Control::identify. Two more hold the model code.
 inline constexpr std::size_t kTypeName = 16;
 
+// Explanations, in explain_message.cpp.
+
+/// Fills in command, subcommand and data of a request. Sets `out.ok` to true, or to false with the
+/// reason in `out.error`.
+void explain_request(Model model, Code code, ByteView message, Explanation& out);
+
+/// Explains the data of an answer whose request is unknown, as words or unchanged.
+void explain_data(Code code, ByteView data, Explanation& out);
+
+/// Explains an end code other than 0.
+void explain_refusal(Model model, std::uint16_t end_code, Explanation& out);
+
 }  // namespace fxagent::mc
