@@ -1,4 +1,4 @@
-#include "protocol/plan/forbidden.h"
+#include "protocol/plan/cheapest_reads.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "protocol/fx/programming_port.h"
-#include "protocol/plan/forbidden.h"
+#include "protocol/plan/cheapest_reads.h"
 
 namespace fxagent {
 namespace {
