@@ -142,8 +142,8 @@ ProtocolInfo computer_link() {
   return info;
 }
 
-template <modbus::Framing framing>
-ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
+ProtocolInfo modbus_protocol(std::string_view name, modbus::Framing framing,
+                             std::string_view summary) {
   const modbus::Modbus::Settings settings;
   ProtocolInfo info;
   info.name = name;
@@ -172,21 +172,21 @@ ProtocolInfo modbus_protocol(std::string_view name, std::string_view summary) {
               "register, if the device lacks function 22. Changes by the device in between are "
               "lost."),
   };
-  info.make = [](const Options& options) { return modbus::Modbus::make(framing, options); };
+  info.make = [framing](const Options& options) { return modbus::Modbus::make(framing, options); };
   return info;
 }
 
 ProtocolInfo modbus_rtu() {
-  ProtocolInfo info = modbus_protocol<modbus::Framing::rtu>(
-      "modbus-rtu", "Modbus RTU, serial or through a serial server");
+  ProtocolInfo info = modbus_protocol("modbus-rtu", modbus::Framing::rtu,
+                                      "Modbus RTU, serial or through a serial server");
   info.hints.silent = "is its address `unit`; is it set to Modbus RTU, not ASCII";
   info.line.data_bits = 8;
   return info;
 }
 
 ProtocolInfo modbus_ascii() {
-  ProtocolInfo info = modbus_protocol<modbus::Framing::ascii>(
-      "modbus-ascii", "Modbus ASCII, serial or through a serial server");
+  ProtocolInfo info = modbus_protocol("modbus-ascii", modbus::Framing::ascii,
+                                      "Modbus ASCII, serial or through a serial server");
   info.hints.silent = "is its address `unit`; is it set to Modbus ASCII, not RTU";
   info.text_begins_with = ':';
   return info;
@@ -194,7 +194,7 @@ ProtocolInfo modbus_ascii() {
 
 ProtocolInfo modbus_tcp() {
   ProtocolInfo info =
-      modbus_protocol<modbus::Framing::tcp>("modbus-tcp", "Modbus TCP, port 502 by custom");
+      modbus_protocol("modbus-tcp", modbus::Framing::tcp, "Modbus TCP, port 502 by custom");
   info.hints.silent =
       "is `unit` right (a device with its own network port often has 1 or 255; behind a gateway it "
       "is the unit on the gateway's line); does the gateway's line have the device's speed, data "
@@ -312,8 +312,7 @@ void add_hints(ProtocolInfo& info) {
     info.model_hints.emplace_back(model, model == "Q" || model == "L" ? works2 : works3);
 }
 
-template <mc::Frame frame>
-ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
+ProtocolInfo mc_ethernet(std::string_view name, mc::Frame frame, std::string_view summary) {
   const mc::Mc::Settings settings;
   ProtocolInfo info = mc_protocol(name, summary);
   info.on_serial = false;
@@ -331,13 +330,12 @@ ProtocolInfo mc_ethernet(std::string_view name, std::string_view summary) {
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes,
                                  settings.max_block_bytes, "Bytes of device memory in one frame."));
   add_hints(info);
-  info.make = [](const Options& options) { return mc::Mc::make(frame, options); };
+  info.make = [frame](const Options& options) { return mc::Mc::make(frame, options); };
   return info;
 }
 
-template <mc::Frame frame>
-ProtocolInfo mc_serial(std::string_view name, std::string_view summary) {
-  constexpr bool kIs4C = frame == mc::Frame::c4;
+ProtocolInfo mc_serial(std::string_view name, mc::Frame frame, std::string_view summary) {
+  const bool is_4c = frame == mc::Frame::c4;
   constexpr std::int64_t kBlock = 512;
   const mc::Mc::Settings settings;
   ProtocolInfo info = mc_protocol(name, summary);
@@ -348,8 +346,8 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary) {
                       integer("station", 0, 31, settings.station,
                               "Station number, as in the parameters of the serial port."));
   info.options.push_back(
-      integer("format", 1, kIs4C ? 5 : 4, settings.format,
-              kIs4C ? "Message pattern, as in the parameters: 1 to 4 are ASCII, 5 is binary "
+      integer("format", 1, is_4c ? 5 : 4, settings.format,
+              is_4c ? "Message pattern, as in the parameters: 1 to 4 are ASCII, 5 is binary "
                       "and needs 8 data bits."
                     : "Message pattern, as in the parameters; all are ASCII."));
   info.options.back().binary_from = 5;
@@ -359,7 +357,7 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary) {
   info.options.push_back(integer("max_block_bytes", 2, settings.max_block_bytes, kBlock,
                                  "Bytes of device memory in one frame. More is a little faster, "
                                  "but commands wait longer."));
-  if (kIs4C) add_module(info);
+  if (is_4c) add_module(info);
   info.format_place =
       "the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: its "
       "switch setting)";
@@ -367,7 +365,7 @@ ProtocolInfo mc_serial(std::string_view name, std::string_view summary) {
       "in the parameters of the PLC's serial port (FX5: 485 Serial Port in GX Works3; C24 module: "
       "its switch setting), is the protocol MC Protocol, the message pattern `format`, the station "
       "`station` and the sum check `sum_check`; was the PLC switched off and on after a change";
-  info.make = [](const Options& options) { return mc::Mc::make(frame, options); };
+  info.make = [frame](const Options& options) { return mc::Mc::make(frame, options); };
   return info;
 }
 
@@ -381,13 +379,13 @@ std::span<const ProtocolInfo> catalog() {
       modbus_ascii(),
       modbus_tcp(),
       mc_1e(),
-      mc_ethernet<mc::Frame::e3>("mc-3e", "MC protocol (SLMP) in 3E frames: FX5, Q, L, iQ-R"),
-      mc_ethernet<mc::Frame::e4>("mc-4e",
-                                 "MC protocol (SLMP) in 4E frames, whose answers have numbers"),
-      mc_serial<mc::Frame::c3>("mc-3c",
-                               "MC protocol in 3C frames: serial ports of FX5, Q, L, iQ-R"),
-      mc_serial<mc::Frame::c4>("mc-4c",
-                               "MC protocol in 4C frames: serial ports of FX5, Q, L, iQ-R")};
+      mc_ethernet("mc-3e", mc::Frame::e3, "MC protocol (SLMP) in 3E frames: FX5, Q, L, iQ-R"),
+      mc_ethernet("mc-4e", mc::Frame::e4,
+                  "MC protocol (SLMP) in 4E frames, whose answers have numbers"),
+      mc_serial("mc-3c", mc::Frame::c3,
+                "MC protocol in 3C frames: serial ports of FX5, Q, L, iQ-R"),
+      mc_serial("mc-4c", mc::Frame::c4,
+                "MC protocol in 4C frames: serial ports of FX5, Q, L, iQ-R")};
   return protocols;
 }
 

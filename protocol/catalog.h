@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -73,7 +74,7 @@ struct ProtocolInfo {
   /// none.
   std::string_view format_place;
   bool has_d8120 = false;  ///< word D8120 of the PLC sets line and format
-  Result<std::shared_ptr<const Codec>> (*make)(const Options&) = nullptr;
+  std::function<Result<std::shared_ptr<const Codec>>(const Options&)> make;
 };
 
 /// Returns every protocol, in the order of the README.

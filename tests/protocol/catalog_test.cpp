@@ -29,7 +29,7 @@ TEST(Catalog, EveryEntryIsCompleteAndNamedOnce) {
     EXPECT_FALSE(info.summary.empty());
     EXPECT_FALSE(info.model_meaning.empty());
     EXPECT_TRUE(info.on_serial || info.on_tcp);
-    ASSERT_NE(info.make, nullptr);
+    ASSERT_TRUE(info.make);
     for (const OptionSpec& option : info.options) {
       EXPECT_FALSE(option.meaning.empty()) << option.key;
       if (option.kind == OptionSpec::Kind::choice) {
