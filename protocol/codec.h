@@ -57,7 +57,8 @@ class Codec {
   /// True if frames are text: digits and letters between control characters, none of which needs an
   /// eighth bit.
   virtual bool is_text() const { return false; }
-  /// Explains one frame. Without a direction it assumes the likelier one.
+  /// Explains one frame. Without a direction it assumes the likelier one. Accepts any bytes; the
+  /// explanation's `error` states what is wrong with them.
   virtual Explanation explain(ByteView frame, std::optional<Direction> direction) const = 0;
 
   // Timing.

@@ -245,10 +245,6 @@ LineLength ComputerLink::line_length(const Request& request) const {
   return length;
 }
 
-Explanation ComputerLink::explain(ByteView frame, std::optional<Direction> direction) const {
-  return explain_link_frame(settings_.model, frame, direction);
-}
-
 // ---- probe, model, RUN and STOP ----------------------------------------------------------------
 
 std::optional<Request> ComputerLink::probe(std::uint32_t number) const {

@@ -75,6 +75,7 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   bool is_text() const override { return true; }
+  /// With or without sum, in either format. An unknown model counts as FX3U.
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   std::optional<Request> resync() const override { return Control{Control::Kind::reset}; }
@@ -95,10 +96,5 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
 
   Settings settings_;
 };
-
-/// Explains one frame for `fxagent decode`, with or without sum, in either format, with the devices
-/// of `model` (FX3U if it is unknown). Accepts any bytes; the explanation's `error` states what is
-/// wrong with them.
-Explanation explain_link_frame(Model model, ByteView frame, std::optional<Direction> direction);
 
 }  // namespace fxagent::fx

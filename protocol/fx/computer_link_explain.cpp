@@ -216,7 +216,7 @@ constexpr First kFirst[] = {{kEnq, "ENQ", Direction::request}, {kStx, "STX", Dir
 
 }  // namespace
 
-Explanation explain_link_frame(Model model, ByteView bytes, std::optional<Direction> direction) {
+Explanation ComputerLink::explain(ByteView bytes, std::optional<Direction> direction) const {
   Explanation out = begin_explanation(direction);
   if (bytes.empty()) return wrong(out, "no bytes");
   const auto* first = std::ranges::find(kFirst, bytes[0], &First::character);
@@ -235,7 +235,7 @@ Explanation explain_link_frame(Model model, ByteView bytes, std::optional<Direct
     out.fields.emplace_back("meaning", "every PLC starts again and does not answer");
     return out;
   }
-  if (!LinkWalk(out, frame, model).explain(direction)) return out;
+  if (!LinkWalk(out, frame, settings_.model).explain(direction)) return out;
   out.format = ends_with_cr_lf ? 4 : 1;
   if (ends_with_cr_lf) out.fields.emplace_back("end", "CR LF: format 4");
   return out;

@@ -363,10 +363,6 @@ LineLength ProgrammingPort::line_length(const Request& request) const {
   return {1, 1, 0};
 }
 
-Explanation ProgrammingPort::explain(ByteView frame, std::optional<Direction> direction) const {
-  return explain_port_frame(settings_.model, frame, direction);
-}
-
 // ---- probe, model, RUN and STOP ----------------------------------------------------------------
 
 std::optional<Request> ProgrammingPort::probe(std::uint32_t number) const {

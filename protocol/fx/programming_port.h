@@ -60,6 +60,7 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   bool is_text() const override { return true; }
+  /// The model decides what an extended address means. An unknown one counts as FX3U.
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   std::optional<Request> resync() const override { return Enquire{}; }
@@ -79,9 +80,5 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
  private:
   Settings settings_;
 };
-
-/// Explains one frame for `fxagent decode`. Names an extended address for `model` (FX3U if it is
-/// unknown). Accepts any bytes; the explanation's `error` states what is wrong with them.
-Explanation explain_port_frame(Model model, ByteView frame, std::optional<Direction> direction);
 
 }  // namespace fxagent::fx

@@ -192,7 +192,7 @@ Explanation likelier(Model model, ByteView payload) {
 
 }  // namespace
 
-Explanation explain_port_frame(Model model, ByteView frame, std::optional<Direction> direction) {
+Explanation ProgrammingPort::explain(ByteView frame, std::optional<Direction> direction) const {
   Explanation out = begin_explanation(direction);
   if (frame.empty()) return wrong(out, "no bytes");
   const std::uint8_t first = frame.front();
@@ -205,7 +205,7 @@ Explanation explain_port_frame(Model model, ByteView frame, std::optional<Direct
   const std::size_t behind = frame.size() - length - 1;
   if (behind != 2)
     return wrong(out, "two digits of sum follow ETX, not " + std::to_string(behind) + " bytes");
-  if (model == Model::unknown) model = Model::fx3u;
+  const Model model = settings_.model == Model::unknown ? Model::fx3u : settings_.model;
   const ByteView payload = frame.subspan(1, length - 1);
   out = !direction                         ? likelier(model, payload)
         : *direction == Direction::request ? explain_request(model, payload)

@@ -258,10 +258,10 @@ class SerialExplainer final {
 
 }  // namespace
 
-Explanation explain_frame(Frame frame, Model model, ByteView bytes,
-                          std::optional<Direction> direction) {
-  if (!is_serial(frame)) return explain_ethernet(frame == Frame::e4, model, bytes, direction);
-  return SerialExplainer(frame == Frame::c4, model, bytes, direction).run();
+Explanation Mc::explain(ByteView frame, std::optional<Direction> direction) const {
+  if (is_serial(settings_.frame))
+    return SerialExplainer(serial_.is_4c, settings_.model, frame, direction).run();
+  return explain_ethernet(ethernet_.numbered, settings_.model, frame, direction);
 }
 
 }  // namespace fxagent::mc

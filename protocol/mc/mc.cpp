@@ -262,10 +262,6 @@ LineLength Mc::line_length(const Request& request) const {
   return length;
 }
 
-Explanation Mc::explain(ByteView frame, std::optional<Direction> direction) const {
-  return explain_frame(settings_.frame, settings_.model, frame, direction);
-}
-
 // ---- time, recovery and refusals ----------------------------------------------------------------
 
 std::chrono::milliseconds Mc::gives_up_after() const {

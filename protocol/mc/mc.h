@@ -27,7 +27,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
     Frame frame = Frame::e3;
     Model model = Model::unknown;
     Code code = Code::binary;  ///< 3E and 4E
-    Route route;
+    Route route{};
     std::uint32_t timer = 16;              ///< 3E and 4E: monitoring timer in units of 250 ms
     std::uint8_t station = 0;              ///< 3C and 4C
     std::uint32_t format = 1;              ///< 3C and 4C
@@ -69,6 +69,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   bool is_text() const override { return dialect_.code == Code::ascii; }
+  /// In any code and format.
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
   std::chrono::milliseconds gives_up_after() const override;
@@ -100,10 +101,5 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
 /// Returns the model for the type name in an answer to 0101 ("FX5U-32MT/ES", "R08CPU"). Empty if it
 /// is not a model of the catalogue.
 std::string_view model_of_type(std::string_view type_name);
-
-/// Explains one frame for `fxagent decode`, in any code and format, with the devices of `model`.
-/// Accepts any bytes; the explanation's `error` states what is wrong with them.
-Explanation explain_frame(Frame frame, Model model, ByteView bytes,
-                          std::optional<Direction> direction);
 
 }  // namespace fxagent::mc

@@ -426,10 +426,6 @@ std::chrono::milliseconds OneE::gives_up_after() const {
   return std::chrono::milliseconds(settings_.monitoring_timer * kMonitoringUnitMs);
 }
 
-Explanation OneE::explain(ByteView frame, std::optional<Direction> direction) const {
-  return one_e::explain_frame(settings_.model, frame, direction);
-}
-
 std::optional<Request> OneE::probe(std::uint32_t number) const {
   // Two more bits add a byte. Every series has M0 up, and 1E frames reach it.
   return Read{span_of(Space::m, {0, 2 * (number % kProbes)}), kBitWay};

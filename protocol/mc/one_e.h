@@ -65,6 +65,7 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   LineLength line_length(const Request& request) const override;
   std::chrono::milliseconds gives_up_after() const override;
   bool is_text() const override { return settings_.code == Code::ascii; }
+  /// In binary or ASCII, whatever `code` is.
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
   Recovery after_silence() const override { return Recovery::reconnect; }
   Recovery after_nonsense() const override { return Recovery::reconnect; }
@@ -84,13 +85,5 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
  private:
   Settings settings_;
 };
-
-namespace one_e {
-
-/// Explains one frame for `fxagent decode`, with the devices of `model`. Detects binary or ASCII.
-/// Accepts any bytes; the explanation's `error` states what is wrong with them.
-Explanation explain_frame(Model model, ByteView frame, std::optional<Direction> direction);
-
-}  // namespace one_e
 
 }  // namespace fxagent::mc

@@ -6,7 +6,8 @@
 #include "protocol/mc/one_e.h"
 #include "protocol/mc/one_e_frame.h"
 
-namespace fxagent::mc::one_e {
+namespace fxagent::mc {
+namespace one_e {
 namespace {
 
 struct KnownCommand;
@@ -150,8 +151,10 @@ void Walk::answer(const KnownCommand& command) {
 }
 
 }  // namespace
+}  // namespace one_e
 
-Explanation explain_frame(Model model, ByteView frame, std::optional<Direction> direction) {
+Explanation OneE::explain(ByteView frame, std::optional<Direction> direction) const {
+  using namespace one_e;
   Explanation out = begin_explanation(direction);
   if (frame.empty()) return wrong(out, "no bytes");
   // No command or answer begins with the code of a digit.
@@ -163,8 +166,8 @@ Explanation explain_frame(Model model, ByteView frame, std::optional<Direction> 
     return wrong(out, "a frame in ASCII has pairs of hex digits only");
   const std::uint8_t first = binary->front();
   const bool is_answer = (first & kAnswer) != 0;
-  const auto* command =
-      std::ranges::find(kCommands, static_cast<Command>(first & ~kAnswer), &KnownCommand::code);
+  const auto* command = std::ranges::find(kCommands, static_cast<one_e::Command>(first & ~kAnswer),
+                                          &KnownCommand::code);
   if (command == std::end(kCommands))
     return wrong(out, hex_text(first, 2) + " is neither a command of a 1E frame nor its answer");
   out.direction = is_answer ? Direction::reply : Direction::request;
@@ -174,7 +177,7 @@ Explanation explain_frame(Model model, ByteView frame, std::optional<Direction> 
   if (direction && *direction != out.direction)
     return wrong(out, hex_text(first, 2) + " begins " + (is_answer ? "an answer" : "a request"));
   Walk walk(out, in_ascii ? NumberForm::high_first : NumberForm::low_first,
-            ByteView(*binary).subspan(1), model);
+            ByteView(*binary).subspan(1), settings_.model);
   if (is_answer)
     walk.answer(*command);
   else
@@ -182,4 +185,4 @@ Explanation explain_frame(Model model, ByteView frame, std::optional<Direction> 
   return out;
 }
 
-}  // namespace fxagent::mc::one_e
+}  // namespace fxagent::mc

@@ -234,7 +234,8 @@ bool is_like_a_request(ByteView pdu) {
 
 }  // namespace
 
-Explanation explain_frame(Framing framing, ByteView bytes, std::optional<Direction> direction) {
+Explanation Modbus::explain(ByteView bytes, std::optional<Direction> direction) const {
+  const Framing framing = settings_.framing;
   const Frame frame = frame_in(framing, bytes);
   Explanation shell = begin_explanation(direction);
   if (frame.pdu.empty()) return wrong(shell, frame.error);

@@ -348,10 +348,6 @@ LineLength Modbus::line_length(const Request& request) const {
   return length;
 }
 
-Explanation Modbus::explain(ByteView frame, std::optional<Direction> direction) const {
-  return explain_frame(settings_.framing, frame, direction);
-}
-
 // ---- refusals, recovery and pauses --------------------------------------------------------------
 
 RefusalMeaning Modbus::meaning_of(const Request& request, int device_code) const {

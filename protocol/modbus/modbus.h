@@ -90,8 +90,4 @@ class Modbus final : public Codec, public AddressSpace {
 /// Returns "hr:100", counted from `base`.
 std::string name_of(Space space, std::uint32_t number, std::uint32_t base);
 
-/// Explains one frame for `fxagent decode`. Accepts any bytes; the explanation's `error` states
-/// what is wrong with them.
-Explanation explain_frame(Framing framing, ByteView frame, std::optional<Direction> direction);
-
 }  // namespace fxagent::modbus

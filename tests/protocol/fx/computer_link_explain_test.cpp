@@ -9,22 +9,26 @@ namespace {
 using namespace test;
 using Values = std::vector<std::string>;
 
+Explanation explained(Model model, ByteView frame, std::optional<Direction> direction) {
+  return ComputerLink({.model = model}).explain(frame, direction);
+}
+
 Explanation explain(std::string_view frame, std::optional<Direction> direction = {}) {
-  return explain_link_frame(Model::unknown, ascii(frame), direction);
+  return explained(Model::unknown, ascii(frame), direction);
 }
 
 /// Explains a frame of the first character, the text and the correct sum.
 Explanation summed(std::string_view text) {
   Bytes frame = ascii(text);
   append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
-  return explain_link_frame(Model::unknown, frame, std::nullopt);
+  return explained(Model::unknown, frame, std::nullopt);
 }
 
 TEST(LinkExplanation, NamesEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("fx_computer_link.txt")) {
     SCOPED_TRACE(e.where());
     const auto model = *model_named(e.model);
-    const auto out = explain_link_frame(model, e.request, std::nullopt);
+    const auto out = explained(model, e.request, std::nullopt);
     if (e.operation == "sum_only") {
       EXPECT_FALSE(out.ok);
       continue;
@@ -36,10 +40,9 @@ TEST(LinkExplanation, NamesEveryFrameOfTheTranscripts) {
     if (e.device != "-" && e.operation != "nak") {
       EXPECT_EQ(out.device, e.device);
     }
-    EXPECT_FALSE(
-        explain_link_frame(model, e.request, by_plc ? Direction::request : Direction::reply).ok);
+    EXPECT_FALSE(explained(model, e.request, by_plc ? Direction::request : Direction::reply).ok);
     if (e.reply.empty()) continue;
-    const auto reply = explain_link_frame(model, e.reply, Direction::reply);
+    const auto reply = explained(model, e.reply, Direction::reply);
     EXPECT_TRUE(reply.ok) << reply.error.value_or("");
     EXPECT_EQ(reply.operation, e.reply[0] == 0x02 ? "data" : e.reply[0] == 0x06 ? "ack" : "nak");
   }

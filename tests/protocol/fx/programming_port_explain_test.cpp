@@ -18,14 +18,18 @@ Bytes frame(std::string_view payload) {
   return bytes;
 }
 
+Explanation explained(Model model, ByteView frame, std::optional<Direction> direction) {
+  return ProgrammingPort({.model = model}).explain(frame, direction);
+}
+
 Explanation explain(std::string_view payload, Model model = Model::unknown,
                     std::optional<Direction> direction = {}) {
-  return explain_port_frame(model, frame(payload), direction);
+  return explained(model, frame(payload), direction);
 }
 
 TEST(Explanation, NamesEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("fx_programming_port.txt")) {
-    const auto out = explain_port_frame(*model_named(e.model), e.request, Direction::request);
+    const auto out = explained(*model_named(e.model), e.request, Direction::request);
     if (e.operation == "bad_sum") {
       EXPECT_FALSE(out.ok);
       EXPECT_EQ(out.checksum_given, "00");
@@ -55,7 +59,7 @@ TEST(Explanation, NamesEveryFrameOfTheTranscripts) {
     else
       EXPECT_EQ(*out.device, e.device) << "line " << e.line;
     if (!e.reply.empty()) {
-      const auto reply = explain_port_frame(*model_named(e.model), e.reply, Direction::reply);
+      const auto reply = explained(*model_named(e.model), e.reply, Direction::reply);
       EXPECT_TRUE(reply.ok) << "line " << e.line;
       EXPECT_EQ(reply.direction, Direction::reply);
     }
@@ -65,7 +69,7 @@ TEST(Explanation, NamesEveryFrameOfTheTranscripts) {
 TEST(Explanation, TellsARequestFromAnAnswerByItself) {
   for (const test::Exchange& e : test::read_frames("fx_programming_port.txt")) {
     if (e.operation == "bad_sum") continue;
-    const auto out = explain_port_frame(*model_named(e.model), e.request, std::nullopt);
+    const auto out = explained(*model_named(e.model), e.request, std::nullopt);
     EXPECT_TRUE(out.ok) << "line " << e.line;
     // A speed command looks like one data byte, which is the likelier meaning.
     const bool speed = e.request.size() == 6;
@@ -77,8 +81,7 @@ TEST(Explanation, TellsARequestFromAnAnswerByItself) {
 }
 
 TEST(Explanation, AForceOfY0OnAnFx1nSaysAllOfIt) {
-  const auto out =
-      explain_port_frame(Model::fx1n, hex("02 45 37 30 30 30 43 03 35 32"), std::nullopt);
+  const auto out = explained(Model::fx1n, hex("02 45 37 30 30 30 43 03 35 32"), std::nullopt);
   EXPECT_TRUE(out.ok);
   EXPECT_EQ(out.direction, Direction::request);
   EXPECT_TRUE(out.ambiguous);  // six hex digits could also be three bytes of data
@@ -136,7 +139,7 @@ TEST(Explanation, AnAnswerShowsItsWordsOrTheBitsOfItsBytes) {
 
 TEST(Explanation, SingleCharactersHaveOneDirection) {
   const auto one = [](const char* text, std::optional<Direction> direction = {}) {
-    return explain_port_frame(Model::unknown, hex(text), direction);
+    return explained(Model::unknown, hex(text), direction);
   };
   EXPECT_EQ(one("05").operation, "enquire");
   EXPECT_EQ(one("05").direction, Direction::request);
@@ -156,7 +159,7 @@ std::string error(const Explanation& out) {
 
 TEST(Explanation, WhatIsNotAFrameSaysWhy) {
   const auto bytes = [](const char* text) {
-    return error(explain_port_frame(Model::unknown, hex(text), std::nullopt));
+    return error(explained(Model::unknown, hex(text), std::nullopt));
   };
   EXPECT_EQ(bytes(""), "no bytes");
   EXPECT_EQ(bytes("30 31"), "the frame does not begin with STX (02)");

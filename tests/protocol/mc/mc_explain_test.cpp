@@ -12,7 +12,7 @@ namespace {
 using namespace test;
 
 Explanation told(Frame frame, const Bytes& rx, std::optional<Direction> direction = std::nullopt) {
-  return explain_frame(frame, Model::fx5u, rx, direction);
+  return Mc({.frame = frame, .model = Model::fx5u}).explain(rx, direction);
 }
 
 std::string meaning(const Explanation& told, std::string_view name) {
@@ -175,7 +175,8 @@ TEST(McExplain, DamagedFramesAreExplainedAndDecodedWithoutHarm) {
           Bytes damaged = rx;
           damaged[random() % damaged.size()] = static_cast<std::uint8_t>(random());
           if (i % 3 == 0) damaged.resize(random() % (damaged.size() + 1));
-          const Explanation out = explain_frame(frame, Model::iq_r, damaged, std::nullopt);
+          const Explanation out =
+              Mc({.frame = frame, .model = Model::iq_r}).explain(damaged, std::nullopt);
           EXPECT_EQ(out.ok, !out.error.has_value());
           for (std::uint32_t format = 1; format <= 5; ++format) {
             Mc::Settings settings;

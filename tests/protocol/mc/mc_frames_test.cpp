@@ -160,10 +160,9 @@ TEST_P(McFrames, ExplainsEveryFrameByItself) {
   int explained = 0;
   for (const test::Exchange& e : test::read_frames(GetParam().name)) {
     SCOPED_TRACE(e.where());
-    const Model model = e.model == "auto" ? Model::unknown : *model_named(e.model);
     const Wire wire = wire_of(GetParam().frame, e);
     const auto asked = request_of(wire.codec, e);
-    const Explanation request = explain_frame(GetParam().frame, model, e.request, std::nullopt);
+    const Explanation request = wire.codec.explain(e.request, std::nullopt);
     // Two captures violate the manual's layout, and their PLCs refused them.
     const bool is_wrong = e.source.find("not the layout of the manual") != std::string::npos;
     EXPECT_EQ(request.ok, !is_wrong) << request.error.value_or("");
@@ -181,7 +180,7 @@ TEST_P(McFrames, ExplainsEveryFrameByItself) {
       EXPECT_EQ(request.device, devices);
     }
     if (e.reply.empty()) continue;
-    const Explanation reply = explain_frame(GetParam().frame, model, e.reply, std::nullopt);
+    const Explanation reply = wire.codec.explain(e.reply, std::nullopt);
     EXPECT_TRUE(reply.ok) << reply.error.value_or("");
     EXPECT_EQ(reply.direction, Direction::reply);
     const bool refused = e.operation == "nak" || is_wrong ||

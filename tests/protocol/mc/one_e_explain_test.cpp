@@ -9,19 +9,23 @@ namespace {
 using namespace test;
 using Values = std::vector<std::string>;
 
+Explanation explained(Model model, ByteView frame, std::optional<Direction> direction) {
+  return OneE({.model = model}).explain(frame, direction);
+}
+
 Explanation explain(std::string_view frame, Model model = Model::fx3u) {
-  return one_e::explain_frame(model, hex(frame), std::nullopt);
+  return explained(model, hex(frame), std::nullopt);
 }
 
 Explanation explain_text(std::string_view frame) {
-  return one_e::explain_frame(Model::fx3u, Bytes(frame.begin(), frame.end()), std::nullopt);
+  return explained(Model::fx3u, Bytes(frame.begin(), frame.end()), std::nullopt);
 }
 
 TEST(OneEExplanation, NamesEveryFrameOfTheTranscripts) {
   for (const test::Exchange& e : test::read_frames("mc_1e.txt")) {
     SCOPED_TRACE(e.where());
     const auto model = *model_named(e.model);
-    const auto out = one_e::explain_frame(model, e.request, std::nullopt);
+    const auto out = explained(model, e.request, std::nullopt);
     ASSERT_TRUE(out.ok) << out.error.value_or("");
     EXPECT_FALSE(out.ambiguous);
     EXPECT_EQ(out.direction, Direction::request);
@@ -29,9 +33,9 @@ TEST(OneEExplanation, NamesEveryFrameOfTheTranscripts) {
       EXPECT_EQ(out.device, e.device);
     }
     EXPECT_EQ(field(out, "data code"), e.command_set.starts_with("ascii") ? "ASCII" : "binary");
-    EXPECT_FALSE(one_e::explain_frame(model, e.request, Direction::reply).ok);
+    EXPECT_FALSE(explained(model, e.request, Direction::reply).ok);
     if (e.reply.empty()) continue;
-    const auto reply = one_e::explain_frame(model, e.reply, std::nullopt);
+    const auto reply = explained(model, e.reply, std::nullopt);
     EXPECT_TRUE(reply.ok) << reply.error.value_or("");
     EXPECT_EQ(reply.direction, Direction::reply);
     const bool reads = e.operation.starts_with("read") || e.operation == "identify";
@@ -138,10 +142,10 @@ TEST(OneEExplanation, AnyBytesAreGoodOrHaveAnError) {
         const auto judge = [&](const Explanation& out) {
           EXPECT_NE(out.ok, out.error.has_value()) << "line " << e.line << ", " << n << " bytes";
         };
-        judge(one_e::explain_frame(Model::fx3u, part, std::nullopt));
+        judge(explained(Model::fx3u, part, std::nullopt));
         for (std::uint8_t& byte : part) {
           byte ^= 0x11;
-          judge(one_e::explain_frame(Model::q, part, Direction::reply));
+          judge(explained(Model::q, part, Direction::reply));
           byte ^= 0x11;
         }
       }

@@ -30,6 +30,10 @@ Modbus unit(std::uint8_t number = 1, Framing framing = Framing::rtu) {
   return Modbus(settings);
 }
 
+Explanation explained(Framing framing, ByteView frame, std::optional<Direction> direction) {
+  return unit(1, framing).explain(frame, direction);
+}
+
 Address address(std::string_view text, const Modbus& codec = unit()) {
   const auto parsed = codec.parse_address(text, std::nullopt);
   EXPECT_TRUE(parsed.has_value()) << text << ": " << parsed.error().text;
@@ -109,10 +113,10 @@ TEST(Modbus, UnderstandsEveryAnswerOfTheTranscripts) {
 }
 
 TEST(Modbus, ExplainsEveryFrameOfTheTranscripts) {
-  int explained = 0;
+  int answers = 0;
   for (const test::Exchange& e : test::read_frames("modbus.txt")) {
     SCOPED_TRACE(e.where());
-    const Explanation request = explain_frame(framing_of(e), e.request, Direction::request);
+    const Explanation request = explained(framing_of(e), e.request, Direction::request);
     // A request sent in order to be refused violates the specification; the explanation says so.
     if (request_of(e)) {
       EXPECT_TRUE(request.ok) << request.error.value_or("");
@@ -121,13 +125,13 @@ TEST(Modbus, ExplainsEveryFrameOfTheTranscripts) {
     }
     EXPECT_FALSE(request.fields.empty());
     if (e.reply.empty()) continue;
-    const Explanation reply = explain_frame(framing_of(e), e.reply, Direction::reply);
+    const Explanation reply = explained(framing_of(e), e.reply, Direction::reply);
     EXPECT_TRUE(reply.ok) << reply.error.value_or("");
     EXPECT_EQ(reply.operation == "nak",
               is_refused(e) || e.source.find("exception") != std::string::npos);
-    ++explained;
+    ++answers;
   }
-  EXPECT_EQ(explained, 110);
+  EXPECT_EQ(answers, 110);
 }
 
 // ---- names --------------------------------------------------------------------------------------
@@ -663,7 +667,7 @@ TEST(Modbus, EveryPlanIsSendableBringsEveryPointAndKeepsToGapAndLength) {
 // ---- decode ------------------------------------------------------------------------------------
 
 TEST(ModbusExplain, TellsARequestFromAnAnswer) {
-  const auto request = explain_frame(Framing::rtu, hex("11 03 00 6B 00 03 76 87"), std::nullopt);
+  const auto request = explained(Framing::rtu, hex("11 03 00 6B 00 03 76 87"), std::nullopt);
   EXPECT_TRUE(request.ok);
   EXPECT_EQ(request.direction, Direction::request);
   EXPECT_FALSE(request.ambiguous);
@@ -672,11 +676,11 @@ TEST(ModbusExplain, TellsARequestFromAnAnswer) {
   EXPECT_EQ(request.device, "hr:107");
   EXPECT_EQ(request.count, 3U);
   EXPECT_EQ(request.checksum_given, "76 87");
-  const auto reply = explain_frame(Framing::rtu, hex(kRtuAnswer), std::nullopt);
+  const auto reply = explained(Framing::rtu, hex(kRtuAnswer), std::nullopt);
   EXPECT_EQ(reply.direction, Direction::reply);
   EXPECT_EQ(reply.operation, "data");
   EXPECT_EQ(reply.values, (std::vector<std::string>{"022B", "0000", "0064"}));
-  const auto both = explain_frame(Framing::rtu, hex("11 05 00 AC FF 00 4E 8B"), std::nullopt);
+  const auto both = explained(Framing::rtu, hex("11 05 00 AC FF 00 4E 8B"), std::nullopt);
   EXPECT_TRUE(both.ambiguous);
   EXPECT_EQ(both.operation, "force_on");
 }
@@ -684,7 +688,7 @@ TEST(ModbusExplain, TellsARequestFromAnAnswer) {
 TEST(ModbusExplain, SaysWhatIsWrong) {
   const auto error = [](Framing framing, std::string_view frame,
                         std::optional<Direction> direction = std::nullopt) {
-    const auto out = explain_frame(framing, hex(frame), direction);
+    const auto out = explained(framing, hex(frame), direction);
     EXPECT_FALSE(out.ok) << frame;
     return out.error.value_or("");
   };
@@ -711,28 +715,28 @@ TEST(ModbusExplain, SaysWhatIsWrong) {
 }
 
 TEST(ModbusExplain, AFunctionThatIsNeverSentIsStillAFrame) {
-  const auto out = explain_frame(Framing::rtu, hex("02 07 41 12"), std::nullopt);
+  const auto out = explained(Framing::rtu, hex("02 07 41 12"), std::nullopt);
   EXPECT_TRUE(out.ok);
   EXPECT_EQ(out.operation, "other");
   EXPECT_EQ(out.command, "07");
   EXPECT_EQ(out.direction, Direction::request);
   EXPECT_FALSE(out.ambiguous);
-  const auto answer = explain_frame(Framing::rtu, hex("11 07 6D E2 18"), std::nullopt);
+  const auto answer = explained(Framing::rtu, hex("11 07 6D E2 18"), std::nullopt);
   EXPECT_TRUE(answer.ok);
   EXPECT_EQ(answer.direction, Direction::reply);
-  EXPECT_FALSE(explain_frame(Framing::rtu, hex("11 07 6D E2 18"), Direction::request).ok);
-  EXPECT_FALSE(explain_frame(Framing::rtu, hex("02 07 41 12"), Direction::reply).ok);
-  const auto own = explain_frame(Framing::rtu, hex("11 42 00 00 00 00 7B 55"), std::nullopt);
+  EXPECT_FALSE(explained(Framing::rtu, hex("11 07 6D E2 18"), Direction::request).ok);
+  EXPECT_FALSE(explained(Framing::rtu, hex("02 07 41 12"), Direction::reply).ok);
+  const auto own = explained(Framing::rtu, hex("11 42 00 00 00 00 7B 55"), std::nullopt);
   EXPECT_TRUE(own.ok);
   EXPECT_TRUE(own.ambiguous);
-  EXPECT_FALSE(explain_frame(Framing::rtu, hex("11 00 01 E0 05"), std::nullopt).ok);
+  EXPECT_FALSE(explained(Framing::rtu, hex("11 00 01 E0 05"), std::nullopt).ok);
 }
 
 TEST(ModbusExplain, AFrameThatFitsNeitherWayIsTakenForWhatItLooksLike) {
   const auto direction = [](std::string_view pdu) {
     Bytes frame = hex("00 00 00 00 00 00 FF " + std::string(pdu));
     frame[5] = static_cast<std::uint8_t>(frame.size() - 6);
-    const auto out = explain_frame(Framing::tcp, frame, std::nullopt);
+    const auto out = explained(Framing::tcp, frame, std::nullopt);
     EXPECT_FALSE(out.ok) << pdu;
     return out.direction;
   };
@@ -745,17 +749,17 @@ TEST(ModbusExplain, AFrameThatFitsNeitherWayIsTakenForWhatItLooksLike) {
 
 TEST(ModbusExplain, BothSumsAreShownWhereTheyDiffer) {
   const std::string_view text = ":110402000AD0\r\n";
-  const auto ascii = explain_frame(Framing::ascii, Bytes(text.begin(), text.end()), std::nullopt);
+  const auto ascii = explained(Framing::ascii, Bytes(text.begin(), text.end()), std::nullopt);
   EXPECT_FALSE(ascii.ok);
   EXPECT_EQ(ascii.checksum_given, "D0");
   EXPECT_EQ(ascii.checksum_computed, "DF");
   EXPECT_EQ(ascii.operation, "data");
   // The specification's example with one byte changed and the original sum.
-  const auto rtu = explain_frame(Framing::rtu, hex("01 02 03 AC DB 35 22 78"), Direction::reply);
+  const auto rtu = explained(Framing::rtu, hex("01 02 03 AC DB 35 22 78"), Direction::reply);
   EXPECT_FALSE(rtu.ok);
   EXPECT_EQ(rtu.checksum_given, "22 78");
   EXPECT_EQ(rtu.checksum_computed, "22 88");
-  const auto tcp = explain_frame(Framing::tcp, hex(kTcpAnswer), std::nullopt);
+  const auto tcp = explained(Framing::tcp, hex(kTcpAnswer), std::nullopt);
   EXPECT_FALSE(tcp.checksum_given);
 }
 
