@@ -39,7 +39,7 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
 struct Limits {
   std::uint32_t x = 0, y = 0, m = 0, special = 0, s = 0, t = 0, c = 0;
   std::uint32_t c32_first = 0, c32_last = 0, d = 0;
-  std::uint32_t r = 0;  // count; 0 if the model has no extension registers
+  std::uint32_t r = 0;  // 0: no extension registers
 };
 
 constexpr std::array<Limits, 7> kLimits = {{
@@ -48,9 +48,15 @@ constexpr std::array<Limits, 7> kLimits = {{
     {0177, 0177, 1535, 8255, 999, 255, 199, 200, 255, 7999},          // FX1N
     {0267, 0267, 3071, 8255, 999, 255, 199, 200, 255, 7999},          // FX2N
     {0177, 0177, 1535, 8511, 255, 137, 199, 200, 255, 2999},          // FX3S
-    {0177, 0177, 7679, 8511, 4095, 319, 199, 200, 255, 7999, 24000},  // FX3G
-    {0377, 0377, 7679, 8511, 4095, 511, 199, 200, 255, 7999, 32768},  // FX3U
+    {0177, 0177, 7679, 8511, 4095, 319, 199, 200, 255, 7999, 23999},  // FX3G
+    {0377, 0377, 7679, 8511, 4095, 511, 199, 200, 255, 7999, 32767},  // FX3U
 }};
+
+// In the order of Space. Contacts and coils of counters have the run of 32-bit counters, too.
+constexpr std::array<std::uint32_t Limits::*, kSpaces> kLast = {
+    &Limits::x, &Limits::y,       &Limits::m, &Limits::special, &Limits::s,
+    &Limits::t, &Limits::t,       &Limits::c, &Limits::c,       &Limits::c32_last,
+    &Limits::d, &Limits::special, &Limits::r, &Limits::t,       &Limits::c};
 
 // Devices that start and stop the PLC or open its program memory. RUN and STOP have requests of
 // their own; a write that reached one of these as a side effect would stop a plant.
@@ -213,38 +219,12 @@ const DeviceKind& kind_of(Space space) { return kKinds[id(space)]; }
 std::vector<Numbers> numbers_of(Model model, Space space) {
   const Model known = model == Model::unknown ? Model::fx3u : model;
   const Limits& limits = kLimits[static_cast<std::size_t>(known) - 1];
-  switch (space) {
-    case Space::x:
-      return {{0, limits.x}};
-    case Space::y:
-      return {{0, limits.y}};
-    case Space::m:
-      return {{0, limits.m}};
-    case Space::special_m:
-      return {{8000, limits.special}};
-    case Space::s:
-      return {{0, limits.s}};
-    case Space::ts:
-    case Space::tc:
-    case Space::tn:
-      return {{0, limits.t}};
-    case Space::cn:
-      return {{0, limits.c}};
-    case Space::cn32:
-      return {{limits.c32_first, limits.c32_last}};
-    case Space::d:
-      return {{0, limits.d}};
-    case Space::special_d:
-      return {{8000, limits.special}};
-    case Space::r:
-      if (limits.r == 0) return {};
-      return {{0, limits.r - 1}};
-    case Space::cs:
-    case Space::cc:
-      break;
-  }
-  if (limits.c + 1 == limits.c32_first) return {{0, limits.c32_last}};
-  return {{0, limits.c}, {limits.c32_first, limits.c32_last}};
+  const std::uint32_t last = limits.*kLast[id(space)];
+  if (space == Space::r && last == 0) return {};
+  if (space == Space::cn32) return {{limits.c32_first, last}};
+  if (space != Space::cs && space != Space::cc) return {{kind_of(space).first_number, last}};
+  if (last + 1 == limits.c32_first) return {{0, limits.c32_last}};
+  return {{0, last}, {limits.c32_first, limits.c32_last}};
 }
 
 Span span_of(Space space, Numbers numbers) {
