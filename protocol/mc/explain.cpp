@@ -237,8 +237,7 @@ class SerialExplainer final {
     Explanation answers = out_;
     explain_data(Code::ascii, content, answers);
     const auto command = content.size() >= 4 ? number_at(Code::ascii, content, 0, 2) : std::nullopt;
-    const bool is_known =
-        command && !command_name(static_cast<std::uint16_t>(*command)).empty() && asks.ok;
+    const bool is_known = command && is_known_command(*command) && asks.ok;
     const bool is_request = direction_ ? *direction_ == Direction::request : is_known;
     asks.ambiguous = !direction_;
     asks.fields[frame_field_].second.back() = '3';

@@ -141,29 +141,49 @@ constexpr Field kClearMode = read_by<&MessageWalk::skipped>("clear mode", 2);
 constexpr Field kLastByte = read_by<&MessageWalk::skipped>("last byte", 2);
 constexpr Field kRest = read_by<&MessageWalk::rest>("data");
 
-/// The first row that fits a request is its kind.
+constexpr Fields kAnything = {kRest};
+constexpr Fields kPlaceList = {kWordCount, kDwordCount, kPlaces};
+constexpr Fields kBlockList = {kWordBlocks, kBitBlocks, kBlocks};
+
+/// The first row that fits a request is its kind. Names as in SH-080008.
 struct Message {
   std::uint16_t command;
+  std::string_view name;
   std::string_view operation;
   Fields fields;
   bool only_by_bits = false;
 };
 constexpr Message kMessages[] = {
-    {0x0101, "other", {}},
-    {0x0401, "read", {kHead, kPoints}},
-    {0x1401, "write", {kHead, kPoints, kData}},
-    {0x0403, "read", {kWordCount, kDwordCount, kPlaces}},
-    {0x1402, "write", {kBitPlaces}, true},
-    {0x1402, "write", {kWordCount, kDwordCount, kPlaces}},
-    {0x0406, "read", {kWordBlocks, kBitBlocks, kBlocks}},
-    {0x1406, "write", {kWordBlocks, kBitBlocks, kBlocks}},
-    {0x1001, "other", {kRunMode, kClearMode, kLastByte}},
-    {0x1002, "other", {kMode}},
-    {0x1003, "other", {kMode}},
-    {0x1005, "other", {kMode}},
-    {0x1006, "other", {kMode}},
+    {0x0101, "read type name", "other", {}},
+    {0x0401, "batch read", "read", {kHead, kPoints}},
+    {0x0403, "random read", "read", kPlaceList},
+    {0x0406, "block read", "read", kBlockList},
+    {0x0613, "buffer memory read", "other", kAnything},
+    {0x0619, "loopback test", "other", kAnything},
+    {0x0801, "register monitor data", "other", kAnything},
+    {0x0802, "monitor", "other", kAnything},
+    {0x1001, "remote RUN", "other", {kRunMode, kClearMode, kLastByte}},
+    {0x1002, "remote STOP", "other", {kMode}},
+    {0x1003, "remote PAUSE", "other", {kMode}},
+    {0x1005, "remote latch clear", "other", {kMode}},
+    {0x1006, "remote RESET", "other", {kMode}},
+    {0x1401, "batch write", "write", {kHead, kPoints, kData}},
+    {0x1402, "random write", "write", {kBitPlaces}, true},
+    {0x1402, "random write", "write", kPlaceList},
+    {0x1406, "block write", "write", kBlockList},
+    {0x1617, "clear error", "other", kAnything},
+    {0x1630, "remote password unlock", "other", kAnything},
+    {0x1631, "remote password lock", "other", kAnything},
 };
-constexpr Fields kUnknown = {kRest};
+constexpr Message kUnknownMessage = {0, "not known to this program", "other", kAnything};
+
+const Message& message_of(std::uint32_t command, bool by_bits) {
+  const auto* found =
+      std::find_if(std::begin(kMessages), std::end(kMessages), [&](const Message& known) {
+        return known.command == command && (by_bits || !known.only_by_bits);
+      });
+  return found == std::end(kMessages) ? kUnknownMessage : *found;
+}
 
 std::optional<FrameDevice> MessageWalk::device_in(ByteView wire) {
   std::optional<std::uint32_t> number;
@@ -189,19 +209,13 @@ void MessageWalk::explain() {
   const std::uint32_t command = number(4, "the command");
   subcommand_ = number(4, "the subcommand");
   if (!good()) return;
-  const auto name = command_name(static_cast<std::uint16_t>(command));
+  const Message& message = message_of(command, by_bits());
   out_.command = hex_text(command, 4);
-  show("command",
-       *out_.command + ", " + std::string(name.empty() ? "not known to this program" : name));
+  out_.operation = message.operation;
+  show("command", *out_.command + ", " + std::string(message.name));
   show("subcommand", hex_text(subcommand_, 4) + (is_long() ? ", codes of iQ-R" : ""));
-  const auto* found =
-      std::find_if(std::begin(kMessages), std::end(kMessages), [&](const Message& known) {
-        return known.command == command && (by_bits() || !known.only_by_bits);
-      });
-  const bool is_known = found != std::end(kMessages);
-  if (is_known) out_.operation = found->operation;
   const bool is_extended = out_.operation != "other" && (subcommand_ & kExtension) != 0;
-  walk(is_known && !is_extended ? found->fields : kUnknown);
+  walk(is_extended ? kAnything : message.fields);
   if (good() && left() != 0)
     fault(std::to_string(left_.size()) + " characters more than the request has");
 }
@@ -213,6 +227,10 @@ void explain_request(Model model, Code code, ByteView message, Explanation& out)
   out.operation = "other";
   out.ok = true;
   MessageWalk(out, model, code, message).explain();
+}
+
+bool is_known_command(std::uint32_t command) {
+  return &message_of(command, true) != &kUnknownMessage;
 }
 
 void explain_data(Code code, ByteView data, Explanation& out) {

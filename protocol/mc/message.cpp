@@ -10,29 +10,6 @@
 namespace fxagent::mc {
 namespace {
 
-// Command names as in SH-080008.
-constexpr std::pair<std::uint16_t, std::string_view> kCommandNames[] = {
-    {0x0101, "read type name"},
-    {0x0401, "batch read"},
-    {0x0403, "random read"},
-    {0x0406, "block read"},
-    {0x0613, "buffer memory read"},
-    {0x0619, "loopback test"},
-    {0x0801, "register monitor data"},
-    {0x0802, "monitor"},
-    {0x1001, "remote RUN"},
-    {0x1002, "remote STOP"},
-    {0x1003, "remote PAUSE"},
-    {0x1005, "remote latch clear"},
-    {0x1006, "remote RESET"},
-    {0x1401, "batch write"},
-    {0x1402, "random write"},
-    {0x1406, "block write"},
-    {0x1617, "clear error"},
-    {0x1630, "remote password unlock"},
-    {0x1631, "remote password lock"},
-};
-
 constexpr std::uint32_t kWords = 0;  // subcommands
 constexpr std::uint32_t kBits = 1;
 constexpr std::size_t kModelCode = 2;
@@ -285,12 +262,6 @@ std::size_t read_size(Code code, const Read& read) {
 }
 
 }  // namespace
-
-std::string_view command_name(std::uint16_t command) {
-  for (const auto& [code, name] : kCommandNames)
-    if (code == command) return name;
-  return {};
-}
 
 Result<Bytes> encode_message(const Dialect& dialect, const Request& request) {
   if (const auto* read = std::get_if<Read>(&request)) return encode_read(dialect, *read);

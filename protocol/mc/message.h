@@ -23,8 +23,6 @@ enum class Command : std::uint16_t {
   block_write = 0x1406,
 };
 constexpr std::uint16_t id(Command command) { return static_cast<std::uint16_t>(command); }
-/// Returns for example "batch read"; empty for an unknown command.
-std::string_view command_name(std::uint16_t command);
 
 /// Returns command, subcommand and data of a request. Errors: bad_request (outside the limits),
 /// unsupported (not possible with this protocol, model or code).
@@ -45,6 +43,9 @@ inline constexpr std::size_t kTypeName = 16;
 /// Fills in command, subcommand and data of a request. Sets `out.ok` to true, or to false with the
 /// reason in `out.error`.
 void explain_request(Model model, Code code, ByteView message, Explanation& out);
+
+/// True if explain_request() knows the command.
+bool is_known_command(std::uint32_t command);
 
 /// Explains the data of an answer whose request is unknown, as words or unchanged.
 void explain_data(Code code, ByteView data, Explanation& out);
