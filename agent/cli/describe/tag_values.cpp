@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "agent/text/json_writer.h"
-#include "protocol/value/value_range.h"
+#include "protocol/value/pack.h"
 
 namespace fxagent::contract {
 namespace {

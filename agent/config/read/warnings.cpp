@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "protocol/plc.h"
+#include "protocol/value/pack.h"
 #include "protocol/value/value.h"
-#include "protocol/value/value_range.h"
 
 namespace fxagent {
 

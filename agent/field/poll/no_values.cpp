@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
-#include "protocol/value/value_range.h"
+#include "protocol/value/pack.h"
 #include "protocol/value/word_order.h"
 
 namespace fxagent {
