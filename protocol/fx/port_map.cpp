@@ -70,10 +70,6 @@ const PortArea* find(PortMap map, Match match) {
 
 }  // namespace
 
-PortMap classic_map() { return kClassic; }
-PortMap extended_map_fx2n() { return kExtendedFx2n; }
-PortMap extended_map_fx3() { return kExtendedFx3; }
-
 PortMap map_of(Model model, CommandSet set) {
   if (set == CommandSet::classic) return kClassic;
   switch (model) {

@@ -28,10 +28,6 @@ struct PortArea {
 
 using PortMap = std::span<const PortArea>;
 
-PortMap classic_map();
-PortMap extended_map_fx2n();  ///< FX1N, FX2N
-PortMap extended_map_fx3();   ///< FX3S, FX3G, FX3U
-
 /// Returns the map of a command set on this model. Empty if the model lacks the set (FX0N, FX1S) or
 /// is unknown: the two extended maps have different devices at the same address.
 PortMap map_of(Model model, CommandSet set);

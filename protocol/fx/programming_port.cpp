@@ -258,10 +258,9 @@ std::vector<std::uint32_t> ProgrammingPort::borders(std::uint16_t space) const {
   // A clone of the FX2N keeps the M of the classic map and those from M1536 on in two places, and
   // answers a read across the border with wrong bits. A genuine FX2N loses nothing: the part before
   // the border fills three whole frames.
-  const bool has_fx2n_map =
-      map_of(settings_.model, CommandSet::extended).data() == extended_map_fx2n().data();
+  const bool has_fx2n_map = settings_.model == Model::fx1n || settings_.model == Model::fx2n;
   if (space != id(Space::m) || !has_fx2n_map) return {};
-  return {area_of(classic_map(), Space::m)->bits()};
+  return {area_of(map_of(settings_.model, CommandSet::classic), Space::m)->bits()};
 }
 
 std::uint32_t ProgrammingPort::max_write_bits(std::uint16_t space) const {

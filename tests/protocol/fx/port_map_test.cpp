@@ -8,7 +8,9 @@ namespace fxagent::fx {
 namespace {
 
 const std::map<std::string, PortMap> kMaps = {
-    {"classic", classic_map()}, {"FX1N/FX2N", extended_map_fx2n()}, {"FX3", extended_map_fx3()}};
+    {"classic", map_of(Model::unknown, CommandSet::classic)},
+    {"FX1N/FX2N", map_of(Model::fx2n, CommandSet::extended)},
+    {"FX3", map_of(Model::fx3u, CommandSet::extended)}};
 
 TEST(PortMap, ForceAddressIsEightTimesTheByteAddressPlusTheBit) {
   for (const auto& [name, map] : kMaps) {
@@ -108,8 +110,8 @@ TEST(PortMap, AModelWithoutExtendedCommandsHasNoExtendedMap) {
     EXPECT_FALSE(map_of(model, CommandSet::classic).empty());
   }
   EXPECT_EQ(area_of({}, Space::d), nullptr);
-  EXPECT_EQ(area_at_byte(classic_map(), 0x8000), nullptr);
-  EXPECT_EQ(area_at_bit(classic_map(), 0xFFFF), nullptr);
+  EXPECT_EQ(area_at_byte(kMaps.at("classic"), 0x8000), nullptr);
+  EXPECT_EQ(area_at_bit(kMaps.at("classic"), 0xFFFF), nullptr);
 }
 
 }  // namespace
