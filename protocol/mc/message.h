@@ -20,7 +20,6 @@ enum class Command : std::uint16_t {
   remote_stop = 0x1002,
   write = 0x1401,
   random_write = 0x1402,
-  block_write = 0x1406,
 };
 constexpr std::uint16_t id(Command command) { return static_cast<std::uint16_t>(command); }
 

@@ -183,7 +183,7 @@ constexpr std::array kChannels{std::pair(Channel::serial, "serial"sv),
 
 bool runs_on(const ProtocolInfo& protocol, Channel channel) {
   // By Channel. For `none` the link's own error is already reported.
-  const std::array runs{true, protocol.on_serial, protocol.on_tcp, protocol.on_udp};
+  const std::array runs{true, protocol.on_serial, true, protocol.on_udp};
   return runs[static_cast<std::size_t>(channel)];
 }
 
