@@ -13,23 +13,20 @@ enum class ErrorCode : std::uint8_t {
   timeout,      ///< no complete reply by the deadline
   link_down,    ///< the channel is closed or failed to open
   bad_frame,    ///< the reply has a wrong sum, length or shape
-  refused,      ///< the device refused; it is alive
   unsupported,  ///< not possible with this protocol or model
   bad_request,  ///< unknown address, range or type; nothing was sent
-  expired,      ///< too old to send
 };
 
 struct Error {
   ErrorCode code = ErrorCode::bad_request;
-  std::string text;     ///< human-readable: what, where, which value
-  int device_code = 0;  ///< reason code of a refusal; 0 if there is none
+  std::string text;  ///< human-readable: what, where, which value
 };
 
 template <class T>
 using Result = tl::expected<T, Error>;
 
-inline tl::unexpected<Error> fail(ErrorCode code, std::string text, int device_code = 0) {
-  return tl::unexpected<Error>(Error{code, std::move(text), device_code});
+inline tl::unexpected<Error> fail(ErrorCode code, std::string text) {
+  return tl::unexpected<Error>(Error{code, std::move(text)});
 }
 
 /// A request that cannot be sent.
