@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <optional>
 #include <string_view>
 
 #include "protocol/value/bytes.h"
@@ -20,16 +19,19 @@ enum class Class : std::uint8_t {
   relay,  ///< the request reached a station on the way, and perhaps the addressed one
 };
 
+/// An end code, or all that have these bits under `mask`.
 struct EndCode {
   std::uint16_t code;
   Class what;
   std::string_view text;
+  std::uint16_t mask = 0xFFFF;
 };
 
 constexpr std::string_view kTooMany = "too many points in one request";
 constexpr std::uint16_t kWriteInRun = 0x0055;
 
-constexpr std::array<EndCode, 49> kCodes = {{
+// The first row that fits counts.
+constexpr std::array<EndCode, 50> kCodes = {{
     {0x0050, Class::final, "unknown frame: is protocol mc-1e, mc-3e or mc-4e right?"},
     {kWriteInRun, Class::final, {}},  // its text depends on the series
     {0x4013, Class::final, "not possible in this state of the CPU"},
@@ -84,27 +86,19 @@ constexpr std::array<EndCode, 49> kCodes = {{
      "the length of the request does not fit its content, or this PLC does not have its "
      "subcommand: is `model` right?"},
     {0xC06F, Class::final, "binary although ASCII is set, or the reverse: is `code` right?"},
-    {0x4A00, Class::route, "no way to this station: are network and pc right?"},
-    {0x4B00, Class::relay, "a station on the way to this one had an error"},
+    {0x4A00, Class::route, "no way to this station: are network and pc right?", 0xFF00},
+    {0x4B00, Class::relay, "a station on the way to this one had an error", 0xFF00},
+    {0x4000, Class::final, "refused by the CPU; see the error codes in its manual", 0xF000},
 }};
 
+/// Returns nullptr for an unknown code.
 const EndCode* find(std::uint16_t code) {
-  const auto* found = std::ranges::find(kCodes, code, &EndCode::code);
+  const auto* found = std::ranges::find_if(
+      kCodes, [&](const EndCode& known) { return (code & known.mask) == known.code; });
   return found == kCodes.end() ? nullptr : found;
 }
 
-bool is_route(std::uint16_t code) { return (code & 0xFF00) == 0x4A00; }
-bool is_relay(std::uint16_t code) { return (code & 0xFF00) == 0x4B00; }
-bool is_from_cpu(std::uint16_t code) { return (code & 0xF000) == 0x4000; }
 bool is_password(std::uint16_t code) { return 0xC200 <= code && code <= 0xC204; }
-
-std::optional<Class> class_of(std::uint16_t code) {
-  if (const EndCode* known = find(code)) return known->what;
-  if (is_route(code)) return Class::route;
-  if (is_relay(code)) return Class::relay;
-  if (is_from_cpu(code) || is_password(code)) return Class::final;
-  return std::nullopt;
-}
 
 /// GX Works2 sets up Q and L, GX Works3 sets up FX5 and iQ-R.
 std::string_view online_change(Series series) {
@@ -135,9 +129,6 @@ std::string password(Series series) {
 std::string_view words_of(std::uint16_t code, Series series) {
   if (code == kWriteInRun) return online_change(series);
   if (const EndCode* known = find(code)) return known->text;
-  if (is_route(code)) return find(0x4A00)->text;
-  if (is_relay(code)) return find(0x4B00)->text;
-  if (is_from_cpu(code)) return "refused by the CPU; see the error codes in its manual";
   return "an unknown reason; see the error codes in the PLC's manual";
 }
 
@@ -149,9 +140,10 @@ std::string end_code_text(std::uint16_t code, Series series) {
 }
 
 RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_stops) {
-  const auto what = class_of(code);
-  if (!what) return reads ? RefusalMeaning::final : RefusalMeaning::unclear;
-  switch (*what) {
+  if (is_password(code)) return RefusalMeaning::final;
+  const EndCode* known = find(code);
+  if (known == nullptr) return reads ? RefusalMeaning::final : RefusalMeaning::unclear;
+  switch (known->what) {
     case Class::hole:
       return reads ? RefusalMeaning::hole : RefusalMeaning::final;
     case Class::line:
