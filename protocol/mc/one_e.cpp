@@ -46,8 +46,12 @@ std::uint32_t number_of(const Span& span) {
   return kind.first_number + span.first_bit / kind.bits;
 }
 
-void append_device(one_e::Writer& out, const Span& span) {
-  out.device(kind_of(static_cast<Space>(span.space)).one_e, number_of(span));
+/// Number and code in binary, code and number in ASCII.
+void append_device(Code data_code, Bytes& out, const Span& span) {
+  const std::uint16_t device_code = kind_of(static_cast<Space>(span.space)).one_e;
+  if (data_code == Code::ascii) append_number(data_code, out, device_code, 2);
+  append_number(data_code, out, number_of(span), 4);
+  if (data_code == Code::binary) append_number(data_code, out, device_code, 2);
 }
 
 /// Returns the command that sends a Scatter.
@@ -198,18 +202,19 @@ std::uint32_t OneE::max_write_bits(std::uint16_t space) const {
 
 namespace {
 
-one_e::Writer begun(const Settings& settings, one_e::Command command) {
-  one_e::Writer out(settings.code);
-  out.number(code(command), 1);
-  out.number(settings.pc, 1);
-  out.number(settings.monitoring_timer, 2);
+Bytes begun(const Settings& settings, one_e::Command command) {
+  Bytes out;
+  out.reserve(24);  // a read
+  append_number(settings.code, out, code(command), 1);
+  append_number(settings.code, out, settings.pc, 1);
+  append_number(settings.code, out, settings.monitoring_timer, 2);
   return out;
 }
 
 /// Appends the number of points (256 as 00) and the fixed 00 after it.
-void append_points(one_e::Writer& out, std::uint32_t points) {
-  out.number(points & 0xFF, 1);
-  out.number(0, 1);
+void append_points(Code data_code, Bytes& out, std::uint32_t points) {
+  append_number(data_code, out, points & 0xFF, 1);
+  append_number(data_code, out, 0, 1);
 }
 
 Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& ways,
@@ -227,11 +232,11 @@ Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& 
     return refuse("a read of " + std::to_string(span.bits) + " bits from " +
                   device_name(settings.model, span) + ": at most " + std::to_string(way->max_bits) +
                   ", in steps of " + std::to_string(way->unit_bits) + ", up to the last device");
-  auto out =
+  Bytes out =
       begun(settings, read.way == kBitWay ? one_e::Command::read_bits : one_e::Command::read_words);
-  append_device(out, span);
-  append_points(out, read.way == kBitWay ? span.bits : span.bits / 16);
-  return out.take();
+  append_device(settings.code, out, span);
+  append_points(settings.code, out, read.way == kBitWay ? span.bits : span.bits / 16);
+  return out;
 }
 
 /// `most` is the largest number of bits in one write.
@@ -245,14 +250,16 @@ Result<Bytes> encode_write(const Settings& settings, std::uint32_t most, const W
                   std::to_string(write.image.size()) + " bytes to " +
                   device_name(settings.model, span) + ": at most " + std::to_string(most) +
                   " bits");
-  auto out = begun(settings, bits ? one_e::Command::write_bits : one_e::Command::write_words);
-  append_device(out, span);
-  append_points(out, bits ? span.bits : span.bits / 16);
+  Bytes out = begun(settings, bits ? one_e::Command::write_bits : one_e::Command::write_words);
+  append_device(settings.code, out, span);
+  append_points(settings.code, out, bits ? span.bits : span.bits / 16);
   if (bits)
-    out.bits(write.image, span.bits);
+    append_bits(settings.code, out, write.image, span.bits);
   else
-    out.words(write.image);
-  return out.take();
+    append_image(settings.code, out, write.image, 2);
+  // An odd count of bits is padded with 0.
+  if (bits && settings.code == Code::ascii && span.bits % 2 != 0) out.push_back('0');
+  return out;
 }
 
 Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
@@ -269,18 +276,15 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
                     std::to_string(part.span.bits) + " bits");
     points += part.span.bits / step;
   }
-  auto out = begun(settings, *carrier);
-  append_points(out, points);
+  Bytes out = begun(settings, *carrier);
+  append_points(settings.code, out, points);
   for (const Write& part : scatter.parts)
     for (std::uint32_t done = 0; done < part.span.bits; done += step) {
-      append_device(out, {part.span.space, part.span.first_bit + done, step});
+      append_device(settings.code, out, {part.span.space, part.span.first_bit + done, step});
       const Bytes value = extract_bits(part.image, done, step);
-      if (step == 1)
-        out.number(value[0], 1);
-      else
-        out.words(value);
+      append_image(settings.code, out, value, value.size());
     }
-  return out.take();
+  return out;
 }
 
 Result<Bytes> encode_control(const Settings& settings, const Control& control) {
@@ -293,7 +297,7 @@ Result<Bytes> encode_control(const Settings& settings, const Control& control) {
   const one_e::Command command = control.kind == Control::Kind::run    ? one_e::Command::run
                                  : control.kind == Control::Kind::stop ? one_e::Command::stop
                                                                        : one_e::Command::model;
-  return begun(settings, command).take();
+  return begun(settings, command);
 }
 
 }  // namespace

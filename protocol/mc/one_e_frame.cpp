@@ -22,12 +22,6 @@ constexpr int kNoRemote = 0x18;
 
 }  // namespace
 
-void Writer::device(std::uint16_t device_code, std::uint32_t number_of_device) {
-  if (data_code_ == Code::ascii) number(device_code, 2);
-  number(number_of_device, 4);
-  if (data_code_ == Code::binary) number(device_code, 2);
-}
-
 std::optional<Bytes> from_ascii(ByteView frame) {
   if (!is_hex(frame)) return std::nullopt;
   Bytes bytes;

@@ -7,7 +7,6 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <utility>
 
 #include "protocol/codec.h"
 #include "protocol/mc/body.h"
@@ -34,29 +33,6 @@ constexpr std::uint8_t code(Command command) { return static_cast<std::uint8_t>(
 inline constexpr std::uint8_t kAnswer = 0x80;
 /// Command and end code.
 inline constexpr std::size_t kAnswerHead = 2;
-
-/// A frame under construction.
-class Writer final {
- public:
-  explicit Writer(Code data_code) : data_code_(data_code) { frame_.reserve(24); }  // a read
-  /// Low byte first in binary, high digit first in ASCII.
-  void number(std::uint32_t value, std::size_t bytes) {
-    append_number(data_code_, frame_, value, bytes);
-  }
-  /// Number and code in binary, code and number in ASCII.
-  void device(std::uint16_t device_code, std::uint32_t number);
-  /// The first bit goes into the high half of the first byte. An odd count is padded with 0.
-  void bits(ByteView image, std::uint32_t count) {
-    append_bits(data_code_, frame_, image, count);
-    if (data_code_ == Code::ascii && count % 2 != 0) frame_.push_back('0');
-  }
-  void words(ByteView image) { append_image(data_code_, frame_, image, 2); }
-  Bytes take() { return std::move(frame_); }
-
- private:
-  Code data_code_;
-  Bytes frame_;
-};
 
 /// Returns the binary form of `frame`, read as hex digits. Its words are still high byte first.
 /// Drops a single last digit. nullopt: the frame is not hex digits.
