@@ -98,7 +98,8 @@ Result<Bytes> Body::take() {
 std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number) {
   if (dialect.code == Code::binary) return {};
   const std::string name = device_name(dialect.model, space, number);
-  const std::string cure = dialect.serial ? ": use mc-4c with format 5" : ": use `code` binary";
+  const std::string cure =
+      is_serial(dialect.frame) ? ": use mc-4c with format 5" : ": use `code` binary";
   if (has_doubtful_digits(dialect, space) && number >= kCertain)
     return name +
            ": whether an FX5 takes the digits of X and Y as octal in ASCII code is not known" +

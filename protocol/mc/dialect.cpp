@@ -37,7 +37,7 @@ Limits limits_of(const Dialect& dialect, bool long_codes) {
     limits.random_bits /= 2;
     limits.blocks /= 2;
   }
-  if (dialect.serial) limits.bits = std::min(limits.bits, kSerialBits);
+  if (is_serial(dialect.frame)) limits.bits = std::min(limits.bits, kSerialBits);
   return limits;
 }
 

@@ -1,6 +1,6 @@
-// Differences between the series: limits of one request of 3E, 4E, 3C and 4C, data code, and the
-// ways to read memory.
-// Sources: SH-080008, JY997D56001; limits of random access as measured on PLCs: protocol/README.md.
+// How a PLC is spoken to, and the differences between the series: limits of one request of 3E, 4E,
+// 3C and 4C, and the ways to read memory. Sources: SH-080008, JY997D56001; limits of random access
+// as measured on PLCs: protocol/README.md.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +14,29 @@ namespace fxagent::mc {
 /// The "communication data code" of a port.
 enum class Code : std::uint8_t { binary, ascii };
 
+enum class Frame : std::uint8_t { e3, e4, c3, c4 };
+constexpr bool is_serial(Frame frame) { return frame == Frame::c3 || frame == Frame::c4; }
+
+/// Access route to the addressed station. The defaults address the connected station.
+struct Route {
+  std::uint8_t network = 0;
+  std::uint8_t pc = 0xFF;
+  std::uint16_t module_io = 0x03FF;
+  std::uint8_t module_station = 0;
+  friend bool operator==(const Route&, const Route&) = default;
+};
+
+/// How a PLC is spoken to: its model, and the settings of its port.
 struct Dialect {
+  Frame frame = Frame::e3;
   Model model = Model::unknown;
-  Code code = Code::binary;
-  bool serial = false;  ///< C frames
-  /// Largest number of bytes of device memory in one frame.
-  std::uint32_t max_block_bytes = 1920;
+  Code code = Code::binary;  ///< Mc derives that of 3C and 4C from the format
+  Route route{};             ///< that of a 3C frame ends with the PC number
+  std::uint32_t timer = 16;  ///< 3E and 4E: monitoring timer in units of 250 ms
+  std::uint8_t station = 0;  ///< this and the next two: 3C and 4C
+  std::uint32_t format = 1;
+  bool sum_check = true;
+  std::uint32_t max_block_bytes = 1920;  ///< of device memory in one frame; 960 words
 
   Series series() const { return series_of(model); }
 };

@@ -92,30 +92,31 @@ std::string to_string(const Route& route) {
          hex_text(route.module_station, 2);
 }
 
-Bytes ethernet_request(const EthernetSettings& settings, std::uint16_t serial, ByteView message) {
+Bytes ethernet_request(const Dialect& dialect, std::uint16_t serial, ByteView message) {
   Bytes frame;
-  const Code code = settings.code;
-  frame.reserve(wire_size(code, header_size(settings.numbered) + kTimer) + message.size());
+  const Code code = dialect.code;
+  const bool numbered = dialect.frame == Frame::e4;
+  frame.reserve(wire_size(code, header_size(numbered) + kTimer) + message.size());
   // The subheader is written in this order in both codes.
-  append_number(code, frame, settings.numbered ? 0x54 : 0x50, 1);
+  append_number(code, frame, numbered ? 0x54 : 0x50, 1);
   append_number(code, frame, 0, 1);
-  if (settings.numbered) {
+  if (numbered) {
     append_number(code, frame, serial, kSerial);
     append_number(code, frame, 0, 2);
   }
-  append_number(code, frame, settings.route.network, 1);
-  append_number(code, frame, settings.route.pc, 1);
-  append_number(code, frame, settings.route.module_io, 2);
-  append_number(code, frame, settings.route.module_station, 1);
+  append_number(code, frame, dialect.route.network, 1);
+  append_number(code, frame, dialect.route.pc, 1);
+  append_number(code, frame, dialect.route.module_io, 2);
+  append_number(code, frame, dialect.route.module_station, 1);
   append_number(code, frame, static_cast<std::uint32_t>(wire_size(code, kTimer) + message.size()),
                 2);
-  append_number(code, frame, settings.timer, kTimer);
+  append_number(code, frame, dialect.timer, kTimer);
   frame.insert(frame.end(), message.begin(), message.end());
   return frame;
 }
 
-std::size_t ethernet_answer_length(const EthernetSettings& settings, std::size_t data) {
-  return wire_size(settings.code, header_size(settings.numbered) + kEndCode) + data;
+std::size_t ethernet_answer_length(const Dialect& dialect, std::size_t data) {
+  return wire_size(dialect.code, header_size(dialect.frame == Frame::e4) + kEndCode) + data;
 }
 
 EthernetFrame ethernet_frame(bool numbered, Code code, ByteView rx, std::size_t at) {

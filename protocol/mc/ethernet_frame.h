@@ -13,30 +13,15 @@ namespace fxagent::mc {
 
 inline constexpr std::size_t kEndCode = 2;  ///< bytes of an end code in binary code
 
-/// Access route to the addressed station. The defaults address the connected station.
-struct Route {
-  std::uint8_t network = 0;
-  std::uint8_t pc = 0xFF;
-  std::uint16_t module_io = 0x03FF;
-  std::uint8_t module_station = 0;
-  friend bool operator==(const Route&, const Route&) = default;
-};
 /// Returns the route in `wire`, which is digits if the code is. That of a 3C frame ends with the PC
 /// number.
 Route route_in(Code code, ByteView wire);
 /// Returns "network 0, PC FF, module I/O 03FF, station 00".
 std::string to_string(const Route& route);
 
-struct EthernetSettings {
-  bool numbered = false;  ///< true: 4E, with a serial number; false: 3E
-  Code code = Code::binary;
-  Route route;
-  std::uint32_t timer = 16;  ///< monitoring timer, in units of 250 ms
-};
-
-Bytes ethernet_request(const EthernetSettings& settings, std::uint16_t serial, ByteView message);
+Bytes ethernet_request(const Dialect& dialect, std::uint16_t serial, ByteView message);
 /// Returns the characters of an answer with `data` characters of data.
-std::size_t ethernet_answer_length(const EthernetSettings& settings, std::size_t data);
+std::size_t ethernet_answer_length(const Dialect& dialect, std::size_t data);
 
 /// A frame found in the received bytes.
 struct EthernetFrame {

@@ -259,8 +259,8 @@ class SerialExplainer final {
 
 Explanation Mc::explain(ByteView frame, std::optional<Direction> direction) const {
   if (is_serial(settings_.frame))
-    return SerialExplainer(serial_.is_4c, settings_.model, frame, direction).run();
-  return explain_ethernet(ethernet_.numbered, settings_.model, frame, direction);
+    return SerialExplainer(settings_.frame == Frame::c4, settings_.model, frame, direction).run();
+  return explain_ethernet(settings_.frame == Frame::e4, settings_.model, frame, direction);
 }
 
 }  // namespace fxagent::mc

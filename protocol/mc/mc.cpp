@@ -56,16 +56,6 @@ bool depends_on_base(const Request& request) {
 
 }  // namespace
 
-Mc::Mc(const Settings& settings)
-    : settings_(settings),
-      serial_{settings.frame == Frame::c4, settings.format, settings.sum_check, settings.station,
-              settings.route} {
-  ethernet_ = {settings.frame == Frame::e4, settings.code, settings.route, settings.timer};
-  const bool serial = is_serial(settings.frame);
-  dialect_ = {settings.model, serial ? serial_.code() : settings.code, serial,
-              settings.max_block_bytes};
-}
-
 Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& options) {
   Settings settings;
   settings.frame = frame;
@@ -99,31 +89,31 @@ Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& option
 Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
   auto address = mc::parse_address(settings_.model, text, type);
   if (!address) return address;
-  if (const auto named = check_named(dialect_, address->span); !named)
+  if (const auto named = check_named(settings_, address->span); !named)
     return tl::make_unexpected(named.error());
   return address;
 }
 
 Result<void> Mc::check_range(const Span& span) const {
   return mc::check_range(settings_.model, span).and_then([&] {
-    return check_named(dialect_, span);
+    return check_named(settings_, span);
   });
 }
 
 Result<void> Mc::check_write(const Span& span) const {
   return mc::check_write(settings_.model, span).and_then([&] {
-    return check_named(dialect_, span);
+    return check_named(settings_, span);
   });
 }
 
 // ---- frames ------------------------------------------------------------------------------------
 
 Result<Bytes> Mc::encode(const Request& request, std::uint16_t tag) const {
-  const auto message = encode_message(dialect_, request);
+  const auto message = encode_message(settings_, request);
   if (!message) return tl::make_unexpected(message.error());
   if (is_serial(settings_.frame))
-    return serial_request(serial_, static_cast<std::uint8_t>(tag), *message);
-  return ethernet_request(ethernet_, tag, *message);
+    return serial_request(settings_, static_cast<std::uint8_t>(tag), *message);
+  return ethernet_request(settings_, tag, *message);
 }
 
 namespace {
@@ -169,20 +159,20 @@ Result<Reply> reply_in(const Dialect& dialect, const Request& request, ByteView 
   return refusal(static_cast<std::uint16_t>(*end_code), dialect.series());
 }
 
-Result<std::optional<Reply>> decode_ethernet(const EthernetSettings& settings,
-                                             const Dialect& dialect, const Request& request,
+Result<std::optional<Reply>> decode_ethernet(const Dialect& dialect, const Request& request,
                                              std::uint16_t tag, ByteView rx) {
+  const bool numbered = dialect.frame == Frame::e4;
   for (std::size_t at = 0; at < rx.size();) {
-    const EthernetFrame frame = ethernet_frame(settings.numbered, settings.code, rx, at);
+    const EthernetFrame frame = ethernet_frame(numbered, dialect.code, rx, at);
     if (frame.state == EthernetFrame::State::incomplete) break;
     if (frame.state == EthernetFrame::State::wrong) return garbled(frame.error);
     const std::size_t began = at;
     at = frame.end;
     // An echo of the request, or a late answer.
-    if (frame.is_request || (settings.numbered && frame.serial != tag)) continue;
-    if (frame.route != settings.route)
+    if (frame.is_request || (numbered && frame.serial != tag)) continue;
+    if (frame.route != dialect.route)
       return garbled("an answer for " + to_string(frame.route) + ", where " +
-                     to_string(settings.route) + " was asked");
+                     to_string(dialect.route) + " was asked");
     auto reply = reply_in(dialect, request, frame.content);
     if (!reply) return tl::make_unexpected(reply.error());
     reply->began = began;
@@ -192,10 +182,10 @@ Result<std::optional<Reply>> decode_ethernet(const EthernetSettings& settings,
   return std::nullopt;
 }
 
-Result<std::optional<Reply>> decode_serial(const SerialSettings& settings, const Dialect& dialect,
-                                           const Request& request, std::uint16_t tag, ByteView rx) {
+Result<std::optional<Reply>> decode_serial(const Dialect& dialect, const Request& request,
+                                           std::uint16_t tag, ByteView rx) {
   const std::size_t size = answer_size(dialect, request);
-  const SerialAnswer answer = serial_answer(settings, static_cast<std::uint8_t>(tag), size, rx);
+  const SerialAnswer answer = serial_answer(dialect, static_cast<std::uint8_t>(tag), size, rx);
   Result<Reply> reply;
   switch (answer.state) {
     case SerialAnswer::State::incomplete:
@@ -222,21 +212,21 @@ Result<std::optional<Reply>> decode_serial(const SerialSettings& settings, const
 
 Result<std::optional<Reply>> Mc::decode(const Request& request, std::uint16_t tag,
                                         ByteView rx) const {
-  if (is_serial(settings_.frame)) return decode_serial(serial_, dialect_, request, tag, rx);
-  return decode_ethernet(ethernet_, dialect_, request, tag, rx);
+  if (is_serial(settings_.frame)) return decode_serial(settings_, request, tag, rx);
+  return decode_ethernet(settings_, request, tag, rx);
 }
 
 bool Mc::may_pass_for_answer(ByteView bytes) const {
-  if (is_serial(settings_.frame)) return may_be_serial_answer(serial_, bytes);
-  if (ethernet_.numbered) return !bytes.empty();
+  if (is_serial(settings_.frame)) return may_be_serial_answer(settings_, bytes);
+  if (settings_.frame == Frame::e4) return !bytes.empty();
   // Subheader of an answer, compared as far as it has arrived.
   Bytes subheader;
-  append_number(ethernet_.code, subheader, 0xD0, 1);
-  append_number(ethernet_.code, subheader, 0, 1);
+  append_number(settings_.code, subheader, 0xD0, 1);
+  append_number(settings_.code, subheader, 0, 1);
   for (std::size_t at = 0; at < bytes.size(); ++at) {
     const std::size_t size = std::min(subheader.size(), bytes.size() - at);
     const auto same = [&](std::uint8_t a, std::uint8_t b) {
-      return a == b || (ethernet_.code == Code::ascii && hex_digit(a) == hex_digit(b));
+      return a == b || (settings_.code == Code::ascii && hex_digit(a) == hex_digit(b));
     };
     if (std::equal(subheader.begin(), subheader.begin() + static_cast<std::ptrdiff_t>(size),
                    bytes.begin() + static_cast<std::ptrdiff_t>(at), same))
@@ -249,15 +239,15 @@ LineLength Mc::line_length(const Request& request) const {
   LineLength length;
   const auto frame = encode(request, 0);
   if (!frame) return length;
-  const std::size_t data = answer_size(dialect_, request);
+  const std::size_t data = answer_size(settings_, request);
   length.request_chars = static_cast<std::uint32_t>(frame->size());
   length.reply_chars = static_cast<std::uint32_t>(is_serial(settings_.frame)
-                                                      ? serial_answer_length(serial_, data)
-                                                      : ethernet_answer_length(ethernet_, data));
+                                                      ? serial_answer_length(settings_, data)
+                                                      : ethernet_answer_length(settings_, data));
   // Every byte may be a 10h, which is doubled on the wire.
-  if (is_serial(settings_.frame) && dialect_.code == Code::binary) {
+  if (is_serial(settings_.frame) && settings_.code == Code::binary) {
     length.more_reply_chars = static_cast<std::uint32_t>(data);
-    length.doubled_chars = static_cast<std::uint32_t>(serial_doubles(serial_, *frame, data));
+    length.doubled_chars = static_cast<std::uint32_t>(serial_doubles(settings_, *frame, data));
   }
   return length;
 }
@@ -274,7 +264,7 @@ std::chrono::milliseconds Mc::gives_up_after() const {
 Recovery Mc::after_silence() const {
   if (is_serial(settings_.frame)) return Recovery::drain;
   // A late answer in a 3E frame could be mistaken for the answer to the next request.
-  return ethernet_.numbered ? Recovery::none : Recovery::reconnect;
+  return settings_.frame == Frame::e4 ? Recovery::none : Recovery::reconnect;
 }
 
 Recovery Mc::after_nonsense() const {
@@ -313,7 +303,7 @@ RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
 }
 
 std::optional<Request> Mc::instead_of(const Request& request, int device_code) const {
-  const bool has_other = dialect_.series() == Series::iq_r &&
+  const bool has_other = settings_.series() == Series::iq_r &&
                          is_unknown_command(static_cast<std::uint16_t>(device_code));
   // A PLC without the codes of iQ-R may be an FX5 with the wrong `model`: there Y20 is another
   // output.
@@ -324,7 +314,7 @@ std::optional<Request> Mc::instead_of(const Request& request, int device_code) c
   if (auto* force = std::get_if<Force>(&other)) force->way |= kPlainCodes;
   if (auto* scatter = std::get_if<Scatter>(&other))
     for (Write& part : scatter->parts) part.way |= kPlainCodes;
-  if (other == request || !encode_message(dialect_, other)) return std::nullopt;
+  if (other == request || !encode_message(settings_, other)) return std::nullopt;
   return other;
 }
 

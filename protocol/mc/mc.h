@@ -18,24 +18,14 @@
 
 namespace fxagent::mc {
 
-enum class Frame : std::uint8_t { e3, e4, c3, c4 };
-constexpr bool is_serial(Frame frame) { return frame == Frame::c3 || frame == Frame::c4; }
-
 class Mc final : public Codec, public AddressSpace, public PlcServices {
  public:
-  struct Settings {
-    Frame frame = Frame::e3;
-    Model model = Model::unknown;
-    Code code = Code::binary;  ///< 3E and 4E
-    Route route{};
-    std::uint32_t timer = 16;              ///< 3E and 4E: monitoring timer in units of 250 ms
-    std::uint8_t station = 0;              ///< 3C and 4C
-    std::uint32_t format = 1;              ///< 3C and 4C
-    bool sum_check = true;                 ///< 3C and 4C
-    std::uint32_t max_block_bytes = 1920;  ///< 960 words
-  };
+  using Settings = Dialect;
 
-  explicit Mc(const Settings& settings);
+  explicit Mc(const Settings& settings) : settings_(settings) {
+    if (is_serial(settings.frame))
+      settings_.code = settings.format == 5 ? Code::binary : Code::ascii;
+  }
   /// Creates a codec from the config's options. Error: bad_request if `monitoring_timer_ms` is not
   /// a multiple of 250, or if the model has no such frame.
   static Result<std::shared_ptr<const Codec>> make(Frame frame, const Options& options);
@@ -53,11 +43,11 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
     return device_name(settings_.model, span);
   }
   std::vector<ReadWay> read_ways(std::uint16_t space) const override {
-    return mc::read_ways(dialect_, space);
+    return mc::read_ways(settings_, space);
   }
-  std::vector<GatherCommand> gathers() const override { return mc::gathers(dialect_); }
+  std::vector<GatherCommand> gathers() const override { return mc::gathers(settings_); }
   std::uint32_t max_write_bits(std::uint16_t space) const override {
-    return mc::max_write_bits(dialect_, space);
+    return mc::max_write_bits(settings_, space);
   }
 
   // Codec
@@ -68,7 +58,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
                                       ByteView rx) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
-  bool is_text() const override { return dialect_.code == Code::ascii; }
+  bool is_text() const override { return settings_.code == Code::ascii; }
   /// In any code and format.
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
@@ -93,9 +83,6 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
 
  private:
   Settings settings_;
-  Dialect dialect_;
-  EthernetSettings ethernet_;
-  SerialSettings serial_;
 };
 
 /// Returns the model for the type name in an answer to 0101 ("FX5U-32MT/ES", "R08CPU"). Empty if it

@@ -26,21 +26,21 @@ SerialAnswer garbled_answer(std::string error) {
 
 /// Returns block number, frame id and route: all that stands between the control character and the
 /// content of an answer.
-Bytes head_of(const SerialSettings& settings, std::uint8_t block) {
+Bytes head_of(const Dialect& dialect, std::uint8_t block) {
   Bytes head;
-  if (settings.format == 2) append_hex(head, block, 2);
-  const Bytes header = serial_header(settings);
+  if (dialect.format == 2) append_hex(head, block, 2);
+  const Bytes header = serial_header(dialect);
   head.insert(head.end(), header.begin(), header.end());
   return head;
 }
 
-std::size_t head_size(const SerialSettings& settings) {
-  return serial_header(settings).size() + (settings.format == 2 ? kBlock : 0);
+std::size_t head_size(const Dialect& dialect) {
+  return serial_header(dialect).size() + (dialect.format == 2 ? kBlock : 0);
 }
 
-std::size_t tail_size(const SerialSettings& settings) { return settings.format == 4 ? kEnd : 0; }
+std::size_t tail_size(const Dialect& dialect) { return dialect.format == 4 ? kEnd : 0; }
 
-std::size_t sum_size(const SerialSettings& settings) { return settings.sum_check ? kSum : 0; }
+std::size_t sum_size(const Dialect& dialect) { return dialect.sum_check ? kSum : 0; }
 
 void append_doubled(Bytes& out, ByteView bytes) {
   for (const std::uint8_t byte : bytes) {
@@ -54,26 +54,26 @@ std::size_t doubles(ByteView bytes) {
 }
 
 /// Returns length and route of a frame with `rest` characters after them, before doubling.
-Bytes binary_head(const SerialSettings& settings, std::size_t rest) {
+Bytes binary_head(const Dialect& dialect, std::size_t rest) {
   Bytes head;
-  const Bytes header = serial_header(settings);
+  const Bytes header = serial_header(dialect);
   append_number(Code::binary, head, static_cast<std::uint32_t>(header.size() + rest), kLength);
   head.insert(head.end(), header.begin(), header.end());
   return head;
 }
 
 /// Returns the head of an answer with `data` characters, before doubling.
-Bytes binary_answer_head(const SerialSettings& settings, std::size_t data) {
-  return binary_head(settings, kMark + kEndCode + data);
+Bytes binary_answer_head(const Dialect& dialect, std::size_t data) {
+  return binary_head(dialect, kMark + kEndCode + data);
 }
 
-Bytes binary_request(const SerialSettings& settings, ByteView message) {
-  Bytes content = binary_head(settings, message.size());
+Bytes binary_request(const Dialect& dialect, ByteView message) {
+  Bytes content = binary_head(dialect, message.size());
   content.insert(content.end(), message.begin(), message.end());
   Bytes frame{kDle, kStx};
   append_doubled(frame, content);
   frame.insert(frame.end(), {kDle, kEtx});
-  if (settings.sum_check) append_hex(frame, byte_sum(content), 2);
+  if (dialect.sum_check) append_hex(frame, byte_sum(content), 2);
   return frame;
 }
 
@@ -89,8 +89,8 @@ std::string why_wrong_sum(ByteView given, ByteView bytes) {
 /// Searches the received bytes for an answer in formats 1 to 4.
 class AsciiSearch final {
  public:
-  AsciiSearch(const SerialSettings& settings, std::uint8_t block, std::size_t data, ByteView rx)
-      : settings_(settings), head_(head_of(settings, block)), data_(data), rx_(rx) {}
+  AsciiSearch(const Dialect& dialect, std::uint8_t block, std::size_t data, ByteView rx)
+      : dialect_(dialect), head_(head_of(dialect, block)), data_(data), rx_(rx) {}
 
   SerialAnswer run() {
     // A PLC never sends ENQ: it is the echo of the request, and bytes before it are older. In
@@ -114,7 +114,7 @@ class AsciiSearch final {
 
  private:
   using State = SerialAnswer::State;
-  bool is_3() const { return settings_.format == 3; }
+  bool is_3() const { return dialect_.format == 3; }
   std::size_t left() const { return rx_.size() - at_; }
 
   /// If another STX cuts off a frame, continues at that STX.
@@ -171,7 +171,7 @@ class AsciiSearch final {
   /// Completes an answer without data: `size` characters, ETX if any, then CR LF.
   std::optional<SerialAnswer> finish(State state, std::size_t size, std::size_t etx,
                                      std::uint16_t code = 0) {
-    const std::size_t whole = size + etx + tail_size(settings_);
+    const std::size_t whole = size + etx + tail_size(dialect_);
     if (left() < whole) return SerialAnswer{};
     if (etx != 0 && rx_[at_ + size] != kEtx)
       return garbled_answer("ETX is missing after the answer");
@@ -192,7 +192,7 @@ class AsciiSearch final {
   std::optional<SerialAnswer> data_from(std::size_t word) {
     const std::size_t begin = 1 + head_.size() + word;
     const std::size_t etx = begin + data_;
-    const std::size_t whole = etx + 1 + sum_size(settings_) + tail_size(settings_);
+    const std::size_t whole = etx + 1 + sum_size(dialect_) + tail_size(dialect_);
     const ByteView frame = rx_.subspan(at_, std::min(whole, left()));
     const auto found = static_cast<std::size_t>(
         std::find(frame.begin() + static_cast<std::ptrdiff_t>(std::min(begin, frame.size())),
@@ -204,7 +204,7 @@ class AsciiSearch final {
     if (found != etx && frame.size() > etx)
       return garbled_answer("more data characters given, " + std::to_string(data_) + " expected");
     if (frame.size() < whole) return SerialAnswer{};
-    if (settings_.sum_check)
+    if (dialect_.sum_check)
       if (auto why = why_wrong_sum(frame.subspan(etx + 1, kSum), frame.subspan(1, etx));
           !why.empty())
         return garbled_answer(std::move(why));
@@ -229,21 +229,20 @@ class AsciiSearch final {
         is_3() && content.size() >= word &&
         (content.substr(word) == kDone || content.substr(word).starts_with(kRefused));
     const std::size_t end =
-        static_cast<std::size_t>(etx - rx_.begin()) + 1 + (plain ? 0 : sum_size(settings_));
+        static_cast<std::size_t>(etx - rx_.begin()) + 1 + (plain ? 0 : sum_size(dialect_));
     if (end > rx_.size()) return SerialAnswer{};
     at_ = end;
     return std::nullopt;
   }
 
   bool has_tail(std::size_t whole) const {
-    return tail_size(settings_) == 0 ||
-           (rx_[at_ + whole - 2] == kCr && rx_[at_ + whole - 1] == kLf);
+    return tail_size(dialect_) == 0 || (rx_[at_ + whole - 2] == kCr && rx_[at_ + whole - 1] == kLf);
   }
   static SerialAnswer no_tail() {
     return garbled_answer("CR LF is missing after the answer: format 4 ends with it");
   }
 
-  const SerialSettings& settings_;
+  const Dialect& dialect_;
   Bytes head_;
   std::size_t data_;
   ByteView rx_;
@@ -251,9 +250,9 @@ class AsciiSearch final {
 };
 
 /// Interprets a whole frame of format 5. Returns nullopt if it is not the answer to this request.
-std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::size_t data,
+std::optional<SerialAnswer> binary_answer(const Dialect& dialect, std::size_t data,
                                           ByteView content) {
-  const Bytes header = serial_header(settings);
+  const Bytes header = serial_header(dialect);
   const std::size_t least = kLength + header.size() + kMark + kEndCode;
   if (content.size() < kLength + header.size() ||
       !std::equal(header.begin(), header.end(), content.begin() + kLength))
@@ -279,7 +278,7 @@ std::optional<SerialAnswer> binary_answer(const SerialSettings& settings, std::s
                       .data = Bytes(rest.begin(), rest.end())};
 }
 
-SerialAnswer binary_search(const SerialSettings& settings, std::size_t data, ByteView rx) {
+SerialAnswer binary_search(const Dialect& dialect, std::size_t data, ByteView rx) {
   std::size_t at = 0;
   while (at + 1 < rx.size()) {
     if (rx[at] != kDle || rx[at + 1] != kStx) {
@@ -292,12 +291,12 @@ SerialAnswer binary_search(const SerialSettings& settings, std::size_t data, Byt
       at = frame.end;
       continue;
     }
-    const std::size_t end = frame.end + sum_size(settings);
+    const std::size_t end = frame.end + sum_size(dialect);
     if (rx.size() < end) return {};
-    if (settings.sum_check)
+    if (dialect.sum_check)
       if (auto why = why_wrong_sum(rx.subspan(frame.end, kSum), frame.content); !why.empty())
         return garbled_answer(std::move(why));
-    if (auto answer = binary_answer(settings, data, frame.content)) {
+    if (auto answer = binary_answer(dialect, data, frame.content)) {
       answer->began = at;
       answer->end = end;
       return *answer;
@@ -309,67 +308,67 @@ SerialAnswer binary_search(const SerialSettings& settings, std::size_t data, Byt
 
 }  // namespace
 
-Bytes serial_header(const SerialSettings& settings) {
+Bytes serial_header(const Dialect& dialect) {
   Bytes header;
-  const Code code = settings.code();
-  append_number(code, header, settings.is_4c ? k4C : k3C, 1);
-  append_number(code, header, settings.station, 1);
-  append_number(code, header, settings.route.network, 1);
-  append_number(code, header, settings.route.pc, 1);
-  if (settings.is_4c) {
-    append_number(code, header, settings.route.module_io, 2);
-    append_number(code, header, settings.route.module_station, 1);
+  const Code code = dialect.code;
+  append_number(code, header, dialect.frame == Frame::c4 ? k4C : k3C, 1);
+  append_number(code, header, dialect.station, 1);
+  append_number(code, header, dialect.route.network, 1);
+  append_number(code, header, dialect.route.pc, 1);
+  if (dialect.frame == Frame::c4) {
+    append_number(code, header, dialect.route.module_io, 2);
+    append_number(code, header, dialect.route.module_station, 1);
   }
   append_number(code, header, 0, 1);  // self-station: 0 except on m:n links
   return header;
 }
 
-Bytes serial_request(const SerialSettings& settings, std::uint8_t block, ByteView message) {
-  if (settings.format == 5) return binary_request(settings, message);
-  Bytes frame{settings.format == 3 ? kStx : kEnq};
-  const Bytes head = head_of(settings, block);
+Bytes serial_request(const Dialect& dialect, std::uint8_t block, ByteView message) {
+  if (dialect.format == 5) return binary_request(dialect, message);
+  Bytes frame{dialect.format == 3 ? kStx : kEnq};
+  const Bytes head = head_of(dialect, block);
   frame.reserve(1 + head.size() + message.size() + 5);
   frame.insert(frame.end(), head.begin(), head.end());
   frame.insert(frame.end(), message.begin(), message.end());
-  if (settings.format == 3) frame.push_back(kEtx);
-  if (settings.sum_check) append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
-  if (settings.format == 4) frame.insert(frame.end(), {kCr, kLf});
+  if (dialect.format == 3) frame.push_back(kEtx);
+  if (dialect.sum_check) append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
+  if (dialect.format == 4) frame.insert(frame.end(), {kCr, kLf});
   return frame;
 }
 
-std::size_t serial_answer_length(const SerialSettings& settings, std::size_t data) {
-  const std::size_t sum = sum_size(settings);
-  if (settings.format == 5) {
-    const Bytes head = binary_answer_head(settings, data);
+std::size_t serial_answer_length(const Dialect& dialect, std::size_t data) {
+  const std::size_t sum = sum_size(dialect);
+  if (dialect.format == 5) {
+    const Bytes head = binary_answer_head(dialect, data);
     return 2 + head.size() + doubles(head) + kMark + kEndCode + data + 2 + sum;
   }
-  const std::size_t said = settings.format == 3 ? kDone.size() : 0;
-  const std::size_t etx = settings.format == 3 || data != 0 ? 1 : 0;
-  return 1 + head_size(settings) + said + data + etx + (data != 0 ? sum : 0) + tail_size(settings);
+  const std::size_t said = dialect.format == 3 ? kDone.size() : 0;
+  const std::size_t etx = dialect.format == 3 || data != 0 ? 1 : 0;
+  return 1 + head_size(dialect) + said + data + etx + (data != 0 ? sum : 0) + tail_size(dialect);
 }
 
-std::size_t serial_doubles(const SerialSettings& settings, ByteView request, std::size_t data) {
-  if (settings.format != 5) return 0;
+std::size_t serial_doubles(const Dialect& dialect, ByteView request, std::size_t data) {
+  if (dialect.format != 5) return 0;
   // DLE STX and DLE ETX each add a DLE that is not doubled.
-  return (doubles(request) - 2) / 2 + doubles(binary_answer_head(settings, data));
+  return (doubles(request) - 2) / 2 + doubles(binary_answer_head(dialect, data));
 }
 
-SerialAnswer serial_answer(const SerialSettings& settings, std::uint8_t block, std::size_t data,
+SerialAnswer serial_answer(const Dialect& dialect, std::uint8_t block, std::size_t data,
                            ByteView rx) {
-  if (settings.format == 5) return binary_search(settings, data, rx);
-  return AsciiSearch(settings, block, data, rx).run();
+  if (dialect.format == 5) return binary_search(dialect, data, rx);
+  return AsciiSearch(dialect, block, data, rx).run();
 }
 
-bool may_be_serial_answer(const SerialSettings& settings, ByteView bytes) {
+bool may_be_serial_answer(const Dialect& dialect, ByteView bytes) {
   for (std::size_t at = 0; at < bytes.size(); ++at) {
     const ByteView rest = bytes.subspan(at + 1);
-    if (settings.format == 5) {
+    if (dialect.format == 5) {
       if (bytes[at] == kDle && (rest.empty() || rest[0] == kStx)) return true;
       continue;
     }
     if (bytes[at] != kStx && bytes[at] != kAck && bytes[at] != kNak && bytes[at] != kEnq) continue;
     // Digits must follow, as far as they have arrived.
-    const ByteView head = rest.first(std::min(rest.size(), head_size(settings)));
+    const ByteView head = rest.first(std::min(rest.size(), head_size(dialect)));
     if (is_hex(head)) return true;
   }
   return false;

@@ -10,26 +10,16 @@
 
 namespace fxagent::mc {
 
-struct SerialSettings {
-  bool is_4c = true;  ///< false: 3C, whose route ends with the PC number
-  std::uint32_t format = 1;
-  bool sum_check = true;
-  std::uint8_t station = 0;
-  Route route;
-
-  Code code() const { return format == 5 ? Code::binary : Code::ascii; }
-};
-
 /// Builds a request. Only format 2 carries `block`; its answers repeat it.
-Bytes serial_request(const SerialSettings& settings, std::uint8_t block, ByteView message);
+Bytes serial_request(const Dialect& dialect, std::uint8_t block, ByteView message);
 
 /// Returns the characters of an answer with `data` characters of data, none of which is a doubled
 /// 10h; 0: no data.
-std::size_t serial_answer_length(const SerialSettings& settings, std::size_t data);
+std::size_t serial_answer_length(const Dialect& dialect, std::size_t data);
 
 /// Returns the bytes of `request` and of its answer that only double another byte. The answer has
 /// `data` characters of data, none of which is a 10h.
-std::size_t serial_doubles(const SerialSettings& settings, ByteView request, std::size_t data);
+std::size_t serial_doubles(const Dialect& dialect, ByteView request, std::size_t data);
 
 /// Result of a search for the answer to one request.
 struct SerialAnswer {
@@ -49,11 +39,11 @@ struct SerialAnswer {
 /// Searches `rx` for the answer to a request with this block number. The answer has `data`
 /// characters of data; 0: none. Skips echoes, frames of other stations and answers of the other
 /// kind.
-SerialAnswer serial_answer(const SerialSettings& settings, std::uint8_t block, std::size_t data,
+SerialAnswer serial_answer(const Dialect& dialect, std::uint8_t block, std::size_t data,
                            ByteView rx);
 
 /// True if these bytes could begin an answer to any request.
-bool may_be_serial_answer(const SerialSettings& settings, ByteView bytes);
+bool may_be_serial_answer(const Dialect& dialect, ByteView bytes);
 
 /// A frame of format 5 with its doubling removed.
 struct Undoubled {
@@ -65,6 +55,6 @@ struct Undoubled {
 Undoubled undoubled(ByteView rx, std::size_t at);
 
 /// Returns frame id and route: "F90000FF00", or eight bytes.
-Bytes serial_header(const SerialSettings& settings);
+Bytes serial_header(const Dialect& dialect);
 
 }  // namespace fxagent::mc
