@@ -49,8 +49,7 @@ class Codec {
   /// `rx`: what was received since, without the line's echo; of datagrams only the last one.
   /// Returns nullopt if more bytes are needed. A refusal is a Reply with Kind::nak, not an error.
   /// Error: bad_frame if the bytes cannot become an answer.
-  virtual Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
-                                              ByteView rx) const = 0;
+  virtual Decoded decode(const Request& request, std::uint16_t tag, ByteView rx) const = 0;
   /// True if unrequested bytes could be all or part of an answer to the next request, whatever it
   /// is, or come from another master. Bytes that cannot form an answer are noise.
   virtual bool may_pass_for_answer(ByteView bytes) const { return !bytes.empty(); }

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
 
 #include "protocol/value/bytes.h"
+#include "protocol/value/result.h"
 #include "protocol/value/span.h"
 
 namespace fxagent {
@@ -86,6 +88,9 @@ struct Reply {
   std::size_t began = 0;
   std::size_t consumed = 0;  ///< offset of the reply's end in rx; later bytes do not belong to it
 };
+
+/// An answer in received bytes. nullopt if they hold none yet; an error if they cannot become one.
+using Decoded = Result<std::optional<Reply>>;
 
 // ---- timing ------------------------------------------------------------------------------------
 

@@ -118,8 +118,7 @@ bool ends_right(const Settings& settings, ByteView frame) {
   return !settings.ends_with_cr_lf || (frame[frame.size() - 2] == kCr && frame.back() == kLf);
 }
 
-Result<std::optional<Reply>> data_reply(const Settings& settings, const Request& request,
-                                        ByteView rx, std::size_t at) {
+Decoded data_reply(const Settings& settings, const Request& request, ByteView rx, std::size_t at) {
   const std::size_t chars = data_chars(request);
   const std::size_t etx = kHeader + chars;
   const std::size_t length = etx + 1 + settings.sum_chars() + settings.terminator_chars();
@@ -151,7 +150,7 @@ Result<std::optional<Reply>> data_reply(const Settings& settings, const Request&
                .consumed = at + length};
 }
 
-Result<std::optional<Reply>> short_reply(const Settings& settings, ByteView rx, std::size_t at) {
+Decoded short_reply(const Settings& settings, ByteView rx, std::size_t at) {
   const bool nak = rx[at] == kNak;
   const std::size_t length = kHeader + (nak ? 2U : 0U) + settings.terminator_chars();
   if (rx.size() - at < length) return std::nullopt;
@@ -171,8 +170,7 @@ Result<std::optional<Reply>> short_reply(const Settings& settings, ByteView rx, 
 
 }  // namespace
 
-Result<std::optional<Reply>> ComputerLink::decode(const Request& request, std::uint16_t tag,
-                                                  ByteView rx) const {
+Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   if (const auto sent = encode(request, tag); !sent) return tl::make_unexpected(sent.error());
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "EOT is never answered");
   const bool wants_data = brings_data(request);

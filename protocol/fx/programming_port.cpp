@@ -61,7 +61,7 @@ std::optional<FramePlace> find_frame(ByteView rx, std::size_t from) {
 }
 
 /// Requests more bytes, or fails if more bytes than the longest frame have arrived without a frame.
-Result<std::optional<Reply>> wait_for_more(ByteView rx, std::size_t from) {
+Decoded wait_for_more(ByteView rx, std::size_t from) {
   if (rx.size() - from > kLongestFrame)
     return garbled(std::to_string(rx.size() - from) +
                    " bytes without a whole frame; the longest has " +
@@ -77,7 +77,7 @@ Reply nak(std::size_t consumed) {
 }
 
 /// Decodes the data frame rx[at.begin, at.end) as the answer to a read of `bytes` bytes.
-Result<std::optional<Reply>> data_reply(ByteView rx, FramePlace at, std::size_t bytes) {
+Decoded data_reply(ByteView rx, FramePlace at, std::size_t bytes) {
   const ByteView frame = rx.subspan(at.begin, at.end - at.begin);
   const ByteView payload = frame.subspan(1, frame.size() - kEnvelope);
   const ByteView given = frame.last(2);
@@ -101,7 +101,7 @@ Result<std::optional<Reply>> data_reply(ByteView rx, FramePlace at, std::size_t 
 }
 
 /// Decodes an answer with data. Skips an echo of the request, which is never an answer.
-Result<std::optional<Reply>> decode_data(ByteView rx, ByteView request, std::size_t bytes) {
+Decoded decode_data(ByteView rx, ByteView request, std::size_t bytes) {
   std::size_t at = 0;
   for (;;) {
     const std::size_t from = at;
@@ -119,7 +119,7 @@ Result<std::optional<Reply>> decode_data(ByteView rx, ByteView request, std::siz
 
 /// Decodes a bare ACK or NAK. Skips whole frames before it: the echo of the request, or a late
 /// answer to an older read.
-Result<std::optional<Reply>> decode_acknowledge(ByteView rx) {
+Decoded decode_acknowledge(ByteView rx) {
   std::size_t at = 0;
   while (at < rx.size()) {
     if (rx[at] == kNak) return nak(at + 1);
@@ -332,8 +332,7 @@ Result<Bytes> ProgrammingPort::encode(const Request& request, std::uint16_t /*ta
               "the programming port has no such command; RUN and STOP are forces of M8037");
 }
 
-Result<std::optional<Reply>> ProgrammingPort::decode(const Request& request, std::uint16_t tag,
-                                                     ByteView rx) const {
+Decoded ProgrammingPort::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   const auto sent = encode(request, tag);
   if (!sent) return tl::make_unexpected(sent.error());
   if (const auto* read = std::get_if<Read>(&request))

@@ -55,8 +55,7 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   const AddressSpace& addresses() const override { return *this; }
   const PlcServices* plc() const override { return this; }
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
-  Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
-                                      ByteView rx) const override;
+  Decoded decode(const Request& request, std::uint16_t tag, ByteView rx) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   bool is_text() const override { return true; }

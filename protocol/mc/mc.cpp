@@ -159,8 +159,8 @@ Result<Reply> reply_in(const Dialect& dialect, const Request& request, ByteView 
   return refusal(static_cast<std::uint16_t>(*end_code), dialect.series());
 }
 
-Result<std::optional<Reply>> decode_ethernet(const Dialect& dialect, const Request& request,
-                                             std::uint16_t tag, ByteView rx) {
+Decoded decode_ethernet(const Dialect& dialect, const Request& request, std::uint16_t tag,
+                        ByteView rx) {
   const bool numbered = dialect.frame == Frame::e4;
   for (std::size_t at = 0; at < rx.size();) {
     const EthernetFrame frame = ethernet_frame(numbered, dialect.code, rx, at);
@@ -182,8 +182,8 @@ Result<std::optional<Reply>> decode_ethernet(const Dialect& dialect, const Reque
   return std::nullopt;
 }
 
-Result<std::optional<Reply>> decode_serial(const Dialect& dialect, const Request& request,
-                                           std::uint16_t tag, ByteView rx) {
+Decoded decode_serial(const Dialect& dialect, const Request& request, std::uint16_t tag,
+                      ByteView rx) {
   const std::size_t size = answer_size(dialect, request);
   const SerialAnswer answer = serial_answer(dialect, static_cast<std::uint8_t>(tag), size, rx);
   Result<Reply> reply;
@@ -210,8 +210,7 @@ Result<std::optional<Reply>> decode_serial(const Dialect& dialect, const Request
 
 }  // namespace
 
-Result<std::optional<Reply>> Mc::decode(const Request& request, std::uint16_t tag,
-                                        ByteView rx) const {
+Decoded Mc::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   if (is_serial(settings_.frame)) return decode_serial(settings_, request, tag, rx);
   return decode_ethernet(settings_, request, tag, rx);
 }

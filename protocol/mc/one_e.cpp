@@ -324,8 +324,7 @@ Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const 
 namespace {
 
 /// Decodes the answer that begins at the front of `frame`. nullopt: more bytes are needed.
-Result<std::optional<Reply>> reply_in(Code data_code, const Request& request, std::uint8_t command,
-                                      ByteView frame) {
+Decoded reply_in(Code data_code, const Request& request, std::uint8_t command, ByteView frame) {
   const std::string_view mistake = likely_mistake(data_code, frame[0]);
   std::optional<Bytes> binary = Bytes(frame.begin(), frame.end());
   if (data_code == Code::ascii) binary = one_e::from_ascii(frame);
@@ -372,8 +371,7 @@ Result<std::optional<Reply>> reply_in(Code data_code, const Request& request, st
 
 }  // namespace
 
-Result<std::optional<Reply>> OneE::decode(const Request& request, std::uint16_t tag,
-                                          ByteView rx) const {
+Decoded OneE::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   const auto sent = encode(request, tag);
   if (!sent) return tl::make_unexpected(sent.error());
   const auto command = static_cast<std::uint8_t>(*number_at(settings_.code, *sent, 0, 1));

@@ -59,8 +59,7 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   const AddressSpace& addresses() const override { return *this; }
   const PlcServices* plc() const override { return this; }
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
-  Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
-                                      ByteView rx) const override;
+  Decoded decode(const Request& request, std::uint16_t tag, ByteView rx) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   std::chrono::milliseconds gives_up_after() const override;

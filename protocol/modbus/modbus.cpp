@@ -233,8 +233,7 @@ std::uint32_t Modbus::max_write_bits(std::uint16_t space) const {
 
 namespace {
 
-Result<std::optional<Reply>> decode_rtu(std::uint8_t unit, const Request& request, ByteView pdu,
-                                        ByteView rx) {
+Decoded decode_rtu(std::uint8_t unit, const Request& request, ByteView pdu, ByteView rx) {
   const Bytes sent = framed(Framing::rtu, unit, pdu, 0);
   const bool echo_differs = !answers_by_echo(request, pdu);
   std::string error;
@@ -282,9 +281,8 @@ Result<std::optional<Reply>> decode_rtu(std::uint8_t unit, const Request& reques
 }
 
 /// Decodes frames that contain their own end: ASCII and TCP.
-Result<std::optional<Reply>> decode_delimited(const Modbus::Settings& settings,
-                                              const Request& request, ByteView pdu,
-                                              std::uint16_t tag, ByteView rx) {
+Decoded decode_delimited(const Modbus::Settings& settings, const Request& request, ByteView pdu,
+                         std::uint16_t tag, ByteView rx) {
   const bool is_tcp = settings.framing == Framing::tcp;
   const bool echo_differs = !answers_by_echo(request, pdu);
   for (std::size_t at = 0;;) {
@@ -328,8 +326,7 @@ Result<Bytes> Modbus::encode(const Request& request, std::uint16_t tag) const {
   return framed(settings_.framing, settings_.unit, *pdu, tag);
 }
 
-Result<std::optional<Reply>> Modbus::decode(const Request& request, std::uint16_t tag,
-                                            ByteView rx) const {
+Decoded Modbus::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   const auto pdu = encode_pdu(request);
   if (!pdu) return tl::make_unexpected(pdu.error());
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "no unit answers a broadcast");

@@ -53,8 +53,7 @@ class Modbus final : public Codec, public AddressSpace {
   // Codec
   const AddressSpace& addresses() const override { return *this; }
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
-  Result<std::optional<Reply>> decode(const Request& request, std::uint16_t tag,
-                                      ByteView rx) const override;
+  Decoded decode(const Request& request, std::uint16_t tag, ByteView rx) const override;
   LineLength line_length(const Request& request) const override;
   bool is_text() const override { return settings_.framing == Framing::ascii; }
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;

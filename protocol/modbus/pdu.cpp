@@ -136,7 +136,7 @@ std::optional<std::size_t> identity_length(ByteView pdu) {
   return end;
 }
 
-Result<std::optional<Reply>> decode_identity(ByteView pdu) {
+Decoded decode_identity(ByteView pdu) {
   if (pdu.size() < kIdentityHead ||
       !std::equal(kIdentify.begin(), kIdentify.end() - 1, pdu.begin()))
     return std::nullopt;
@@ -212,7 +212,7 @@ std::optional<std::size_t> answer_length(ByteView pdu) {
   return std::nullopt;
 }
 
-Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu) {
+Decoded decode_pdu(const Request& request, ByteView pdu) {
   const auto sent = encode_pdu(request);
   if (!sent) return tl::make_unexpected(sent.error());
   if (pdu.empty()) return garbled("an answer without a function code");

@@ -64,7 +64,7 @@ std::optional<std::size_t> answer_length(ByteView pdu);
 /// Decodes the whole PDU of an answer to `request`: its image or acknowledgement. nullopt if it
 /// answers another function or place, as a late answer does. Error: bad_frame if it cannot be an
 /// answer to any request.
-Result<std::optional<Reply>> decode_pdu(const Request& request, ByteView pdu);
+Decoded decode_pdu(const Request& request, ByteView pdu);
 
 /// Returns for example "illegal data address"; empty for a code that is not in the specification.
 std::string_view exception_text(int device_code);
