@@ -4,16 +4,18 @@
 #include <array>
 
 #include "protocol/encoding.h"
-#include "protocol/fx/link_frame.h"
 
 namespace fxagent::fx {
 namespace {
 
-using namespace link;
 using Settings = ComputerLink::Settings;
 
 // STX header, 256 bits, ETX, sum, CR LF.
 constexpr std::size_t kLongestFrame = kHeader + 256 + 1 + 2 + 2;
+
+// Reasons in a NAK that decide whether the request is sent again.
+constexpr int kSumMismatch = 0x02;
+constexpr int kNoDevice = 0x06;
 
 /// Codes of the models in answers to PC, JY992D69901 8.8; FX3 from JY997D16901, F4 from the
 /// FX3U-ENET manual. The code of FX3S is unknown.
@@ -116,6 +118,14 @@ std::optional<std::size_t> behind_frame(const Settings& settings, ByteView rx, s
 /// False if format 4 is set and the frame does not end with CR LF.
 bool ends_right(const Settings& settings, ByteView frame) {
   return !settings.ends_with_cr_lf || (frame[frame.size() - 2] == kCr && frame.back() == kLf);
+}
+
+/// Returns the frame that acknowledges data: ACK, station, PLC number [CR LF].
+Bytes acknowledge(const Settings& settings) {
+  Bytes frame{kAck};
+  append_hex(frame, settings.station << 8 | kPc, 4);
+  if (settings.ends_with_cr_lf) frame.insert(frame.end(), {kCr, kLf});
+  return frame;
 }
 
 Decoded data_reply(const Settings& settings, const Request& request, ByteView rx, std::size_t at) {

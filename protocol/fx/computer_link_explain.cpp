@@ -5,12 +5,9 @@
 
 #include "protocol/device_walk.h"
 #include "protocol/fx/computer_link.h"
-#include "protocol/fx/link_frame.h"
 
 namespace fxagent::fx {
 namespace {
-
-using namespace link;
 
 struct LinkCommand;
 

@@ -5,12 +5,11 @@
 #include <string_view>
 
 #include "protocol/encoding.h"
-#include "protocol/fx/link_frame.h"
+#include "protocol/fx/computer_link.h"
 
 namespace fxagent::fx {
 namespace {
 
-using namespace link;
 using Settings = ComputerLink::Settings;
 
 // ENQ header, command, wait, number of points. The head device stands between the last two.
@@ -105,26 +104,17 @@ std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLi
   return std::nullopt;
 }
 
-/// Appends station and PLC number.
-void append_station(Bytes& out, const Settings& settings) {
-  append_hex(out, settings.station << 8 | kPc, 4);
-}
-
-void append_terminator(Bytes& out, const Settings& settings) {
-  if (settings.ends_with_cr_lf) out.insert(out.end(), {kCr, kLf});
-}
-
 /// Returns a request frame: ENQ station pc command wait area [sum] [CR LF].
 Bytes framed(const Settings& settings, std::string_view command, ByteView area) {
   Bytes frame{kEnq};
   frame.reserve(kHeader + command.size() + 1 + area.size() + settings.sum_chars() +
                 settings.terminator_chars());
-  append_station(frame, settings);
+  append_hex(frame, settings.station << 8 | kPc, 4);
   frame.insert(frame.end(), command.begin(), command.end());
   append_hex(frame, settings.wait_tens, 1);
   frame.insert(frame.end(), area.begin(), area.end());
   if (settings.sum_check) append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
-  append_terminator(frame, settings);
+  if (settings.ends_with_cr_lf) frame.insert(frame.end(), {kCr, kLf});
   return frame;
 }
 
@@ -278,13 +268,6 @@ std::uint32_t ComputerLink::request_chars(const Request& request) const {
            settings_.sum_chars() + settings_.terminator_chars();
   const auto frame = encode(request, 0);
   return frame ? static_cast<std::uint32_t>(frame->size()) : 0;
-}
-
-Bytes link::acknowledge(const Settings& settings) {
-  Bytes frame{kAck};
-  append_station(frame, settings);
-  append_terminator(frame, settings);
-  return frame;
 }
 
 }  // namespace fxagent::fx

@@ -4,7 +4,6 @@
 
 #include <sstream>
 
-#include "protocol/fx/link_frame.h"
 #include "protocol/plan/plan.h"
 #include "tests/protocol/answers.h"
 
