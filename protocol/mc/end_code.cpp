@@ -1,9 +1,11 @@
-#include "protocol/mc/end_code.h"
-
+// End codes of 3E, 4E, 3C and 4C (message.h).
+// Sources: SH-080008, JY997D56001, QnUCPU and LCPU built-in Ethernet manuals, QJ71C24 manuals.
+// protocol/README.md lists the codes that PLCs were observed to send.
 #include <algorithm>
 #include <array>
 #include <string_view>
 
+#include "protocol/mc/message.h"
 #include "protocol/value/bytes.h"
 
 namespace fxagent::mc {

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "protocol/mc/body.h"
-#include "protocol/mc/end_code.h"
 #include "protocol/mc/message.h"
 
 namespace fxagent::mc {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "protocol/codec.h"
 #include "protocol/mc/dialect.h"
@@ -36,6 +37,21 @@ Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, Byte
 
 /// Bytes of the type name in the image of Control::identify. Two more hold the model code.
 inline constexpr std::size_t kTypeName = 16;
+
+// End codes, in end_code.cpp: their text, with the setting to check, and their meaning for the next
+// polls and commands of the device.
+
+/// Returns "end code C056: beyond the last device". If a setting helps, the text names it as the
+/// tool of that series does.
+std::string end_code_text(std::uint16_t code, Series series);
+/// Returns the meaning for a read or for any other request. `runs_or_stops`: such a request is
+/// never sent twice, whatever the reason.
+RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_stops);
+/// True if the PLC refuses every request with this code, because of a password or a setting of its
+/// port.
+bool refuses_everything(std::uint16_t code);
+/// True if the PLC lacks the command or its subcommand.
+bool is_unknown_command(std::uint16_t code);
 
 // Explanations, in explain_message.cpp.
 

@@ -5,7 +5,7 @@
 
 #include <array>
 
-#include "protocol/mc/end_code.h"
+#include "protocol/mc/message.h"
 #include "tests/protocol/answers.h"
 
 namespace fxagent::mc {
