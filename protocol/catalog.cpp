@@ -30,7 +30,7 @@ OptionSpec boolean(std::string_view key, bool fallback, std::string_view meaning
 /// `words` begins with the default.
 OptionSpec choice(std::string_view key, const std::vector<std::string_view>& words,
                   std::string_view meaning) {
-  return {key, OptionSpec::Kind::choice, 0, 0, words, words.front(), meaning};
+  return {key, OptionSpec::Kind::choice, 0, 0, words, std::string(words.front()), meaning};
 }
 
 constexpr AddressForms kFxAddresses{
@@ -415,17 +415,8 @@ const ProtocolInfo* find_protocol(std::string_view name) {
 }
 
 Options default_options(const ProtocolInfo& protocol) {
-  Options options;
-  for (const OptionSpec& spec : protocol.options) {
-    auto& value = options[std::string(spec.key)];
-    if (const auto* word = std::get_if<std::string_view>(&spec.fallback))
-      value = std::string(*word);
-    else if (const auto* flag = std::get_if<bool>(&spec.fallback))
-      value = *flag;
-    else
-      value = std::get<std::int64_t>(spec.fallback);
-  }
-  options["model"] = std::string(kAutoModel);
+  Options options{{"model", std::string(kAutoModel)}};
+  for (const OptionSpec& spec : protocol.options) options[std::string(spec.key)] = spec.fallback;
   return options;
 }
 

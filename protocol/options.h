@@ -12,6 +12,8 @@
 
 namespace fxagent {
 
+using OptionValue = std::variant<std::int64_t, bool, std::string>;
+
 /// One config key of a device that belongs to its protocol.
 struct OptionSpec {
   enum class Kind : std::uint8_t { integer, boolean, choice };
@@ -19,14 +21,13 @@ struct OptionSpec {
   Kind kind = Kind::integer;
   std::int64_t min = 0;  ///< integer: inclusive bounds
   std::int64_t max = 0;
-  std::vector<std::string_view> choices;                        ///< choice: the words
-  std::variant<std::int64_t, bool, std::string_view> fallback;  ///< used if the key is absent
-  std::string_view meaning;  ///< human-readable; the schema and the README quote it
+  std::vector<std::string_view> choices;  ///< choice: the words
+  OptionValue fallback;                   ///< used if the key is absent
+  std::string_view meaning;               ///< human-readable; the schema and the README quote it
   /// integer: from this value on frames are binary, and a serial line needs 8 data bits.
   std::optional<std::int64_t> binary_from{};
 };
 
-using OptionValue = std::variant<std::int64_t, bool, std::string>;
 /// Value of `model` if the agent is to ask the device for it.
 inline constexpr std::string_view kAutoModel = "auto";
 /// Every option of the protocol with its configured or default value. `model` is always present,

@@ -32,7 +32,7 @@ TEST(Catalog, EveryEntryIsCompleteAndNamedOnce) {
     for (const OptionSpec& option : info.options) {
       EXPECT_FALSE(option.meaning.empty()) << option.key;
       if (option.kind == OptionSpec::Kind::choice) {
-        const auto word = std::get<std::string_view>(option.fallback);
+        const auto& word = std::get<std::string>(option.fallback);
         EXPECT_NE(std::find(option.choices.begin(), option.choices.end(), word),
                   option.choices.end())
             << option.key;

@@ -267,16 +267,7 @@ std::vector<Sample> samples(std::string_view protocol) {
 
 std::shared_ptr<const Codec> codec_of(const ProtocolInfo& info, const std::string& model) {
   Options options{{"model", model}};
-  for (const OptionSpec& option : info.options) {
-    std::visit(
-        [&](const auto& value) {
-          if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::string_view>)
-            options[std::string(option.key)] = std::string(value);
-          else
-            options[std::string(option.key)] = value;
-        },
-        option.fallback);
-  }
+  for (const OptionSpec& option : info.options) options[std::string(option.key)] = option.fallback;
   auto codec = info.make(options);
   EXPECT_TRUE(codec.has_value()) << info.name;
   return codec ? *codec : nullptr;
