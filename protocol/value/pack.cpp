@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <optional>
 #include <string_view>
@@ -158,10 +158,7 @@ Packed pack_float(const Point& point, const Scalar& scalar, Bytes& image, std::s
   const double raw = point.scaled() ? (value - point.offset) / point.scale : value;
   if (!(std::abs(raw) <= double{std::numeric_limits<Float>::max()}))
     return out_of_range(spelled(value) + " does not fit a " + std::string(to_string(point.type)));
-  const auto number = static_cast<Float>(raw);
-  Pattern pattern = 0;
-  static_assert(sizeof number == sizeof pattern);
-  std::memcpy(&pattern, &number, sizeof pattern);
+  const auto pattern = std::bit_cast<Pattern>(static_cast<Float>(raw));
   set_bits(image, bit, 8 * sizeof pattern, reordered(pattern, 8 * sizeof pattern, point.order));
   return {};
 }
@@ -269,9 +266,7 @@ std::string utf8_from_latin1(std::uint8_t byte) {
 /// Decodes a float from its bit pattern `raw`.
 template <class Float, class Pattern>
 Result<Scalar> float_from(const Point& point, Pattern raw) {
-  Float number = 0;
-  static_assert(sizeof number == sizeof raw);
-  std::memcpy(&number, &raw, sizeof number);
+  const auto number = std::bit_cast<Float>(raw);
   if (!std::isfinite(number))
     return refuse(hex_text(raw, static_cast<int>(2 * sizeof raw)) +
                   (std::isnan(number) ? " is NaN" : " is infinite"));
