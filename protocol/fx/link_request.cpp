@@ -163,9 +163,8 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
   if (!carrier) return fail(ErrorCode::unsupported, "no frame carries these writes together");
   Bytes items;
   std::uint32_t points = 0;
-  const bool long_names =
-      std::any_of(scatter.parts.begin(), scatter.parts.end(),
-                  [](const Write& part) { return part.span.space == id(Space::r); });
+  const bool long_names = std::ranges::any_of(
+      scatter.parts, [](const Write& part) { return part.span.space == id(Space::r); });
   for (const Write& part : scatter.parts) {
     const Span& span = part.span;
     if (const auto allowed = check_exact(settings.model, span); !allowed)

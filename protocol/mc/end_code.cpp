@@ -165,8 +165,7 @@ RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_
 bool refuses_everything(std::uint16_t code) {
   constexpr std::array<std::uint16_t, 8> kOfThePort = {0x0050, 0x0055, 0x7F20, 0x7F21,
                                                        0x7F23, 0xC050, 0xC05F, 0xC06F};
-  return is_password(code) ||
-         std::find(kOfThePort.begin(), kOfThePort.end(), code) != kOfThePort.end();
+  return is_password(code) || std::ranges::find(kOfThePort, code) != kOfThePort.end();
 }
 
 bool is_unknown_command(std::uint16_t code) {

@@ -226,8 +226,7 @@ bool Mc::may_pass_for_answer(ByteView bytes) const {
     const auto same = [&](std::uint8_t a, std::uint8_t b) {
       return a == b || (settings_.code == Code::ascii && hex_digit(a) == hex_digit(b));
     };
-    if (std::equal(subheader.begin(), subheader.begin() + static_cast<std::ptrdiff_t>(size),
-                   bytes.begin() + static_cast<std::ptrdiff_t>(at), same))
+    if (std::ranges::equal(ByteView(subheader).first(size), bytes.subspan(at, size), same))
       return true;
   }
   return false;

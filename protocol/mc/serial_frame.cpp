@@ -128,11 +128,10 @@ class AsciiSearch final {
   }
 
   bool is_ours() const {
-    return std::equal(head_.begin(), head_.end(),
-                      rx_.begin() + static_cast<std::ptrdiff_t>(at_) + 1,
-                      [](std::uint8_t a, std::uint8_t b) {
-                        return a == b || (hex_digit(a) >= 0 && hex_digit(a) == hex_digit(b));
-                      });
+    const auto same = [](std::uint8_t a, std::uint8_t b) {
+      return a == b || (hex_digit(a) >= 0 && hex_digit(a) == hex_digit(b));
+    };
+    return std::ranges::equal(head_, rx_.subspan(at_ + 1, head_.size()), same);
   }
 
   /// Returns nullopt if no answer began here; `at_` is then after it. Returns an incomplete answer
@@ -155,12 +154,9 @@ class AsciiSearch final {
   std::optional<SerialAnswer> judge_3() {
     const std::size_t word = 1 + head_.size();
     if (left() < word + kDone.size()) return SerialAnswer{};
-    const ByteView said = rx_.subspan(at_ + word, kDone.size());
-    const auto says = [&](std::string_view text) {
-      return std::equal(said.begin(), said.end(), text.begin());
-    };
-    if (says(kRefused)) return refused_at(word + kRefused.size(), 1);
-    if (!says(kDone)) return pass_frame();  // echo of the request
+    const std::string said = as_text(rx_.subspan(at_ + word, kDone.size()));
+    if (said == kRefused) return refused_at(word + kRefused.size(), 1);
+    if (said != kDone) return pass_frame();  // echo of the request
     const std::size_t behind = word + kDone.size();
     if (left() <= behind) return SerialAnswer{};
     const bool has_data = rx_[at_ + behind] != kEtx;
@@ -221,13 +217,10 @@ class AsciiSearch final {
     const auto begin = rx_.begin() + static_cast<std::ptrdiff_t>(at_);
     const auto etx = std::find(begin, rx_.end(), kEtx);
     if (etx == rx_.end()) return SerialAnswer{};
-    const std::string_view content(reinterpret_cast<const char*>(&*begin) + 1,
-                                   static_cast<std::size_t>(etx - begin) - 1);
+    const std::string content(begin + 1, etx);
+    const std::string said = content.substr(std::min(head_.size(), content.size()));
     // QACK without data, and QNAK, have no sum.
-    const std::size_t word = head_.size();
-    const bool plain =
-        is_3() && content.size() >= word &&
-        (content.substr(word) == kDone || content.substr(word).starts_with(kRefused));
+    const bool plain = is_3() && (said == kDone || said.starts_with(kRefused));
     const std::size_t end =
         static_cast<std::size_t>(etx - rx_.begin()) + 1 + (plain ? 0 : sum_size(dialect_));
     if (end > rx_.size()) return SerialAnswer{};
@@ -255,7 +248,7 @@ std::optional<SerialAnswer> binary_answer(const Dialect& dialect, std::size_t da
   const Bytes header = serial_header(dialect);
   const std::size_t least = kLength + header.size() + kMark + kEndCode;
   if (content.size() < kLength + header.size() ||
-      !std::equal(header.begin(), header.end(), content.begin() + kLength))
+      !std::ranges::equal(header, content.subspan(kLength, header.size())))
     return std::nullopt;
   const std::size_t length = *number_at(Code::binary, content, 0, kLength);
   if (length != content.size() - kLength)

@@ -416,8 +416,7 @@ milliseconds Modbus::pause_after(const Request& request) const {
 
 bool Modbus::may_pass_for_answer(ByteView bytes) const {
   if (settings_.framing != Framing::rtu)
-    return settings_.framing == Framing::tcp ||
-           std::find(bytes.begin(), bytes.end(), ':') != bytes.end();
+    return settings_.framing == Framing::tcp || std::ranges::find(bytes, ':') != bytes.end();
   // The head of an answer that has not arrived completely.
   constexpr std::uint8_t kLastFunction = code(Function::read_write);
   if (bytes.size() >= 2 && bytes[0] == settings_.unit && bytes[1] != 0 &&

@@ -16,9 +16,7 @@ bool shows(const Value& shown, const Value& wanted) {
     const auto whole = text != nullptr ? whole_from(*text) : std::nullopt;
     return compare(is, whole ? scalar_of(*whole) : should) == std::partial_ordering::equivalent;
   };
-  return shown.is_array == wanted.is_array &&
-         std::equal(shown.items.begin(), shown.items.end(), wanted.items.begin(),
-                    wanted.items.end(), same);
+  return shown.is_array == wanted.is_array && std::ranges::equal(shown.items, wanted.items, same);
 }
 
 std::optional<double> number_of(const Scalar& scalar) {
