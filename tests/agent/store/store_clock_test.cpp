@@ -1,5 +1,3 @@
-#include "agent/store/store_clock.h"
-
 #include <gtest/gtest.h>
 
 #include <filesystem>
