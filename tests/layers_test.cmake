@@ -81,7 +81,7 @@ forbid("^agent/pair/" "^agent/(field|http|import|recorder|remote|cli|agent)[/.]"
        "agent/pair/ sees the broker, the store and the commands' journal")
 forbid("^agent/pair/pair_(state|messages)" "${threads_and_io}"
        "the decisions of agent/pair/ are pure: time is an argument")
-forbid("." "^microhttpd\\.h" "only agent/http/http_library.h knows the HTTP library")
+forbid("." "^microhttpd\\.h" "only agent/http/http_server.cpp knows the HTTP library")
 forbid("." "^prometheus/" "only agent/http/exposition.cpp knows Prometheus' library")
 forbid("." "^asio" "asio is agent/field/'s")
 forbid("." "${mqtt}" "only agent/uplink/paho/ and agent/history/ know an MQTT library")
@@ -115,7 +115,7 @@ set(allowed
   "^agent/recorder/recording_files\\.cpp agent/store/disk/(durable|store)_file\\.h$"
   "^agent/http/[^ ]+ agent/http/"
   "^agent/pair/[^ ]+ agent/pair/"
-  "^agent/http/http_library\\.h microhttpd\\.h$"
+  "^agent/http/http_server\\.cpp microhttpd\\.h$"
   "^agent/http/exposition\\.cpp prometheus/")
 
 # One line per include: path:line:#include "header". %: is another way to write #.

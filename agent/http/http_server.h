@@ -1,5 +1,5 @@
-// A small HTTP server for GET, HEAD and short POSTs, on libmicrohttpd (http_library.h). Limits
-// connections, memory and time, whatever clients do. Answers one request per connection. One
+// A small HTTP server for GET, HEAD and short POSTs, on libmicrohttpd, which is loaded on demand.
+// Limits connections, memory and time, whatever clients do. Answers one request per connection. One
 // thread, which drives it: see run().
 #pragma once
 
