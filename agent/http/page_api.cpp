@@ -11,7 +11,7 @@
 #include "agent/http/page_config.h"
 #include "agent/http/page_verdict.h"
 #include "agent/log/recent_events.h"
-#include "agent/recorder/replay.h"
+#include "agent/recorder/recording.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "agent/recorder/replay.h"
+#include "agent/recorder/recording.h"
 #include "protocol/codec.h"
 #include "protocol/value/bytes.h"
 
