@@ -1,4 +1,4 @@
-#include "agent/store/journal/command_marker.h"
+#include "agent/store/journal/guarded_journal.h"
 
 #include <gtest/gtest.h>
 
