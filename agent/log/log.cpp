@@ -10,7 +10,6 @@
 #include <mutex>
 #include <span>
 
-#include "agent/log/log_repeats.h"
 #include "agent/log/log_writer.h"
 #include "agent/log/recent_events.h"
 #include "agent/text/calendar.h"
@@ -142,8 +141,13 @@ class Stderr final {
   void begin() {
     is_journal = is_journal_stream(STDERR_FILENO);
     const auto writer = std::make_shared<LogWriter>(
-        STDERR_FILENO, LogWriter::Callbacks{[](std::uint64_t count) { return dropped(count); },
-                                            [this] { return told(steady_clock::now()); }});
+        STDERR_FILENO,
+        LogWriter::Callbacks{
+            [](std::uint64_t count) {
+              const std::string number = std::to_string(count);
+              return line(Level::warn, "log_lines_dropped", {{"count", number}}) + '\n';
+            },
+            [this] { return told(steady_clock::now()); }});
     const std::lock_guard lock(mutex_);
     writer_ = writer;
   }
@@ -169,12 +173,6 @@ class Stderr final {
       writer->write(std::move(line));
     else
       std::fwrite(line.data(), 1, line.size(), stderr);
-  }
-
-  static std::string dropped(std::uint64_t count) {
-    const Field field{"count", std::to_string(count)};
-    return line_now(Level::warn,
-                    body_of("log_lines_dropped", std::span(&field, 1), kMostValueBytes));
   }
 
   std::shared_ptr<LogWriter> writer() {

@@ -10,7 +10,6 @@
 #include <string>
 #include <thread>
 
-#include "agent/log/log_repeats.h"
 
 namespace fxagent::log {
 namespace {
