@@ -15,14 +15,15 @@ constexpr std::uint64_t kShareOfJournal = 2;
 
 }  // namespace
 
-void StoredJournal::write_command(const JournalEntry& entry) {
-  table_->insert(entry);
+void StoredJournal::write(const JournalEntry& entry) {
+  entry.result.empty() ? table_->insert(entry) : table_->record(entry);
   audit_.append(entry.audit);
 }
 
-void StoredJournal::write_result(const JournalEntry& entry) {
-  table_->record(entry);
-  audit_.append(entry.audit);
+bool StoredJournal::commit(std::span<const JournalEntry> entries) {
+  return disk_.commit("journal", Sync::as_configured, [&] {
+    for (const JournalEntry& entry : entries) write(entry);
+  });
 }
 
 void StoredJournal::keep(JournalEntry entry) {
@@ -31,10 +32,7 @@ void StoredJournal::keep(JournalEntry entry) {
 }
 
 bool StoredJournal::journal(std::span<const JournalEntry> entries) {
-  const bool written = disk_.commit("journal", Sync::as_configured, [&] {
-    for (const JournalEntry& entry : entries) write_command(entry);
-  });
-  if (written) return true;
+  if (commit(entries)) return true;
   for (const JournalEntry& entry : entries) keep(entry);
   // A fresh file may have replaced a damaged one.
   return disk_.is_writable() && disk_.flush();
@@ -43,14 +41,10 @@ bool StoredJournal::journal(std::span<const JournalEntry> entries) {
 void StoredJournal::record(std::vector<JournalEntry> entries) {
   if (entries.empty()) return;
   // A command that is not on disk yet is written together with its result.
-  const bool command_waits =
-      std::any_of(entries.begin(), entries.end(), [this](const JournalEntry& entry) {
-        return waiting_.find(entry.device, entry.id) != nullptr;
-      });
-  const auto write = [&] {
-    for (const JournalEntry& entry : entries) write_result(entry);
-  };
-  if (!command_waits && disk_.commit("journal", Sync::as_configured, write)) return;
+  const bool command_waits = std::ranges::any_of(entries, [this](const JournalEntry& entry) {
+    return waiting_.find(entry.device, entry.id) != nullptr;
+  });
+  if (!command_waits && commit(entries)) return;
   for (JournalEntry& entry : entries) keep(std::move(entry));
   if (disk_.is_writable()) disk_.flush();
 }
@@ -134,8 +128,7 @@ void StoredJournal::begin_commit() {
 
 bool StoredJournal::write_pending(std::size_t at_most) {
   const std::size_t count = std::min(at_most, waiting_.size());
-  for (auto entry = waiting_.begin(); written_ < count; ++entry, ++written_)
-    entry->result.empty() ? write_command(*entry) : write_result(*entry);
+  for (auto entry = waiting_.begin(); written_ < count; ++entry, ++written_) write(*entry);
   if (written_ < waiting_.size()) return true;
   // Acknowledgements follow their results.
   for (const auto& [device, id, number, total_ms] : to_acknowledge_)

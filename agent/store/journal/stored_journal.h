@@ -74,10 +74,11 @@ class StoredJournal final : public CommandJournal, public StorePart {
     std::string total_ms;
   };
 
-  /// Within a commit: writes a command before it is carried out. Throws SQLite::Exception.
-  void write_command(const JournalEntry& entry);
-  /// Same for a result.
-  void write_result(const JournalEntry& entry);
+  /// Within a commit: writes a command before it is carried out, or its result if it has one.
+  /// Throws SQLite::Exception.
+  void write(const JournalEntry& entry);
+  /// Writes them in one commit. Returns false if none was written.
+  bool commit(std::span<const JournalEntry> entries);
   /// Keeps the entry in memory until a commit writes it.
   void keep(JournalEntry entry);
 
