@@ -52,14 +52,14 @@ void AuditTrail::unload(Rows) {
   kept_ = {};
 }
 
-void AuditTrail::note(std::string body) {
+void AuditTrail::Waiting::note(std::string body) {
   if (body.empty()) return;
-  if (waiting_.size() >= kMostWaiting || waiting_bytes_ >= kMostWaitingBytes) {
-    ++lost_;
+  if (bodies.size() >= kMostWaiting || bytes >= kMostWaitingBytes) {
+    ++lost;
     return;
   }
-  waiting_bytes_ += body.size();
-  waiting_.push_back(std::move(body));
+  bytes += body.size();
+  bodies.push_back(std::move(body));
 }
 
 void AuditTrail::begin_commit() {
@@ -76,9 +76,10 @@ void AuditTrail::append(std::string_view body) {
 }
 
 bool AuditTrail::write_pending(std::size_t at_most) {
-  for (; written_ < std::min(at_most, waiting_.size()); ++written_) append(waiting_[written_]);
-  if (written_ < waiting_.size()) return true;
-  if (lost_ != 0) append(audit::lost(lost_, disk_.utc_ms()));
+  const auto& bodies = waiting_.bodies;
+  for (; written_ < std::min(at_most, bodies.size()); ++written_) append(bodies[written_]);
+  if (written_ < bodies.size()) return true;
+  if (waiting_.lost != 0) append(audit::lost(waiting_.lost, disk_.utc_ms()));
   is_loss_written_ = true;
   return false;
 }
@@ -93,10 +94,10 @@ void AuditTrail::end_commit() {
 void AuditTrail::committed() {
   kept_ = next_;
   for (; written_ > 0; --written_) {
-    waiting_bytes_ -= waiting_.front().size();
-    waiting_.pop_front();
+    waiting_.bytes -= waiting_.bodies.front().size();
+    waiting_.bodies.pop_front();
   }
-  if (is_loss_written_) lost_ = 0;
+  if (is_loss_written_) waiting_.lost = 0;
 }
 
 void AuditTrail::prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uint64_t may_age) {

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "agent/steady_time.h"
 #include "agent/store/audit_chain.h"
@@ -24,6 +25,16 @@ class AuditTrail final : public StorePart {
   static constexpr std::size_t kMostWaiting = 30000;
   static constexpr std::size_t kMostWaitingBytes = std::size_t{8} << 20;
 
+  /// Bodies of records in memory, within these limits.
+  struct Waiting {
+    std::deque<std::string> bodies;
+    std::size_t bytes = 0;
+    std::uint64_t lost = 0;  ///< records that found no room
+
+    /// Adds a body unless it is empty. Above the limits it is only counted as lost.
+    void note(std::string body);
+  };
+
   AuditTrail(const StoreConfig& config, StoreDisk& disk) : config_(config), disk_(disk) {}
 
   /// Returns the number for a command that has just arrived. May be called while a commit is in
@@ -34,11 +45,10 @@ class AuditTrail final : public StorePart {
   /// went back.
   void count_from(std::uint64_t command_number) { last_command_number_ = command_number; }
 
-  /// Adds a record's body. It is written within 200 ms, or once the disk accepts it. Above the
-  /// limits it is only counted as lost.
-  void note(std::string body);
+  /// Adds a record's body. It is written within 200 ms, or once the disk accepts it.
+  void note(std::string body) { waiting_.note(std::move(body)); }
   /// Counts records that found no room elsewhere, for the next `lost` record.
-  void lose(std::uint64_t records) { lost_ += records; }
+  void lose(std::uint64_t records) { waiting_.lost += records; }
   /// The head as stored in the file.
   audit::Head head() const { return kept_.head; }
   std::uint64_t bytes() const { return kept_.bytes; }
@@ -60,7 +70,7 @@ class AuditTrail final : public StorePart {
   void load(SQLite::Database& database) override;
   void unload(Rows rows) override;
   void set_aside(const std::string& name) override { note(audit::begun(name, disk_.utc_ms())); }
-  bool has_pending() const override { return !waiting_.empty() || lost_ != 0; }
+  bool has_pending() const override { return !waiting_.bodies.empty() || waiting_.lost != 0; }
   void begin_commit() override;
   bool write_pending(std::size_t at_most) override;
   void end_commit() override;
@@ -96,12 +106,10 @@ class AuditTrail final : public StorePart {
   State kept_;  ///< in the file
   State next_;  ///< as the open commit will leave it
   std::atomic<std::uint64_t> last_command_number_ = 0;
-  std::uint64_t first_of_run_ = 1;   ///< the first record of this run
-  std::deque<std::string> waiting_;  ///< bodies that are not in the file yet
-  std::size_t waiting_bytes_ = 0;
-  std::uint64_t lost_ = 0;        ///< records that found no room, not reported yet
-  std::size_t written_ = 0;       ///< of waiting_, in the open commit
-  bool is_loss_written_ = false;  ///< in the open commit
+  std::uint64_t first_of_run_ = 1;  ///< the first record of this run
+  Waiting waiting_;                 ///< not in the file yet
+  std::size_t written_ = 0;         ///< of its bodies, in the open commit
+  bool is_loss_written_ = false;    ///< in the open commit
   std::optional<SteadyTime> prune_at_;
 };
 

@@ -54,15 +54,7 @@ void CommandMarker::serve(const std::stop_token& stop) {
 }
 
 void GuardedJournal::note(std::string audit) {
-  if (!guard_.hangs()) return journal_.note(std::move(audit));
-  if (audit.empty()) return;
-  if (waiting_.audit.size() >= AuditTrail::kMostWaiting ||
-      waiting_.audit_bytes >= AuditTrail::kMostWaitingBytes) {
-    ++waiting_.audit_lost;
-    return;
-  }
-  waiting_.audit_bytes += audit.size();
-  waiting_.audit.push_back(std::move(audit));
+  guard_.hangs() ? waiting_.audit.note(std::move(audit)) : journal_.note(std::move(audit));
 }
 
 bool GuardedJournal::journal(std::span<const JournalEntry> entries) {
@@ -114,8 +106,8 @@ std::vector<JournalEntry> GuardedJournal::unacknowledged(const std::string& devi
 
 void GuardedJournal::take_up(DiskGuard::Work before) {
   const auto waiting = std::make_shared<Waiting>(std::exchange(waiting_, {}));
-  for (std::string& body : waiting->audit) audit_.note(std::move(body));
-  audit_.lose(waiting->audit_lost);
+  for (std::string& body : waiting->audit.bodies) audit_.note(std::move(body));
+  audit_.lose(waiting->audit.lost);
   // An acknowledgement must follow its result.
   const auto acknowledge = [waiting] {
     for (const auto& each : waiting->acknowledgements) each();

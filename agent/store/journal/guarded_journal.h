@@ -6,7 +6,6 @@
 
 #include <chrono>
 #include <condition_variable>
-#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -96,9 +95,7 @@ class GuardedJournal final : public CommandJournal {
  private:
   /// Entries that wait while the store hangs.
   struct Waiting {
-    std::deque<std::string> audit;
-    std::size_t audit_bytes = 0;
-    std::uint64_t audit_lost = 0;  ///< records that found no room
+    AuditTrail::Waiting audit;
     UnrecordedCommands results;
     std::vector<std::function<void()>> acknowledgements;
   };
