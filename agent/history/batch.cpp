@@ -33,20 +33,18 @@ std::string_view take_level(std::string_view& topic) {
 }
 
 std::optional<std::int64_t> whole_number(const Json& object, const char* key, std::int64_t most) {
-  const auto found = object.find(key);
-  if (found == object.end() || !found->is_number_integer()) return std::nullopt;
-  if (found->is_number_unsigned() && found->get<std::uint64_t>() > static_cast<std::uint64_t>(most))
+  const Json& value = member(object, key);
+  if (!value.is_number_integer()) return std::nullopt;
+  if (value.is_number_unsigned() && value.get<std::uint64_t>() > static_cast<std::uint64_t>(most))
     return std::nullopt;
-  const auto value = found->get<std::int64_t>();
-  if (value < 0) return std::nullopt;
-  return value;
+  const auto number = value.get<std::int64_t>();
+  return number < 0 ? std::nullopt : std::optional(number);
 }
 
 /// True if the member is a short text: it is part of an index.
 bool is_text(const Json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_string() &&
-         found->get_ref<const std::string&>().size() <= kMostText;
+  const Json& text = member(object, key);
+  return text.is_string() && text.get_ref<const std::string&>().size() <= kMostText;
 }
 
 /// True if a key or a text has the character NUL, which PostgreSQL cannot store.
@@ -73,9 +71,9 @@ Fault fault_of(const Json& sample) {
     return "seq is no number";
   if (!is_text(sample, "boot")) return "boot is no text";
   if (!is_text(sample, "meta")) return "meta is no text";
-  const auto values = sample.find("values");
-  if (values == sample.end() || !values->is_object()) return "values is no object";
-  for (const auto& [tag, value] : values->items())
+  const Json& values = member(sample, "values");
+  if (!values.is_object()) return "values is no object";
+  for (const auto& [tag, value] : values.items())
     if (!is_value(value)) return "the value of a tag is neither a scalar nor an array of them";
   if (const auto bad = sample.find("bad"); bad != sample.end()) {
     if (!bad->is_object()) return "bad is no object";
@@ -168,16 +166,15 @@ void Batch::add_health(const Message& message, std::string_view agent) {
   if (!health.is_object()) return refuse(message, "the health is no object");
   constexpr auto kMost = std::int64_t{1} << 53;
   const auto ts = whole_number(health, "ts", kLastMs);
-  const auto samples = health.find("samples");
-  const auto devices = health.find("devices");
-  if (!ts || !is_text(health, "boot") || samples == health.end() || !samples->is_object() ||
-      devices == health.end() || !devices->is_object())
+  const Json& samples = member(health, "samples");
+  const Json& devices = member(health, "devices");
+  if (!ts || !is_text(health, "boot") || !samples.is_object() || !devices.is_object())
     return refuse(message, "the health has no ts, boot, samples and devices");
   std::int64_t waiting = 0;
   for (const char* key : {"queued", "in_flight", "stored"})
-    waiting += whole_number(*samples, key, kMost).value_or(0);
+    waiting += whole_number(samples, key, kMost).value_or(0);
   Json dropped = Json::object();
-  for (const auto& [name, device] : devices->items()) {
+  for (const auto& [name, device] : devices.items()) {
     if (!is_name(name) || !device.is_object()) continue;
     if (const auto count = whole_number(device, "dropped", kMost)) dropped[name] = *count;
   }

@@ -64,9 +64,8 @@ std::string lost(std::uint64_t records, std::int64_t now_ms) {
 
 std::int64_t time_of(std::string_view text) {
   const Json record = parsed_json(text);
-  if (!record.is_object()) return 0;
-  const auto ts = record.find("ts");
-  return ts != record.end() && ts->is_number_integer() ? ts->get<std::int64_t>() : 0;
+  const Json& ts = member(record, "ts");
+  return ts.is_number_integer() ? ts.get<std::int64_t>() : 0;
 }
 
 // ---- verification -----------------------------------------------------------------------------
@@ -95,9 +94,9 @@ void Verifier::add(const Record& record) {
          "it does not follow record " + std::to_string(last_) + ": one of them was replaced");
   }
   const Json said = parsed_json(record.text);
-  if (whole && said.is_object() && said.value("kind", Json()) == "pruned") {
-    const Json up_to = said.value("up_to", Json());
-    const Json hash = said.value("hash", Json());
+  if (whole && text_at(said, "kind") == "pruned") {
+    const Json& up_to = member(said, "up_to");
+    const Json& hash = member(said, "hash");
     if (up_to.is_number_unsigned() && hash.is_string()) {
       pruned_up_to_ = up_to.get<std::uint64_t>();
       pruned_hash_ = hash.get<std::string>();
