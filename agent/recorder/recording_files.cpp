@@ -25,10 +25,6 @@ constexpr const char* kRequest = "request";
 constexpr const char* kAnswer = "answer";
 constexpr std::size_t kMostRequestBytes = std::size_t{1} << 20;
 
-std::string why(const std::string& path) {
-  return path + ": " + std::generic_category().message(errno);
-}
-
 struct flock whole_file() {
   struct flock range {};
   range.l_type = F_WRLCK;
@@ -59,7 +55,7 @@ std::string RecordingFiles::begin() {
   const std::string path = directory_ + "/" + kLock;
   lock_ = FileHandle(
       ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
-  if (lock_ < 0) return why(path);
+  if (lock_ < 0) return fault_of_system(path);
   struct flock range = whole_file();
   if (::fcntl(lock_, F_SETLK, &range) != 0) {
     lock_.close();

@@ -7,7 +7,6 @@
 
 #include <array>
 #include <cerrno>
-#include <system_error>
 #include <utility>
 
 #include "agent/file_handle.h"
@@ -15,10 +14,6 @@
 
 namespace fxagent {
 namespace {
-
-std::string why(const std::string& path) {
-  return path + ": " + std::generic_category().message(errno);
-}
 
 /// Returns false, with errno set, if part of the text was not written.
 bool write_all(int handle, std::string_view text) {
@@ -41,9 +36,10 @@ class DurableFile::Lock final {
       : handle_(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)),
         identity_(identity_of(directory)) {
     if (handle_ < 0)
-      fault_ = why(directory);
+      fault_ = fault_of_system(directory);
     else if (::flock(handle_, LOCK_EX | LOCK_NB) != 0)
-      fault_ = errno == EWOULDBLOCK ? directory + " belongs to another agent" : why(directory);
+      fault_ = errno == EWOULDBLOCK ? directory + " belongs to another agent"
+                                    : fault_of_system(directory);
   }
 
   const std::string& fault() const { return fault_; }
@@ -76,7 +72,7 @@ tl::expected<std::optional<std::string>, std::string> DurableFile::read(std::siz
   const FileHandle file(::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (file < 0) {
     if (errno == ENOENT) return std::nullopt;
-    return tl::unexpected(why(path_));
+    return tl::unexpected(fault_of_system(path_));
   }
   if (std::string fault = why_not_ours(file, path_); !fault.empty())
     return tl::unexpected(std::move(fault));
@@ -85,7 +81,7 @@ tl::expected<std::optional<std::string>, std::string> DurableFile::read(std::siz
   while (text.size() <= most) {
     const auto got = ::read(file, block.data(), block.size());
     if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return tl::unexpected(why(path_));
+    if (got < 0) return tl::unexpected(fault_of_system(path_));
     if (got == 0) return text;
     text.append(block.data(), static_cast<std::size_t>(got));
   }
@@ -100,15 +96,15 @@ std::string DurableFile::write(std::string_view text) const {
   {
     const FileHandle file(::open(
         fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
-    if (file < 0) return why(fresh);
+    if (file < 0) return fault_of_system(fresh);
     if (!write_all(file, text) || ::fsync(file) != 0) {
-      std::string fault = why(fresh);
+      std::string fault = fault_of_system(fresh);
       ::unlink(fresh.c_str());
       return fault;
     }
   }
   if (::rename(fresh.c_str(), path_.c_str()) != 0) {
-    std::string fault = why(path_);
+    std::string fault = fault_of_system(path_);
     ::unlink(fresh.c_str());
     return fault;
   }
@@ -116,13 +112,13 @@ std::string DurableFile::write(std::string_view text) const {
 }
 
 std::string DurableFile::remove() const {
-  if (::unlink(path_.c_str()) != 0) return errno == ENOENT ? std::string() : why(path_);
+  if (::unlink(path_.c_str()) != 0) return errno == ENOENT ? std::string() : fault_of_system(path_);
   return synchronise_directory();
 }
 
 std::string DurableFile::synchronise_directory() const {
   const FileHandle directory(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (directory < 0 || ::fsync(directory) != 0) return why(directory_);
+  if (directory < 0 || ::fsync(directory) != 0) return fault_of_system(directory_);
   return {};
 }
 

@@ -7,7 +7,6 @@
 
 #include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <filesystem>
 #include <system_error>
 #include <thread>
@@ -50,16 +49,15 @@ constexpr const char* kSchema[] = {
     "ALTER TABLE samples ADD COLUMN format INTEGER NOT NULL DEFAULT 0;"};
 
 std::string why_not_opened(const std::string& path) {
-  return path + ": " +
-         (errno == ELOOP ? "it is a symbolic link, which the agent does not follow"
-                         : std::strerror(errno));
+  return errno == ELOOP ? path + ": it is a symbolic link, which the agent does not follow"
+                        : fault_of_system(path);
 }
 
 /// Returns why another user could put a file or a link in the place of the store's; empty if none
 /// could. A sticky directory prevents it. why_not_ours() rejects files that were there before.
 std::string who_else_may_write(const std::string& directory) {
   struct stat found {};
-  if (::stat(directory.c_str(), &found) != 0) return directory + ": " + std::strerror(errno);
+  if (::stat(directory.c_str(), &found) != 0) return fault_of_system(directory);
   if (!S_ISDIR(found.st_mode)) return {};  // opening a file in it reports this
   if (found.st_uid != ::geteuid() && found.st_uid != 0)
     return directory + " belongs to user " + std::to_string(found.st_uid) +
@@ -74,9 +72,13 @@ std::string who_else_may_write(const std::string& directory) {
 
 }  // namespace
 
+std::string fault_of_system(const std::string& what) {
+  return what + ": " + std::generic_category().message(errno);
+}
+
 std::string why_not_ours(int handle, const std::string& path) {
   struct stat found {};
-  if (::fstat(handle, &found) != 0) return path + ": " + std::strerror(errno);
+  if (::fstat(handle, &found) != 0) return fault_of_system(path);
   if (!S_ISREG(found.st_mode)) return path + " is not a regular file";
   if (found.st_uid != ::geteuid())
     return path + " belongs to user " + std::to_string(found.st_uid) + ", not to the agent's";
@@ -103,8 +105,8 @@ DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
-      fault_ = errno == EWOULDBLOCK ? directory + " belongs to another agent"
-                                    : path + ": " + std::strerror(errno);
+      fault_ =
+          errno == EWOULDBLOCK ? directory + " belongs to another agent" : fault_of_system(path);
       return;
     }
     std::this_thread::sleep_for(kAskAgain);

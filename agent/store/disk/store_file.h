@@ -43,6 +43,9 @@ class DirectoryLock final {
   std::string fault_;
 };
 
+/// Returns "WHAT: " and the reason that errno has.
+std::string fault_of_system(const std::string& what);
+
 /// Returns the path of "fxagent.db" in `directory`.
 std::string store_file_path(const std::string& directory);
 

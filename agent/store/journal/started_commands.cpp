@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <ctime>
 #include <type_traits>
 #include <utility>
@@ -120,7 +119,7 @@ void StartedCommands::mark(std::uint64_t number) {
   if (marks_ >= kKept) floor_ = std::max(floor_, numbers_[place] + 1);
   const Record record{marks_ + 1, number, floor_, file_time()};
   if (!write_whole(handle_, &record, sizeof record, sizeof(Head) + place * sizeof record))
-    return withdraw("write: " + std::string(std::strerror(errno)));
+    return withdraw(fault_of_system("write"));
   ++marks_;
   numbers_[place] = number;
 }
@@ -213,16 +212,14 @@ void StartedCommands::make(std::uint64_t next_number) {
   const std::lock_guard lock(mutex_);
   handle_.close();
   // Delete the old file first: after a crash in between, nothing must be proven.
-  if (::unlink(path_.c_str()) != 0 && errno != ENOENT)
-    return withdraw("delete: " + std::string(std::strerror(errno)));
+  if (::unlink(path_.c_str()) != 0 && errno != ENOENT) return withdraw(fault_of_system("delete"));
   const auto head = head_of_now(next_number);
   if (!head) return;
   handle_ = FileHandle(
       ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
-  if (handle_ < 0) return withdraw("open: " + std::string(std::strerror(errno)));
+  if (handle_ < 0) return withdraw(fault_of_system("open"));
   const Content content{*head, {}};
-  if (!write_whole(handle_, &content, sizeof content, 0))
-    return withdraw("write: " + std::string(std::strerror(errno)));
+  if (!write_whole(handle_, &content, sizeof content, 0)) return withdraw(fault_of_system("write"));
   floor_ = next_number;
   marks_ = 0;
   numbers_.assign(kKept, 0);
