@@ -1,18 +1,22 @@
 #include "agent/store/samples/guarded_samples.h"
 
 #include <algorithm>
-#include <span>
 #include <utility>
 
 namespace fxagent {
+namespace {
+
+/// Rows that the disk's thread writes, and whether it has.
+struct AppendCall {
+  std::vector<SampleRow> rows;
+  bool on_disk = false;
+};
+
+}  // namespace
 
 void GuardedSamples::append(std::vector<SampleRow> rows, Stored then) {
   if (guard_.hangs() || rows.empty()) return then(std::move(rows), false);
-  struct Call {
-    std::vector<SampleRow> rows;
-    bool on_disk = false;
-  };
-  const auto call = std::make_shared<Call>(Call{std::move(rows)});
+  const auto call = std::make_shared<AppendCall>(AppendCall{std::move(rows)});
   std::set<StreamKey> streams;
   for (const SampleRow& row : call->rows) streams.emplace(row.device, row.group);
   const std::size_t count = call->rows.size();
@@ -30,17 +34,13 @@ void GuardedSamples::append(std::vector<SampleRow> rows, Stored then) {
 
 bool GuardedSamples::hold(std::vector<SampleRow>& rows) {
   if (guard_.hangs() || rows.empty()) return false;
-  struct Call {
-    std::vector<SampleRow> rows;
-    bool on_disk = false;
-  };
-  const auto call = std::make_shared<Call>(Call{rows});
+  const auto call = std::make_shared<AppendCall>(AppendCall{rows});
   const bool in_time = guard_.run(
       [this, call] { call->on_disk = samples_.append(call->rows, StoredSamples::Hold::yes); },
       [this, call] {
         // The caller treats them as not stored.
         if (!call->on_disk) return;
-        for (const SampleRow& row : call->rows) samples_.remove(std::span(&row.row_id, 1));
+        for (const SampleRow& row : call->rows) samples_.remove(row.row_id);
       });
   if (!in_time || !call->on_disk) return false;
   rows = std::move(call->rows);
@@ -86,9 +86,9 @@ void GuardedSamples::remove(const HistoryBatch& batch, Removed then) {
 }
 
 void GuardedSamples::remove(std::uint64_t row_id, Removed then) {
-  if (!guard_.hangs()) return then(samples_.remove(std::span(&row_id, 1)));
+  if (!guard_.hangs()) return then(samples_.remove(row_id));
   waiting_.rows.emplace_back(
-      [this, row_id, then = std::move(then)] { then(samples_.remove(std::span(&row_id, 1))); });
+      [this, row_id, then = std::move(then)] { then(samples_.remove(row_id)); });
 }
 
 bool GuardedSamples::has_waiting(const std::string& device) const {

@@ -159,7 +159,7 @@ std::optional<HistoryBatch> StoredSamples::next_of(const StreamKey& key, History
     return std::nullopt;
   for (const SampleStreams::Row& row : damaged) {
     streams_.take(row);
-    dropped_[key.first] += remove(std::span(&row.row_id, 1));
+    dropped_[key.first] += remove(row.row_id);
   }
   dropped = damaged.size();
   if (dropped > 0) log_damaged(key, dropped);
@@ -169,19 +169,17 @@ std::optional<HistoryBatch> StoredSamples::next_of(const StreamKey& key, History
   return builder.take(key);
 }
 
-std::uint64_t StoredSamples::remove(std::span<const std::uint64_t> row_ids) {
-  std::uint64_t count = 0;
-  for (const std::uint64_t row_id : row_ids) {
-    if (!streams_.remove(row_id)) continue;
-    removed_.insert(row_id);
-    ++count;
-  }
-  return count;
+std::uint64_t StoredSamples::remove(std::uint64_t row_id) {
+  if (!streams_.remove(row_id)) return 0;
+  removed_.insert(row_id);
+  return 1;
 }
 
 std::uint64_t StoredSamples::remove(const HistoryBatch& batch) {
   streams_.set_on_the_way({batch.device, batch.group}, false);
-  return remove(batch.row_ids);
+  std::uint64_t count = 0;
+  for (const std::uint64_t row_id : batch.row_ids) count += remove(row_id);
+  return count;
 }
 
 void StoredSamples::returned(const HistoryBatch& batch) {

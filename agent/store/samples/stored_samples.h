@@ -6,7 +6,6 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -39,7 +38,7 @@ class StoredSamples final : public StorePart {
   std::optional<HistoryBatch> next(HistoryMessage& message, const MaySend& may_send);
   /// Call when the rows are delivered, or never will be. Returns how many were still here; rows
   /// that had to make room were counted as dropped already.
-  std::uint64_t remove(std::span<const std::uint64_t> row_ids);
+  std::uint64_t remove(std::uint64_t row_id);
   std::uint64_t remove(const HistoryBatch& batch);
   /// Number of removed rows that are still in the file; the next commit deletes them.
   std::size_t removed() const { return removed_.size(); }

@@ -66,9 +66,8 @@ TEST(StoredSamples, HeldRowsAreNoHistoryUntilTheyAreReleased) {
   ASSERT_TRUE(shelf.store->samples().append(held, Store::Hold::yes));
   EXPECT_FALSE(shelf.store->samples().streams().has_waiting("a"));
   EXPECT_FALSE(test::next(shelf.store->samples(), 65536, any));
-  const std::uint64_t first[] = {held[0].row_id};
-  EXPECT_EQ(shelf.store->samples().remove(first), 1U);
-  EXPECT_EQ(shelf.store->samples().remove(first), 0U);
+  EXPECT_EQ(shelf.store->samples().remove(held[0].row_id), 1U);
+  EXPECT_EQ(shelf.store->samples().remove(held[0].row_id), 0U);
   shelf.store->samples().release(held[2].row_id);
   EXPECT_TRUE(shelf.store->samples().streams().has_waiting("a"));
   EXPECT_EQ(shelf.drain(), "a/fast[3]}");
