@@ -79,18 +79,14 @@ std::string device_lines(std::size_t index, const RecordedDevice& device) {
 }
 
 void append_frame(std::string& text, const RecordedFrame& frame) {
-  text += utc_us_text(frame.at_us) + ' ' + std::string(to_string(frame.way));
-  text += ' ';
+  text += utc_us_text(frame.at_us) + ' ' + std::string(to_string(frame.way)) + ' ';
   text += frame.device == kNoDevice ? "-" : std::to_string(frame.device);
   char after[32];
   std::snprintf(after, sizeof after, " %.3f ", static_cast<double>(frame.after.count()) / 1e6);
   text += after;
-  constexpr std::string_view kDigits = "0123456789ABCDEF";
-  for (const std::uint8_t byte : frame.bytes) {
-    text += kDigits[byte >> 4];
-    text += kDigits[byte & 0x0F];
-  }
-  if (frame.bytes.empty()) text += '-';
+  std::string hex = to_hex(frame.bytes);
+  std::erase(hex, ' ');
+  text += hex.empty() ? "-" : hex;
   if (!frame.note.empty()) text += ' ' + one_line(frame.note);
   text += '\n';
 }
