@@ -148,10 +148,10 @@ struct HttpServer::Callbacks {
   static MHD_Result request(void* server, MHD_Connection* connection, const char* path,
                             const char* method, const char* /*version*/, const char* upload,
                             std::size_t* upload_size, void** /*of_request*/) noexcept {
-    auto* const self = static_cast<HttpServer*>(server);
-    Open* const open = self->open_of(connection);
-    if (open == nullptr) return MHD_NO;
-    const bool is_post = std::string_view(method) == MHD_HTTP_METHOD_POST && self->most_body_ > 0;
+    auto& self = *static_cast<HttpServer*>(server);
+    const auto open = std::ranges::find(self.open_, connection, &Open::connection);
+    if (open == self.open_.end()) return MHD_NO;
+    const bool is_post = std::string_view(method) == MHD_HTTP_METHOD_POST && self.most_body_ > 0;
     if (!is_known(method) && !is_post) {
       open->is_answered = true;
       return send(connection, refusal(kNotAllowed, "only GET and HEAD"));
@@ -159,20 +159,51 @@ struct HttpServer::Callbacks {
     // The library calls once for the headers, for each part of the body, and at its end.
     if (is_post && !std::exchange(open->has_begun, true)) return MHD_YES;
     if (*upload_size > 0) {
-      const std::size_t room = self->most_body_ + 1 - open->body.size();
+      const std::size_t room = self.most_body_ + 1 - open->body.size();
       open->body.append(upload, std::min(*upload_size, room));
       *upload_size = 0;
       return MHD_YES;
     }
-    return static_cast<MHD_Result>(self->answer(*open, path, is_post));
+    return answer(self, *open, path, is_post);
   }
+
+  /// Answers a whole request, or lets it wait.
+  static MHD_Result answer(HttpServer& self, Open& open, const char* path, bool is_post) {
+    if (!open.answer && open.body.size() > self.most_body_)
+      open.answer = refusal(MHD_HTTP_CONTENT_TOO_LARGE, "the body is too long");
+    if (!open.answer) {
+      HttpRequest request = request_of(open.connection, path);
+      request.is_post = is_post;
+      request.body = open.body;
+      request.number = open.number;
+      open.answer = self.answer_(request);
+    }
+    if (!open.answer) {
+      open.waits = true;
+      ++self.waiting_;
+      http_library()->suspend_connection(open.connection);
+      return MHD_YES;
+    }
+    open.is_answered = true;
+    return send(open.connection, *std::exchange(open.answer, std::nullopt));
+  }
+
   static void connection(void* server, MHD_Connection* connection, void** /*of_connection*/,
                          MHD_ConnectionNotificationCode what) noexcept {
-    auto* const self = static_cast<HttpServer*>(server);
-    if (what == MHD_CONNECTION_NOTIFY_STARTED)
-      self->began(connection);
-    else
-      self->ended(connection);
+    auto& self = *static_cast<HttpServer*>(server);
+    if (what == MHD_CONNECTION_NOTIFY_STARTED) {
+      if (self.open_.size() >= kCrowded) {
+        const auto slowest = std::ranges::find_if(
+            self.open_, [](const Open& open) { return !open.is_shut && !open.waits; });
+        if (slowest != self.open_.end()) shut(*slowest, self.closed_.crowded);
+      }
+      self.open_.push_back({connection, self.now_, ++self.last_number_});
+      return;
+    }
+    const auto found = std::ranges::find(self.open_, connection, &Open::connection);
+    if (found == self.open_.end()) return;
+    if (!found->is_shut && !found->is_answered) ++self.closed_.unanswered;
+    self.open_.erase(found);
   }
 };
 
@@ -243,40 +274,6 @@ SteadyTime HttpServer::run(SteadyTime now) {
   return wake;
 }
 
-void HttpServer::began(MHD_Connection* connection) {
-  if (open_.size() >= kCrowded) {
-    const auto slowest =
-        std::ranges::find_if(open_, [](const Open& open) { return !open.is_shut && !open.waits; });
-    if (slowest != open_.end()) shut(*slowest, closed_.crowded);
-  }
-  open_.push_back({connection, now_, ++last_number_});
-}
-
-HttpServer::Open* HttpServer::open_of(MHD_Connection* connection) {
-  const auto found = std::ranges::find(open_, connection, &Open::connection);
-  return found == open_.end() ? nullptr : &*found;
-}
-
-int HttpServer::answer(Open& open, const char* path, bool is_post) {
-  if (!open.answer && open.body.size() > most_body_)
-    open.answer = refusal(MHD_HTTP_CONTENT_TOO_LARGE, "the body is too long");
-  if (!open.answer) {
-    HttpRequest request = request_of(open.connection, path);
-    request.is_post = is_post;
-    request.body = open.body;
-    request.number = open.number;
-    open.answer = answer_(request);
-  }
-  if (!open.answer) {
-    open.waits = true;
-    ++waiting_;
-    http_library()->suspend_connection(open.connection);
-    return MHD_YES;
-  }
-  open.is_answered = true;
-  return send(open.connection, *std::exchange(open.answer, std::nullopt));
-}
-
 void HttpServer::finish(std::uint64_t number, HttpAnswer answer) {
   const auto open = std::ranges::find(open_, number, &Open::number);
   if (open == open_.end() || !std::exchange(open->waits, false)) return;
@@ -288,13 +285,6 @@ void HttpServer::finish(std::uint64_t number, HttpAnswer answer) {
 
 SteadyTime HttpServer::end_of(const Open& open) {
   return open.since + (open.waits ? kLongestWait : kLongestConnection);
-}
-
-void HttpServer::ended(MHD_Connection* connection) {
-  const auto found = std::ranges::find(open_, connection, &Open::connection);
-  if (found == open_.end()) return;
-  if (!found->is_shut && !found->is_answered) ++closed_.unanswered;
-  open_.erase(found);
 }
 
 /// The library then finds the connection ended, and removes it.

@@ -121,12 +121,6 @@ class HttpServer final {
 
   HttpServer(ListeningSocket socket, Answer answer, std::size_t most_body);
 
-  void began(MHD_Connection* connection);
-  /// Returns nullptr for a connection that is gone.
-  Open* open_of(MHD_Connection* connection);
-  void ended(MHD_Connection* connection);
-  /// Answers a whole request, or lets it wait.
-  int answer(Open& open, const char* path, bool is_post);
   static SteadyTime end_of(const Open& open);
   /// Shuts a connection down and counts it, once.
   static void shut(Open& open, std::uint64_t& count);
