@@ -120,8 +120,6 @@ PageOrders::PageOrders(std::string token_file, std::function<void(Order)> place)
       place_(std::move(place)),
       inbox_(std::make_shared<Inbox>()) {}
 
-PageOrders::~PageOrders() = default;
-
 std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
   if (token_file_.empty())
     return refusal(kForbidden,

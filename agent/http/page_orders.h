@@ -25,7 +25,6 @@ class PageOrders final {
   /// is refused. `place` must not block; it calls Order::tell once, on any thread, or never if the
   /// agent is stopping.
   PageOrders(std::string token_file, std::function<void(Order)> place);
-  ~PageOrders();
   PageOrders(const PageOrders&) = delete;
   PageOrders& operator=(const PageOrders&) = delete;
 

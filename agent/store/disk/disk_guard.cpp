@@ -16,8 +16,6 @@ DiskThread::DiskThread(Work ended) : ended_(std::move(ended)) {
   }
 }
 
-DiskThread::~DiskThread() = default;
-
 bool DiskThread::run(Work work) {
   if (!thread_.joinable()) {
     work();

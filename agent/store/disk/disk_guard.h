@@ -29,7 +29,7 @@ class DiskThread final {
   /// this object. If no thread can be started, all work runs on the caller's.
   explicit DiskThread(Work ended);
   /// Waits until overdue work has ended.
-  ~DiskThread();
+  ~DiskThread() = default;
   DiskThread(const DiskThread&) = delete;
   DiskThread& operator=(const DiskThread&) = delete;
 

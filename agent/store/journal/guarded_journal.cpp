@@ -19,8 +19,6 @@ CommandMarker::CommandMarker(Write write) : write_(std::move(write)) {
   }
 }
 
-CommandMarker::~CommandMarker() = default;
-
 void CommandMarker::mark(std::uint64_t number, Done done) {
   if (!thread_.joinable()) {
     write_(number);

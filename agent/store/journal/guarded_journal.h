@@ -37,7 +37,7 @@ class CommandMarker final : public CommandStarts {
   /// be started.
   explicit CommandMarker(Write write);
   /// Waits until the marks in progress are made.
-  ~CommandMarker() override;
+  ~CommandMarker() override = default;
   CommandMarker(const CommandMarker&) = delete;
   CommandMarker& operator=(const CommandMarker&) = delete;
 
