@@ -30,28 +30,9 @@ bool write_all(int handle, std::string_view text) {
 }  // namespace
 
 /// Locks the directory itself, so no lock file stays behind.
-class DurableFile::Lock final {
- public:
-  explicit Lock(const std::string& directory)
-      : handle_(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)),
-        identity_(identity_of(directory)) {
-    if (handle_ < 0)
-      fault_ = fault_of_system(directory);
-    else if (::flock(handle_, LOCK_EX | LOCK_NB) != 0)
-      fault_ = errno == EWOULDBLOCK ? directory + " belongs to another agent"
-                                    : fault_of_system(directory);
-  }
-
-  const std::string& fault() const { return fault_; }
-  /// True if `directory` is still the one that was locked, and not deleted or replaced since.
-  bool is_of(const std::string& directory) const {
-    return identity_ && identity_of(directory) == identity_;
-  }
-
- private:
-  const FileHandle handle_;
-  const std::optional<FileIdentity> identity_;
-  std::string fault_;
+struct DurableFile::Lock {
+  FileHandle handle;
+  std::optional<FileIdentity> identity;  ///< of the directory that was locked
 };
 
 DurableFile::DurableFile(std::string directory, const std::string& name)
@@ -59,12 +40,17 @@ DurableFile::DurableFile(std::string directory, const std::string& name)
 DurableFile::~DurableFile() = default;
 
 std::string DurableFile::lock() {
-  if (lock_ && lock_->is_of(directory_)) return {};
+  // A directory that was deleted or replaced is another one.
+  if (lock_ && lock_->identity && identity_of(directory_) == lock_->identity) return {};
   lock_.reset();
   if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
-  auto lock = std::make_unique<Lock>(directory_);
-  if (!lock->fault().empty()) return lock->fault();
-  lock_ = std::move(lock);
+  Lock lock{FileHandle(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)),
+            identity_of(directory_)};
+  if (lock.handle < 0) return fault_of_system(directory_);
+  if (::flock(lock.handle, LOCK_EX | LOCK_NB) != 0)
+    return errno == EWOULDBLOCK ? directory_ + " belongs to another agent"
+                                : fault_of_system(directory_);
+  lock_ = std::make_unique<Lock>(std::move(lock));
   return {};
 }
 

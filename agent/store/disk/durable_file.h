@@ -38,7 +38,7 @@ class DurableFile final {
   std::string remove() const;
 
  private:
-  class Lock;
+  struct Lock;
 
   std::string synchronise_directory() const;
 
