@@ -23,7 +23,7 @@ void SampleStreams::added(const Row& row) {
 
 void SampleStreams::take(const Row& row) {
   ++streams_[row.stream].out;
-  out_[row.row_id] = {row.stream, row.cost};
+  out_[row.row_id] = row;
 }
 
 void SampleStreams::release(std::uint64_t row_id) {

@@ -58,13 +58,9 @@ class SampleStreams final {
     std::uint64_t oldest = 0;  ///< no row has a lower id
     bool has_waiting() const { return rows > out; }
   };
-  struct Out {
-    StreamKey stream;
-    std::uint64_t cost = 0;
-  };
 
   std::map<StreamKey, Stream> streams_;
-  std::unordered_map<std::uint64_t, Out> out_;
+  std::unordered_map<std::uint64_t, Row> out_;  ///< by row id
   std::uint64_t rows_ = 0;
   std::uint64_t bytes_ = 0;
 };
