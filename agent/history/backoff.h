@@ -5,6 +5,8 @@
 #include <chrono>
 #include <optional>
 
+#include "agent/steady_time.h"
+
 namespace fxagent::history {
 
 /// A pause that doubles from `first` to `most`.
@@ -26,18 +28,16 @@ class Backoff final {
 /// 1 s to 60 s: two processes with one client id end each other's connection at once.
 class BrokerBackoff final {
  public:
-  using TimePoint = std::chrono::steady_clock::time_point;
-
-  void subscribed(TimePoint now) {
+  void subscribed(SteadyTime now) {
     subscribed_at_ = now;
     attempts_.reset();
   }
   /// True if the last connection was subscribed, and for less than 10 s.
-  bool is_short(TimePoint now) const {
+  bool is_short(SteadyTime now) const {
     return subscribed_at_ && now - *subscribed_at_ < std::chrono::seconds(10);
   }
   /// Returns the pause after a lost connection or a failed attempt.
-  std::chrono::milliseconds next(TimePoint now) {
+  std::chrono::milliseconds next(SteadyTime now) {
     if (!subscribed_at_) return attempts_.next();
     const bool was_short = is_short(now);
     subscribed_at_.reset();
@@ -47,7 +47,7 @@ class BrokerBackoff final {
   }
 
  private:
-  std::optional<TimePoint> subscribed_at_;
+  std::optional<SteadyTime> subscribed_at_;
   Backoff attempts_{std::chrono::milliseconds(100), std::chrono::seconds(5)};
   Backoff short_ones_{std::chrono::seconds(1), std::chrono::seconds(60)};
 };
@@ -55,9 +55,7 @@ class BrokerBackoff final {
 /// Detects that no message arrives within a minute of the first subscription.
 class Silence final {
  public:
-  using TimePoint = std::chrono::steady_clock::time_point;
-
-  void subscribed(TimePoint now) {
+  void subscribed(SteadyTime now) {
     if (state_ == State::idle) {
       state_ = State::waits;
       end_ = now + std::chrono::minutes(1);
@@ -65,7 +63,7 @@ class Silence final {
   }
   void received() { state_ = State::done; }
   /// Returns true once.
-  bool is_over(TimePoint now) {
+  bool is_over(SteadyTime now) {
     if (state_ != State::waits || now < end_) return false;
     state_ = State::done;
     return true;
@@ -75,7 +73,7 @@ class Silence final {
   enum class State : unsigned char { idle, waits, done };
 
   State state_ = State::idle;
-  TimePoint end_{};
+  SteadyTime end_{};
 };
 
 }  // namespace fxagent::history
