@@ -83,18 +83,25 @@ StartedCommands::StartedCommands(const std::string& directory)
 
 void StartedCommands::go_on() {
   FileHandle handle(::open(path_.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW));
-  const auto content = handle < 0 ? std::nullopt : read(handle);
+  const auto content = read(handle);
   if (!content) return make(first_of_run_);
-  take_over(std::move(handle), *content);
   remember(*content);
+  const std::lock_guard lock(mutex_);
+  handle_ = std::move(handle);
+  floor_ = earlier_->floor;
+  marks_ = 0;
+  numbers_.clear();
+  for (const Record& record : content->records) {
+    marks_ = std::max(marks_, record.mark);
+    numbers_.push_back(record.number);
+  }
 }
 
 void StartedCommands::begin_anew(std::uint64_t next_number) {
   earlier_.reset();  // belongs to another database
   {
     const FileHandle handle(::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
-    const auto content = handle < 0 ? std::nullopt : read(handle);
-    if (content) remember(*content);
+    if (const auto content = read(handle)) remember(*content);
   }
   make(next_number);
 }
@@ -162,7 +169,7 @@ std::optional<StartedCommands::Content> StartedCommands::read(int handle) const 
   const auto now = head_of_now(0);
   struct stat found {};
   std::optional<Content> content(std::in_place);
-  if (!now || !why_not_ours(handle, path_).empty() || ::fstat(handle, &found) != 0 ||
+  if (handle < 0 || !now || !why_not_ours(handle, path_).empty() || ::fstat(handle, &found) != 0 ||
       found.st_size != static_cast<off_t>(sizeof(Content)) ||
       ::pread(handle, &*content, sizeof(Content), 0) != static_cast<ssize_t>(sizeof(Content)) ||
       !content->head.is_of_the_same(*now))
@@ -182,27 +189,12 @@ std::optional<StartedCommands::Content> StartedCommands::read(int handle) const 
   return content;
 }
 
-void StartedCommands::take_over(FileHandle handle, const Content& content) {
-  const std::lock_guard lock(mutex_);
-  handle_ = std::move(handle);
-  floor_ = content.head.floor;
-  marks_ = 0;
-  numbers_.assign(kKept, 0);
-  for (std::size_t place = 0; place < kKept; ++place) {
-    const Record& record = content.records[place];
-    floor_ = std::max(floor_, record.floor);
-    marks_ = std::max(marks_, record.mark);
-    numbers_[place] = record.number;
-  }
-}
-
 void StartedCommands::remember(const Content& content) {
   Earlier earlier;
   earlier.floor = content.head.floor;
   for (const Record& record : content.records) {
-    if (record.mark == 0) continue;
     earlier.floor = std::max(earlier.floor, record.floor);
-    earlier.started.push_back(record.number);
+    if (record.mark != 0) earlier.started.push_back(record.number);
   }
   std::sort(earlier.started.begin(), earlier.started.end());
   earlier_ = std::move(earlier);

@@ -60,7 +60,6 @@ class StartedCommands final {
 
   /// Returns nullopt if there is no file, or it proves nothing.
   std::optional<Content> read(int handle) const;
-  void take_over(FileHandle handle, const Content& content);
   void remember(const Content& content);
   void make(std::uint64_t next_number);
   void withdraw(const std::string& why);
