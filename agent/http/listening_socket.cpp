@@ -17,8 +17,6 @@ namespace {
 // Connections that wait to be accepted.
 constexpr int kBacklog = 64;
 
-std::string why(int error) { return std::generic_category().message(error); }
-
 /// Casts an address to the type that the socket calls take.
 template <class Address>
 sockaddr* as_any(Address& address) {
@@ -60,7 +58,8 @@ std::string cure_of(int error) {
 }
 
 tl::unexpected<Error> refused(const std::string& address, int error) {
-  return fail(ErrorCode::link_down, address + ": " + why(error) + cure_of(error));
+  return fail(ErrorCode::link_down,
+              address + ": " + std::generic_category().message(error) + cure_of(error));
 }
 
 }  // namespace

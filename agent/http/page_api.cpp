@@ -330,11 +330,8 @@ void PageApi::take(std::shared_ptr<const AgentStatus> status) {
 
 HttpAnswer PageApi::config(const HttpRequest& request) {
   const std::string etag = "\"" + status_->config->hash + "-" + status_->boot + "\"";
-  if (request.if_none_match == etag) {
-    HttpAnswer same = json_answer(kNotModified, "");
-    same.etag = etag;
-    return same;
-  }
+  if (request.if_none_match == etag)
+    return {kNotModified, kJson, std::make_shared<const std::string>(), etag};
   if (config_of_ != status_->config) {
     config_text_ = std::make_shared<const std::string>(page_config(*status_));
     config_of_ = status_->config;

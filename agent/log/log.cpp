@@ -12,6 +12,7 @@
 
 #include "agent/log/log_writer.h"
 #include "agent/log/recent_events.h"
+#include "agent/steady_time.h"
 #include "agent/text/calendar.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
@@ -89,8 +90,7 @@ std::string body_of(std::string_view event, std::span<const Field> fields, std::
 }
 
 std::string whole_line(const Words& words, system_clock::time_point at, std::string_view body) {
-  const std::string time = utc_text(
-      std::chrono::duration_cast<std::chrono::milliseconds>(at.time_since_epoch()).count());
+  const std::string time = utc_text(utc_ms(at));
   std::string line(priority(words));
   if (is_json())
     line.append(R"({"ts":")")

@@ -58,8 +58,6 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms)
                         {"bytes", std::to_string(samples_.streams().bytes())}});
 }
 
-Store::~Store() = default;
-
 /// Opens a file that was missing at the start or in use by another agent. Reads it before this
 /// run's numbers and commands are in it.
 void Store::open_late() {

@@ -73,7 +73,6 @@ class Store final {
   /// Opens or creates the directory `config.path` and the file in it. Sets a damaged file aside as
   /// fxagent.db.corrupt-<utc_ms>. Does not throw on disk errors: see state().
   Store(const StoreConfig& config, std::int64_t utc_ms);
-  ~Store();
   Store(const Store&) = delete;
   Store& operator=(const Store&) = delete;
 
