@@ -43,7 +43,7 @@ void StoreClock::move_stored_times() {
 Store::Store(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), disk_(config, utc_ms) {
   // Waiting audit records are older than waiting commands, and are written before them.
-  disk_.parts().set({&samples_, &audit_, &journal_, &numbers_, &clock_});
+  disk_.set_parts({&samples_, &audit_, &journal_, &numbers_, &clock_});
   disk_.open();
   samples_.count_recovered();
   samples_.begin_run();
@@ -135,7 +135,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
 }
 
 bool Store::has_pending() const {
-  return is_writable() && (disk_.parts().has_pending() || numbers_.is_short());
+  return is_writable() && (disk_.has_pending() || numbers_.is_short());
 }
 
 void Store::close() {

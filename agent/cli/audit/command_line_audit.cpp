@@ -42,7 +42,7 @@ std::string command_line_user() {
 
 CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), disk_(config, utc_ms), audit_(config, disk_) {
-  disk_.parts().set({&audit_});
+  disk_.set_parts({&audit_});
   disk_.open();
 }
 

@@ -56,7 +56,7 @@ void StoreDisk::open() {
     }
     const auto fault = sqlite::attempt([&] {
       file_ = std::make_unique<StoreFile>(path, config_.sync_always);
-      parts_.each(&StorePart::load, file_->db);
+      each(&StorePart::load, file_->db);
     });
     if (!fault) {
       writable_ = was_open_ = true;
@@ -82,7 +82,7 @@ bool StoreDisk::abandon_misplaced() {
   log::error("store", {{"state", "memory"},
                        {"path", config_.path},
                        {"reason", "its files were deleted or replaced while the agent ran"},
-                       {"samples_lost", std::to_string(parts_.rows())}});
+                       {"samples_lost", std::to_string(rows())}});
   let_go(StorePart::Rows::lost);
   lock_.reset();
   // The files there now may belong to another run.
@@ -97,7 +97,7 @@ void StoreDisk::close() {
 }
 
 void StoreDisk::let_go(StorePart::Rows rows) {
-  parts_.each(&StorePart::unload, rows);
+  each(&StorePart::unload, rows);
   file_.reset();
   writable_ = false;
 }
@@ -105,7 +105,7 @@ void StoreDisk::let_go(StorePart::Rows rows) {
 void StoreDisk::start_anew(const std::string& why) {
   const std::string path = store_file_path(config_.path);
   const std::string first = path + ".corrupt-" + std::to_string(utc_ms_);
-  const std::uint64_t rows = parts_.rows();
+  const std::uint64_t lost = rows();
   let_go(StorePart::Rows::lost);
   std::error_code fault;
   std::string aside = first;
@@ -120,9 +120,9 @@ void StoreDisk::start_anew(const std::string& why) {
   log::error("store", {{"state", "damaged"},
                        {"reason", why},
                        {"set_aside", fault ? "failed: " + fault.message() : aside},
-                       {"samples_lost", std::to_string(rows)}});
+                       {"samples_lost", std::to_string(lost)}});
   if (!fault) set_aside_ = std::filesystem::path(aside).filename().string();
-  parts_.each(&StorePart::set_aside, set_aside_);
+  each(&StorePart::set_aside, set_aside_);
 }
 
 void StoreDisk::failed(std::string_view doing, const sqlite::Fault& fault) {
@@ -133,7 +133,7 @@ void StoreDisk::failed(std::string_view doing, const sqlite::Fault& fault) {
   if (is_file && writable_ && !std::exchange(mending_, true)) {
     start_anew(fault.text);
     open();
-    parts_.each(&StorePart::replaced);
+    each(&StorePart::replaced);
     mending_ = false;
     return;
   }
@@ -149,9 +149,9 @@ bool StoreDisk::commit(std::string_view doing, Sync sync, const Work& work) {
   if (sync == Sync::full) file_->synchronise(true);
   const auto fault = sqlite::attempt([&] {
     SQLite::Transaction transaction(file_->db, SQLite::TransactionBehavior::IMMEDIATE);
-    parts_.each(&StorePart::begin_commit);
+    each(&StorePart::begin_commit);
     work();
-    parts_.each(&StorePart::end_commit);
+    each(&StorePart::end_commit);
     transaction.commit();
   });
   if (sync == Sync::full) file_->synchronise(false);
@@ -159,7 +159,7 @@ bool StoreDisk::commit(std::string_view doing, Sync sync, const Work& work) {
     failed(doing, *fault);
     return false;
   }
-  parts_.each(&StorePart::committed);
+  each(&StorePart::committed);
   return true;
 }
 
@@ -179,16 +179,28 @@ bool StoreDisk::read(const Work& work) {
   return false;
 }
 
+bool StoreDisk::write_pending(std::size_t at_most) {
+  bool is_left = false;
+  for (StorePart* part : parts_) is_left = part->write_pending(at_most) || is_left;
+  return is_left;
+}
+
+std::uint64_t StoreDisk::rows() const {
+  std::uint64_t rows = 0;
+  for (const StorePart* part : parts_) rows += part->rows();
+  return rows;
+}
+
 bool StoreDisk::flush() {
-  if (!parts_.has_pending()) return writable_;
+  if (!has_pending()) return writable_;
   // A second round if a fresh file has replaced a damaged one.
   for (int round = 0; round < 2 && writable_; ++round) {
     // In pieces: after hours without a disk there may be more than live samples can wait for, or
     // more than fits.
     bool is_done = true;
     for (bool is_left = true; is_done && is_left;)
-      is_done = commit("write", Sync::as_configured,
-                       [&] { is_left = parts_.write_pending(kFlushedAtOnce); });
+      is_done =
+          commit("write", Sync::as_configured, [&] { is_left = write_pending(kFlushedAtOnce); });
     if (is_done) return true;
   }
   return false;

@@ -60,34 +60,6 @@ class StorePart {
   virtual void committed() {}
 };
 
-/// The parts, in their order.
-class StoreParts final {
- public:
-  /// Sets the parts, in the order in which they load and write. They outlive every call here.
-  void set(std::vector<StorePart*> parts) { parts_ = std::move(parts); }
-  /// Calls this function of each part, with the same arguments.
-  template <class... Parameters, class... Arguments>
-  void each(void (StorePart::*function)(Parameters...), Arguments&&... arguments) {
-    for (StorePart* part : parts_) (part->*function)(arguments...);
-  }
-  /// Samples of all parts.
-  std::uint64_t rows() const {
-    std::uint64_t rows = 0;
-    for (const StorePart* part : parts_) rows += part->rows();
-    return rows;
-  }
-  bool has_pending() const { return std::ranges::any_of(parts_, &StorePart::has_pending); }
-  /// Writes at most `at_most` entries of each part. Returns true if more are left.
-  bool write_pending(std::size_t at_most = std::numeric_limits<std::size_t>::max()) {
-    bool is_left = false;
-    for (StorePart* part : parts_) is_left = part->write_pending(at_most) || is_left;
-    return is_left;
-  }
-
- private:
-  std::vector<StorePart*> parts_;
-};
-
 class StoreDisk final {
  public:
   /// `full` synchronises a commit with the disk even if `sync: offline` would not. A power cut must
@@ -99,10 +71,13 @@ class StoreDisk final {
   StoreDisk(const StoreDisk&) = delete;
   StoreDisk& operator=(const StoreDisk&) = delete;
 
-  /// The parts that share the file; set them before open(). They outlive every call here except the
-  /// destructor's.
-  StoreParts& parts() { return parts_; }
-  const StoreParts& parts() const { return parts_; }
+  /// Sets the parts that share the file, in the order in which they load and write. Call before
+  /// open(). They outlive every call here except the destructor's.
+  void set_parts(std::vector<StorePart*> parts) { parts_ = std::move(parts); }
+  bool has_pending() const { return std::ranges::any_of(parts_, &StorePart::has_pending); }
+  /// Within a commit: writes at most `at_most` entries of each part. Returns true if more are left.
+  /// Throws SQLite::Exception.
+  bool write_pending(std::size_t at_most = std::numeric_limits<std::size_t>::max());
 
   /// Opens or creates the file and the directory. Sets a damaged file aside as
   /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false, and the reason is logged.
@@ -142,12 +117,19 @@ class StoreDisk final {
   bool flush();
 
  private:
+  /// Calls this function of each part, with the same arguments.
+  template <class... Parameters, class... Arguments>
+  void each(void (StorePart::*function)(Parameters...), Arguments&&... arguments) {
+    for (StorePart* part : parts_) (part->*function)(arguments...);
+  }
+  /// Samples of all parts.
+  std::uint64_t rows() const;
   void let_go(StorePart::Rows rows);
   void start_anew(const std::string& why);
   void failed(std::string_view doing, const sqlite::Fault& fault);
 
   const StoreConfig config_;
-  StoreParts parts_;
+  std::vector<StorePart*> parts_;
   std::unique_ptr<DirectoryLock> lock_;
   std::unique_ptr<StoreFile> file_;  ///< null: not open
   bool writable_ = false;

@@ -73,7 +73,7 @@ bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
   failpoint("sample_unstored");
   std::vector<SampleStreams::Row> gone;
   const bool written = disk_.commit("append", StoreDisk::Sync::full, [&] {
-    disk_.parts().write_pending();
+    disk_.write_pending();
     std::uint64_t added = 0;
     std::uint64_t row_id = next_row_id_;
     std::map<std::string, std::uint64_t> highest;
@@ -200,7 +200,7 @@ void StoredSamples::drop(std::uint64_t excess, std::int64_t older_than_ms) {
   if (!disk_.is_writable() || rows() == 0) return;
   std::vector<SampleStreams::Row> gone;
   const bool done = disk_.commit("delete", StoreDisk::Sync::as_configured, [&] {
-    disk_.parts().write_pending();
+    disk_.write_pending();
     gone = delete_oldest(excess, older_than_ms);
   });
   if (done) forget(gone);

@@ -129,7 +129,7 @@ struct TrailBench {
     return made;
   }
   TrailBench() {
-    disk.parts().set({&trail});
+    disk.set_parts({&trail});
     disk.open();
     EXPECT_TRUE(disk.is_writable());
   }

@@ -56,7 +56,7 @@ struct StoreDiskParts : testing::Test {
   StoreDiskParts() {
     config.path = scratch.path("store");
     disk.emplace(config, kNow);
-    disk->parts().set({&part});
+    disk->set_parts({&part});
     disk->open();
     EXPECT_TRUE(disk->is_writable());
     part.told.clear();
@@ -105,7 +105,7 @@ TEST_F(StoreDiskParts, MuchThatWaitsIsWrittenInPieces) {
 TEST_F(StoreDiskParts, WhatTheDiskRefusedWaitsOn) {
   part.waiting = {1, 2};
   const bool done = disk->commit("test", Sync::as_configured, [&] {
-    disk->parts().write_pending();
+    disk->write_pending();
     disk->database().exec("no SQL");
   });
   EXPECT_FALSE(done);
