@@ -82,7 +82,7 @@ void OwnTopics::follow_conflict(SteadyTime now) {
     parts_.retained.agent_state_changed();
   else
     parts_.retained.everything_is_due();  // the other agent may have overwritten all of it
-  parts_.health.request(now);
+  parts_.status.request_health(now);
 }
 
 /// MQTT 5 has a reason code for this; on 3.1.1 the broker acknowledges what it discards.

@@ -20,7 +20,6 @@
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/shutdown.h"
-#include "agent/uplink/status/health_schedule.h"
 #include "agent/uplink/status/status_source.h"
 
 namespace fxagent {
@@ -41,7 +40,6 @@ class OwnTopics final {
     ConfigTopics& configs;
     RetainedState& retained;
     StatusSource& status;
-    HealthSchedule& health;
   };
   /// `boot` is the agent's own.
   OwnTopics(Parts parts, std::string boot,

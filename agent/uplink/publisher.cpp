@@ -58,21 +58,22 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_),
       history_(payload, outgoing_, refused_, spool_),
       intake_(commands, broker, config.mqtt),
-      status_({config, commands, session_, connects_, subscriptions_, states_, spool_, results_,
-               samples_out_, history_, refused_, store,
-               [this] {
-                 std::vector<ProfileStatus> profiles;
-                 for (const Beside& beside : outlets_) profiles.push_back(beside.outlet->status());
-                 return profiles;
-               }},
-              {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); }),
-      health_(status_, retained_, std::move(ask_counters)),
+      status_(
+          {config, commands, session_, connects_, subscriptions_, states_, retained_, spool_,
+           results_, samples_out_, history_, refused_, store,
+           [this] {
+             std::vector<ProfileStatus> profiles;
+             for (const Beside& beside : outlets_) profiles.push_back(beside.outlet->status());
+             return profiles;
+           }},
+          {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); },
+          std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
       shutdown_({broker, session_, farewell_, outgoing_, intake_, results_, retained_, samples_out_,
                  spool_, status_}),
       configs_(config, session_, shutdown_, retained_, store),
       own_topics_({config, commands, session_, connects_, subscriptions_, shutdown_, farewell_,
-                   results_, intake_, configs_, retained_, status_, health_},
+                   results_, intake_, configs_, retained_, status_},
                   settings_.boot, settings_.is_ours) {
   subscriptions_.hear_configs(config.remote.enabled);
 }
@@ -81,7 +82,6 @@ SteadyTime Publisher::step(SteadyTime now) {
   if (!started_) {
     started_ = now;
     started_ms_ = utc_ms_();
-    health_.start(now);
     status_.start(now);
   }
   if (shutdown_.finished()) {  // and the profiles have not finished theirs
@@ -94,7 +94,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   take_commands(now);
   keep_outlets(now);  // their results are known; their commands are taken in the next step
   if (!shutdown_.has_begun()) keep_session(now);
-  health_.report(session_.is_connected(), now);
+  status_.report(now);
   send(now);
   press_back(now);  // by what has found no room
   const bool failed = outgoing_.fail_unsendable(now);
@@ -174,9 +174,7 @@ void Publisher::take_outbox(SteadyTime now) {
   const bool can_go =
       (session_.is_connected() || session_.is_starting()) && shutdown_.may_publish();
   samples_out_.take(batch.telemetry, can_go, now);
-  const bool counted = batch.health.has_value();
   status_.take(batch, now);
-  if (counted) health_.counted();
   for (const Outbox::Call& call : batch.calls) call(now);
 }
 
@@ -248,7 +246,7 @@ void Publisher::connection_began(SteadyTime now) {
   own_topics_.connection_began(now);
   retained_.connection_began();
   configs_.connection_began(now);
-  health_.request(now);
+  status_.request_health(now);
   refused_.clear();
   history_.connection_began();
 }
@@ -257,7 +255,7 @@ void Publisher::connection_ended(SteadyTime now) {
   subscriptions_.connection_ended();
   configs_.connection_ended(now);
   own_topics_.connection_ended();
-  health_.connection_ended();
+  status_.connection_ended();
   samples_out_.connection_ended();
   history_.connection_ended();
   retained_.connection_ended();  // all of it is published again after the next connect
@@ -366,13 +364,13 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
 
 void Publisher::set_config_status(ConfigStatus status, SteadyTime now) {
   status_.set_config_status(std::move(status));
-  if (session_.is_connected() && !shutdown_.has_begun()) health_.request(now);
+  if (session_.is_connected() && !shutdown_.has_begun()) status_.request_health(now);
 }
 
 // ---- wake-up ------------------------------------------------------------------------------------
 
 SteadyTime Publisher::next_wake(SteadyTime now) const {
-  SteadyTime wake = std::min({health_.next_wake(), intake_.next_wake(now), outlets_wake_});
+  SteadyTime wake = std::min({status_.next_wake(), intake_.next_wake(now), outlets_wake_});
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   const bool running = !shutdown_.has_begun();
   if (running && farewell_.by()) at(*farewell_.by());

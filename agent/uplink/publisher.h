@@ -43,7 +43,6 @@
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/shutdown.h"
-#include "agent/uplink/status/health_schedule.h"
 #include "agent/uplink/status/status_source.h"
 
 namespace fxagent {
@@ -135,7 +134,7 @@ class Publisher final {
   StatusBoard& board() { return status_.board(); }
 
  private:
-  // The phases of step(), in their order. HealthSchedule and Shutdown have one each.
+  // The phases of step(), in their order. StatusSource and Shutdown have one each.
   void take_broker_events(SteadyTime now);
   void keep_store(SteadyTime now);
   void take_outbox(SteadyTime now);
@@ -180,7 +179,6 @@ class Publisher final {
   HistoryDelivery history_;
   CommandIntake intake_;
   StatusSource status_;
-  HealthSchedule health_;
   /// To the broker, in a shutdown or when the MQTT settings have changed.
   Farewell farewell_;
   Shutdown shutdown_;

@@ -12,13 +12,23 @@ namespace fxagent {
 
 using std::chrono::seconds;
 
+namespace {
+
+// Interval of health.
+constexpr seconds kTick{60};
+// Health goes out with older counters after this.
+constexpr seconds kCountersWithin{1};
+
+}  // namespace
+
 StatusSource::StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
-                           std::function<void()> wake)
+                           std::function<void()> wake, std::function<void()> ask_counters)
     : parts_(parts),
       config_(std::make_shared<const Config>(parts.config)),
       run_(std::move(run)),
       utc_ms_(std::move(utc_ms)),
       board_(std::move(wake)),
+      ask_counters_(std::move(ask_counters)),
       last_(parts.config) {}
 
 void StatusSource::change(const ConfigChange& change) {
@@ -28,8 +38,8 @@ void StatusSource::change(const ConfigChange& change) {
 }
 
 void StatusSource::start(SteadyTime now) {
-  started_ = now;
-  rate_since_ = now;
+  started_ = rate_since_ = now;
+  next_tick_ = now + kTick;
 }
 
 void StatusSource::take(Outbox::Batch& batch, SteadyTime now) {
@@ -46,6 +56,33 @@ void StatusSource::take(Outbox::Batch& batch, SteadyTime now) {
   if (miscounted_)
     log::error("samples_miscounted", {{"field", std::to_string(sent)},
                                       {"outbox", std::to_string(batch.pushed_at_health)}});
+  if (counters_by_) health_is_due();
+}
+
+void StatusSource::request_health(SteadyTime now) {
+  if (!ask_counters_) return health_is_due();
+  if (counters_by_) return;
+  counters_by_ = now + kCountersWithin;
+  ask_counters_();
+}
+
+void StatusSource::health_is_due() {
+  counters_by_.reset();
+  parts_.retained.health_is_due();
+}
+
+void StatusSource::report(SteadyTime now) {
+  if (now >= next_tick_) {
+    next_tick_ = now + kTick;
+    tick(now);
+    if (parts_.session.is_connected()) request_health(now);
+  }
+  if (board_.is_asked()) at(now);
+  if (counters_by_ && now >= *counters_by_) health_is_due();
+}
+
+SteadyTime StatusSource::next_wake() const {
+  return std::min(next_tick_, counters_by_.value_or(next_tick_));
 }
 
 void StatusSource::tick(SteadyTime now) {
@@ -56,10 +93,6 @@ void StatusSource::tick(SteadyTime now) {
   }
   log_samples();
   at(now);
-}
-
-void StatusSource::answer(SteadyTime now) {
-  if (board_.is_asked()) at(now);
 }
 
 std::shared_ptr<const AgentStatus> StatusSource::at(SteadyTime now) {

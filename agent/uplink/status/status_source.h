@@ -1,6 +1,8 @@
 // Makes the agent's status (agent/status.h) from the parts of the uplink and publishes it on the
 // status board: at each interval of health, and when a reader asks. Logs samples that do not add
-// up. Uplink thread, except for what the board lets other threads do.
+// up. Also has the times at which health is published: each minute, after each connect and when
+// something has changed, with current counters if the field answers within 1 s. Uplink thread,
+// except for what the board lets other threads do. Time is an argument.
 #pragma once
 
 #include <cstdint>
@@ -22,6 +24,7 @@
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/commands/result_delivery.h"
 #include "agent/uplink/retained/device_states.h"
+#include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
@@ -43,6 +46,7 @@ class StatusSource final {
     const ConnectSchedule& connects;
     const Subscriptions& subscriptions;
     const DeviceStates& states;
+    RetainedState& retained;
     const SampleSpool& spool;
     const ResultDelivery& results;
     SampleDelivery& samples;
@@ -56,9 +60,10 @@ class StatusSource final {
     std::string version;
   };
 
-  /// `utc_ms` returns the current calendar time; `wake` as in StatusBoard.
+  /// `utc_ms` returns the current calendar time; `wake` as in StatusBoard. `ask_counters` makes the
+  /// field send its counters; empty: health never waits for them.
   StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
-               std::function<void()> wake);
+               std::function<void()> wake, std::function<void()> ask_counters);
 
   /// Adapts to a config change, which `config` already contains.
   void change(const ConfigChange& change);
@@ -76,10 +81,14 @@ class StatusSource final {
     conflict_ = std::move(other_boot);
     published_.reset();
   }
-  /// Call at each interval of health: restarts rates, logs faults and publishes a status.
-  void tick(SteadyTime now);
-  /// Publishes a status if a reader is waiting for it.
-  void answer(SteadyTime now);
+  /// Publishes health as soon as the field's counters have come or are overdue. Call only while
+  /// connected.
+  void request_health(SteadyTime now);
+  void connection_ended() { counters_by_.reset(); }
+  /// Publishes the status that is due, to the board and as health.
+  void report(SteadyTime now);
+  /// Returns the time by which report() must run again.
+  SteadyTime next_wake() const;
 
   /// Returns the current status; the published one if it is of this step.
   std::shared_ptr<const AgentStatus> at(SteadyTime now);
@@ -90,6 +99,9 @@ class StatusSource final {
  private:
   AgentStatus make(SteadyTime now) const;
   BrokerStatus broker(SteadyTime now) const;
+  /// Restarts rates, logs faults and publishes a status.
+  void tick(SteadyTime now);
+  void health_is_due();
   void log_samples();
 
   const Parts parts_;
@@ -99,6 +111,7 @@ class StatusSource final {
   const Run run_;
   const std::function<std::int64_t()> utc_ms_;
   StatusBoard board_;
+  const std::function<void()> ask_counters_;
   LastSamples last_;
 
   std::uint64_t pushed_ = 0;  ///< samples passed on by the outbox
@@ -109,6 +122,9 @@ class StatusSource final {
   std::uint64_t dropped_at_tick_ = 0;
   std::optional<double> bytes_per_hour_;  ///< of the last minute or longer with samples
   SteadyTime started_{};
+  SteadyTime next_tick_{};
+  /// Set when the field's counters were requested: health waits for them until then.
+  std::optional<SteadyTime> counters_by_;
   SteadyTime rate_since_{};
   std::shared_ptr<const AgentStatus> published_;
   SteadyTime published_at_{};
