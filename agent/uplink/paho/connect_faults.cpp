@@ -14,7 +14,6 @@
 
 #include "agent/uplink/paho/connect_notice.h"
 #include "agent/uplink/paho/packet_guard.h"
-#include "agent/uplink/paho/tls_read_bound.h"
 
 namespace fxagent {
 namespace {

@@ -15,7 +15,6 @@
 #include "agent/uplink/paho/connect_faults.h"
 #include "agent/uplink/paho/incoming_packets.h"
 #include "agent/uplink/paho/packet_guard.h"
-#include "agent/uplink/paho/tls_read_bound.h"
 
 namespace fxagent {
 namespace {
