@@ -299,13 +299,11 @@ void HomeAssistantProfile::hear(const Message& message) {
   // Components from before the agent's restart. Our own messages come back here, too: they have
   // none that is not wanted, or have it without settings, which removes it.
   const auto heard = parsed_json(message.payload);
-  if (!heard.is_object() || !heard.contains("components")) return;
   const Components wanted = components_of(config_.devices[found->second], writes_);
-  for (const auto& [key, component] : heard["components"].items()) {
-    if (wanted.contains(key) || !component.is_object() || component.size() < 2) continue;
-    const auto platform = component.find("platform");
-    if (platform == component.end() || !platform->is_string()) continue;
-    removed_[found->second].emplace(key, platform->get<std::string>());
+  for (const auto& [key, component] : member(heard, "components").items()) {
+    const auto& platform = member(component, "platform");
+    if (wanted.contains(key) || component.size() < 2 || !platform.is_string()) continue;
+    removed_[found->second].emplace(key, platform.get<std::string>());
     due_.insert(found->second);
   }
 }

@@ -192,16 +192,12 @@ std::optional<Request> parse_request(const std::string& text) {
     return false;
   };
   const auto message = nlohmann::json::parse(text, check, /*allow_exceptions=*/false);
-  if (!message.is_object()) return std::nullopt;
-  const auto device = message.find("device");
-  const auto data = message.find("data");
-  if (device == message.end() || !device->is_string()) return std::nullopt;
-  if (data == message.end() || !data->is_object()) return std::nullopt;
-  const auto id = data->find("id");
-  if (id == data->end() || !id->is_number_integer()) return std::nullopt;
-  request.device = device->get<std::string>();
-  request.id = id->get<std::int64_t>();
-  request.data = *data;
+  const auto& device = member(message, "device");
+  request.data = member(message, "data");
+  const auto& id = member(request.data, "id");
+  if (!device.is_string() || !id.is_number_integer()) return std::nullopt;
+  request.device = device.get<std::string>();
+  request.id = id.get<std::int64_t>();
   return request;
 }
 
@@ -209,11 +205,10 @@ std::optional<Request> parse_request(const std::string& text) {
 /// of a wrong form a key, so that admission refuses them with a reason. Nullopt: no method.
 std::optional<std::string> command_of(const nlohmann::json& data, const std::string& id,
                                       std::int64_t expires_ms) {
-  const auto named = data.find("method");
-  if (named == data.end() || !named->is_string()) return std::nullopt;
-  const auto method = named->get<std::string>();
-  const auto given = data.find("params");
-  const nlohmann::json params = given == data.end() ? nlohmann::json() : *given;
+  const auto& named = member(data, "method");
+  if (!named.is_string()) return std::nullopt;
+  const auto method = named.get<std::string>();
+  const auto& params = member(data, "params");
   json::Writer out;
   out.begin_object().key("id").string(id);
   if (!params.is_object() || !params.contains("expires")) out.key("expires").integer(expires_ms);

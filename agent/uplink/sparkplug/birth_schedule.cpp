@@ -26,10 +26,11 @@ void PrimaryHost::hear(std::string_view payload) {
       return set(payload == "ONLINE" ? State::online : State::offline, 0);
   } else {
     const auto state = parsed_json(payload);
-    if (state.is_object() && state.contains("online") && state["online"].is_boolean() &&
-        state.contains("timestamp") && state["timestamp"].is_number_integer())
-      return set(state["online"].get<bool>() ? State::online : State::offline,
-                 state["timestamp"].get<std::int64_t>());
+    const auto& online = member(state, "online");
+    const auto& timestamp = member(state, "timestamp");
+    if (online.is_boolean() && timestamp.is_number_integer())
+      return set(online.get<bool>() ? State::online : State::offline,
+                 timestamp.get<std::int64_t>());
   }
   log::warn("host_state_ignored", {{"topic", topic_},
                                    {"text", log::excerpt(payload)},
