@@ -1,6 +1,6 @@
 """A quiet connection: a command is read at once after any silence. The MQTT library's reading thread never spins,
 whatever happens to the broker. The library itself polls for 1 s and sleeps 100 ms after each poll without data
-(agent/uplink/paho/idle_sleep.h)."""
+(agent/uplink/paho/reading_thread.h)."""
 
 import os
 import signal

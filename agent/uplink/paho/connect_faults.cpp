@@ -12,8 +12,8 @@
 #include <atomic>
 #include <cerrno>
 
-#include "agent/uplink/paho/connect_notice.h"
 #include "agent/uplink/paho/packet_guard.h"
+#include "agent/uplink/paho/reading_thread.h"
 
 namespace fxagent {
 namespace {

@@ -10,9 +10,9 @@
 #include <utility>
 
 #include "agent/steady_time.h"
-#include "agent/uplink/paho/idle_sleep.h"
 #include "agent/uplink/paho/incoming_packets.h"
 #include "agent/uplink/paho/packet_guard.h"
+#include "agent/uplink/paho/reading_thread.h"
 
 namespace fxagent {
 namespace {

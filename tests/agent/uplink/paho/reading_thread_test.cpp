@@ -1,4 +1,4 @@
-#include "agent/uplink/paho/connect_notice.h"
+#include "agent/uplink/paho/reading_thread.h"
 
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -6,6 +6,7 @@
 #include <netinet/in.h>
 #include <poll.h>
 #include <pthread.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -13,10 +14,12 @@
 #include <cerrno>
 #include <chrono>
 #include <future>
+#include <thread>
 
 namespace fxagent {
 namespace {
 
+using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr int kPatienceMs = 120'000;
@@ -123,6 +126,79 @@ TEST_F(ConnectNotice, WhatPollFindsIsPassedOn) {
     EXPECT_EQ(asked[0].events, POLLIN);
     EXPECT_EQ(asked[1].revents, POLLOUT);
   }).get();
+}
+
+constexpr useconds_t kIdle = 100'000;
+
+/// Returns true if this call yields the processor. Finds usleep() as a shared library would.
+bool sleeps(useconds_t microseconds) {
+  static const auto found = reinterpret_cast<int (*)(useconds_t)>(dlsym(RTLD_DEFAULT, "usleep"));
+  const auto switches = [] {
+    rusage usage{};
+    getrusage(RUSAGE_THREAD, &usage);
+    return usage.ru_nvcsw;
+  };
+  const long before = switches();
+  EXPECT_EQ(found(microseconds), 0);
+  return switches() > before;
+}
+
+TEST(IdleSleeps, LoopThatWaitsElsewhereNeedsNone) {
+  IdleSleeps sleeps;
+  Clock::time_point now = Clock::time_point() + 1h;
+  for (int round = 0; round < 10; ++round) EXPECT_TRUE(sleeps.leaves_out(now += 1s)) << round;
+}
+
+TEST(IdleSleeps, LoopThatWaitsNowhereElseKeepsAllButTheFirst) {
+  IdleSleeps sleeps;
+  Clock::time_point now = Clock::time_point() + 1h;
+  EXPECT_TRUE(sleeps.leaves_out(now));
+  for (int round = 0; round < 20; ++round) EXPECT_FALSE(sleeps.leaves_out(now += 101ms)) << round;
+}
+
+TEST(IdleSleeps, LoopThatNeverSleptIsStoppedAtTheSecondTurn) {
+  IdleSleeps sleeps;
+  Clock::time_point now = Clock::time_point() + 1h;
+  int left_out = 0;
+  for (int round = 0; round < 1000; ++round) left_out += sleeps.leaves_out(now += 1us) ? 1 : 0;
+  EXPECT_EQ(left_out, 1);
+}
+
+TEST(IdleSleeps, LoopThatWaitsNowAndThenKeepsTheSleepBetween) {
+  IdleSleeps sleeps;
+  Clock::time_point now = Clock::time_point() + 1h;
+  for (int round = 0; round < 5; ++round) {
+    EXPECT_TRUE(sleeps.leaves_out(now += 1s)) << round;
+    EXPECT_FALSE(sleeps.leaves_out(now += 10ms)) << round;
+  }
+}
+
+TEST(IdleSleep, SharedLibrariesFindTheProgramsOwn) {
+  Dl_info found{};
+  Dl_info program{};
+  ASSERT_NE(dladdr(dlsym(RTLD_DEFAULT, "usleep"), &found), 0);
+  ASSERT_NE(dladdr(reinterpret_cast<void*>(&leave_out_idle_sleeps), &program), 0);
+  EXPECT_EQ(found.dli_fbase, program.dli_fbase) << found.dli_fname;
+}
+
+TEST(IdleSleep, IsLeftOutOnceOnTheThreadThatSaidSo) {
+  std::thread([] {
+    EXPECT_TRUE(sleeps(kIdle));
+    leave_out_idle_sleeps();
+    EXPECT_TRUE(sleeps(kIdle - 1));
+    EXPECT_TRUE(sleeps(kIdle + 1));
+    EXPECT_FALSE(sleeps(kIdle));
+    EXPECT_TRUE(sleeps(kIdle));
+    std::thread([] { EXPECT_TRUE(sleeps(kIdle)); }).join();
+  }).join();
+}
+
+TEST(IdleSleep, LastsAsLongAsItShould) {
+  for (const auto wanted : {1us, 1'000'001us}) {
+    const auto began = Clock::now();
+    EXPECT_TRUE(sleeps(static_cast<useconds_t>(wanted.count())));
+    EXPECT_GE(Clock::now() - began, wanted);
+  }
 }
 
 }  // namespace

@@ -1,23 +1,33 @@
 // The dynamic linker searches the program before its libraries, so these definitions replace
-// libc's.
-#include "agent/uplink/paho/connect_notice.h"
+// libc's. A library that still binds to libc's usleep() sleeps as before.
+#include "agent/uplink/paho/reading_thread.h"
 
 #include <dlfcn.h>
 #include <poll.h>
 #include <pthread.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <array>
 #include <cerrno>
 #include <ctime>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace fxagent {
 namespace {
+
+constexpr useconds_t kIdleSleep = 100'000;
+// Less than the 1 s of a poll() that waited, more than the 0.1 s between two sleeps of a loop whose
+// poll() returns at once.
+constexpr std::chrono::milliseconds kWaited{500};
+
+thread_local std::optional<IdleSleeps> idle_sleeps;
 
 bool has_name(std::string_view beginning) noexcept {
   std::array<char, 16> name{};  // pthread_setname_np(3): no name is longer
@@ -89,6 +99,12 @@ void note_connect_outcome(int fd) noexcept {
   }
 }
 
+bool IdleSleeps::leaves_out(std::chrono::steady_clock::time_point now) noexcept {
+  return now - std::exchange(asked_, now) >= kWaited;
+}
+
+void leave_out_idle_sleeps() noexcept { idle_sleeps.emplace(); }
+
 }  // namespace fxagent
 
 extern "C" {
@@ -121,6 +137,16 @@ int poll(pollfd* fds, nfds_t count, int timeout_ms) {
   }
   const timespec time{timeout_ms / 1000, timeout_ms % 1000 * 1'000'000L};
   return ::ppoll(fds, count, timeout_ms < 0 ? nullptr : &time, nullptr);
+}
+
+int usleep(useconds_t microseconds) {
+  if (microseconds == fxagent::kIdleSleep && fxagent::idle_sleeps &&
+      fxagent::idle_sleeps->leaves_out(std::chrono::steady_clock::now()))
+    return 0;
+  constexpr useconds_t second = 1'000'000;
+  const timespec time{static_cast<time_t>(microseconds / second),
+                      static_cast<long>(microseconds % second) * 1000};
+  return nanosleep(&time, nullptr);
 }
 
 }  // extern "C"
