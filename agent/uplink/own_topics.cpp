@@ -53,7 +53,8 @@ void OwnTopics::hear_state(const Message& message, SteadyTime now) {
 }
 
 void OwnTopics::connection_began(SteadyTime now) {
-  identity_.connection_began(parts_.connects.server(), now, parts_.connects.steady_after());
+  const ConnectSchedule& connects = parts_.session.connects();
+  identity_.connection_began(connects.server(), now, connects.steady_after());
 }
 
 void OwnTopics::follow_conflict(SteadyTime now) {

@@ -16,7 +16,6 @@
 #include "agent/uplink/config_topics.h"
 #include "agent/uplink/retained/identity_conflict.h"
 #include "agent/uplink/retained/retained_state.h"
-#include "agent/uplink/session/connect_schedule.h"
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/shutdown.h"
@@ -31,7 +30,6 @@ class OwnTopics final {
     const Config& config;
     Commands& commands;
     const Session& session;
-    const ConnectSchedule& connects;
     const Subscriptions& subscriptions;
     const Shutdown& shutdown;
     const Farewell& farewell;

@@ -33,11 +33,10 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       number_above_(std::move(number_above)),
       backoff_(settings_.jitter_seed),
       outgoing_(broker),
-      connects_(config.mqtt, backoff_),
       subscriptions_(config.base_topic(), broker, backoff_,
                      [this] { retained_.agent_state_changed(); }),
       session_(
-          broker, outgoing_, connects_,
+          broker, outgoing_, config.mqtt, backoff_,
           {[this](SteadyTime now) { connection_began(now); },
            [this](SteadyTime now) { connection_ended(now); }, [this] { samples_out_.spool_live(); },
            [this] { own_topics_.session_taken_over(); }}),
@@ -59,8 +58,8 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       history_(payload, outgoing_, refused_, spool_),
       intake_(commands, broker, config.mqtt),
       status_(
-          {config, commands, session_, connects_, subscriptions_, states_, retained_, spool_,
-           results_, samples_out_, history_, refused_, store,
+          {config, commands, session_, subscriptions_, states_, retained_, spool_, results_,
+           samples_out_, history_, refused_, store,
            [this] {
              std::vector<ProfileStatus> profiles;
              for (const Beside& beside : outlets_) profiles.push_back(beside.outlet->status());
@@ -72,8 +71,8 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       shutdown_({broker, session_, farewell_, outgoing_, intake_, results_, retained_, samples_out_,
                  spool_, status_}),
       configs_(config, session_, shutdown_, retained_, store),
-      own_topics_({config, commands, session_, connects_, subscriptions_, shutdown_, farewell_,
-                   results_, intake_, configs_, retained_, status_},
+      own_topics_({config, commands, session_, subscriptions_, shutdown_, farewell_, results_,
+                   intake_, configs_, retained_, status_},
                   settings_.boot, settings_.is_ours) {
   subscriptions_.hear_configs(config.remote.enabled);
 }
@@ -343,7 +342,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   if (change.mqtt) {
     for (const Beside& beside : outlets_) beside.outlet->use(beside.settings(config_), now);
     broker_.use(config_.mqtt);
-    connects_.settings_changed();
+    session_.settings_changed();
     subscriptions_.forget_refusals();
     // Clients of a broker that we leave would otherwise see the agent online forever.
     if (session_.is_connected())

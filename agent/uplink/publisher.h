@@ -39,7 +39,6 @@
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
-#include "agent/uplink/session/connect_schedule.h"
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/shutdown.h"
@@ -167,7 +166,6 @@ class Publisher final {
 
   JitteredBackoff backoff_;
   Outgoing outgoing_;
-  ConnectSchedule connects_;
   Subscriptions subscriptions_;
   Session session_;
   DeviceStates states_;

@@ -28,9 +28,8 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
       store_(store),
       backoff_(settings_.jitter_seed),
       outgoing_(broker, settings_.marker_topic),
-      connects_(settings_.mqtt, backoff_),
       session_(
-          broker, outgoing_, connects_,
+          broker, outgoing_, settings_.mqtt, backoff_,
           {[this](SteadyTime) { connection_began(); }, [this](SteadyTime) { connection_ended(); },
            [this] { samples_.spool_live(); }, [] {}},
           settings_.name, profile.leaves_with_will()),
@@ -63,7 +62,7 @@ void Outlet::use(MqttConfig mqtt, SteadyTime now) {
   if (session_.is_connected()) say_goodbye();
   settings_.mqtt = std::move(mqtt);
   broker_.use(settings_.mqtt);
-  connects_.settings_changed();
+  session_.settings_changed();
   if (phase_ == Phase::running) session_.begin_anew(now);
 }
 
@@ -224,7 +223,7 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
 ProfileStatus Outlet::status() const {
   ProfileStatus status;
   status.name = settings_.name;
-  status.server = connects_.server();
+  status.server = session_.connects().server();
   status.connected = session_.is_connected();
   status.ready = status.connected && profile_.is_ready();
   status.why = session_.why_not_connected();

@@ -25,7 +25,6 @@
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
-#include "agent/uplink/session/connect_schedule.h"
 #include "agent/uplink/session/session.h"
 
 namespace fxagent {
@@ -89,7 +88,6 @@ class Outlet final : private Outgoing::Sender {
 
   JitteredBackoff backoff_;
   Outgoing outgoing_;
-  ConnectSchedule connects_;
   Session session_;
   SampleSpool spool_;
   RefusedDevices refused_;

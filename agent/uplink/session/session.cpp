@@ -17,11 +17,11 @@ constexpr seconds kGoodbye{2};  // wait for Disconnected before connecting anywa
 
 }  // namespace
 
-Session::Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects, Listener listener,
-                 std::string profile, bool with_will)
+Session::Session(Broker& broker, Outgoing& outgoing, const MqttConfig& mqtt,
+                 JitteredBackoff& backoff, Listener listener, std::string profile, bool with_will)
     : broker_(broker),
       outgoing_(outgoing),
-      connects_(connects),
+      connects_(mqtt, backoff),
       listener_(std::move(listener)),
       profile_(std::move(profile)),
       with_will_(with_will) {}

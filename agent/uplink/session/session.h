@@ -1,4 +1,4 @@
-// The MQTT session. Connects, and detects losses even if the library does not report them.
+// The MQTT session. Connects, and detects losses even if the library does not report them. Its
 // ConnectSchedule chooses the next server and the time of the next attempt. Uplink thread. Time is
 // an argument.
 #pragma once
@@ -9,8 +9,10 @@
 #include <optional>
 #include <string>
 
+#include "agent/config/model.h"
 #include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
+#include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/session/connect_schedule.h"
 
@@ -29,10 +31,10 @@ class Session final {
     std::function<void()> session_taken_over;
   };
 
-  /// All references outlive the session. `profile` names it in the log; empty: it is the agent's
-  /// own. `with_will` is for each Broker::disconnect().
-  Session(Broker& broker, Outgoing& outgoing, ConnectSchedule& connects, Listener listener,
-          std::string profile = {}, bool with_will = false);
+  /// All references outlive the session; `mqtt` has the servers. `profile` names it in the log;
+  /// empty: it is the agent's own. `with_will` is for each Broker::disconnect().
+  Session(Broker& broker, Outgoing& outgoing, const MqttConfig& mqtt, JitteredBackoff& backoff,
+          Listener listener, std::string profile = {}, bool with_will = false);
 
   void on(const Connected& event, SteadyTime now);
   void on(const ConnectFailed& event, SteadyTime now);
@@ -57,6 +59,10 @@ class Session final {
   void begin_end(SteadyTime now);
   /// Completes the shutdown: publications not delivered yet stay undelivered.
   void give_up(SteadyTime now);
+
+  /// The servers of the config have changed; begin_anew() follows.
+  void settings_changed() { connects_.settings_changed(); }
+  const ConnectSchedule& connects() const { return connects_; }
 
   bool is_connected() const { return link_ == Link::connected; }
   /// Time since which the session has been connected, or without a connection; the clock's epoch if
@@ -83,7 +89,7 @@ class Session final {
 
   Broker& broker_;
   Outgoing& outgoing_;
-  ConnectSchedule& connects_;
+  ConnectSchedule connects_;
   const Listener listener_;
   const std::string profile_;
   const bool with_will_;

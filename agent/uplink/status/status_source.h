@@ -29,7 +29,6 @@
 #include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
-#include "agent/uplink/session/connect_schedule.h"
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/subscriptions.h"
 #include "agent/uplink/status/last_samples.h"
@@ -43,7 +42,6 @@ class StatusSource final {
     const Config& config;
     const Commands& commands;
     const Session& session;
-    const ConnectSchedule& connects;
     const Subscriptions& subscriptions;
     const DeviceStates& states;
     RetainedState& retained;
