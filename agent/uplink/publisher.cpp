@@ -43,7 +43,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       states_(std::as_const(config).devices.size()),
       retained_(config, states_, payload, outgoing_, backoff_,
                 {[this] {
-                   return payload_.agent_online(started_ms_, subscriptions_.not_heard_why(),
+                   return payload_.agent_online(*started_ms_, subscriptions_.not_heard_why(),
                                                 own_topics_.conflict());
                  },
                  [this](SteadyTime now) {
@@ -78,8 +78,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
 }
 
 SteadyTime Publisher::step(SteadyTime now) {
-  if (!started_) {
-    started_ = now;
+  if (!started_ms_) {
     started_ms_ = utc_ms_();
     status_.start(now);
   }
@@ -276,12 +275,11 @@ void Publisher::keep_session(SteadyTime now) {
 
 void Publisher::press_back(SteadyTime now) {
   outbox_.set_backed_up(samples_out_.is_backed_up());
-  CommandIntake::Pressure pressure;
-  pressure.is_on = session_.is_connected() && !shutdown_.has_begun();
-  pressure.results_are_full = results_.is_full();
-  pressure.awaits_suback = subscriptions_.awaits_suback();
-  pressure.awaits_pubacks = !outgoing_.empty();
-  intake_.hold(pressure, now);
+  intake_.hold({.is_on = session_.is_connected() && !shutdown_.has_begun(),
+                .results_are_full = results_.is_full(),
+                .awaits_suback = subscriptions_.awaits_suback(),
+                .awaits_pubacks = !outgoing_.empty()},
+               now);
   if (intake_.is_holding() && results_.bytes() >= settings_.result_bytes &&
       !subscriptions_.is_paused())
     subscriptions_.pause_commands(now);

@@ -200,8 +200,7 @@ class Publisher final {
   bool samples_first_ = false;  ///< samples go before results, in a window too small to share
   /// Devices of commands that may have written and whose results are not handed over yet.
   std::set<std::string> written_;
-  std::optional<SteadyTime> started_;
-  std::int64_t started_ms_ = 0;
+  std::optional<std::int64_t> started_ms_;
 };
 
 /// The uplink thread: steps the publisher when there are events or something is due, until `stop`

@@ -323,8 +323,8 @@ void HomeAssistantProfile::change(const ConfigChange& change) {
     due_.erase(device);
     removed_.erase(device);
   }
-  for (const std::uint32_t device : change.devices_begin) add(device);
   for (const std::uint32_t device : change.devices_begin) {
+    add(device);
     const std::string id = id_of(config_.base_topic() + "/" + config_.devices[device].name);
     if (!devices_.contains(id)) continue;
     due_.insert(device);

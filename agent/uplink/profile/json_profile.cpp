@@ -82,16 +82,14 @@ void JsonProfile::device_state(const DeviceStatus& status) {
 void JsonProfile::change(const ConfigChange& change) {
   states_.change(change);
   for (const std::uint32_t i : change.devices_end) {
+    metas_.erase(i);
+    changed_.erase(i);
     const auto stays = [&](const DeviceConfig& device) { return device.name == names_.at(i); };
     if (!is_connected_ || std::ranges::any_of(config_.devices, stays)) continue;
     for (const char* topic : {"/state", "/meta"})
       others_.push_back(retained(config_.base_topic() + "/" + names_[i] + topic));
   }
   remember_names();
-  for (const std::uint32_t device : change.devices_end) {
-    metas_.erase(device);
-    changed_.erase(device);
-  }
   metas_.insert(change.devices_begin.begin(), change.devices_begin.end());
 }
 

@@ -142,11 +142,10 @@ void SampleDelivery::pump_live(SteadyTime now) {
 
 void SampleDelivery::make_history(const std::set<std::string>& devices) {
   if (devices.empty()) return;
-  const auto first = std::stable_partition(
-      live_.begin(), live_.end(),
-      [&devices](const LiveRow& live) { return !devices.contains(live.row.device); });
-  for (auto live = first; live != live_.end(); ++live) spool_.add(std::move(*live));
-  live_.erase(first, live_.end());
+  const auto moved = std::ranges::stable_partition(
+      live_, [&devices](const LiveRow& live) { return !devices.contains(live.row.device); });
+  for (LiveRow& live : moved) spool_.add(std::move(live));
+  live_.erase(moved.begin(), moved.end());
 }
 
 void SampleDelivery::connection_ended() {
