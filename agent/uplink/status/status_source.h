@@ -20,6 +20,7 @@
 #include "agent/handover/outbox.h"
 #include "agent/handover/status.h"
 #include "agent/handover/status_board.h"
+#include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/commands/result_delivery.h"
@@ -31,9 +32,27 @@
 #include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/subscriptions.h"
-#include "agent/uplink/status/last_samples.h"
 
 namespace fxagent {
+
+/// Last values of each group, for the status: its last whole sample, and each tag that a command
+/// has written since. Each is a row (store/sample_record) of 10 to 25 bytes per tag, including its
+/// name. The result of groups() may be read on any thread.
+class LastSamples final {
+ public:
+  /// `config` outlives the object.
+  explicit LastSamples(const Config& config) : config_(config) {}
+
+  void add(const Telemetry& message);
+  /// Adapts to a config change, which `config` already contains.
+  void change(const ConfigChange& change);
+  /// Empty until the first add().
+  const LastValues& groups() const { return groups_; }
+
+ private:
+  const Config& config_;
+  LastValues groups_;
+};
 
 class StatusSource final {
  public:
