@@ -21,7 +21,7 @@
 #include "agent/process/service_manager.h"
 #include "agent/process/startup.h"
 #include "agent/uplink/broker.h"
-#include "agent/uplink/config_topics.h"
+#include "agent/uplink/own_topics.h"
 #include "agent/without_signals.h"
 
 namespace fxagent {

@@ -27,7 +27,6 @@
 #include "agent/uplink/broker.h"
 #include "agent/uplink/commands/command_intake.h"
 #include "agent/uplink/commands/result_delivery.h"
-#include "agent/uplink/config_topics.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/own_topics.h"
