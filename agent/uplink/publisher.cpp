@@ -64,9 +64,9 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
              std::vector<ProfileStatus> profiles;
              for (const Beside& beside : outlets_) profiles.push_back(beside.outlet->status());
              return profiles;
-           }},
-          {settings_.boot, settings_.version}, utc_ms_, [this] { outbox_.notify(); },
-          std::move(ask_counters)),
+           },
+           settings_.boot, settings_.version},
+          utc_ms_, [this] { outbox_.notify(); }, std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
       shutdown_({broker, session_, farewell_, outgoing_, intake_, results_, retained_, samples_out_,
                  spool_, status_}),

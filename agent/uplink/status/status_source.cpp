@@ -100,15 +100,14 @@ void LastSamples::add(const Telemetry& message) {
   group = std::move(after);
 }
 
-StatusSource::StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
+StatusSource::StatusSource(Parts parts, std::function<std::int64_t()> utc_ms,
                            std::function<void()> wake, std::function<void()> ask_counters)
-    : parts_(parts),
-      config_(std::make_shared<const Config>(parts.config)),
-      run_(std::move(run)),
+    : parts_(std::move(parts)),
+      config_(std::make_shared<const Config>(parts_.config)),
       utc_ms_(std::move(utc_ms)),
       board_(std::move(wake)),
       ask_counters_(std::move(ask_counters)),
-      last_(parts.config) {}
+      last_(parts_.config) {}
 
 void StatusSource::change(const ConfigChange& change) {
   config_ = std::make_shared<const Config>(parts_.config);
@@ -236,8 +235,8 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   status.made_at = now;
   status.field_heard = field_heard_;
   status.command_durations = parts_.results.durations();
-  status.boot = run_.boot;
-  status.version = run_.version;
+  status.boot = parts_.boot;
+  status.version = parts_.version;
   status.uptime = std::chrono::duration_cast<seconds>(now - started_);
   status.conflict = conflict_;
   status.broker = broker(now);

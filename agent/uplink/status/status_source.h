@@ -71,16 +71,14 @@ class StatusSource final {
     const RefusedDevices& refused;
     const GuardedStore* store = nullptr;  ///< null: no store
     std::function<std::vector<ProfileStatus>()> profiles;
-  };
-  struct Run {
     std::string boot;
     std::string version;
   };
 
   /// `utc_ms` returns the current calendar time; `wake` as in StatusBoard. `ask_counters` makes the
   /// field send its counters; empty: health never waits for them.
-  StatusSource(Parts parts, Run run, std::function<std::int64_t()> utc_ms,
-               std::function<void()> wake, std::function<void()> ask_counters);
+  StatusSource(Parts parts, std::function<std::int64_t()> utc_ms, std::function<void()> wake,
+               std::function<void()> ask_counters);
 
   /// Adapts to a config change, which `config` already contains.
   void change(const ConfigChange& change);
@@ -125,7 +123,6 @@ class StatusSource final {
   /// Shared with each status made under it.
   std::shared_ptr<const Config> config_;
   ConfigStatus config_status_;
-  const Run run_;
   const std::function<std::int64_t()> utc_ms_;
   StatusBoard board_;
   const std::function<void()> ask_counters_;
