@@ -22,7 +22,6 @@
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/profile/profile.h"
 #include "agent/uplink/samples/history_delivery.h"
-#include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/session.h"

@@ -9,7 +9,6 @@
 #include "agent/steady_time.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
-#include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_spool.h"
 
 namespace fxagent {

@@ -20,7 +20,6 @@
 #include "agent/store/samples/sample_record.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
-#include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_spool.h"
 
 namespace fxagent {

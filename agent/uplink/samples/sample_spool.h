@@ -1,6 +1,7 @@
 // Samples that cannot be sent now. They are gathered for the disk, or kept in memory if there is no
 // disk or it refuses. They leave as history messages, oldest first. Rows that must make room are
-// counted, as are those refused for good. Uplink thread. Time is an argument.
+// counted, as are those refused for good. Also the devices whose samples are refused for a time.
+// Uplink thread. Time is an argument.
 #pragma once
 
 #include <algorithm>
@@ -18,6 +19,8 @@
 #include "agent/store/guarded_store.h"
 #include "agent/store/samples/backlog.h"
 #include "agent/store/samples/history.h"
+#include "agent/uplink/broker.h"
+#include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/payload/payload.h"
 
 namespace fxagent {
@@ -42,6 +45,40 @@ class DroppedSamples final {
   /// By device name: the store may have rows of devices that the config no longer has.
   std::map<std::string, std::uint64_t> by_device_;
   std::uint64_t total_ = 0;
+};
+
+/// Devices whose samples the broker refuses for a time, or the library rejects: each has a pause
+/// that grows with every refusal.
+class RefusedDevices final {
+ public:
+  /// `backoff` outlives the object.
+  explicit RefusedDevices(JitteredBackoff& backoff) : backoff_(backoff) {}
+
+  /// Ends all pauses: a new connection has begun.
+  void clear() { pauses_.clear(); }
+  /// The broker refused a message with samples of the device. Begins a pause, or goes on with it.
+  void refused(const std::string& device, const DeliveryFailed& event, SteadyTime now);
+  /// The broker accepted a message that was sent at `since`. Ends the device's pause, unless the
+  /// message was sent before the refusal.
+  void accepted(const std::string& device, SteadyTime since);
+
+  bool may_send(const std::string& device, SteadyTime now) const;
+  /// Returns the MQTT reason code with which the broker refuses the device's samples; nullopt: it
+  /// accepts them.
+  std::optional<int> reason(const std::string& device) const;
+  /// Returns the next end of a pause of a device for which `matters` is true.
+  SteadyTime next_end(SteadyTime now, const std::function<bool(const std::string&)>& matters) const;
+
+ private:
+  struct Pause {
+    SteadyTime since{};  ///< of the last refusal
+    SteadyTime until{};
+    int failures = 0;
+    int reason_code = 0;  ///< 0: the library rejects the samples
+  };
+
+  JitteredBackoff& backoff_;
+  std::map<std::string, Pause> pauses_;  ///< by device name, as in the store
 };
 
 /// A sample on its way to the broker.

@@ -27,7 +27,6 @@
 #include "agent/uplink/retained/device_states.h"
 #include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/samples/history_delivery.h"
-#include "agent/uplink/samples/refused_devices.h"
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/session.h"
