@@ -12,9 +12,8 @@
 
 #include "agent/log/log.h"
 #include "agent/uplink/broker.h"
-#include "agent/uplink/paho/connect_faults.h"
 #include "agent/uplink/paho/incoming_packets.h"
-#include "agent/uplink/paho/packet_guard.h"
+#include "agent/uplink/paho/socket_calls.h"
 
 namespace fxagent {
 namespace {

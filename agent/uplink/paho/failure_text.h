@@ -1,5 +1,5 @@
 // Describes in words why a connection, a message or a subscription failed, and what to do. Paho
-// gives a number for most of it; connect_faults and Paho's trace have the rest.
+// gives a number for most of it; socket_calls and Paho's trace have the rest.
 #pragma once
 
 #include <mqtt/properties.h>

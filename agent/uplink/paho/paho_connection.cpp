@@ -11,8 +11,8 @@
 
 #include "agent/steady_time.h"
 #include "agent/uplink/paho/incoming_packets.h"
-#include "agent/uplink/paho/packet_guard.h"
 #include "agent/uplink/paho/reading_thread.h"
+#include "agent/uplink/paho/socket_calls.h"
 
 namespace fxagent {
 namespace {
