@@ -189,14 +189,9 @@ class TagFinder final {
 SparkplugProfile::SparkplugProfile(const Config& config, const ProfileConfig& profile,
                                    TakeOrder take_order, std::function<std::string()> new_id,
                                    std::function<std::int64_t()> utc_ms)
-    : config_(config),
-      name_(name_of(profile)),
-      prefix_("spBv1.0/" + profile.group + "/"),
-      node_(profile.node),
-      take_order_(std::move(take_order)),
+    : EdgeNode(config, profile, "spBv1.0", host_of(profile), std::move(take_order),
+               std::move(utc_ms)),
       new_id_(std::move(new_id)),
-      utc_ms_(std::move(utc_ms)),
-      births_(config, profile.broker, host_of(profile)),
       devices_(config.devices.size()) {
   for (std::uint32_t i = 0; i < devices_.size(); ++i) prepare(i);
 }
@@ -214,12 +209,6 @@ void SparkplugProfile::prepare(std::uint32_t index) {
 
 // ---- session ------------------------------------------------------------------------------------
 
-Will SparkplugProfile::last_will() {
-  births_.begin_session();
-  const Publication death = node_death(utc_ms_());
-  return {death.topic, death.payload, Retain::no};
-}
-
 std::vector<Subscription> SparkplugProfile::subscriptions() const {
   std::vector<Subscription> filters{{prefix_ + "NCMD/" + node_, /*no_local=*/false},
                                     {prefix_ + "DCMD/" + node_ + "/+", /*no_local=*/false}};
@@ -227,21 +216,9 @@ std::vector<Subscription> SparkplugProfile::subscriptions() const {
   return filters;
 }
 
-std::vector<Publication> SparkplugProfile::farewell(std::int64_t utc_ms) {
-  if (!births_.is_born()) return {};
-  return {node_death(utc_ms)};
-}
-
 // ---- births and deaths --------------------------------------------------------------------------
 
 std::uint64_t SparkplugProfile::next_seq() { return std::exchange(seq_, (seq_ + 1) % kNumbers); }
-
-Publication SparkplugProfile::message(std::string_view type, const std::string& device,
-                                      const Packet& packet) const {
-  return {.topic = prefix_ + std::string(type) + "/" + node_ + (device.empty() ? "" : "/" + device),
-          .payload = packet.SerializeAsString(),
-          .qos = 0};
-}
 
 std::vector<Publication> SparkplugProfile::due(SteadyTime now, std::int64_t utc_ms) {
   using Kind = sparkplug::BirthSchedule::Step::Kind;
@@ -263,12 +240,12 @@ Publication SparkplugProfile::node_birth(std::int64_t utc_ms) {
   seq_ = 0;
   packet.set_seq(next_seq());
   add_metric(packet, kNodeRebirth, utc_ms, Type::boolean).set_boolean_value(false);
-  return message("NBIRTH", "", packet);
+  return message("NBIRTH", "", packet.SerializeAsString());
 }
 
 /// Has no `seq`. The topic is that of the last will.
 Publication SparkplugProfile::node_death(std::int64_t utc_ms) const {
-  return message("NDEATH", "", session_packet(utc_ms));
+  return message("NDEATH", "", session_packet(utc_ms).SerializeAsString());
 }
 
 /// Returns a packet with the number of the session.
@@ -314,18 +291,18 @@ std::optional<Publication> SparkplugProfile::device_birth(std::uint32_t index,
     state.born_ms = std::max(state.born_ms, last.ts_ms);
   }
   packet.set_seq(next_seq());
-  return message("DBIRTH", device.name, packet);
+  return message("DBIRTH", device.name, packet.SerializeAsString());
 }
 
 Publication SparkplugProfile::device_death(const std::string& name, std::int64_t utc_ms) {
   Packet packet;
   packet.set_timestamp(stamp(utc_ms));
   packet.set_seq(next_seq());
-  return message("DDEATH", name, packet);
+  return message("DDEATH", name, packet.SerializeAsString());
 }
 
 void SparkplugProfile::change(const ConfigChange& change) {
-  births_.change(change);
+  EdgeNode::change(change);
   devices_.resize(config_.devices.size());
   for (const std::uint32_t i : change.devices_begin) prepare(i);
 }
@@ -381,7 +358,7 @@ std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
   if (packet.metrics().empty()) return {};
   packet.set_timestamp(stamp(utc_ms_()));
   packet.set_seq(next_seq());
-  return {message("DDATA", config.name, packet)};
+  return {message("DDATA", config.name, packet.SerializeAsString())};
 }
 
 /// A message that was refused is missing in the order of `seq`.
@@ -412,7 +389,7 @@ std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
   if (packet.metrics().empty()) return {};
   packet.set_timestamp(stamp(utc_ms_()));
   packet.set_seq(next_seq());
-  return {message("DDATA", batch.device, packet)};
+  return {message("DDATA", batch.device, packet.SerializeAsString())};
 }
 
 // ---- commands -----------------------------------------------------------------------------------

@@ -16,7 +16,6 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/uplink/profile/profile.h"
 #include "agent/uplink/sparkplug/birth_schedule.h"
 
 namespace fxagent {
@@ -26,7 +25,7 @@ class Metric;
 class Packet;
 }  // namespace sparkplug
 
-class SparkplugProfile final : public Profile {
+class SparkplugProfile final : public sparkplug::EdgeNode {
  public:
   /// `config` outlives it. `take_order` is empty if the broker may not send commands; rebirths may
   /// be asked for all the same. `new_id` returns an id for a command, each time another one;
@@ -34,22 +33,13 @@ class SparkplugProfile final : public Profile {
   SparkplugProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
                    std::function<std::string()> new_id, std::function<std::int64_t()> utc_ms);
 
-  Will last_will() override;
   std::vector<Subscription> subscriptions() const override;
-  void connection_began(const Connected& connected) override {
-    births_.connection_began(connected);
-  }
-  void connection_ended() override { births_.connection_ended(); }
   void hear(const Message& message) override;
-  void device_state(const DeviceStatus& status) override { births_.device_state(status); }
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   bool is_ready() const override { return births_.is_born() && !births_.is_rebirth_due(); }
   SteadyTime next_wake() const override { return births_.next_wake(); }
-  std::vector<Publication> farewell(std::int64_t utc_ms) override;
   bool leaves_with_will() const override { return true; }
-  bool take_leave() override { return births_.take_leave(); }
-  void refused() override { births_.request_rebirth(); }
 
   bool may_send(const std::string& device) const override;
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
@@ -75,13 +65,10 @@ class SparkplugProfile final : public Profile {
   };
 
   std::uint64_t next_seq();
-  /// Returns the message of this type; `device` is empty for those of the node.
-  Publication message(std::string_view type, const std::string& device,
-                      const sparkplug::Packet& packet) const;
   Publication node_birth(std::int64_t utc_ms);
   std::optional<Publication> device_birth(std::uint32_t index, std::int64_t utc_ms);
   Publication device_death(const std::string& name, std::int64_t utc_ms);
-  Publication node_death(std::int64_t utc_ms) const;
+  Publication node_death(std::int64_t utc_ms) const override;
   sparkplug::Packet session_packet(std::int64_t utc_ms) const;
   void prepare(std::uint32_t index);
 
@@ -90,15 +77,7 @@ class SparkplugProfile final : public Profile {
   void place_order(const Message& message, std::uint32_t device, std::size_t tag,
                    const sparkplug::Metric& metric);
 
-  const Config& config_;
-  const std::string name_;
-  const std::string prefix_;  ///< "spBv1.0/{group}/"
-  const std::string node_;
-  const TakeOrder take_order_;
   const std::function<std::string()> new_id_;
-  const std::function<std::int64_t()> utc_ms_;
-
-  sparkplug::BirthSchedule births_;
   std::vector<Device> devices_;  ///< as Config::devices
   std::uint64_t next_alias_ = 1;
   std::uint64_t seq_ = 0;  ///< of the next message

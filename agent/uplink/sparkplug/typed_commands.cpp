@@ -176,29 +176,16 @@ std::string id_of(const std::string& source, const std::string& correlation_id) 
 TypedCommandsProfile::TypedCommandsProfile(const Config& config, const ProfileConfig& profile,
                                            TakeOrder take_order,
                                            std::function<std::int64_t()> utc_ms)
-    : config_(config),
-      name_(name_of(profile)),
-      prefix_("spCv1.0/" + profile.group + "/"),
-      node_(profile.node),
-      take_order_(std::move(take_order)),
-      utc_ms_(std::move(utc_ms)),
-      births_(config, profile.broker,
-              {profile.host.empty() ? "" : "spCv1.0/STATE/" + profile.host, /*old_state=*/false}) {}
+    : EdgeNode(config, profile, "spCv1.0",
+               {profile.host.empty() ? "" : "spCv1.0/STATE/" + profile.host, /*old_state=*/false},
+               std::move(take_order), std::move(utc_ms)) {}
 
 // ---- session ------------------------------------------------------------------------------------
 
 Publication TypedCommandsProfile::message(std::string_view verb, const std::string& device,
                                           Packet packet, std::optional<std::uint64_t> seq) const {
   if (seq) packet.set_seq(*seq);
-  return {.topic = prefix_ + std::string(verb) + "/" + node_ + (device.empty() ? "" : "/" + device),
-          .payload = packet.SerializeAsString(),
-          .qos = 0};
-}
-
-Will TypedCommandsProfile::last_will() {
-  births_.begin_session();
-  const Publication death = node_death();
-  return {death.topic, death.payload, Retain::no};
+  return EdgeNode::message(verb, device, packet.SerializeAsString());
 }
 
 std::vector<Subscription> TypedCommandsProfile::subscriptions() const {
@@ -211,17 +198,12 @@ std::vector<Subscription> TypedCommandsProfile::subscriptions() const {
 }
 
 void TypedCommandsProfile::connection_began(const Connected& connected) {
-  births_.connection_began(connected);
+  EdgeNode::connection_began(connected);
   is_asked_ = false;
 }
 
-std::vector<Publication> TypedCommandsProfile::farewell(std::int64_t) {
-  if (!births_.is_born()) return {};
-  return {node_death()};
-}
-
 /// Has the number of the session and nothing else, since it is the last will, too.
-Publication TypedCommandsProfile::node_death() const {
+Publication TypedCommandsProfile::node_death(std::int64_t) const {
   Packet packet;
   packet.set_bd_seq(births_.session());
   return message("NDEATH", "", packet);

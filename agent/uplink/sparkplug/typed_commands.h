@@ -18,7 +18,6 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/uplink/profile/profile.h"
 #include "agent/uplink/sparkplug/birth_schedule.h"
 #include "agent/uplink/sparkplug/typed_value.h"
 
@@ -29,25 +28,18 @@ class Metric;
 class Packet;
 }  // namespace sparkplug_c
 
-class TypedCommandsProfile final : public Profile {
+class TypedCommandsProfile final : public sparkplug::EdgeNode {
  public:
   /// `config` outlives it. `utc_ms` returns the current calendar time.
   TypedCommandsProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
                        std::function<std::int64_t()> utc_ms);
 
-  Will last_will() override;
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
-  void connection_ended() override { births_.connection_ended(); }
   void hear(const Message& message) override;
-  void device_state(const DeviceStatus& status) override { births_.device_state(status); }
-  void change(const ConfigChange& change) override { births_.change(change); }
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   bool is_ready() const override { return births_.is_born(); }
   SteadyTime next_wake() const override;
-  std::vector<Publication> farewell(std::int64_t utc_ms) override;
-  bool take_leave() override { return births_.take_leave(); }
-  void refused() override { births_.request_rebirth(); }
 
   bool wants_samples() const override { return false; }
   std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
@@ -64,7 +56,7 @@ class TypedCommandsProfile final : public Profile {
 
   Publication message(std::string_view verb, const std::string& device, sparkplug_c::Packet packet,
                       std::optional<std::uint64_t> seq = {}) const;
-  Publication node_death() const;
+  Publication node_death(std::int64_t utc_ms) const override;
   sparkplug_c::Packet node_birth(std::int64_t utc_ms) const;
   sparkplug_c::Packet device_birth(std::uint32_t index, std::int64_t utc_ms) const;
   std::vector<Publication> births(SteadyTime now, std::int64_t utc_ms);
@@ -78,14 +70,6 @@ class TypedCommandsProfile final : public Profile {
   void reject(const Message& message, const Request& request, const std::string& why);
   void send(const Request& request, sparkplug_c::Metric answer);
 
-  const Config& config_;
-  const std::string name_;
-  const std::string prefix_;  ///< "spCv1.0/{group}/"
-  const std::string node_;
-  const TakeOrder take_order_;
-  const std::function<std::int64_t()> utc_ms_;
-
-  sparkplug::BirthSchedule births_;
   std::uint64_t seq_ = 0;  ///< of the next message
   bool is_asked_ = false;  ///< a host has asked for the births again
   SteadyTime born_at_{};   ///< the last births, also repeated ones
