@@ -6,6 +6,7 @@
 // in order, so whatever was sent before an acknowledged marker has arrived. Uplink thread.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -29,6 +30,9 @@ class Outgoing final {
     virtual void delivered(std::uint64_t id, SteadyTime now) = 0;
     virtual void failed(const DeliveryFailed& event, SteadyTime now) = 0;
   };
+
+  /// Time in which an acknowledgement is processed if nothing else wakes the uplink.
+  static constexpr std::chrono::milliseconds kAcknowledgedWithin{50};
 
   /// `marker_topic` gets the markers; empty: a QoS 0 message counts as delivered when it was handed
   /// to the socket.

@@ -12,12 +12,6 @@
 #include "agent/log/log.h"
 
 namespace fxagent {
-namespace {
-
-// Time in which an acknowledgement is processed if nothing else wakes the uplink.
-constexpr std::chrono::milliseconds kAcknowledgedWithin{50};
-
-}  // namespace
 
 Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& payload,
                      Outbox& outbox, Broker& broker, Commands& commands, UtcClock utc_ms,
@@ -382,7 +376,7 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   // event.
   at(retained_.next_wake(now));
   at(results_.next_wake(now));
-  if (!outgoing_.empty()) at(now + kAcknowledgedWithin);
+  if (!outgoing_.empty()) at(now + Outgoing::kAcknowledgedWithin);
   return wake;
 }
 

@@ -23,6 +23,8 @@ constexpr double kLeastStep = 0.001;    ///< Home Assistant refuses smaller ones
 constexpr double kGreatest = 1e300;     ///< keeps the difference of two limits finite
 constexpr std::size_t kMostText = 255;  ///< characters of a state
 constexpr std::string_view kConfig = "/config";
+/// First bytes of each of our messages.
+constexpr std::string_view kBegin = R"({"origin":{"name":"fxagent",)";
 constexpr std::array kRunStop{"run"sv, "stop"sv};
 
 /// Returns the path as an id of Home Assistant, [a-zA-Z0-9_-]. Different paths have different ids:
@@ -247,7 +249,6 @@ HomeAssistantProfile::HomeAssistantProfile(const Config& config, const ProfileCo
       prefix_(profile.prefix),
       version_(std::move(version)),
       writes_(hears_commands == HearsCommands::yes),
-      begin_(R"({"origin":{"name":"fxagent",)"),
       own_ids_(id_of(config.base_topic() + "/")) {
   for (std::uint32_t device = 0; device < config_.devices.size(); ++device) add(device);
 }
@@ -290,7 +291,7 @@ void HomeAssistantProfile::hear(const Message& message) {
       message.topic.substr(begin.size(), message.topic.size() - begin.size() - kConfig.size());
   // Another agent may have our base as its root.
   if (!id.starts_with(own_ids_) || id.find('_', own_ids_.size()) != id.npos) return;
-  if (!message.payload.starts_with(begin_)) return;
+  if (!message.payload.starts_with(kBegin)) return;
   const auto found = devices_.find(id);
   if (found == devices_.end()) {
     cleared_.insert(message.topic);
@@ -362,7 +363,7 @@ Publication HomeAssistantProfile::discovery(std::uint32_t device, const Componen
   const DeviceConfig& of = config_.devices[device];
   const std::string base = config_.base_topic() + "/" + of.name;
   const std::string id = id_of(base);
-  // begin_ depends on the order.
+  // kBegin depends on the order.
   json::Writer out;
   out.begin_object().key("origin").begin_object().key("name").string("fxagent");
   out.key("sw_version").string(version_).end_object();

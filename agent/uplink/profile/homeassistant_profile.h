@@ -52,7 +52,6 @@ class HomeAssistantProfile final : public Profile {
   const std::string prefix_;
   const std::string version_;
   const bool writes_;
-  const std::string begin_;                        ///< first bytes of each of our messages
   const std::string own_ids_;                      ///< beginning of the object ids of this agent
   std::map<std::string, std::uint32_t> devices_;   ///< with components, by object id
   std::map<std::string, DeviceConfig> described_;  ///< as published, by object id

@@ -13,8 +13,6 @@ namespace {
 
 // Each of the three steps of the end.
 constexpr std::chrono::seconds kStopWithin{1};
-// Time in which an acknowledgement is processed if nothing else wakes the uplink.
-constexpr std::chrono::milliseconds kAcknowledgedWithin{50};
 
 }  // namespace
 
@@ -209,14 +207,14 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   if (phase_ != Phase::running) at(phase_ends_);
   if (phase_ == Phase::farewell && !farewell_) at(now);
-  if (phase_ == Phase::closing) at(now + kAcknowledgedWithin);
+  if (phase_ == Phase::closing) at(now + Outgoing::kAcknowledgedWithin);
   at(session_.next_wake());
   at(spool_.next_wake(now));
   at(samples_.next_wake());
   if (!session_.is_connected()) return wake;
   if (outgoing_.has_room() && phase_ <= Phase::draining) at(profile_.next_wake());
   if (profile_.is_ready()) at(history_.next_wake(now));
-  if (!outgoing_.empty()) at(now + kAcknowledgedWithin);
+  if (!outgoing_.empty()) at(now + Outgoing::kAcknowledgedWithin);
   return wake;
 }
 

@@ -50,19 +50,15 @@ const std::string& SampleDelivery::meta_hash(std::uint32_t device) {
 void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, SteadyTime now) {
   if (messages.empty()) return;
   microseconds patience = kGatherMost;  // zero for groups without an interval
-  for (const Telemetry& message : messages) {
-    const GroupConfig& group = config_.devices.at(message.device).groups.at(message.group);
-    patience = std::min(patience, microseconds(group.interval) / kGatherShare);
-  }
-  gather_until_ = now - samples_at_ < 2 * patience ? now + patience : now;
-  samples_at_ = now;
   std::vector<SampleRow> live;
   for (const Telemetry& message : messages) {
     const DeviceConfig& device = config_.devices.at(message.device);
+    const GroupConfig& group = device.groups.at(message.group);
+    patience = std::min(patience, microseconds(group.interval) / kGatherShare);
     SampleRow row;
     row.row_id = next_row_id_++;
     row.device = device.name;
-    row.group = device.groups.at(message.group).name;
+    row.group = group.name;
     row.seq = message.seq;
     row.content = encode_sample(message, device, boot_, meta_hash(message.device));
     row_bytes_ += row.cost();
@@ -72,6 +68,8 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     else
       spool_.add(std::move(row));
   }
+  gather_until_ = now - samples_at_ < 2 * patience ? now + patience : now;
+  samples_at_ = now;
   const bool always = config_.store.sync_always;
   const bool stored = always && spool_.hold(live);
   for (SampleRow& row : live) live_.push_back({std::move(row), now, stored});
