@@ -272,15 +272,17 @@ TEST(ContractExamples, HistoryHasTheKeysOfTheProgram) {
 }
 
 TEST(ContractExamples, StatesHaveTheKeysOfTheProgram) {
-  expect_same_keys("agent_state_online", fxagent::json::agent_online(kNow, kBoot, "0.1.0"));
-  expect_same_keys("agent_state_offline",
-                   fxagent::json::agent_offline(std::nullopt, "lost", kBoot));
+  const Config config = test::plant();
+  const JsonPayload payload(config, kBoot, "0.1.0");
+  expect_same_keys("agent_state_online",
+                   payload.agent_online(kNow, std::nullopt, std::nullopt).payload);
+  expect_same_keys("agent_state_offline", payload.last_will().payload);
   DeviceStatus status;
   status.state = DeviceStatus::State::online;
   status.since_ms = kNow;
   status.model = "FX3U";
   status.run = true;
-  expect_same_keys("device_state", fxagent::json::device_state(status));
+  expect_same_keys("device_state", payload.device_state(status).payload);
 }
 
 TEST(ContractExamples, MetaHasTheKeysOfTheProgram) {

@@ -151,39 +151,6 @@ std::string bare_value(const RecordedReading& reading) {
   return out.take();
 }
 
-std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
-                         const std::optional<std::string>& not_heard_why,
-                         const std::optional<std::string>& conflict) {
-  Writer out;
-  out.begin_object().key("state").string("online").key("since").integer(since_ms);
-  out.key("boot").string(boot).key("version").string(version);
-  if (not_heard_why) out.key("commands").boolean(false).key("reason").string(*not_heard_why);
-  if (conflict) out.key("conflict").string(*conflict);
-  out.end_object();
-  return out.take();
-}
-
-std::string agent_offline(std::optional<std::int64_t> since_ms, std::string_view reason,
-                          std::string_view boot) {
-  Writer out;
-  out.begin_object().key("state").string("offline").key("since");
-  since_ms ? out.integer(*since_ms) : out.null();
-  out.key("reason").string(reason).key("boot").string(boot).end_object();
-  return out.take();
-}
-
-std::string device_state(const DeviceStatus& status) {
-  Writer out;
-  out.begin_object().key("state").string(to_string(status.state));
-  out.key("since").integer(status.since_ms).key("reason").word(status.reason);
-  out.key("reason_text").word(status.reason_text);
-  out.key("model").word(status.model);
-  out.key("model_configured").word(status.model_configured).key("run");
-  status.run ? out.boolean(*status.run) : out.null();
-  out.end_object();
-  return out.take();
-}
-
 Meta device_meta(const DeviceConfig& device) {
   Writer tags;
   tags.begin_object();
@@ -285,6 +252,14 @@ std::string health(const AgentStatus& status, const Config& config) {
 namespace fxagent {
 namespace {
 
+std::string offline_text(std::optional<std::int64_t> since_ms, std::string_view reason,
+                         std::string_view boot) {
+  json::Writer out;
+  out.begin_object().key("state").string("offline").key("since");
+  since_ms ? out.integer(*since_ms) : out.null();
+  return out.key("reason").string(reason).key("boot").string(boot).end_object().take();
+}
+
 /// Builds {"history":true,"rows":[…]} of rows as they were published live.
 class JsonHistory final : public HistoryMessage {
  public:
@@ -321,22 +296,33 @@ JsonPayload::JsonPayload(const Config& config, std::string boot, std::string ver
       broker_(std::move(broker)) {}
 
 Will JsonPayload::last_will() const {
-  return {base_ + "/state", json::agent_offline(std::nullopt, "lost", boot_), Retain::yes};
+  return {base_ + "/state", offline_text(std::nullopt, "lost", boot_), Retain::yes};
 }
 
 Publication JsonPayload::agent_online(std::int64_t since_ms,
                                       const std::optional<std::string>& not_heard_why,
                                       const std::optional<std::string>& conflict) const {
-  return retained(base_ + "/state",
-                  json::agent_online(since_ms, boot_, version_, not_heard_why, conflict));
+  json::Writer out;
+  out.begin_object().key("state").string("online").key("since").integer(since_ms);
+  out.key("boot").string(boot_).key("version").string(version_);
+  if (not_heard_why) out.key("commands").boolean(false).key("reason").string(*not_heard_why);
+  if (conflict) out.key("conflict").string(*conflict);
+  return retained(base_ + "/state", out.end_object().take());
 }
 
 Publication JsonPayload::agent_offline(std::int64_t since_ms) const {
-  return retained(base_ + "/state", json::agent_offline(since_ms, "stopped", boot_));
+  return retained(base_ + "/state", offline_text(since_ms, "stopped", boot_));
 }
 
 Publication JsonPayload::device_state(const DeviceStatus& status) const {
-  return retained(device_topic(status.device) + "/state", json::device_state(status));
+  json::Writer out;
+  out.begin_object().key("state").string(to_string(status.state));
+  out.key("since").integer(status.since_ms).key("reason").word(status.reason);
+  out.key("reason_text").word(status.reason_text);
+  out.key("model").word(status.model);
+  out.key("model_configured").word(status.model_configured).key("run");
+  status.run ? out.boolean(*status.run) : out.null();
+  return retained(device_topic(status.device) + "/state", out.end_object().take());
 }
 
 Publication JsonPayload::device_meta(std::uint32_t device) const {

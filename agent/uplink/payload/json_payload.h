@@ -24,17 +24,6 @@ std::string sample(const SampleRecord& sample);
 /// Returns the value alone, as a sample has it; "null" if it is bad or JSON cannot represent it.
 std::string bare_value(const RecordedReading& reading);
 
-/// `not_heard_why` is the reason why commands are not received, if so. `conflict` is the boot of
-/// another agent with our id, if any.
-std::string agent_online(std::int64_t since_ms, std::string_view boot, std::string_view version,
-                         const std::optional<std::string>& not_heard_why = std::nullopt,
-                         const std::optional<std::string>& conflict = std::nullopt);
-/// Without `since_ms` "since" is null, as in the last will, which is written before the time is
-/// known.
-std::string agent_offline(std::optional<std::int64_t> since_ms, std::string_view reason,
-                          std::string_view boot);
-std::string device_state(const DeviceStatus& status);
-
 struct Meta {
   std::string hash;  ///< first 16 hex digits of the SHA-256 of the tags' text
   std::string text;
@@ -55,11 +44,13 @@ class JsonPayload final : public SamplePayload {
   /// `config` outlives the object. Samples have the QoS of `broker`; empty: of `mqtt`.
   JsonPayload(const Config& config, std::string boot, std::string version, std::string broker = {});
 
-  /// Returns the message that the broker publishes if the connection ends without a DISCONNECT.
-  /// Called before each attempt to connect.
+  /// Returns the message that the broker publishes if the connection ends without a DISCONNECT. Its
+  /// "since" is null, because it is written before the time is known. Called before each attempt to
+  /// connect.
   Will last_will() const;
   /// Published before the other states of a connection, and again when `not_heard_why` or
-  /// `conflict` changes; see json::agent_online(). `since_ms` is the start of the agent.
+  /// `conflict` changes: the reason why commands are not received, if so, and the boot of another
+  /// agent with our id, if any. `since_ms` is the start of the agent.
   Publication agent_online(std::int64_t since_ms, const std::optional<std::string>& not_heard_why,
                            const std::optional<std::string>& conflict) const;
   /// The last message before a clean shutdown, at `since_ms`.

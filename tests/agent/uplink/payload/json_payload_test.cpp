@@ -137,14 +137,16 @@ TEST(TelemetryJson, WrittenTagIsNamedWhereNothingWasReadBack) {
 }
 
 TEST(StateJson, IsTheContractsExamples) {
-  EXPECT_EQ(fxagent::json::agent_online(1790000000000, "9f3c21aa", "0.1.0"),
+  const Config config = test::plant();
+  const JsonPayload payload(config, "9f3c21aa", "0.1.0");
+  EXPECT_EQ(payload.agent_online(1790000000000, std::nullopt, std::nullopt).payload,
             R"({"state":"online","since":1790000000000,"boot":"9f3c21aa","version":"0.1.0"})");
   EXPECT_EQ(
-      fxagent::json::agent_online(7, "9f3c21aa", "0.1.0", "Not authorized"),
+      payload.agent_online(7, "Not authorized", std::nullopt).payload,
       R"({"state":"online","since":7,"boot":"9f3c21aa","version":"0.1.0","commands":false,"reason":"Not authorized"})");
-  EXPECT_EQ(fxagent::json::agent_offline(std::nullopt, "lost", "9f3c21aa"),
+  EXPECT_EQ(payload.last_will().payload,
             R"({"state":"offline","since":null,"reason":"lost","boot":"9f3c21aa"})");
-  EXPECT_EQ(fxagent::json::agent_offline(7, "stopped", "9f3c21aa"),
+  EXPECT_EQ(payload.agent_offline(7).payload,
             R"({"state":"offline","since":7,"reason":"stopped","boot":"9f3c21aa"})");
   DeviceStatus status;
   status.state = DeviceStatus::State::online;
@@ -152,17 +154,17 @@ TEST(StateJson, IsTheContractsExamples) {
   status.model = "FX3U";
   status.run = true;
   EXPECT_EQ(
-      fxagent::json::device_state(status),
+      payload.device_state(status).payload,
       R"({"state":"online","since":7,"reason":null,"reason_text":null,"model":"FX3U","model_configured":null,"run":true})");
   EXPECT_EQ(
-      fxagent::json::device_state(test::offline(0, "timeout")),
+      payload.device_state(test::offline(0, "timeout")).payload,
       R"({"state":"offline","since":7,"reason":"timeout","reason_text":null,"model":null,"model_configured":null,"run":null})");
   DeviceStatus other = test::offline(0, "timeout");
   other.reason_text = "has it power?";
   other.model = "FX2N";
   other.model_configured = "FX3U";
   EXPECT_EQ(
-      fxagent::json::device_state(other),
+      payload.device_state(other).payload,
       R"({"state":"offline","since":7,"reason":"timeout","reason_text":"has it power?","model":"FX2N","model_configured":"FX3U","run":null})");
 }
 
@@ -289,7 +291,7 @@ TEST(JsonPayload, TopicsAndTheirDeliveryAreTheContracts) {
             base + "/press1/data/fast/history 0");
   const Will will = payload.last_will();
   EXPECT_EQ(will.topic, base + "/state");
-  EXPECT_EQ(will.payload, fxagent::json::agent_offline(std::nullopt, "lost", "9f3c21aa"));
+  EXPECT_EQ(will.payload, R"({"state":"offline","since":null,"reason":"lost","boot":"9f3c21aa"})");
   EXPECT_EQ(will.retain, Retain::yes);
 }
 
