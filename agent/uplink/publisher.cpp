@@ -31,7 +31,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
                      [this] { retained_.agent_state_changed(); }),
       session_(
           broker, outgoing_, config.mqtt, backoff_,
-          {[this](SteadyTime now) { connection_began(now); },
+          {[this](const Connected&, SteadyTime now) { connection_began(now); },
            [this](SteadyTime now) { connection_ended(now); }, [this] { samples_out_.spool_live(); },
            [this] { own_topics_.session_taken_over(); }}),
       states_(std::as_const(config).devices.size()),

@@ -28,8 +28,8 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
       outgoing_(broker, settings_.marker_topic),
       session_(
           broker, outgoing_, settings_.mqtt, backoff_,
-          {[this](SteadyTime) { connection_began(); }, [this](SteadyTime) { connection_ended(); },
-           [this] { samples_.spool_live(); }, [] {}},
+          {[this](const Connected& event, SteadyTime) { connection_began(event); },
+           [this](SteadyTime) { connection_ended(); }, [this] { samples_.spool_live(); }, [] {}},
           settings_.name, profile.leaves_with_will()),
       spool_(store, settings_.backlog_bytes),
       refused_(backoff_),
@@ -106,7 +106,6 @@ void Outlet::take_broker_events(SteadyTime now) {
       if (!event.granted && refusals_.insert(event.filter).second)
         log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
     } else {
-      if constexpr (std::is_same_v<Event, Connected>) limits_ = event;
       session_.on(event, now);
       if constexpr (std::is_same_v<Event, Disconnected>)
         if (phase_ == Phase::closing) finish(now);
@@ -115,13 +114,13 @@ void Outlet::take_broker_events(SteadyTime now) {
   for (const BrokerEvent& event : broker_.take_events()) std::visit(take, event);
 }
 
-void Outlet::connection_began() {
+void Outlet::connection_began(const Connected& connected) {
   refusals_.clear();
   refused_.clear();
   history_.connection_began();
   for (Subscription& subscription : profile_.subscriptions())
     broker_.subscribe(std::move(subscription));
-  profile_.connection_began(limits_);
+  profile_.connection_began(connected);
 }
 
 void Outlet::connection_ended() {

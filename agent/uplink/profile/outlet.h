@@ -71,7 +71,7 @@ class Outlet final : private Outgoing::Sender {
   void keep_stop(SteadyTime now);
   void finish(SteadyTime now);
   SteadyTime next_wake(SteadyTime now) const;
-  void connection_began();
+  void connection_began(const Connected& connected);
   void connection_ended();
 
   // Of what the profile itself publishes.
@@ -93,7 +93,6 @@ class Outlet final : private Outgoing::Sender {
   SampleDelivery samples_;
   HistoryDelivery history_;
 
-  Connected limits_;  ///< of the broker
   std::uint64_t collected_ = 0;
   Phase phase_ = Phase::running;
   SteadyTime phase_ends_{};

@@ -41,7 +41,7 @@ void Session::on(const Connected& event, SteadyTime now) {
   outgoing_.begin(event);
   log::info("broker_connected",
             {{"server", server()}, {"window", std::to_string(outgoing_.window())}});
-  listener_.connection_began(now);
+  listener_.connection_began(event, now);
 }
 
 void Session::on(const ConnectFailed& event, SteadyTime now) {

@@ -23,7 +23,7 @@ class Session final {
   /// Receives the changes of the connection. None is empty.
   struct Listener {
     /// Connected; publications go to this broker now.
-    std::function<void(SteadyTime now)> connection_began;
+    std::function<void(const Connected& event, SteadyTime now)> connection_began;
     /// Publications in flight must be published again.
     std::function<void(SteadyTime now)> connection_ended;
     std::function<void()> attempt_failed;
