@@ -55,12 +55,13 @@ ConfigNode written_out(ConfigReader& reader, DeviceEntry& entry, std::size_t i) 
   std::erase_if(device.children, [](const ConfigNode& member) {
     return member.key == "template" || member.key == "n";
   });
-  const auto fill = [](ConfigNode& list, const std::vector<const ConfigNode*>& items) {
-    for (const ConfigNode* item : items) list.children.push_back(*item);
+  const auto fill = [&](ConfigNode& list, const ConfigKey& key) {
+    if (list.key != key.name) return;
+    for (const ConfigNode* item : entry.items(reader, key)) list.children.push_back(*item);
   };
   for (ConfigNode& member : device.children) {
-    if (member.key == "groups") fill(member, entry.groups(reader));
-    if (member.key == "tags") fill(member, entry.tags(reader));
+    fill(member, config_key("devices[].groups"));
+    fill(member, config_key("devices[].tags"));
   }
   if (!origin.n.empty()) put_n(device, "devices[]", origin.n);
   reader.set_origin(nullptr);

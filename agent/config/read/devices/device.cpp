@@ -246,7 +246,7 @@ void DeviceReader::warn_of_open_model() {
 }
 
 void DeviceReader::read_groups() {
-  const auto nodes = entry_.groups(reader_);
+  const auto nodes = entry_.items(reader_, config_key("devices[].groups"));
   if (!reader_.has_room(entry_.node(), {.groups = nodes.size()})) return;
   for (const ConfigNode* group_node : nodes) {
     const ConfigNode& node = *group_node;
@@ -289,7 +289,7 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
 // ---- tags -------------------------------------------------------------------------------------
 
 void DeviceReader::read_tags() {
-  const auto nodes = entry_.tags(reader_);
+  const auto nodes = entry_.items(reader_, config_key("devices[].tags"));
   if (codec_ != nullptr && codec_->is_broadcast() && !nodes.empty())
     reader_.error(*node_.find("tags"),
                   "no unit answers a broadcast, so it cannot have tags; list what may be written "

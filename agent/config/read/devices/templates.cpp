@@ -44,7 +44,7 @@ std::string padded(std::size_t number, std::size_t width) {
   return text.size() < width ? std::string(width - text.size(), '0') + text : text;
 }
 
-/// Merges the groups or tags of a template and an entry; see DeviceEntry::groups().
+/// Merges the groups or tags of a template and an entry; see DeviceEntry::items().
 std::vector<const ConfigNode*> added(ConfigReader& reader, const std::vector<ConfigNode>& base,
                                      const std::vector<ConfigNode>& own) {
   const auto name_of = [&](const ConfigNode& item) {
@@ -102,14 +102,10 @@ tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string
 
 // ---- one entry --------------------------------------------------------------------------------
 
-const std::vector<ConfigNode>& DeviceLists::groups(ConfigReader& reader) {
-  if (!groups_) groups_ = reader.items(*node_, config_key("devices[].groups"));
-  return *groups_;
-}
-
-const std::vector<ConfigNode>& DeviceLists::tags(ConfigReader& reader) {
-  if (!tags_) tags_ = reader.items(*node_, config_key("devices[].tags"));
-  return *tags_;
+const std::vector<ConfigNode>& DeviceLists::items(ConfigReader& reader, const ConfigKey& key) {
+  const auto [list, fresh] = items_.try_emplace(key.name);
+  if (fresh) list->second = reader.items(*node_, key);
+  return list->second;
 }
 
 DeviceLists::DeviceLists(const ConfigNode& node) : node_(&node) {
@@ -141,14 +137,10 @@ const ConfigNode* DeviceEntry::in_file(std::string_view key) const {
   return own != nullptr || base_ == nullptr ? own : base_->node().find(key);
 }
 
-std::vector<const ConfigNode*> DeviceEntry::groups(ConfigReader& reader) {
+std::vector<const ConfigNode*> DeviceEntry::items(ConfigReader& reader, const ConfigKey& key) {
   static const std::vector<ConfigNode> none;
-  return added(reader, base_ == nullptr ? none : base_->groups(reader), own_.groups(reader));
-}
-
-std::vector<const ConfigNode*> DeviceEntry::tags(ConfigReader& reader) {
-  static const std::vector<ConfigNode> none;
-  return added(reader, base_ == nullptr ? none : base_->tags(reader), own_.tags(reader));
+  return added(reader, base_ == nullptr ? none : base_->items(reader, key),
+               own_.items(reader, key));
 }
 
 // ---- templates --------------------------------------------------------------------------------

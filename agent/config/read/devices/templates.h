@@ -22,15 +22,15 @@ namespace fxagent {
 /// the user.
 tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string_view text);
 
-/// Groups and tags of a template or of an entry, as nodes of the file. Parsed at the first call,
-/// once for all devices.
+/// Groups and tags of a template or of an entry, as nodes of the file.
 class DeviceLists {
  public:
   explicit DeviceLists(const ConfigNode& node);
 
   const ConfigNode& node() const { return *node_; }
-  const std::vector<ConfigNode>& groups(ConfigReader& reader);
-  const std::vector<ConfigNode>& tags(ConfigReader& reader);
+  /// Returns the items of `key`, the groups or the tags. Parses them at the first call, once for
+  /// all devices.
+  const std::vector<ConfigNode>& items(ConfigReader& reader, const ConfigKey& key);
   /// Returns the bytes that the node takes in the file, except `n`.
   std::size_t size() const { return size_; }
   /// Returns the bytes that the addresses of `commands.allow` take in a device.
@@ -39,8 +39,7 @@ class DeviceLists {
  private:
   const ConfigNode* node_;
   std::size_t size_ = 0;
-  std::optional<std::vector<ConfigNode>> groups_;
-  std::optional<std::vector<ConfigNode>> tags_;
+  std::map<std::string_view, std::vector<ConfigNode>> items_;  ///< by key
 };
 
 /// One entry of `devices`, with the members that its template adds. Does not copy: other nodes
@@ -67,11 +66,10 @@ class DeviceEntry final {
   /// neither has it.
   const ConfigNode* in_file(std::string_view key) const;
 
-  /// Returns the items of the template, then those of the entry. An item of the entry replaces the
-  /// template's item with the same name. Names are compared with the reader's current origin. The
-  /// nodes stay valid as long as the entry and the templates do.
-  std::vector<const ConfigNode*> groups(ConfigReader& reader);
-  std::vector<const ConfigNode*> tags(ConfigReader& reader);
+  /// Returns the groups or the tags: the items of the template, then those of the entry. An item of
+  /// the entry replaces the template's item with the same name. Names are compared with the
+  /// reader's current origin. The nodes stay valid as long as the entry and the templates do.
+  std::vector<const ConfigNode*> items(ConfigReader& reader, const ConfigKey& key);
 
  private:
   DeviceLists own_;
