@@ -31,81 +31,58 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
-/// Words that users write, and the word of ours that they mean. Edit distance alone would suggest
-/// a different word, or none.
-constexpr auto kMeanings = std::to_array<std::pair<std::string_view, std::string_view>>({
-    {"rw", "read_write"},
-    {"r/w", "read_write"},
-    {"readwrite", "read_write"},
-    {"read-write", "read_write"},
-    {"write", "read_write"},
-    {"w", "read_write"},
-    {"ro", "read"},
-    {"r", "read"},
-    {"readonly", "read"},
-    {"read_only", "read"},
-    {"bit", "bool"},
-    {"word", "uint16"},
-    {"dword", "uint32"},
-    {"int", "int16"},
-    {"short", "int16"},
-    {"ushort", "uint16"},
-    {"long", "int32"},
-    {"lint", "int64"},
-    {"ulint", "uint64"},
-    {"qword", "uint64"},
-    {"lword", "uint64"},
-    {"double", "float64"},
-    {"lreal", "float64"},
-    {"ulong", "uint32"},
-    {"text", "string"},
-    {"char", "string"},
-    {"dint", "int32"},
-    {"real", "float32"},
-    {"single", "float32"},
-    {"4", "3.1.1"},
-    {"rtu", "modbus-rtu"},
-    {"ascii", "modbus-ascii"},
-    {"tcp", "modbus-tcp"},
-    {"fx", "fx-programming-port"},
-    {"fx", "fx-computer-link"},
-    {"slmp", "mc-3e"},
-    {"slmp", "mc-4e"},
-    {"melsec", "mc-1e"},
-    {"melsec", "mc-3e"},
-    {"mc", "mc-1e"},
-    {"mc", "mc-3e"},
-    {"host", "servers"},
-    {"port", "servers"},
-    {"broker", "servers"},
-    {"url", "servers"},
-    {"interval", "interval_ms"},
-    {"poll", "interval_ms"},
-    {"poll_ms", "interval_ms"},
-    {"poll_interval_ms", "interval_ms"},
-    {"period_ms", "interval_ms"},
-    {"scan_ms", "interval_ms"},
-    {"baudrate", "baud"},
-    {"baud_rate", "baud"},
-    {"speed", "baud"},
-    {"port", "path"},
-    {"ip", "host"},
-    {"slave", "unit"},
-    {"slave", "station"},
-    {"slave_id", "unit"},
-    {"unit_id", "unit"},
-    {"tag", "tags"},
-    {"register", "address"},
+/// A word of ours, and other words that users write for it. Edit distance alone would suggest a
+/// different word, or none.
+struct Meaning {
+  std::string_view ours;
+  std::array<std::string_view, 6> said;
+
+  bool is_said(std::string_view word) const {
+    return !word.empty() && std::ranges::any_of(said, [word](std::string_view each) {
+      return equal_but_for_case(word, each);
+    });
+  }
+};
+constexpr auto kMeanings = std::to_array<Meaning>({
+    {"read_write", {"rw", "r/w", "readwrite", "read-write", "write", "w"}},
+    {"read", {"ro", "r", "readonly", "read_only"}},
+    {"bool", {"bit"}},
+    {"uint16", {"word", "ushort"}},
+    {"uint32", {"dword", "ulong"}},
+    {"int16", {"int", "short"}},
+    {"int32", {"long", "dint"}},
+    {"int64", {"lint"}},
+    {"uint64", {"ulint", "qword", "lword"}},
+    {"float64", {"double", "lreal"}},
+    {"string", {"text", "char"}},
+    {"float32", {"real", "single"}},
+    {"3.1.1", {"4"}},
+    {"modbus-rtu", {"rtu"}},
+    {"modbus-ascii", {"ascii"}},
+    {"modbus-tcp", {"tcp"}},
+    {"fx-programming-port", {"fx"}},
+    {"fx-computer-link", {"fx"}},
+    {"mc-1e", {"melsec", "mc"}},
+    {"mc-3e", {"slmp", "melsec", "mc"}},
+    {"mc-4e", {"slmp"}},
+    {"servers", {"host", "port", "broker", "url"}},
+    {"interval_ms", {"interval", "poll", "poll_ms", "poll_interval_ms", "period_ms", "scan_ms"}},
+    {"baud", {"baudrate", "baud_rate", "speed"}},
+    {"path", {"port"}},
+    {"host", {"ip"}},
+    {"unit", {"slave", "slave_id", "unit_id"}},
+    {"station", {"slave"}},
+    {"tags", {"tag"}},
+    {"address", {"register"}},
 });
 
 /// True if `word` is `candidate` in another case, its first letter, or a synonym in kMeanings.
 bool means(std::string_view word, std::string_view candidate) {
   if (word.empty() || candidate.empty()) return false;
-  const bool in_table = std::ranges::any_of(
-      kMeanings, [&](const auto& each) { return equal_but_for_case(word, each.first); });
-  if (in_table)
-    return std::ranges::any_of(kMeanings, [&](const auto& each) {
-      return equal_but_for_case(word, each.first) && candidate == each.second;
+  const auto is_meant = [&](const Meaning& each) { return each.is_said(word); };
+  if (std::ranges::any_of(kMeanings, is_meant))
+    return std::ranges::any_of(kMeanings, [&](const Meaning& each) {
+      return candidate == each.ours && each.is_said(word);
     });
   if (word.size() == 1) return lower(word[0]) == lower(candidate[0]);
   return equal_but_for_case(word, candidate);
@@ -195,10 +172,10 @@ std::string cure_of_key(std::string_view key, std::string_view section,
   // The key `unit` of a tag is its engineering unit, not an address on a bus.
   constexpr std::string_view kOfTag = "unit";
   for (const Range range : {Range::near, Range::all})
-    for (const auto& [said, meant] : kMeanings)
-      if (equal_but_for_case(key, said) && meant != kOfTag)
-        if (const std::string home = home_of(meant, section, range); !home.empty())
-          return "; it is called " + std::string(meant) + " and " + home;
+    for (const Meaning& each : kMeanings)
+      if (each.is_said(key) && each.ours != kOfTag)
+        if (const std::string home = home_of(each.ours, section, range); !home.empty())
+          return "; it is called " + std::string(each.ours) + " and " + home;
   return did_you_mean(key, known);
 }
 
