@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "agent/config/model.h"
-#include "agent/config/read/name_table.h"
 #include "agent/config/read/reader.h"
 
 namespace fxagent {
