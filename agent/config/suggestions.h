@@ -1,4 +1,5 @@
-// Suggests what a user may have meant by a word that is not valid. Pure.
+// Suggests what a user may have meant by a word that is not valid, or by the name of a PLC model.
+// Pure.
 #pragma once
 
 #include <span>
@@ -7,6 +8,8 @@
 #include <vector>
 
 namespace fxagent {
+
+struct ProtocolInfo;
 
 /// Returns the names of the items, which must outlive the result.
 template <class List>
@@ -37,5 +40,15 @@ std::string one_of(std::span<const std::string_view> words);
 /// the section.
 std::string cure_of_key(std::string_view key, std::string_view section,
                         std::span<const std::string_view> known);
+
+/// True if the protocol supports `model`, spelled as in the catalogue.
+bool knows_model(const ProtocolInfo& protocol, std::string_view model);
+
+/// Returns the model of the catalogue that a name means, ignoring case: FX3U for "fx3u-32MT", Q for
+/// "Q03UDE". Empty if the name matches none.
+std::string_view model_meant(std::string_view said);
+
+/// Returns the error text for a model that `own` does not support; it names the protocols that do.
+std::string model_is_not_reached(const ProtocolInfo& own, std::string_view model);
 
 }  // namespace fxagent

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "agent/config/keys.h"
-#include "agent/config/read/devices/model_name.h"
 #include "agent/config/read/devices/shared_parts.h"
 #include "agent/config/read/devices/tag_units.h"
 #include "agent/config/read/devices/templates.h"
