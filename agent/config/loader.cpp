@@ -125,7 +125,7 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   if (link_array != nullptr) links = read_links(reader, *link_array, config);
   if (const ConfigNode* devices = reader.array(top, config_key("devices"))) {
     if (devices->children.empty()) reader.warn(*devices, "no devices: the agent reads nothing");
-    read_devices(reader, top, *devices, links.names, links.facts, config);
+    read_devices(reader, top, *devices, links, config);
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
   if (const ConfigNode* profiles = reader.array(top, config_key("profiles")))

@@ -251,19 +251,18 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
   return links;
 }
 
-void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& links,
-               std::vector<LinkFacts>& facts, DeviceConfig& device) {
+void join_link(ConfigReader& reader, const DeviceEntry& entry, Links& links, DeviceConfig& device) {
   const ConfigNode& node = entry.members();
   const auto name = reader.name(node, config_key("devices[].link"));
   if (!name) return;
   const ConfigNode& given = *node.find("link");
-  const auto index = links.find(*name);
+  const auto index = links.names.find(*name);
   if (!index)
-    return reader.error(given,
-                        "there is no link \"" + *name + "\"" +
-                            links.in_place_of(*name, reader, given, "; the config has no links"));
+    return reader.error(
+        given, "there is no link \"" + *name + "\"" +
+                   links.names.in_place_of(*name, reader, given, "; the config has no links"));
   device.link = *index;
-  LinkFacts& link = facts[*index];
+  LinkFacts& link = links.facts[*index];
   const ConfigNode* before = link.first_device;
   if (before == nullptr) link.first_device = &entry.node();
   if (device.protocol == nullptr) return;

@@ -41,9 +41,8 @@ struct Links {
 Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config);
 
 /// Sets `device.link` to the link that the entry names. Checks that the link's channel and its
-/// other devices allow the protocol, and records it in `facts`. Reports faults to `reader`.
-void join_link(ConfigReader& reader, const DeviceEntry& entry, const NameTable& links,
-               std::vector<LinkFacts>& facts, DeviceConfig& device);
+/// other devices allow the protocol, and records it in `links.facts`. Reports faults to `reader`.
+void join_link(ConfigReader& reader, const DeviceEntry& entry, Links& links, DeviceConfig& device);
 
 /// Fills in the line settings that the file leaves to the protocol of the link. Call it when the
 /// devices are known. Warns of links without devices and of unusual line settings.

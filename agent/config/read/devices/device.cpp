@@ -8,7 +8,6 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/read/devices/shared_parts.h"
-#include "agent/config/read/devices/tag_units.h"
 #include "agent/config/read/devices/templates.h"
 #include "agent/config/read/warnings.h"
 #include "agent/config/suggestions.h"
@@ -456,7 +455,7 @@ void DeviceReader::read_allow(const ConfigNode& list) {
 }  // namespace
 
 void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode& devices,
-                  const NameTable& links, std::vector<LinkFacts>& facts, Config& config) {
+                  Links& links, Config& config) {
   NameTable names;
   StationTable stations;
   SharedParts shared;
@@ -471,7 +470,7 @@ void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode&
     const ConfigNode* name = entry.node().find("name");
     if (!device.name.empty())
       names.add(reader, device.name, name != nullptr ? *name : entry.node(), index);
-    join_link(reader, entry, links, facts, device);
+    join_link(reader, entry, links, device);
     device_reader.read_rest();
     stations.add(reader, entry, device);
   };

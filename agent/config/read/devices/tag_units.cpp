@@ -1,11 +1,10 @@
-#include "agent/config/read/devices/tag_units.h"
-
 #include <charconv>
 #include <map>
 #include <string>
 #include <string_view>
 
 #include "agent/config/keys.h"
+#include "agent/config/read/devices/device.h"
 
 namespace fxagent {
 namespace {
