@@ -11,7 +11,7 @@
 
 #include "agent/config/config_error.h"
 #include "agent/config/json/tree.h"
-#include "agent/remote/error_list.h"
+#include "agent/config/read/findings.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"
 #include "protocol/value/point.h"

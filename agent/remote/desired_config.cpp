@@ -8,9 +8,9 @@
 
 #include "agent/config/config_error.h"
 #include "agent/config/json/tree.h"
+#include "agent/config/read/findings.h"
 #include "agent/config/suggestions.h"
 #include "agent/remote/beyond_limits.h"
-#include "agent/remote/error_list.h"
 #include "agent/text/json.h"
 #include "agent/text/sha256.h"
 

@@ -66,4 +66,27 @@ class Findings {
   std::map<std::pair<std::uint32_t, std::string>, std::size_t> by_text_;
 };
 
+/// Errors of a document from a possibly hostile sender. Keeps the first Findings::kMost and counts
+/// the others.
+class ErrorList final {
+ public:
+  void add(ConfigError error) {
+    if (list_.size() < Findings::kMost)
+      list_.push_back(std::move(error));
+    else
+      ++unlisted_;
+  }
+  bool empty() const { return list_.empty(); }
+
+  /// Returns the errors; call it once. If some were not kept, the first entry is their number.
+  std::vector<ConfigError> take() {
+    if (unlisted_ > 0) list_.insert(list_.begin(), {"", 0, unlisted_text(unlisted_)});
+    return std::move(list_);
+  }
+
+ private:
+  std::vector<ConfigError> list_;
+  std::size_t unlisted_ = 0;
+};
+
 }  // namespace fxagent
