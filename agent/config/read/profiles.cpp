@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <initializer_list>
 #include <map>
 #include <optional>
 #include <set>
@@ -161,19 +162,16 @@ void read_prefix(ConfigReader& reader, const ConfigNode& node, ProfileConfig& pr
 
 /// Reports keys of other kinds.
 void check_kind(ConfigReader& reader, const ConfigNode& node, ProfileConfig::Kind kind) {
-  constexpr std::array kPlain{"topic"sv, "site"sv, "area"sv, "line"sv};
-  constexpr std::array kSparkplug{"group"sv, "node"sv, "host"sv, "old_state"sv, "commands"sv};
-  const auto only = [&](const auto& keys, ProfileConfig::Kind owner, std::string_view word) {
+  const auto only = [&](ProfileConfig::Kind owner, std::initializer_list<std::string_view> keys) {
+    const std::string word(config_keys::kProfiles.at(static_cast<std::size_t>(owner)));
     for (const std::string_view key : keys)
       if (const ConfigNode* at = node.find(key); at != nullptr && kind != owner)
-        reader.error(*at, "belongs to the kind " + std::string(word));
+        reader.error(*at, "belongs to the kind " + word);
   };
-  constexpr std::array kHomeAssistant{"prefix"sv};
-  constexpr std::array kThingsBoard{"deadline_s"sv};
-  only(kHomeAssistant, ProfileConfig::Kind::homeassistant, "homeassistant");
-  only(kThingsBoard, ProfileConfig::Kind::thingsboard, "thingsboard");
-  only(kPlain, ProfileConfig::Kind::plain, "plain");
-  only(kSparkplug, ProfileConfig::Kind::sparkplug, "sparkplug");
+  only(ProfileConfig::Kind::homeassistant, {"prefix"});
+  only(ProfileConfig::Kind::thingsboard, {"deadline_s"});
+  only(ProfileConfig::Kind::plain, {"topic", "site", "area", "line"});
+  only(ProfileConfig::Kind::sparkplug, {"group", "node", "host", "old_state", "commands"});
 }
 
 }  // namespace
