@@ -220,7 +220,6 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
   for (const ConfigNode& node : array.children) {
     if (!reader.has_room(node, {.links = 1})) break;
     LinkConfig& link = config.links.emplace_back();
-    LineKeys& line = links.lines.emplace_back();
     LinkFacts& facts = links.facts.emplace_back();
     if (!reader.check_object(node, config_section("links[]"))) continue;
     if (const auto name = reader.name(node, config_key("links[].name"))) {
@@ -240,8 +239,8 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     facts.channel = has_serial ? LinkFacts::Channel::serial
                     : has_tcp  ? LinkFacts::Channel::tcp
                                : LinkFacts::Channel::udp;
-    if (serial != nullptr) read_serial(reader, node, *serial, ports, link, line);
-    if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, line);
+    if (serial != nullptr) read_serial(reader, node, *serial, ports, link, facts.line);
+    if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, facts.line);
     if (udp != nullptr) read_udp(reader, node, *udp, hosts, link);
     const ConfigKey& share = config_key("links[].poll_share_percent");
     link.poll_share =
@@ -283,9 +282,7 @@ void join_link(ConfigReader& reader, const DeviceEntry& entry, Links& links, Dev
 
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
                   Config& config) {
-  SerialSettings unknown;
-  unknown.baud = 0;
-  std::vector<SerialSettings> lines(config.links.size(), unknown);
+  std::vector<SerialSettings> lines(config.links.size(), {.path = {}, .baud = 0});
   for (std::size_t i = 0; i < config.links.size(); ++i) {
     LinkConfig& link = config.links[i];
     const LinkFacts& facts = links.facts[i];
@@ -295,17 +292,14 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
                    "needs another name for the link: device " + link.name +
                        " has the same one, and so the same topic for commands");
     const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
-    const SerialSettings line = line_settings(links.lines[i], defaults);
+    const SerialSettings line = line_settings(facts.line, defaults);
     if (facts.protocol != nullptr)
       check_data_bits(reader, array.children[i], i, line.data_bits, *facts.protocol,
                       config.devices);
-    if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
-      SerialSettings whole = line;
-      whole.path = serial->path;
-      whole.rs485 = serial->rs485;
-      *serial = std::move(whole);
-    }
-    if (facts.channel != LinkFacts::Channel::serial && !links.lines[i].baud) continue;
+    if (auto* serial = std::get_if<SerialSettings>(&link.channel))
+      *serial = {serial->path, line.baud,      line.data_bits,
+                 line.parity,  line.stop_bits, serial->rs485};
+    if (facts.channel != LinkFacts::Channel::serial && !facts.line.baud) continue;
     link.char_time = char_time_of(line);
     lines[i] = line;
   }

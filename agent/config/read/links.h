@@ -25,6 +25,7 @@ struct LineKeys {
 struct LinkFacts {
   /// Kind of the link's channel; none if the link has an error.
   enum class Channel : std::uint8_t { none, serial, tcp, udp } channel = Channel::none;
+  LineKeys line;
   /// Protocol of the first device on the link, which all others must have too; nullptr until then.
   const ProtocolInfo* protocol = nullptr;
   const ConfigNode* first_device = nullptr;
@@ -33,7 +34,6 @@ struct LinkFacts {
 /// The links while the file is read, in its order.
 struct Links {
   NameTable names;
-  std::vector<LineKeys> lines;
   std::vector<LinkFacts> facts;
 };
 

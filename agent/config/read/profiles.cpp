@@ -17,8 +17,6 @@
 namespace fxagent {
 namespace {
 
-using std::string_view_literals::operator""sv;
-
 /// Replaces `{name}` with the value of the key `name`, if `text` has it. Returns false, and reports
 /// that, if there is no value.
 bool put_name(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key,
@@ -115,17 +113,12 @@ std::optional<std::string> key_fault(const Config& config) {
   return std::nullopt;
 }
 
-/// Returns why `text` cannot be a Sparkplug id; empty if it can.
-std::string_view id_fault(std::string_view text) {
-  return text.find_first_of("/+#") == text.npos ? ""sv : "must not have /, + or #"sv;
-}
-
 void read_sparkplug(ConfigReader& reader, const ConfigNode& node, const Config& config,
                     ProfileConfig& profile) {
   const auto id = [&](const ConfigKey& key) {
     const std::string text = reader.text(node, key).value_or("");
-    if (const auto fault = id_fault(text); !fault.empty())
-      reader.error(*node.find(key.name), std::string(fault));
+    if (text.find_first_of("/+#") != text.npos)
+      reader.error(*node.find(key.name), "must not have /, + or #");
     return text;
   };
   profile.group = id(config_key("profiles[].group"));
