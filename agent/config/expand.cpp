@@ -14,13 +14,9 @@ namespace {
 
 using Kind = ConfigNode::Kind;
 
-bool is_number(const ConfigKey& key) {
-  return key.type == ConfigKey::Type::integer || key.type == ConfigKey::Type::number;
-}
-
 /// True if the key of that section is a number for devices of at least one protocol.
 bool takes_number(std::string_view section, std::string_view name) {
-  const auto takes = [&](const ConfigKey& key) { return key.name == name && is_number(key); };
+  const auto takes = [&](const ConfigKey& key) { return key.name == name && key.is_number(); };
   if (std::ranges::any_of(config_section(section), takes)) return true;
   return section == "devices[]" && std::ranges::any_of(catalog(), [&](const ProtocolInfo& info) {
            return std::ranges::any_of(protocol_keys(info), takes);

@@ -60,6 +60,7 @@ struct ConfigKey {
     return path.size() == section.size() + 1 + name.size() && path.starts_with(section) &&
            path[section.size()] == '.' && path.ends_with(name);
   }
+  constexpr bool is_number() const { return type == Type::integer || type == Type::number; }
   constexpr bool is_required() const { return std::holds_alternative<Required>(fallback); }
   constexpr std::int64_t number() const { return std::get<std::int64_t>(fallback); }
   constexpr bool flag() const { return std::get<bool>(fallback); }

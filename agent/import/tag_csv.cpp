@@ -21,11 +21,10 @@ constexpr std::string_view kLinkRow = "#link";
 
 std::span<const ConfigKey> tag_keys() { return config_section("devices[].tags[]"); }
 
-/// Keys whose cells hold JSON; all other cells are plain text.
-bool is_number(const ConfigKey& key) {
-  return key.type == ConfigKey::Type::integer || key.type == ConfigKey::Type::number;
+/// True for keys whose cells hold JSON; all other cells are plain text.
+bool is_json(const ConfigKey& key) {
+  return key.is_number() || key.type == ConfigKey::Type::object;
 }
-bool is_json(const ConfigKey& key) { return is_number(key) || key.type == ConfigKey::Type::object; }
 
 std::string json_of(const ConfigNode& node) {
   std::string out;
@@ -87,7 +86,7 @@ bool is_json_of(const ConfigKey& key, const std::string& text) {
   const auto tree = ConfigTree::parse(text);
   if (!tree) return false;
   const Kind kind = tree->root().kind;
-  return is_number(key) ? kind == Kind::integer || kind == Kind::number : kind == Kind::object;
+  return key.is_number() ? kind == Kind::integer || kind == Kind::number : kind == Kind::object;
 }
 
 class TagCsvReader {
@@ -171,7 +170,7 @@ void TagCsvReader::take_tag(const CsvRow& row) {
       tag.keys[keys[i].name] = JsonObject::parse(row.at(column));
     } else if (!row.at(column).empty()) {
       return out_.leave_out(row.line, std::string(keys[i].name) + " must be " +
-                                          (is_number(keys[i]) ? "a number" : "a JSON object") +
+                                          (keys[i].is_number() ? "a number" : "a JSON object") +
                                           ", found \"" + cell + "\"");
     }
   }
