@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <tl/expected.hpp>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -53,21 +54,19 @@ std::vector<const ConfigNode*> added(ConfigReader& reader, const std::vector<Con
   };
   std::vector<const ConfigNode*> list;
   list.reserve(base.size() + own.size());
-  std::unordered_map<std::string, const ConfigNode*> replacing;
-  if (!base.empty())
-    for (const ConfigNode& item : own)
-      if (std::string name = name_of(item); !name.empty())
-        replacing.emplace(std::move(name), &item);
-  std::unordered_set<const ConfigNode*> placed;
-  for (const ConfigNode& item : base) {
-    const auto found = replacing.empty() ? replacing.end() : replacing.find(name_of(item));
-    list.push_back(found == replacing.end() ? &item : found->second);
-    if (found == replacing.end()) continue;
-    placed.insert(found->second);
-    replacing.erase(found);
+  for (const ConfigNode& item : base) list.push_back(&item);
+  std::unordered_map<std::string, std::size_t> places;  // in `base`, by name
+  for (std::size_t i = 0; !own.empty() && i < base.size(); ++i) places.emplace(name_of(base[i]), i);
+  places.erase("");
+  for (const ConfigNode& item : own) {
+    const auto replaced = places.empty() ? places.end() : places.find(name_of(item));
+    if (replaced == places.end()) {
+      list.push_back(&item);
+      continue;
+    }
+    list[replaced->second] = &item;
+    places.erase(replaced);
   }
-  for (const ConfigNode& item : own)
-    if (!placed.contains(&item)) list.push_back(&item);
   return list;
 }
 
@@ -79,8 +78,9 @@ std::size_t size_of(const ConfigNode& node) {
   return size;
 }
 
-}  // namespace
-
+/// Returns the values of `{n}` for a range such as "1-40" or "01-12,15". If the first number of a
+/// range begins with 0, all of the range are padded to its length. The error is an error text for
+/// the user.
 tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string_view text) {
   const std::string wanted = std::string(kWanted) + ", found \"" + shown(text) + "\"";
   std::vector<std::string> list;
@@ -99,6 +99,8 @@ tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string
     text.remove_prefix(part.size() + 1);
   }
 }
+
+}  // namespace
 
 // ---- one entry --------------------------------------------------------------------------------
 

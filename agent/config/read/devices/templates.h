@@ -9,18 +9,12 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <tl/expected.hpp>
 #include <vector>
 
 #include "agent/config/json/tree.h"
 #include "agent/config/read/reader.h"
 
 namespace fxagent {
-
-/// Returns the values of `{n}` for a range such as "1-40" or "01-12,15". If the first number of a
-/// range begins with 0, all of the range are padded to its length. The error is an error text for
-/// the user.
-tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string_view text);
 
 /// Groups and tags of a template or of an entry, as nodes of the file.
 class DeviceLists {
