@@ -228,8 +228,7 @@ void name_parents(ConfigNode& node) {
 
 const ConfigNode* ConfigNode::find(std::string_view name) const {
   if (kind != Kind::object) return nullptr;
-  const auto found = std::find_if(children.begin(), children.end(),
-                                  [&](const ConfigNode& child) { return child.key == name; });
+  const auto found = std::ranges::find(children, name, &ConfigNode::key);
   return found == children.end() ? nullptr : &*found;
 }
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 
 #include "agent/config/keys.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 
@@ -48,10 +48,8 @@ tl::expected<std::string, std::string_view> normal_server(std::string_view serve
   server.remove_prefix(host_end);
   if (!server.empty()) {
     port = server.substr(1);
-    const bool digits =
-        !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == port.npos;
-    const int value = digits ? std::atoi(std::string(port).c_str()) : 0;
-    if (server[0] != ':' || value < 1 || value > 65535)
+    const auto number = number_from<std::uint16_t>(port);
+    if (server[0] != ':' || port.size() > 5 || number.value_or(0) == 0)
       return tl::unexpected("needs a port from 1 to 65535 after the host, or none"sv);
   }
   return out + ":" + std::string(port);

@@ -1,10 +1,10 @@
-#include <charconv>
 #include <map>
 #include <string>
 #include <string_view>
 
 #include "agent/config/keys.h"
 #include "agent/config/read/devices/device.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {
@@ -20,10 +20,8 @@ std::string text_or_nothing(ConfigReader& reader, const ConfigNode& tag, std::st
 
 /// Returns `text` as a whole number, spelled as in JSON; nullopt for any other text.
 std::optional<std::int64_t> whole_number(std::string_view text) {
-  std::int64_t number = 0;
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
-  const bool good = fault == std::errc() && std::to_string(number) == text;
-  return good ? std::optional(number) : std::nullopt;
+  const auto number = number_from<std::int64_t>(text);
+  return number && std::to_string(*number) == text ? number : std::nullopt;
 }
 
 TagStates read_states(ConfigReader& reader, const ConfigNode& tag, DataType type) {
