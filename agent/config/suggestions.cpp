@@ -179,10 +179,8 @@ std::string cure_of_key(std::string_view key, std::string_view section,
                         std::span<const std::string_view> known) {
   if (std::ranges::any_of(known, [&](std::string_view each) { return means(key, each); }))
     return did_you_mean(key, known);
-  if (const std::string home = home_of(key, section, Range::near); !home.empty())
-    return "; it " + home;
-  if (const std::string home = home_of(key, section, Range::all); !home.empty())
-    return "; it " + home;
+  for (const Range range : {Range::near, Range::all})
+    if (const std::string home = home_of(key, section, range); !home.empty()) return "; it " + home;
   // The key `unit` of a tag is its engineering unit, not an address on a bus.
   constexpr std::string_view kOfTag = "unit";
   for (const Range range : {Range::near, Range::all})

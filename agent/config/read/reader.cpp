@@ -233,18 +233,18 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
     wrong_kind(node, "a string");
     return std::nullopt;
   }
-  std::string fault;
-  std::optional<std::string> value;
+  auto value = expand(spelled(node));
   if (origin_ != nullptr && origin_->n.empty() && has_place_of_n(node.text))
-    fault = "{n} has no value: the device has no \"n\"";
+    error(node, "{n} has no value: the device has no \"n\"");
+  else if (!value)
+    error(node, std::move(value.error()));
+  else if (value->empty())
+    error(node,
+          "must not be empty" + (node.text.empty() ? "" : ", \"" + shown(node.text) + "\" is"));
+  else if (has_control(*value))
+    error(node, "must not have control characters");
   else
-    value = expand(spelled(node), &fault);
-  if (value && value->empty())
-    fault = "must not be empty" + (node.text.empty() ? "" : ", \"" + shown(node.text) + "\" is");
-  else if (value && has_control(*value))
-    fault = "must not have control characters";
-  if (fault.empty()) return value;
-  error(node, std::move(fault));
+    return *std::move(value);
   return std::nullopt;
 }
 
@@ -263,10 +263,9 @@ std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& paren
   }
   const std::string_view text = node->text;
   const bool is_variable = text.starts_with("${") && text.find('}') == text.size() - 1;
-  std::string fault;
-  auto value = expand(text, &fault);
+  auto value = expand(text);
   if (!value)
-    error(*node, is_variable ? fault
+    error(*node, is_variable ? value.error()
                              : "\"${\" must begin the name of an environment variable that is set; "
                                "for a literal \"${\" write \"$${\"");
   else if (value->empty())
@@ -304,7 +303,7 @@ std::string ConfigReader::spelled(const ConfigNode& node) const {
 
 std::string ConfigReader::replaced(const ConfigNode& node) const {
   if (node.kind != Kind::string) return {};
-  return expand(spelled(node), nullptr).value_or("");
+  return expand(spelled(node)).value_or("");
 }
 
 std::optional<double> ConfigReader::number_in(const ConfigNode& node) const {
@@ -315,7 +314,7 @@ std::optional<double> ConfigReader::number_in(const ConfigNode& node) const {
   return number ? std::optional(static_cast<double>(*number)) : std::nullopt;
 }
 
-std::optional<std::string> ConfigReader::expand(std::string_view text, std::string* fault) const {
+tl::expected<std::string, std::string> ConfigReader::expand(std::string_view text) const {
   std::string out;
   while (true) {
     const std::size_t start = text.find("${");
@@ -330,18 +329,13 @@ std::optional<std::string> ConfigReader::expand(std::string_view text, std::stri
     const std::size_t end = text.find('}');
     const std::string_view variable = text.substr(0, end);
     if (end == std::string_view::npos || variable.empty() || !is_name_start(variable[0]) ||
-        !std::ranges::all_of(variable, is_name_part)) {
-      if (fault != nullptr)
-        *fault =
-            "\"${\" must begin the name of an environment variable, as in ${NAME}; for a literal "
-            "\"${\" write \"$${\"";
-      return std::nullopt;
-    }
+        !std::ranges::all_of(variable, is_name_part))
+      return tl::unexpected(
+          std::string("\"${\" must begin the name of an environment variable, as in ${NAME}; for a "
+                      "literal \"${\" write \"$${\""));
     const auto value = environment_(variable);
-    if (!value) {
-      if (fault != nullptr) *fault = "the environment variable " + shown(variable) + " is not set";
-      return std::nullopt;
-    }
+    if (!value)
+      return tl::unexpected("the environment variable " + shown(variable) + " is not set");
     out += *value;
     text.remove_prefix(end + 1);
   }
@@ -350,7 +344,7 @@ std::optional<std::string> ConfigReader::expand(std::string_view text, std::stri
 std::string ConfigReader::without_secrets(const ConfigNode& at, std::string text) const {
   if (at.kind != Kind::string || at.text.find("${") == std::string::npos) return text;
   const std::string in_file = spelled(at);
-  const auto expanded = expand(in_file, nullptr);
+  const auto expanded = expand(in_file);
   if (!expanded || expanded->empty() || *expanded == in_file) return text;
   // A protocol may quote an address in capitals.
   const auto same = [](char a, char b) { return lower(a) == lower(b); };

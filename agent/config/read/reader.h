@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <tl/expected.hpp>
 #include <vector>
 
 #include "agent/config/json/tree.h"
@@ -111,9 +112,9 @@ class ConfigReader {
   std::string place_of(const std::string& pointer, std::uint32_t offset) const;
   const ConfigNode* member(const ConfigNode& parent, const ConfigKey& key);
   void wrong_kind(const ConfigNode& node, std::string_view wanted);
-  /// Returns `text` with every `${NAME}` replaced and `$${` turned into `${`. On failure returns
-  /// nullopt and writes the error text to `fault`, unless that is nullptr.
-  std::optional<std::string> expand(std::string_view text, std::string* fault) const;
+  /// Returns `text` with every `${NAME}` replaced and `$${` turned into `${`, or else an error
+  /// text.
+  tl::expected<std::string, std::string> expand(std::string_view text) const;
   std::string without_secrets(const ConfigNode& at, std::string text) const;
   /// Returns a string as it stands in the file, except that `{n}` is replaced.
   std::string spelled(const ConfigNode& node) const;
