@@ -1,7 +1,6 @@
 #include "agent/config/expand.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "agent/config/json/pretty.h"
 #include "agent/config/keys.h"

@@ -6,8 +6,6 @@
 #include <tl/expected.hpp>
 #include <vector>
 
-#include "agent/config/loader.h"
-#include "agent/config/model.h"
 #include "agent/config/source.h"
 
 namespace fxagent {

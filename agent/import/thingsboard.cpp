@@ -1,10 +1,8 @@
 // modbus.json of the ThingsBoard gateway: the slaves of `master`, with attributes and timeseries
 // (read) and attributeUpdates and rpc (written).
-#include <array>
 #include <cmath>
 #include <set>
 #include <string>
-#include <tuple>
 
 #include "agent/import/formats.h"
 #include "agent/import/json_source.h"

@@ -9,10 +9,8 @@
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
-#include <vector>
 
 #include "agent/config/config_error.h"
-#include "agent/config/loader.h"
 #include "agent/config/model.h"
 
 namespace fxagent {
