@@ -1,6 +1,7 @@
 // Formats that can be imported, one file each.
 #pragma once
 
+#include <array>
 #include <span>
 #include <string>
 #include <string_view>
@@ -17,9 +18,6 @@ struct ImportFormat {
   bool (*is_it)(std::string_view text);
   ImportResult (*read)(std::string_view text, const ImportOptions& options);
 };
-
-/// Returns gx · kepware · neuron · thingsboard · telegraf · csv.
-std::span<const ImportFormat> import_formats();
 
 // Each import function reads UTF-8 text and never throws.
 
@@ -52,5 +50,23 @@ std::string export_csv(std::string_view text);
 /// Output of export_csv(), or tags alone.
 bool is_tag_csv(std::string_view text);
 ImportResult import_tag_csv(std::string_view text, const ImportOptions& options);
+
+/// Returns gx · kepware · neuron · thingsboard · telegraf · csv.
+inline std::span<const ImportFormat> import_formats() {
+  // Formats with an unmistakable header come first: the header word of GX also occurs in cells of
+  // other formats.
+  static constexpr auto kFormats = std::to_array<ImportFormat>(
+      {{"kepware", "Tags of KEPServerEX (CSV)", "WINDOWS-1252", is_kepware, import_kepware},
+       {"csv", "Tags, as export --csv writes them", "WINDOWS-1252", is_tag_csv, import_tag_csv},
+       {"gx", "Device comments of GX Developer, GX Works2 or GX Works3 (CSV)", "CP932",
+        is_gx_comments, import_gx_comments},
+       {"neuron", "Nodes of Neuron (JSON), or its sheet of tags (CSV)", "WINDOWS-1252", is_neuron,
+        import_neuron},
+       {"thingsboard", "modbus.json of the ThingsBoard gateway", "WINDOWS-1252", is_thingsboard,
+        import_thingsboard},
+       {"telegraf", "inputs.modbus of Telegraf (TOML)", "WINDOWS-1252", is_telegraf,
+        import_telegraf}});
+  return kFormats;
+}
 
 }  // namespace fxagent
