@@ -11,7 +11,6 @@
 
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
-#include "agent/import/json_source.h"
 #include "agent/text/json.h"
 #include "agent/text/text.h"
 #include "protocol/letter_case.h"

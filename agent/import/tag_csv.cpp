@@ -8,7 +8,6 @@
 #include "agent/config/keys.h"
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
-#include "agent/import/json_source.h"
 
 namespace fxagent {
 namespace {

@@ -5,7 +5,6 @@
 #include <string>
 
 #include "agent/import/formats.h"
-#include "agent/import/json_source.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {
