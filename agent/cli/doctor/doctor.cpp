@@ -17,9 +17,9 @@
 
 #include "agent/cli/doctor/fixed_config.h"
 #include "agent/cli/doctor/guesses.h"
-#include "agent/cli/doctor/questions.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/read_report.h"
+#include "agent/config/keys.h"
 #include "agent/config/loader.h"
 #include "agent/config/source.h"
 #include "agent/config/wiring.h"
@@ -45,6 +45,53 @@ constexpr std::size_t kMeasurements = 5;
 constexpr milliseconds kTurnaroundMargin{20};  // of a busy machine
 constexpr std::uint32_t kWordBits = 16;
 constexpr std::uint32_t kByteBits = 8;
+/// Wait for the answer to an unlikely guess.
+constexpr milliseconds kGuessTimeout{250};
+// A guess of a scan has this many characters, request and answer together, at most; and greet() may
+// ask twice.
+constexpr int kGuessCharacters = 120;
+
+// ---- questions ----------------------------------------------------------------------------------
+
+/// Returns the word of the config for it.
+std::string word_of(Parity parity) {
+  return std::string(config_keys::kParities[static_cast<std::size_t>(parity)]);
+}
+
+/// Returns the serial link with another speed and shape of the characters.
+LinkConfig with_line(LinkConfig link, const LineDefaults& line) {
+  auto& serial = std::get<SerialSettings>(link.channel);
+  serial.baud = line.baud;
+  serial.data_bits = line.data_bits;
+  serial.parity = line.parity;
+  serial.stop_bits = line.stop_bits;
+  link.char_time = char_time_of(serial);
+  return link;
+}
+
+/// Returns the first question to a device; nullopt: none would be answered.
+std::optional<Request> first_question(const Codec& codec) {
+  if (codec.is_broadcast()) return std::nullopt;
+  if (const PlcServices* plc = codec.plc()) return plc->run_state();
+  return codec.presence();
+}
+
+/// Asks the first question, which there must be, after putting the receiver of the device into a
+/// known state.
+ProbeAnswer greet(LineProbe& probe, const Codec& codec, milliseconds timeout) {
+  if (const auto resync = codec.resync(); resync && codec.expects_reply(*resync)) {
+    const ProbeAnswer ready = probe.ask(codec, *resync, timeout);
+    if (!ready.is_answered()) return ready;
+  }
+  return probe.ask(codec, *first_question(codec), timeout);
+}
+
+/// True if the device itself has answered, even with a refusal.
+bool is_there(const ProbeAnswer& answer, const Codec& codec) {
+  return answer.is_answered() && !codec.is_from_gateway(answer.device_code);
+}
+
+// ---- doctor -------------------------------------------------------------------------------------
 
 LineDefaults line_of(const SerialSettings& serial) {
   return {serial.baud, serial.data_bits, serial.parity, serial.stop_bits};
@@ -525,6 +572,68 @@ int run_doctor(const Config& config, const std::string& path, const DoctorQuesti
   if (directory(what.fix) != directory(path))
     std::cout << "Relative paths in it now begin at " << directory(what.fix).string() << '\n';
   return status;
+}
+
+int run_scan(const std::string& port) {
+  log::set_level(log::Level::error);
+  if (const auto holder = port_holder(port))
+    return refused(
+        port,
+        "another program uses it: " + holder->program + ", pid " + std::to_string(holder->pid),
+        kHeld);
+  struct Guess {
+    const ProtocolInfo* protocol;
+    LineDefaults line;
+  };
+  static constexpr std::size_t kFewStations = 4;
+  std::vector<Guess> guesses;
+  for (const ProtocolInfo& protocol : catalog())
+    if (protocol.on_serial)
+      for (const LineDefaults& line : line_guesses(protocol, protocol.line))
+        guesses.push_back({&protocol, line});
+  const auto stations_of = [](const ProtocolInfo& protocol) {
+    const auto options = default_options(protocol);
+    const auto* own = option<std::int64_t>(options, station_key(protocol));
+    auto stations = station_guesses(protocol, own == nullptr ? 0 : *own);
+    stations.resize(std::min(stations.size(), kFewStations));
+    if (stations.empty()) stations.push_back(0);
+    return stations;
+  };
+  std::chrono::nanoseconds most{0};
+  for (const Guess& guess : guesses)
+    most += 2 * static_cast<int>(stations_of(*guess.protocol).size()) *
+            (kGuessTimeout + kGuessCharacters * with_line({}, guess.line).char_time);
+  std::cerr << "Nothing is written to a device. At most "
+            << std::chrono::duration_cast<std::chrono::minutes>(most).count() + 1 << " minutes.\n";
+  for (const Guess& guess : guesses) {
+    std::cerr << guess.protocol->name << " at " << to_string(guess.line) << '\n';
+    LinkConfig link;
+    link.channel = SerialSettings{.path = port};
+    link = with_line(link, guess.line);
+    LineProbe probe(link);
+    if (const auto opened = probe.open(); !opened) {
+      const bool is_gone = ::access(port.c_str(), F_OK) != 0;
+      if (is_gone || &guess == guesses.data()) return refused("", opened.error().text, kFailed);
+      continue;  // the adapter lacks this speed
+    }
+    const std::string key(station_key(*guess.protocol));
+    for (const std::int64_t station : stations_of(*guess.protocol)) {
+      Options options = default_options(*guess.protocol);
+      if (!key.empty()) options[key] = station;
+      const auto codec = guess.protocol->make(options);
+      if (!codec || !is_there(greet(probe, **codec, kGuessTimeout), **codec)) continue;
+      std::cout << "\"links\": [{\"name\": \"line1\", \"serial\": {\"path\": " << json_string(port)
+                << ", \"baud\": " << guess.line.baud << ", \"data_bits\": " << guess.line.data_bits
+                << ", \"parity\": " << json_string(word_of(guess.line.parity))
+                << ", \"stop_bits\": " << guess.line.stop_bits << "}}],\n"
+                << "\"devices\": [{\"name\": \"plc1\", \"link\": \"line1\", \"protocol\": "
+                << json_string(std::string(guess.protocol->name));
+      if (!key.empty()) std::cout << ", " << json_string(key) << ": " << station;
+      std::cout << "}]\n";
+      return kDone;
+    }
+  }
+  return refused(port, "nothing answers", kFailed);
 }
 
 }  // namespace fxagent
