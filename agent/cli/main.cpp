@@ -18,22 +18,16 @@
 #include <utility>
 #include <vector>
 
-#include "agent/cli/audit/audit.h"
 #include "agent/cli/check/check.h"
-#include "agent/cli/doctor/doctor.h"
 #include "agent/cli/exit_status.h"
-#include "agent/cli/fleet/fleet_command.h"
 #include "agent/cli/manual/command_pages.h"
 #include "agent/cli/manual/schema.h"
-#include "agent/cli/recording/record.h"
 #include "agent/cli/setup/acl.h"
-#include "agent/cli/setup/init.h"
 #include "agent/cli/subcommands.h"
 #include "agent/config/expand.h"
 #include "agent/config/json/tree.h"
 #include "agent/config/model.h"
 #include "agent/config/suggestions.h"
-#include "agent/log/log.h"
 
 namespace {
 
@@ -144,14 +138,9 @@ void add_check(CommandLine& line) {
   command->add_flag("--json", what.as_json, "Print the results of --online as JSON")->needs(online);
 }
 
-int doctor(const std::string& path, const DoctorQuestion& what) {
-  const auto config = loaded_for_lines(path);
-  return config ? run_doctor(*config, path, what) : kWrong;
-}
-
 void add_doctor(CommandLine& line) {
   const auto [command, what] = line.add_for_file(
-      "doctor", "Find out why a device does not answer as the config says", doctor);
+      "doctor", "Find out why a device does not answer as the config says", run_doctor);
   command->add_option("--fix", what.fix,
                       "Write a copy of the config with the changes to this new file");
 }
@@ -180,16 +169,9 @@ void add_plan(CommandLine& line) {
                  "\"DEVICE FIRST..LAST@MS\": the plan before and after these tags");
 }
 
-int one_shot(const std::string& path, const OneShot& what) {
-  log::set_level(log::Level::error);
-  std::signal(SIGPIPE, SIG_IGN);
-  auto config = loaded_for_lines(path);
-  return config ? run_one_shot(std::move(*config), what) : kWrong;
-}
-
 /// Adds the subcommand read, write or a force.
 void add_one_shot(CommandLine& line, const std::string& name, const std::string& meaning, Op op) {
-  const auto [command, what] = line.add_for_file(name, meaning, one_shot);
+  const auto [command, what] = line.add_for_file(name, meaning, run_one_shot);
   what.op = op;
   command->add_option("DEVICE", what.device, "Device name in the config")->required();
   if (op == Op::read)

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <csignal>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "agent/cli/audit/command_line_audit.h"
+#include "agent/cli/check/check.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/read_report.h"
 #include "agent/commands/admission.h"
@@ -19,6 +21,7 @@
 #include "agent/config/suggestions.h"
 #include "agent/field/field.h"
 #include "agent/handover/outbox.h"
+#include "agent/log/log.h"
 #include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "protocol/plc.h"
@@ -442,7 +445,12 @@ CommandResult command_result(const Config& config, const OneShot& what, CommandT
 
 }  // namespace
 
-int run_one_shot(Config config, const OneShot& what) {
+int run_one_shot(const std::string& path, const OneShot& what) {
+  log::set_level(log::Level::error);
+  std::signal(SIGPIPE, SIG_IGN);
+  auto loaded = loaded_for_lines(path);
+  if (!loaded) return kWrong;
+  Config& config = *loaded;
   if (!narrow(config, what.device)) {
     std::cerr << "no device " << what.device << " in the config"
               << did_you_mean(what.device, names_in(config.devices)) << '\n';

@@ -1,16 +1,19 @@
-// The subcommands without a folder of their own: what each is asked, and how it answers. Each
-// prints its answer on stdout and the reason of a refusal on stderr, and returns an exit status.
+// The subcommands except check and acl: what each is asked, and how it answers. Each prints its
+// answer on stdout and the reason of a refusal on stderr, and returns an exit status.
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "agent/cli/setup/init_files.h"
 #include "agent/config/model.h"
 #include "agent/handover/command_message.h"
 #include "agent/import/imported.h"
+#include "protocol/codec.h"
 
 namespace fxagent {
 
@@ -55,8 +58,8 @@ struct OneShot {
   bool as_json = false;
 };
 /// Executes the command and prints the outcome. Returns 0 on success; 1 if the device refused or
-/// did not answer; 2 for a wrong argument.
-int run_one_shot(Config config, const OneShot& what);
+/// did not answer; 2 for a wrong argument or config. `path` is the file of the config.
+int run_one_shot(const std::string& path, const OneShot& what);
 
 // ---- verify-stream: subscribes to the data of the configured agent, and checks that it is
 // complete
@@ -103,5 +106,100 @@ int run_import(const ImportQuestion& what);
 /// Prints the tags of a config file that has passed `check`. Returns 0, or 2 if the file can no
 /// longer be read.
 int run_export(const std::string& path);
+
+// ---- init: creates the initial files of a new plant
+
+struct InitQuestion {
+  std::string directory = ".";
+  bool force = false;  ///< overwrite existing files
+  InitAnswers answers;
+};
+/// Prompts on a terminal for missing answers, writes the files and creates the password file; then
+/// prints check, plan and the next command. Returns 0; 1 if a file exists already or cannot be
+/// written; 2 if an answer is wrong, or is missing and stdin is not a terminal.
+int run_init(const InitQuestion& question);
+
+// ---- doctor: asks the devices of a config on their lines, and names the config key behind each
+// fault; scan: finds what answers on a port without a config. Neither writes to a device
+
+struct DoctorQuestion {
+  std::string fix;  ///< file for a copy of the config with the changes; empty: none
+};
+/// Prints a line for each link and device, and for each finding the change of the config. `path` is
+/// the file of the config. Returns 0 if nothing is found; 1 if a link or device does not answer, or
+/// the copy cannot be written; 2 if the config is wrong; 3 if another process uses a link; 4 if
+/// something does not match the config.
+int run_doctor(const std::string& path, const DoctorQuestion& what);
+/// Asks on a serial port by each serial protocol. Prints the longest time beforehand, its progress
+/// on stderr, and at the end a section for a config. Returns 0 if something answers, 1 if nothing
+/// does, 3 if another process uses the port.
+int run_scan(const std::string& port);
+
+// ---- record, replay, decode: recordings of the running agent, and the meaning of frames
+
+struct RecordQuestion {
+  std::vector<std::string> links;  ///< by name; empty: all
+};
+/// Asks the running agent for recordings and prints the path of each. Returns 1 if no agent
+/// answers, 2 if the config has no recorder or no such link.
+int run_record(const Config& config, const RecordQuestion& question);
+
+struct ReplayQuestion {
+  std::string path;
+  std::string pcapng;  ///< file to write; empty: print the frames
+  bool as_json = false;
+};
+/// Explains the frames of a recording. Returns 1 if the capture cannot be written, 2 if the file is
+/// not a recording.
+int run_replay(const ReplayQuestion& question);
+
+struct DecodeQuestion {
+  std::string protocol;
+  std::vector<std::string> hex;  ///< in any spelling that from_hex() reads
+  std::string model;             ///< empty: the protocol's widest model
+  std::optional<Direction> direction;
+  bool as_json = false;
+};
+/// Explains a frame field by field. Returns 0 for a valid frame, 1 for an invalid one, 2 for a
+/// wrong argument.
+int run_decode(const DecodeQuestion& question);
+
+// ---- audit: lists the commands that an agent has received, read from its store file, and checks
+// that the audit records are complete
+
+struct AuditQuestion {
+  std::string since;  ///< empty: all records; see audit::since_from()
+  std::string head;   ///< for `verify`: "RECORDS:HASH" of a health message; empty: none
+  bool verify = false;
+  bool as_json = false;
+};
+/// Works while the agent runs. Returns 0; 1 if `verify` found a fault; 2 if an argument is wrong or
+/// there is no audit.
+int run_audit(const Config& config, const AuditQuestion& question);
+
+// ---- fleet: reads the retained topics of all agents of a broker, and sends configs to them
+
+struct FleetQuestion {
+  std::string what;  ///< status or push
+  std::string file;  ///< of push; {agent} stands for the name of each agent
+  std::string broker;
+  std::string root = "fx";  ///< agent.root of the configs
+  std::string mqtt_version = "5";
+  MqttConfig mqtt;  ///< user and password
+  TlsSettings tls;
+  std::vector<std::string> agents;
+  bool all = false;
+  std::size_t batch = 1;
+  /// push: the time of each batch. status: the time without a message that counts as the end, if
+  /// the broker does not let this user publish.
+  std::optional<int> wait_s;
+  bool confirmed = false;
+  bool skip_offline = false;
+  bool dry_run = false;
+  bool as_json = false;
+};
+/// Returns 0 if each agent is online and has the config that it was sent, or accepted its document;
+/// 1 if not; 2 if the call or a document is wrong, or the broker does not answer.
+int run_fleet(const FleetQuestion& what);
 
 }  // namespace fxagent

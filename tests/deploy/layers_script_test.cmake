@@ -96,7 +96,7 @@ foreach(wrong IN ITEMS
     "agent/uplink/retained/retained_state.h|\"agent/uplink/samples/sample_spool.h\""
     "agent/uplink/publisher.cpp|<sqlite3.h>"
     "agent/cli/audit/audit.cpp|<SQLiteCpp/SQLiteCpp.h>"
-    "agent/uplink/publisher.cpp|\"agent/cli/audit/audit.h\""
+    "agent/uplink/publisher.cpp|\"agent/cli/audit/audit_report.h\""
     "agent/config/config.cpp|\"agent/uplink/json_payload.h\""
     "agent/config/config.cpp|\"uplink/json.h\""
     "agent/cli/main.cpp|<mqtt/message.h>"

@@ -1,4 +1,4 @@
-#include "agent/cli/audit/audit.h"
+#include "agent/cli/subcommands.h"
 
 #include <chrono>
 #include <filesystem>

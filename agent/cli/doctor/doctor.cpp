@@ -1,4 +1,4 @@
-#include "agent/cli/doctor/doctor.h"
+#include "agent/cli/subcommands.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/cli/check/check.h"
 #include "agent/cli/doctor/fixed_config.h"
 #include "agent/cli/doctor/guesses.h"
 #include "agent/cli/exit_status.h"
@@ -545,7 +546,9 @@ std::string write_copy(const std::string& path, const std::string& config,
 
 }  // namespace
 
-int run_doctor(const Config& config, const std::string& path, const DoctorQuestion& what) {
+int run_doctor(const std::string& path, const DoctorQuestion& what) {
+  const auto config = loaded_for_lines(path);
+  if (!config) return kWrong;
   log::set_level(log::Level::error);
   std::signal(SIGPIPE, SIG_IGN);
   const auto text = read_config_file(path);
@@ -553,7 +556,7 @@ int run_doctor(const Config& config, const std::string& path, const DoctorQuesti
   // Known before the search, which may take minutes.
   if (const std::string why = what.fix.empty() ? "" : why_no_copy(what.fix); !why.empty())
     return refused(what.fix, "cannot be written: " + why, kFailed);
-  Doctor doctor(config, *text);
+  Doctor doctor(*config, *text);
   const int status = doctor.run();
   if (status == kDone) std::cout << "Nothing to change.\n";
   if (what.fix.empty() || doctor.writable() == 0) return status;

@@ -1,4 +1,4 @@
-#include "agent/cli/fleet/fleet_command.h"
+#include "agent/cli/subcommands.h"
 
 #include <algorithm>
 #include <chrono>

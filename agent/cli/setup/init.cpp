@@ -1,4 +1,4 @@
-#include "agent/cli/setup/init.h"
+#include "agent/cli/subcommands.h"
 
 #include <termios.h>
 #include <unistd.h>
@@ -19,7 +19,6 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/setup/found_ports.h"
 #include "agent/cli/setup/password_file.h"
-#include "agent/cli/subcommands.h"
 #include "agent/config/loader.h"
 #include "agent/import/imported.h"
 
