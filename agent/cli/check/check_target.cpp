@@ -7,18 +7,19 @@
 #include <cstddef>
 #include <limits>
 #include <map>
+#include <memory>
 #include <optional>
 #include <utility>
 
-#include "agent/cli/check/config_places.h"
-#include "agent/cli/check/largest_message.h"
 #include "agent/cli/report/plan_report.h"
-#include "agent/config/json/tree.h"
 #include "agent/config/plain_topic.h"
 #include "agent/config/read/findings.h"
 #include "agent/config/suggestions.h"
+#include "agent/handover/status.h"
 #include "agent/text/text.h"
 #include "agent/uplink/payload/json_payload.h"
+#include "protocol/value/point.h"
+#include "protocol/value/raw.h"
 
 namespace fxagent {
 namespace {
@@ -127,6 +128,37 @@ const BrokerLimits* limits_of(std::string_view target) {
 
 std::size_t levels_of(std::string_view topic) {
   return static_cast<std::size_t>(std::ranges::count(topic, '/')) + 1;
+}
+
+/// Returns a value of the point that takes about as many bytes in JSON as any.
+Value longest_value(const Point& point) {
+  Scalar longest;
+  switch (point.type) {
+    case DataType::boolean:
+      longest = false;
+      break;
+    case DataType::string:  // memory that is no text: JSON escapes each character
+      longest = std::string(point.length, '\x01');
+      break;
+    case DataType::int64:
+    case DataType::uint64:
+      longest = BigInteger{"-9223372036854775808"};
+      break;
+    case DataType::float32:  // written with the digits of a float32, if it has no scale
+      longest = point.scaled() ? std::numeric_limits<double>::lowest()
+                               : double{-std::numeric_limits<float>::min()};
+      break;
+    case DataType::float64:
+      longest = std::numeric_limits<double>::lowest();
+      break;
+    default: {
+      const bool is_wide = bits_of_type(point.type) == 32;
+      const double raw = is_wide ? std::numeric_limits<std::int32_t>::min() : -32768;
+      longest = scaled_real(point, raw).value_or(Scalar(raw));
+    }
+  }
+  if (!point.is_array) return Value(std::move(longest));
+  return Value::array(Scalars(point.count, longest));
 }
 
 class Examination {
@@ -362,6 +394,73 @@ class Examination {
 };
 
 }  // namespace
+
+int ConfigPlaces::line(std::string_view pointer) const {
+  if (!tree_) return 0;
+  const ConfigNode* at = &tree_->root();
+  while (!pointer.empty()) {
+    pointer.remove_prefix(1);
+    const std::string_view step = pointer.substr(0, pointer.find('/'));
+    const auto next = std::ranges::find_if(at->children, [&](const ConfigNode& child) {
+      return at->kind == ConfigNode::Kind::array ? std::to_string(child.index) == step
+                                                 : child.key == step;
+    });
+    if (next == at->children.end()) break;
+    at = &*next;
+    pointer.remove_prefix(step.size());
+  }
+  return tree_->line_of(at->key_offset != 0 ? at->key_offset : at->offset);
+}
+
+std::string ConfigPlaces::device(std::string_view name) const {
+  const ConfigNode* devices = tree_ ? tree_->root().find("devices") : nullptr;
+  if (devices == nullptr) return "/devices";
+  for (const ConfigNode& entry : devices->children)
+    if (const ConfigNode* node = entry.find("name"); node != nullptr && node->text == name)
+      return pointer_to(entry);
+  return "/devices";
+}
+
+std::size_t largest_history(SamplePayload& payload, const DeviceConfig& device, std::size_t group) {
+  constexpr std::int64_t kTime = 1'790'000'000'000;
+  SampleRecord sample;
+  sample.ts_ms = kTime;
+  sample.seq = kTime;
+  sample.boot = "00000000";
+  sample.meta = "0000000000000000";
+  sample.span_ms = 1234.5;
+  for (const TagConfig& tag : device.tags) {
+    if (tag.group != group) continue;
+    sample.readings.push_back({.name = tag.name,
+                               .type = tag.point.type,
+                               .scaled = tag.point.scaled(),
+                               .bad = BadReason::unsupported,
+                               .value = longest_value(tag.point),
+                               .bad_since_ms = kTime,
+                               .last_ms = kTime});
+  }
+  const auto message = payload.begin_history(/*max_bytes=*/0);
+  message->add(sample);
+  return message->take().size();
+}
+
+std::size_t largest_health(const Config& config) {
+  constexpr std::uint64_t kCount = 9'999'999'999;
+  constexpr Percentiles kLate{.p50 = 1234.5, .p99 = 1234.5};
+  LinkHealth link;
+  link.exchanges = link.timeouts = link.naks = link.bad_frames = kCount;
+  link.unexpected_bytes = link.doubts = kCount;
+  link.turnaround_ms = kLate;
+  DeviceHealth device;
+  device.polls = device.missed = kCount;
+  device.late_ms = kLate;
+  FieldHealth field;
+  field.links.assign(config.links.size(), link);
+  field.devices.assign(config.devices.size(), device);
+  AgentStatus status;
+  status.field = std::make_shared<const FieldHealth>(std::move(field));
+  return json::health(status, config).size();
+}
 
 std::string target_fault(std::string_view target) {
   if (limits_of(target) != nullptr) return {};

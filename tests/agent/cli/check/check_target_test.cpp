@@ -1,5 +1,4 @@
 #include "agent/cli/check/check_target.h"
-#include "agent/cli/check/config_places.h"
 #include "agent/config/loader.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "agent/cli/check/largest_message.h"
+#include "agent/cli/check/check_target.h"
 #include "agent/config/loader.h"
 #include "agent/uplink/payload/json_payload.h"
 
