@@ -21,7 +21,7 @@
 #include "agent/pair/pair_member.h"
 #include "agent/process/service_manager.h"
 #include "agent/process/service_reports.h"
-#include "agent/process/startup.h"
+#include "agent/process/this_process.h"
 #include "agent/process/thread_progress.h"
 #include "agent/recorder/flight_recorder.h"
 #include "agent/reload.h"

@@ -19,7 +19,7 @@
 #include "agent/http/web_server.h"
 #include "agent/log/log.h"
 #include "agent/process/service_manager.h"
-#include "agent/process/startup.h"
+#include "agent/process/this_process.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/own_topics.h"
 #include "agent/without_signals.h"

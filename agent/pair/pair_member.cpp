@@ -10,7 +10,7 @@
 #include "agent/commands/parse/parse.h"
 #include "agent/log/log.h"
 #include "agent/pair/pair_messages.h"
-#include "agent/process/restart.h"
+#include "agent/process/this_process.h"
 #include "agent/uplink/paho/paho_broker.h"
 #include "agent/uplink/topics.h"
 #include "agent/without_signals.h"

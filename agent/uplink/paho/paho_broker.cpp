@@ -13,7 +13,7 @@
 #include <system_error>
 #include <utility>
 
-#include "agent/process/startup.h"
+#include "agent/process/this_process.h"
 #include "agent/uplink/paho/failure_text.h"
 #include "agent/uplink/paho/paho_connection.h"
 #include "agent/uplink/paho/paho_inbox.h"

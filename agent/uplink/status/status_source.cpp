@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "agent/log/log.h"
-#include "agent/process/process_facts.h"
+#include "agent/process/this_process.h"
 #include "agent/store/samples/sample_record.h"
 
 namespace fxagent {

@@ -1,4 +1,4 @@
-#include "agent/process/startup.h"
+#include "agent/process/this_process.h"
 
 #include <gtest/gtest.h>
 

@@ -1,12 +1,21 @@
-#include "agent/process/startup.h"
+#include "agent/process/this_process.h"
 
+#include <linux/close_range.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <sys/timex.h>
+#include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
+#include <cstdlib>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <latch>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -46,7 +55,29 @@ std::size_t try_threads(std::size_t threads, std::size_t bytes, std::error_code&
   return started.size();
 }
 
+constexpr const char* kRestarted = "FXAGENT_RESTARTED";
+char restarted[] = "FXAGENT_RESTARTED=1";
+
 }  // namespace
+
+std::string boot_id() {
+  std::string id;
+  std::getline(std::ifstream("/proc/sys/kernel/random/boot_id"), id);
+  return id;
+}
+
+ProcessFacts read_process_facts() {
+  ProcessFacts facts;
+  timex clock{};
+  const int state = adjtimex(&clock);
+  facts.clock_synchronised = state >= 0 && state != TIME_ERROR && (clock.status & STA_UNSYNC) == 0;
+  std::ifstream statm("/proc/self/statm");
+  std::uint64_t total_pages = 0;
+  std::uint64_t resident_pages = 0;
+  if (statm >> total_pages >> resident_pages)
+    facts.rss_bytes = resident_pages * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+  return facts;
+}
 
 std::string lacks(int threads, std::size_t bytes) {
   const WithoutSignals quiet;
@@ -90,6 +121,38 @@ void say_where_files_are_too_few(std::size_t needed) {
                        {"note",
                         "too few open files for all links: raise the hard limit (LimitNOFILE of "
                         "the service, ulimits of a container, ulimit -Hn in a shell)"}});
+}
+
+bool was_restarted() {
+  // The environment does not change while the agent runs.
+  return std::getenv(kRestarted) != nullptr;  // NOLINT(concurrency-mt-unsafe)
+}
+
+void restart_program() {
+  std::ifstream file("/proc/self/cmdline", std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  std::vector<char*> arguments;
+  for (std::size_t at = 0; at < text.size(); at = text.find('\0', at) + 1)
+    arguments.push_back(&text[at]);
+  arguments.push_back(nullptr);
+  std::vector<char*> variables{restarted};
+  for (char** each = environ; *each != nullptr; ++each)
+    if (std::string_view(*each) != restarted) variables.push_back(*each);
+  variables.push_back(nullptr);
+  // The new program inherits the mask of this thread: that of the main thread after its start.
+  sigset_t blocked;
+  sigemptyset(&blocked);
+  sigaddset(&blocked, SIGTERM);
+  sigaddset(&blocked, SIGINT);
+  sigaddset(&blocked, SIGHUP);
+  pthread_sigmask(SIG_SETMASK, &blocked, nullptr);
+  ::close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
+  // By its path, so that the process keeps its name.
+  std::error_code missing;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", missing);
+  if (!missing) ::execve(program.c_str(), arguments.data(), variables.data());
+  ::execve("/proc/self/exe", arguments.data(), variables.data());  // the file has been replaced
+  ::_exit(1);
 }
 
 }  // namespace fxagent
