@@ -7,7 +7,7 @@
 #include "agent/cli/check/check.h"
 #include "agent/cli/describe/documents.h"
 #include "agent/cli/exit_status.h"
-#include "agent/cli/report/json_page.h"
+#include "agent/cli/report/layout.h"
 
 namespace fxagent {
 

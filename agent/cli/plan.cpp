@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "agent/cli/exit_status.h"
+#include "agent/cli/report/layout.h"
 #include "agent/cli/report/plan_report.h"
-#include "agent/cli/report/table.h"
 #include "agent/text/json.h"
 #include "agent/text/text.h"
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/cli/report/table.h"
+#include "agent/cli/report/layout.h"
 #include "agent/text/calendar.h"
 #include "agent/text/json.h"
 #include "agent/text/text.h"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "agent/cli/manual/command_pages.h"
-#include "agent/cli/report/json_page.h"
+#include "agent/cli/report/layout.h"
 #include "agent/config/keys.h"
 #include "agent/config/suggestions.h"
 #include "agent/text/json.h"

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "agent/cli/report/table.h"
+#include "agent/cli/report/layout.h"
 #include "agent/text/json_writer.h"
 #include "protocol/value/pack.h"
 #include "protocol/value/value.h"

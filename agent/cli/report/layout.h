@@ -1,7 +1,8 @@
-// Formats text in columns, for reports on a terminal.
+// Layout of what a subcommand prints: columns, and JSON for people.
 #pragma once
 
 #include <cstddef>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -12,5 +13,9 @@ using Row = std::vector<std::string>;
 /// Aligns the first `word_columns` columns to the left and the others to the right. Every row has
 /// as many cells as the first.
 std::string table_text(const std::vector<Row>& rows, std::size_t word_columns);
+
+/// Returns the text of `value` with a newline at its end. An object or array that fits into 120
+/// characters is on one line.
+std::string json_page(const nlohmann::ordered_json& value);
 
 }  // namespace fxagent
