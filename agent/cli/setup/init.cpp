@@ -17,8 +17,7 @@
 #include "agent/cli/check/check.h"
 #include "agent/cli/doctor/guesses.h"
 #include "agent/cli/exit_status.h"
-#include "agent/cli/setup/found_ports.h"
-#include "agent/cli/setup/password_file.h"
+#include "agent/cli/setup/init_machine.h"
 #include "agent/config/loader.h"
 #include "agent/import/imported.h"
 

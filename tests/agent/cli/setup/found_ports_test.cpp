@@ -1,5 +1,5 @@
 // The serial ports of a machine, found in /dev and /sys.
-#include "agent/cli/setup/found_ports.h"
+#include "agent/cli/setup/init_machine.h"
 
 #include <gtest/gtest.h>
 

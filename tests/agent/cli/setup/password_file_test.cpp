@@ -1,5 +1,5 @@
 // A password file for the service's user.
-#include "agent/cli/setup/password_file.h"
+#include "agent/cli/setup/init_machine.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
