@@ -179,11 +179,11 @@ std::string entry(const CLI::Option& option) {
   return ".TP\n" + head + "\n" + roff(option.get_description() + range_of(option)) + "\n";
 }
 
-template <class Wanted>
-std::string section(std::string_view title, const CLI::App& command, const Wanted& wanted) {
+/// Returns the section of the positional arguments, or of the options.
+std::string section(std::string_view title, const CLI::App& command, bool of_options) {
   std::string out;
   for (const CLI::Option* option : command.get_options())
-    if (wanted(*option)) out += entry(*option);
+    if (option->nonpositional() == of_options) out += entry(*option);
   return out.empty() ? out : ".SH " + std::string(title) + "\n" + out;
 }
 
@@ -274,11 +274,7 @@ std::string man_page(const CLI::App& app, const CLI::App* subcommand, const std:
       out += ".TP\n\\fB" + roff(command->get_name()) + "\\fR\n" + roff(command->get_description()) +
              "\n";
   }
-  out += section("ARGUMENTS", shown,
-                 [](const CLI::Option& option) { return !option.nonpositional(); });
-  out +=
-      section("OPTIONS", shown, [](const CLI::Option& option) { return option.nonpositional(); });
-  out += footer(shown);
+  out += section("ARGUMENTS", shown, false) + section("OPTIONS", shown, true) + footer(shown);
   if (out.find(".SH EXIT STATUS\n") == std::string::npos) out += kExitStatus;
   out += kFiles;
   return out + see_also(app, subcommand);
