@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "agent/cli/exit_status.h"
+#include "agent/cli/report/read_report.h"
 #include "agent/text/json.h"
 #include "agent/text/text.h"
 #include "protocol/value/pack.h"
@@ -248,19 +249,11 @@ Json json_of(const OnlineDevice& device, const DeviceConfig& config, const std::
   return out;
 }
 
-/// Returns a hint if the value is an absurd float and another word order makes it plain; else
-/// empty.
+/// Returns a hint if the value is a float whose word order is probably wrong; else empty.
 std::string hint_of(const Point& point, const Value& value) {
   if (point.type != DataType::float32 && point.type != DataType::float64) return {};
   const auto image = pack(point, value);
-  if (!image) return {};
-  const std::uint32_t first_bit = point.address.span.first_bit;
-  const auto order = likelier_order(point, *image, first_bit);
-  if (!order) return {};
-  Point other = point;
-  other.order = *order;
-  const auto plain = unpack(other, *image, first_bit);
-  return plain ? order_hint(*order, *plain) : std::string();
+  return image ? word_order_hint(point, *image) : std::string();
 }
 
 }  // namespace

@@ -487,13 +487,9 @@ class Doctor final {
         continue;
       }
       std::string values;
-      for (const ByteOrder order :
-           {ByteOrder::abcd, ByteOrder::cdab, ByteOrder::badc, ByteOrder::dcba}) {
-        Point other = tag.point;
-        other.order = order;
-        if (const auto value = unpack(other, *image, span->first_bit))
+      for (const ByteOrder order : kByteOrders)
+        if (const auto value = in_order(tag.point, *image, order))
           values += "  " + std::string(to_string(order)) + " " + value_text(*value, *no_units());
-      }
       note(name + ":" + values);
       const auto order = likelier_order(tag.point, *image, span->first_bit);
       if (!order) continue;

@@ -1,7 +1,6 @@
 #include "agent/cli/report/read_report.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "agent/cli/report/layout.h"
@@ -14,8 +13,6 @@ namespace fxagent {
 namespace {
 
 using json::Writer;
-
-constexpr std::array kOrders{ByteOrder::abcd, ByteOrder::cdab, ByteOrder::badc, ByteOrder::dcba};
 
 std::string scalar_text(const Scalar& scalar) {
   if (const auto* flag = std::get_if<bool>(&scalar)) return *flag ? "true" : "false";
@@ -32,12 +29,6 @@ const std::string* label_of(const Scalar& scalar, const TagStates& states) {
   return nullptr;
 }
 
-Result<Value> in_order(const ReadReport& report, ByteOrder order) {
-  Point point = *report.point;
-  point.order = order;
-  return unpack(point, report.image, span_of(point)->first_bit);
-}
-
 std::string no_value_text(const ReadReport& report) {
   return report.reason + (report.detail.empty() ? "" : ": " + report.detail);
 }
@@ -46,12 +37,12 @@ Row order_row(const ReadReport& report) {
   Row row{report.name, report.address, ""};
   if (!report.point || report.image.empty()) {
     row.push_back(report.value ? value_text(*report.value, *no_units()) : no_value_text(report));
-    row.resize(3 + kOrders.size());
+    row.resize(3 + kByteOrders.size());
     return row;
   }
   row[2] = to_string(report.point->type);
-  for (const ByteOrder order : kOrders) {
-    const auto value = in_order(report, order);
+  for (const ByteOrder order : kByteOrders) {
+    const auto value = in_order(*report.point, report.image, order);
     row.push_back((value ? value_text(*value, *no_units()) : "-") +
                   (order == report.point->order ? "*" : ""));
   }
@@ -77,9 +68,9 @@ void write_report(Writer& out, const ReadReport& report, ShowOrders orders) {
   if (orders == ShowOrders::yes && report.point && !report.image.empty()) {
     out.key("type").string(to_string(report.point->type));
     out.key("orders").begin_object();
-    for (const ByteOrder order : kOrders) {
+    for (const ByteOrder order : kByteOrders) {
       out.key(to_string(order));
-      const auto value = in_order(report, order);
+      const auto value = in_order(*report.point, report.image, order);
       value ? write_items(out, *value) : static_cast<void>(out.null());
     }
     out.end_object();
@@ -97,6 +88,18 @@ bool has_word_order(const Point& point) {
          span->bits / point.count > kWordBits;
 }
 
+Result<Value> in_order(Point point, ByteView image, ByteOrder order) {
+  point.order = order;
+  return unpack(point, image, point.address.span.first_bit);
+}
+
+std::string word_order_hint(const Point& point, ByteView image) {
+  const auto order = likelier_order(point, image, point.address.span.first_bit);
+  if (!order) return {};
+  const auto value = in_order(point, image, *order);
+  return value ? order_hint(*order, *value) : std::string();
+}
+
 std::string value_text(const Value& value, const TagUnits& units) {
   std::string text;
   for (const Scalar& item : value.items) {
@@ -109,17 +112,15 @@ std::string value_text(const Value& value, const TagUnits& units) {
 
 std::string hint_of(const ReadReport& report) {
   if (!report.point || report.image.empty()) return {};
-  const auto order = likelier_order(*report.point, report.image, span_of(*report.point)->first_bit);
-  if (!order) return {};
-  const auto value = in_order(report, *order);
-  return value ? report.name + ": " + order_hint(*order, *value) : std::string();
+  const std::string hint = word_order_hint(*report.point, report.image);
+  return hint.empty() ? hint : report.name + ": " + hint;
 }
 
 std::string read_table(std::span<const ReadReport> reports, ShowOrders orders) {
   std::vector<Row> rows;
   if (orders == ShowOrders::yes) {
     rows.push_back({"name", "address", "type"});
-    for (const ByteOrder order : kOrders) rows.front().emplace_back(to_string(order));
+    for (const ByteOrder order : kByteOrders) rows.front().emplace_back(to_string(order));
   }
   for (const ReadReport& report : reports)
     rows.push_back(

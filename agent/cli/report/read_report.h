@@ -1,12 +1,13 @@
 // Output of `fxagent read`: names, values, units, labels, word orders.
 #pragma once
 
-#include <chrono>
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
 
 #include "agent/config/model.h"
+#include "protocol/value/point.h"
 #include "protocol/value/value.h"
 
 namespace fxagent {
@@ -26,6 +27,15 @@ struct ReadReport {
 
 /// True if the values of the point depend on the word order: numbers of two or four words.
 bool has_word_order(const Point& point);
+
+/// Orders of the bytes of a number, as reports show them side by side.
+inline constexpr std::array kByteOrders{ByteOrder::abcd, ByteOrder::cdab, ByteOrder::badc,
+                                        ByteOrder::dcba};
+/// Returns the value of the point in another order. `image` begins at its first bit.
+Result<Value> in_order(Point point, ByteView image, ByteOrder order);
+/// Returns a hint if the point is a float, absurd in its own order and plain in another; else
+/// empty.
+std::string word_order_hint(const Point& point, ByteView image);
 
 /// Returns a text like "23.4 °C", "3 (run)" or "[1, 2] A".
 std::string value_text(const Value& value, const TagUnits& units);
