@@ -33,6 +33,9 @@ struct Rules {
   std::string_view path;
   std::string_view json;
 };
+constexpr std::string_view kListen =
+    R"({"pattern": "^(([0-9.]+|localhost|\\[[0-9A-Fa-f:.]+\\]):[0-9]{1,5}|unix:/[^\\u0000-\\u001f\\u007f]{1,106}|.*\\$\\{.*)$"})";
+constexpr std::string_view kHost = R"({"pattern": "^[^ /@\\u0000-\\u001f\\u007f]+$|\\$\\{"})";
 constexpr std::array kRules{
     Rules{"agent.root",
           R"({"maxLength": 256,
@@ -51,19 +54,15 @@ constexpr std::array kRules{
                                                               {"required": ["password_env"]}]}}}})"},
     Rules{"mqtt.tls",
           R"({"dependencies": {"cert_file": ["key_file"], "key_file": ["cert_file"]}})"},
-    Rules{
-        "http.listen",
-        R"({"pattern": "^(([0-9.]+|localhost|\\[[0-9A-Fa-f:.]+\\]):[0-9]{1,5}|unix:/[^\\u0000-\\u001f\\u007f]{1,106}|.*\\$\\{.*)$"})"},
+    Rules{"http.listen", kListen},
     Rules{"http.hosts", R"({"items": {"type": "string", "pattern": "^[^/: ]+$|\\$\\{"}})"},
-    Rules{
-        "metrics.listen",
-        R"({"pattern": "^(([0-9.]+|localhost|\\[[0-9A-Fa-f:.]+\\]):[0-9]{1,5}|unix:/[^\\u0000-\\u001f\\u007f]{1,106}|.*\\$\\{.*)$"})"},
+    Rules{"metrics.listen", kListen},
     Rules{"links[]",
           R"({"oneOf": [{"required": ["serial"]}, {"required": ["tcp"]}, {"required": ["udp"]}],
               "dependencies": {"line_baud": ["tcp"], "data_bits": ["line_baud"],
                                "parity": ["line_baud"], "stop_bits": ["line_baud"]}})"},
-    Rules{"links[].tcp.host", R"({"pattern": "^[^ /@\\u0000-\\u001f\\u007f]+$|\\$\\{"})"},
-    Rules{"links[].udp.host", R"({"pattern": "^[^ /@\\u0000-\\u001f\\u007f]+$|\\$\\{"})"},
+    Rules{"links[].tcp.host", kHost},
+    Rules{"links[].udp.host", kHost},
     Rules{"templates", R"({"propertyNames": {"pattern": "^[a-z0-9_-]{1,64}$"},
               "additionalProperties": {"allOf": [{"$ref": "#/definitions/many_devices"}],
                 "not": {"anyOf": [{"required": ["template"]}, {"required": ["n"]}]}}})"},
@@ -227,20 +226,15 @@ class SchemaMaker {
   }
 
   Json property(const ConfigKey& key, const ProtocolInfo& protocol) {
-    const std::string path = path_of(key);
-    if (path == "devices") return property(key);  // its items are definitions
-    if (key.type == Type::array && !config_section(path + "[]").empty()) {
-      Json out = property(key);
-      out["items"] = object(path + "[]", protocol);
-      return out;
-    }
-    if (key.type == Type::object && !config_section(path).empty()) {
-      Json out = property(key);
-      out.update(object(path, protocol));
-      return out;
-    }
     Json out = property(key);
-    describe_addresses(out, key, protocol.address_forms);
+    const std::string path = path_of(key);
+    if (path == "devices") return out;  // its items are definitions
+    if (key.type == Type::array && !config_section(path + "[]").empty())
+      out["items"] = object(path + "[]", protocol);
+    else if (key.type == Type::object && !config_section(path).empty())
+      out.update(object(path, protocol));
+    else
+      describe_addresses(out, key, protocol.address_forms);
     return out;
   }
 
