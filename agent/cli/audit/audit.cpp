@@ -1,6 +1,5 @@
 #include "agent/cli/subcommands.h"
 
-#include <chrono>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -68,30 +67,28 @@ void name_set_aside(const std::string& directory) {
 }  // namespace
 
 int run_audit(const Config& config, const AuditQuestion& question) {
+  const auto refuse = [](const std::string& why) { return refused("fxagent audit", why); };
   if (config.store.path.empty())
-    return refused("fxagent audit",
-                   "there is no audit, because it is part of the store. Set store.path in the "
-                   "config; the agent then records every command");
+    return refuse(
+        "there is no audit, because it is part of the store. Set store.path in the "
+        "config; the agent then records every command");
   std::optional<std::int64_t> since;
   if (!question.since.empty()) {
-    since = audit::since_from(question.since, utc_ms(std::chrono::system_clock::now()));
+    since = audit::since_from(question.since, utc_now_ms());
     if (!since)
-      return refused("fxagent audit",
-                     "--since takes ms UTC, 2026-11-21, 2026-11-21T08:30, or 90s, 30m, 2h, 7d");
+      return refuse("--since takes ms UTC, 2026-11-21, 2026-11-21T08:30, or 90s, 30m, 2h, 7d");
   }
   std::optional<audit::Head> published;
   if (!question.head.empty()) {
     published = head_from(question.head);
     if (!published)
-      return refused("fxagent audit",
-                     "--head takes RECORDS:HASH, as audit.records and audit.head in health");
+      return refuse("--head takes RECORDS:HASH, as audit.records and audit.head in health");
   }
   const std::string path = store_file_path(config.store.path);
   std::error_code fault;
   if (!std::filesystem::exists(path, fault))
-    return refused("fxagent audit", path + " does not exist" +
-                                        (fault ? ": " + fault.message() : "") +
-                                        "; the agent creates it when it runs");
+    return refuse(path + " does not exist" + (fault ? ": " + fault.message() : "") +
+                  "; the agent creates it when it runs");
   audit::Verifier verifier(published);
   audit::Report report;
   audit::Head head;
@@ -103,12 +100,10 @@ int run_audit(const Config& config, const AuditQuestion& question) {
       return print_findings(verifier, head,
                             {{verifier.records() + 1, "the file is damaged: " + unread->why}},
                             question.as_json);
-    return refused(
-        "fxagent audit",
-        path + ": " + unread->why +
-            (unread->why.starts_with("no such table")
-                 ? "; an older agent wrote this file. The audit begins when this version runs"
-                 : ""));
+    return refuse(path + ": " + unread->why +
+                  (unread->why.starts_with("no such table")
+                       ? "; an older agent wrote this file. The audit begins when this version runs"
+                       : ""));
   }
   name_set_aside(config.store.path);
   if (question.verify)

@@ -147,11 +147,7 @@ void Report::add(const Record& record) {
   const std::string kind = text_at(said, "kind");
   const Json& number = member(said, "arrival");
   if (!number.is_number_unsigned()) {
-    Line note;
-    note.at_ms = time_at(said, "ts");
-    note.json = dumped_in_ascii(said);
-    note.text = note_text(said);
-    notes_.push_back(std::move(note));
+    notes_.push_back({0, time_at(said, "ts"), dumped_in_ascii(said), note_text(said)});
     return;
   }
   Pieces& pieces = commands_[number.get<std::uint64_t>()];
@@ -166,17 +162,11 @@ std::vector<Line> Report::take() {
   for (const auto& [number, pieces] : commands_) {
     Json json = line_of(number, parsed(pieces.came), parsed(pieces.outcome), parsed(pieces.told));
     json["records"] = pieces.records;
-    Line line;
-    line.number = number;
-    line.at_ms = time_at(json, "received");
-    line.text = line_text(json);
-    line.json = dumped_in_ascii(json);
-    lines.push_back(std::move(line));
+    lines.push_back({number, time_at(json, "received"), dumped_in_ascii(json), line_text(json)});
   }
   commands_.clear();
   notes_.clear();
-  std::stable_sort(lines.begin(), lines.end(),
-                   [](const Line& a, const Line& b) { return a.at_ms < b.at_ms; });
+  std::ranges::stable_sort(lines, {}, &Line::at_ms);
   return lines;
 }
 

@@ -20,15 +20,13 @@ std::string name_of_user(uid_t user) {
 
 audit::Receipt receipt_of(const Command& command, std::uint64_t number, const std::string& device,
                           const std::string& text) {
-  audit::Receipt receipt;
-  receipt.number = number;
-  receipt.device = device;
-  receipt.topic = "command line";
-  receipt.payload = text;
-  receipt.payload_bytes = text.size();
-  receipt.by = command_line_user();
-  receipt.received_ms = command.received_ms;
-  return receipt;
+  return {.number = number,
+          .device = device,
+          .topic = "command line",
+          .payload = text,
+          .payload_bytes = text.size(),
+          .by = command_line_user(),
+          .received_ms = command.received_ms};
 }
 
 }  // namespace
