@@ -146,11 +146,9 @@ void add_doctor(CommandLine& line) {
 }
 
 void add_scan(CommandLine& line) {
-  const auto port = std::make_shared<std::string>();
-  line.add("scan", "Find what answers on a serial port, without a config",
-           [port] { return run_scan(*port); })
-      ->add_option("PORT", *port, "/dev/ttyUSB0")
-      ->required();
+  const auto [command, port] =
+      line.add("scan", "Find what answers on a serial port, without a config", run_scan);
+  command->add_option("PORT", port, "/dev/ttyUSB0")->required();
 }
 
 void add_config(CommandLine& line) {

@@ -77,7 +77,7 @@ Command command_for(Op op, const std::string& name, const DeviceConfig& device,
   command.op_text = to_string(op);
   command.any_address = true;
   command.received = std::chrono::steady_clock::now();
-  command.received_ms = utc_ms(std::chrono::system_clock::now());
+  command.received_ms = utc_now_ms();
   // The longest expiry: an engineer at the machine waits for the answer, and the link may be slow
   // to open.
   command.message_expiry = device.commands.max_expiry;
@@ -135,8 +135,7 @@ class DirectLine final {
     field_.submit(std::move(std::get<AdmittedCommand>(decision)));
     while (!result_) take();
     CommandResult result = *std::exchange(result_, std::nullopt);
-    if (audit != nullptr &&
-        !audit->finished(result, device_.name, utc_ms(std::chrono::system_clock::now())))
+    if (audit != nullptr && !audit->finished(result, device_.name, utc_now_ms()))
       std::cerr << "the result is not in the audit: " << audit->fault() << '\n';
     return result;
   }
@@ -435,7 +434,7 @@ CommandResult command_result(const Config& config, const OneShot& what, CommandT
     std::cerr << "not recorded: store.path is not set, so there is no audit\n";
     return DirectLine(config, what.trace).carry_out(what.op, name, std::move(target));
   }
-  CommandLineAudit audit(config.store, utc_ms(std::chrono::system_clock::now()));
+  CommandLineAudit audit(config.store, utc_now_ms());
   if (!audit.fault().empty())
     return not_in_the_audit(command_for(what.op, name, config.devices.front(), std::move(target)),
                             audit.fault());

@@ -69,8 +69,7 @@ std::optional<Config> started_config(RemoteConfig& remote, const std::string& pa
   constexpr std::chrono::seconds kLookAgain{2};
   std::vector<ConfigError> said;
   while (true) {
-    auto config =
-        remote.start({std::chrono::steady_clock::now(), utc_ms(std::chrono::system_clock::now())});
+    auto config = remote.start({std::chrono::steady_clock::now(), utc_now_ms()});
     if (config) return std::move(*config);
     if (config.error() != said) {
       said = config.error();

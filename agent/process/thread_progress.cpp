@@ -31,9 +31,8 @@ std::optional<Thread> thread_at(const std::filesystem::path& task, std::string_v
   std::ifstream status(task / "status");
   int counts = 0;
   for (std::string line; std::getline(status, line);) {
-    if (!line.starts_with("voluntary_ctxt_switches:") &&
-        !line.starts_with("nonvoluntary_ctxt_switches:"))
-      continue;
+    // The forced ones are nonvoluntary_ctxt_switches.
+    if (line.find("voluntary_ctxt_switches:") == line.npos) continue;
     thread.switches += number_in(line);
     ++counts;
   }
@@ -54,13 +53,13 @@ void ThreadProgress::look(Time now, bool excused) {
   for (const auto& task : tasks) {
     const auto thread = thread_at(task.path(), prefix_);
     if (!thread) continue;
-    const std::string id = task.path().filename().string();
+    const auto id = static_cast<int>(number_in(task.path().filename().native()));
     Seen seen{thread->switches, 0};
-    const auto known = before.find(static_cast<int>(number_in(id)));
+    const auto known = before.find(id);
     if (known != before.end() && known->second.switches == seen.switches)
       seen.looks = known->second.looks + 1;
     if (seen.looks >= kLooks) stands_still_ = thread->name;
-    seen_.emplace(static_cast<int>(number_in(id)), seen);
+    seen_.emplace(id, seen);
   }
 }
 

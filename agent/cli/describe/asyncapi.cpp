@@ -61,7 +61,7 @@ class Document {
     Json channel{{"address", is_own ? place.address : address_of(*place.topic)},
                  {"title", place.topic->summary},
                  {"messages", {{place.schema, pointer("components/messages/" + place.schema)}}}};
-    if (!is_own && !place.topic->is_of_agent())
+    if (!is_own && place.topic->has("{"))
       channel["parameters"] = parameters_of(place.topic->address);
     append(channels, key, std::move(channel));
     if (is_own || !messages.contains(place.schema))

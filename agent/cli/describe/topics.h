@@ -27,7 +27,6 @@ struct Topic {
   std::string_view summary{};
   bool is_remote_config = false;  ///< only with `agent.remote_config`
 
-  bool is_of_agent() const { return !has("{"); }  ///< has no placeholders
   bool has(std::string_view placeholder) const { return address.find(placeholder) != address.npos; }
 };
 /// Returns all topics in the order of the contract.

@@ -59,12 +59,11 @@ FleetReport report_of(const Json& said) {
 }  // namespace
 
 Agreement agreement_of(const FleetAgent& agent) {
-  const bool rejected = agent.report && agent.report->state == "rejected";
-  const bool rolled_back = agent.report && agent.report->state == "rolled_back";
   if (agent.desired && (!agent.report || agent.report->desired_hash != agent.desired->hash))
     return Agreement::no_answer;
-  if (rejected) return Agreement::refused;
-  if (rolled_back) return Agreement::rolled_back;
+  const std::string state = agent.report ? agent.report->state : "";
+  if (state == "rejected") return Agreement::refused;
+  if (state == "rolled_back") return Agreement::rolled_back;
   if (!agent.desired)
     return agent.report && !agent.report->in_force.empty() ? Agreement::kept
                                                            : Agreement::local_file;

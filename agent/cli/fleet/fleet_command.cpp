@@ -267,13 +267,12 @@ int push(const FleetQuestion& what, FleetSession& session) {
     pushes = documents(names, what.file);
     if (!pushes) return kWrong;
   }
-  RolloutRules rules;
-  rules.batch = what.batch;
-  rules.confirmed = what.confirmed;
-  rules.skip_offline = what.skip_offline;
-  rules.patience = what.wait_s      ? seconds(*what.wait_s)
-                   : what.confirmed ? kTrialPatience
-                                    : kBatchPatience;
+  const RolloutRules rules{.batch = what.batch,
+                           .patience = what.wait_s      ? seconds(*what.wait_s)
+                                       : what.confirmed ? kTrialPatience
+                                                        : kBatchPatience,
+                           .confirmed = what.confirmed,
+                           .skip_offline = what.skip_offline};
   if (what.dry_run) {
     std::cout << dry_run_text(*pushes, rules, session.fleet());
     const bool all_online = std::ranges::all_of(*pushes, [&](const Push& each) {

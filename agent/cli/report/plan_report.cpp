@@ -62,12 +62,9 @@ struct DevicePlan {
 };
 
 DevicePlan plan_device(const DeviceConfig& device, nanoseconds char_time) {
-  DevicePlan out;
-  out.codec = widest(device);
-  out.timing = timing_of(device, char_time);
+  DevicePlan out{widest(device), timing_of(device, char_time), {}};
   for (std::uint32_t g = 0; g < device.groups.size(); ++g) {
-    GroupPlan group;
-    group.group = g;
+    GroupPlan group{g, {}, {}};
     for (const TagConfig& tag : device.tags)
       if (tag.group == g) group.points.push_back(tag.point);
     if (group.points.empty()) continue;
@@ -311,15 +308,11 @@ void add_block_trade(const DeviceConfig& device, nanoseconds char_time,
   for (const std::uint32_t size : sizes) {
     const DeviceConfig resized = with_blocks(device, size);
     const DevicePlan plan = plan_device(resized, char_time);
-    BlockTrade trade;
-    trade.device = device.name;
-    trade.block_bytes = size;
-    trade.configured = size == now;
-    for (const GroupPlan& group : plan.groups) trade.cycle += plan.time_of(group);
+    nanoseconds cycle{0};
+    for (const GroupPlan& group : plan.groups) cycle += plan.time_of(group);
     auto others = shares;
     others[own] = share_of(resized, plan);
-    trade.command_bound = bound_of(others);
-    report.block_trade.push_back(std::move(trade));
+    report.block_trade.push_back({device.name, size, size == now, cycle, bound_of(others)});
   }
 }
 

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -20,6 +19,7 @@
 #include "agent/cli/setup/init_machine.h"
 #include "agent/config/loader.h"
 #include "agent/import/imported.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {
@@ -69,8 +69,7 @@ std::string choose(const std::string& question, const std::vector<Choice>& choic
     std::cerr << '\n';
   }
   const std::string answer = ask(question, usual);
-  const bool is_number = answer.find_first_not_of("0123456789") == answer.npos;
-  const std::size_t number = is_number ? std::strtoul(answer.c_str(), nullptr, 10) : 0;
+  const std::size_t number = number_from<std::size_t>(answer).value_or(0);
   return number >= 1 && number <= choices.size() ? choices[number - 1].answer : answer;
 }
 
