@@ -10,7 +10,7 @@
 #include "agent/commands/result_text.h"
 #include "agent/config/suggestions.h"
 #include "agent/failpoint.h"
-#include "agent/text/calendar.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

@@ -13,7 +13,6 @@
 #include "agent/log/log_writer.h"
 #include "agent/log/recent_events.h"
 #include "agent/steady_time.h"
-#include "agent/text/calendar.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 

@@ -8,7 +8,6 @@
 #include <optional>
 #include <utility>
 
-#include "agent/text/calendar.h"
 #include "agent/text/text.h"
 #include "protocol/catalog.h"
 #include "protocol/explanation.h"

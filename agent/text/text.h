@@ -1,4 +1,4 @@
-// Small functions for text: escapes what comes from outside, and writes durations and counts.
+// Small functions for text: escapes what comes from outside, and writes times and counts.
 // utfcpp decides what is UTF-8 (RFC 3629: no overlong forms, no surrogates, nothing above
 // U+10FFFF). Any thread.
 #pragma once
@@ -54,6 +54,14 @@ inline std::string counted(std::uint64_t number, std::string_view noun) {
 
 /// Returns the duration in milliseconds, "12.5".
 std::string ms_text(std::chrono::nanoseconds duration);
+
+/// Formats a time as "2026-11-21T08:30:15.250Z". Times before the year 0 or after 32767 become
+/// "-62200000000000 ms".
+std::string utc_text(std::int64_t utc_ms);
+
+/// Parses "2026-11-21", "2026-11-21T08:30" or "2026-11-21T08:30:15", each with or without a
+/// trailing Z, to milliseconds UTC. Returns nullopt for any other text.
+std::optional<std::int64_t> utc_ms_from(std::string_view text);
 
 /// Returns eight random hex digits, for a client id that no other client has.
 std::string random_digits();

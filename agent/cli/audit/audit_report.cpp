@@ -4,7 +4,6 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "agent/text/calendar.h"
 #include "agent/text/json.h"
 #include "agent/text/text.h"
 

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "agent/cli/report/layout.h"
-#include "agent/text/calendar.h"
 #include "agent/text/json.h"
 #include "agent/text/text.h"
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "agent/config/model.h"
-#include "agent/text/calendar.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {

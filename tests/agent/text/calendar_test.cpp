@@ -1,4 +1,4 @@
-#include "agent/text/calendar.h"
+#include "agent/text/text.h"
 
 #include <gtest/gtest.h>
 
