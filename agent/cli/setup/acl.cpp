@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <initializer_list>
 #include <iostream>
 #include <set>
 #include <string_view>
@@ -20,9 +21,6 @@ namespace {
 constexpr std::array<std::string_view, 7> kAgentWrites{
     "state", "health", "+/state", "+/meta", "+/data/#", "+/result", "+/result/#"};
 constexpr std::array<std::string_view, 4> kAgentReads{"+/command", "state", "+/state", "+/meta"};
-constexpr std::array<std::string_view, 1> kOperatorWrites{"+/command"};
-// Only if the config has a pair.
-constexpr std::array<std::string_view, 1> kPairStatus{"pair/+"};
 // Only if the config allows remote configs.
 constexpr std::array<std::string_view, 1> kConfigsOut{"config/reported"};
 constexpr std::array<std::string_view, 1> kConfigsIn{"config/desired"};
@@ -49,9 +47,8 @@ std::string faults_of(const AclQuestion& what) {
     faults += "the user \"" + std::string(name) + "\" " + std::string(fault);
   };
   look_at(what.agent);
-  for (const std::string& name : what.operators) look_at(name);
-  for (const std::string& name : what.engineers) look_at(name);
-  for (const std::string& name : what.viewers) look_at(name);
+  for (const auto* names : {&what.operators, &what.engineers, &what.viewers})
+    std::ranges::for_each(*names, look_at);
   return faults;
 }
 
@@ -75,15 +72,11 @@ ProfileFilters profile_filters(const Config& config) {
   return filters;
 }
 
-void add(std::string& out, std::string_view access, const std::vector<std::string>& topics) {
-  for (const std::string& topic : topics)
-    out += "topic " + std::string(access) + " " + topic + "\n";
-}
-
-template <class Topics>
-void add(std::string& out, std::string_view access, const std::string& base, const Topics& topics) {
+/// Adds a rule for each topic, with `base` in front of it.
+template <class Topics = std::initializer_list<std::string_view>>
+void add(std::string& out, std::string_view access, std::string_view base, const Topics& topics) {
   for (const std::string_view topic : topics)
-    out += "topic " + std::string(access) + " " + base + "/" + std::string(topic) + "\n";
+    out.append("topic ").append(access).append(" ").append(base).append(topic).append("\n");
 }
 
 }  // namespace
@@ -100,9 +93,10 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
     return tl::unexpected(std::string(
         "--engineer names a user who sends configs over MQTT, but agent.remote_config is not set"));
 
-  const std::string base = config.base_topic();
+  const std::string base = config.base_topic() + "/";
   std::string out =
-      "# Access to " + base + ", an acl_file of mosquitto made by `fxagent acl`. A user\n" +
+      "# Access to " + config.base_topic() +
+      ", an acl_file of mosquitto made by `fxagent acl`. A user\n" +
       "# who is not named here has no access. The files of several agents can be joined.\n"
       "\n"
       "# The agent writes what it publishes. It reads the commands for its devices, and its own\n"
@@ -123,21 +117,21 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
   const ProfileFilters profiles = profile_filters(config);
   if (!profiles.out.empty()) {
     out += "# Its profiles.\n";
-    add(out, "write", profiles.out);
-    add(out, "read", profiles.commands);
-    add(out, "read", profiles.in);
+    add(out, "write", "", profiles.out);
+    add(out, "read", "", profiles.commands);
+    add(out, "read", "", profiles.in);
   }
   const auto add_reader = [&](std::string_view role, const std::string& name) {
     out += "\n# " + std::string(role) + "\nuser " + name + "\n";
     add(out, "read", base, kAgentWrites);
-    if (config.pair) add(out, "read", base, kPairStatus);
+    if (config.pair) add(out, "read", base, {"pair/+"});
     if (configs) add(out, "read", base, kConfigsOut);
-    add(out, "read", profiles.out);
+    add(out, "read", "", profiles.out);
   };
   for (const std::string& name : users.operators) {
     add_reader("Reads everything and sends commands.", name);
-    add(out, "write", base, kOperatorWrites);
-    add(out, "write", profiles.commands);
+    add(out, "write", base, {"+/command"});
+    add(out, "write", "", profiles.commands);
   }
   for (const std::string& name : users.engineers) {
     add_reader("Reads everything and sends configs.", name);
@@ -149,11 +143,9 @@ tl::expected<std::string, std::string> acl_text(const Config& config, const AclQ
 
 int run_acl(const Config& config, const AclQuestion& what) {
   const auto text = acl_text(config, what);
-  if (text) {
-    std::cout << *text;
-    return kDone;
-  }
-  return refused("acl", text.error());
+  if (!text) return refused("acl", text.error());
+  std::cout << *text;
+  return kDone;
 }
 
 }  // namespace fxagent
