@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "agent/cli/check/check.h"
 #include "agent/cli/describe/documents.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/layout.h"

@@ -18,7 +18,6 @@
 #include <utility>
 #include <vector>
 
-#include "agent/cli/check/check.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/manual/command_pages.h"
 #include "agent/cli/manual/schema.h"

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "agent/cli/audit/command_line_audit.h"
-#include "agent/cli/check/check.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/read_report.h"
 #include "agent/commands/admission.h"

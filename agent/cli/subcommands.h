@@ -1,4 +1,4 @@
-// The subcommands except check and acl: what each is asked, and how it answers. Each prints its
+// The subcommands except acl: what each is asked, and how it answers. Each prints its
 // answer on stdout and the reason of a refusal on stderr, and returns an exit status.
 #pragma once
 
@@ -10,12 +10,40 @@
 #include <vector>
 
 #include "agent/cli/setup/init_files.h"
+#include "agent/config/config_error.h"
 #include "agent/config/model.h"
 #include "agent/handover/command_message.h"
 #include "agent/import/imported.h"
 #include "protocol/codec.h"
 
 namespace fxagent {
+
+// ---- parts of several
+
+/// Prints the errors on stderr, one a line.
+void print_errors(const std::vector<ConfigError>& errors, const std::string& path);
+
+/// Loads a config. Prints the errors on stderr and returns nullopt if it is wrong.
+std::optional<Config> loaded(const std::string& path);
+/// The same for a call that uses the lines itself. Prints a note if another gateway may use them.
+std::optional<Config> loaded_for_lines(const std::string& path);
+
+// ---- check: validates a config file and checks that this machine can run it
+
+struct CheckQuestion {
+  std::string desired;   ///< file with a remote config to check instead; empty: none
+  std::string target;    ///< broker to check the config for, as in check_target.h; empty: none
+  bool online = false;   ///< open links and broker, and query each device
+  bool as_json = false;  ///< output of `online` as JSON
+};
+/// Opens the links and the brokers of a config and queries each device, with reads alone. Skips a
+/// link that another process holds, and every link if an agent on this machine runs this config.
+/// Prints its findings and returns exit_status() of online_report.h. `path` is the file.
+int run_online_check(const Config& config, const std::string& path, bool as_json);
+/// Prints errors and warnings on stderr. Prints one line on stdout if the config is right, and
+/// after it what the target refuses or run_online_check() finds. Returns 2 if the config or the
+/// target is wrong; 1 if the target refuses something; otherwise 0, or that of run_online_check().
+int run_check(const std::string& path, const CheckQuestion& what);
 
 // ---- run: runs the agent until SIGTERM
 

@@ -1,4 +1,4 @@
-#include "agent/cli/check/check.h"
+#include "agent/cli/subcommands.h"
 
 #include <algorithm>
 #include <chrono>

@@ -15,7 +15,6 @@
 #include <utility>
 #include <vector>
 
-#include "agent/cli/check/check.h"
 #include "agent/cli/doctor/fixed_config.h"
 #include "agent/cli/doctor/guesses.h"
 #include "agent/cli/exit_status.h"

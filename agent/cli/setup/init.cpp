@@ -13,7 +13,6 @@
 #include <sstream>
 #include <utility>
 
-#include "agent/cli/check/check.h"
 #include "agent/cli/doctor/guesses.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/setup/init_machine.h"
