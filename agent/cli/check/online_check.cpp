@@ -122,20 +122,13 @@ std::vector<OnlineLink> links_of(const Config& config, const std::string& path) 
 /// Reduces the config to the given devices, each polled once.
 Config narrowed(const Config& config, const std::vector<std::uint32_t>& devices) {
   Config only = config;
-  std::vector<bool> is_asked(config.devices.size());
-  std::vector<bool> is_used(config.links.size());
-  for (const std::uint32_t device : devices) {
-    is_asked[device] = true;
-    is_used[config.devices[device].link] = true;
-  }
-  for (std::size_t i = 0; i < is_used.size(); ++i)
-    if (!is_used[i]) only.links[i].name.clear();  // vacant
-  for (std::size_t i = 0; i < is_asked.size(); ++i) {
-    DeviceConfig& device = only.devices[i];
-    if (!is_asked[i]) {
-      device.name.clear();
-      continue;
-    }
+  // Vacant without a name.
+  for (LinkConfig& link : only.links) link.name.clear();
+  for (DeviceConfig& device : only.devices) device.name.clear();
+  for (const std::uint32_t index : devices) {
+    DeviceConfig& device = only.devices[index];
+    device.name = config.devices[index].name;
+    only.links[device.link].name = config.links[device.link].name;
     device.retries = 0;
     for (GroupConfig& group : device.groups) {
       group.interval = kNeverAgain;

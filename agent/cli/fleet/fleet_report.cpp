@@ -138,15 +138,6 @@ bool is_agent_good(const FleetAgent& agent) {
          is_as_asked(agreement_of(agent));
 }
 
-/// Returns the names of the pushes with one of these outcomes: "edge1, edge2".
-std::string names_of(const std::vector<Push>& pushes, std::initializer_list<Outcome> outcomes) {
-  std::string names;
-  for (const Push& push : pushes)
-    if (std::ranges::find(outcomes, push.outcome) != outcomes.end())
-      names += (names.empty() ? "" : ", ") + plain(push.agent);
-  return names;
-}
-
 }  // namespace
 
 bool is_fleet_good(const Fleet& fleet) {
@@ -215,9 +206,13 @@ std::string push_text(const Push& push, std::size_t name_width) {
 
 std::string rollout_sum(const Rollout& rollout) {
   const std::vector<Push>& pushes = rollout.pushes();
+  // "refused: edge1, edge2"
   const auto line = [&](const std::string& before, std::initializer_list<Outcome> outcomes) {
-    const std::string names = names_of(pushes, outcomes);
-    return names.empty() ? "" : before + names + "\n";
+    std::string names;
+    for (const Push& push : pushes)
+      if (std::ranges::find(outcomes, push.outcome) != outcomes.end())
+        names += (names.empty() ? before : ", ") + plain(push.agent);
+    return names.empty() ? names : names + "\n";
   };
   const auto accepted = std::ranges::count(pushes, Outcome::accepted, &Push::outcome);
   return (rollout.is_good() ? "done" : "STOPPED") + std::string(": ") + std::to_string(accepted) +
