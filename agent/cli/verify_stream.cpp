@@ -59,14 +59,13 @@ class Listener final {
   /// Runs until the time is up, a signal arrives, or no server can be listened to at the start.
   /// Returns an empty text if it listened to the end, else the reason.
   std::string run() {
-    using Woken = WaitingBroker::Woken;
     connect_to(0);
     while (!over_) {
-      const Woken woken = connection_.wait_until(std::min(deadline_, timer_));
+      const bool goes_on = connection_.wait_until(std::min(deadline_, timer_));
       for (const BrokerEvent& event : connection_.broker().take_events())
         std::visit([this](const auto& e) { on(e); }, event);
       if (over_) break;
-      if (woken == Woken::stop_asked || now() >= deadline_) {
+      if (!goes_on || now() >= deadline_) {
         if (!begun_) end("stopped before it could subscribe");
         if (lost_at_) end("no connection at the end: " + fault_);
         break;

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <stdexcept>
 
 #include "agent/without_signals.h"
@@ -26,17 +27,17 @@ WaitingBroker::WaitingBroker(const MqttConfig& config, std::size_t max_payload,
   if (news_ < 0 || signals_ < 0) throw std::runtime_error("no free file handle");
 }
 
-WaitingBroker::Woken WaitingBroker::wait_until(SteadyTime deadline) {
+bool WaitingBroker::wait_until(SteadyTime deadline) {
   const auto left =
       std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now())
           .count();
-  if (left <= 0) return Woken::time_is_up;
+  if (left <= 0) return true;
   pollfd waited[] = {{news_, POLLIN, 0}, {signals_, POLLIN, 0}};
   poll(waited, 2, static_cast<int>(std::min<std::int64_t>(left, 3'600'000)));
-  if (waited[1].revents != 0) return Woken::stop_asked;
+  if (waited[1].revents != 0) return false;
   std::uint64_t count = 0;
   [[maybe_unused]] const auto read_bytes = read(news_, &count, sizeof count);
-  return Woken::news;
+  return true;
 }
 
 }  // namespace fxagent

@@ -3,7 +3,6 @@
 
 #include <chrono>
 #include <cstddef>
-#include <cstdint>
 
 #include "agent/config/model.h"
 #include "agent/file_handle.h"
@@ -16,8 +15,6 @@ namespace fxagent {
 /// SIGTERM, which end the wait. Create it before any other thread, because it blocks these signals.
 class WaitingBroker final {
  public:
-  enum class Woken : std::uint8_t { news, time_is_up, stop_asked };
-
   /// Cuts the payload of a message after `max_payload` + 1 bytes. For `keep_session` see
   /// PahoBroker.
   WaitingBroker(const MqttConfig& config, std::size_t max_payload,
@@ -27,8 +24,8 @@ class WaitingBroker final {
 
   Broker& broker() { return broker_; }
 
-  /// Waits for an event, a signal or the time.
-  Woken wait_until(SteadyTime deadline);
+  /// Waits for an event, a signal or the time. Returns false after a signal.
+  bool wait_until(SteadyTime deadline);
 
  private:
   FileHandle news_;

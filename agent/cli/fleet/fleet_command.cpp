@@ -113,7 +113,7 @@ class FleetSession final {
 
  private:
   void step(SteadyTime deadline) {
-    if (connection_.wait_until(deadline) == WaitingBroker::Woken::stop_asked) {
+    if (!connection_.wait_until(deadline)) {
       fault_ = "stopped by a signal";
       return;
     }
