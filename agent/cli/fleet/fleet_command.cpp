@@ -231,7 +231,7 @@ std::string fault_of(const FleetQuestion& what) {
 int status(const FleetQuestion& what, FleetSession& session) {
   if (const std::string fault = session.read(what.agents); !fault.empty())
     return refused("fleet", fault);
-  std::cout << (what.as_json ? fleet_json(session.fleet(), {}) : fleet_text(session.fleet()));
+  std::cout << (what.as_json ? fleet_json(session.fleet()) : fleet_text(session.fleet()));
   return is_fleet_good(session.fleet()) ? kDone : kFailed;
 }
 

@@ -170,10 +170,10 @@ std::string fleet_text(const Fleet& fleet) {
          " online, " + std::to_string(as_asked) + " of " + all + " as asked\n";
 }
 
-std::string fleet_json(const Fleet& fleet, const std::string& error) {
+std::string fleet_json(const Fleet& fleet) {
   OrderedJson out;
-  out["ok"] = error.empty() && is_fleet_good(fleet);
-  out["error"] = or_null(error);
+  out["ok"] = is_fleet_good(fleet);
+  out["error"] = nullptr;  // as in rollout_json(); a fault of the connection is on stderr alone
   auto& agents = out["agents"] = OrderedJson::array();
   for (const auto& [name, agent] : fleet.agents()) {
     OrderedJson one;

@@ -14,9 +14,8 @@ bool is_fleet_good(const Fleet& fleet);
 
 /// Returns a table with a line for each agent, the reasons of each refusal, and a sum.
 std::string fleet_text(const Fleet& fleet);
-/// Returns the same as one JSON object, with a newline at its end. `error` is a fault of the
-/// connection; empty: none.
-std::string fleet_json(const Fleet& fleet, const std::string& error);
+/// Returns the same as one JSON object, with a newline at its end.
+std::string fleet_json(const Fleet& fleet);
 
 /// Returns the line of an agent in a rollout, and below it the reasons.
 std::string push_text(const Push& push, std::size_t name_width);

@@ -70,7 +70,7 @@ TEST(FleetReport, TextFromAnAgentCannotControlTheTerminal) {
 }
 
 TEST(FleetReport, JsonHasEveryFieldOfEachAgent) {
-  const auto made = nlohmann::json::parse(fleet_json(three_agents(), ""));
+  const auto made = nlohmann::json::parse(fleet_json(three_agents()));
   EXPECT_EQ(made["ok"], false);
   EXPECT_EQ(made["error"], nullptr);
   ASSERT_EQ(made["agents"].size(), 3U);
