@@ -9,21 +9,12 @@
 
 #include "agent/commands/result.h"
 #include "agent/field/transport/host_lookup.h"
-#include "agent/field/transport/permitted_transport.h"
 #include "agent/field/transport/transport.h"
 #include "agent/handover/field_health.h"
 #include "agent/log/log.h"
 
 namespace fxagent {
 namespace {
-
-std::unique_ptr<Transport> transport_for(const asio::any_io_executor& executor,
-                                         const LinkConfig& link, const LinePermit* permit) {
-  auto channel = make_transport(executor, link);
-  if (permit == nullptr) return channel;
-  return std::make_unique<PermittedTransport>(executor, std::move(channel), *permit,
-                                              link.listening);
-}
 
 /// Logs a bug that ended one link's coroutine. The other links go on.
 void report_end(const std::exception_ptr& bug, const std::string& link) {
@@ -83,10 +74,10 @@ std::string FieldLinks::unfinished() const {
 
 void FieldLinks::make_worker(std::uint32_t link, const std::vector<std::uint32_t>& devices,
                              const std::vector<std::uint64_t>& last_seq) {
-  auto worker =
-      std::make_unique<LinkWorker>(io_.get_executor(), *config_, link, devices, outbox_,
-                                   transport_for(io_.get_executor(), config_->links[link], permit_),
-                                   last_seq, polling_, recorder_);
+  auto worker = std::make_unique<LinkWorker>(
+      io_.get_executor(), *config_, link, devices, outbox_,
+      make_transport(io_.get_executor(), config_->links[link], permit_), last_seq, polling_,
+      recorder_);
   const std::string& name = config_->links[link].name;
   if (traces_all_ || traced_.contains(name)) worker->trace(true);
   const std::lock_guard lock(places_mutex_);

@@ -16,6 +16,7 @@
 
 namespace fxagent {
 
+class LinePermit;
 using MutableBytes = std::span<std::uint8_t>;
 
 class Transport {
@@ -65,9 +66,12 @@ class Transport {
   virtual void close() noexcept = 0;
 };
 
-/// Returns a closed transport to the port or address of the link.
+/// Returns a closed transport to the port or address of the link. `permit` must outlive it; null:
+/// it may write at any time. With one, write() fails before it wrote anything unless the permit
+/// allows it, also while another master may be sending: link_down.
 std::unique_ptr<Transport> make_transport(const asio::any_io_executor& executor,
-                                          const LinkConfig& link);
+                                          const LinkConfig& link,
+                                          const LinePermit* permit = nullptr);
 
 // Each returns a closed transport of its kind.
 
