@@ -1,10 +1,14 @@
 // The running cycle of one group: takes the answers to its reads and makes the sample at its end,
-// if there is something to report. Pure: time is an argument, no I/O. Field thread.
+// if there is something to report. Also finds tags whose bytes in the device are not a value of
+// their type, and floats that make sense only in another word order. Pure: time is an argument, no
+// I/O. Field thread.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -12,13 +16,18 @@
 #include "agent/config/model.h"
 #include "agent/field/bus/exchange.h"
 #include "agent/field/poll/cycle_reads.h"
-#include "agent/field/poll/no_values.h"
 #include "agent/field/poll/report_by_exception.h"
 #include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
 #include "protocol/plan/plan.h"
 
 namespace fxagent {
+
+struct NoValue {
+  std::uint32_t tag = 0;  ///< in DeviceConfig::tags
+  std::string why;        ///< includes the raw value
+  std::string hint;       ///< names the other word order; empty: none
+};
 
 class PollCycle final {
  public:
@@ -69,8 +78,9 @@ class PollCycle final {
   std::optional<Telemetry> finish(bool doubted, std::uint64_t findings, std::int64_t now_ms,
                                   SteadyTime now, SteadyTime next = {});
 
-  /// Returns and clears the tags without a value that finish() has found.
-  std::vector<NoValue> take_no_values() { return no_values_.take(); }
+  /// Returns and clears the tags without a value that finish() has found. Each is found once, or
+  /// again after it was a value for 1 minute.
+  std::vector<NoValue> take_no_values() { return std::exchange(no_values_, {}); }
 
   /// Returns the reason of the first bad tag; nullopt if all are good.
   std::optional<BadReason> first_bad() const { return report_.first_bad(); }
@@ -89,7 +99,9 @@ class PollCycle final {
   CycleReads reads_;  ///< the points of their plan are points()
   /// Tag → its outcome by a command, until it is read again.
   std::unordered_map<std::uint32_t, TagOutcome> newer_;
-  NoValues no_values_;
+  std::vector<NoValue> no_values_;
+  std::unordered_map<std::uint32_t, SteadyTime> none_at_;  ///< tag → when it last held no value
+  std::unordered_set<std::uint32_t> odd_orders_;  ///< tags found with a likelier word order
   std::optional<SteadyTime> first_reply_;
   SteadyTime last_reply_{};
   std::int64_t last_reply_ms_ = 0;
