@@ -25,7 +25,7 @@ files=("$@")
 if [ ${#files[@]} -eq 0 ]; then
   mapfile -t files < <(git ls-files 'protocol/*.cpp' 'agent/commands/*.cpp' 'agent/config/*.cpp' 'agent/import/*.cpp' \
     'agent/http/*.cpp' 'agent/recorder/*.cpp' 'agent/remote/*.cpp' ':(glob)agent/*.cpp' ':!agent/agent.cpp' \
-    agent/field/poll/{group_schedule,hole_map,line_share,poll_scheduler,report_by_exception}.cpp \
+    agent/field/poll/{group_schedule,hole_map,poll_scheduler,report_by_exception}.cpp \
     agent/field/bus/overheard.cpp agent/field/link/reconnect_policy.cpp)
 fi
 

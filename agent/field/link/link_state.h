@@ -14,7 +14,6 @@
 #include "agent/field/link/link_device.h"
 #include "agent/field/link/reconnect_policy.h"
 #include "agent/field/poll/poll_scheduler.h"
-#include "agent/field/poll/polled_device.h"
 #include "agent/handover/command_message.h"
 #include "agent/handover/outbox.h"
 #include "agent/steady_time.h"

@@ -2,16 +2,138 @@
 // Pure: time is an argument, no I/O. Field thread.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <vector>
 
 #include "agent/field/poll/group_schedule.h"
-#include "agent/field/poll/line_share.h"
-#include "agent/field/poll/polled_device.h"
 #include "agent/steady_time.h"
 
 namespace fxagent {
+
+/// Divides the time of one line between commands and polls. Commands go first, but polls keep their
+/// share during a flood of commands.
+class LineShare final {
+ public:
+  /// `poll_share`: part of the line time that polls keep during a flood of commands, 0 … 0.9.
+  explicit LineShare(double poll_share) : poll_share_(poll_share) {}
+  void set_poll_share(double share) { poll_share_ = share; }
+
+  void command_waits() { ++commands_; }
+  /// Call when the command that goes first has been removed from the queue.
+  void command_taken() { --commands_; }
+  std::uint32_t commands_waiting() const { return commands_; }
+  /// Sets the number of waiting commands after a fault.
+  void commands_are(std::uint32_t waiting) { commands_ = waiting; }
+
+  enum class Polls : std::uint8_t { none_due, due };
+  /// True if a command waits and goes before the polls. If none waits, the polls' claim on line
+  /// time ends.
+  bool command_goes_first(Polls polls) {
+    if (commands_ == 0) owed_to_polls_ = {};
+    const bool polls_turn = polls == Polls::due && owed_to_polls_.count() > 0;
+    return commands_ > 0 && !polls_turn;
+  }
+
+  /// Records line time used by a command while a poll was due: the polls may claim their share.
+  void polls_waited(std::chrono::nanoseconds line_time) { owed_to_polls_ += share_of(line_time); }
+  /// Records line time used by polls.
+  void poll_used(std::chrono::nanoseconds line_time) { owed_to_polls_ -= line_time; }
+
+  /// Returns the longest time from now until a command is finished, on a line where no exchange is
+  /// longer than planned. That is the poll exchange on the wire, the commands `ahead` (the one on
+  /// the wire counts whole), the polls that go between them, and the command's `own` exchanges.
+  std::chrono::nanoseconds bound(std::chrono::nanoseconds own, std::chrono::nanoseconds ahead,
+                                 std::chrono::nanoseconds longest_poll) const {
+    return longest_poll + ahead + polls_between(ahead, longest_poll) + own;
+  }
+  /// Same for a command that lets others run between its parts. Adds the polls' share of its own
+  /// line time, and other commands for as long as itself.
+  std::chrono::nanoseconds bound_giving_way(std::chrono::nanoseconds own,
+                                            std::chrono::nanoseconds ahead,
+                                            std::chrono::nanoseconds longest_poll) const {
+    const auto commands = ahead + 2 * own;
+    return longest_poll + commands + polls_between(commands, longest_poll);
+  }
+
+ private:
+  /// Returns the line time that polls may use for this line time of commands.
+  std::chrono::nanoseconds share_of(std::chrono::nanoseconds commands) const {
+    const double factor = poll_share_ / (1.0 - poll_share_);
+    return std::chrono::nanoseconds(
+        static_cast<std::int64_t>(static_cast<double>(commands.count()) * factor));
+  }
+  /// Returns the most poll time before or between commands of `line_time` in total, including what
+  /// is owed to the polls. `longest_poll` is the longest poll exchange.
+  std::chrono::nanoseconds polls_between(std::chrono::nanoseconds line_time,
+                                         std::chrono::nanoseconds longest_poll) const {
+    const auto owed_already = std::max(owed_to_polls_, std::chrono::nanoseconds(0));
+    if (line_time.count() <= 0 && owed_already.count() == 0) return {};
+    // A poll runs while anything is owed, so the last one may overdraw by its whole length.
+    return owed_already + share_of(line_time) + longest_poll;
+  }
+
+  double poll_share_;
+  std::uint32_t commands_ = 0;
+  std::chrono::nanoseconds owed_to_polls_{0};  ///< below 0: they have used more
+};
+
+/// Rest of a silent device. Doubles from `first` to `cap` with each failed attempt.
+struct BackOff {
+  std::chrono::milliseconds first{1000};
+  std::chrono::milliseconds cap{30000};
+};
+
+/// One device of a line. While it is silent, its polls rest, longer after each failed attempt.
+class PolledDevice final {
+ public:
+  struct Counters {
+    std::uint64_t polls = 0;   ///< cycles begun
+    std::uint64_t missed = 0;  ///< polls skipped because the line or the device was busy or silent
+  };
+
+  /// `unanswered_limit`: number of consecutive exchanges without an answer that makes the device
+  /// silent.
+  PolledDevice(int unanswered_limit, BackOff back_off)
+      : unanswered_limit_(unanswered_limit), back_off_(back_off) {}
+  void set_back_off(BackOff back_off) { back_off_ = back_off; }
+
+  void answered() {
+    unanswered_ = 0;
+    silent_ = false;
+    delay_ = {};
+    rests_until_ = {};
+  }
+  enum class AskedBy : std::uint8_t { poll, command };
+  /// Counts one more exchange without an answer. True if the device is silent now: its polls rest
+  /// until the back-off has passed. Commands begin a rest and never extend one: a stream of them
+  /// would keep the polls from finding that the tags are bad.
+  bool unanswered(SteadyTime now, AskedBy by = AskedBy::poll) {
+    ++unanswered_;
+    if (unanswered_ < unanswered_limit_) return false;
+    if (silent_ && by == AskedBy::command) return true;
+    silent_ = true;
+    delay_ = std::min(std::max(back_off_.first, delay_ * 2), back_off_.cap);
+    rests_until_ = now + delay_;
+    return true;
+  }
+  bool is_silent() const { return silent_; }
+  SteadyTime rests_until() const { return rests_until_; }
+
+  void cycle_begun() { ++counters_.polls; }
+  void missed(std::uint64_t polls) { counters_.missed += polls; }
+  const Counters& counters() const { return counters_; }
+
+ private:
+  int unanswered_limit_;
+  BackOff back_off_;
+  int unanswered_ = 0;
+  bool silent_ = false;
+  std::chrono::milliseconds delay_{0};
+  SteadyTime rests_until_{};
+  Counters counters_;
+};
 
 class PollScheduler final {
  public:
