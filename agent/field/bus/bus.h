@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "agent/field/bus/exchange.h"
-#include "agent/field/bus/station.h"
 #include "agent/field/bus/wire.h"
 #include "agent/field/transport/transport.h"
 #include "protocol/codec.h"

@@ -10,18 +10,38 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 
+#include "agent/config/model.h"
+#include "agent/config/wiring.h"
 #include "agent/field/bus/channel.h"
 #include "agent/field/bus/exchange.h"
 #include "agent/field/bus/overheard.h"
-#include "agent/field/bus/station.h"
 #include "agent/field/bus/wire_trace.h"
 #include "agent/field/transport/transport.h"
+#include "agent/handover/command_message.h"
 #include "agent/handover/field_health.h"
+#include "agent/recorder/frame_ring.h"
 #include "protocol/codec.h"
 
 namespace fxagent {
+
+/// The properties of a device that the bus needs. Must outlive the exchange.
+struct Station {
+  /// Codec of the device, or of the command in progress. A trace shares it until it has explained
+  /// its frames.
+  std::shared_ptr<const Codec> codec;
+  std::string_view device;  ///< its name; empty: unknown
+  std::chrono::milliseconds timeout{1000};
+  std::chrono::milliseconds gap{0};
+  EnquirePolicy enquire = EnquirePolicy::open;
+  bool echo = false;               ///< the line echoes what is sent
+  Wiring wiring;                   ///< for error texts
+  std::uint32_t handshake_in = 0;  ///< Channel::session() of its last answered enquiry; 0: none
+  std::uint16_t recorded_as = kNoDevice;  ///< FrameRing::number() of the device
+  FrameTrace* trace = nullptr;            ///< receives every frame of a command; null for polls
+};
 
 /// Returns the first bytes for an error text: enough to recognise the sender.
 std::string beginning_of(const Bytes& bytes);

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "agent/field/bus/wire.h"
 #include "agent/log/log.h"
 #include "agent/steady_time.h"
 #include "agent/text/text.h"

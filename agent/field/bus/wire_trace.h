@@ -10,13 +10,14 @@
 #include <string_view>
 
 #include "agent/field/bus/exchange.h"
-#include "agent/field/bus/station.h"
 #include "agent/recorder/frame_ring.h"
 #include "agent/steady_time.h"
 #include "protocol/codec.h"
 #include "protocol/value/bytes.h"
 
 namespace fxagent {
+
+struct Station;
 
 class WireTrace final {
  public:
