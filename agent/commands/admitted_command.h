@@ -44,7 +44,7 @@ struct AdmittedCommand {
   std::optional<std::chrono::nanoseconds> line_time;
   std::optional<std::chrono::nanoseconds> bound;
   /// Its share of the room for pending commands. Commands holds it until there is a result.
-  std::shared_ptr<const PendingBudget::Place> place{};
+  PendingBudget::Place place{};
 };
 
 }  // namespace fxagent

@@ -131,7 +131,7 @@ class Commands final {
     CommandAdmission admission;
     std::shared_ptr<const Codec> codec;
     /// Commands without a result, by id, each with its share of the room; null: of an earlier run.
-    std::unordered_map<std::string, std::shared_ptr<const PendingBudget::Place>> pending;
+    std::unordered_map<std::string, PendingBudget::Place> pending;
 
     /// One of the pending commands may be in progress; the others wait.
     std::size_t waiting() const { return pending.empty() ? 0 : pending.size() - 1; }

@@ -103,18 +103,15 @@ void IdFingerprints::add(std::string_view device, std::string_view id, SteadyTim
   earliest_deadline_ = std::min(earliest_deadline_, deadline);
 }
 
-std::shared_ptr<const PendingBudget::Place> PendingBudget::take(std::uint32_t device,
-                                                                std::size_t bytes) {
+PendingBudget::Place PendingBudget::take(std::uint32_t device, std::size_t bytes) {
   std::size_t& own = by_device_[device];
   if (own + bytes > kBytesOfADevice && bytes_ + bytes > kMostBytes) return nullptr;
   own += bytes;
   bytes_ += bytes;
-  return std::make_shared<const Place>(shared_from_this(), device, bytes);
-}
-
-void PendingBudget::give_back(std::uint32_t device, std::size_t bytes) {
-  by_device_[device] -= bytes;
-  bytes_ -= bytes;
+  return {this, [room = shared_from_this(), device, bytes](const void*) {
+            room->by_device_[device] -= bytes;
+            room->bytes_ -= bytes;
+          }};
 }
 
 }  // namespace fxagent

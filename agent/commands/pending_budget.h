@@ -8,7 +8,6 @@
 #include <memory>
 #include <string_view>
 #include <unordered_map>
-#include <utility>
 
 #include "agent/commands/journal.h"
 #include "agent/steady_time.h"
@@ -52,30 +51,15 @@ class PendingBudget final : public std::enable_shared_from_this<PendingBudget> {
   static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
   static constexpr std::size_t kBytesOfADevice = std::size_t{64} << 10;
 
-  /// Bytes reserved for one command until this object ends.
-  class Place final {
-   public:
-    Place(std::shared_ptr<PendingBudget> room, std::uint32_t device, std::size_t bytes)
-        : room_(std::move(room)), device_(device), bytes_(bytes) {}
-    ~Place() { room_->give_back(device_, bytes_); }
-    Place(const Place&) = delete;
-    Place& operator=(const Place&) = delete;
-
-   private:
-    const std::shared_ptr<PendingBudget> room_;
-    const std::uint32_t device_;
-    const std::size_t bytes_;
-  };
-
+  /// Bytes reserved for one command until the last copy of this ends.
+  using Place = std::shared_ptr<const void>;
   /// Reserves bytes for a command. Returns null if there is no room.
-  std::shared_ptr<const Place> take(std::uint32_t device, std::size_t bytes);
+  Place take(std::uint32_t device, std::size_t bytes);
   std::size_t bytes() const { return bytes_; }
 
   IdFingerprints fingerprints;
 
  private:
-  void give_back(std::uint32_t device, std::size_t bytes);
-
   std::size_t bytes_ = 0;
   std::unordered_map<std::uint32_t, std::size_t> by_device_;
 };
