@@ -71,17 +71,13 @@ void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
   scheduler_.share().command_waits();
 }
 
-std::list<WaitingCommand> LinkCommands::take_waiting() { return std::exchange(waiting_, {}); }
-
-std::list<WaitingCommand> LinkCommands::take_waiting(const LinkDevice& device) {
-  std::list<WaitingCommand> taken;
-  for (auto next = waiting_.begin(); next != waiting_.end();) {
-    const auto current = next++;
-    if (current->device != &device) continue;
-    taken.splice(taken.end(), waiting_, current);
+void LinkCommands::refuse_waiting(Reason why, const LinkDevice* device) {
+  std::erase_if(waiting_, [&](const WaitingCommand& waiting) {
+    if (device != nullptr && waiting.device != device) return false;
     scheduler_.share().command_taken();
-  }
-  return taken;
+    outbox_.push(not_sent(waiting.admitted, why));
+    return true;
+  });
 }
 
 void LinkCommands::answer_running(std::string_view why) {

@@ -51,10 +51,9 @@ class LinkCommands final {
   /// After a bug: answers the running commands with UNKNOWN_OUTCOME. The waiting ones go on
   /// waiting.
   void answer_running(std::string_view why);
-  /// Removes and returns all waiting commands.
-  std::list<WaitingCommand> take_waiting();
-  /// Removes and returns the waiting commands of `device`.
-  std::list<WaitingCommand> take_waiting(const LinkDevice& device);
+  /// Answers the waiting commands, all or those of `device`, with not_sent() and `why`.
+  void refuse_waiting(Reason why, const LinkDevice* device = nullptr);
+  const std::list<WaitingCommand>& waiting() const { return waiting_; }
 
  private:
   class Sharing;

@@ -133,8 +133,7 @@ void LinkWorker::remove(std::span<const std::uint32_t> devices,
     LinkDevice* device = device_of(devices_, index);
     if (device == nullptr) continue;
     device->leaves_by = Clock::now() + kFinishWithin;
-    for (const WaitingCommand& waiting : commands_.take_waiting(*device))
-      outbox_.push(not_sent(waiting.admitted, Reason::reloading));
+    commands_.refuse_waiting(Reason::reloading, device);
   }
   leaves_.push_back({{devices.begin(), devices.end()}, std::move(left)});
   if (!on_the_wire_) let_leave();
@@ -192,8 +191,7 @@ asio::awaitable<void> LinkWorker::run() {
   }
   bus_.close();
   stop_timer_.reset();
-  for (const WaitingCommand& waiting : commands_.take_waiting())
-    outbox_.push(not_sent(waiting.admitted, state_.why_stopping()));
+  commands_.refuse_waiting(state_.why_stopping());
   answer_yields(state_.why_stopping());
   let_leave();
   ended_ = true;
@@ -243,8 +241,7 @@ void LinkWorker::yield(SteadyTime until, std::string text, Told told) {
   yields_until_ = until;
   yield_text_ = std::move(text);
   yields_told_.push_back(std::move(told));
-  for (const WaitingCommand& waiting : commands_.take_waiting())
-    outbox_.push(not_sent(waiting.admitted, Reason::yielded));
+  commands_.refuse_waiting(Reason::yielded);
   idle_.cancel();
 }
 

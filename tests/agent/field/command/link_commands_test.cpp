@@ -159,7 +159,7 @@ TEST_F(LinkCommandsTest, CommandsGoInTheirOrderAndTellWhatTheyWrote) {
 
 TEST_F(LinkCommandsTest, BoundCountsWhatIsAhead) {
   for (const char* id : {"a", "b", "c"}) add(id, {0});
-  const std::list<WaitingCommand> waiting = commands->take_waiting();
+  const std::list<WaitingCommand>& waiting = commands->waiting();
   ASSERT_EQ(waiting.size(), 3U);
   std::vector<nanoseconds> bounds;
   for (const WaitingCommand& command : waiting) {
@@ -403,7 +403,7 @@ class LineOfUnknownSpeed : public LinkCommandsTest {
 
 TEST_F(LineOfUnknownSpeed, HasNoBound) {
   add("a", {0});
-  EXPECT_FALSE(commands->take_waiting().front().admitted.bound);
+  EXPECT_FALSE(commands->waiting().front().admitted.bound);
 }
 
 }  // namespace
