@@ -5,8 +5,8 @@
 #include <asio/signal_set.hpp>
 #include <asio/steady_timer.hpp>
 #include <chrono>
+#include <deque>
 #include <mutex>
-#include <optional>
 #include <thread>
 #include <utility>
 
@@ -35,9 +35,9 @@ struct Field::Thread {
     });
   }
 
-  /// Calls `act` at each of the signals. Both must outlive the thread.
+  /// Calls `act` at each of the signals, which must outlive the thread.
   static void await(asio::signal_set& signals, const std::function<void()>& act) {
-    signals.async_wait([&signals, &act](const asio::error_code& cancelled, int) {
+    signals.async_wait([&signals, act](const asio::error_code& cancelled, int) {
       if (cancelled) return;
       act();
       await(signals, act);
@@ -48,10 +48,7 @@ struct Field::Thread {
   asio::io_context io{1};
   asio::steady_timer report_timer;
   FieldLinks links;
-  std::optional<asio::signal_set> trace_switch;
-  std::function<void()> switch_traces = [this] { links.switch_traces(); };
-  std::optional<asio::signal_set> call;
-  std::function<void()> called;
+  std::deque<asio::signal_set> signals;
   std::mutex end;
   bool is_over = false;  ///< under `end`: the thread has ended, and submit() answers at once
   std::thread thread;
@@ -66,14 +63,10 @@ Field::~Field() { stop(); }
 void Field::trace(const std::vector<std::uint32_t>& links) { field_->links.trace(links); }
 
 void Field::switch_traces_at(int signal) {
-  field_->trace_switch.emplace(field_->io, signal);
-  Thread::await(*field_->trace_switch, field_->switch_traces);
+  call_at(signal, [field = field_.get()] { field->links.switch_traces(); });
 }
-
-void Field::call_at(int signal, std::function<void()> act) {
-  field_->called = std::move(act);
-  field_->call.emplace(field_->io, signal);
-  Thread::await(*field_->call, field_->called);
+void Field::call_at(int signal, const std::function<void()>& act) {
+  Thread::await(field_->signals.emplace_back(field_->io, signal), act);
 }
 
 void Field::start() {
@@ -132,8 +125,7 @@ void Field::stop() {
   asio::post(field_->io, [field = field_.get()] {
     field->report_timer.cancel();
     asio::error_code ignored;
-    if (field->trace_switch) field->trace_switch->cancel(ignored);
-    if (field->call) field->call->cancel(ignored);
+    for (asio::signal_set& each : field->signals) each.cancel(ignored);
     // Ends the thread, even if an abandoned name lookup is still running.
     field->links.stop([field] { field->io.stop(); });
   });

@@ -38,8 +38,8 @@ class Field final {
   /// Makes `signal` switch the traces of all links: off if any is traced, otherwise on. asio
   /// installs its handler for the signal. Call before start().
   void switch_traces_at(int signal);
-  /// Calls `act` on the field thread at each `signal`, as above. Call before start(), at most once.
-  void call_at(int signal, std::function<void()> act);
+  /// Calls `act` on the field thread at each `signal`, as above. Call before start().
+  void call_at(int signal, const std::function<void()>& act);
   /// Starts the thread. Throws std::system_error if that fails.
   void start();
   /// Continues sequence numbers above these, by device. Any thread.
