@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <functional>
 #include <optional>
 #include <string_view>
 
@@ -17,15 +18,6 @@ constexpr std::size_t kShown = 16;
 constexpr std::uint8_t kStx = 0x02;
 // A few bytes may match a pattern by chance.
 constexpr std::size_t kFewBytes = 3;
-
-template <class Is>
-std::size_t count(ByteView bytes, Is is) {
-  return static_cast<std::size_t>(std::ranges::count_if(bytes, is));
-}
-template <class Is>
-bool all(ByteView bytes, Is is) {
-  return std::ranges::all_of(bytes, is);
-}
 
 bool is_even(std::uint8_t byte) { return std::popcount(byte) % 2 == 0; }
 
@@ -120,13 +112,13 @@ std::optional<UnexpectedBytes> beginning_of_another(const DeviceConfig& device, 
   if (heard[0] == device.protocol->text_begins_with) return std::nullopt;
   const ByteView behind = heard.subspan(1);
   const bool is_ascii =
-      heard[0] == ':' && all(behind, [](std::uint8_t byte) {
+      heard[0] == ':' && std::ranges::all_of(behind, [](std::uint8_t byte) {
         return hex_digit(byte) >= 0 || byte == '\r' || byte == '\n' || byte == ':';
       });
   if (is_ascii)
     return UnexpectedBytes{Cause::other_protocol,
                            "a colon and hex digits: set protocol to " + protocols_of(':')};
-  if (heard[0] == kStx && all(behind, is_text))
+  if (heard[0] == kStx && std::ranges::all_of(behind, is_text))
     return UnexpectedBytes{Cause::other_protocol,
                            "STX and text: set protocol to the PLC's, one of " + protocols_of(kStx)};
   return std::nullopt;
@@ -137,8 +129,9 @@ std::optional<UnexpectedBytes> beginning_of_another(const DeviceConfig& device, 
 /// A line without parity receives the sender's parity bit as bit 7.
 std::optional<UnexpectedBytes> parity_in_bit_7(ByteView heard) {
   const bool has_bit_7 = std::ranges::any_of(heard, [](std::uint8_t b) { return b > 0x7F; });
-  const bool is_text_below = all(heard, [](std::uint8_t b) { return is_text(b & 0x7F); });
-  const bool even = all(heard, is_even);
+  const bool is_text_below =
+      std::ranges::all_of(heard, [](std::uint8_t b) { return is_text(b & 0x7F); });
+  const bool even = std::ranges::all_of(heard, is_even);
   const bool odd = std::ranges::none_of(heard, is_even);
   if (!has_bit_7 || !is_text_below || (!even && !odd)) return std::nullopt;
   return UnexpectedBytes{Cause::parity, std::string("7 bits with ") + (even ? "even" : "odd") +
@@ -149,9 +142,9 @@ std::optional<UnexpectedBytes> parity_in_bit_7(ByteView heard) {
 
 /// A line with parity delivers a character of wrong parity as 00.
 std::optional<UnexpectedBytes> zeros_among_text(ByteView heard) {
-  const std::size_t zeros = count(heard, [](std::uint8_t b) { return b == 0; });
-  const std::size_t good = count(heard, [](std::uint8_t b) { return is_text(b); });
-  if (zeros == 0 || good == 0 || zeros + good != heard.size() || 4 * good < heard.size())
+  const auto zeros = std::ranges::count(heard, 0);
+  const auto good = std::ranges::count_if(heard, is_text);
+  if (zeros == 0 || good == 0 || zeros + good != std::ssize(heard) || 4 * good < std::ssize(heard))
     return std::nullopt;
   return UnexpectedBytes{Cause::parity,
                          "text with 00 for each character of wrong parity: set parity and "
@@ -161,7 +154,7 @@ std::optional<UnexpectedBytes> zeros_among_text(ByteView heard) {
 /// Recognises a sender that is slower than the line: each of its bits is received several times.
 std::optional<UnexpectedBytes> bits_in_groups(ByteView heard) {
   if (heard.size() < kFewBytes) return std::nullopt;
-  if (all(heard, [](std::uint8_t b) { return b == 0; }))
+  if (std::ranges::count(heard, 0) == std::ssize(heard))
     return UnexpectedBytes{Cause::speed,
                            "only characters with errors, which arrive as 00: compare baud with the "
                            "device's, then parity (odd?)"};
@@ -172,8 +165,8 @@ std::optional<UnexpectedBytes> bits_in_groups(ByteView heard) {
     return (b & 1) == 0 && ((b >> 1 ^ b >> 2) & 1) == 0 && ((b >> 3 ^ b >> 4) & 1) == 0 &&
            ((b >> 5 ^ b >> 6) & 1) == 0;
   };
-  const bool fours = all(heard, in_fours);
-  if (!fours && !all(heard, in_pairs)) return std::nullopt;
+  const bool fours = std::ranges::all_of(heard, in_fours);
+  if (!fours && !std::ranges::all_of(heard, in_pairs)) return std::nullopt;
   return UnexpectedBytes{
       Cause::speed, std::string("bits that arrive in ") + (fours ? "fours" : "pairs") +
                         ": the device is slower, set baud to " + (fours ? "a quarter" : "half") +
@@ -181,8 +174,8 @@ std::optional<UnexpectedBytes> bits_in_groups(ByteView heard) {
 }
 
 std::optional<UnexpectedBytes> no_text(ByteView heard) {
-  const std::size_t foreign = count(heard, [](std::uint8_t b) { return !is_text(b); });
-  if (heard.size() < kFewBytes || 3 * foreign < heard.size()) return std::nullopt;
+  const auto foreign = std::ranges::count_if(heard, std::not_fn(is_text));
+  if (heard.size() < kFewBytes || 3 * foreign < std::ssize(heard)) return std::nullopt;
   return UnexpectedBytes{Cause::speed,
                          "bytes that are not text, although the protocol is: compare baud with the "
                          "device's, then data_bits and parity; or it is another protocol"};
@@ -201,8 +194,7 @@ UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteV
                           : "nothing known: does another service or protocol answer at this port? "
                             "Compare protocol and its settings with the device's"};
   if (heard.empty()) return unknown;
-  const bool returned = !asked.empty() && heard.size() >= asked.size() &&
-                        std::equal(asked.begin(), asked.end(), heard.begin());
+  const bool returned = !asked.empty() && std::ranges::mismatch(asked, heard).in1 == asked.end();
   if (returned)
     return {Cause::echo,
             "the request itself, which the line returns (a two-wire adapter?): set echo for its "
