@@ -127,10 +127,11 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   const Codec& codec = *device_codec;
   const CommandRules& rules = device_->commands;
   CommandResult result = result_of(command);
-  const auto rejected = [&](Refusal why) {
+  const auto rejected = [&](const Command& what, Refusal why) {
     result.status = CommandStatus::rejected;
     result.reason = why.reason;
     result.detail = std::move(why.detail);
+    remember_refused(what, result, now);
     return result;
   };
 
@@ -148,13 +149,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     }
   }
   const std::optional<Refusal> refusal = command.refusal;
-  if (refusal && precedes_id(refusal->reason) && command.id.empty()) return rejected(*refusal);
-
-  if (refusal && precedes_id(refusal->reason)) {
-    rejected(*refusal);
-    remember_refused(command, result, now);
-    return result;
-  }
+  if (refusal && precedes_id(refusal->reason)) return rejected(command, *refusal);
   AdmittedCommand admitted;
   admitted.codec = device_codec;
   std::optional<Refusal> why;
@@ -206,11 +201,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     else if (!conflict_.empty())
       why = refusal_of_conflict(conflict_);
   }
-  if (why) {
-    rejected(*why);
-    remember_refused(cmd, result, now);
-    return result;
-  }
+  if (why) return rejected(cmd, *why);
   if (cmd.dry_run) {
     set_outcome(result, CommandStatus::succeeded, Reason::none, {});
     return result;
@@ -370,7 +361,7 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
 
 void CommandAdmission::remember_refused(const Command& command, const CommandResult& result,
                                         SteadyTime now) {
-  if (command.dry_run) return;
+  if (command.dry_run || command.id.empty()) return;
   ids_.add_refused({command.id, command.number, now, now, true,
                     journaling_ == Journaling::on ? nullptr : kept(result)},
                    now);

@@ -80,7 +80,7 @@ class CommandAdmission final {
   std::size_t remembered() const { return ids_.size(); }
 
  private:
-  /// Remembers the id of a command that was not admitted, unless it is a dry run.
+  /// Remembers the id of a command that was not admitted, if it has one and is no dry run.
   void remember_refused(const Command& command, const CommandResult& result, SteadyTime now);
   /// Fills admitted.targets, or returns the check that failed.
   std::optional<Refusal> resolve(const Codec& codec, AdmittedCommand& admitted,

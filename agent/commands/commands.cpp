@@ -99,7 +99,10 @@ Commands::Commands(const Config& config, Submit submit, CommandJournal* journal,
 void Commands::open(std::uint32_t index) {
   const Journaling journaling = journal_ == nullptr ? Journaling::off : Journaling::on;
   auto& device = devices_[index];
-  device = std::make_unique<Device>(config_.devices[index], journaling, room_);
+  if (device)
+    device->admission.use(config_.devices[index]);
+  else
+    device = std::make_unique<Device>(config_.devices[index], journaling, room_);
   device->admission.set_conflict(conflict_);
   if (closed_) device->admission.close(Reason::shutting_down);
 }
@@ -141,21 +144,14 @@ std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime
     auto known = departed_.extract(config.name);
     if (known.empty()) {
       not_known.push_back(config.name);
-      open(index);
-      continue;
+    } else {
+      devices_[index] = std::move(known.mapped());
+      device_at(index).codec = config.codec;
     }
-    devices_[index] = std::move(known.mapped());
-    Device& device = device_at(index);
-    device.admission.use(config);
-    device.codec = config.codec;
-    device.admission.set_conflict(conflict_);
-    if (closed_) device.admission.close(Reason::shutting_down);
+    open(index);
   }
   // Nothing that admission knows has changed, but the device has another address.
-  for (const std::uint32_t index : change.devices_adjusted) {
-    device_at(index).admission.use(config_.devices[index]);
-    if (closed_) device_at(index).admission.close(Reason::shutting_down);
-  }
+  for (const std::uint32_t index : change.devices_adjusted) open(index);
   list_names();
   return not_known;
 }

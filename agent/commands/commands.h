@@ -141,6 +141,7 @@ class Commands final {
   Device* known_device(const std::string& name);
   Device& device_at(std::uint32_t index) { return *devices_.at(index); }
   const std::string& name_of(std::uint32_t index) const { return devices_.at(index)->name; }
+  /// Begins to admit commands of a device, or goes on by its new config.
   void open(std::uint32_t index);
   void list_names();
 

@@ -37,8 +37,6 @@ struct IdMemory::Ids {
 
 IdMemory::IdMemory(std::shared_ptr<PendingBudget> room, std::string device)
     : room_(std::move(room)), device_(std::move(device)) {}
-IdMemory::IdMemory(IdMemory&&) noexcept = default;
-IdMemory& IdMemory::operator=(IdMemory&&) noexcept = default;
 IdMemory::~IdMemory() = default;
 
 bool IdMemory::is_empty(SteadyTime now) {

@@ -40,8 +40,6 @@ class IdMemory final {
 
   /// `room` is shared with the other devices; `device` is the name of this one.
   IdMemory(std::shared_ptr<PendingBudget> room, std::string device);
-  IdMemory(IdMemory&&) noexcept;
-  IdMemory& operator=(IdMemory&&) noexcept;
   ~IdMemory();
 
   /// Returns nullopt if the id was never seen, or need not be known any more.
