@@ -80,11 +80,12 @@ void LinkCommands::refuse_waiting(Reason why, const LinkDevice* device) {
   });
 }
 
-void LinkCommands::answer_running(std::string_view why) {
+void LinkCommands::answer_running() {
   scheduler_.share().commands_are(static_cast<std::uint32_t>(waiting_.size()));
   for (const WaitingCommand& running : running_) {
     CommandResult result = result_of(running.admitted.command);
-    set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down, std::string(why));
+    set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down,
+                "a fault in the agent ended the link during the command");
     for (const AdmittedTarget& target : running.admitted.targets)
       if (!target.requests.empty())
         poller_.overwritten(*running.device, *span_of(target.point), nullptr, BadReason::link_down);
@@ -145,8 +146,9 @@ class LinkCommands::Sharing final : public BusSharing {
     while (!is_stopping() && commands_.bus_.is_open()) {
       const PollScheduler::Job job = scheduler.next(Clock::now());
       if (job.kind == PollScheduler::Job::Kind::poll) {
-        const bool on_the_line = co_await commands_.poll_between(job.poll);
-        if (!on_the_line) break;
+        const std::uint64_t before = commands_.bus_.counters().exchanges;
+        co_await commands_.poller_.run(job.poll);
+        if (commands_.bus_.counters().exchanges == before) break;  // the poll sent nothing
       } else if (commands_.may_go_between(credit())) {
         give(commands_.waiting_.front().line_time);
         co_await commands_.run_next();
@@ -210,12 +212,6 @@ bool LinkCommands::may_go_between(nanoseconds credit) const {
     }
     return false;
   });
-}
-
-asio::awaitable<bool> LinkCommands::poll_between(PollScheduler::PollStep step) {
-  const std::uint64_t before = bus_.counters().exchanges;
-  co_await poller_.run(step);
-  co_return bus_.counters().exchanges != before;
 }
 
 asio::awaitable<void> LinkCommands::run_next() {

@@ -8,7 +8,6 @@
 #include <list>
 #include <memory>
 #include <optional>
-#include <string_view>
 
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"
@@ -50,7 +49,7 @@ class LinkCommands final {
 
   /// After a bug: answers the running commands with UNKNOWN_OUTCOME. The waiting ones go on
   /// waiting.
-  void answer_running(std::string_view why);
+  void answer_running();
   /// Answers the waiting commands, all or those of `device`, with not_sent() and `why`.
   void refuse_waiting(Reason why, const LinkDevice* device = nullptr);
   const std::list<WaitingCommand>& waiting() const { return waiting_; }
@@ -65,8 +64,6 @@ class LinkCommands final {
   /// True if the next waiting command may run between two parts of the running one: it takes at
   /// most `credit` and touches nothing that a resting command of its device touches.
   bool may_go_between(std::chrono::nanoseconds credit) const;
-  /// Runs a poll while a command rests. False: the poll sent nothing.
-  asio::awaitable<bool> poll_between(PollScheduler::PollStep step);
   void after_write(LinkDevice& device, const AdmittedTarget& target, const TargetResult& outcome);
 
   asio::any_io_executor executor_;

@@ -179,14 +179,14 @@ std::vector<DepartedDevice> LinkWorker::departed() const {
 
 asio::awaitable<void> LinkWorker::run() {
   while (!state_.is_stopping()) {
-    std::string fault;
     try {
       co_await serve();
-    } catch (const std::exception& error) {
-      fault = error.what();
+      continue;
+    } catch (const std::exception& error) {  // a bug: the link begins anew
+      log::error("link", {{"link", config_.name}, {"fault", error.what()}});
+      bus_.close();
+      commands_.answer_running();
     }
-    if (fault.empty()) continue;
-    answer_after_fault(fault);
     if (!state_.is_stopping()) co_await idle_until(Clock::now() + kAfterFault);
   }
   bus_.close();
@@ -195,12 +195,6 @@ asio::awaitable<void> LinkWorker::run() {
   answer_yields(state_.why_stopping());
   let_leave();
   ended_ = true;
-}
-
-void LinkWorker::answer_after_fault(const std::string& what) {
-  log::error("link", {{"link", config_.name}, {"fault", what}});
-  bus_.close();
-  commands_.answer_running("a fault in the agent ended the link during the command");
 }
 
 asio::awaitable<void> LinkWorker::serve() {
@@ -218,21 +212,15 @@ asio::awaitable<void> LinkWorker::serve() {
       continue;
     }
     const PollScheduler::Job job = scheduler_.next(now);
-    switch (job.kind) {
-      case PollScheduler::Job::Kind::command: {
-        const Raised on_the_wire(on_the_wire_);
-        co_await commands_.run_next();
-        break;
-      }
-      case PollScheduler::Job::Kind::poll: {
-        const Raised on_the_wire(on_the_wire_);
-        co_await poller_.run(job.poll);
-        break;
-      }
-      case PollScheduler::Job::Kind::wait:
-        co_await idle_until(bus_.is_open() ? job.until : std::min(job.until, state_.next_open()));
-        break;
+    if (job.kind == PollScheduler::Job::Kind::wait) {
+      co_await idle_until(bus_.is_open() ? job.until : std::min(job.until, state_.next_open()));
+      continue;
     }
+    const Raised on_the_wire(on_the_wire_);
+    if (job.kind == PollScheduler::Job::Kind::command)
+      co_await commands_.run_next();
+    else
+      co_await poller_.run(job.poll);
   }
 }
 

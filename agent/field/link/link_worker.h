@@ -117,8 +117,6 @@ class LinkWorker final {
   /// Leaves the port to another program for the time of the yield.
   asio::awaitable<void> be_away();
   void answer_yields(Reason why);
-  /// After a bug: answers the running commands and closes the bus, so that the link begins anew.
-  void answer_after_fault(const std::string& what);
 
   asio::awaitable<void> idle_until(SteadyTime until);
   asio::awaitable<void> open_line();

@@ -333,7 +333,7 @@ TEST_F(CycleOfTwoReads, FaultInACommandTakesTheOldValueWithIt) {
   wire->expect(write_frame(kD200, word(50))).call([] { throw std::logic_error("a bug"); });
   add("write", {0});
   EXPECT_THROW(run_next(), std::logic_error);
-  commands->answer_running("a bug");
+  commands->answer_running();
   plc.set(kD200, word(50));  // it has arrived
   bus->close();
   open();
@@ -370,14 +370,14 @@ TEST_F(LinkCommandsTest, FaultAnswersTheOneUnderWayAndTheOthersGoOnWaiting) {
   add("b", {1});
   EXPECT_THROW(run_next(), std::logic_error);
   EXPECT_TRUE(commands->is_running());
-  commands->answer_running("a bug");
+  commands->answer_running();
   EXPECT_FALSE(commands->is_running());
   EXPECT_EQ(scheduler.share().commands_waiting(), 1U);
   collect();
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].id, "a");
   EXPECT_EQ(results[0].status, CommandStatus::unknown_outcome);
-  EXPECT_EQ(results[0].detail, "a bug");
+  EXPECT_EQ(results[0].detail, "a fault in the agent ended the link during the command");
   bus->close();
   run_next();
   collect();
