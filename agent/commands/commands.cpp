@@ -51,39 +51,26 @@ std::string yield_text(const Command& command, std::chrono::minutes time, std::i
 /// Returns the message of a result, without its place in the journal. Takes over what only the
 /// message needs.
 ResultMessage message_of(const std::string& device, CommandResult& result) {
-  ResultMessage message;
-  message.device = device;
-  message.number = result.number;
-  message.id = result.id;
-  message.received = result.received;
-  message.text = result_text(result);
-  message.response_topic = std::move(result.response_topic);
-  message.correlation = std::move(result.correlation);
-  message.tell = std::move(result.tell);
-  return message;
+  return {.device = device,
+          .number = result.number,
+          .id = result.id,
+          .text = result_text(result),
+          .received = result.received,
+          .response_topic = std::move(result.response_topic),
+          .correlation = std::move(result.correlation),
+          .tell = std::move(result.tell)};
 }
 
-LastCommand last_command(const std::string& device, const CommandResult& result,
-                         std::int64_t utc_ms) {
-  LastCommand last;
-  last.device = device;
-  last.id = result.id;
-  last.op = result.op;
-  last.by = result.by;
-  last.targets = result.targets.size();
-  if (!result.targets.empty()) {
-    const TargetResult& first = result.targets.front();
-    last.target = first.tag.empty() ? first.address : first.tag;
-    if (first.value) last.value = *first.value;
-  }
-  last.status = result.status;
-  last.reason = result.reason;
-  last.detail = result.detail;
-  last.ts_ms = utc_ms;
-  last.took = result.queue + result.wire;
-  last.bound = result.bound;
-  last.frames = result.frames;
-  return last;
+audit::Receipt receipt_of(const Command& command, const std::string& device, std::string_view topic,
+                          std::string_view payload) {
+  return {.number = command.number,
+          .device = device,
+          .topic = std::string(topic),
+          .payload = std::string(payload.substr(0, kPayloadKept)),
+          .payload_bytes = payload.size(),
+          .by = sender_of(command),
+          .retained = command.retained,
+          .received_ms = command.received_ms};
 }
 
 }  // namespace
@@ -247,20 +234,6 @@ void Commands::receive_for_link(const LinkConfig& link, std::string_view topic,
   });
 }
 
-audit::Receipt Commands::receipt_of(const Command& command, const std::string& device,
-                                    std::string_view topic, std::string_view payload) {
-  audit::Receipt receipt;
-  receipt.number = command.number;
-  receipt.device = device;
-  receipt.topic = topic;
-  receipt.payload = payload.substr(0, kPayloadKept);
-  receipt.payload_bytes = payload.size();
-  receipt.by = sender_of(command);
-  receipt.retained = command.retained;
-  receipt.received_ms = command.received_ms;
-  return receipt;
-}
-
 void Commands::journal_later(const AdmittedCommand& admitted, std::optional<audit::Receipt> receipt,
                              std::int64_t utc_ms) {
   if (journal_ == nullptr) return;
@@ -355,9 +328,23 @@ void Commands::finish(CommandResult result, std::int64_t utc_ms) {
 
 void Commands::note_last(const std::string& device, const CommandResult& result,
                          std::int64_t utc_ms) {
-  LastCommand last = last_command(device, result, utc_ms);
-  last.number = last_.empty() ? 1 : last_.back()->number + 1;
-  last_.push_back(std::make_shared<const LastCommand>(std::move(last)));
+  const TargetResult first = result.targets.empty() ? TargetResult() : result.targets.front();
+  last_.push_back(std::make_shared<const LastCommand>(
+      LastCommand{.number = last_.empty() ? 1 : last_.back()->number + 1,
+                  .device = device,
+                  .id = result.id,
+                  .op = result.op,
+                  .by = result.by,
+                  .target = first.tag.empty() ? first.address : first.tag,
+                  .value = first.value.value_or(Value()),
+                  .targets = result.targets.size(),
+                  .status = result.status,
+                  .reason = result.reason,
+                  .detail = result.detail,
+                  .ts_ms = utc_ms,
+                  .took = result.queue + result.wire,
+                  .bound = result.bound,
+                  .frames = result.frames}));
   if (last_.size() > kLastCommands) last_.pop_front();
 }
 

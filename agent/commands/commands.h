@@ -42,7 +42,7 @@ struct ResultMessage {
   bool is_first = false;   ///< remembered with its id
   bool journaled = false;  ///< the journal records the acknowledgement
   /// Total latency until the hand-over to MQTT; nullopt: not handed over, or by an earlier run.
-  std::optional<std::chrono::nanoseconds> total;
+  std::optional<std::chrono::nanoseconds> total{};
   std::string response_topic;
   Bytes correlation;
   std::function<void(const std::string& result)> tell;  ///< as in MessageProperties
@@ -148,8 +148,6 @@ class Commands final {
   /// Returns why the command for the link is not carried out; nullopt: it is.
   std::optional<Refusal> refusal_for_link(const LinkConfig& link, const Command& command,
                                           SteadyTime now, std::int64_t utc_ms) const;
-  static audit::Receipt receipt_of(const Command& command, const std::string& device,
-                                   std::string_view topic, std::string_view payload);
   void journal_later(const AdmittedCommand& admitted, std::optional<audit::Receipt> receipt,
                      std::int64_t utc_ms);
   /// `receipt`: of its command, if that is not in the audit yet.
