@@ -24,22 +24,26 @@ inline constexpr std::size_t kRememberedRefused = 2000;  ///< in addition, per d
 inline constexpr std::size_t kFingerprints = 200000;
 inline constexpr std::chrono::hours kRememberedFor{24};
 
-/// Entry of one id of one device, from this or an earlier run.
-struct JournalEntry {
+/// An id whose command has its result.
+struct KnownId {
   std::string device;
   std::string id;
+  std::uint64_t number = 0;  ///< of the command; 0: from before there were any
   std::int64_t received_ms = 0;
-  std::int64_t deadline_ms = 0;  ///< remembered at least until then
+  std::int64_t deadline_ms = 0;  ///< of the command; its id is kept at least until then
+  bool refused = false;          ///< not admitted; kept while there is room
+};
+
+/// Entry of one id, from this or an earlier run.
+struct JournalEntry : KnownId {
   std::string op;
   std::string response_topic;
   Bytes correlation;
   std::string result;         ///< empty: none
   bool acknowledged = false;  ///< the broker has the result, or refused it for good
-  std::uint64_t number = 0;   ///< command number; 0: from before there were any
-  std::string payload;        ///< as received; kept until there is a result
-  bool refused = false;       ///< not admitted; kept while there is room
   /// From an earlier run, without a result: it waited when the agent died, and no byte of it left.
   bool surely_not_sent = false;
+  std::string payload;  ///< as received; kept until there is a result
   /// Body of an audit record, written together with this entry; empty: none.
   std::string audit;
 };
@@ -49,16 +53,6 @@ inline std::size_t bytes_of(const JournalEntry& entry) {
   return sizeof(entry) + entry.response_topic.size() + entry.correlation.size() +
          entry.result.size() + entry.payload.size();
 }
-
-/// An id whose command has its result.
-struct KnownId {
-  std::string device;
-  std::string id;
-  std::uint64_t number = 0;  ///< of the command
-  std::int64_t received_ms = 0;
-  std::int64_t deadline_ms = 0;  ///< of the command; its id is kept at least until then
-  bool refused = false;          ///< not admitted
-};
 
 class CommandJournal {
  public:

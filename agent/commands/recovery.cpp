@@ -16,11 +16,6 @@
 namespace fxagent {
 namespace {
 
-KnownId id_of(const JournalEntry& entry) {
-  return {entry.device,      entry.id,          entry.number,
-          entry.received_ms, entry.deadline_ms, entry.refused};
-}
-
 /// Returns the command as received, or nullopt if the journal does not have it.
 std::optional<Command> command_of(const JournalEntry& entry, std::uint32_t device,
                                   std::int64_t utc_ms, SteadyTime now) {
@@ -73,7 +68,7 @@ void take(JournalEntry entry, std::uint32_t device, CommandJournal& journal, std
       entry.audit = audit::result(entry.number, entry.device, entry.result, {}, utc_ms);
     journal.record(entry);
   }
-  found.ids.push_back(id_of(entry));
+  found.ids.push_back(entry);
   CommandResult result = recorded_result(entry.result);
   result.device = device;
   result.number = entry.number;
@@ -91,7 +86,7 @@ Recovered recover(const Config& config, CommandJournal& journal, std::int64_t ut
   std::vector<KnownId> ids = journal.known_ids({});
   std::vector<JournalEntry> unacknowledged = journal.unacknowledged({});
   for (const JournalEntry& entry : newer) {
-    ids.push_back(id_of(entry));
+    ids.push_back(entry);
     std::erase_if(unacknowledged, [&](const JournalEntry& other) {
       return other.device == entry.device && other.id == entry.id;
     });
