@@ -265,9 +265,7 @@ void FieldLinks::begin_one(std::deque<ToBegin>::iterator which) {
 }
 
 void FieldLinks::begin_for(std::uint32_t device) {
-  const auto which = std::ranges::find_if(to_begin_, [device](const ToBegin& each) {
-    return std::ranges::find(each.devices, device) != each.devices.end();
-  });
+  const auto which = std::ranges::find(to_begin_, std::vector{device}, &ToBegin::devices);
   if (which != to_begin_.end() && !stopping_) begin_one(which);
 }
 
