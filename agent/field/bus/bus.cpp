@@ -54,20 +54,14 @@ asio::awaitable<Exchange> Bus::ask(Station& station, const Request& request, Ste
   const Codec& codec = *station.codec;
   const std::uint64_t findings = overheard_.doubt().findings();
   const bool doubted = overheard_.doubt().is_doubted();
-  Exchange exchange = co_await wire_.exchange(codec, station, request, not_after);
-  co_await judge(codec, findings, doubted, exchange);
-  co_return exchange;
-}
-
-asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, bool doubted,
-                                 Exchange& exchange) {
+  Exchange exchange = co_await wire_.exchange(station, request, not_after);
   if (!exchange.has_answer()) {
     if (exchange.sent) overheard_.doubt().exchange_was_unclear();
-    co_return;
+    co_return exchange;
   }
   if (codec.is_broadcast() || overheard_.tells_answers_apart(codec)) {
     wire_.channel().believed();
-    co_return;
+    co_return exchange;
   }
   bool quiet_behind = true;
   if (doubted && overheard_.doubt().findings() == findings)
@@ -88,6 +82,7 @@ asio::awaitable<void> Bus::judge(const Codec& codec, std::uint64_t findings, boo
                    beginning_of(last_unexpected()) + ")");
   }
   if (!overheard_.doubt().is_doubted()) wire_.channel().believed();
+  co_return exchange;
 }
 
 asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exchange& failed) {
@@ -123,7 +118,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
   const bool wanted =
       station.handshake_in != wire_.channel().session() || station.enquire == EnquirePolicy::always;
   if (resync && may_enquire && wanted) {
-    Exchange enquiry = co_await wire_.exchange(*station.codec, station, *resync, SteadyTime::max());
+    Exchange enquiry = co_await wire_.exchange(station, *resync, SteadyTime::max());
     const bool answered = enquiry.is_ack() || !station.codec->expects_reply(*resync);
     if (!answered) co_return refuse(std::move(enquiry));
     station.handshake_in = wire_.channel().session();
@@ -155,7 +150,7 @@ asio::awaitable<Exchange> Bus::probe(const Station& station, const Request& requ
       probing.outcome = Exchange::Outcome::answered;  // no read with an answer of another length
       co_return probing;
     }
-    probing = co_await wire_.exchange(codec, station, std::move(*question), SteadyTime::max());
+    probing = co_await wire_.exchange(station, std::move(*question), SteadyTime::max());
     if (!probing.is_data()) overheard_.late().probe_failed();
     if (!probing.has_answer()) co_return probing;
   }

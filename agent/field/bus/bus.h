@@ -73,9 +73,6 @@ class Bus final {
   SteadyTime late_answers_until(const Station& station);
   /// Returns how long the slowest answer on this line may take.
   std::chrono::nanoseconds quiet_in_doubt() const;
-  /// Judges the answer of an exchange. `findings` and `doubted` are from its beginning.
-  asio::awaitable<void> judge(const Codec& codec, std::uint64_t findings, bool doubted,
-                              Exchange& exchange);
 
   Wire wire_;
   Overheard& overheard_{wire_.overheard()};

@@ -112,8 +112,9 @@ void Wire::note_unexpected(const Codec& codec, ByteView bytes) {
   counters_.unexpected_bytes += overheard_.judge(codec, bytes, now());
 }
 
-asio::awaitable<Exchange> Wire::exchange(const Codec& codec, const Station& station,
-                                         Request request, SteadyTime not_after) {
+asio::awaitable<Exchange> Wire::exchange(const Station& station, Request request,
+                                         SteadyTime not_after) {
+  const Codec& codec = *station.codec;
   const auto frame = codec.encode(request, ++tag_);
   if (!frame) co_return Exchange::unsent(Exchange::Outcome::garbled, frame.error().text);
   Exchange exchange;

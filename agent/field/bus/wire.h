@@ -75,8 +75,7 @@ class Wire final {
   /// Waits for silence as Channel::listen(), and judges what came. False: the channel is closed.
   asio::awaitable<bool> drain(const Codec& codec, SteadyTime until, std::chrono::nanoseconds quiet);
   /// Sends a request and receives its answer. Checks `not_after` just before the first byte.
-  asio::awaitable<Exchange> exchange(const Codec& codec, const Station& station, Request request,
-                                     SteadyTime not_after);
+  asio::awaitable<Exchange> exchange(const Station& station, Request request, SteadyTime not_after);
 
   Channel& channel() { return channel_; }
   const Channel& channel() const { return channel_; }
