@@ -80,11 +80,10 @@ bool IdMemory::make_room(SteadyTime now) {
   forget_old(now);
   if (ids_ == nullptr || ids_->admitted.size() < kRememberedIds) return true;
   Entries& admitted = ids_->admitted;
-  const auto is_over = [](const Entry& entry) { return entry.over; };
   const bool room = room_->fingerprints.make_room(now);
-  const auto oldest = room ? std::find_if(admitted.begin(), admitted.end(), is_over)
-                           : std::find_if(admitted.begin(), admitted.end(),
-                                          [now](const Entry& e) { return may_go(e, now); });
+  const auto oldest = std::find_if(admitted.begin(), admitted.end(), [&](const Entry& entry) {
+    return room ? entry.over : may_go(entry, now);
+  });
   if (oldest == admitted.end()) return false;
   if (room) room_->fingerprints.add(device_, oldest->id, oldest->seen, oldest->deadline);
   admitted.erase(oldest);

@@ -97,8 +97,7 @@ bool IdFingerprints::make_room(SteadyTime now) {
 void IdFingerprints::add(std::string_view device, std::string_view id, SteadyTime seen,
                          SteadyTime deadline) {
   const std::uint64_t print = print_of(device, id);
-  auto& by_print = all_->get<1>();
-  if (const auto old = by_print.find(print); old != by_print.end()) by_print.erase(old);
+  all_->get<1>().erase(print);
   all_->push_back({print, seen, deadline});
   earliest_deadline_ = std::min(earliest_deadline_, deadline);
 }

@@ -49,8 +49,7 @@ constexpr std::array kGroups{kWrite, kForce, kForce, kRead, kRunStop, kRunStop};
 static_assert(kGroups.size() == static_cast<std::size_t>(Op::stop) + 1);
 
 const Key* known(std::string_view name) {
-  const auto* key = std::find_if(kKeys.begin(), kKeys.end(),
-                                 [name](const Key& each) { return each.name == name; });
+  const auto* key = std::ranges::find(kKeys, name, &Key::name);
   return key == kKeys.end() ? nullptr : key;
 }
 
@@ -65,8 +64,7 @@ bool has(const Json& object, const char* key) {
 
 std::string unknown(std::string_view name) {
   std::array<std::string_view, kKeys.size()> names;
-  std::transform(kKeys.begin(), kKeys.end(), names.begin(),
-                 [](const Key& each) { return each.name; });
+  std::ranges::transform(kKeys, names.begin(), &Key::name);
   return "unknown key " + in_quotes(name) + did_you_mean(name, names);
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -32,7 +33,7 @@ constexpr std::int64_t kMostCharacters = 2 * kMostElements;
 /// Finds faults that the parser accepts: duplicate keys and deep nesting.
 class Watch final {
  public:
-  bool operator()(Json::parse_event_t event, const Json& parsed) {
+  bool operator()(int /*depth*/, Json::parse_event_t event, const Json& parsed) {
     switch (event) {
       case Json::parse_event_t::object_start:
       case Json::parse_event_t::array_start:
@@ -320,12 +321,8 @@ std::optional<Json> read_object(std::string_view payload, Command& command, Faul
   // 21,000 of them took a second. A text with too many is refused anyway and parsed without it.
   const bool too_many = structures_in(payload) > kMaxStructures;
   Json json = too_many ? parsed_json(payload)
-                       : Json::parse(
-                             payload.begin(), payload.end(),
-                             [&watch](int, Json::parse_event_t event, Json& parsed) {
-                               return watch(event, parsed);
-                             },
-                             /*allow_exceptions=*/false);
+                       : Json::parse(payload.begin(), payload.end(), std::ref(watch),
+                                     /*allow_exceptions=*/false);
   if (json.is_discarded() || !json.is_object()) {
     faults.add(Reason::bad_json,
                json.is_discarded() ? why_no_json(payload) : "a command is a JSON object");

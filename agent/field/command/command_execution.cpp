@@ -102,10 +102,9 @@ Verification verification(const AdmittedTarget& target, const Bytes& image) {
 /// True if `target` overlaps another target of the command, so that their sequence matters.
 bool meets_another(const AdmittedCommand& admitted, const AdmittedTarget& target) {
   const Span span = *span_of(target.point);
-  return std::any_of(admitted.targets.begin(), admitted.targets.end(),
-                     [&](const AdmittedTarget& other) {
-                       return &other != &target && overlap(span, *span_of(other.point));
-                     });
+  return std::ranges::any_of(admitted.targets, [&](const AdmittedTarget& other) {
+    return &other != &target && overlap(span, *span_of(other.point));
+  });
 }
 
 bool surely_without_effect(const Codec& codec, const Request& request, const Exchange& exchange) {

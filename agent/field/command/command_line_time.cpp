@@ -1,7 +1,5 @@
 #include "agent/field/command/command_line_time.h"
 
-#include <algorithm>
-
 #include "agent/line_time.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
@@ -45,9 +43,8 @@ nanoseconds set_line_times(const Codec& codec, const DeviceConfig& device, nanos
 bool gives_way(const AdmittedTarget& target) { return target.line_time > kLongArray; }
 
 bool gives_way(const AdmittedCommand& admitted) {
-  if (admitted.targets.size() > 1) return true;
-  return std::any_of(admitted.targets.begin(), admitted.targets.end(),
-                     [](const AdmittedTarget& target) { return gives_way(target); });
+  return admitted.targets.size() > 1 ||
+         (!admitted.targets.empty() && gives_way(admitted.targets.front()));
 }
 
 bool is_read_first(const Codec& codec, const AdmittedTarget& target) {
