@@ -74,7 +74,6 @@ Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Con
   listen();
   has_reported_ = remote_.take_left_answer();
   report(Log::always);
-  publish_status();
   const WithoutSignals quiet;
   thread_ = std::thread([this] { run(); });
 }
@@ -158,10 +157,7 @@ void Reload::look_at_news() {
   if (news.connected) remote_.connection(*news.connected, news.connected_at);
   if (auto next = remote_.due(moment())) take_over(std::move(*next));
   if (news.desired && !stopping_) hear(*news.desired);
-  if (!stopping_ && remote_.has_answer()) {
-    report();
-    publish_status();
-  }
+  if (!stopping_ && remote_.has_answer()) report();
 }
 
 // ---- the local file -----------------------------------------------------------------------------
@@ -188,10 +184,7 @@ void Reload::reload() {
       say("unchanged", {});
     }
     if (is_fit && !stopping_ && !remote_.rejected().empty()) hear(std::string(remote_.rejected()));
-    if (!stopping_) {
-      report();
-      publish_status();  // a remote config that was rejected may be in force now
-    }
+    if (!stopping_) report();  // a remote config that was rejected may be in force now
   }
   malloc_trim(0);  // returns the memory that a large file took
   if (!stopping_) service_manager::notify_ready();
@@ -333,19 +326,20 @@ std::string Reload::audit_record() const {
   return audit::config(receipt, running_->base_topic() + std::string(kDesiredTopic), utc_now_ms());
 }
 
-/// Reports to the broker, and to log and audit if the report is new.
+/// Reports to the broker, and to log and audit if the report is new. Then publishes the status.
 void Reload::report(Log when) {
   const bool is_news = remote_.take_news();
-  if (!remote_.is_enabled()) {
-    if (std::exchange(has_reported_, false))
-      outbox_.ask([&publisher = publisher_](SteadyTime) { publisher.configs().report({}, {}); });
-    return;
+  const bool had_reported = std::exchange(has_reported_, remote_.is_enabled());
+  if (has_reported_) {
+    if (is_news || when == Log::always) log_report();
+    outbox_.ask([&publisher = publisher_, text = remote_.reported(status_.hash),
+                 audit = is_news ? audit_record() : std::string()](SteadyTime) {
+      publisher.configs().report(text, audit);
+    });
+  } else if (had_reported) {
+    outbox_.ask([&publisher = publisher_](SteadyTime) { publisher.configs().report({}, {}); });
   }
-  has_reported_ = true;
-  if (is_news || when == Log::always) log_report();
-  std::string audit = is_news ? audit_record() : std::string();
-  outbox_.ask([&publisher = publisher_, text = remote_.reported(status_.hash),
-               audit = std::move(audit)](SteadyTime) { publisher.configs().report(text, audit); });
+  publish_status();
 }
 
 }  // namespace fxagent
