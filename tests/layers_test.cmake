@@ -40,7 +40,7 @@ forbid("^agent/field/" "^nlohmann/" "agent/field/ knows no JSON")
 forbid("^agent/commands/" "^agent/(field|store|uplink|cli|agent)[/.]" "agent/commands/ is pure: it names what it needs as ports")
 forbid("^agent/commands/" "${threads_and_io}" "agent/commands/ has no threads, no I/O and no clock")
 forbid("^agent/store/" "^agent/(field|uplink|cli|agent)[/.]" "agent/store/ sees values, config and the commands' port")
-forbid("^agent/store/" "^agent/commands/" "of agent/commands/ agent/store/ sees the ports journal.h and command_starts.h only")
+forbid("^agent/store/" "^agent/commands/" "of agent/commands/ agent/store/ sees the ports of journal.h only")
 forbid("^agent/store/disk/" "^agent/store/(samples/|journal/|[^/]+$)" "agent/store/disk/ does not know what the file contains")
 forbid("^agent/uplink/" "^agent/(field|cli|agent)[/.]" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
 forbid("^agent/uplink/(commands|paho|payload|retained|samples)/" "^agent/uplink/(own_topics|publisher|session|shutdown|status)[/.]"
@@ -106,7 +106,7 @@ set(allowed
   "^agent/field/((bus|command|link|transport)/)?[^/ ]+ asio"
   "^tests/[^ ]+ (asio|sqlite3|SQLiteCpp/)"
   "^agent/store/[^ ]+ (sqlite3\\.h|SQLiteCpp/SQLiteCpp\\.h)$"
-  "^agent/store/[^ ]+ agent/commands/(journal|command_starts)\\.h$"
+  "^agent/store/[^ ]+ agent/commands/journal\\.h$"
   "^agent/uplink/paho/[^ ]+ (mqtt/|MQTT)"
   "^agent/history/[^ ]+ (mosquitto\\.h|libpq-fe\\.h)$"
   "^agent/remote/kept_file\\.h agent/store/disk/durable_file\\.h$"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/commands/command_starts.h"
+#include "agent/commands/journal.h"
 #include "agent/commands/pending_budget.h"
 #include "agent/handover/command_message.h"
 #include "protocol/codec.h"
