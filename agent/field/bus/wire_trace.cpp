@@ -26,15 +26,11 @@ void WireTrace::speak_to(const Station& station) {
   codec_ = station.codec;
 }
 
-void WireTrace::out(ByteView bytes, SteadyTime at) const {
-  take(Way::out, bytes, at, nanoseconds(0), {});
-}
-
 void WireTrace::ended(const Exchange& exchange, ByteView bytes, SteadyTime now,
                       SteadyTime deadline) const {
   if (exchange.has_answer()) {
     const std::size_t size = exchange.reply.consumed - exchange.reply.began;
-    return take(Way::in, bytes.subspan(exchange.reply.began, size), now, now - exchange.began, {});
+    return take(Way::in, bytes.subspan(exchange.reply.began, size), now, now - exchange.began);
   }
   const bool is_missing = exchange.outcome == Exchange::Outcome::unanswered;
   const nanoseconds within = (is_missing ? deadline : now) - exchange.began;
@@ -43,10 +39,6 @@ void WireTrace::ended(const Exchange& exchange, ByteView bytes, SteadyTime now,
     why = (bytes.empty() ? "no bytes within " : "no complete answer within ") + whole_ms(within) +
           " ms";
   take(Way::failed, bytes, now, within, std::move(why));
-}
-
-void WireTrace::unasked(ByteView bytes, SteadyTime at) const {
-  take(Way::unasked, bytes, at, nanoseconds(0), {});
 }
 
 void WireTrace::take(Way way, ByteView bytes, SteadyTime at, nanoseconds after,

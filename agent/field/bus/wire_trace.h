@@ -35,16 +35,18 @@ class WireTrace final {
   void speak_to(const Station& station);
 
   /// Takes the bytes that left the agent at `at`.
-  void out(ByteView bytes, SteadyTime at) const;
+  void out(ByteView bytes, SteadyTime at) const { take(RecordedFrame::Way::out, bytes, at); }
   /// Takes how the wait for an answer ended at `now`: by the answer, which is part of `bytes`, or
   /// without it. `deadline` is that of the answer.
   void ended(const Exchange& exchange, ByteView bytes, SteadyTime now, SteadyTime deadline) const;
   /// Takes bytes that came when no answer was due, or around one.
-  void unasked(ByteView bytes, SteadyTime at) const;
+  void unasked(ByteView bytes, SteadyTime at) const {
+    take(RecordedFrame::Way::unasked, bytes, at);
+  }
 
  private:
-  void take(RecordedFrame::Way way, ByteView bytes, SteadyTime at, std::chrono::nanoseconds after,
-            std::string note) const;
+  void take(RecordedFrame::Way way, ByteView bytes, SteadyTime at,
+            std::chrono::nanoseconds after = {}, std::string note = {}) const;
   void log(RecordedFrame::Way way, ByteView bytes, std::chrono::nanoseconds after,
            std::string note) const;
 
