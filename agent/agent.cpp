@@ -180,12 +180,6 @@ std::uint64_t stand_by(PairMember& pair) {
   });
 }
 
-/// Returns the current status in one line; empty if there is none yet.
-std::string current_status(StatusBoard& board) {
-  const auto status = board.read(std::chrono::steady_clock::now(), kStatusWithin);
-  return status ? status_line(*status) : std::string();
-}
-
 }  // namespace
 
 // The uplink owns `config` from here on; a reload overwrites it with the next one.
@@ -311,8 +305,11 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     field.ask([&signs] { signs.field_went_on(); });
     outbox.notify();
   };
-  ServiceReports reports(signs, {ask, [&] { return current_status(publisher.board()); }},
-                         std::chrono::steady_clock::now());
+  const auto current_status = [&] {
+    const auto status = publisher.board().read(std::chrono::steady_clock::now(), kStatusWithin);
+    return status ? status_line(*status) : std::string();
+  };
+  ServiceReports reports(signs, {ask, current_status}, std::chrono::steady_clock::now());
   const int signal = wait_for_stop(watchdog, reports);
   watchdog.stage("the log: its reader does not read");
   service_manager::notify_stopping();
