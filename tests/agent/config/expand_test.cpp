@@ -10,6 +10,7 @@
 #include <string>
 
 #include "tests/agent/config/small_plant.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -73,16 +74,14 @@ TEST(ExpandedConfig, IsARightConfigThatMeansTheSame) {
 TEST(ExpandedConfig, LeavesSecretsAndNumbersAsTheyStand) {
   const std::string text = expanded_config(kMeters, variables());
   EXPECT_EQ(text.find("hunter2"), std::string::npos);
-  EXPECT_NE(text.find("\"${PASSWORD}\""), std::string::npos);
-  EXPECT_NE(text.find("\"scale\": 0.10"), std::string::npos) << text;
+  expect_says(text, "\"${PASSWORD}\"");
+  expect_says(text, "\"scale\": 0.10");
 }
 
 TEST(ExpandedConfig, IsWrittenAsPeopleDo) {
   const std::string text = expanded_config(kMeters, variables());
   EXPECT_TRUE(text.starts_with("{\n  \"agent\": {\"id\": \"edge7\"},\n  \"mqtt\": {")) << text;
-  EXPECT_NE(text.find("\n      \"groups\": [{\"name\": \"g01\", \"interval_ms\": 1}],\n"),
-            std::string::npos)
-      << text;
+  expect_says(text, "\n      \"groups\": [{\"name\": \"g01\", \"interval_ms\": 1}],\n");
   EXPECT_TRUE(text.ends_with("\n  ]\n}\n"));
 }
 
@@ -105,7 +104,7 @@ TEST(ExpandedConfig, WithoutTemplatesItIsTheFile) {
 TEST(ExpandedConfig, AWrongFileHasItsErrors) {
   const auto text = expanded_config("/nowhere/agent.json");
   ASSERT_FALSE(text);
-  EXPECT_NE(listed(text.error()).find("cannot be read"), std::string::npos);
+  expect_says(listed(text.error()), "cannot be read");
 }
 
 }  // namespace

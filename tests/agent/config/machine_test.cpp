@@ -5,6 +5,7 @@
 #include <string>
 
 #include "tests/support/other_program.h"
+#include "tests/support/says.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -27,7 +28,7 @@ TEST(SerialPorts, OneThatIsNotThereIsNamed) {
   const auto found = unavailable_ports(config_with(scratch.path("ttyNone")), "agent.json");
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].pointer, "/links/1/serial/path");
-  EXPECT_NE(found[0].text.find("cannot be opened"), std::string::npos) << found[0].text;
+  test::expect_says(found[0].text, "cannot be opened");
 }
 
 TEST(SerialPorts, OneThatAnotherProgramHasIsNamedWithIt) {
@@ -38,10 +39,8 @@ TEST(SerialPorts, OneThatAnotherProgramHasIsNamedWithIt) {
   const auto found = unavailable_ports(config, "agent.json");
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].pointer, "/links/1/serial/path");
-  EXPECT_NE(found[0].text.find("is in use by another program: config_test, pid " +
-                               std::to_string(other.pid())),
-            std::string::npos)
-      << found[0].text;
+  test::expect_says(found[0].text, "is in use by another program: config_test, pid " +
+                                       std::to_string(other.pid()));
 }
 
 }  // namespace

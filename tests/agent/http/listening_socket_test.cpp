@@ -8,6 +8,7 @@
 #include <fstream>
 #include <string>
 
+#include "tests/support/says.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -41,15 +42,14 @@ TEST(ListeningSocket, AddressThatIsTakenIsSaidWithTheCure) {
   const auto port = std::stoi(first->address().substr(first->address().rfind(':') + 1));
   const auto second = ListeningSocket::open(tcp("127.0.0.1", static_cast<std::uint16_t>(port)));
   ASSERT_FALSE(second.has_value());
-  EXPECT_NE(second.error().text.find(first->address()), std::string::npos);
-  EXPECT_NE(second.error().text.find("another program"), std::string::npos);
+  test::expect_says(second.error().text, first->address());
+  test::expect_says(second.error().text, "another program");
 }
 
 TEST(ListeningSocket, AddressOfAnotherMachineIsSaidWithTheCure) {
   const auto made = ListeningSocket::open(tcp("192.0.2.7", 0));
   ASSERT_FALSE(made.has_value());
-  EXPECT_NE(made.error().text.find("does not have this address"), std::string::npos)
-      << made.error().text;
+  test::expect_says(made.error().text, "does not have this address");
 }
 
 TEST_F(UnixSocket, IsForTheUserAndTheGroupAndGoesWithItsOwner) {
@@ -77,7 +77,7 @@ TEST_F(UnixSocket, OneThatIsServedIsNotTaken) {
   ASSERT_TRUE(first.has_value());
   const auto second = ListeningSocket::open(config_);
   ASSERT_FALSE(second.has_value());
-  EXPECT_NE(second.error().text.find("another program"), std::string::npos);
+  test::expect_says(second.error().text, "another program");
   EXPECT_TRUE(std::filesystem::exists(config_.unix_path)) << "the first one's file";
 }
 
@@ -91,7 +91,7 @@ TEST_F(UnixSocket, DirectoryThatIsNotThereIsSaidWithTheCure) {
   config_.unix_path = scratch_.path("none/metrics");
   const auto made = ListeningSocket::open(config_);
   ASSERT_FALSE(made.has_value());
-  EXPECT_NE(made.error().text.find("create the directory"), std::string::npos) << made.error().text;
+  test::expect_says(made.error().text, "create the directory");
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "tests/agent/http/http_client.h"
 #include "tests/agent/http/made_up_status.h"
+#include "tests/support/says.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -57,9 +58,8 @@ TEST_F(WebServerTest, EachPathHasItsAnswer) {
   const WebServer server(config_, board_);
   HttpClient metrics = ask("/metrics");
   EXPECT_EQ(metrics.status(), 200);
-  EXPECT_NE(metrics.heard().find("text/plain; version=0.0.4"), std::string::npos);
-  EXPECT_NE(metrics.body().find("\nfxagent_exchanges_total{link=\"line1\"} 9642\n"),
-            std::string::npos);
+  expect_says(metrics.heard(), "text/plain; version=0.0.4");
+  expect_says(metrics.body(), "\nfxagent_exchanges_total{link=\"line1\"} 9642\n");
   for (const std::string path : {"/healthz", "/readyz"}) {
     HttpClient probe = ask(path);
     EXPECT_EQ(probe.status(), 200) << path;
@@ -67,7 +67,7 @@ TEST_F(WebServerTest, EachPathHasItsAnswer) {
   }
   HttpClient none = ask("/");
   EXPECT_EQ(none.status(), 404);
-  EXPECT_NE(none.body().find("/metrics"), std::string::npos);
+  expect_says(none.body(), "/metrics");
 }
 
 TEST_F(WebServerTest, PageIsServedOnlyIfTheConfigSaysSo) {
@@ -76,8 +76,8 @@ TEST_F(WebServerTest, PageIsServedOnlyIfTheConfigSaysSo) {
   const WebServer server(config_, board_);
   HttpClient page = ask("/", "127.0.0.1");
   EXPECT_EQ(page.status(), 200);
-  EXPECT_NE(page.heard().find("text/html"), std::string::npos);
-  EXPECT_NE(page.heard().find("require-trusted-types-for 'script'"), std::string::npos);
+  expect_says(page.heard(), "text/html");
+  expect_says(page.heard(), "require-trusted-types-for 'script'");
   EXPECT_EQ(ask("/app.js", "127.0.0.1").status(), 200);
   for (const std::string path : {"/..", "/../app.js", "/%2e%2e/app.js", "/app.js/", "//app.js",
                                  "/page/app.js", "/api", "/api/"})
@@ -117,7 +117,7 @@ TEST_F(WebServerTest, WithoutAFreshStatusThePageHasNoData) {
   EXPECT_EQ(ask("/", "localhost").status(), 200);
   HttpClient data = ask("/api/changes?since=0", "localhost");
   EXPECT_EQ(data.status(), 503);
-  EXPECT_NE(data.body().find("no sign of life"), std::string::npos);
+  expect_says(data.body(), "no sign of life");
 }
 
 TEST_F(WebServerTest, WithoutAStatusThereAreNoMetrics) {
@@ -137,7 +137,7 @@ TEST_F(WebServerTest, AgentWithoutABrokerIsHealthyAndNotReady) {
   EXPECT_EQ(ask("/healthz").status(), 200);
   HttpClient ready = ask("/readyz");
   EXPECT_EQ(ready.status(), 503);
-  EXPECT_NE(ready.body().find("no connection to mqtt://one:1883"), std::string::npos);
+  expect_says(ready.body(), "no connection to mqtt://one:1883");
 }
 
 TEST_F(WebServerTest, NewStatusIsShown) {
@@ -147,7 +147,7 @@ TEST_F(WebServerTest, NewStatusIsShown) {
   AgentStatus status = made_up_status();
   status.store_bytes = 4711;
   publish(std::move(status));
-  EXPECT_NE(ask("/metrics").body().find("\nfxagent_store_bytes 4711\n"), std::string::npos);
+  expect_says(ask("/metrics").body(), "\nfxagent_store_bytes 4711\n");
 }
 
 TEST_F(WebServerTest, AddressThatIsTakenIsTakenOverOnceItIsFree) {

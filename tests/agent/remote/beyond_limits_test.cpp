@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tests/agent/remote/remote_plant.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -187,8 +188,7 @@ TEST(BeyondLimits, NoNamedRangeIsForABroadcast) {
                                {"unit", 0},
                                {"commands", {{"allow", {"hr:0-hr:9"}}}}});
   const auto said = [&] { return listed(beyond_limits(good(local.dump()), good(wanted.dump()))); };
-  EXPECT_NE(said().find("all: commands.allow with hr:0 to hr:9 goes beyond"), std::string::npos)
-      << said();
+  expect_says(said(), "all: commands.allow with hr:0 to hr:9 goes beyond");
   wanted["devices"].back()["unit"] = 1;
   EXPECT_EQ(said(), "");
 }
@@ -255,9 +255,8 @@ TEST(BeyondLimits, ARangeOfRemoteAllowIsForDevicesOfTheLocalFile) {
     for (const char* protocol : {"mc-1e", "mc-3e"})
       expect_may_not(local, allowing(device(name, protocol, kQ), {"Y0"}));
   expect_may_not(local, allowing(device("new", "mc-1e", kFx3u), {"Y0"}));
-  EXPECT_NE(said_of_device(local, allowing(device("new", "mc-1e", kFx3u), {"Y0"}))
-                .find("\"commands.allow: mc-1e FX3U RANGE\""),
-            std::string::npos);
+  expect_says(said_of_device(local, allowing(device("new", "mc-1e", kFx3u), {"Y0"})),
+              "\"commands.allow: mc-1e FX3U RANGE\"");
 }
 
 TEST(BeyondLimits, AnEntryWithProtocolAndModelIsForNewDevicesToo) {

@@ -88,8 +88,7 @@ TEST(LinkExplanation, ExtensionRegistersAreNamedInSevenCharactersOnly) {
        {"00FFWR0R000002", "00FFWW0R0000011234", "00FFWT001R00001234"}) {
     const auto out = summed("%" + std::string(text));
     EXPECT_FALSE(out.ok) << text;
-    EXPECT_NE(out.error.value_or("").find("'R0000' is not a device"), std::string::npos)
-        << out.error.value_or("");
+    expect_says(out.error.value_or(""), "'R0000' is not a device");
   }
   const auto read = summed("%00FFQR0R00000002");
   EXPECT_TRUE(read.ok) << read.error.value_or("");

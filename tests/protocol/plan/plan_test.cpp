@@ -8,6 +8,7 @@
 
 #include "protocol/fx/programming_port.h"
 #include "protocol/plan/cheapest_reads.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -343,7 +344,7 @@ TEST(Plan, AnArrayLongerThanAFrameGetsConsecutiveReadsAndComesBackWhole) {
   images[2].clear();
   const auto torn = value_of(plan, images, points[0], 0);
   ASSERT_FALSE(torn);
-  EXPECT_NE(torn.error().text.find("only partly read"), std::string::npos);
+  test::expect_says(torn.error().text, "only partly read");
 }
 
 TEST(Plan, AValueIsNeverTakenFromAReadThatEndsBeforeIt) {
@@ -760,16 +761,14 @@ TEST(PlanWrite, WhatCannotBeWrittenIsRefused) {
     EXPECT_FALSE(requests.has_value());
     return requests ? "" : requests.error().text;
   };
-  EXPECT_NE(why(device(codec, "D100.F", DataType::boolean), 1).find("cannot be written"),
-            std::string::npos);
-  EXPECT_NE(why(device(codec, "K4M1"), 2).find("whole bytes"), std::string::npos);
-  EXPECT_NE(why(device(codec, "M8036", DataType::boolean), 1).find("M8118"), std::string::npos);
-  EXPECT_NE(why(device(codec, "D0"), 4).find("takes 2 bytes, not 4"), std::string::npos);
-  EXPECT_NE(why(device(codec, "D7999", DataType::int16, 2), 4).find("does not exist"),
-            std::string::npos);
+  test::expect_says(why(device(codec, "D100.F", DataType::boolean), 1), "cannot be written");
+  test::expect_says(why(device(codec, "K4M1"), 2), "whole bytes");
+  test::expect_says(why(device(codec, "M8036", DataType::boolean), 1), "M8118");
+  test::expect_says(why(device(codec, "D0"), 4), "takes 2 bytes, not 4");
+  test::expect_says(why(device(codec, "D7999", DataType::int16, 2), 4), "does not exist");
   Point misfit = device(codec, "D0");
   misfit.type = DataType::boolean;
-  EXPECT_NE(why(misfit, 1).find("cannot be read as bool"), std::string::npos);
+  test::expect_says(why(misfit, 1), "cannot be read as bool");
   Point elsewhere = words(0);
   elsewhere.address.span.space = 1;
   EXPECT_FALSE(plan_write(PaperCodec({}), elsewhere, Bytes(2)));

@@ -7,6 +7,7 @@
 
 #include "protocol/value/pack.h"
 #include "protocol/value/value.h"
+#include "tests/support/says.h"
 #include "tests/support/transcripts.h"
 
 namespace fxagent {
@@ -71,7 +72,7 @@ TEST(DataType, EveryWordIsReadBack) {
     EXPECT_EQ(to_string(*data_type_from(word)), word);
   const auto wrong = data_type_from("int");
   ASSERT_FALSE(wrong);
-  EXPECT_NE(wrong.error().text.find("uint32"), std::string::npos);
+  test::expect_says(wrong.error().text, "uint32");
 }
 
 TEST(ByteOrder, HasFourSpellingsAndTwoNames) {
@@ -137,12 +138,11 @@ TEST(Point, OccupiesAllItsElements) {
   point.length = 5;
   EXPECT_EQ(span_of(point)->bits, 96U);
   point.length = 0;
-  EXPECT_NE(span_of(point).error().text.find("length"), std::string::npos);
-  EXPECT_NE(span_of(word_point(DataType::int16, 0)).error().text.find("at least 1"),
-            std::string::npos);
+  test::expect_says(span_of(point).error().text, "length");
+  test::expect_says(span_of(word_point(DataType::int16, 0)).error().text, "at least 1");
   Point far = word_point(DataType::int32, 65535);
   far.address.span.first_bit = 0xFFFFFF00;
-  EXPECT_NE(span_of(far).error().text.find("too long"), std::string::npos);
+  test::expect_says(span_of(far).error().text, "too long");
 }
 
 // ---- reading ----------------------------------------------------------------------------------

@@ -6,6 +6,7 @@
 
 #include "agent/cli/audit/audit_report.h"
 #include "agent/commands/audit_records.h"
+#include "tests/support/says.h"
 
 namespace fxagent::audit {
 namespace {
@@ -117,7 +118,7 @@ TEST(Audit, EachRecordThatIsMissingIsNamed) {
     const auto findings = chain.findings();
     ASSERT_EQ(findings.size(), 1U) << i;
     EXPECT_EQ(findings[0].record, i + 1);
-    EXPECT_NE(findings[0].text.find("missing"), std::string::npos) << findings[0].text;
+    test::expect_says(findings[0].text, "missing");
   }
 }
 
@@ -257,7 +258,7 @@ TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
             "before the records press1 z: (no op): no result is recorded | the "
             "broker has not acknowledged it");
   EXPECT_TRUE(nlohmann::json::parse(lines[0].json)["refused_by_broker"]);
-  EXPECT_NE(lines[1].text.find("records up to 3 were removed"), std::string::npos);
+  test::expect_says(lines[1].text, "records up to 3 were removed");
   EXPECT_EQ(nlohmann::json::parse(lines[2].json)["received"], kNow + 1);
   EXPECT_EQ(nlohmann::json::parse(lines[3].json)["status"], nullptr);
 }
@@ -276,13 +277,10 @@ TEST(AuditReport, RemoteConfigHasALine) {
   report.add(seal(head, config({"", "", "applied", "", "0f3b", {}}, "t", kNow + 1)));
   const auto lines = report.take();
   ASSERT_EQ(lines.size(), 2U);
-  EXPECT_NE(
-      lines[0].text.find(" by \"ann\": rejected: /links: differs (and 2 more) | in force 0f3a"),
-      std::string::npos)
-      << lines[0].text;
+  test::expect_says(lines[0].text,
+                    " by \"ann\": rejected: /links: differs (and 2 more) | in force 0f3a");
   EXPECT_EQ(lines[0].text.find('\x1b'), std::string::npos);
-  EXPECT_NE(lines[1].text.find("config withdrawn: applied | in force 0f3b"), std::string::npos)
-      << lines[1].text;
+  test::expect_says(lines[1].text, "config withdrawn: applied | in force 0f3b");
   const auto said = nlohmann::json::parse(lines[0].json);
   EXPECT_EQ(said["errors_in_all"], 3);
   EXPECT_EQ(said["topic"], "fx/edge7/config/desired");

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/agent/uplink/plant.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -96,7 +97,7 @@ TEST(ParseCommand, NullIsNoConditionOrValueThatGotLost) {
     const Command command = fxagent::parse_command(payload);
     ASSERT_TRUE(command.refusal) << payload;
     EXPECT_EQ(command.refusal->reason, Reason::bad_value) << payload;
-    EXPECT_NE(command.refusal->detail.find("null"), std::string::npos) << command.refusal->detail;
+    test::expect_says(command.refusal->detail, "null");
   }
 }
 
@@ -222,7 +223,7 @@ TEST(ParseCommand, NothingFollowsTheCommand) {
     EXPECT_EQ(command.id, "1");
     ASSERT_TRUE(command.refusal);
     EXPECT_EQ(command.refusal->reason, Reason::bad_json);
-    EXPECT_NE(command.refusal->detail.find("NUL"), std::string::npos);
+    test::expect_says(command.refusal->detail, "NUL");
   }
 }
 
@@ -246,8 +247,7 @@ TEST_P(CommandRefusal, IsTheFirstInTheOrderOfChecks) {
   const Command command = fxagent::parse_command(GetParam().payload);
   ASSERT_TRUE(command.refusal);
   EXPECT_EQ(to_string(command.refusal->reason), to_string(GetParam().reason));
-  EXPECT_NE(command.refusal->detail.find(GetParam().detail_has), std::string::npos)
-      << command.refusal->detail;
+  test::expect_says(command.refusal->detail, GetParam().detail_has);
   EXPECT_EQ(command.id, GetParam().id);
 }
 

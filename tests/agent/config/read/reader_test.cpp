@@ -6,6 +6,7 @@
 #include <array>
 
 #include "tests/agent/config/small_plant.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -202,10 +203,8 @@ TEST(ConfigReader, WrongTypeSaysWhatIsWantedAndWhatWasFound) {
     expect_refused(c.pointer, c.value, c.words);
   }
   // These errors cause further ones.
-  EXPECT_NE(listed(errors_of(changed("/links/0", "7"))).find("/links/0: must be an object"),
-            std::string::npos);
-  EXPECT_NE(listed(errors_of(changed("/agent", "[]"))).find("/agent: must be an object"),
-            std::string::npos);
+  expect_says(listed(errors_of(changed("/links/0", "7"))), "/links/0: must be an object");
+  expect_says(listed(errors_of(changed("/agent", "[]"))), "/agent: must be an object");
 }
 
 TEST(ConfigReader, WholeNumberWithAPointIsAnInteger) {

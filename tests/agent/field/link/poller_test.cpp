@@ -16,6 +16,7 @@
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/poller_plant.h"
 #include "tests/agent/field/port_frames.h"
+#include "tests/support/says.h"
 
 namespace fxagent::test {
 namespace {
@@ -238,9 +239,7 @@ TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
   step();
   EXPECT_LE(wire->written().size(), asked + 2) << "RUN alone, each time";
   const std::string log = testing::internal::GetCapturedStderr();
-  EXPECT_NE(log.find("warning device device=press1 model=FX2N model_configured=FX3U"),
-            std::string::npos)
-      << log;
+  expect_says(log, "warning device device=press1 model=FX2N model_configured=FX3U");
   EXPECT_EQ(log.find("model_configured=FX3U"), log.rfind("model_configured=FX3U")) << log;
 }
 

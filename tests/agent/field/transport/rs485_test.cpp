@@ -8,6 +8,8 @@
 
 #include <string>
 
+#include "tests/support/says.h"
+
 namespace fxagent::test {
 namespace {
 
@@ -35,22 +37,19 @@ TEST(Rs485, WhatADriverChangesSilentlyIsNamed) {
   got.flags |= SER_RS485_RX_DURING_TX;  // set by others, not checked
   EXPECT_EQ(not_taken(asked, got), "");
   got.flags = 0;
-  EXPECT_NE(not_taken(asked, got).find("does not switch"), std::string::npos)
-      << not_taken(asked, got);
+  expect_says(not_taken(asked, got), "does not switch");
 
   got = asked;
   got.flags = SER_RS485_ENABLED | SER_RS485_RTS_AFTER_SEND;
-  EXPECT_NE(not_taken(asked, got).find("set rs485/rts_on_send to false"), std::string::npos);
-  EXPECT_NE(not_taken(got, asked).find("cannot lower RTS"), std::string::npos);
+  expect_says(not_taken(asked, got), "set rs485/rts_on_send to false");
+  expect_says(not_taken(got, asked), "cannot lower RTS");
 
   got = asked;
   got.delay_rts_before_send = 0;
-  EXPECT_NE(not_taken(asked, got).find("delay_before_ms 5, its driver changes it to 0"),
-            std::string::npos);
+  expect_says(not_taken(asked, got), "delay_before_ms 5, its driver changes it to 0");
   got = asked;
   got.delay_rts_after_send = 1;
-  EXPECT_NE(not_taken(asked, got).find("delay_after_ms 6, its driver changes it to 1"),
-            std::string::npos);
+  expect_says(not_taken(asked, got), "delay_after_ms 6, its driver changes it to 1");
 }
 
 TEST(Rs485, PortWithoutItSaysSoWithTheCure) {
@@ -58,8 +57,8 @@ TEST(Rs485, PortWithoutItSaysSoWithTheCure) {
   ASSERT_GE(pty, 0);
   const std::string fault = switch_direction(pty, {});
   ::close(pty);
-  EXPECT_NE(fault.find("its driver does not support it"), std::string::npos) << fault;
-  EXPECT_NE(fault.find("remove rs485"), std::string::npos) << fault;
+  expect_says(fault, "its driver does not support it");
+  expect_says(fault, "remove rs485");
 }
 
 }  // namespace

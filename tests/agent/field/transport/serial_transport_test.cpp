@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "tests/agent/field/on_io.h"
+#include "tests/support/says.h"
 
 namespace fxagent::test {
 namespace {
@@ -109,16 +110,15 @@ TEST_F(SerialTransportTest, MissingPathIsLinkDownAndNamesTheCure) {
   const auto opened = open(*transport);
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().code, ErrorCode::link_down);
-  EXPECT_NE(opened.error().text.find("/dev/ttyNone0"), std::string::npos);
-  EXPECT_NE(opened.error().text.find("plugged in"), std::string::npos) << opened.error().text;
+  expect_says(opened.error().text, "/dev/ttyNone0");
+  expect_says(opened.error().text, "plugged in");
   EXPECT_FALSE(transport->is_open());
 }
 
 TEST_F(SerialTransportTest, PathThatIsNoPortIsLinkDown) {
   const auto opened = open(*port("/dev/null"));
   ASSERT_FALSE(opened);
-  EXPECT_NE(opened.error().text.find("not a serial port"), std::string::npos)
-      << opened.error().text;
+  expect_says(opened.error().text, "not a serial port");
 }
 
 TEST_F(SerialTransportTest, PortThatCannotSwitchTheDirectionIsLinkDownAndNamed) {
@@ -145,8 +145,7 @@ TEST_F(SerialTransportTest, PortOfAnotherProgramIsLeftAlone) {
   const auto refused = open(*transport);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::link_down);
-  EXPECT_NE(refused.error().text.find("another program"), std::string::npos)
-      << refused.error().text;
+  expect_says(refused.error().text, "another program");
   ::close(other);
   EXPECT_TRUE(open(*transport)) << "free again";
 }

@@ -14,6 +14,7 @@
 #include "agent/field/transport/host_lookup.h"
 #include "tests/agent/field/on_io.h"
 #include "tests/agent/field/transport/open_files.h"
+#include "tests/support/says.h"
 
 namespace fxagent::test {
 namespace {
@@ -81,10 +82,8 @@ TEST_F(TcpTransportTest, PortWhereNobodyListensIsLinkDown) {
   const auto opened = open(*transport);
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().code, ErrorCode::link_down);
-  EXPECT_NE(opened.error().text.find(": connection refused: is "), std::string::npos)
-      << opened.error().text;
-  EXPECT_NE(opened.error().text.find("127.0.0.1:" + std::to_string(port)), std::string::npos)
-      << opened.error().text;
+  expect_says(opened.error().text, ": connection refused: is ");
+  expect_says(opened.error().text, "127.0.0.1:" + std::to_string(port));
   EXPECT_FALSE(transport->is_open());
 }
 
@@ -194,7 +193,7 @@ TEST_F(TcpTransportTest, LastOpenFilesAreLeftToTheOthers) {
     const auto opened = open(*transport);
     ASSERT_FALSE(opened);
     EXPECT_EQ(opened.error().code, ErrorCode::link_down);
-    EXPECT_NE(opened.error().text.find("open files"), std::string::npos) << opened.error().text;
+    expect_says(opened.error().text, "open files");
     EXPECT_FALSE(transport->is_open());
   }
   EXPECT_TRUE(open(*transport));

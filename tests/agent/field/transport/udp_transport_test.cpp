@@ -12,6 +12,7 @@
 
 #include "tests/agent/field/on_io.h"
 #include "tests/agent/field/transport/open_files.h"
+#include "tests/support/says.h"
 
 namespace fxagent::test {
 namespace {
@@ -125,7 +126,7 @@ TEST_F(UdpTransportTest, NoMoreOpenFilesNamesTheCure) {
   const OpenFiles allowed(static_cast<rlim_t>(next));
   const auto opened = open(*transport);
   ASSERT_FALSE(opened);
-  EXPECT_NE(opened.error().text.find("LimitNOFILE"), std::string::npos) << opened.error().text;
+  expect_says(opened.error().text, "LimitNOFILE");
 }
 
 TEST_F(UdpTransportTest, AnswersOfOthersAreNotTaken) {
@@ -262,8 +263,7 @@ TEST_F(UdpTransportTest, FixedPortThatAnotherHasIsNamedWithTheCure) {
   const auto opened = open(*transport);
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().code, ErrorCode::link_down);
-  EXPECT_NE(opened.error().text.find("local_port " + std::to_string(own)), std::string::npos)
-      << opened.error().text;
+  expect_says(opened.error().text, "local_port " + std::to_string(own));
   EXPECT_FALSE(transport->is_open());
 }
 

@@ -11,6 +11,7 @@
 
 #include "tests/agent/uplink/plant.h"
 #include "tests/agent/uplink/sparkplug/bytes.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -434,11 +435,10 @@ TEST_F(TypedRequest, WordsOfTheAgentAreNoCommands) {
        {"12 0E 0A 04 72 65 61 64 62 06 1A 04 63 63 63 63",                 // read
         "12 12 0A 08 66 6F 72 63 65 5F 6F 6E 62 06 1A 04 63 63 63 63"}) {  // force_on
     hear("DCMD/edge7/press1", (std::string("2A 01 68 ") + name).c_str());
-    EXPECT_NE(orders_.back().payload.find(R"("op":"command )"), std::string::npos)
-        << orders_.back().payload;
+    test::expect_says(orders_.back().payload, R"("op":"command )");
   }
   hear("DCMD/edge7/press1", "2A 01 68 12 10 0A 06 52 65 62 6F 6F 74 62 06 1A 04 63 63 63 63");
-  EXPECT_NE(orders_.back().payload.find(R"("op":"Reboot")"), std::string::npos);
+  test::expect_says(orders_.back().payload, R"("op":"Reboot")");
 }
 
 }  // namespace
