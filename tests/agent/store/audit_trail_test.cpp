@@ -7,6 +7,7 @@
 
 #include "agent/commands/audit_records.h"
 #include "tests/agent/store/shelf.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -15,8 +16,7 @@ using namespace std::chrono_literals;
 using namespace test;
 
 TEST(AuditTrail, AuditOfACommandIsWrittenWithItsJournal) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   JournalEntry command = entry("one");
   command.audit = told("one");
   command.number = 7;
@@ -33,8 +33,7 @@ TEST(AuditTrail, AuditOfACommandIsWrittenWithItsJournal) {
 }
 
 TEST(AuditTrail, NotesForTheAuditAreWrittenTogether) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   shelf.store->upkeep(kStart, kNow);
   for (const char* id : {"a", "b", "c"}) shelf.store->audit().note(told(id));
   EXPECT_TRUE(shelf.store->has_pending());
@@ -45,8 +44,7 @@ TEST(AuditTrail, NotesForTheAuditAreWrittenTogether) {
 }
 
 TEST(AuditTrail, AuditGoesOnAfterARestartAndCommandsKeepTheirNumbers) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   EXPECT_EQ(shelf.store->audit().next_command_number(), 1U);
   EXPECT_EQ(shelf.store->audit().next_command_number(), 2U);
   shelf.store->audit().note(told("a"));
@@ -72,10 +70,8 @@ TEST(AuditTrail, AuditThatFoundNoDiskIsWrittenLaterAndSaysWhatWasLost) {
   shelf.store->upkeep(kStart + 10s, kNow + 10000);
   const auto texts = audit_of(shelf);
   ASSERT_EQ(texts.size(), 30001U);
-  EXPECT_NE(texts.front().find("\"one\""), std::string::npos);
-  EXPECT_NE(texts.back().find("\"kind\":\"lost\",\"ts\":1790000010000,\"records\":6"),
-            std::string::npos)
-      << texts.back();
+  expect_says(texts.front(), "\"one\"");
+  expect_says(texts.back(), "\"kind\":\"lost\",\"ts\":1790000010000,\"records\":6");
 }
 
 TEST(AuditTrail, AuditOfAFreshFileNamesTheDamagedOne) {
@@ -86,7 +82,7 @@ TEST(AuditTrail, AuditOfAFreshFileNamesTheDamagedOne) {
   shelf.store->upkeep(kStart, kNow);
   const auto texts = audit_of(shelf);
   ASSERT_EQ(texts.size(), 1U);
-  EXPECT_NE(texts[0].find(shelf.store->set_aside()), std::string::npos) << texts[0];
+  expect_says(texts[0], shelf.store->set_aside());
 }
 
 TEST(AuditTrail, AuditIsPrunedToItsSizeAndItsAge) {

@@ -89,6 +89,10 @@ struct Shelf {
   }
 };
 
+struct OpenShelf : Shelf {
+  OpenShelf() { open(); }
+};
+
 /// Limits the size of files written by this process, as a full disk does.
 class DiskLimit final {
  public:

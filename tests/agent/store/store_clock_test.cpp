@@ -45,8 +45,7 @@ TEST(StoreClock, ClockThatIsSetLeavesRowsOfEarlierRunsAsTheyAre) {
 // begin below those of earlier runs, and the clock is set after the file has opened.
 TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
   constexpr std::int64_t kBoot = 5000;
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   for (const char* id : {"told", "again", "untold"}) {
     JournalEntry made = entry(id, "{earlier}", kNow - 60000);
     made.number = static_cast<std::uint64_t>(kNow);  // like a run that opened its file late

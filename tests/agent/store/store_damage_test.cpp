@@ -7,21 +7,16 @@
 
 #include "agent/store/disk/sqlite.h"
 #include "agent/store/store.h"
-#include "tests/agent/store/json_history.h"
-#include "tests/support/scratch.h"
+#include "tests/agent/store/shelf.h"
 
 namespace fxagent {
 namespace {
 
+using namespace test;
 namespace fs = std::filesystem;
-
-constexpr std::int64_t kUtc = 1790000000000;
 
 class StoreDamage : public testing::Test {
  protected:
-  StoreDamage() { config_.path = scratch_.path("store"); }
-
-  std::string file() const { return config_.path + "/fxagent.db"; }
   static std::vector<SampleRow> rows(std::uint64_t count) {
     std::vector<SampleRow> made(count);
     for (std::uint64_t i = 0; i < count; ++i) {
@@ -34,36 +29,35 @@ class StoreDamage : public testing::Test {
     return made;
   }
   void make() {
-    Store store(config_, kUtc);
+    Store store(shelf_.config, kNow);
     auto some = rows(50);
     ASSERT_TRUE(store.samples().append(some, Store::Hold::no));
     store.close();
   }
   /// Expects the store to work on a fresh file, next to the damaged one.
   void expect_a_fresh_one() {
-    Store store(config_, kUtc);
+    Store store(shelf_.config, kNow);
     EXPECT_TRUE(store.is_writable());
     EXPECT_EQ(store.samples().rows(), 0U);
     auto one = rows(1);
     EXPECT_TRUE(store.samples().append(one, Store::Hold::no));
-    EXPECT_TRUE(fs::exists(file() + ".corrupt-" + std::to_string(kUtc)));
+    EXPECT_TRUE(fs::exists(shelf_.file() + ".corrupt-" + std::to_string(kNow)));
     store.close();
   }
 
-  test::Scratch scratch_;
-  StoreConfig config_;
+  Shelf shelf_;
 };
 
 TEST_F(StoreDamage, FileCutShortAnywhereIsSetAside) {
   make();
-  const auto whole = fs::file_size(file());
-  fs::copy_file(file(), scratch_.path("whole"));
+  const auto whole = fs::file_size(shelf_.file());
+  fs::copy_file(shelf_.file(), shelf_.scratch.path("whole"));
   for (std::uintmax_t size = 4096; size < whole; size += 4096 + 512) {
     SCOPED_TRACE(size);
-    fs::remove_all(config_.path);
-    fs::create_directory(config_.path);
-    fs::copy_file(scratch_.path("whole"), file());
-    fs::resize_file(file(), size);
+    fs::remove_all(shelf_.config.path);
+    fs::create_directory(shelf_.config.path);
+    fs::copy_file(shelf_.scratch.path("whole"), shelf_.file());
+    fs::resize_file(shelf_.file(), size);
     expect_a_fresh_one();
   }
 }
@@ -71,10 +65,10 @@ TEST_F(StoreDamage, FileCutShortAnywhereIsSetAside) {
 TEST_F(StoreDamage, FileWithoutOneOfTheTablesIsSetAside) {
   for (const std::string table : {"samples", "devices", "orders"}) {
     SCOPED_TRACE(table);
-    fs::remove_all(config_.path);
+    fs::remove_all(shelf_.config.path);
     make();
     {
-      SQLite::Database database = sqlite::open(file());
+      SQLite::Database database = sqlite::open(shelf_.file());
       ASSERT_NO_THROW(database.exec("DROP TABLE " + table));
     }
     expect_a_fresh_one();
@@ -84,16 +78,16 @@ TEST_F(StoreDamage, FileWithoutOneOfTheTablesIsSetAside) {
 TEST_F(StoreDamage, TableWithAnotherColumnIsSetAsideAndAnIndexMoreIsNot) {
   make();
   {
-    SQLite::Database database = sqlite::open(file());
+    SQLite::Database database = sqlite::open(shelf_.file());
     ASSERT_NO_THROW(database.exec("CREATE INDEX by_time ON samples(created_ms); ANALYZE"));
   }
   {
-    Store store(config_, kUtc);
+    Store store(shelf_.config, kNow);
     EXPECT_EQ(store.samples().rows(), 50U);
     store.close();
   }
   {
-    SQLite::Database database = sqlite::open(file());
+    SQLite::Database database = sqlite::open(shelf_.file());
     ASSERT_NO_THROW(database.exec("ALTER TABLE orders RENAME COLUMN correlation TO colleration"));
   }
   expect_a_fresh_one();
@@ -102,16 +96,15 @@ TEST_F(StoreDamage, TableWithAnotherColumnIsSetAsideAndAnIndexMoreIsNot) {
 TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
   make();
   {
-    SQLite::Database database = sqlite::open(file());
+    SQLite::Database database = sqlite::open(shelf_.file());
     ASSERT_NO_THROW(
         database.exec("UPDATE samples SET row = substr(row, 1, 100) WHERE id IN (1, 7);"
                       "UPDATE samples SET row = x'22FF22' WHERE id = 50"));
   }
-  Store store(config_, kUtc);
+  Store store(shelf_.config, kNow);
   EXPECT_EQ(store.samples().rows(), 50U);
   std::uint64_t delivered = 0;
-  while (const auto batch =
-             test::next(store.samples(), 4096, [](const StreamKey&) { return true; })) {
+  while (const auto batch = test::next(store.samples(), 4096, any)) {
     EXPECT_TRUE(nlohmann::json::accept(batch->payload));
     delivered += store.samples().remove(*batch);
   }
@@ -124,18 +117,18 @@ TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
 
 TEST_F(StoreDamage, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
   {
-    Store store(config_, kUtc);
+    Store store(shelf_.config, kNow);
     auto both = rows(4);
     both[3].device = "press2";
     ASSERT_TRUE(store.samples().append(both, Store::Hold::no));
     store.close();
   }
   {
-    SQLite::Database database = sqlite::open(file());
+    SQLite::Database database = sqlite::open(shelf_.file());
     ASSERT_NO_THROW(database.exec("UPDATE samples SET row = '{' WHERE device = 'press1'"));
   }
-  Store store(config_, kUtc);
-  const auto batch = test::next(store.samples(), 4096, [](const StreamKey&) { return true; });
+  Store store(shelf_.config, kNow);
+  const auto batch = test::next(store.samples(), 4096, any);
   ASSERT_TRUE(batch);
   EXPECT_EQ(batch->device, "press2");
   EXPECT_EQ(store.samples().take_dropped(), (std::map<std::string, std::uint64_t>{{"press1", 3}}));
@@ -145,9 +138,9 @@ TEST_F(StoreDamage, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
 }
 
 TEST_F(StoreDamage, FileOfAnotherProgramIsSetAside) {
-  fs::create_directory(config_.path);
+  fs::create_directory(shelf_.config.path);
   {
-    SQLite::Database database = sqlite::open(file());
+    SQLite::Database database = sqlite::open(shelf_.file());
     ASSERT_NO_THROW(database.exec("CREATE TABLE samples(other); PRAGMA user_version = 0"));
   }
   expect_a_fresh_one();

@@ -15,8 +15,7 @@ using namespace std::chrono_literals;
 using namespace test;
 
 TEST(Store, FilesAreTheOwnersAlone) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   struct stat facts {};
   std::size_t files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(shelf.config.path)) {
@@ -41,8 +40,7 @@ TEST(Store, DamagedFileIsSetAsideAndAFreshOneBegun) {
 }
 
 TEST(Store, DamageInTheMiddleOfTheFileIsFoundAtTheStart) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   shelf.add(rows(1, 2000));
   shelf.store->close();
   {
@@ -85,8 +83,7 @@ TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
 }
 
 TEST(Store, SecondAgentDoesNotGetTheSameFile) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   const Store second(shelf.config, kNow);
   EXPECT_EQ(second.state(), "memory");
   EXPECT_EQ(shelf.store->state(), "disk");

@@ -26,8 +26,6 @@ constexpr std::size_t kRecordWrittenAt = 24;
 
 /// A store whose agent is killed: its files are opened again without a clean end.
 struct StartedCommandsTest : ::testing::Test {
-  StartedCommandsTest() { shelf.open(); }
-
   /// Journals a command and returns its number.
   std::uint64_t journal(const std::string& id) {
     JournalEntry made = shelf.arrived(id);
@@ -70,7 +68,7 @@ struct StartedCommandsTest : ::testing::Test {
     overwrite(bytes);
   }
 
-  Shelf shelf;
+  OpenShelf shelf;
   using Left = std::map<std::string, bool>;
   const Left kProven{{"started", false}, {"waiting", true}};
   const Left kNothing{{"started", false}, {"waiting", false}};

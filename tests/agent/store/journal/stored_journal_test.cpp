@@ -15,8 +15,7 @@ using namespace test;
 
 // The result was published and then dropped to make room. A different result must not be published.
 TEST(StoredJournal, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   JournalEntry command = shelf.arrived("x");
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
   shelf.store->upkeep(kStart, kNow);
@@ -42,8 +41,7 @@ TEST(StoredJournal, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
 }
 
 TEST(StoredJournal, UnwrittenIsEveryEntryOfWhichTheDiskHasRefusedAPart) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   StoredJournal& journal = shelf.store->journal();
   JournalEntry early = shelf.arrived("early");
   ASSERT_TRUE(journal.journal(std::vector{early}));
@@ -70,8 +68,7 @@ TEST(StoredJournal, UnwrittenIsEveryEntryOfWhichTheDiskHasRefusedAPart) {
 }
 
 TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   JournalEntry early = entry("early");
   early.audit = R"({"early":1})";
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{early}));
@@ -90,8 +87,7 @@ TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
 }
 
 TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{entry("one"), entry("two")}));
   shelf.store->journal().record(entry("one", "{1}"));
   shelf.store->journal().record(entry("one", "{2}"));
@@ -124,8 +120,7 @@ TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
 
 // The field forgets the oldest of 10,000 ids at once, the file once a minute.
 TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   JournalEntry first = entry("one");
   first.number = 7;
   JournalEntry again = entry("one", "", kNow + 60000);
@@ -162,8 +157,7 @@ TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
 }
 
 TEST(StoredJournal, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   const std::int64_t day = 24 * 3600 * 1000;
   // An hour longer than the field remembers ids, so that the field finds every id it asks for.
   for (const std::int64_t age : {day + 3620000, day + 3580000}) {
@@ -201,8 +195,7 @@ TEST(StoredJournal, IdsAreKeptForTheirDayHoweverLongSamplesAre) {
 }
 
 TEST(StoredJournal, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
     const std::int64_t at = kNow - 100000 + static_cast<std::int64_t>(i);
     shelf.store->journal().record(entry(std::to_string(i), "{}", at));
@@ -217,8 +210,7 @@ TEST(StoredJournal, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
 }
 
 TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   JournalEntry old = entry("old", "{}", kNow - std::chrono::milliseconds(48h).count());
   shelf.store->journal().record(old);
   shelf.store->journal().acknowledge("a", "old", 0);
@@ -252,8 +244,7 @@ TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
 // Independently of the calendar, an id that came after 10,000 others is new, and an unacknowledged
 // result is never skipped.
 TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   constexpr std::int64_t kHour = 3600000;
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + static_cast<std::int64_t>(i));
@@ -280,8 +271,7 @@ TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
 }
 
 TEST(StoredJournal, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   JournalEntry patient = entry("patient", "{}");
   patient.deadline_ms = kNow + 3600000;
   patient.number = shelf.store->audit().next_command_number();
@@ -317,8 +307,7 @@ TEST(StoredJournal, ResultsAboveTheShareOfCommandsGoAndTheIdsStay) {
 }
 
 TEST(StoredJournal, CommandsThatWereRefusedDoNotFillTheFile) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   for (std::size_t i = 0; i < 10500; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), "{}");
     made.refused = true;
@@ -331,8 +320,7 @@ TEST(StoredJournal, CommandsThatWereRefusedDoNotFillTheFile) {
 }
 
 TEST(StoredJournal, ResultsThatNobodyTakesDoNotFillTheDisk) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   for (std::size_t i = 0; i < kRememberedIds + 3; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), "{}");
     shelf.store->journal().record(made);
@@ -358,8 +346,7 @@ TEST(StoredJournal, ResultThatIsNotAcknowledgedIsKeptAsLongAsASample) {
 // The result of the first one could not be written and the id was forgotten: a restart must know
 // the command that is carried out now.
 TEST(StoredJournal, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   JournalEntry command = shelf.arrived("x");
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
   JournalEntry anew = shelf.arrived("x");
@@ -372,8 +359,7 @@ TEST(StoredJournal, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
 
 // The clock is set during a command: the result must not change the command's age.
 TEST(StoredJournal, ResultLeavesTheTimeOfItsCommand) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   JournalEntry command = shelf.arrived("x");
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
   command.result = "{}";

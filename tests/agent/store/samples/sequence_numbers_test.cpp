@@ -15,8 +15,7 @@ using namespace std::chrono_literals;
 using namespace test;
 
 TEST(SequenceNumbers, NumbersGoOnByOneAfterACleanStop) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   EXPECT_EQ(shelf.begin(), static_cast<std::uint64_t>(kNow));
   shelf.store->numbers().used("a", kNow + 5);
   shelf.store->close();
@@ -25,8 +24,7 @@ TEST(SequenceNumbers, NumbersGoOnByOneAfterACleanStop) {
 }
 
 TEST(SequenceNumbers, DeviceThatJoinsLaterGoesOnWhereItsLastRunOrThisOneHasLeftIt) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   const std::vector<std::string> both{"a", "b"};
   shelf.store->numbers().begin(both, kNow);
   shelf.store->numbers().used("b", kNow + 9);
@@ -43,8 +41,7 @@ TEST(SequenceNumbers, DeviceThatJoinsLaterGoesOnWhereItsLastRunOrThisOneHasLeftI
 }
 
 TEST(SequenceNumbers, NumbersOnlySkipForwardAfterACrash) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   std::uint64_t used = shelf.begin();
   for (const std::uint64_t blocks : {1U, 3U}) {
     for (std::uint64_t i = 0; i < blocks * SequenceNumbers::kBlock; ++i)
@@ -61,8 +58,7 @@ TEST(SequenceNumbers, NumbersOnlySkipForwardAfterACrash) {
 // Writing this run's low numbers must not hide the high numbers of the earlier run.
 TEST(SequenceNumbers, NumbersOfAnEarlierRunAreNotSetBackByAFileThatOpensLate) {
   constexpr std::int64_t kBoot = 5000;
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   const std::uint64_t reached = shelf.begin() + SequenceNumbers::kBlock;
   shelf.store.reset();
   const std::string away = shelf.config.path + "-away";
@@ -80,8 +76,7 @@ TEST(SequenceNumbers, NumbersOfAnEarlierRunAreNotSetBackByAFileThatOpensLate) {
 }
 
 TEST(SequenceNumbers, NextBlockOfNumbersIsTakenWhileHalfOfTheLastOneIsLeft) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   const std::uint64_t first = shelf.begin();
   shelf.store->numbers().used("a", first + SequenceNumbers::kBlock / 2);
   EXPECT_FALSE(shelf.store->has_pending());

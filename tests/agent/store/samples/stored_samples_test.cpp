@@ -12,8 +12,7 @@ using namespace std::chrono_literals;
 using namespace test;
 
 TEST(StoredSamples, RowsOutliveTheProcessAndGoOldestFirst) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   ASSERT_EQ(shelf.store->state(), "disk");
   ASSERT_TRUE(shelf.add(rows(3, 4, "b")));
   ASSERT_TRUE(shelf.add(rows(1, 3)));
@@ -29,16 +28,14 @@ TEST(StoredSamples, RowsOutliveTheProcessAndGoOldestFirst) {
 }
 
 TEST(StoredSamples, NumbersDecideTheSequenceOfAStream) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   shelf.add(rows(3, 4));
   shelf.add(rows(1, 2));
   EXPECT_EQ(shelf.drain(27), "a/fast[1]}a/fast[2]}a/fast[3]}a/fast[4]}");
 }
 
 TEST(StoredSamples, UnacknowledgedRowsAreStillThereAfterACrash) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   shelf.add(rows(1, 3));
   const auto batch = test::next(shelf.store->samples(), 65536, any);
   ASSERT_TRUE(batch);
@@ -49,8 +46,7 @@ TEST(StoredSamples, UnacknowledgedRowsAreStillThereAfterACrash) {
 }
 
 TEST(StoredSamples, ReturnedRowsGoAgainInTheirPlaces) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   shelf.add(rows(1, 3));
   const auto batch = test::next(shelf.store->samples(), 28, any);
   ASSERT_TRUE(batch);
@@ -60,8 +56,7 @@ TEST(StoredSamples, ReturnedRowsGoAgainInTheirPlaces) {
 }
 
 TEST(StoredSamples, HeldRowsAreNoHistoryUntilTheyAreReleased) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   auto held = rows(1, 3);
   ASSERT_TRUE(shelf.store->samples().append(held, Store::Hold::yes));
   EXPECT_FALSE(shelf.store->samples().streams().has_waiting("a"));
@@ -78,8 +73,7 @@ TEST(StoredSamples, HeldRowsAreNoHistoryUntilTheyAreReleased) {
 }
 
 TEST(StoredSamples, PausedLaneIsPassedOver) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   shelf.add(rows(1, 1));
   shelf.add(rows(1, 1, "b"));
   const auto batch = test::next(shelf.store->samples(), 65536,
@@ -191,8 +185,7 @@ TEST(StoredSamples, CommandsCountIntoTheLimitAndTheOldestSamplesMakeRoom) {
 }
 
 TEST(StoredSamples, FullDiskKeepsWhatItHasAndTakesMoreWhenThereIsRoom) {
-  Shelf shelf;
-  shelf.open();
+  OpenShelf shelf;
   shelf.add(rows(1, 3));
   shelf.store->upkeep(kStart, kNow);
   SteadyTime now = kStart;
