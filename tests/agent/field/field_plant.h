@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "agent/config/model.h"
+#include "agent/handover/command_message.h"
 #include "protocol/fx/programming_port.h"
 #include "protocol/value/value.h"
 
@@ -100,6 +101,13 @@ inline Value numbers(std::initializer_list<std::int64_t> values) {
   Scalars items;
   for (const std::int64_t value : values) items.emplace_back(value);
   return Value::array(std::move(items));
+}
+
+/// Returns how a command or one of its targets ended, with the words of its result: "FAILED nak".
+inline std::string ending(const auto& result) {
+  std::string words(to_string(result.status));
+  if (result.reason != Reason::none) words.append(" ").append(to_string(result.reason));
+  return words;
 }
 
 }  // namespace fxagent::test

@@ -101,8 +101,7 @@ TEST_F(CommandOnTheBusTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllow
   use_modbus();
   wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0000")).give(hex("0001 0000 0003 01 96 01"));
   const CommandResult result = write("enable", flag(false));
-  EXPECT_EQ(result.status, CommandStatus::failed);
-  EXPECT_EQ(result.reason, Reason::nak);
+  EXPECT_EQ(ending(result), "FAILED nak");
   EXPECT_EQ(result.plc, PlcAnswer::nak);
   EXPECT_EQ(result.detail, "exception 01: illegal function");
   EXPECT_EQ(result.attempts, 1);
@@ -193,8 +192,7 @@ TEST_F(CommandOnTheBusTest, NobodyAnswersABroadcast) {
   // Serial Line V1.02: unit 0, function 06.
   wire->expect(hex("00 06 00 01 00 AA 59 A4"));
   const CommandResult result = write("setpoint", number(0xAA));
-  EXPECT_EQ(result.status, CommandStatus::unknown_outcome);
-  EXPECT_EQ(result.reason, Reason::broadcast);
+  EXPECT_EQ(ending(result), "UNKNOWN_OUTCOME broadcast");
   EXPECT_EQ(result.plc, PlcAnswer::none);
   Command read;
   read.id = "r";

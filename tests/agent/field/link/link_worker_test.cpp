@@ -21,6 +21,7 @@
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/on_io.h"
 #include "tests/agent/field/port_frames.h"
+#include "tests/support/says.h"
 #include "tests/support/scripted_transport.h"
 
 namespace fxagent::test {
@@ -375,8 +376,7 @@ TEST_F(LinkWorkerTest, CommandToASilentDeviceGoesOutAndFailsAtItsEnquiry) {
   wait_for_state(State::offline, "timeout");
   submit(write_setpoint("b7e1"));
   const CommandResult& result = wait_for_result("b7e1");
-  EXPECT_EQ(result.status, CommandStatus::failed);
-  EXPECT_EQ(result.reason, Reason::device_offline);
+  EXPECT_EQ(ending(result), "FAILED device_offline");
 }
 
 TEST_F(LinkWorkerTest, AnsweredCommandEndsTheBackOff) {
@@ -649,10 +649,8 @@ TEST_F(StreamWithoutNumbers, DeviceThatNeverAnswersTimesOutAndTheLogSaysWhatToLo
   EXPECT_EQ(log.find("state=down"), log.rfind("state=down")) << log;
   EXPECT_EQ(log.find("state=up"), log.rfind("state=up")) << log;
   const DeviceConfig& device = config.devices[0];
-  EXPECT_NE(log.find(checklist_of(device, *device.codec, wiring_of(config.links[0], device),
-                                  Answers::none)),
-            std::string::npos)
-      << log;
+  expect_says(
+      log, checklist_of(device, *device.codec, wiring_of(config.links[0], device), Answers::none));
   there = {1};
   wait_for_state(State::online, "");
 }
@@ -742,8 +740,7 @@ TEST_F(LinkWorkerTest, DiskThatHangsUnderAMarkHoldsUpNoOtherLink) {
   const std::size_t polls = of_device(1).size();
   const CommandResult& result = wait_for_result("unmarked");
   EXPECT_GT(of_device(1).size(), polls + 5);
-  EXPECT_EQ(result.status, CommandStatus::failed);
-  EXPECT_EQ(result.reason, Reason::store_unavailable);
+  EXPECT_EQ(ending(result), "FAILED store_unavailable");
   for (const std::string& asked : plc.asked()) EXPECT_EQ(asked.find("write"), std::string::npos);
   const std::size_t own_polls = of_device(0).size();
   wait([&] { return of_device(0).size() > own_polls; });
@@ -1248,13 +1245,11 @@ TEST_F(LinkWorkerTest, StopEndsAListBetweenTwoTargets) {
   wait([&] { return ended; });
   ASSERT_NE(result_of("list"), nullptr);
   const CommandResult& result = *result_of("list");
-  EXPECT_EQ(result.status, CommandStatus::partial);
-  EXPECT_EQ(result.reason, Reason::shutting_down);
+  EXPECT_EQ(ending(result), "PARTIAL shutting_down");
   EXPECT_EQ(result.progress, (Progress{3, 8}));
   ASSERT_EQ(result.targets.size(), 8U);
   EXPECT_EQ(result.targets[2].status, CommandStatus::succeeded);
-  EXPECT_EQ(result.targets[3].status, CommandStatus::failed);
-  EXPECT_EQ(result.targets[3].reason, Reason::shutting_down);
+  EXPECT_EQ(ending(result.targets[3]), "FAILED shutting_down");
   EXPECT_EQ(plc.word_at(kD200 + 4), 52U);
   EXPECT_EQ(plc.word_at(kD200 + 6), 0U);
 }
@@ -1356,7 +1351,7 @@ TEST_F(LinkWorkerChangeTest, CommandsThatWaitAreAnsweredAndThoseOfTheNeighbourGo
     ASSERT_NE(result_of(id), nullptr) << id;
     EXPECT_EQ(result_of(id)->status, CommandStatus::failed) << id;
     EXPECT_EQ(result_of(id)->reason, Reason::reloading) << id;
-    EXPECT_NE(result_of(id)->detail.find("config"), std::string::npos) << result_of(id)->detail;
+    expect_says(result_of(id)->detail, "config");
   }
   submit(write_setpoint("d", 53, 1));  // the device is gone
   wait([&] { return result_of("d") != nullptr; });
@@ -1454,8 +1449,7 @@ TEST_F(LinkWorkerTest, PortThatWasYieldedIsTakenBackWhenItsTimeIsOver) {
   const std::size_t asked = plc.asked().size();
   submit(write_setpoint("b7e1"));
   wait([&] { return !results.empty(); });
-  EXPECT_EQ(results[0].status, CommandStatus::rejected);
-  EXPECT_EQ(results[0].reason, Reason::yielded);
+  EXPECT_EQ(ending(results[0]), "REJECTED yielded");
   EXPECT_EQ(plc.asked().size(), asked);
   wait_for_state(State::online, "");
   EXPECT_GT(plc.asked().size(), asked);
