@@ -14,6 +14,7 @@
 #include "agent/config/loader.h"
 #include "agent/config/machine.h"
 #include "tests/agent/config/small_plant.h"
+#include "tests/support/says.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -46,22 +47,17 @@ TEST_F(ConfigFiles, FileIsReadFromDisk) {
 }
 
 TEST_F(ConfigFiles, FileThatIsNotThereIsOneErrorWithoutALine) {
-  const auto config = load_config((directory_ / "none.json").string());
-  ASSERT_FALSE(config);
-  expect_error(config.error(), "", {"No such file"});
-  EXPECT_EQ(config.error()[0].line, 0);
+  const auto errors = error_of(load_config((directory_ / "none.json").string()));
+  expect_error(errors, "", {"No such file"});
+  EXPECT_EQ(errors.at(0).line, 0);
 }
 
 TEST_F(ConfigFiles, DirectoryIsNoFile) {
-  const auto config = load_config(directory_.string());
-  ASSERT_FALSE(config);
-  expect_error(config.error(), "", {"directory"});
+  expect_error(error_of(load_config(directory_.string())), "", {"directory"});
 }
 
 TEST_F(ConfigFiles, FileWithoutEndIsRefused) {
-  const auto config = load_config("/dev/zero");
-  ASSERT_FALSE(config);
-  expect_error(config.error(), "", {"64 MiB"});
+  expect_error(error_of(load_config("/dev/zero")), "", {"64 MiB"});
 }
 
 /// A reload reads the file on a thread with other duties.
@@ -73,9 +69,7 @@ TEST_F(ConfigFiles, PipeInPlaceOfTheFileHoldsNobody) {
   // Releases a blocked reader, because the test could not end otherwise.
   if (!came_back) ::close(::open(pipe.c_str(), O_WRONLY));
   ASSERT_TRUE(came_back);
-  const auto text = read.get();
-  ASSERT_FALSE(text);
-  expect_error(text.error(), "", {"pipe", "no program writes"});
+  expect_error(error_of(read.get()), "", {"pipe", "no program writes"});
 }
 
 TEST_F(ConfigFiles, PipeThatIsWrittenIsRead) {

@@ -5,6 +5,7 @@
 
 #include "agent/import/text_encoding.h"
 #include "tests/agent/import/outcome.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -90,9 +91,7 @@ TEST(GxComments, DevicesThatAConfigLacksAreNamedWithTheirLine) {
 
 TEST(GxComments, AFileWithoutAHeadHasDevicesAtLeast) {
   EXPECT_EQ(made_of("D0,speed\n", import_gx_comments).config["devices"][0]["tags"].size(), 1U);
-  const auto none = import_gx_comments("a,b\nc,d\n", {});
-  ASSERT_FALSE(none);
-  EXPECT_EQ(none.error().text, "has no device comments");
+  EXPECT_EQ(error_of(import_gx_comments("a,b\nc,d\n", {})).text, "has no device comments");
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "tests/agent/import/outcome.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -196,9 +197,7 @@ TEST(Neuron, IsToldFromOtherJson) {
   EXPECT_FALSE(is_neuron(R"({"nodes": []})"));
   EXPECT_FALSE(is_neuron("{"));
   EXPECT_FALSE(import_neuron("{}", {}));
-  const auto broken = import_neuron("{\n,", {});
-  ASSERT_FALSE(broken);
-  EXPECT_EQ(broken.error().line, 2);
+  EXPECT_EQ(error_of(import_neuron("{\n,", {})).line, 2);
 }
 
 /// A node of the given plugin at 192.0.2.7 with these tags.
@@ -271,10 +270,7 @@ TEST(Neuron, TheSheetOfTagsIsReadAsCsv) {
 
 TEST(Neuron, ASheetWithoutSlavesAsksForTheProtocol) {
   constexpr const char* kDevices = "name,address,attribute,type\nspeed,D100,Read,INT16\n";
-  const auto asked = import_neuron(kDevices, {});
-  ASSERT_FALSE(asked);
-  EXPECT_NE(asked.error().text.find("--protocol to mc-3e"), std::string::npos)
-      << asked.error().text;
+  expect_says(error_of(import_neuron(kDevices, {})).text, "--protocol to mc-3e");
   const Made made = made_of(kDevices, import_neuron, {"", "mc-3e", "FX5U", "192.0.2.7:5000"});
   ASSERT_FALSE(made.config.is_null()) << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "D100");

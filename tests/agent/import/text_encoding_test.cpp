@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "tests/support/says.h"
+
 namespace fxagent {
 namespace {
 
@@ -40,14 +42,10 @@ TEST(TextEncoding, ShiftJisAndLatin) {
 }
 
 TEST(TextEncoding, WhatIsNoneOfThemIsTold) {
-  const auto odd = to_utf8("\xFF\xFE\x29"s, "CP932");
-  ASSERT_FALSE(odd);
-  EXPECT_NE(odd.error().find("UTF-16LE"), std::string::npos);
+  test::expect_says(test::error_of(to_utf8("\xFF\xFE\x29"s, "CP932")), "UTF-16LE");
   const auto noise = to_utf8("\x81\xFF\xFF", "CP932");
   ASSERT_FALSE(noise);
-  const auto unknown = to_utf8("\xB0", "NO-SUCH-SET");
-  ASSERT_FALSE(unknown);
-  EXPECT_NE(unknown.error().find("convert the file to UTF-8"), std::string::npos);
+  test::expect_says(test::error_of(to_utf8("\xB0", "NO-SUCH-SET")), "convert the file to UTF-8");
 }
 
 }  // namespace

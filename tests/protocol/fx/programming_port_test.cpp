@@ -79,9 +79,8 @@ TEST(ProgrammingPort, UnderstandsEveryAnswerOfTheTranscripts) {
 TEST(ProgrammingPort, TheWordThatWasPrintedAs3584Is33845) {
   // The printed frame ends with D6, but the sum of its digits is D7; 35 84 is 8435h.
   const Read read{span("D123", 2), 0};
-  const auto wrong = port().decode(read, 0, hex("02 33 35 38 34 03 44 36"));
-  ASSERT_FALSE(wrong);
-  EXPECT_EQ(wrong.error().text, "sum D6 given, D7 computed");
+  EXPECT_EQ(error_of(port().decode(read, 0, hex("02 33 35 38 34 03 44 36"))).text,
+            "sum D6 given, D7 computed");
   const auto right = port().decode(read, 0, hex("02 33 35 38 34 03 44 37"));
   Point point;
   point.address = *parse_address(Model::fx3u, "D123", std::nullopt);
@@ -105,10 +104,9 @@ TEST(ProgrammingPort, AnUnknownModelIsSpokenToInClassicCommandsOnly) {
   const auto codec = port(Model::unknown);
   for (const ReadWay& way : codec.read_ways(id(Space::d))) EXPECT_EQ(way.way, 0);
   EXPECT_EQ(codec.read_ways(id(Space::d)).size(), 1U);
-  const auto beyond = codec.encode(Write{span("D1024", 2), {1, 2}}, 0);
-  ASSERT_FALSE(beyond);
-  EXPECT_EQ(beyond.error().code, ErrorCode::unsupported);
-  expect_says(beyond.error().text, "the model is not known");
+  const auto error = error_of(codec.encode(Write{span("D1024", 2), {1, 2}}, 0));
+  EXPECT_EQ(error.code, ErrorCode::unsupported);
+  expect_says(error.text, "the model is not known");
   EXPECT_EQ(codec.with_model("FX3U")->addresses().read_ways(id(Space::d)).size(), 2U);
   EXPECT_TRUE(port(Model::unknown, Commands::extended).read_ways(id(Space::d)).empty());
 }
@@ -140,9 +138,8 @@ TEST(ProgrammingPort, NoReadGoesBeyondTheModelsLastDevice) {
   const auto counters = port(Model::fx1s).read_ways(id(Space::cn32));
   ASSERT_EQ(counters.size(), 1U);
   EXPECT_EQ(counters[0].first_bit, 35U * 32);
-  const auto beyond = port(Model::fx0n).encode(Read{span("D255", 4), 0}, 0);
-  ASSERT_FALSE(beyond);
-  EXPECT_EQ(beyond.error().code, ErrorCode::unsupported);
+  EXPECT_EQ(error_of(port(Model::fx0n).encode(Read{span("D255", 4), 0}, 0)).code,
+            ErrorCode::unsupported);
 }
 
 TEST(ProgrammingPort, ReadsThatBreakTheLimitsAreNotSent) {
@@ -200,9 +197,8 @@ TEST(ProgrammingPort, WritesThatBreakTheLimitsAreNotSent) {
   expect_says(refused(Force{id(Space::m), 7680, true}), "does not exist");
   expect_says(refused(Control{Control::Kind::run}), "M8037");
   const auto classic = port(Model::fx3u, Commands::classic);
-  const auto far = classic.encode(Force{id(Space::m), 2000, true}, 0);
-  ASSERT_FALSE(far);
-  expect_says(far.error().text, "which is not in use");
+  expect_says(error_of(classic.encode(Force{id(Space::m), 2000, true}, 0)).text,
+              "which is not in use");
 }
 
 // ---- answers with data --------------------------------------------------------------------------
@@ -373,9 +369,7 @@ TEST(ProgrammingPort, EndlessNoiseInPlaceOfAnAckIsABadFrame) {
 }
 
 TEST(ProgrammingPort, ARequestThatCannotBeSentHasNoAnswer) {
-  const auto reply = answer("+", Control{Control::Kind::reset});
-  ASSERT_FALSE(reply);
-  EXPECT_EQ(reply.error().code, ErrorCode::unsupported);
+  EXPECT_EQ(error_of(answer("+", Control{Control::Kind::reset})).code, ErrorCode::unsupported);
 }
 
 // ---- the PLC itself ----------------------------------------------------------------------------

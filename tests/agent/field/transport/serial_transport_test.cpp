@@ -107,18 +107,15 @@ TEST_F(SerialTransportTest, BytesGoBothWaysUnchanged) {
 
 TEST_F(SerialTransportTest, MissingPathIsLinkDownAndNamesTheCure) {
   const auto transport = port("/dev/ttyNone0");
-  const auto opened = open(*transport);
-  ASSERT_FALSE(opened);
-  EXPECT_EQ(opened.error().code, ErrorCode::link_down);
-  expect_says(opened.error().text, "/dev/ttyNone0");
-  expect_says(opened.error().text, "plugged in");
+  const auto error = error_of(open(*transport));
+  EXPECT_EQ(error.code, ErrorCode::link_down);
+  expect_says(error.text, "/dev/ttyNone0");
+  expect_says(error.text, "plugged in");
   EXPECT_FALSE(transport->is_open());
 }
 
 TEST_F(SerialTransportTest, PathThatIsNoPortIsLinkDown) {
-  const auto opened = open(*port("/dev/null"));
-  ASSERT_FALSE(opened);
-  expect_says(opened.error().text, "not a serial port");
+  expect_says(error_of(open(*port("/dev/null"))).text, "not a serial port");
 }
 
 TEST_F(SerialTransportTest, PortThatCannotSwitchTheDirectionIsLinkDownAndNamed) {
@@ -127,11 +124,9 @@ TEST_F(SerialTransportTest, PortThatCannotSwitchTheDirectionIsLinkDownAndNamed) 
   settings.path = pty.path();
   settings.rs485 = Rs485{};
   const auto transport = make_serial_transport(io.get_executor(), settings);
-  const auto opened = open(*transport);
-  ASSERT_FALSE(opened);
-  EXPECT_EQ(opened.error().code, ErrorCode::link_down);
-  EXPECT_TRUE(opened.error().text.starts_with(pty.path() + " cannot switch"))
-      << opened.error().text;
+  const auto error = error_of(open(*transport));
+  EXPECT_EQ(error.code, ErrorCode::link_down);
+  EXPECT_TRUE(error.text.starts_with(pty.path() + " cannot switch")) << error.text;
   EXPECT_FALSE(transport->is_open());
   EXPECT_TRUE(open(*port(pty.path()))) << "free again";
 }
@@ -142,10 +137,9 @@ TEST_F(SerialTransportTest, PortOfAnotherProgramIsLeftAlone) {
   ASSERT_GE(other, 0);
   ASSERT_EQ(flock(other, LOCK_EX | LOCK_NB), 0);
   const auto transport = port(pty.path());
-  const auto refused = open(*transport);
-  ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error().code, ErrorCode::link_down);
-  expect_says(refused.error().text, "another program");
+  const auto error = error_of(open(*transport));
+  EXPECT_EQ(error.code, ErrorCode::link_down);
+  expect_says(error.text, "another program");
   ::close(other);
   EXPECT_TRUE(open(*transport)) << "free again";
 }

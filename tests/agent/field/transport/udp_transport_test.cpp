@@ -124,9 +124,7 @@ TEST_F(UdpTransportTest, NoMoreOpenFilesNamesTheCure) {
   const int next = ::dup(STDERR_FILENO);  // the lowest number that is free
   ::close(next);
   const OpenFiles allowed(static_cast<rlim_t>(next));
-  const auto opened = open(*transport);
-  ASSERT_FALSE(opened);
-  expect_says(opened.error().text, "LimitNOFILE");
+  expect_says(error_of(open(*transport)).text, "LimitNOFILE");
 }
 
 TEST_F(UdpTransportTest, AnswersOfOthersAreNotTaken) {
@@ -260,10 +258,9 @@ TEST_F(UdpTransportTest, FixedPortThatAnotherHasIsNamedWithTheCure) {
   const udp::socket taken(device_io, udp::endpoint(udp::v4(), 0));
   const auto own = taken.local_endpoint().port();
   const auto transport = channel("127.0.0.1", own);
-  const auto opened = open(*transport);
-  ASSERT_FALSE(opened);
-  EXPECT_EQ(opened.error().code, ErrorCode::link_down);
-  expect_says(opened.error().text, "local_port " + std::to_string(own));
+  const auto error = error_of(open(*transport));
+  EXPECT_EQ(error.code, ErrorCode::link_down);
+  expect_says(error.text, "local_port " + std::to_string(own));
   EXPECT_FALSE(transport->is_open());
 }
 
