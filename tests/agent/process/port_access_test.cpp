@@ -68,9 +68,7 @@ TEST_F(PortAccess, TheMakerOfAPseudoTerminalIsNoHolder) {
   }
   {
     const OtherProgram user(name.data(), OtherProgram::Holds::open, ours);
-    const auto holder = port_holder(name.data());
-    ASSERT_TRUE(holder);
-    EXPECT_EQ(holder->pid, user.pid());
+    EXPECT_EQ(port_holder(name.data()).value().pid, user.pid());
   }
   ::close(theirs);
   ::close(ours);
@@ -106,9 +104,7 @@ TEST_F(PortAccess, AProcessIsFoundByItsNameAndNamesItsFiles) {
 
 TEST_F(PortAccess, WhoHasLockedItIsFoundByTheLock) {
   const OtherProgram other(port, OtherProgram::Holds::locked);
-  const auto holder = port_holder(port);
-  ASSERT_TRUE(holder);
-  EXPECT_EQ(holder->pid, other.pid());
+  EXPECT_EQ(port_holder(port).value().pid, other.pid());
 }
 
 TEST_F(PortAccess, WhoCannotBeSeenCanBeLookedFor) {

@@ -468,21 +468,16 @@ TEST(McRefusals, TextsNameTheToolAndTheSettingOfThatModel) {
 
 TEST(McRefusals, AnIqRThatLacksItsCodesIsAskedWithThoseOfQ) {
   const Mc mc = codec(Frame::e3, Model::iq_r);
-  const auto other = mc.instead_of(kWrite, 0xC059);
-  ASSERT_TRUE(other);
-  EXPECT_EQ(message(mc, *other), "01 14 00 00 64 00 00 A8 01 00 34 12");
-  EXPECT_FALSE(mc.instead_of(*other, 0xC059));
+  const auto other = mc.instead_of(kWrite, 0xC059).value();
+  EXPECT_EQ(message(mc, other), "01 14 00 00 64 00 00 A8 01 00 34 12");
+  EXPECT_FALSE(mc.instead_of(other, 0xC059));
   EXPECT_FALSE(mc.instead_of(kWrite, 0xC056));
   EXPECT_FALSE(codec(Frame::e3).instead_of(kWrite, 0xC059));
-  const auto read = mc.instead_of(kTwoWords, 0xC061);
-  ASSERT_TRUE(read);
-  EXPECT_EQ(message(mc, *read), "01 04 00 00 64 00 00 A8 02 00");
-  const auto force = mc.instead_of(Force{kM, 1, true}, 0xC059);
-  ASSERT_TRUE(force);
-  EXPECT_EQ(message(mc, *force), "01 14 01 00 01 00 00 90 01 00 10");
-  const auto scatter = mc.instead_of(Scatter{{std::get<Write>(kWrite)}}, 0xC059);
-  ASSERT_TRUE(scatter);
-  EXPECT_EQ(message(mc, *scatter), "02 14 00 00 01 00 64 00 00 A8 34 12");
+  EXPECT_EQ(message(mc, mc.instead_of(kTwoWords, 0xC061).value()), "01 04 00 00 64 00 00 A8 02 00");
+  const auto force = mc.instead_of(Force{kM, 1, true}, 0xC059).value();
+  EXPECT_EQ(message(mc, force), "01 14 01 00 01 00 00 90 01 00 10");
+  const auto scatter = mc.instead_of(Scatter{{std::get<Write>(kWrite)}}, 0xC059).value();
+  EXPECT_EQ(message(mc, scatter), "02 14 00 00 01 00 64 00 00 A8 34 12");
 }
 
 TEST(McRefusals, OutputsOfAnIqRThatMayBeAnFx5AreNotWrittenByOtherCodes) {
@@ -580,28 +575,25 @@ TEST(McOptions, RouteAndTimerGoIntoTheFrame) {
                   {"module_io", std::int64_t{0x3E0}},
                   {"module_station", std::int64_t{3}},
                   {"monitoring_timer_ms", std::int64_t{1000}}};
-  const auto made = Mc::make(Frame::e4, options);
-  ASSERT_TRUE(made);
-  EXPECT_EQ(to_hex(*(*made)->encode(kTwoWords, 0x1234)),
+  const auto made = Mc::make(Frame::e4, options).value();
+  EXPECT_EQ(to_hex(*made->encode(kTwoWords, 0x1234)),
             "54 00 34 12 00 00 01 02 E0 03 03 0C 00 04 00 01 04 00 00 64 00 00 A8 02 00");
-  EXPECT_EQ((*made)->gives_up_after(), std::chrono::seconds(1));
+  EXPECT_EQ(made->gives_up_after(), std::chrono::seconds(1));
   options["monitoring_timer_ms"] = std::int64_t{1100};
   expect_says(error_of(Mc::make(Frame::e3, options)).text, "multiple of 250");
   EXPECT_FALSE(Mc::make(Frame::e3, {{"model", std::string("FX9")}}));
   expect_says(error_of(Mc::make(Frame::e3, {{"model", std::string("FX3U")}})).text, "mc-1e");
-  const auto ascii = Mc::make(Frame::e3, {{"code", std::string("ascii")}});
-  ASSERT_TRUE(ascii);
-  EXPECT_EQ((*ascii)->encode(kTwoWords, 1)->front(), '5');
+  const auto ascii = Mc::make(Frame::e3, {{"code", std::string("ascii")}}).value();
+  EXPECT_EQ(ascii->encode(kTwoWords, 1)->front(), '5');
   EXPECT_EQ((*Mc::make(Frame::c4, {}))->gives_up_after(), std::chrono::milliseconds(0));
   const auto beyond = Mc::make(Frame::c4, {{"network", std::int64_t{1}}, {"pc", std::int64_t{2}}});
   EXPECT_EQ((*beyond)->gives_up_after(), std::chrono::seconds(5)) << "a module waits for another";
 }
 
 TEST(McOptions, BlocksAreNoLongerThanAsked) {
-  const auto made = Mc::make(Frame::e3, {{"max_block_bytes", std::int64_t{64}}});
-  ASSERT_TRUE(made);
-  for (const ReadWay& way : (*made)->addresses().read_ways(kD)) EXPECT_LE(way.max_bits, 512U);
-  EXPECT_EQ((*made)->addresses().gathers().front().max_bits, 512U);
+  const auto made = Mc::make(Frame::e3, {{"max_block_bytes", std::int64_t{64}}}).value();
+  for (const ReadWay& way : made->addresses().read_ways(kD)) EXPECT_LE(way.max_bits, 512U);
+  EXPECT_EQ(made->addresses().gathers().front().max_bits, 512U);
   EXPECT_EQ(sent(codec(Frame::e3), kTwoWords), sent(codec(Frame::e3), kTwoWords, 2));
 }
 

@@ -126,10 +126,9 @@ TEST(OneE, AnE71ReachesWhatAnASeriesPlcHasAndNothingThatIsSomethingElse) {
     const char* beyond;
   };
   for (const std::string_view model : {"Q", "L"}) {
-    const auto made = OneE::make({{"model", std::string(model)}});
-    ASSERT_TRUE(made);
-    const auto& places = (*made)->addresses();
-    EXPECT_EQ((*made)->plc()->model(), model);
+    const auto made = OneE::make({{"model", std::string(model)}}).value();
+    const auto& places = made->addresses();
+    EXPECT_EQ(made->plc()->model(), model);
     for (const Row& row : {Row{"X7FF", "X800"}, Row{"Y7FF", "Y800"}, Row{"M8191", "M8192"},
                            Row{"F2047", "F2048"}, Row{"BFFF", "B1000"}, Row{"D6143", "D6144"},
                            Row{"WFFF", "W1000"}, Row{"TN2047", "TN2048"}, Row{"TS2047", "TS2048"},
@@ -253,10 +252,8 @@ TEST(OneE, OneFrameCarries80BitsOrTenWords) {
   EXPECT_FALSE(plc().combine({words(1)[0], Write{span("CN200", 1), Bytes(4)}}));
   EXPECT_FALSE(plc().combine({words(1)[0], Control{Control::Kind::run}}));
   EXPECT_FALSE(plc().combine({forces(1)[0], Force{id(Space::special_m), 34, true}}));
-  const auto both = plc().combine({Write{span("M16", 16), {1, 2}}, words(1)[0]});
-  ASSERT_TRUE(both);
-  EXPECT_EQ(sent(plc(), *both),
-            "05 FF 0A 00 02 00 10 00 00 00 20 4D 01 02 00 00 00 00 20 44 00 00");
+  const auto both = plc().combine({Write{span("M16", 16), {1, 2}}, words(1)[0]}).value();
+  EXPECT_EQ(sent(plc(), both), "05 FF 0A 00 02 00 10 00 00 00 20 4D 01 02 00 00 00 00 20 44 00 00");
 }
 
 TEST(OneE, APlanReadsBitsByWhatTakesFewerExchanges) {
@@ -439,11 +436,10 @@ TEST(OneE, ProbesHaveAnswersThatNoOtherProbeAndNoWriteHas) {
     lengths.clear();
     const OneE codec({Model::l, data_code});
     for (std::uint32_t number = 0; number < Codec::kProbes; ++number) {
-      const auto probe = codec.probe(number);
-      ASSERT_TRUE(probe);
-      EXPECT_TRUE(is_read(*probe));
-      EXPECT_TRUE(codec.encode(*probe, 0).has_value());
-      lengths.insert(codec.line_length(*probe).reply_chars);
+      const auto probe = codec.probe(number).value();
+      EXPECT_TRUE(is_read(probe));
+      EXPECT_TRUE(codec.encode(probe, 0).has_value());
+      lengths.insert(codec.line_length(probe).reply_chars);
     }
     EXPECT_EQ(lengths.size(), Codec::kProbes);
     EXPECT_FALSE(lengths.contains(codec.line_length(kForce).reply_chars));
@@ -474,16 +470,13 @@ TEST(OneE, IsMadeFromItsOptions) {
   const auto made = OneE::make({{"model", std::string("FX3GE")},
                                 {"code", std::string("ascii")},
                                 {"pc", std::int64_t{2}},
-                                {"monitoring_timer_ms", std::int64_t{1000}}});
-  ASSERT_TRUE(made);
-  EXPECT_EQ(model_of(**made), "FX3G");
-  const auto frame = (*made)->encode(Control{Control::Kind::stop}, 0);
-  ASSERT_TRUE(frame);
-  EXPECT_EQ(*frame, ascii("14020004"));
-  const auto plain = OneE::make({});
-  ASSERT_TRUE(plain);
-  EXPECT_EQ(model_of(**plain), "");
-  EXPECT_EQ(to_hex(*(*plain)->encode(Control{Control::Kind::stop}, 0)), "14 FF 10 00");
+                                {"monitoring_timer_ms", std::int64_t{1000}}})
+                        .value();
+  EXPECT_EQ(model_of(*made), "FX3G");
+  EXPECT_EQ(made->encode(Control{Control::Kind::stop}, 0).value(), ascii("14020004"));
+  const auto plain = OneE::make({}).value();
+  EXPECT_EQ(model_of(*plain), "");
+  EXPECT_EQ(to_hex(*plain->encode(Control{Control::Kind::stop}, 0)), "14 FF 10 00");
   EXPECT_EQ(OneE::make({{"monitoring_timer_ms", std::int64_t{1100}}}).error().text,
             "monitoring_timer_ms must be a multiple of 250");
   EXPECT_EQ(OneE::make({{"model", std::string("FX5U")}}).error().text,

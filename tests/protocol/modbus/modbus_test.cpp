@@ -287,31 +287,28 @@ TEST(Modbus, WhereTheMaskWriteIsMissingTheRegisterIsReadFirstIfThatIsAllowed) {
   settings.allow_read_modify_write = true;
   const Modbus codec(settings);
   EXPECT_EQ(codec.read_before(force), std::nullopt);
-  const auto other = codec.instead_of(force, 1);
-  ASSERT_TRUE(other);
-  EXPECT_EQ(codec.instead_of(*other, 1), std::nullopt);
-  EXPECT_EQ(codec.read_before(*other), Request(Read{{kHolding, 64, 16}}));
-  EXPECT_FALSE(codec.encode(*other, 0)) << "it cannot go without its read";
-  EXPECT_EQ(codec.with_read(*other, Bytes{0x34, 0x12}),
+  const auto other = codec.instead_of(force, 1).value();
+  EXPECT_EQ(codec.instead_of(other, 1), std::nullopt);
+  EXPECT_EQ(codec.read_before(other), Request(Read{{kHolding, 64, 16}}));
+  EXPECT_FALSE(codec.encode(other, 0)) << "it cannot go without its read";
+  EXPECT_EQ(codec.with_read(other, Bytes{0x34, 0x12}),
             Request(Write{{kHolding, 64, 16}, {0x34, 0x1A}}));
-  Force off = std::get<Force>(*other);
+  Force off = std::get<Force>(other);
   off.on = false;
   off.bit = 64 + 2;
   EXPECT_EQ(codec.with_read(off, Bytes{0x34, 0x12}),
             Request(Write{{kHolding, 64, 16}, {0x30, 0x12}}));
-  EXPECT_EQ(codec.with_read(*other, Bytes{1}), *other);
+  EXPECT_EQ(codec.with_read(other, Bytes{1}), other);
 }
 
 TEST(Modbus, AFunctionThatTheDeviceLacksIsReplaced) {
   const Modbus codec = unit(17);
-  const auto coil = codec.instead_of(Force{kCoil, 19, true}, 1);
-  ASSERT_TRUE(coil);
-  EXPECT_EQ(sent(codec, *coil)[1], 0x0F);
-  EXPECT_EQ(codec.instead_of(*coil, 1), std::nullopt);
-  const auto word = codec.instead_of(Write{{kHolding, 16, 16}, {3, 0}}, 1);
-  ASSERT_TRUE(word);
-  EXPECT_EQ(sent(codec, *word)[1], 0x10);
-  EXPECT_EQ(codec.instead_of(*word, 1), std::nullopt);
+  const auto coil = codec.instead_of(Force{kCoil, 19, true}, 1).value();
+  EXPECT_EQ(sent(codec, coil)[1], 0x0F);
+  EXPECT_EQ(codec.instead_of(coil, 1), std::nullopt);
+  const auto word = codec.instead_of(Write{{kHolding, 16, 16}, {3, 0}}, 1).value();
+  EXPECT_EQ(sent(codec, word)[1], 0x10);
+  EXPECT_EQ(codec.instead_of(word, 1), std::nullopt);
   EXPECT_EQ(codec.instead_of(Write{{kHolding, 16, 32}, {3, 0, 4, 0}}, 1), std::nullopt);
   EXPECT_EQ(codec.instead_of(Force{kCoil, 19, true}, 2), std::nullopt);
 }
@@ -415,14 +412,13 @@ const std::string kIdentity =
 TEST(Modbus, ADeviceSaysWhoMadeIt) {
   for (const Framing framing : {Framing::rtu, Framing::ascii, Framing::tcp}) {
     const Modbus codec({.framing = framing, .unit = 17});
-    const auto request = codec.identity();
-    ASSERT_TRUE(request);
-    EXPECT_EQ(sent(codec, *request), framed(framing, 17, hex("2B 0E 01 00"), 0));
+    const auto request = codec.identity().value();
+    EXPECT_EQ(sent(codec, request), framed(framing, 17, hex("2B 0E 01 00"), 0));
     const Bytes answer = framed(framing, 17, hex(kIdentity), 0);
     // Not before the last byte.
     for (std::size_t length = 0; length < answer.size(); ++length)
-      ASSERT_TRUE(needs_more(codec, *request, to_hex(ByteView(answer).first(length)))) << length;
-    const auto reply = codec.decode(*request, 0, answer);
+      ASSERT_TRUE(needs_more(codec, request, to_hex(ByteView(answer).first(length)))) << length;
+    const auto reply = codec.decode(request, 0, answer);
     ASSERT_TRUE(reply && *reply);
     EXPECT_EQ(std::string((*reply)->image.begin(), (*reply)->image.end()),
               "Company identification, Product code XX, V2.11");

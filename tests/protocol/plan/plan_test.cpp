@@ -416,9 +416,8 @@ TEST(Plan, ALongBitArrayComesBackWhole) {
         image[i / 8] |= static_cast<std::uint8_t>(1U << (i % 8));
     images.push_back(image);
   }
-  const auto value = value_of(plan, images, points[0], 0);
-  ASSERT_TRUE(value);
-  for (std::size_t i = 0; i < 250; ++i) EXPECT_EQ(value->items[i], Scalar((i + 3) % 3 == 0)) << i;
+  const auto value = value_of(plan, images, points[0], 0).value();
+  for (std::size_t i = 0; i < 250; ++i) EXPECT_EQ(value.items[i], Scalar((i + 3) % 3 == 0)) << i;
 }
 
 // ---- comparison with the exhaustive search -----------------------------------------------------
@@ -707,13 +706,10 @@ TEST(Plan, AHundredThousandPointsTakeAFewLooksEach) {
 
 TEST(PlanWrite, ABitIsForcedAndWordsAreWritten) {
   const ProgrammingPort codec({Model::fx3u});
-  const auto forced = plan_write(codec, device(codec, "M100", DataType::boolean), Bytes{1});
-  ASSERT_TRUE(forced);
-  EXPECT_EQ(*forced, (std::vector<Request>{Force{fx::id(fx::Space::m), 100, true}}));
-  const auto written = plan_write(codec, device(codec, "D200"), Bytes{0x34, 0x12});
-  ASSERT_TRUE(written);
-  EXPECT_EQ(*written,
-            (std::vector<Request>{Write{{fx::id(fx::Space::d), 3200, 16}, {0x34, 0x12}}}));
+  const auto forced = plan_write(codec, device(codec, "M100", DataType::boolean), Bytes{1}).value();
+  EXPECT_EQ(forced, (std::vector<Request>{Force{fx::id(fx::Space::m), 100, true}}));
+  const auto written = plan_write(codec, device(codec, "D200"), Bytes{0x34, 0x12}).value();
+  EXPECT_EQ(written, (std::vector<Request>{Write{{fx::id(fx::Space::d), 3200, 16}, {0x34, 0x12}}}));
 }
 
 TEST(PlanWrite, ALongArrayIsSentInFramesThatKeepItsElementsWhole) {
@@ -722,11 +718,10 @@ TEST(PlanWrite, ALongArrayIsSentInFramesThatKeepItsElementsWhole) {
   for (std::size_t i = 0; i < image.size(); ++i) image[i] = static_cast<std::uint8_t>(i);
   for (const auto& [point, most] : {std::pair(device(codec, "D0", DataType::int32, 50), 64U),
                                     {device(codec, "D0", DataType::int16, 100), 64U}}) {
-    const auto requests = plan_write(codec, point, image);
-    ASSERT_TRUE(requests);
-    EXPECT_EQ(requests->size(), 4U);
+    const auto requests = plan_write(codec, point, image).value();
+    EXPECT_EQ(requests.size(), 4U);
     Bytes sent;
-    for (const Request& request : *requests) {
+    for (const Request& request : requests) {
       const auto& write = std::get<Write>(request);
       EXPECT_EQ(write.span.first_bit, sent.size() * 8);
       EXPECT_LE(write.image.size(), most);
@@ -776,9 +771,7 @@ TEST(PlanWrite, ElementsThatAreNotWholeBytesAreCutAtTheFrame) {
   groups.address = {"K1", {0, 0, 4}, Unit::bit_group, true};
   groups.count = 64;
   groups.is_array = true;
-  const auto requests = plan_write(PaperCodec({}), groups, Bytes(32));
-  ASSERT_TRUE(requests);
-  EXPECT_EQ(requests->size(), 2U);
+  EXPECT_EQ(plan_write(PaperCodec({}), groups, Bytes(32)).value().size(), 2U);
 }
 
 }  // namespace

@@ -20,9 +20,7 @@ TEST(Migration, StepsRunOnceInTheirOrderAndAFailedOneLeavesNothing) {
   ASSERT_NO_THROW(sqlite::migrate(database, second));
   EXPECT_EQ(database.execAndGet("SELECT sum(a + b) FROM t").getInt64(), 10);
   EXPECT_EQ(database.execAndGet("PRAGMA user_version").getInt64(), 2);
-  const auto fault = sqlite::attempt([&] { sqlite::migrate(database, first); });
-  ASSERT_TRUE(fault);
-  EXPECT_EQ(fault->code, SQLITE_SCHEMA);
+  EXPECT_EQ(sqlite::attempt([&] { sqlite::migrate(database, first); }).value().code, SQLITE_SCHEMA);
 }
 
 TEST(Sqlite, ValuesComeBackAsTheyWereBound) {
@@ -66,14 +64,11 @@ TEST(Sqlite, FaultHasThePrimaryCodeAndTheTextOfSqlite) {
   SQLite::Database database = sqlite::open(":memory:");
   database.exec("CREATE TABLE t(n PRIMARY KEY); INSERT INTO t VALUES(1)");
   SQLite::Statement insert(database, "INSERT INTO t VALUES(?)");
-  const auto fault = sqlite::attempt([&] { sqlite::run(insert, 1); });
-  ASSERT_TRUE(fault);
-  EXPECT_EQ(fault->code, SQLITE_CONSTRAINT);
-  EXPECT_EQ(fault->text, "UNIQUE constraint failed: t.n");
+  const auto fault = sqlite::attempt([&] { sqlite::run(insert, 1); }).value();
+  EXPECT_EQ(fault.code, SQLITE_CONSTRAINT);
+  EXPECT_EQ(fault.text, "UNIQUE constraint failed: t.n");
   EXPECT_EQ(sqlite::run(insert, 2), 1) << "the statement can be used again";
-  const auto closed = sqlite::attempt([] { sqlite::open("/nowhere/x.db"); });
-  ASSERT_TRUE(closed);
-  EXPECT_EQ(closed->code, SQLITE_CANTOPEN);
+  EXPECT_EQ(sqlite::attempt([] { sqlite::open("/nowhere/x.db"); }).value().code, SQLITE_CANTOPEN);
 }
 
 }  // namespace

@@ -18,41 +18,33 @@ TEST(Backlog, OldestStreamGoesFirstAndKeepsItsSequence) {
   Backlog backlog(1 << 20);
   for (const auto& r : {row(3, "b"), row(1, "a", "slow"), row(4), row(2, "a", "slow")})
     backlog.append(r);
-  const auto first = test::next(backlog, 1000, any);
-  ASSERT_TRUE(first);
-  EXPECT_EQ(first->device, "a");
-  EXPECT_EQ(first->group, "slow");
-  EXPECT_EQ(first->payload, R"({"history":true,"rows":[1,2]})");
-  const auto second = test::next(backlog, 1000, any);
-  ASSERT_TRUE(second);
-  EXPECT_EQ(second->device, "b");
+  const auto first = test::next(backlog, 1000, any).value();
+  EXPECT_EQ(first.device, "a");
+  EXPECT_EQ(first.group, "slow");
+  EXPECT_EQ(first.payload, R"({"history":true,"rows":[1,2]})");
+  EXPECT_EQ(test::next(backlog, 1000, any).value().device, "b");
 }
 
 TEST(Backlog, MessageKeepsItsSizeAndALargerRowGoesAlone) {
   Backlog backlog(1 << 20);
   for (std::uint64_t number = 10; number < 20; ++number) backlog.append(row(number));
-  const auto two = test::next(backlog, 26 + 2 + 1 + 2, any);
-  ASSERT_TRUE(two);
-  EXPECT_EQ(two->row_ids.size(), 2U);
-  EXPECT_EQ(two->payload.size(), 26U + 2 + 1 + 2);
-  EXPECT_EQ(backlog.remove(*two), 2U);
-  const auto one = test::next(backlog, 1, any);
-  ASSERT_TRUE(one);
-  EXPECT_EQ(one->row_ids.size(), 1U);
+  const auto two = test::next(backlog, 26 + 2 + 1 + 2, any).value();
+  EXPECT_EQ(two.row_ids.size(), 2U);
+  EXPECT_EQ(two.payload.size(), 26U + 2 + 1 + 2);
+  EXPECT_EQ(backlog.remove(two), 2U);
+  EXPECT_EQ(test::next(backlog, 1, any).value().row_ids.size(), 1U);
 }
 
 TEST(Backlog, LaneWaitsForItsBatchAndTakesItBack) {
   Backlog backlog(1 << 20);
   backlog.append(row(1));
   backlog.append(row(2));
-  const auto first = test::next(backlog, 27, any);
-  ASSERT_TRUE(first);
+  const auto first = test::next(backlog, 27, any).value();
   EXPECT_FALSE(test::next(backlog, 27, any));
-  backlog.returned(*first);
-  const auto again = test::next(backlog, 1000, any);
-  ASSERT_TRUE(again);
-  EXPECT_EQ(again->row_ids, (std::vector<std::uint64_t>{1, 2}));
-  EXPECT_EQ(backlog.remove(*again), 2U);
+  backlog.returned(first);
+  const auto again = test::next(backlog, 1000, any).value();
+  EXPECT_EQ(again.row_ids, (std::vector<std::uint64_t>{1, 2}));
+  EXPECT_EQ(backlog.remove(again), 2U);
   EXPECT_EQ(backlog.rows(), 0U);
   EXPECT_EQ(backlog.bytes(), 0U);
 }
@@ -73,12 +65,11 @@ TEST(Backlog, FullBacklogLetsTheOldestGoAndCountsThemByDevice) {
 TEST(Backlog, RowThatMadeRoomOnItsWayIsNotAcknowledgedToo) {
   Backlog backlog(2 * (SampleRow::kOverhead + 1));
   backlog.append(row(1));
-  const auto batch = test::next(backlog, 1000, any);
-  ASSERT_TRUE(batch);
+  const auto batch = test::next(backlog, 1000, any).value();
   backlog.append(row(2));
   backlog.append(row(3));  // drops 1 to make room
   EXPECT_EQ(backlog.take_dropped().at("a"), 1U);
-  EXPECT_EQ(backlog.remove(*batch), 0U);
+  EXPECT_EQ(backlog.remove(batch), 0U);
   EXPECT_EQ(backlog.rows(), 2U);
 }
 
@@ -97,14 +88,13 @@ TEST(Backlog, PausedDeviceIsPassedOver) {
 TEST(Backlog, WhatWaitsCanMoveAndWhatIsOnTheWayStays) {
   Backlog backlog(1 << 20);
   for (std::uint64_t number = 1; number < 5; ++number) backlog.append(row(number));
-  const auto batch = test::next(backlog, 26 + 1, any);
-  ASSERT_TRUE(batch);
+  const auto batch = test::next(backlog, 26 + 1, any).value();
   EXPECT_TRUE(backlog.is_on_the_way({"a", "fast"}));
   const auto moved = backlog.take_waiting();
   ASSERT_EQ(moved.size(), 3U);
   EXPECT_EQ(moved.front().row_id, 2U);
   EXPECT_EQ(backlog.rows(), 1U);
-  backlog.returned(*batch);
+  backlog.returned(batch);
   EXPECT_EQ(backlog.take_waiting().size(), 1U);
   EXPECT_EQ(backlog.bytes(), 0U);
 }
@@ -117,9 +107,7 @@ TEST(Backlog, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
     backlog.append(std::move(damaged));
   }
   backlog.append(row(4, "b"));
-  const auto batch = test::next(backlog, 1000, any);
-  ASSERT_TRUE(batch);
-  EXPECT_EQ(batch->payload, R"({"history":true,"rows":[4]})");
+  EXPECT_EQ(test::next(backlog, 1000, any).value().payload, R"({"history":true,"rows":[4]})");
   EXPECT_EQ(backlog.take_dropped(), (std::map<std::string, std::uint64_t>{{"a", 2}, {"c", 1}}));
   EXPECT_EQ(backlog.rows(), 1U);
   EXPECT_FALSE(test::next(backlog, 1000, any));
@@ -133,18 +121,16 @@ TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
   std::size_t looks = 0;
   const auto counting = [&](const StreamKey&) { return ++looks > 0; };
   for (std::uint64_t stream = 0; stream < 1000; ++stream) {
-    const auto batch = test::next(backlog, 1000, counting);
-    ASSERT_TRUE(batch);
-    EXPECT_EQ(batch->device, "d" + std::to_string(stream)) << "the oldest first";
+    const auto batch = test::next(backlog, 1000, counting).value();
+    EXPECT_EQ(batch.device, "d" + std::to_string(stream)) << "the oldest first";
     if (stream % 2 == 0)
-      backlog.remove(*batch);
+      backlog.remove(batch);
     else
-      backlog.returned(*batch);
+      backlog.returned(batch);
     if (stream % 2 != 0) {
-      const auto again = test::next(backlog, 1000, counting);
-      ASSERT_TRUE(again);
-      EXPECT_EQ(again->row_ids, batch->row_ids);
-      backlog.remove(*again);
+      const auto again = test::next(backlog, 1000, counting).value();
+      EXPECT_EQ(again.row_ids, batch.row_ids);
+      backlog.remove(again);
     }
   }
   EXPECT_EQ(looks, 1500U);
