@@ -4,11 +4,14 @@
 
 #include <algorithm>
 #include <ctime>
+#include <functional>
 #include <limits>
 #include <random>
 #include <string>
+#include <utility>
 
 #include "protocol/plan/plan.h"
+#include "tests/protocol/checked_plan.h"
 #include "tests/protocol/every_plan.h"
 #include "tests/protocol/gathering_codec.h"
 
@@ -35,65 +38,13 @@ std::vector<Point> points_at(const Codec& codec, const std::vector<std::string>&
   return out;
 }
 
-/// Checks the rules for every plan: the limits of its ways and commands, each read sent once, whole
-/// values, and the stated line time.
-void check(const Plan& plan, const Codec& codec, const std::vector<Point>& points,
-           const LineCost& cost) {
-  std::chrono::nanoseconds time{0};
-  std::vector<int> sent(plan.reads.size());
-  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
-    const ReadIndices which = plan.reads_in(e);
-    for (std::size_t i = 0; i < which.size(); ++i) ++sent[which[i]];
-    const Request request = plan.request(which);
-    time += cost.of(codec.line_length(request));
-    const auto* gather = std::get_if<Gather>(&request);
-    if (gather == nullptr) continue;
-    std::uint32_t bits = 0;
-    for (const Read& part : gather->parts) {
-      EXPECT_EQ(part.gather, gather->parts.front().gather);
-      bits += part.span.bits;
-    }
-    for (const GatherCommand& command : codec.addresses().gathers())
-      if (command.gather == gather->parts.front().gather) {
-        EXPECT_LE(gather->parts.size(), command.max_parts);
-        EXPECT_LE(bits, command.max_bits);
-      }
-  }
-  EXPECT_EQ(sent, std::vector<int>(plan.reads.size(), 1));
-  EXPECT_EQ(plan.line_time, time);
-  for (const PlannedRead& planned : plan.reads) {
-    const Span& span = planned.read.span;
-    const auto ways = codec.addresses().read_ways(span.space);
-    EXPECT_TRUE(std::any_of(ways.begin(), ways.end(),
-                            [&](const ReadWay& way) {
-                              return way.way == planned.read.way &&
-                                     way.gather == planned.read.gather &&
-                                     span.first_bit % way.align_bits == 0 &&
-                                     span.bits % way.unit_bits == 0 && span.bits <= way.max_bits &&
-                                     span.end_bit() <= way.end_bit;
-                            }))
-        << span.first_bit << "+" << span.bits;
-    EXPECT_FALSE(planned.points.empty());
-  }
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const PointSource& source = plan.sources[i];
-    if (source.count == 0) continue;
-    std::uint32_t covered = span_of(points[i])->first_bit;
-    for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r)
-      if (plan.reads[r].read.span.first_bit <= covered)
-        covered = std::max(covered, plan.reads[r].read.span.end_bit());
-    EXPECT_GE(covered, span_of(points[i])->end_bit());
-  }
-}
-
 // ---- examples -----------------------------------------------------------------------------------
 
 TEST(Gathering, ScatteredWordsAndBitsAreOneExchange) {
   const GatheringCodec codec = gathering_codec();
   const auto points = points_at(codec, {"W1", "W900", "W3000", "B5", "B2000"});
   for (const LineCost& cost : {kCost, kNoSpeed, LineCost{}}) {
-    const Plan plan = make_plan(codec, points, cost, 0);
-    check(plan, codec, points, cost);
+    const Plan plan = checked_plan(codec, points, cost);
     EXPECT_EQ(plan.reads.size(), 5U);
     ASSERT_EQ(plan.exchange_count(), 1U);
     EXPECT_EQ(std::get<Gather>(plan.request(plan.reads_in(0))).parts.size(), 5U);
@@ -104,15 +55,13 @@ TEST(Gathering, WhatLiesTogetherIsReadAsABlockBesideIt) {
   const GatheringCodec codec = gathering_codec();
   std::vector<Point> points = points_at(codec, {"W1000", "W2000", "W3000", "B5"});
   points.push_back(point(codec, "W10", 60));
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost);
   ASSERT_EQ(plan.exchange_count(), 1U) << "blocks take it all";
   EXPECT_EQ(plan.reads.front().read.gather, 2);
 
   GatheringCodec without_blocks = codec;
   without_blocks.commands.pop_back();
-  const Plan two = make_plan(without_blocks, points, kCost, 0);
-  check(two, without_blocks, points, kCost);
+  const Plan two = checked_plan(without_blocks, points, kCost);
   ASSERT_EQ(two.exchange_count(), 2U);
   EXPECT_EQ(two.reads_in(0).size(), 1U) << "in the order of what they read";
   EXPECT_EQ(two.reads_in(1).size(), 4U);
@@ -133,8 +82,7 @@ TEST(Gathering, WhatHasNoOtherWayGoesInAGatherOfOnePart) {
   GatheringCodec codec = gathering_codec();
   codec.ways[1] = {word_way(1, 2, 1)};
   const auto points = points_at(codec, {"V7"});
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost);
   ASSERT_EQ(plan.exchange_count(), 1U);
   EXPECT_EQ(std::get<Gather>(plan.request(plan.reads_in(0))).parts.size(), 1U);
   EXPECT_EQ(std::get<Gather>(plan.request(ReadIndices(0))).parts.size(), 1U);
@@ -167,8 +115,7 @@ TEST(Gathering, SuspectsGoWithEachOther) {
   Holes holes;
   for (std::uint32_t n = 0; n < 6; ++n) holes.suspects.push_back({0, 200 * n * 16, 16});
   holes.most_suspects = 3;
-  const Plan plan = make_plan(codec, points, kCost, 0, holes);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost, 0, holes);
   ASSERT_EQ(plan.exchange_count(), 3U);
   for (std::uint32_t e = 0; e < 3; ++e) {
     const ReadIndices which = plan.reads_in(e);
@@ -188,8 +135,7 @@ TEST(Gathering, OnlyPlansThatReadASuspectAreHeldDown) {
   holes.most_others = 3;
   EXPECT_EQ(make_plan(codec, points, kCost, 0, holes).exchange_count(), 1U);
   points.push_back(point(codec, "V200"));
-  const Plan plan = make_plan(codec, points, kCost, 0, holes);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost, 0, holes);
   EXPECT_EQ(plan.exchange_count(), 4U + 1);
 }
 
@@ -219,6 +165,15 @@ TEST(Gathering, EachReadGetsItsOwnOutOfTheImage) {
 
 // ---- comparison with the exhaustive search -----------------------------------------------------
 
+/// True if a point is longer than every way. It is split, which the exhaustive search does not try.
+bool is_cut(const Plan& plan) {
+  return std::any_of(plan.sources.begin(), plan.sources.end(),
+                     [](const PointSource& source) { return source.count > 1; });
+}
+
+bool is_part(const PlannedRead& planned) { return planned.read.gather != 0; }
+bool is_block(const PlannedRead& planned) { return planned.read.gather == 2; }
+
 class GatheringPlans : public ::testing::Test {
  protected:
   std::uint32_t pick(std::uint32_t least, std::uint32_t most) {
@@ -246,67 +201,53 @@ class GatheringPlans : public ::testing::Test {
     return points;
   }
   LineCost any_cost() { return {1ms, std::chrono::milliseconds(pick(0, 40))}; }
+  /// Expects the least line time of random plans, with codecs that `change` alters. Returns the
+  /// number of those that `counts`.
+  std::size_t least_plans(const std::function<void(GatheringCodec&)>& change,
+                          const std::function<bool(const Plan&)>& counts) {
+    std::size_t counted = 0;
+    for (int round = 0; round < 400; ++round) {
+      GatheringCodec codec = any_codec();
+      change(codec);
+      const auto points = any_points(codec);
+      const LineCost cost = any_cost();
+      const Plan plan = checked_plan(codec, points, cost);
+      if (is_cut(plan)) continue;
+      EXPECT_EQ(plan.line_time.count(), EveryPlan(codec, points, cost).least()) << round;
+      counted += counts(plan) ? 1U : 0U;
+    }
+    return counted;
+  }
 
   std::mt19937 random{20261123};
 };
 
-/// True if a point is longer than every way. It is split, which the exhaustive search does not try.
-bool is_cut(const Plan& plan) {
-  return std::any_of(plan.sources.begin(), plan.sources.end(),
-                     [](const PointSource& source) { return source.count > 1; });
-}
-
 TEST_F(GatheringPlans, NoOtherMixOfBatchAndRandomReadsTakesLessLineTime) {
-  std::size_t mixed = 0;
-  for (int round = 0; round < 400; ++round) {
-    const GatheringCodec codec = any_codec();
-    const auto points = any_points(codec);
-    const LineCost cost = any_cost();
-    const Plan plan = make_plan(codec, points, cost, 0);
-    check(plan, codec, points, cost);
-    if (is_cut(plan)) continue;
-    ASSERT_EQ(plan.line_time.count(), EveryPlan(codec, points, cost).least()) << round;
-    const auto parts = std::count_if(plan.reads.begin(), plan.reads.end(),
-                                     [](const PlannedRead& read) { return read.read.gather != 0; });
-    mixed += parts > 0 && static_cast<std::size_t>(parts) < plan.reads.size() ? 1U : 0U;
-  }
+  const auto mixed = least_plans([](GatheringCodec&) {},
+                                 [](const Plan& plan) {
+                                   const auto parts = std::ranges::count_if(plan.reads, is_part);
+                                   return parts > 0 && std::cmp_less(parts, plan.reads.size());
+                                 });
   EXPECT_GT(mixed, 20U);
 }
 
 TEST_F(GatheringPlans, NorWhereAFrameHoldsFewParts) {
-  std::size_t several = 0;
-  for (int round = 0; round < 400; ++round) {
-    GatheringCodec codec = any_codec();
-    codec.commands = {{1, pick(1, 4)}};
-    const auto points = any_points(codec);
-    const LineCost cost = any_cost();
-    const Plan plan = make_plan(codec, points, cost, 0);
-    check(plan, codec, points, cost);
-    if (is_cut(plan)) continue;
-    ASSERT_EQ(plan.line_time.count(), EveryPlan(codec, points, cost).least()) << round;
-    several += plan.exchange_count() > 1 && !plan.exchanges.empty() ? 1U : 0U;
-  }
+  const auto several = least_plans(
+      [this](GatheringCodec& codec) {
+        codec.commands = {{1, pick(1, 4)}};
+      },
+      [](const Plan& plan) { return plan.exchange_count() > 1 && !plan.exchanges.empty(); });
   EXPECT_GT(several, 50U);
 }
 
 TEST_F(GatheringPlans, NorWhereThereAreTwoCommandsWithRoom) {
-  std::size_t blocks = 0;
-  for (int round = 0; round < 400; ++round) {
-    GatheringCodec codec = any_codec();
-    for (auto& [space, ways] : codec.ways) ways.push_back(word_way(2, pick(2, 20), 2));
-    codec.commands = {{1, 100}, {2, 100}};
-    const auto points = any_points(codec);
-    const LineCost cost = any_cost();
-    const Plan plan = make_plan(codec, points, cost, 0);
-    check(plan, codec, points, cost);
-    if (is_cut(plan)) continue;
-    ASSERT_EQ(plan.line_time.count(), EveryPlan(codec, points, cost).least()) << round;
-    const bool any =
-        std::any_of(plan.reads.begin(), plan.reads.end(),
-                    [](const PlannedRead& planned) { return planned.read.gather == 2; });
-    blocks += any ? 1U : 0U;
-  }
-  EXPECT_GT(blocks, 20U);
+  const auto with_blocks = least_plans(
+      [this](GatheringCodec& codec) {
+        for (auto& [space, ways] : codec.ways) ways.push_back(word_way(2, pick(2, 20), 2));
+        codec.commands = {{1, 100}, {2, 100}};
+      },
+      [](const Plan& plan) { return std::ranges::any_of(plan.reads, is_block); });
+  EXPECT_GT(with_blocks, 20U);
 }
 
 TEST_F(GatheringPlans, WhereTheSizeOfAFrameCountsToFewTakeMore) {
@@ -317,8 +258,7 @@ TEST_F(GatheringPlans, WhereTheSizeOfAFrameCountsToFewTakeMore) {
     codec.commands = {{1, pick(2, 6)}, {2, pick(2, 6), pick(4, 8) * 16}};
     const auto points = any_points(codec);
     const LineCost cost = any_cost();
-    const Plan plan = make_plan(codec, points, cost, 0);
-    check(plan, codec, points, cost);
+    const Plan plan = checked_plan(codec, points, cost);
     if (is_cut(plan)) continue;
     const std::int64_t least = EveryPlan(codec, points, cost).least();
     ASSERT_GE(plan.line_time.count(), least) << round;
@@ -335,8 +275,7 @@ TEST_F(GatheringPlans, ABlockOfMoreThanHalfAFrameHasItsPrice) {
   const GatheringCodec codec = gathering_codec();
   const std::vector<Point> points{point(codec, "W100", 50), point(codec, "V900", 40),
                                   point(codec, "V30")};
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost);
   // 30 + 14 + 3 * 10 + 364 ms; single reads would take 3 * 40 + 364 ms.
   EXPECT_EQ(plan.exchange_count(), 1U);
   EXPECT_EQ(plan.line_time, 438ms);
@@ -350,8 +289,7 @@ TEST_F(GatheringPlans, ManyPartsFillTheirFrames) {
   std::vector<Point> points;
   for (int n = 0; n < 240; ++n) points.push_back(point(codec, "W" + std::to_string(16 * n)));
   const LineCost cost{1ms, 100ms};
-  const Plan plan = make_plan(codec, points, cost, 0);
-  check(plan, codec, points, cost);
+  const Plan plan = checked_plan(codec, points, cost);
   // A read of 64 words covers four of them in 238 ms; a frame covers 24 of them in 354 ms.
   EXPECT_EQ(plan.exchange_count(), 10U);
 }

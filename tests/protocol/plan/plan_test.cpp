@@ -8,6 +8,7 @@
 
 #include "protocol/fx/programming_port.h"
 #include "protocol/plan/cheapest_reads.h"
+#include "tests/protocol/checked_plan.h"
 #include "tests/support/says.h"
 
 namespace fxagent {
@@ -16,6 +17,7 @@ namespace {
 using namespace std::chrono_literals;
 using fx::Model;
 using fx::ProgrammingPort;
+using test::checked_plan;
 
 /// A made-up protocol whose ways the test chooses: 10 characters and two per byte.
 class PaperCodec final : public Codec, public AddressSpace {
@@ -93,39 +95,6 @@ ReadWay way(std::uint32_t end, std::uint32_t align, std::uint32_t unit, std::uin
   return {id, 0, 0, end, align, unit, max, gap};
 }
 
-/// Checks the rules for every plan: limits, whole values, and the stated line time.
-void check(const Plan& plan, const Codec& codec, const std::vector<Point>& points,
-           const LineCost& cost, std::uint32_t max_bytes = 0) {
-  std::chrono::nanoseconds time{0};
-  for (const PlannedRead& planned : plan.reads) {
-    const Span& span = planned.read.span;
-    bool allowed = false;
-    for (const ReadWay& w : codec.addresses().read_ways(span.space))
-      allowed |= w.way == planned.read.way && span.first_bit >= w.first_bit &&
-                 span.end_bit() <= w.end_bit && span.first_bit % w.align_bits == 0 &&
-                 span.bits % w.unit_bits == 0 && span.bits > 0 && span.bits <= w.max_bits &&
-                 (max_bytes == 0 || span.bits <= std::max(max_bytes * 8, w.unit_bits));
-    EXPECT_TRUE(allowed) << span.first_bit << "+" << span.bits;
-    EXPECT_FALSE(planned.points.empty());
-    time += cost.of(codec.line_length(planned.read));
-  }
-  EXPECT_EQ(plan.line_time, time);
-  ASSERT_EQ(plan.sources.size(), points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const PointSource& source = plan.sources[i];
-    const Span span = *span_of(points[i]);
-    std::uint32_t covered = span.first_bit;
-    for (std::uint32_t r = source.first_read; r < source.first_read + source.count; ++r) {
-      const Span& read = plan.reads[r].read.span;
-      if (read.first_bit <= covered) covered = std::max(covered, read.end_bit());
-      EXPECT_NE(std::count(plan.reads[r].points.begin(), plan.reads[r].points.end(), i), 0);
-    }
-    if (source.count != 0) {
-      EXPECT_GE(covered, span.end_bit()) << i;
-    }
-  }
-}
-
 // ---- order ------------------------------------------------------------------------------------
 
 /// The words of each read in the order of sending. `lengths`: those of points far from each other.
@@ -133,8 +102,7 @@ std::vector<std::uint32_t> sent(const Codec& codec, const std::vector<std::uint1
   std::vector<Point> points;
   for (const std::uint16_t length : lengths)
     points.push_back(words(static_cast<std::uint32_t>(1000 * points.size()), length));
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost);
   std::vector<bool> once(plan.reads.size());
   std::vector<std::uint32_t> out;
   for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
@@ -166,8 +134,7 @@ TEST(Plan, NeighboursShareOneRead) {
   const ProgrammingPort codec({Model::fx3u});
   const std::vector<Point> points = {device(codec, "D100"), device(codec, "D105"),
                                      device(codec, "D102", DataType::int32)};
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost);
   ASSERT_EQ(plan.reads.size(), 1U);
   EXPECT_EQ(plan.reads[0].read.span, (Span{fx::id(fx::Space::d), 1600, 96}));
   EXPECT_EQ(plan.reads[0].points, (std::vector<std::uint32_t>{0, 1, 2}));
@@ -215,8 +182,7 @@ TEST(Plan, TiersAndSpacesAreNeverMixed) {
   const std::vector<Point> points = {device(codec, "D1023"), device(codec, "D1024"),
                                      device(codec, "D8000"),
                                      device(codec, "M0", DataType::boolean)};
-  const Plan plan = make_plan(codec, points, LineCost{1ms, 1s}, 0);
-  check(plan, codec, points, LineCost{1ms, 1s});
+  const Plan plan = checked_plan(codec, points, LineCost{1ms, 1s});
   ASSERT_EQ(plan.reads.size(), 4U);
   EXPECT_EQ(plan.reads[plan.sources[0].first_read].read.way, ProgrammingPort::kClassicWay);
   EXPECT_EQ(plan.reads[plan.sources[1].first_read].read.way, ProgrammingPort::kExtendedWay);
@@ -262,8 +228,7 @@ TEST(Plan, AGapThatIsTooWideIsNotReadHoweverCheap) {
   const auto reads = [&](std::uint32_t gap) {
     const PaperCodec codec({way(16000, 16, 16, 1600, gap)});
     const std::vector<Point> points = {words(0, 10), words(3), words(14), words(40)};
-    const Plan plan = make_plan(codec, points, cost, 0);
-    check(plan, codec, points, cost);
+    const Plan plan = checked_plan(codec, points, cost);
     return plan.reads.size();
   };
   EXPECT_EQ(reads(0), 3U);
@@ -277,8 +242,7 @@ TEST(Plan, AUnitThatWouldStickOutBehindTheLastDeviceStartsEarlier) {
   // Sixteen bits per unit in steps of eight; the space ends half way through a unit.
   const PaperCodec codec({way(1016, 8, 16, 512)});
   const std::vector<Point> points = {bits(1010)};
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost);
   EXPECT_EQ(plan.reads[0].read.span, (Span{0, 1000, 16}));
   // This way cannot read a space smaller than one unit.
   const PaperCodec tiny({way(8, 8, 16, 512)});
@@ -294,8 +258,7 @@ TEST(Plan, TheCheaperWayOfATierIsTaken) {
   ReadWay bit_way = way(4096, 1, 1, 256, 0xFFFFFFFF, 1);
   const PaperCodec codec({way(4096, 16, 16, 512), bit_way});
   const auto used = [&](const std::vector<Point>& points) {
-    const Plan plan = make_plan(codec, points, kCost, 0);
-    check(plan, codec, points, kCost);
+    const Plan plan = checked_plan(codec, points, kCost);
     return plan.reads.at(0).read.way;
   };
   EXPECT_EQ(used({bits(5)}), 1);            // one character instead of four
@@ -309,8 +272,7 @@ TEST(Plan, MaxBlockBytesLowersEveryRead) {
   const LineCost cost{1ns, 1s};
   EXPECT_EQ(make_plan(codec, points, cost, 0).reads.size(), 2U);
   for (const std::uint32_t bytes : {1U, 2U, 3U, 20U, 64U, 500U}) {
-    const Plan plan = make_plan(codec, points, cost, bytes);
-    check(plan, codec, points, cost, bytes);
+    const Plan plan = checked_plan(codec, points, cost, bytes);
     const std::size_t per_read = std::max(1U, std::min(bytes, 64U) / 2);
     EXPECT_EQ(plan.reads.size(), (40 + per_read - 1) / per_read) << bytes;
   }
@@ -321,8 +283,7 @@ TEST(Plan, MaxBlockBytesLowersEveryRead) {
 TEST(Plan, AnArrayLongerThanAFrameGetsConsecutiveReadsAndComesBackWhole) {
   const ProgrammingPort codec({Model::fx3u});
   const std::vector<Point> points = {device(codec, "D10", DataType::int16, 100)};
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost);
   EXPECT_EQ(plan.reads.size(), 4U);
   EXPECT_EQ(plan.sources[0].count, 4U);
   std::vector<Bytes> images;
@@ -367,8 +328,7 @@ TEST(Plan, ALongArraySharesItsReadsWithItsNeighbours) {
   // 21 + 40 words: two reads if the array is cut to fit its neighbours, otherwise three.
   const std::vector<Point> points = {device(codec, "D0", DataType::int16, 21),
                                      device(codec, "D21", DataType::int16, 40)};
-  const Plan plan = make_plan(codec, points, cost, 0);
-  check(plan, codec, points, cost);
+  const Plan plan = checked_plan(codec, points, cost);
   EXPECT_EQ(plan.reads.size(), 2U);
 }
 
@@ -376,8 +336,7 @@ TEST(Plan, TheElementsOfALongArrayAreNotTorn) {
   const ProgrammingPort codec({Model::fx3u});
   for (const std::uint32_t bytes : {6U, 10U, 64U}) {
     const std::vector<Point> points = {device(codec, "D1", DataType::int32, 40)};
-    const Plan plan = make_plan(codec, points, kCost, bytes);
-    check(plan, codec, points, kCost, bytes);
+    const Plan plan = checked_plan(codec, points, kCost, bytes);
     for (std::uint32_t i = 0; i < 40; ++i) {
       const Span element{fx::id(fx::Space::d), 16 + i * 32, 32};
       EXPECT_TRUE(std::any_of(plan.reads.begin(), plan.reads.end(), [&](const PlannedRead& read) {
@@ -392,8 +351,7 @@ TEST(Plan, AnElementLargerThanAFrameIsCutAtUnits) {
   Point text = device(codec, "D0", DataType::string);
   text.length = 100;
   const std::vector<Point> points = {text, device(codec, "D5")};
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost);
   EXPECT_EQ(plan.sources[0].count, 2U);
   EXPECT_EQ(plan.sources[1].count, 1U);
   std::vector<Bytes> images;
@@ -405,8 +363,7 @@ TEST(Plan, AnElementLargerThanAFrameIsCutAtUnits) {
 TEST(Plan, ALongBitArrayComesBackWhole) {
   const PaperCodec codec({way(4096, 1, 1, 100)});
   const std::vector<Point> points = {bits(3, 250)};
-  const Plan plan = make_plan(codec, points, kCost, 0);
-  check(plan, codec, points, kCost);
+  const Plan plan = checked_plan(codec, points, kCost);
   ASSERT_EQ(plan.reads.size(), 3U);
   std::vector<Bytes> images;
   for (const PlannedRead& planned : plan.reads) {
@@ -509,8 +466,7 @@ TEST(Plan, NoOtherSharingOfThePointsTakesLessLineTime) {
       else
         points.push_back(words(pick(0, 40), static_cast<std::uint16_t>(pick(1, 3))));
     }
-    const Plan plan = make_plan(codec, points, cost, 0);
-    check(plan, codec, points, cost);
+    const Plan plan = checked_plan(codec, points, cost);
     ASSERT_EQ(plan.line_time.count(), brute_force(codec, points, cost)) << "round " << round;
   }
 }
@@ -533,8 +489,7 @@ TEST(Plan, NoOtherSharingOfThePointsAroundTheHolesTakesLessLineTime) {
     for (std::uint32_t n = pick(0, 3); n > 0; --n) holes.cuts.push_back({0, pick(0, 16) * unit});
     for (std::uint32_t n = pick(0, 3); n > 0; --n)
       holes.missing.push_back({0, pick(0, 16) * unit, pick(1, 3) * unit});
-    const Plan plan = make_plan(codec, points, cost, 0, holes);
-    check(plan, codec, points, cost);
+    const Plan plan = checked_plan(codec, points, cost, 0, holes);
     for (const PlannedRead& planned : plan.reads) {
       const Span& span = planned.read.span;
       EXPECT_FALSE(Forbidden(holes, span.space).holds({span.first_bit, span.end_bit()}));
