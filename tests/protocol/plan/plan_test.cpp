@@ -9,6 +9,7 @@
 #include "protocol/fx/programming_port.h"
 #include "protocol/plan/cheapest_reads.h"
 #include "tests/protocol/checked_plan.h"
+#include "tests/protocol/gathering_codec.h"
 #include "tests/support/says.h"
 
 namespace fxagent {
@@ -20,43 +21,21 @@ using fx::ProgrammingPort;
 using test::checked_plan;
 
 /// A made-up protocol whose ways the test chooses: 10 characters and two per byte.
-class PaperCodec final : public Codec, public AddressSpace {
+class PaperCodec final : public test::GatheringCodec {
  public:
-  explicit PaperCodec(std::vector<ReadWay> ways, Recovery after_silence = Recovery::drain)
-      : ways_(std::move(ways)), after_silence_(after_silence) {}
-
-  Result<Address> parse_address(std::string_view, std::optional<DataType>) const override {
-    return fail(ErrorCode::bad_request, "no names");
-  }
-  bool needs_type(std::string_view) const override { return false; }
-  Result<Span> parse_range(std::string_view) const override {
-    return fail(ErrorCode::bad_request, "no names");
-  }
-  Result<void> check_range(const Span&) const override { return {}; }
-  Result<void> check_write(const Span&) const override { return {}; }
-  std::string name_of(const Span&) const override { return "paper"; }
-  std::vector<ReadWay> read_ways(std::uint16_t space) const override {
-    return space == 0 ? ways_ : std::vector<ReadWay>{};
+  explicit PaperCodec(std::vector<ReadWay> of_words, Recovery after_silence = Recovery::drain)
+      : after_silence_(after_silence) {
+    ways[0] = std::move(of_words);
   }
   std::uint32_t max_write_bits(std::uint16_t space) const override { return space == 0 ? 128 : 0; }
-  ByteOrder default_order() const override { return ByteOrder::cdab; }
-  const AddressSpace& addresses() const override { return *this; }
-  Result<Bytes> encode(const Request&, std::uint16_t) const override { return Bytes{}; }
-  Result<std::optional<Reply>> decode(const Request&, std::uint16_t, ByteView) const override {
-    return std::optional<Reply>{};
-  }
-  bool expects_reply(const Request&) const override { return true; }
   Recovery after_silence() const override { return after_silence_; }
   LineLength line_length(const Request& request) const override {
     const auto& read = std::get<Read>(request);
     // The second way takes one character per bit, like bit reads of the computer link.
     return {5, 5 + (read.way == 1 ? read.span.bits : (read.span.bits + 3) / 4), 0};
   }
-  Explanation explain(ByteView, std::optional<Direction>) const override { return {}; }
-  RefusalMeaning meaning_of(const Request&, int) const override { return RefusalMeaning::final; }
 
  private:
-  std::vector<ReadWay> ways_;
   Recovery after_silence_;
 };
 
