@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
+#include <source_location>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,9 +24,9 @@ struct Made {
 };
 
 /// Imports a text. The text must be of the format, and the result must pass check.
-inline Made made_of(std::string_view text,
-                    ImportResult (*read)(std::string_view, const ImportOptions&),
-                    const ImportOptions& options = {}) {
+inline Made outcome_of(std::string_view text,
+                       ImportResult (*read)(std::string_view, const ImportOptions&),
+                       const ImportOptions& options = {}) {
   auto imported = read(text, options);
   if (!imported) {
     ADD_FAILURE() << imported.error().line << ": " << imported.error().text;
@@ -42,21 +45,34 @@ inline Made made_of(std::string_view text,
   return made;
 }
 
-/// Counts the notes that contain all the words.
-inline int notes_with(const Made& made, const std::vector<std::string>& words) {
-  int count = 0;
-  for (const std::string& note : made.notes) {
-    bool all = true;
-    for (const std::string& word : words) all = all && note.find(word) != std::string::npos;
-    count += all ? 1 : 0;
-  }
-  return count;
-}
-
 inline std::string all_of(const std::vector<std::string>& notes) {
   std::string text;
   for (const std::string& note : notes) text += note + "\n";
   return text;
+}
+
+/// Imports a text of which something can be carried over; otherwise the test ends here.
+inline Made made_of(std::string_view text,
+                    ImportResult (*read)(std::string_view, const ImportOptions&),
+                    const ImportOptions& options = {}) {
+  Made made = outcome_of(text, read, options);
+  if (made.config.is_null()) throw std::runtime_error("nothing:\n" + all_of(made.notes));
+  return made;
+}
+
+/// Expects so many notes that contain all the words.
+inline void expect_notes(int count, const Made& made, const std::vector<std::string>& words,
+                         std::source_location at = std::source_location::current()) {
+  const testing::ScopedTrace caller(at.file_name(), static_cast<int>(at.line()), "expected here");
+  const auto has_all = [&](const std::string& note) {
+    return std::ranges::all_of(
+        words, [&](const std::string& word) { return note.find(word) != std::string::npos; });
+  };
+  EXPECT_EQ(std::ranges::count_if(made.notes, has_all), count) << all_of(made.notes);
+}
+inline void expect_note(const Made& made, const std::vector<std::string>& words,
+                        std::source_location at = std::source_location::current()) {
+  expect_notes(1, made, words, at);
 }
 
 }  // namespace fxagent::test
