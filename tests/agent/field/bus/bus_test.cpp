@@ -39,6 +39,19 @@ class BusTest : public ScriptedBusTest {
     make_bus();
     station.codec = codec;
   }
+  /// The station becomes one of a computer link. Returns the read of its D100.
+  Read over_computer_link() {
+    station.codec = codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
+    return {codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
+  }
+  /// Reads D100 without an enquiry; a second answer follows the right one.
+  void read_with_another_answer_behind() {
+    station.enquire = EnquirePolicy::never;
+    wire->expect(kReadD100).give(word_frame(1));
+    open();
+    EXPECT_TRUE(read("D100").is_data());
+    wire->give(word_frame(99));
+  }
   /// Scripts one exchange on a doubted bus: silence, a distinguishable request, silence.
   void script_doubted(const Bytes& question, const Bytes& answer) {
     wire->silence();
@@ -183,9 +196,7 @@ TEST_F(BusTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
 TEST_F(BusTest, EchoOfWhatNobodyAnswersIsFoundToo) {
   // A computer link sends an EOT first and an ACK after each answer. Their echoes come before the
   // echo of the next request.
-  codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
-  station.codec = codec;
-  const Read d100{codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
+  const Read d100 = over_computer_link();
   const Bytes eot = *codec->encode(*codec->resync(), 0);
   const Bytes question = *codec->encode(d100, 0);
   const LinkDialect plc(/*ends_with_cr_lf=*/false);
@@ -298,9 +309,7 @@ TEST_F(BusTest, LateReplyBetweenDrainAndEnquiryIsThrownAway) {
 TEST_F(BusTest, LineIsInUseUntilTheAckOfAnAnswerHasLeft) {
   constexpr auto kCharTime = milliseconds(20);
   make_bus(kCharTime);
-  codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
-  station.codec = codec;
-  const Read d100{codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
+  const Read d100 = over_computer_link();
   const Bytes question = *codec->encode(d100, 0);
   const LinkDialect plc(/*ends_with_cr_lf=*/false);
   const Bytes ack{0x06, '0', '0', 'F', 'F'};
@@ -315,10 +324,8 @@ TEST_F(BusTest, LineIsInUseUntilTheAckOfAnAnswerHasLeft) {
 
 TEST_F(BusTest, LateReplyHasItsTimeWhereNobodyAnswersTheResync) {
   // The EOT of a computer link has no answer that could separate earlier bytes from later ones.
-  codec = std::make_shared<fx::ComputerLink>(fx::ComputerLink::Settings{});
-  station.codec = codec;
   station.timeout = milliseconds(150);
-  const Read d100{codec->addresses().parse_address("D100", {})->span, fx::ComputerLink::kWordWay};
+  const Read d100 = over_computer_link();
   const Bytes question = *codec->encode(d100, 0);
   const Bytes eot = *codec->encode(*codec->resync(), 0);
   wire->expect(eot).expect(question).silence();
@@ -508,11 +515,7 @@ TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
 // ---- unexpected answers ------------------------------------------------------------------------
 
 TEST_F(BusTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
-  station.enquire = EnquirePolicy::never;
-  wire->expect(kReadD100).give(word_frame(1));
-  open();
-  EXPECT_TRUE(read("D100").is_data());
-  wire->give(word_frame(99));  // a second answer after the right one
+  read_with_another_answer_behind();
   script_doubted(kReadD100, word_frame(2));
   const Exchange second = read("D100");
   EXPECT_TRUE(second.is_data());
@@ -523,11 +526,7 @@ TEST_F(BusTest, SecondAnswerThatComesLaterPutsTheBusInDoubt) {
 }
 
 TEST_F(BusTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
-  station.enquire = EnquirePolicy::never;
-  wire->expect(kReadD100).give(word_frame(1));
-  open();
-  read("D100");
-  wire->give(word_frame(99));
+  read_with_another_answer_behind();
   for (unsigned i = 0; i < 3; ++i) script_doubted(kReadD100, word_frame(2));
   for (unsigned i = 0; i < 3; ++i) EXPECT_TRUE(read("D100").doubted) << i;
   // No read follows these answers.
@@ -541,11 +540,7 @@ TEST_F(BusTest, DoubtEndsWithThreeExchangesThatHadSilenceBeforeAndBehindThem) {
 }
 
 TEST_F(BusTest, AfterADoubtALateSecondAnswerIsTakenForNoAnswer) {
-  station.enquire = EnquirePolicy::never;
-  wire->expect(kReadD100).give(word_frame(1));
-  open();
-  read("D100");
-  wire->give(word_frame(99));
+  read_with_another_answer_behind();
   for (unsigned i = 0; i < 3; ++i) script_doubted(kReadD100, word_frame(2));
   for (unsigned i = 0; i < 3; ++i) EXPECT_TRUE(read("D100").doubted) << i;
   // The second answer to D100 arrives instead of the answer to D200, which then arrives as the
@@ -589,11 +584,7 @@ TEST_F(BusTest, TheOneAnswerThatIsOwedCostsNoSecondRead) {
 }
 
 TEST_F(BusTest, WriteIsSentOnceHoweverWaryTheBusIs) {
-  station.enquire = EnquirePolicy::never;
-  wire->expect(kReadD100).give(word_frame(1));
-  open();
-  read("D100");
-  wire->give(word_frame(99));
+  read_with_another_answer_behind();
   for (unsigned i = 0; i < 3; ++i) script_doubted(kReadD100, word_frame(2));
   for (unsigned i = 0; i < 3; ++i) read("D100");
   wire->expect(kWriteD200).give(kAck);
@@ -601,11 +592,7 @@ TEST_F(BusTest, WriteIsSentOnceHoweverWaryTheBusIs) {
 }
 
 TEST_F(BusTest, SecondAnswerDuringTheSilenceBehindTheFirstIsFoundAndLastsTheDoubt) {
-  station.enquire = EnquirePolicy::never;
-  wire->expect(kReadD100).give(word_frame(1));
-  open();
-  read("D100");
-  wire->give(word_frame(99));
+  read_with_another_answer_behind();
   for (int i = 0; i < 9; ++i) {
     wire->silence();
     wire->expect(kProbe).give(kProbeAnswer);
@@ -683,9 +670,7 @@ TEST_F(BusTest, InDoubtItListensAsLongAsTheSlowestAnswerMayTake) {
 }
 
 TEST_F(BusTest, AnswersWithNumbersAreNeverDoubted) {
-  const ProtocolInfo& info = *find_protocol("modbus-tcp");
-  codec = *info.make(default_options(info));
-  station.codec = codec;
+  station.codec = codec = codec_of("modbus-tcp");
   const Read hr0{codec->addresses().parse_address("hr:0", {})->span};
   const Bytes first = *from_hex("00 01 00 00 00 05 01 03 02 00 64");
   wire->expect(*from_hex("00 01 00 00 00 06 01 03 00 00 00 01")).give(joined(first, first));
@@ -700,9 +685,7 @@ TEST_F(BusTest, AnswersWithNumbersAreNeverDoubted) {
 }
 
 TEST_F(BusTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
-  const ProtocolInfo& info = *find_protocol("modbus-rtu");
-  codec = *info.make(default_options(info));
-  station.codec = codec;
+  station.codec = codec = codec_of("modbus-rtu");
   const Read two{{codec->addresses().parse_address("hr:0", {})->span.space, 0, 32}};
   const Bytes question = *from_hex("01 03 00 00 00 02 C4 0B");
   const Bytes answer = *from_hex("01 03 04 00 64 00 65 7B C7");
@@ -717,11 +700,7 @@ TEST_F(BusTest, RtuAsksForLessFirstSoThatTheAnswersCanBeToldApart) {
 
 TEST_F(BusTest, EchoThatNobodyAwaitedIsNoForeignAnswer) {
   // On a two-wire line the command to unit 0 comes back as an echo and gets no answer.
-  const ProtocolInfo& info = *find_protocol("modbus-rtu");
-  Options options = default_options(info);
-  options["unit"] = std::int64_t{0};
-  codec = *info.make(options);
-  station.codec = codec;
+  station.codec = codec = codec_of("modbus-rtu", {{"unit", std::int64_t{0}}});
   const Bytes admitted = *from_hex("00 06 00 01 00 AA 59 A4");
   const Write write{{codec->addresses().parse_address("hr:1", {})->span.space, 16, 16}, word(0xAA)};
   wire->expect(admitted).give(admitted).expect(admitted);
