@@ -370,170 +370,180 @@ void describe(Ruling& ruling, const Access& access, const std::vector<std::uint3
   }
 }
 
+class ComputerLink final : public Personality {
+ public:
+  explicit ComputerLink(ComputerLinkSettings settings) : settings_(settings) {}
+
+  Protocol protocol() const override { return Protocol::computer_link; }
+  std::unique_ptr<Framer> make_framer() const override {
+    return std::make_unique<ComputerLinkFramer>(settings_);
+  }
+
+  bool hears(const Frame& frame) const override {
+    const auto first = frame.bytes.front();
+    if (first == kEot || first == kCl) return true;
+    const auto station = as_text(frame.bytes).substr(1, 2);
+    return station == kAllStations || parse_upper_hex(station) == settings_.station;
+  }
+
+  RequestKind kind(const Frame& frame) const override {
+    if (!frame.whole) return RequestKind::malformed;
+    if (frame.bytes.front() != kEnq) return RequestKind::handshake;
+    const auto text = text_of(frame, settings_.format);
+    const auto* command = find_command(text);
+    if (command == nullptr || command->name == "PC" || command->name == "TT")
+      return RequestKind::other;
+    if (command->unit == Unit::none) return RequestKind::control;
+    if (command->shape == Shape::read) return RequestKind::read;
+    if (command->unit == Unit::bit) {
+      const auto area = text.substr(kHead);
+      const bool block = command->shape == Shape::write;
+      const std::size_t count_at = block ? command->device_characters : 0;
+      const std::size_t state_at = command->device_characters + 2U;  // of the first point, in both
+      if (area.size() > state_at && area.substr(count_at, 2) == "01")
+        return area[state_at] == '1' ? RequestKind::force_on : RequestKind::force_off;
+    }
+    return RequestKind::write;
+  }
+
+  Ruling execute(const Frame& frame, Plc& plc) const override {
+    const auto silence = [](std::string why) {
+      return Ruling{.verdict = Verdict::silent, .why = std::move(why)};
+    };
+    if (!frame.whole) return silence("no frame");
+    if (frame.bytes.front() != kEnq) return silence("of the master");
+
+    const auto text = text_of(frame, settings_.format);
+    const auto& model = plc.memory().model();
+    const auto* command = find_command(text);
+    if (text.size() < kHead) return silence("incomplete");
+    if (text.starts_with(kAllStations) && (command == nullptr || command->name != "GW"))
+      return silence("all stations are addressed");
+    const auto wait = parse_upper_hex(text.substr(6, 1));
+    const auto answer = [&](Ruling ruling) {
+      ruling.wait = std::chrono::milliseconds(10) * wait.value_or(0);
+      return ruling;
+    };
+
+    auto area = text.substr(kHead);
+    const auto size = command != nullptr ? measure(*command, area) : Measure{std::nullopt, false};
+    const bool ends_by_length = settings_.format == 1;
+    if (settings_.sum_check && (size.sound || !ends_by_length)) {
+      const auto sum = parse_upper_hex(text.substr(text.size() - 2));
+      if (area.size() < 2 || sum != sum_of(ByteView(frame.bytes).subspan(1, text.size() - 2)))
+        return answer(nak(kSumError, "wrong sum"));
+      area.remove_suffix(2);
+    }
+    if (!ends_by_length && frame.bytes.back() != kLf)
+      return answer(nak(kProtocolError, "CR without LF"));
+    if (command == nullptr) return answer(nak(kAreaError, "no such command"));
+    if (command->device_characters == 7 && model.extended != ExtendedSet::fx3)
+      return answer(nak(kAreaError, "not on this model"));
+    if (!wait) return answer(nak(kAreaError, "message wait is no digit"));
+    if (!size.sound || size.characters != area.size())
+      return answer(nak(kAreaError, "length of the character area"));
+
+    Access access;
+    std::vector<std::uint32_t> values;
+    if (command->unit != Unit::none) {
+      access = command->shape == Shape::list ? list(*command, area, plc.memory())
+                                             : block(*command, area, plc.memory());
+      if (!access.wrong.empty()) return answer(nak(kAreaError, access.wrong));
+      if (command->shape != Shape::read) {
+        auto given = values_in(access);
+        if (!given) return answer(nak(kCharacterError, "data are no digits"));
+        values = std::move(*given);
+      }
+    } else if (command->shape == Shape::text &&
+               (area.size() == 2 || area.size() - 2 > limits_of(model).text)) {
+      return answer(nak(kAreaError, "number of characters out of range"));
+    }
+    if (text.substr(2, 2) != "FF") return answer(nak(kPcError, "PC number is not FF"));
+
+    Ruling ruling{.verdict = Verdict::ack, .reply = closed(begun(kAck))};
+    if (command->name == "RR") {
+      if (!plc.force_run()) return answer(nak(kRemoteError, "RUN already, or switch in RUN"));
+    } else if (command->name == "RS") {
+      if (!plc.force_stop()) return answer(nak(kRemoteError, "not in forced RUN"));
+    } else if (command->name == "GW") {
+      if (area != "0" && area != "1") return silence("signal is neither 0 nor 1");
+      plc.force(kGlobalSignal, area == "1");
+      ruling.reply.clear();
+    } else if (command->name == "PC") {
+      ruling = {.verdict = Verdict::data, .reply = data_reply(type_code(model))};
+    } else if (command->name == "TT") {
+      ruling = {.verdict = Verdict::data, .reply = data_reply(area)};
+    } else if (command->shape == Shape::read) {
+      ruling = {.verdict = Verdict::data, .reply = data_reply(read_points(access, plc.memory()))};
+      describe(ruling, access, {});
+    } else {
+      write_points(access, values, plc);
+      describe(ruling, access, values);
+    }
+    return answer(std::move(ruling));
+  }
+
+  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override {
+    if (as_text(frame.bytes).substr(1, 2) == kAllStations) return {};
+    return nak(static_cast<std::uint8_t>(code.value_or(kAreaError)), {}).reply;
+  }
+
+  void spoil(Bytes& reply, Flaw flaw) const override {
+    if (reply.size() < 5) return;
+    const bool summed = settings_.sum_check && reply.front() == kStx;
+    const std::size_t tail = settings_.format == 4 ? 2 : 0;
+    if (flaw == Flaw::sum && summed) {
+      auto& last = reply[reply.size() - tail - 1];
+      last = static_cast<std::uint8_t>(last == '0' ? '1' : '0');
+    } else if (flaw == Flaw::sum) {
+      reply.front() = static_cast<std::uint8_t>(reply.front() ^ 0x01U);  // ACK arrives as 07
+    } else if (flaw == Flaw::sender) {
+      Bytes other;
+      append_hex(other, static_cast<std::uint8_t>((settings_.station + 1) % 16));
+      std::ranges::copy(other, reply.begin() + 1);
+      if (!summed) return;
+      reply.resize(reply.size() - tail - 2);
+      reply = closed(std::move(reply));
+    }
+  }
+
+ private:
+  /// Returns the beginning of every message: control code, station and PC number.
+  Bytes begun(std::uint8_t control) const {
+    Bytes message{control};
+    append_hex(message, static_cast<std::uint8_t>(settings_.station));
+    message.insert(message.end(), {'F', 'F'});
+    return message;
+  }
+
+  /// Appends the sum, if the message has one, and the end of the message.
+  Bytes closed(Bytes message) const {
+    if (settings_.sum_check && message.front() == kStx)
+      append_hex(message, sum_of(ByteView(message).subspan(1)));
+    if (settings_.format == 4) message.insert(message.end(), {kCr, kLf});
+    return message;
+  }
+
+  Bytes data_reply(std::string_view data) const {
+    auto message = begun(kStx);
+    message.insert(message.end(), data.begin(), data.end());
+    message.push_back(kEtx);
+    return closed(std::move(message));
+  }
+
+  Ruling nak(std::uint8_t code, std::string why) const {
+    auto message = begun(kNak);
+    append_hex(message, code);
+    return {.verdict = Verdict::nak, .reply = closed(std::move(message)), .why = std::move(why)};
+  }
+
+  ComputerLinkSettings settings_;
+};
+
 }  // namespace
 
-std::unique_ptr<Framer> ComputerLink::make_framer() const {
-  return std::make_unique<ComputerLinkFramer>(settings_);
-}
-
-bool ComputerLink::hears(const Frame& frame) const {
-  const auto first = frame.bytes.front();
-  if (first == kEot || first == kCl) return true;
-  const auto station = as_text(frame.bytes).substr(1, 2);
-  return station == kAllStations || parse_upper_hex(station) == settings_.station;
-}
-
-RequestKind ComputerLink::kind(const Frame& frame) const {
-  if (!frame.whole) return RequestKind::malformed;
-  if (frame.bytes.front() != kEnq) return RequestKind::handshake;
-  const auto text = text_of(frame, settings_.format);
-  const auto* command = find_command(text);
-  if (command == nullptr || command->name == "PC" || command->name == "TT")
-    return RequestKind::other;
-  if (command->unit == Unit::none) return RequestKind::control;
-  if (command->shape == Shape::read) return RequestKind::read;
-  if (command->unit == Unit::bit) {
-    const auto area = text.substr(kHead);
-    const bool block = command->shape == Shape::write;
-    const std::size_t count_at = block ? command->device_characters : 0;
-    const std::size_t state_at = command->device_characters + 2U;  // of the first point, in both
-    if (area.size() > state_at && area.substr(count_at, 2) == "01")
-      return area[state_at] == '1' ? RequestKind::force_on : RequestKind::force_off;
-  }
-  return RequestKind::write;
-}
-
-Ruling ComputerLink::execute(const Frame& frame, Plc& plc) const {
-  const auto silence = [](std::string why) {
-    return Ruling{.verdict = Verdict::silent, .why = std::move(why)};
-  };
-  if (!frame.whole) return silence("no frame");
-  if (frame.bytes.front() != kEnq) return silence("of the master");
-
-  const auto text = text_of(frame, settings_.format);
-  const auto& model = plc.memory().model();
-  const auto* command = find_command(text);
-  if (text.size() < kHead) return silence("incomplete");
-  if (text.starts_with(kAllStations) && (command == nullptr || command->name != "GW"))
-    return silence("all stations are addressed");
-  const auto wait = parse_upper_hex(text.substr(6, 1));
-  const auto answer = [&](Ruling ruling) {
-    ruling.wait = std::chrono::milliseconds(10) * wait.value_or(0);
-    return ruling;
-  };
-
-  auto area = text.substr(kHead);
-  const auto size = command != nullptr ? measure(*command, area) : Measure{std::nullopt, false};
-  const bool ends_by_length = settings_.format == 1;
-  if (settings_.sum_check && (size.sound || !ends_by_length)) {
-    const auto sum = parse_upper_hex(text.substr(text.size() - 2));
-    if (area.size() < 2 || sum != sum_of(ByteView(frame.bytes).subspan(1, text.size() - 2)))
-      return answer(nak(kSumError, "wrong sum"));
-    area.remove_suffix(2);
-  }
-  if (!ends_by_length && frame.bytes.back() != kLf)
-    return answer(nak(kProtocolError, "CR without LF"));
-  if (command == nullptr) return answer(nak(kAreaError, "no such command"));
-  if (command->device_characters == 7 && model.extended != ExtendedSet::fx3)
-    return answer(nak(kAreaError, "not on this model"));
-  if (!wait) return answer(nak(kAreaError, "message wait is no digit"));
-  if (!size.sound || size.characters != area.size())
-    return answer(nak(kAreaError, "length of the character area"));
-
-  Access access;
-  std::vector<std::uint32_t> values;
-  if (command->unit != Unit::none) {
-    access = command->shape == Shape::list ? list(*command, area, plc.memory())
-                                           : block(*command, area, plc.memory());
-    if (!access.wrong.empty()) return answer(nak(kAreaError, access.wrong));
-    if (command->shape != Shape::read) {
-      auto given = values_in(access);
-      if (!given) return answer(nak(kCharacterError, "data are no digits"));
-      values = std::move(*given);
-    }
-  } else if (command->shape == Shape::text &&
-             (area.size() == 2 || area.size() - 2 > limits_of(model).text)) {
-    return answer(nak(kAreaError, "number of characters out of range"));
-  }
-  if (text.substr(2, 2) != "FF") return answer(nak(kPcError, "PC number is not FF"));
-
-  Ruling ruling{.verdict = Verdict::ack, .reply = acknowledgement()};
-  if (command->name == "RR") {
-    if (!plc.force_run()) return answer(nak(kRemoteError, "RUN already, or switch in RUN"));
-  } else if (command->name == "RS") {
-    if (!plc.force_stop()) return answer(nak(kRemoteError, "not in forced RUN"));
-  } else if (command->name == "GW") {
-    if (area != "0" && area != "1") return silence("signal is neither 0 nor 1");
-    plc.force(kGlobalSignal, area == "1");
-    ruling.reply.clear();
-  } else if (command->name == "PC") {
-    ruling = {.verdict = Verdict::data, .reply = data_reply(type_code(model))};
-  } else if (command->name == "TT") {
-    ruling = {.verdict = Verdict::data, .reply = data_reply(area)};
-  } else if (command->shape == Shape::read) {
-    ruling = {.verdict = Verdict::data, .reply = data_reply(read_points(access, plc.memory()))};
-    describe(ruling, access, {});
-  } else {
-    write_points(access, values, plc);
-    describe(ruling, access, values);
-  }
-  return answer(std::move(ruling));
-}
-
-Bytes ComputerLink::refusal(const Frame& frame, std::optional<std::uint16_t> code) const {
-  if (as_text(frame.bytes).substr(1, 2) == kAllStations) return {};
-  return nak(static_cast<std::uint8_t>(code.value_or(kAreaError)), {}).reply;
-}
-
-void ComputerLink::spoil(Bytes& reply, Flaw flaw) const {
-  if (reply.size() < 5) return;
-  const bool summed = settings_.sum_check && reply.front() == kStx;
-  const std::size_t tail = settings_.format == 4 ? 2 : 0;
-  if (flaw == Flaw::sum && summed) {
-    auto& last = reply[reply.size() - tail - 1];
-    last = static_cast<std::uint8_t>(last == '0' ? '1' : '0');
-  } else if (flaw == Flaw::sum) {
-    reply.front() = static_cast<std::uint8_t>(reply.front() ^ 0x01U);  // ACK arrives as 07
-  } else if (flaw == Flaw::sender) {
-    Bytes other;
-    append_hex(other, static_cast<std::uint8_t>((settings_.station + 1) % 16));
-    std::ranges::copy(other, reply.begin() + 1);
-    if (!summed) return;
-    reply.resize(reply.size() - tail - 2);
-    reply = closed(std::move(reply));
-  }
-}
-
-/// Appends the sum, if the message has one, and the end of the message.
-Bytes ComputerLink::closed(Bytes message) const {
-  if (settings_.sum_check && message.front() == kStx)
-    append_hex(message, sum_of(ByteView(message).subspan(1)));
-  if (settings_.format == 4) message.insert(message.end(), {kCr, kLf});
-  return message;
-}
-
-Bytes ComputerLink::data_reply(std::string_view data) const {
-  Bytes message{kStx};
-  append_hex(message, static_cast<std::uint8_t>(settings_.station));
-  message.insert(message.end(), {'F', 'F'});
-  message.insert(message.end(), data.begin(), data.end());
-  message.push_back(kEtx);
-  return closed(std::move(message));
-}
-
-Bytes ComputerLink::acknowledgement() const {
-  Bytes message{kAck};
-  append_hex(message, static_cast<std::uint8_t>(settings_.station));
-  message.insert(message.end(), {'F', 'F'});
-  return closed(std::move(message));
-}
-
-Ruling ComputerLink::nak(std::uint8_t code, std::string why) const {
-  Bytes message{kNak};
-  append_hex(message, static_cast<std::uint8_t>(settings_.station));
-  message.insert(message.end(), {'F', 'F'});
-  append_hex(message, code);
-  return {.verdict = Verdict::nak, .reply = closed(std::move(message)), .why = std::move(why)};
+std::unique_ptr<Personality> make_computer_link(ComputerLinkSettings settings) {
+  return std::make_unique<ComputerLink>(settings);
 }
 
 }  // namespace fxsim

@@ -15,25 +15,6 @@ struct ComputerLinkSettings {
   bool sum_check = true;
 };
 
-class ComputerLink final : public Personality {
- public:
-  explicit ComputerLink(ComputerLinkSettings settings) : settings_(settings) {}
-
-  Protocol protocol() const override { return Protocol::computer_link; }
-  std::unique_ptr<Framer> make_framer() const override;
-  bool hears(const Frame& frame) const override;
-  RequestKind kind(const Frame& frame) const override;
-  Ruling execute(const Frame& frame, Plc& plc) const override;
-  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override;
-  void spoil(Bytes& reply, Flaw flaw) const override;
-
- private:
-  Bytes closed(Bytes message) const;
-  Bytes data_reply(std::string_view data) const;
-  Bytes acknowledgement() const;
-  Ruling nak(std::uint8_t code, std::string why) const;
-
-  ComputerLinkSettings settings_;
-};
+std::unique_ptr<Personality> make_computer_link(ComputerLinkSettings settings);
 
 }  // namespace fxsim

@@ -26,10 +26,10 @@ class ComputerLinkStation : public testing::Test {
  protected:
   /// Returns the answer of station 0 to a request that ends with its sum.
   std::string asked(std::string_view command) {
-    return with_marks(replies_of(ComputerLink({}), plc_, summed(command)));
+    return with_marks(replies_of(*make_computer_link({}), plc_, summed(command)));
   }
   std::string sent(std::string_view text, ComputerLinkSettings settings = {}) {
-    return with_marks(replies_of(ComputerLink(settings), plc_, from_marks(text)));
+    return with_marks(replies_of(*make_computer_link(settings), plc_, from_marks(text)));
   }
 
   Plc plc_ = make_plc("FX3U");
@@ -45,21 +45,21 @@ ComputerLinkSettings settings_of(const test::Exchange& e) {
 TEST(ComputerLinkFrames, OfTheTranscriptsAreAnswered) {
   for (const auto& e : simulated("fx_computer_link.txt")) {
     SCOPED_TRACE(e.where());
-    expect_exchange(e, ComputerLink(settings_of(e)), make_plc(e.model));
+    expect_exchange(e, *make_computer_link(settings_of(e)), make_plc(e.model));
   }
 }
 
 TEST(ComputerLinkFrames, DamagedOnesAreAnsweredByTheFormOrNotAtAll) {
   std::mt19937 random(1);
   for (const auto& e : simulated("fx_computer_link.txt")) {
-    const ComputerLink link(settings_of(e));
+    const auto link = make_computer_link(settings_of(e));
     for (int i = 0; i < 200; ++i) {
       SCOPED_TRACE(e.where());
       auto plc = make_plc(e.model);
-      for (const auto& frame : frames_of(*link.make_framer(), damaged(e.request, random))) {
-        link.kind(frame);
-        if (frame.whole && !link.hears(frame)) continue;
-        const auto ruling = link.execute(frame, plc);
+      for (const auto& frame : frames_of(*link->make_framer(), damaged(e.request, random))) {
+        link->kind(frame);
+        if (frame.whole && !link->hears(frame)) continue;
+        const auto ruling = link->execute(frame, plc);
         const auto answer = with_marks(ruling.reply);
         if (answer.empty()) continue;
         EXPECT_TRUE(frame.whole);
@@ -208,26 +208,26 @@ TEST_F(ComputerLinkStation, NewEnquiryForgetsHalfARequest) {
 }
 
 TEST_F(ComputerLinkStation, SilenceForgetsHalfARequest) {
-  const ComputerLink link({});
-  const auto framer = link.make_framer();
-  EXPECT_TRUE(replies_of(link, *framer, plc_, from_marks("<00FFTT005AB")).empty());
+  const auto link = make_computer_link({});
+  const auto framer = link->make_framer();
+  EXPECT_TRUE(replies_of(*link, *framer, plc_, from_marks("<00FFTT005AB")).empty());
   EXPECT_TRUE(
-      replies_of(link, *framer, plc_, from_marks("CDE78"), TimePoint{milliseconds(12 + 101)})
+      replies_of(*link, *framer, plc_, from_marks("CDE78"), TimePoint{milliseconds(12 + 101)})
           .empty());
 }
 
 TEST_F(ComputerLinkStation, WordsOfTheMasterAreTakenSilently) {
   EXPECT_EQ(sent("+00FF-00FF.<00FFTT005ABCDE78+00FF"), ">00FF05ABCDE|A3");
-  const ComputerLink link({});
-  EXPECT_EQ(link.kind({from_marks("+00FF"), true, {}}), RequestKind::handshake);
-  EXPECT_FALSE(link.hears({from_marks("+05FF"), true, {}}));
-  EXPECT_TRUE(link.hears({from_marks("."), true, {}}));
+  const auto link = make_computer_link({});
+  EXPECT_EQ(link->kind({from_marks("+00FF"), true, {}}), RequestKind::handshake);
+  EXPECT_FALSE(link->hears({from_marks("+05FF"), true, {}}));
+  EXPECT_TRUE(link->hears({from_marks("."), true, {}}));
 }
 
 TEST_F(ComputerLinkStation, MessageWaitIsToldToTheLine) {
-  const ComputerLink link({});
-  EXPECT_EQ(link.execute({summed("PCA"), true, {}}, plc_).wait, milliseconds(100));
-  EXPECT_EQ(link.execute({summed("WRFZ000001"), true, {}}, plc_).wait, milliseconds(150));
+  const auto link = make_computer_link({});
+  EXPECT_EQ(link->execute({summed("PCA"), true, {}}, plc_).wait, milliseconds(100));
+  EXPECT_EQ(link->execute({summed("WRFZ000001"), true, {}}, plc_).wait, milliseconds(150));
 }
 
 TEST_F(ComputerLinkStation, RemoteRunTakesOnlyWithTheSwitchInStop) {
@@ -256,7 +256,7 @@ TEST_F(ComputerLinkStation, GlobalSignalReachesAllAndIsNotAnswered) {
 }
 
 TEST_F(ComputerLinkStation, KindsAreToldFromTheCommand) {
-  const ComputerLink link({});
+  const auto link = make_computer_link({});
   struct Row {
     std::string_view command;
     RequestKind kind;
@@ -274,13 +274,13 @@ TEST_F(ComputerLinkStation, KindsAreToldFromTheCommand) {
            Row{"GW01", RequestKind::control},
            Row{"PC0", RequestKind::other},
        })
-    EXPECT_EQ(link.kind({summed(row.command), true, {}}), row.kind) << row.command;
+    EXPECT_EQ(link->kind({summed(row.command), true, {}}), row.kind) << row.command;
 }
 
 TEST_F(ComputerLinkStation, FlawsLeaveTheRestAsItShouldBe) {
   const auto spoiled = [](std::string_view text, Flaw flaw, ComputerLinkSettings settings) {
     auto reply = from_marks(text);
-    ComputerLink(settings).spoil(reply, flaw);
+    make_computer_link(settings)->spoil(reply, flaw);
     return with_marks(reply);
   };
   EXPECT_EQ(spoiled(">05FF01101|E7", Flaw::sum, {.station = 5}), ">05FF01101|E0");
@@ -293,9 +293,9 @@ TEST_F(ComputerLinkStation, FlawsLeaveTheRestAsItShouldBe) {
 }
 
 TEST_F(ComputerLinkStation, RefusalCarriesItsCode) {
-  const ComputerLink link({.station = 5, .format = 4});
-  EXPECT_EQ(with_marks(link.refusal({summed("PC0"), true, {}}, 0x18)), "-05FF18rn");
-  EXPECT_EQ(with_marks(link.refusal({summed("PC0"), true, {}}, std::nullopt)), "-05FF06rn");
+  const auto link = make_computer_link({.station = 5, .format = 4});
+  EXPECT_EQ(with_marks(link->refusal({summed("PC0"), true, {}}, 0x18)), "-05FF18rn");
+  EXPECT_EQ(with_marks(link->refusal({summed("PC0"), true, {}}, std::nullopt)), "-05FF06rn");
 }
 
 }  // namespace

@@ -9,8 +9,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/sim/json_keys.h"
-#include "tests/sim/mc_one_e.h"
-#include "tests/sim/mc_serial.h"
 #include "tests/sim/memory.h"
 #include "tests/sim/plant.h"
 #include "tests/sim/programming_port.h"
@@ -440,14 +438,13 @@ std::vector<PlcConfig> parse_config(const json& root) {
 }
 
 std::unique_ptr<Personality> make_personality(const PlcConfig& plc) {
-  if (plc.recording) return std::make_unique<RecordedDevice>(plc.recording);
-  if (is_modbus(plc.protocol)) return std::make_unique<Modbus>(plc.protocol, plc.modbus);
-  if (plc.protocol == Protocol::mc_1e) return std::make_unique<McOneE>(plc.mc);
-  if (is_mc_ethernet(plc.protocol)) return std::make_unique<McEthernet>(plc.protocol, plc.mc);
-  if (is_mc_serial(plc.protocol)) return std::make_unique<McSerial>(plc.protocol, plc.mc);
-  if (plc.protocol == Protocol::computer_link)
-    return std::make_unique<ComputerLink>(plc.computer_link);
-  return std::make_unique<ProgrammingPort>();
+  if (plc.recording) return make_recorded_device(plc.recording);
+  if (is_modbus(plc.protocol)) return make_modbus(plc.protocol, plc.modbus);
+  if (plc.protocol == Protocol::mc_1e) return make_mc_one_e(plc.mc);
+  if (is_mc_ethernet(plc.protocol)) return make_mc_ethernet(plc.protocol, plc.mc);
+  if (is_mc_serial(plc.protocol)) return make_mc_serial(plc.protocol, plc.mc);
+  if (plc.protocol == Protocol::computer_link) return make_computer_link(plc.computer_link);
+  return make_programming_port();
 }
 
 json plc_from_short_form(std::string_view form) {

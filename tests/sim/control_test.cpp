@@ -17,8 +17,7 @@ class Control : public testing::Test {
  protected:
   json ask(const char* request) { return obey(json::parse(request), stations_, TimePoint{}); }
 
-  Station station_{"p1",        std::make_unique<ProgrammingPort>(),     make_plc(),
-                   TimePoint{}, std::chrono::system_clock::time_point{}, {}};
+  Station station_{"p1", make_programming_port(), make_plc(), TimePoint{}, {}, {}};
   Stations stations_{{"p1", &station_}};
 };
 
@@ -110,9 +109,8 @@ TEST_F(Control, RunAndStopMoveTheStateAndTheSwitchHasTheLastWord) {
 }
 
 TEST(ControlOfModbus, TablesAreSetGotAndLogged) {
-  Station station("m1", std::make_unique<Modbus>(Protocol::modbus_tcp, ModbusSettings{}),
-                  Plc(modbus_model(), make_plant("none"), TimePoint{}), TimePoint{},
-                  std::chrono::system_clock::time_point{}, {});
+  Station station("m1", make_modbus(Protocol::modbus_tcp, {}),
+                  Plc(modbus_model(), make_plant("none"), TimePoint{}), TimePoint{}, {}, {});
   const Stations stations{{"m1", &station}};
   const auto ask = [&stations](const char* request) {
     return obey(json::parse(request), stations, TimePoint{});

@@ -123,149 +123,157 @@ Bytes error_information(ByteView request, McCode code, const McRequest& command)
   return data;
 }
 
-}  // namespace
-
-McEthernet::McEthernet(Protocol protocol, McSettings settings)
-    : protocol_(protocol), settings_(std::move(settings)) {
-  settings_.cpu.serial = false;
-  settings_.cpu.module = protocol == Protocol::mc_4e;
-}
-
-std::unique_ptr<Framer> McEthernet::make_framer() const {
-  return std::make_unique<EthernetFramer>(settings_.code);
-}
-
-bool McEthernet::hears(const Frame& frame) const {
-  const auto route = route_of(frame.bytes, settings_.code);
-  if (route == settings_.route) return true;
-  return settings_.refuses_foreign &&
-         std::ranges::find(settings_.neighbours, route) == settings_.neighbours.end();
-}
-
-McRequest McEthernet::request_of(const Frame& frame) const {
-  const auto layout = layout_of(frame.bytes, settings_.code);
-  const auto content = ByteView(frame.bytes).subspan(layout.content);
-  const auto timer = std::min(content.size(), 2 * layout.unit);
-  return read_mc_request(content.subspan(timer), settings_.code, settings_.family);
-}
-
-RequestKind McEthernet::kind(const Frame& frame) const {
-  return frame.whole ? mc_request_kind(request_of(frame)) : RequestKind::malformed;
-}
-
-std::string McEthernet::command(const Frame& frame) const {
-  return frame.whole ? mc_command_name(request_of(frame)) : std::string();
-}
-
-Ruling McEthernet::execute(const Frame& frame, Plc& plc) const {
-  if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
-  const bool four_e = first_of(frame.bytes, settings_.code) == kRequest4E;
-  if (four_e && settings_.family == Family::q_l && !settings_.cpu.module)
-    return {.verdict = Verdict::silent, .why = "no 4E at this port"};
-  const auto request = request_of(frame);
-  McOutcome outcome{.refusal = McRefusal::route};
-  if (route_of(frame.bytes, settings_.code) == settings_.route)
-    outcome = carry_out_mc(request, settings_.code, settings_.cpu, plc);
-  auto ruling = mc_ruling(outcome, request);
-  ruling.reply = outcome.refusal == McRefusal::none
-                     ? answer_to(frame.bytes, settings_.code, 0, outcome.data)
-                     : refusal(frame, end_code(outcome.refusal));
-  return ruling;
-}
-
-Bytes McEthernet::refusal(const Frame& frame, std::optional<std::uint16_t> code) const {
-  const auto information = error_information(frame.bytes, settings_.code, request_of(frame));
-  return answer_to(frame.bytes, settings_.code, code.value_or(kUsualRefusal), information);
-}
-
-std::uint16_t McEthernet::end_code(McRefusal refusal) const {
-  const bool iq_f = settings_.family == Family::iq_f;
-  const bool q_l_module = settings_.family == Family::q_l && settings_.cpu.module;
-  switch (refusal) {
-    case McRefusal::command:
-      return 0xC059;
-    case McRefusal::long_codes:
-      return 0xC061;
-    case McRefusal::length:
-      return settings_.code == McCode::ascii ? 0xC058 : 0xC061;
-    case McRefusal::characters:
-      return 0xC050;
-    case McRefusal::words:
-      return iq_f ? 0xC052 : 0xC051;
-    case McRefusal::bits:
-      return iq_f ? 0xC051 : 0xC052;
-    case McRefusal::random_bits:
-      return 0xC053;
-    case McRefusal::random_words:
-      return q_l_module ? 0x4080 : 0xC054;
-    case McRefusal::beyond:
-      return settings_.family == Family::iq_r ? 0x4031 : 0xC056;
-    case McRefusal::device:
-      return 0xC05B;
-    case McRefusal::unit:
-      return 0xC05C;
-    case McRefusal::way:
-      return 0x4030;
-    case McRefusal::bit_value:
-      return 0xC060;
-    case McRefusal::write_in_run:
-      return 0x0055;
-    case McRefusal::state:
-      return 0x4013;
-    case McRefusal::route:
-      return iq_f ? 0xC05F : 0x4A00;
-    default:
-      return 0;
+class McEthernet final : public Personality {
+ public:
+  McEthernet(Protocol protocol, McSettings settings)
+      : protocol_(protocol), settings_(std::move(settings)) {
+    settings_.cpu.serial = false;
+    settings_.cpu.module = protocol == Protocol::mc_4e;
   }
-}
 
-void McEthernet::spoil(Bytes& reply, Flaw flaw) const {
-  const auto code = settings_.code;
-  const auto layout = layout_of(reply, code);
-  const auto length = number_at(reply, layout.length, 2, code);
-  const auto word = static_cast<std::uint32_t>(2 * layout.unit);
-  const auto set_length = [&](std::uint32_t value) {
-    put_number(reply, layout.length, value, 2, code);
-  };
-  switch (flaw) {
-    case Flaw::sender: {
-      const auto pc_at = layout.route + layout.unit;
-      put_number(reply, pc_at, number_at(reply, pc_at, 1, code) + 1, 1, code);
-      break;
+  Protocol protocol() const override { return protocol_; }
+  std::unique_ptr<Framer> make_framer() const override {
+    return std::make_unique<EthernetFramer>(settings_.code);
+  }
+
+  bool hears(const Frame& frame) const override {
+    const auto route = route_of(frame.bytes, settings_.code);
+    if (route == settings_.route) return true;
+    return settings_.refuses_foreign &&
+           std::ranges::find(settings_.neighbours, route) == settings_.neighbours.end();
+  }
+
+  RequestKind kind(const Frame& frame) const override {
+    return frame.whole ? mc_request_kind(request_of(frame)) : RequestKind::malformed;
+  }
+
+  std::string command(const Frame& frame) const override {
+    return frame.whole ? mc_command_name(request_of(frame)) : std::string();
+  }
+
+  Ruling execute(const Frame& frame, Plc& plc) const override {
+    if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
+    const bool four_e = first_of(frame.bytes, settings_.code) == kRequest4E;
+    if (four_e && settings_.family == Family::q_l && !settings_.cpu.module)
+      return {.verdict = Verdict::silent, .why = "no 4E at this port"};
+    const auto request = request_of(frame);
+    McOutcome outcome{.refusal = McRefusal::route};
+    if (route_of(frame.bytes, settings_.code) == settings_.route)
+      outcome = carry_out_mc(request, settings_.code, settings_.cpu, plc);
+    auto ruling = mc_ruling(outcome, request);
+    ruling.reply = outcome.refusal == McRefusal::none
+                       ? answer_to(frame.bytes, settings_.code, 0, outcome.data)
+                       : refusal(frame, end_code(outcome.refusal));
+    return ruling;
+  }
+
+  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override {
+    const auto information = error_information(frame.bytes, settings_.code, request_of(frame));
+    return answer_to(frame.bytes, settings_.code, code.value_or(kUsualRefusal), information);
+  }
+
+  void spoil(Bytes& reply, Flaw flaw) const override {
+    const auto code = settings_.code;
+    const auto layout = layout_of(reply, code);
+    const auto length = number_at(reply, layout.length, 2, code);
+    const auto word = static_cast<std::uint32_t>(2 * layout.unit);
+    const auto set_length = [&](std::uint32_t value) {
+      put_number(reply, layout.length, value, 2, code);
+    };
+    switch (flaw) {
+      case Flaw::sender: {
+        const auto pc_at = layout.route + layout.unit;
+        put_number(reply, pc_at, number_at(reply, pc_at, 1, code) + 1, 1, code);
+        break;
+      }
+      case Flaw::transaction:
+        if (layout.serial != 0)
+          put_number(reply, layout.serial, number_at(reply, layout.serial, 2, code) - 1, 2, code);
+        break;
+      case Flaw::length:
+        set_length(0xFFFF);
+        break;
+      case Flaw::length_short:
+        set_length(length - word);
+        break;
+      case Flaw::length_long:
+        set_length(length + word);
+        break;
+      case Flaw::longer:
+        append_mc(reply, code, 0x1234, 2);
+        set_length(length + word);
+        break;
+      case Flaw::shorter:
+        if (length <= word) break;
+        reply.resize(reply.size() - std::min<std::size_t>(word, length - word));
+        set_length(static_cast<std::uint32_t>(reply.size() - layout.content));
+        break;
+      case Flaw::end_code:
+        put_number(reply, layout.content, kStrangeEndCode, 2, code);
+        break;
+      case Flaw::header:
+        put_number(reply, 0, number_at(reply, 0, 1, code) ^ unsigned{kRequest3E ^ kRequest4E}, 1,
+                   code);
+        break;
+      case Flaw::sum:
+        break;
     }
-    case Flaw::transaction:
-      if (layout.serial != 0)
-        put_number(reply, layout.serial, number_at(reply, layout.serial, 2, code) - 1, 2, code);
-      break;
-    case Flaw::length:
-      set_length(0xFFFF);
-      break;
-    case Flaw::length_short:
-      set_length(length - word);
-      break;
-    case Flaw::length_long:
-      set_length(length + word);
-      break;
-    case Flaw::longer:
-      append_mc(reply, code, 0x1234, 2);
-      set_length(length + word);
-      break;
-    case Flaw::shorter:
-      if (length <= word) break;
-      reply.resize(reply.size() - std::min<std::size_t>(word, length - word));
-      set_length(static_cast<std::uint32_t>(reply.size() - layout.content));
-      break;
-    case Flaw::end_code:
-      put_number(reply, layout.content, kStrangeEndCode, 2, code);
-      break;
-    case Flaw::header:
-      put_number(reply, 0, number_at(reply, 0, 1, code) ^ unsigned{kRequest3E ^ kRequest4E}, 1,
-                 code);
-      break;
-    case Flaw::sum:
-      break;
   }
-}
+
+ private:
+  McRequest request_of(const Frame& frame) const {
+    const auto layout = layout_of(frame.bytes, settings_.code);
+    const auto content = ByteView(frame.bytes).subspan(layout.content);
+    const auto timer = std::min(content.size(), 2 * layout.unit);
+    return read_mc_request(content.subspan(timer), settings_.code, settings_.family);
+  }
+
+  std::uint16_t end_code(McRefusal refusal) const {
+    const bool iq_f = settings_.family == Family::iq_f;
+    const bool q_l_module = settings_.family == Family::q_l && settings_.cpu.module;
+    switch (refusal) {
+      case McRefusal::command:
+        return 0xC059;
+      case McRefusal::long_codes:
+        return 0xC061;
+      case McRefusal::length:
+        return settings_.code == McCode::ascii ? 0xC058 : 0xC061;
+      case McRefusal::characters:
+        return 0xC050;
+      case McRefusal::words:
+        return iq_f ? 0xC052 : 0xC051;
+      case McRefusal::bits:
+        return iq_f ? 0xC051 : 0xC052;
+      case McRefusal::random_bits:
+        return 0xC053;
+      case McRefusal::random_words:
+        return q_l_module ? 0x4080 : 0xC054;
+      case McRefusal::beyond:
+        return settings_.family == Family::iq_r ? 0x4031 : 0xC056;
+      case McRefusal::device:
+        return 0xC05B;
+      case McRefusal::unit:
+        return 0xC05C;
+      case McRefusal::way:
+        return 0x4030;
+      case McRefusal::bit_value:
+        return 0xC060;
+      case McRefusal::write_in_run:
+        return 0x0055;
+      case McRefusal::state:
+        return 0x4013;
+      case McRefusal::route:
+        return iq_f ? 0xC05F : 0x4A00;
+      default:
+        return 0;
+    }
+  }
+
+  Protocol protocol_;
+  McSettings settings_;
+};
+
+}  // namespace
 
 std::string mc_command_name(const McRequest& request) {
   Bytes digits;
@@ -284,6 +292,10 @@ Ruling mc_ruling(const McOutcome& outcome, const McRequest& request) {
           .count = outcome.count,
           .values = outcome.values,
           .points = outcome.points};
+}
+
+std::unique_ptr<Personality> make_mc_ethernet(Protocol protocol, McSettings settings) {
+  return std::make_unique<McEthernet>(protocol, std::move(settings));
 }
 
 }  // namespace fxsim

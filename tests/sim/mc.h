@@ -1,5 +1,6 @@
-// The MC protocol (SLMP) on Ethernet, PLC side: 3E and 4E in binary or ASCII code.
-// Source: MELSEC Communication Protocol Reference Manual SH-080008; FX5 User's Manual (SLMP).
+// The MC protocol, PLC side: its frames on Ethernet (SLMP) and on a serial line.
+// Sources: MELSEC Communication Protocol Reference Manual SH-080008; FX5 User's Manual (SLMP); of
+// 1E, FX3U-ENET-ADP User's Manual JY997D45801 and FX3U-ENET User's Manual JY997D18101.
 #pragma once
 
 #include "tests/sim/mc_cpu.h"
@@ -29,28 +30,16 @@ struct McSettings {
   McCpuSettings cpu{};
 };
 
-class McEthernet final : public Personality {
- public:
-  /// `protocol` is mc_3e or mc_4e. Both answer both frames, with one exception: a Q or L with
-  /// mc_3e, which models its own Ethernet port, does not answer 4E.
-  McEthernet(Protocol protocol, McSettings settings);
-
-  Protocol protocol() const override { return protocol_; }
-  std::unique_ptr<Framer> make_framer() const override;
-  bool hears(const Frame& frame) const override;
-  RequestKind kind(const Frame& frame) const override;
-  Ruling execute(const Frame& frame, Plc& plc) const override;
-  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override;
-  void spoil(Bytes& reply, Flaw flaw) const override;
-  std::string command(const Frame& frame) const override;
-
- private:
-  McRequest request_of(const Frame& frame) const;
-  std::uint16_t end_code(McRefusal refusal) const;
-
-  Protocol protocol_;
-  McSettings settings_;
-};
+/// 1E: an FX3 behind its ENET module, binary or ASCII code. Commands 00 to 05 and 13 to 16. The
+/// code of a refusal is the end code; 5B is sent with abnormal code 10. A code above FF contains
+/// both.
+std::unique_ptr<Personality> make_mc_one_e(McSettings settings);
+/// `protocol` is mc_3e or mc_4e, binary or ASCII code. Both answer both frames, with one exception:
+/// a Q or L with mc_3e, which models its own Ethernet port, does not answer 4E.
+std::unique_ptr<Personality> make_mc_ethernet(Protocol protocol, McSettings settings);
+/// `protocol` is mc_3c or mc_4c: 3C and 4C in formats 1 to 4, where both answer both frames, and 4C
+/// in format 5.
+std::unique_ptr<Personality> make_mc_serial(Protocol protocol, McSettings settings);
 
 /// "0401/0000".
 std::string mc_command_name(const McRequest& request);

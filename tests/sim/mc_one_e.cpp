@@ -1,4 +1,4 @@
-#include "tests/sim/mc_one_e.h"
+#include "tests/sim/mc.h"
 
 #include <algorithm>
 #include <array>
@@ -298,124 +298,139 @@ std::vector<std::uint32_t> write(const Request& request, Plc& plc) {
   return told;
 }
 
+class McOneE final : public Personality {
+ public:
+  explicit McOneE(McSettings settings) : settings_(std::move(settings)) {}
+
+  Protocol protocol() const override { return Protocol::mc_1e; }
+  bool hears(const Frame&) const override { return true; }
+  std::unique_ptr<Framer> make_framer() const override {
+    return std::make_unique<OneEFramer>(settings_.code);
+  }
+
+  RequestKind kind(const Frame& frame) const override {
+    if (!frame.whole) return RequestKind::malformed;
+    const auto request = request_of(frame.bytes, settings_.code);
+    const auto& command = request.command;
+    if (command.number == 0x13 || command.number == 0x14) return RequestKind::control;
+    if (command.shape != Shape::row && command.shape != Shape::list) return RequestKind::other;
+    if (!command.writes) return RequestKind::read;
+    if (!command.bits || request.points != 1) return RequestKind::write;
+    const auto value = request.items.empty() ? request.values.front() : request.items.front().value;
+    return value != 0 ? RequestKind::force_on : RequestKind::force_off;
+  }
+
+  std::string command(const Frame& frame) const override {
+    if (!frame.whole) return {};
+    Bytes digits;
+    append_mc(digits, McCode::ascii, request_of(frame.bytes, settings_.code).command.number, 1);
+    return std::string(as_text(digits));
+  }
+
+  Ruling execute(const Frame& frame, Plc& plc) const override {
+    if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
+    const auto request = request_of(frame.bytes, settings_.code);
+    const auto& command = request.command;
+    const auto refused = [&](std::uint16_t code) -> Ruling {
+      return {.verdict = Verdict::nak,
+              .reply = refusal(frame, code),
+              .why = "end code " + to_hex(Bytes{static_cast<std::uint8_t>(code)})};
+    };
+    if (command.shape == Shape::none) return refused(kNoCommand);
+    if (request.pc != settings_.route.pc) {
+      if (!settings_.refuses_foreign)
+        return {.verdict = Verdict::silent, .why = "another PC number"};
+      return refused(kPcNumber);
+    }
+    const auto& memory = plc.memory();
+    const Access access(request, settings_.cpu.holes, memory);
+    if (const auto code = access.objection(); code != 0) return refused(code);
+    if (command.writes && !settings_.cpu.write_in_run && plc.running()) return refused(kWriteInRun);
+
+    Ruling ruling{.verdict = Verdict::ack, .points = request.points};
+    append_mc(ruling.reply, settings_.code, command.number | kAnswer, 1);
+    append_mc(ruling.reply, settings_.code, 0, 1);
+    Bytes data;
+    if (command.shape == Shape::row) {
+      ruling.device = device_name(*request.head.device);
+      ruling.count = access.devices();
+    } else if (command.shape == Shape::list) {
+      ruling.device = device_name(*request.items.front().device);
+    }
+    if (command.writes) {
+      ruling.values = write(request, plc);
+      if (ruling.count == 0) ruling.count = static_cast<unsigned>(ruling.values.size());
+    } else if (command.shape == Shape::row) {
+      data = data_of(request, memory, settings_.code);
+    } else if (command.number == 0x15) {
+      const bool small = memory.model().name == "FX3G";
+      append_mc(data, settings_.code, small ? kModelFx3g : kModelFx3u, 1);
+      append_mc(data, settings_.code, 0, 1);
+    } else if (command.shape == Shape::loopback) {
+      append_mc(data, settings_.code, request.points, 1);
+      data.insert(data.end(), request.text.begin(), request.text.end());
+    } else {
+      plc.set_running(command.number == 0x13);
+    }
+    if (!data.empty()) ruling.verdict = Verdict::data;
+    ruling.reply.insert(ruling.reply.end(), data.begin(), data.end());
+    return ruling;
+  }
+
+  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override {
+    auto end_code = code.value_or(kUsualRefusal);
+    std::uint16_t abnormal = kAbnormalPc;
+    if (end_code > 0xFF) {
+      abnormal = end_code & 0xFFU;
+      end_code = static_cast<std::uint16_t>(end_code >> 8U);
+    }
+    Bytes reply;
+    const auto number = request_of(frame.bytes, settings_.code).command.number;
+    append_mc(reply, settings_.code, number | kAnswer, 1);
+    append_mc(reply, settings_.code, end_code, 1);
+    if (end_code == kPcNumber) {
+      append_mc(reply, settings_.code, abnormal, 1);
+      append_mc(reply, settings_.code, 0, 1);
+    }
+    return reply;
+  }
+
+  void spoil(Bytes& reply, Flaw flaw) const override {
+    const auto code = settings_.code;
+    const std::size_t unit = code == McCode::ascii ? 2 : 1;
+    const auto put_byte = [&](std::size_t at, std::uint32_t value) {
+      Bytes field;
+      append_mc(field, code, value, 1);
+      std::ranges::copy(field, reply.begin() + static_cast<std::ptrdiff_t>(at * unit));
+    };
+    switch (flaw) {
+      case Flaw::longer:
+        append_mc(reply, code, 0x1234, 2);
+        break;
+      case Flaw::shorter:
+        reply.resize(reply.size() - std::min(2 * unit, reply.size() - 2 * unit));
+        break;
+      case Flaw::end_code:
+        put_byte(1, kNoCommand);
+        break;
+      case Flaw::header: {
+        McReader in(reply, code);
+        put_byte(0, in.number(1) ^ 1U);
+        break;
+      }
+      default:
+        break;  // no sum, sender, serial number or length
+    }
+  }
+
+ private:
+  McSettings settings_;
+};
+
 }  // namespace
 
-std::unique_ptr<Framer> McOneE::make_framer() const {
-  return std::make_unique<OneEFramer>(settings_.code);
-}
-
-RequestKind McOneE::kind(const Frame& frame) const {
-  if (!frame.whole) return RequestKind::malformed;
-  const auto request = request_of(frame.bytes, settings_.code);
-  const auto& command = request.command;
-  if (command.number == 0x13 || command.number == 0x14) return RequestKind::control;
-  if (command.shape != Shape::row && command.shape != Shape::list) return RequestKind::other;
-  if (!command.writes) return RequestKind::read;
-  if (!command.bits || request.points != 1) return RequestKind::write;
-  const auto value = request.items.empty() ? request.values.front() : request.items.front().value;
-  return value != 0 ? RequestKind::force_on : RequestKind::force_off;
-}
-
-std::string McOneE::command(const Frame& frame) const {
-  if (!frame.whole) return {};
-  Bytes digits;
-  append_mc(digits, McCode::ascii, request_of(frame.bytes, settings_.code).command.number, 1);
-  return std::string(as_text(digits));
-}
-
-Ruling McOneE::execute(const Frame& frame, Plc& plc) const {
-  if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
-  const auto request = request_of(frame.bytes, settings_.code);
-  const auto& command = request.command;
-  const auto refused = [&](std::uint16_t code) -> Ruling {
-    return {.verdict = Verdict::nak,
-            .reply = refusal(frame, code),
-            .why = "end code " + to_hex(Bytes{static_cast<std::uint8_t>(code)})};
-  };
-  if (command.shape == Shape::none) return refused(kNoCommand);
-  if (request.pc != settings_.route.pc) {
-    if (!settings_.refuses_foreign) return {.verdict = Verdict::silent, .why = "another PC number"};
-    return refused(kPcNumber);
-  }
-  const auto& memory = plc.memory();
-  const Access access(request, settings_.cpu.holes, memory);
-  if (const auto code = access.objection(); code != 0) return refused(code);
-  if (command.writes && !settings_.cpu.write_in_run && plc.running()) return refused(kWriteInRun);
-
-  Ruling ruling{.verdict = Verdict::ack, .points = request.points};
-  append_mc(ruling.reply, settings_.code, command.number | kAnswer, 1);
-  append_mc(ruling.reply, settings_.code, 0, 1);
-  Bytes data;
-  if (command.shape == Shape::row) {
-    ruling.device = device_name(*request.head.device);
-    ruling.count = access.devices();
-  } else if (command.shape == Shape::list) {
-    ruling.device = device_name(*request.items.front().device);
-  }
-  if (command.writes) {
-    ruling.values = write(request, plc);
-    if (ruling.count == 0) ruling.count = static_cast<unsigned>(ruling.values.size());
-  } else if (command.shape == Shape::row) {
-    data = data_of(request, memory, settings_.code);
-  } else if (command.number == 0x15) {
-    const bool small = memory.model().name == "FX3G";
-    append_mc(data, settings_.code, small ? kModelFx3g : kModelFx3u, 1);
-    append_mc(data, settings_.code, 0, 1);
-  } else if (command.shape == Shape::loopback) {
-    append_mc(data, settings_.code, request.points, 1);
-    data.insert(data.end(), request.text.begin(), request.text.end());
-  } else {
-    plc.set_running(command.number == 0x13);
-  }
-  if (!data.empty()) ruling.verdict = Verdict::data;
-  ruling.reply.insert(ruling.reply.end(), data.begin(), data.end());
-  return ruling;
-}
-
-Bytes McOneE::refusal(const Frame& frame, std::optional<std::uint16_t> code) const {
-  auto end_code = code.value_or(kUsualRefusal);
-  std::uint16_t abnormal = kAbnormalPc;
-  if (end_code > 0xFF) {
-    abnormal = end_code & 0xFFU;
-    end_code = static_cast<std::uint16_t>(end_code >> 8U);
-  }
-  Bytes reply;
-  const auto number = request_of(frame.bytes, settings_.code).command.number;
-  append_mc(reply, settings_.code, number | kAnswer, 1);
-  append_mc(reply, settings_.code, end_code, 1);
-  if (end_code == kPcNumber) {
-    append_mc(reply, settings_.code, abnormal, 1);
-    append_mc(reply, settings_.code, 0, 1);
-  }
-  return reply;
-}
-
-void McOneE::spoil(Bytes& reply, Flaw flaw) const {
-  const auto code = settings_.code;
-  const std::size_t unit = code == McCode::ascii ? 2 : 1;
-  const auto put_byte = [&](std::size_t at, std::uint32_t value) {
-    Bytes field;
-    append_mc(field, code, value, 1);
-    std::ranges::copy(field, reply.begin() + static_cast<std::ptrdiff_t>(at * unit));
-  };
-  switch (flaw) {
-    case Flaw::longer:
-      append_mc(reply, code, 0x1234, 2);
-      break;
-    case Flaw::shorter:
-      reply.resize(reply.size() - std::min(2 * unit, reply.size() - 2 * unit));
-      break;
-    case Flaw::end_code:
-      put_byte(1, kNoCommand);
-      break;
-    case Flaw::header: {
-      McReader in(reply, code);
-      put_byte(0, in.number(1) ^ 1U);
-      break;
-    }
-    default:
-      break;  // no sum, sender, serial number or length
-  }
+std::unique_ptr<Personality> make_mc_one_e(McSettings settings) {
+  return std::make_unique<McOneE>(std::move(settings));
 }
 
 }  // namespace fxsim

@@ -1,4 +1,4 @@
-#include "tests/sim/mc_one_e.h"
+#include "tests/sim/mc.h"
 
 #include <gtest/gtest.h>
 
@@ -10,11 +10,12 @@ namespace {
 class McOneEPlc : public testing::Test {
  protected:
   std::string asked(std::string_view request) {
-    return to_hex(replies_of(McOneE(settings_), plc_, hex(request)));
+    return to_hex(replies_of(*make_mc_one_e(settings_), plc_, hex(request)));
   }
   std::string asked_in_ascii(std::string_view request) {
     settings_.code = McCode::ascii;
-    const auto reply = replies_of(McOneE(settings_), plc_, mc_bytes(request, McCode::ascii));
+    const auto reply =
+        replies_of(*make_mc_one_e(settings_), plc_, mc_bytes(request, McCode::ascii));
     return std::string(as_text(reply));
   }
 
@@ -91,7 +92,7 @@ TEST_F(McOneEPlc, RunFollowsTheSwitch) {
 TEST_F(McOneEPlc, OtherFramesAndTheOtherCodeAreMetWithSilence) {
   EXPECT_EQ(asked("50 00 00 FF FF 03 00 0C 00 10 00 01 04 00 00 64 00 00 A8 01 00"), "");
   const auto ascii = mc_bytes("01FF000A4420000000640100", McCode::ascii);
-  EXPECT_EQ(to_hex(replies_of(McOneE(settings_), plc_, ascii)), "");
+  EXPECT_EQ(to_hex(replies_of(*make_mc_one_e(settings_), plc_, ascii)), "");
   EXPECT_EQ(asked_in_ascii("\x01\xFF"), "");
 }
 
@@ -101,10 +102,10 @@ TEST_F(McOneEPlc, AnotherPcNumberCanBeMetWithSilence) {
 }
 
 TEST_F(McOneEPlc, KindsAndCommands) {
-  const McOneE station(settings_);
+  const auto station = make_mc_one_e(settings_);
   const auto told = [&](std::string_view request) {
     const Frame frame{hex(request), true, {}};
-    return request_kind_name(station.kind(frame)) + " " + station.command(frame);
+    return request_kind_name(station->kind(frame)) + " " + station->command(frame);
   };
   EXPECT_EQ(told("01 FF 0A 00 00 00 00 00 20 44 01 00"), "read 01");
   EXPECT_EQ(told("02 FF 0A 00 00 00 00 00 20 4D 01 00 10"), "force_on 02");
@@ -114,14 +115,14 @@ TEST_F(McOneEPlc, KindsAndCommands) {
 }
 
 TEST_F(McOneEPlc, RefusalsAndFlawsOnDemand) {
-  const McOneE station(settings_);
+  const auto station = make_mc_one_e(settings_);
   const Frame request{hex("01 FF 0A 00 00 00 00 00 20 44 01 00"), true, {}};
-  EXPECT_EQ(to_hex(station.refusal(request, 0x56)), "81 56");
-  EXPECT_EQ(to_hex(station.refusal(request, 0x5B)), "81 5B 10 00");
-  EXPECT_EQ(to_hex(station.refusal(request, 0x5B12)), "81 5B 12 00");
+  EXPECT_EQ(to_hex(station->refusal(request, 0x56)), "81 56");
+  EXPECT_EQ(to_hex(station->refusal(request, 0x5B)), "81 5B 10 00");
+  EXPECT_EQ(to_hex(station->refusal(request, 0x5B12)), "81 5B 12 00");
   const auto spoiled = [&](Flaw flaw) {
     auto reply = hex("81 00 34 12");
-    station.spoil(reply, flaw);
+    station->spoil(reply, flaw);
     return to_hex(reply);
   };
   EXPECT_EQ(spoiled(Flaw::longer), "81 00 34 12 34 12");

@@ -1,4 +1,4 @@
-#include "tests/sim/mc_serial.h"
+#include "tests/sim/mc.h"
 
 #include <algorithm>
 
@@ -227,203 +227,219 @@ class SerialFramer final : public Framer {
   std::size_t text_ends_at_ = 0;  // format 5: position after DLE ETX
 };
 
+class McSerial final : public Personality {
+ public:
+  McSerial(Protocol protocol, McSettings settings)
+      : protocol_(protocol), settings_(std::move(settings)) {
+    settings_.cpu.serial = true;
+    settings_.cpu.module = true;
+  }
+
+  Protocol protocol() const override { return protocol_; }
+  std::unique_ptr<Framer> make_framer() const override {
+    return std::make_unique<SerialFramer>(settings_);
+  }
+
+  bool hears(const Frame& frame) const override {
+    const auto station = station_of(content_of(frame.bytes, settings_).text, settings_.format);
+    return station && station->station == settings_.station &&
+           (settings_.refuses_foreign || station->route == settings_.route);
+  }
+
+  RequestKind kind(const Frame& frame) const override {
+    if (!frame.whole) return RequestKind::malformed;
+    return mc_request_kind(request_of(content_of(frame.bytes, settings_), settings_));
+  }
+
+  std::string command(const Frame& frame) const override {
+    if (!frame.whole) return {};
+    return mc_command_name(request_of(content_of(frame.bytes, settings_), settings_));
+  }
+
+  Ruling execute(const Frame& frame, Plc& plc) const override {
+    if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
+    const auto content = content_of(frame.bytes, settings_);
+    const auto station = station_of(content.text, settings_.format);
+    const auto request = request_of(content, settings_);
+    McOutcome outcome;
+    if (!content.sum_is_right) {
+      outcome.refusal = McRefusal::sum;
+    } else if (!content.closed) {
+      outcome.refusal = settings_.format == 5 ? McRefusal::length : McRefusal::header;
+    } else if (!station || station->route != settings_.route) {
+      outcome.refusal = McRefusal::route;
+    } else {
+      outcome = carry_out_mc(request, code(), settings_.cpu, plc);
+    }
+    auto ruling = mc_ruling(outcome, request);
+    ruling.reply = outcome.refusal == McRefusal::none ? answer(frame, outcome.data)
+                                                      : refusal(frame, end_code(outcome.refusal));
+    return ruling;
+  }
+
+  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override {
+    auto text = heading(frame);
+    const auto end_code = code.value_or(kUsualRefusal);
+    if (settings_.format == 5) {
+      text.insert(text.end(), {0xFF, 0xFF});
+      append_mc(text, McCode::binary, end_code, 2);
+      return wrapped_binary(text, static_cast<std::uint32_t>(text.size()), settings_.sum_check);
+    }
+    const bool three = settings_.format == 3;
+    if (three) text.insert(text.end(), {'Q', 'N', 'A', 'K'});
+    append_mc(text, McCode::ascii, end_code, 2);
+    return wrapped_text(three ? kStx : kNak, text, three, false, settings_.format == 4);
+  }
+
+  void spoil(Bytes& reply, Flaw flaw) const override {
+    const bool binary = settings_.format == 5;
+    const std::size_t tail = settings_.format == 4 ? 2 : 0;
+    const auto etx = std::find(reply.rbegin(), reply.rend(), kEtx);
+    const auto behind_etx = static_cast<std::size_t>(etx - reply.rbegin());
+    const bool has_etx = etx != reply.rend() && (binary || reply.front() == kStx);
+    const bool has_sum = has_etx && behind_etx == tail + kSumSize;
+    if (flaw == Flaw::sum) {
+      // A frame without a sum gets another first byte.
+      auto& last = has_sum ? reply[reply.size() - tail - 1] : reply.front();
+      last = static_cast<std::uint8_t>(last == '0' ? '1' : last == kAck ? kAck + 1 : '0');
+      return;
+    }
+
+    Bytes text;
+    if (binary) {
+      auto settings = settings_;
+      settings.sum_check = has_sum;
+      text = content_of(reply, settings).text;
+    } else {
+      const auto cut = has_etx ? behind_etx + 1 : tail;
+      text.assign(reply.begin() + 1, reply.end() - static_cast<std::ptrdiff_t>(cut));
+    }
+    const auto station = station_of(text, settings_.format);
+    if (!station) return;
+    auto length_off = std::int64_t{0};
+    const std::size_t word = binary ? 2 : 4;
+    const auto change = [&](std::size_t at, auto make) {
+      McReader in(ByteView(text).subspan(at), code());
+      Bytes field;
+      append_mc(field, code(), make(in.number(1)), 1);
+      std::ranges::copy(field, text.begin() + static_cast<std::ptrdiff_t>(at));
+    };
+    switch (flaw) {
+      case Flaw::sender:
+        change(station->route_at + (binary ? 1 : 2), [](std::uint32_t n) { return n + 1; });
+        break;
+      case Flaw::header:
+        change(station->route_at, [](std::uint32_t n) { return n ^ (kFrame3C ^ kFrame4C); });
+        break;
+      case Flaw::longer:
+        append_mc(text, code(), 0x1234, 2);
+        break;
+      case Flaw::shorter:
+        text.resize(text.size() - std::min(word, text.size() - station->message_at));
+        break;
+      case Flaw::length:
+        length_off = 0xFFFF - static_cast<std::int64_t>(text.size());
+        break;
+      case Flaw::length_short:
+        length_off = -2;
+        break;
+      case Flaw::length_long:
+        length_off = 2;
+        break;
+      case Flaw::end_code:
+        if (binary && text.size() >= kBinaryRouteSize + 4) {
+          const auto at = static_cast<std::ptrdiff_t>(kBinaryRouteSize + 2);
+          Bytes field;
+          append_mc(field, McCode::binary, kStrangeEndCode, 2);
+          std::ranges::copy(field, text.begin() + at);
+        }
+        break;
+      default:
+        break;
+    }
+    if (binary) {
+      const auto length =
+          static_cast<std::uint32_t>(static_cast<std::int64_t>(text.size()) + length_off);
+      reply = wrapped_binary(text, length, has_sum);
+    } else {
+      reply = wrapped_text(reply.front(), text, has_etx, has_sum, tail != 0);
+    }
+  }
+
+ private:
+  McCode code() const { return settings_.format == 5 ? McCode::binary : McCode::ascii; }
+
+  /// Returns what every answer repeats: the request's text up to its message.
+  Bytes heading(const Frame& frame) const {
+    auto text = content_of(frame.bytes, settings_).text;
+    const auto station = station_of(text, settings_.format);
+    text.resize(station ? station->message_at : 0);
+    return text;
+  }
+
+  /// Returns an acknowledgement or data. An answer without data has a sum only in format 5.
+  Bytes answer(const Frame& frame, ByteView data) const {
+    auto text = heading(frame);
+    const bool has_data = !data.empty();
+    if (settings_.format == 5) {
+      text.insert(text.end(), {0xFF, 0xFF, 0x00, 0x00});
+    } else if (settings_.format == 3) {
+      text.insert(text.end(), {'Q', 'A', 'C', 'K'});
+    }
+    text.insert(text.end(), data.begin(), data.end());
+    if (settings_.format == 5)
+      return wrapped_binary(text, static_cast<std::uint32_t>(text.size()), settings_.sum_check);
+    const bool etx = has_data || settings_.format == 3;
+    return wrapped_text(etx ? kStx : kAck, text, etx, has_data && settings_.sum_check,
+                        settings_.format == 4);
+  }
+
+  std::uint16_t end_code(McRefusal refusal) const {
+    switch (refusal) {
+      case McRefusal::command:
+      case McRefusal::long_codes:
+        return 0x7E40;
+      case McRefusal::random_words:
+      case McRefusal::random_bits:
+        return 0x7E41;
+      case McRefusal::words:
+      case McRefusal::bits:
+        return 0x7E42;
+      case McRefusal::device:
+      case McRefusal::unit:
+      case McRefusal::way:
+        return 0x7E43;
+      case McRefusal::beyond:
+        return 0x7E4F;
+      case McRefusal::characters:
+        return 0x7F20;
+      case McRefusal::length:
+      case McRefusal::bit_value:
+        return 0x7F22;
+      case McRefusal::header:
+        return 0x7F23;
+      case McRefusal::sum:
+        return 0x7F24;
+      case McRefusal::write_in_run:
+        return 0x7167;
+      case McRefusal::state:
+        return 0x4013;
+      case McRefusal::route:
+        return settings_.family == Family::iq_f ? 0x7F21 : 0x4A00;
+      case McRefusal::none:
+        break;
+    }
+    return 0;
+  }
+
+  Protocol protocol_;
+  McSettings settings_;
+};
+
 }  // namespace
 
-McSerial::McSerial(Protocol protocol, McSettings settings)
-    : protocol_(protocol), settings_(std::move(settings)) {
-  settings_.cpu.serial = true;
-  settings_.cpu.module = true;
-}
-
-std::unique_ptr<Framer> McSerial::make_framer() const {
-  return std::make_unique<SerialFramer>(settings_);
-}
-
-bool McSerial::hears(const Frame& frame) const {
-  const auto station = station_of(content_of(frame.bytes, settings_).text, settings_.format);
-  return station && station->station == settings_.station &&
-         (settings_.refuses_foreign || station->route == settings_.route);
-}
-
-RequestKind McSerial::kind(const Frame& frame) const {
-  if (!frame.whole) return RequestKind::malformed;
-  return mc_request_kind(request_of(content_of(frame.bytes, settings_), settings_));
-}
-
-std::string McSerial::command(const Frame& frame) const {
-  if (!frame.whole) return {};
-  return mc_command_name(request_of(content_of(frame.bytes, settings_), settings_));
-}
-
-Ruling McSerial::execute(const Frame& frame, Plc& plc) const {
-  if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
-  const auto content = content_of(frame.bytes, settings_);
-  const auto station = station_of(content.text, settings_.format);
-  const auto request = request_of(content, settings_);
-  McOutcome outcome;
-  if (!content.sum_is_right) {
-    outcome.refusal = McRefusal::sum;
-  } else if (!content.closed) {
-    outcome.refusal = settings_.format == 5 ? McRefusal::length : McRefusal::header;
-  } else if (!station || station->route != settings_.route) {
-    outcome.refusal = McRefusal::route;
-  } else {
-    outcome = carry_out_mc(request, code(), settings_.cpu, plc);
-  }
-  auto ruling = mc_ruling(outcome, request);
-  ruling.reply = outcome.refusal == McRefusal::none ? answer(frame, outcome.data)
-                                                    : refusal(frame, end_code(outcome.refusal));
-  return ruling;
-}
-
-/// Returns an acknowledgement or data. An answer without data has a sum only in format 5.
-Bytes McSerial::answer(const Frame& frame, ByteView data) const {
-  const auto content = content_of(frame.bytes, settings_);
-  const auto station = station_of(content.text, settings_.format).value_or(Station{});
-  Bytes text(content.text.begin(),
-             content.text.begin() + static_cast<std::ptrdiff_t>(station.message_at));
-  const bool has_data = !data.empty();
-  if (settings_.format == 5) {
-    text.insert(text.end(), {0xFF, 0xFF, 0x00, 0x00});
-  } else if (settings_.format == 3) {
-    text.insert(text.end(), {'Q', 'A', 'C', 'K'});
-  }
-  text.insert(text.end(), data.begin(), data.end());
-  if (settings_.format == 5)
-    return wrapped_binary(text, static_cast<std::uint32_t>(text.size()), settings_.sum_check);
-  const bool etx = has_data || settings_.format == 3;
-  return wrapped_text(etx ? kStx : kAck, text, etx, has_data && settings_.sum_check,
-                      settings_.format == 4);
-}
-
-Bytes McSerial::refusal(const Frame& frame, std::optional<std::uint16_t> code) const {
-  const auto content = content_of(frame.bytes, settings_);
-  const auto station = station_of(content.text, settings_.format).value_or(Station{});
-  Bytes text(content.text.begin(),
-             content.text.begin() + static_cast<std::ptrdiff_t>(station.message_at));
-  const auto end_code = code.value_or(kUsualRefusal);
-  if (settings_.format == 5) {
-    text.insert(text.end(), {0xFF, 0xFF});
-    append_mc(text, McCode::binary, end_code, 2);
-    return wrapped_binary(text, static_cast<std::uint32_t>(text.size()), settings_.sum_check);
-  }
-  const bool three = settings_.format == 3;
-  if (three) text.insert(text.end(), {'Q', 'N', 'A', 'K'});
-  append_mc(text, McCode::ascii, end_code, 2);
-  return wrapped_text(three ? kStx : kNak, text, three, false, settings_.format == 4);
-}
-
-std::uint16_t McSerial::end_code(McRefusal refusal) const {
-  switch (refusal) {
-    case McRefusal::command:
-    case McRefusal::long_codes:
-      return 0x7E40;
-    case McRefusal::random_words:
-    case McRefusal::random_bits:
-      return 0x7E41;
-    case McRefusal::words:
-    case McRefusal::bits:
-      return 0x7E42;
-    case McRefusal::device:
-    case McRefusal::unit:
-    case McRefusal::way:
-      return 0x7E43;
-    case McRefusal::beyond:
-      return 0x7E4F;
-    case McRefusal::characters:
-      return 0x7F20;
-    case McRefusal::length:
-    case McRefusal::bit_value:
-      return 0x7F22;
-    case McRefusal::header:
-      return 0x7F23;
-    case McRefusal::sum:
-      return 0x7F24;
-    case McRefusal::write_in_run:
-      return 0x7167;
-    case McRefusal::state:
-      return 0x4013;
-    case McRefusal::route:
-      return settings_.family == Family::iq_f ? 0x7F21 : 0x4A00;
-    case McRefusal::none:
-      break;
-  }
-  return 0;
-}
-
-void McSerial::spoil(Bytes& reply, Flaw flaw) const {
-  const bool binary = settings_.format == 5;
-  const std::size_t tail = settings_.format == 4 ? 2 : 0;
-  const auto etx = std::find(reply.rbegin(), reply.rend(), kEtx);
-  const auto behind_etx = static_cast<std::size_t>(etx - reply.rbegin());
-  const bool has_etx = etx != reply.rend() && (binary || reply.front() == kStx);
-  const bool has_sum = has_etx && behind_etx == tail + kSumSize;
-  if (flaw == Flaw::sum) {
-    // A frame without a sum gets another first byte.
-    auto& last = has_sum ? reply[reply.size() - tail - 1] : reply.front();
-    last = static_cast<std::uint8_t>(last == '0' ? '1' : last == kAck ? kAck + 1 : '0');
-    return;
-  }
-
-  Bytes text;
-  if (binary) {
-    auto settings = settings_;
-    settings.sum_check = has_sum;
-    text = content_of(reply, settings).text;
-  } else {
-    const auto cut = has_etx ? behind_etx + 1 : tail;
-    text.assign(reply.begin() + 1, reply.end() - static_cast<std::ptrdiff_t>(cut));
-  }
-  const auto station = station_of(text, settings_.format);
-  if (!station) return;
-  auto length_off = std::int64_t{0};
-  const std::size_t word = binary ? 2 : 4;
-  const auto change = [&](std::size_t at, auto make) {
-    McReader in(ByteView(text).subspan(at), code());
-    Bytes field;
-    append_mc(field, code(), make(in.number(1)), 1);
-    std::ranges::copy(field, text.begin() + static_cast<std::ptrdiff_t>(at));
-  };
-  switch (flaw) {
-    case Flaw::sender:
-      change(station->route_at + (binary ? 1 : 2), [](std::uint32_t n) { return n + 1; });
-      break;
-    case Flaw::header:
-      change(station->route_at, [](std::uint32_t n) { return n ^ (kFrame3C ^ kFrame4C); });
-      break;
-    case Flaw::longer:
-      append_mc(text, code(), 0x1234, 2);
-      break;
-    case Flaw::shorter:
-      text.resize(text.size() - std::min(word, text.size() - station->message_at));
-      break;
-    case Flaw::length:
-      length_off = 0xFFFF - static_cast<std::int64_t>(text.size());
-      break;
-    case Flaw::length_short:
-      length_off = -2;
-      break;
-    case Flaw::length_long:
-      length_off = 2;
-      break;
-    case Flaw::end_code:
-      if (binary && text.size() >= kBinaryRouteSize + 4) {
-        const auto at = static_cast<std::ptrdiff_t>(kBinaryRouteSize + 2);
-        Bytes field;
-        append_mc(field, McCode::binary, kStrangeEndCode, 2);
-        std::ranges::copy(field, text.begin() + at);
-      }
-      break;
-    default:
-      break;
-  }
-  if (binary) {
-    const auto length =
-        static_cast<std::uint32_t>(static_cast<std::int64_t>(text.size()) + length_off);
-    reply = wrapped_binary(text, length, has_sum);
-  } else {
-    reply = wrapped_text(reply.front(), text, has_etx, has_sum, tail != 0);
-  }
+std::unique_ptr<Personality> make_mc_serial(Protocol protocol, McSettings settings) {
+  return std::make_unique<McSerial>(protocol, std::move(settings));
 }
 
 }  // namespace fxsim

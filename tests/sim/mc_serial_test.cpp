@@ -1,4 +1,4 @@
-#include "tests/sim/mc_serial.h"
+#include "tests/sim/mc.h"
 
 #include <gtest/gtest.h>
 
@@ -22,10 +22,10 @@ class McLine : public testing::Test {
   void SetUp() override { use(4); }
 
   std::string asked(std::string_view request, TimePoint when = TimePoint{}) {
-    const McSerial station(protocol_, settings_);
+    const auto station = make_mc_serial(protocol_, settings_);
     const auto code = code_of(settings_.format);
     const auto reply =
-        replies_of(station, *station.make_framer(), plc_, mc_bytes(request, code), when);
+        replies_of(*station, *station->make_framer(), plc_, mc_bytes(request, code), when);
     return mc_text(reply, code);
   }
 
@@ -117,14 +117,14 @@ TEST_F(McLine, Format1EndsWhereItsCommandSays) {
 TEST_F(McLine, HalfAFrameIsForgotten) {
   use(1, Protocol::mc_3c);
   settings_.sum_check = false;
-  const McSerial station(protocol_, settings_);
-  const auto framer = station.make_framer();
+  const auto station = make_mc_serial(protocol_, settings_);
+  const auto framer = station->make_framer();
   const auto half = mc_bytes("<F90000FF0004010000", McCode::ascii);
   const auto rest = mc_bytes("D*0000000001", McCode::ascii);
-  EXPECT_EQ(replies_of(station, *framer, plc_, half, TimePoint{}).size(), 0U);
-  EXPECT_NE(replies_of(station, *framer, plc_, rest, TimePoint{} + milliseconds(500)).size(), 0U);
-  EXPECT_EQ(replies_of(station, *framer, plc_, half, TimePoint{} + seconds(2)).size(), 0U);
-  EXPECT_EQ(replies_of(station, *framer, plc_, rest, TimePoint{} + seconds(5)).size(), 0U);
+  EXPECT_EQ(replies_of(*station, *framer, plc_, half, TimePoint{}).size(), 0U);
+  EXPECT_NE(replies_of(*station, *framer, plc_, rest, TimePoint{} + milliseconds(500)).size(), 0U);
+  EXPECT_EQ(replies_of(*station, *framer, plc_, half, TimePoint{} + seconds(2)).size(), 0U);
+  EXPECT_EQ(replies_of(*station, *framer, plc_, rest, TimePoint{} + seconds(5)).size(), 0U);
 }
 
 TEST_F(McLine, EndCodesAreThoseOfASerialPort) {
@@ -151,7 +151,7 @@ TEST_F(McLine, FlawsKeepTheSumRight) {
   const auto spoiled = [this](Flaw flaw, std::string_view frame) {
     const auto code = code_of(settings_.format);
     auto reply = mc_bytes(frame, code);
-    McSerial(protocol_, settings_).spoil(reply, flaw);
+    make_mc_serial(protocol_, settings_)->spoil(reply, flaw);
     return mc_text(reply, code);
   };
   constexpr std::string_view kData = ">F80000FF03FF000012340002|08rn";

@@ -37,7 +37,7 @@ class McPlc : public testing::Test {
   void SetUp() override { use("FX5U"); }
 
   Bytes answer(ByteView request) {
-    return replies_of(McEthernet(protocol_, settings_), *plc_, request);
+    return replies_of(*make_mc_ethernet(protocol_, settings_), *plc_, request);
   }
   /// Returns end code and data of the answer to a binary 3E request; for a refusal only the end
   /// code.
@@ -268,20 +268,21 @@ TEST_F(McPlc, TooGreatALengthWaitsAndAnImpossibleOneEndsTheConnection) {
   auto request = request_3e("01 04 00 00 00 00 00 A8 01 00");
   request[7] = 0x0E;
   const auto next = request_3e("01 04 00 00 00 00 00 A8 01 00");
-  const McEthernet station(protocol_, settings_);
-  const auto framer = station.make_framer();
-  EXPECT_EQ(to_hex(replies_of(station, *framer, *plc_, request)), "");
-  EXPECT_NE(to_hex(replies_of(station, *framer, *plc_, next)), "") << "C061, of the two bytes more";
-  EXPECT_EQ(to_hex(replies_of(station, *framer, *plc_, next)), "") << "out of step";
+  const auto station = make_mc_ethernet(protocol_, settings_);
+  const auto framer = station->make_framer();
+  EXPECT_EQ(to_hex(replies_of(*station, *framer, *plc_, request)), "");
+  EXPECT_NE(to_hex(replies_of(*station, *framer, *plc_, next)), "")
+      << "C061, of the two bytes more";
+  EXPECT_EQ(to_hex(replies_of(*station, *framer, *plc_, next)), "") << "out of step";
 }
 
 TEST_F(McPlc, KindsCommandsAndLogTellWhatWasAsked) {
-  const McEthernet station(protocol_, settings_);
+  const auto station = make_mc_ethernet(protocol_, settings_);
   const auto told = [&](std::string_view message) {
     const Frame frame{request_3e(message), true, {}};
-    const auto ruling = station.execute(frame, *plc_);
-    std::string text = request_kind_name(station.kind(frame)) + " " + station.command(frame) + " " +
-                       ruling.device + " " + std::to_string(ruling.count);
+    const auto ruling = station->execute(frame, *plc_);
+    std::string text = request_kind_name(station->kind(frame)) + " " + station->command(frame) +
+                       " " + ruling.device + " " + std::to_string(ruling.count);
     for (const auto value : ruling.values) text += " " + std::to_string(value);
     return text;
   };
@@ -297,7 +298,7 @@ TEST_F(McPlc, KindsCommandsAndLogTellWhatWasAsked) {
 TEST_F(McPlc, FlawsChangeOneThingEach) {
   const auto spoiled = [this](Flaw flaw, std::string_view frame) {
     auto reply = hex(frame);
-    McEthernet(protocol_, settings_).spoil(reply, flaw);
+    make_mc_ethernet(protocol_, settings_)->spoil(reply, flaw);
     return to_hex(reply);
   };
   constexpr std::string_view k3E = "D0 00 00 FF FF 03 00 04 00 00 00 34 12";
@@ -317,9 +318,9 @@ TEST_F(McPlc, FlawsChangeOneThingEach) {
 }
 
 TEST_F(McPlc, RefusalCarriesAnyEndCode) {
-  const McEthernet station(protocol_, settings_);
+  const auto station = make_mc_ethernet(protocol_, settings_);
   const Frame request{request_3e("01 04 00 00 00 00 00 A8 01 00"), true, {}};
-  EXPECT_EQ(to_hex(station.refusal(request, 0xC056)),
+  EXPECT_EQ(to_hex(station->refusal(request, 0xC056)),
             "D0 00 00 FF FF 03 00 0B 00 56 C0 00 FF FF 03 00 01 04 00 00");
 }
 

@@ -7,8 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "tests/sim/mc_one_e.h"
-#include "tests/sim/mc_serial.h"
+#include "tests/sim/mc.h"
 #include "tests/sim/sample_plc.h"
 #include "tests/sim/transcripts.h"
 
@@ -43,7 +42,7 @@ inline std::vector<McExchange> mc_exchanges() {
       McSettings settings;
       if (setting[0] == "ascii") settings.code = McCode::ascii;
       if (protocol == Protocol::mc_1e) {
-        exchanges.push_back({e, std::make_unique<McOneE>(settings), "FX3U"});
+        exchanges.push_back({e, make_mc_one_e(settings), "FX3U"});
         continue;
       }
       const auto model = part_in(e).models.front();
@@ -52,11 +51,11 @@ inline std::vector<McExchange> mc_exchanges() {
         settings.format = at(0);
         settings.station = at(1);
         settings.route = {at(2), at(3), at(4), at(5)};
-        exchanges.push_back({e, std::make_unique<McSerial>(protocol, settings), model});
+        exchanges.push_back({e, make_mc_serial(protocol, settings), model});
       } else {
         // The module of a Q answers more than its CPU's own port.
         const auto answering = settings.family == Family::q_l ? Protocol::mc_4e : protocol;
-        exchanges.push_back({e, std::make_unique<McEthernet>(answering, settings), model});
+        exchanges.push_back({e, make_mc_ethernet(answering, settings), model});
       }
     }
   }

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 
-#include "tests/sim/modbus_framing.h"
-
 namespace fxsim {
 namespace {
 
@@ -100,182 +98,192 @@ std::vector<std::uint32_t> values_of(Kind kind, unsigned count, ByteView data) {
   return values;
 }
 
-}  // namespace
+class Modbus final : public Personality {
+ public:
+  Modbus(Protocol protocol, ModbusSettings settings)
+      : protocol_(protocol), settings_(std::move(settings)) {}
 
-Modbus::Modbus(Protocol protocol, ModbusSettings settings)
-    : protocol_(protocol), settings_(std::move(settings)) {}
+  Protocol protocol() const override { return protocol_; }
+  std::unique_ptr<Framer> make_framer() const override { return make_modbus_framer(protocol_); }
+  bool hears(const Frame& frame) const override {
+    const auto unit = unwrap_modbus(protocol_, frame.bytes).unit;
+    return unit == settings_.unit || is_broadcast(unit);
+  }
 
-std::unique_ptr<Framer> Modbus::make_framer() const { return make_modbus_framer(protocol_); }
+  RequestKind kind(const Frame& frame) const override {
+    if (!frame.whole) return RequestKind::malformed;
+    const auto pdu = unwrap_modbus(protocol_, frame.bytes).pdu;
+    const auto* function = find_function(pdu.front());
+    if (function == nullptr) return RequestKind::other;
+    const auto force = [](bool on) { return on ? RequestKind::force_on : RequestKind::force_off; };
+    if (function->code == kWriteCoil && pdu.size() == 5)
+      return force(big_endian_at(pdu, 3) == kCoilOn);
+    if (function->code == kWriteCoils && pdu.size() == 7 && big_endian_at(pdu, 3) == 1)
+      return force((pdu[6] & 1U) != 0);
+    return function->kind;
+  }
 
-/// On a serial line unit 0 is the broadcast address. On TCP it is an ordinary unit.
-bool Modbus::is_broadcast(std::uint8_t unit) const {
-  return unit == 0 && protocol_ != Protocol::modbus_tcp;
-}
-
-bool Modbus::hears(const Frame& frame) const {
-  const auto unit = unwrap_modbus(protocol_, frame.bytes).unit;
-  return unit == settings_.unit || is_broadcast(unit);
-}
-
-RequestKind Modbus::kind(const Frame& frame) const {
-  if (!frame.whole) return RequestKind::malformed;
-  const auto pdu = unwrap_modbus(protocol_, frame.bytes).pdu;
-  const auto* function = find_function(pdu.front());
-  if (function == nullptr) return RequestKind::other;
-  const auto force = [](bool on) { return on ? RequestKind::force_on : RequestKind::force_off; };
-  if (function->code == kWriteCoil && pdu.size() == 5)
-    return force(big_endian_at(pdu, 3) == kCoilOn);
-  if (function->code == kWriteCoils && pdu.size() == 7 && big_endian_at(pdu, 3) == 1)
-    return force((pdu[6] & 1U) != 0);
-  return function->kind;
-}
-
-Ruling Modbus::execute(const Frame& frame, Plc& plc) const {
-  if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
-  const auto request = unwrap_modbus(protocol_, frame.bytes);
-  const auto code = request.pdu.front();
-  if (!settings_.identity.empty() && !is_broadcast(request.unit) &&
-      std::ranges::equal(request.pdu, kIdentify))
-    return {.verdict = Verdict::data,
-            .reply = wrap_modbus(protocol_, {request.unit, identity_reply(settings_.identity)},
-                                 frame.bytes)};
-  const auto wrong = objection(request.pdu);
-  if (is_broadcast(request.unit)) {
-    if (wrong != 0 || find_function(code)->kind == RequestKind::read)
-      return {.verdict = Verdict::silent, .why = "no order for all units"};
-    auto ruling = carry_out(request.pdu, plc);
-    ruling.reply.clear();
+  Ruling execute(const Frame& frame, Plc& plc) const override {
+    if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
+    const auto request = unwrap_modbus(protocol_, frame.bytes);
+    const auto code = request.pdu.front();
+    if (!settings_.identity.empty() && !is_broadcast(request.unit) &&
+        std::ranges::equal(request.pdu, kIdentify))
+      return {.verdict = Verdict::data,
+              .reply = wrap_modbus(protocol_, {request.unit, identity_reply(settings_.identity)},
+                                   frame.bytes)};
+    const auto wrong = objection(request.pdu);
+    if (is_broadcast(request.unit)) {
+      if (wrong != 0 || find_function(code)->kind == RequestKind::read)
+        return {.verdict = Verdict::silent, .why = "no order for all units"};
+      auto ruling = carry_out(request.pdu, plc);
+      ruling.reply.clear();
+      return ruling;
+    }
+    Ruling ruling;
+    if (wrong != 0) {
+      ruling = {.verdict = Verdict::nak,
+                .reply = exception(code, wrong),
+                .why = "exception " + std::to_string(wrong)};
+    } else {
+      ruling = carry_out(request.pdu, plc);
+    }
+    ruling.reply = wrap_modbus(protocol_, {request.unit, std::move(ruling.reply)}, frame.bytes);
     return ruling;
   }
-  Ruling ruling;
-  if (wrong != 0) {
-    ruling = {.verdict = Verdict::nak,
-              .reply = exception(code, wrong),
-              .why = "exception " + std::to_string(wrong)};
-  } else {
-    ruling = carry_out(request.pdu, plc);
+
+  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override {
+    const auto request = unwrap_modbus(protocol_, frame.bytes);
+    if (is_broadcast(request.unit)) return {};
+    return wrap_modbus(
+        protocol_,
+        {request.unit,
+         exception(request.pdu.front(), static_cast<std::uint8_t>(code.value_or(kDeviceFailure)))},
+        frame.bytes);
   }
-  ruling.reply = wrap_modbus(protocol_, {request.unit, std::move(ruling.reply)}, frame.bytes);
-  return ruling;
-}
 
-/// Returns the exception for the request, 0 for none. Checks function, then quantity and value,
-/// then address.
-std::uint8_t Modbus::objection(ByteView pdu) const {
-  const auto* function = find_function(pdu[0]);
-  if (function == nullptr ||
-      std::ranges::find(settings_.missing_functions, pdu[0]) != settings_.missing_functions.end())
-    return kIllegalFunction;
-  const auto table = function->table;
-  const bool bits = width(table) == 1;
-  if (pdu.size() < 5) return kIllegalValue;
-  const auto first = big_endian_at(pdu, 1);
-  const auto count = big_endian_at(pdu, 3);  // or a value or a mask
+  void spoil(Bytes& reply, Flaw flaw) const override { spoil_modbus(protocol_, reply, flaw); }
+  Bytes nobody_there(const Frame& frame) const override { return refusal(frame, kTargetSilent); }
 
-  // True if exactly `quantity` values follow their byte count at `at`.
-  const auto carries = [pdu, bits](std::size_t at, unsigned quantity) {
-    const auto bytes = bits ? (quantity + 7) / 8 : quantity * 2;
-    return pdu.size() == at + 1 + bytes && pdu[at] == bytes;
-  };
-  const auto too_many_read = [this, bits](unsigned quantity) -> std::uint8_t {
-    if (quantity == 0 || quantity > (bits ? kMaxBitsRead : 125U)) return kIllegalValue;
-    return !bits && quantity > settings_.max_read ? settings_.max_read_code : std::uint8_t{0};
-  };
-  switch (function->code) {
-    case kWriteCoil:
-      if (pdu.size() != 5 || (count != kCoilOn && count != 0)) return kIllegalValue;
-      return span_objection(table, first, 1);
-    case kWriteRegister:
-      return pdu.size() == 5 ? span_objection(table, first, 1) : kIllegalValue;
-    case kWriteCoils:
-    case kWriteRegisters:
-      if (count == 0 || count > (bits ? kMaxBitsWritten : kMaxRegistersWritten) || pdu.size() < 6 ||
-          !carries(5, count))
-        return kIllegalValue;
-      return span_objection(table, first, count);
-    case kMaskRegister:
-      return pdu.size() == 7 ? span_objection(table, first, 1) : kIllegalValue;
-    case kReadWriteRegisters: {
-      if (pdu.size() < 10) return kIllegalValue;
-      const auto written = big_endian_at(pdu, 7);
-      if (written == 0 || written > kMaxRegistersWrittenAndRead || !carries(9, written))
-        return kIllegalValue;
-      if (const auto wrong = too_many_read(count); wrong != 0) return wrong;
-      if (const auto wrong = span_objection(table, big_endian_at(pdu, 5), written); wrong != 0)
-        return wrong;
-      return span_objection(table, first, count);
+ private:
+  /// On a serial line unit 0 is the broadcast address. On TCP it is an ordinary unit.
+  bool is_broadcast(std::uint8_t unit) const {
+    return unit == 0 && protocol_ != Protocol::modbus_tcp;
+  }
+
+  /// Returns the exception for the request, 0 for none. Checks function, then quantity and value,
+  /// then address.
+  std::uint8_t objection(ByteView pdu) const {
+    const auto* function = find_function(pdu[0]);
+    if (function == nullptr ||
+        std::ranges::find(settings_.missing_functions, pdu[0]) != settings_.missing_functions.end())
+      return kIllegalFunction;
+    const auto table = function->table;
+    const bool bits = width(table) == 1;
+    if (pdu.size() < 5) return kIllegalValue;
+    const auto first = big_endian_at(pdu, 1);
+    const auto count = big_endian_at(pdu, 3);  // or a value or a mask
+
+    // True if exactly `quantity` values follow their byte count at `at`.
+    const auto carries = [pdu, bits](std::size_t at, unsigned quantity) {
+      const auto bytes = bits ? (quantity + 7) / 8 : quantity * 2;
+      return pdu.size() == at + 1 + bytes && pdu[at] == bytes;
+    };
+    const auto too_many_read = [this, bits](unsigned quantity) -> std::uint8_t {
+      if (quantity == 0 || quantity > (bits ? kMaxBitsRead : 125U)) return kIllegalValue;
+      return !bits && quantity > settings_.max_read ? settings_.max_read_code : std::uint8_t{0};
+    };
+    switch (function->code) {
+      case kWriteCoil:
+        if (pdu.size() != 5 || (count != kCoilOn && count != 0)) return kIllegalValue;
+        return span_objection(table, first, 1);
+      case kWriteRegister:
+        return pdu.size() == 5 ? span_objection(table, first, 1) : kIllegalValue;
+      case kWriteCoils:
+      case kWriteRegisters:
+        if (count == 0 || count > (bits ? kMaxBitsWritten : kMaxRegistersWritten) ||
+            pdu.size() < 6 || !carries(5, count))
+          return kIllegalValue;
+        return span_objection(table, first, count);
+      case kMaskRegister:
+        return pdu.size() == 7 ? span_objection(table, first, 1) : kIllegalValue;
+      case kReadWriteRegisters: {
+        if (pdu.size() < 10) return kIllegalValue;
+        const auto written = big_endian_at(pdu, 7);
+        if (written == 0 || written > kMaxRegistersWrittenAndRead || !carries(9, written))
+          return kIllegalValue;
+        if (const auto wrong = too_many_read(count); wrong != 0) return wrong;
+        if (const auto wrong = span_objection(table, big_endian_at(pdu, 5), written); wrong != 0)
+          return wrong;
+        return span_objection(table, first, count);
+      }
+      default:
+        if (pdu.size() != 5) return kIllegalValue;
+        if (const auto wrong = too_many_read(count); wrong != 0) return wrong;
+        return span_objection(table, first, count);
     }
-    default:
-      if (pdu.size() != 5) return kIllegalValue;
-      if (const auto wrong = too_many_read(count); wrong != 0) return wrong;
-      return span_objection(table, first, count);
   }
-}
 
-std::uint8_t Modbus::span_objection(Kind kind, std::size_t first, std::size_t count) const {
-  if (first + count > 0x10000) return kIllegalAddress;
-  const bool hits_hole = std::ranges::any_of(settings_.holes, [&](const auto& hole) {
-    return hole.kind == kind && first <= hole.range.last && first + count > hole.range.first;
-  });
-  return hits_hole ? kIllegalAddress : std::uint8_t{0};
-}
+  std::uint8_t span_objection(Kind kind, std::size_t first, std::size_t count) const {
+    if (first + count > 0x10000) return kIllegalAddress;
+    const bool hits_hole = std::ranges::any_of(settings_.holes, [&](const auto& hole) {
+      return hole.kind == kind && first <= hole.range.last && first + count > hole.range.first;
+    });
+    return hits_hole ? kIllegalAddress : std::uint8_t{0};
+  }
 
-/// Carries out a request. Precondition: objection() returned 0. The reply is a PDU.
-Ruling Modbus::carry_out(ByteView pdu, Plc& plc) const {
-  const auto& function = *find_function(pdu[0]);
-  const auto& memory = plc.memory();
-  Device first{function.table, big_endian_at(pdu, 1)};
-  const auto count = big_endian_at(pdu, 3);
-  const bool reads = function.kind == RequestKind::read;
+  /// Carries out a request. Precondition: objection() returned 0. The reply is a PDU.
+  Ruling carry_out(ByteView pdu, Plc& plc) const {
+    const auto& function = *find_function(pdu[0]);
+    const auto& memory = plc.memory();
+    Device first{function.table, big_endian_at(pdu, 1)};
+    const auto count = big_endian_at(pdu, 3);
+    const bool reads = function.kind == RequestKind::read;
 
-  Ruling ruling{.verdict = reads ? Verdict::data : Verdict::ack};
-  ruling.reply.assign(pdu.begin(), pdu.begin() + 5);  // the reply to most writes
-  switch (function.code) {
-    case kWriteCoil:
-      ruling.values = {count == kCoilOn ? 1U : 0U};
-      break;
-    case kWriteRegister:
-      ruling.values = {count};
-      break;
-    case kWriteCoils:
-    case kWriteRegisters:
-      ruling.values = values_of(first.kind, count, pdu.subspan(6));
-      break;
-    case kMaskRegister: {
-      const auto keep = count;
-      ruling.values = {(memory.get(first) & keep) | (big_endian_at(pdu, 5) & ~keep & 0xFFFFU)};
-      ruling.reply.assign(pdu.begin(), pdu.end());
-      break;
+    Ruling ruling{.verdict = reads ? Verdict::data : Verdict::ack};
+    ruling.reply.assign(pdu.begin(), pdu.begin() + 5);  // the reply to most writes
+    switch (function.code) {
+      case kWriteCoil:
+        ruling.values = {count == kCoilOn ? 1U : 0U};
+        break;
+      case kWriteRegister:
+        ruling.values = {count};
+        break;
+      case kWriteCoils:
+      case kWriteRegisters:
+        ruling.values = values_of(first.kind, count, pdu.subspan(6));
+        break;
+      case kMaskRegister: {
+        const auto keep = count;
+        ruling.values = {(memory.get(first) & keep) | (big_endian_at(pdu, 5) & ~keep & 0xFFFFU)};
+        ruling.reply.assign(pdu.begin(), pdu.end());
+        break;
+      }
+      case kReadWriteRegisters:
+        first.number = big_endian_at(pdu, 5);
+        ruling.values = values_of(first.kind, big_endian_at(pdu, 7), pdu.subspan(10));
+        break;
+      default:
+        break;
     }
-    case kReadWriteRegisters:
-      first.number = big_endian_at(pdu, 5);
-      ruling.values = values_of(first.kind, big_endian_at(pdu, 7), pdu.subspan(10));
-      break;
-    default:
-      break;
+    for (unsigned i = 0; i < ruling.values.size(); ++i)
+      plc.write({first.kind, first.number + i}, ruling.values[i]);
+    if (reads || function.code == kReadWriteRegisters)  // function 23 writes first
+      ruling.reply =
+          read_reply(function.code, {function.table, big_endian_at(pdu, 1)}, count, memory);
+    ruling.device = device_name(first);
+    ruling.count = reads ? count : static_cast<unsigned>(ruling.values.size());
+    return ruling;
   }
-  for (unsigned i = 0; i < ruling.values.size(); ++i)
-    plc.write({first.kind, first.number + i}, ruling.values[i]);
-  if (reads || function.code == kReadWriteRegisters)  // function 23 writes first
-    ruling.reply =
-        read_reply(function.code, {function.table, big_endian_at(pdu, 1)}, count, memory);
-  ruling.device = device_name(first);
-  ruling.count = reads ? count : static_cast<unsigned>(ruling.values.size());
-  return ruling;
+
+  Protocol protocol_;
+  ModbusSettings settings_;
+};
+
+}  // namespace
+
+std::unique_ptr<Personality> make_modbus(Protocol protocol, ModbusSettings settings) {
+  return std::make_unique<Modbus>(protocol, std::move(settings));
 }
-
-Bytes Modbus::refusal(const Frame& frame, std::optional<std::uint16_t> code) const {
-  const auto request = unwrap_modbus(protocol_, frame.bytes);
-  if (is_broadcast(request.unit)) return {};
-  return wrap_modbus(
-      protocol_,
-      {request.unit,
-       exception(request.pdu.front(), static_cast<std::uint8_t>(code.value_or(kDeviceFailure)))},
-      frame.bytes);
-}
-
-void Modbus::spoil(Bytes& reply, Flaw flaw) const { spoil_modbus(protocol_, reply, flaw); }
-
-Bytes Modbus::nobody_there(const Frame& frame) const { return refusal(frame, kTargetSilent); }
 
 }  // namespace fxsim

@@ -1,4 +1,4 @@
-#include "tests/sim/modbus_framing.h"
+#include "tests/sim/modbus.h"
 
 #include <algorithm>
 #include <array>

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/sim/modbus_framing.h"
 #include "tests/sim/sample_plc.h"
 #include "tests/sim/transcripts.h"
 
@@ -48,8 +47,8 @@ class ModbusDevice : public testing::Test {
 
   /// Returns the PDU of the reply to an RTU request given as unit and PDU; "" if there is no reply.
   std::string asked(std::string_view content) {
-    const Modbus device(Protocol::modbus_rtu, settings_);
-    const auto reply = replies_of(device, plc_, rtu(content));
+    const auto device = make_modbus(Protocol::modbus_rtu, settings_);
+    const auto reply = replies_of(*device, plc_, rtu(content));
     if (reply.empty()) return "";
     return to_hex(ByteView(reply).subspan(1, reply.size() - 3));
   }
@@ -66,11 +65,11 @@ TEST(ModbusFrames, OfTheTranscriptsAreAnswered) {
     // The device of the specification's exception lacks this coil.
     if (e.device == "co:1185") settings.holes = {{Kind::coil, {1185, 1185}}};
     if (e.source.starts_with("captured")) settings.holes = holes_of_libmodbus();
-    const Modbus device(protocol_of(e), settings);
+    const auto device = make_modbus(protocol_of(e), settings);
     if (e.simulated == "refusal")
-      EXPECT_EQ(to_hex(device.refusal({e.request, true, {}}, e.image[0])), to_hex(e.reply));
+      EXPECT_EQ(to_hex(device->refusal({e.request, true, {}}, e.image[0])), to_hex(e.reply));
     else
-      expect_exchange(e, device, make_device());
+      expect_exchange(e, *device, make_device());
   }
 }
 
@@ -177,16 +176,16 @@ TEST_F(ModbusDevice, CounterCountsScansInEveryRegister) {
 
 TEST(ModbusRtu, WrongCrcIsSilence) {
   auto plc = make_device();
-  const Modbus device(Protocol::modbus_rtu, {});
+  const auto device = make_modbus(Protocol::modbus_rtu, {});
   auto request = rtu("01 06 00 01 00 05");
   request.back() ^= 0x01U;
-  EXPECT_TRUE(replies_of(device, plc, request).empty());
+  EXPECT_TRUE(replies_of(*device, plc, request).empty());
   EXPECT_EQ(differences(plc, "hr:1=0"), "");
 }
 
 TEST(ModbusRtu, RequestsEndByTheirLengthAndMayFollowEachOther) {
   auto plc = make_device();
-  const Modbus device(Protocol::modbus_rtu, {});
+  const auto device = make_modbus(Protocol::modbus_rtu, {});
   auto requests = rtu("01 06 00 01 00 05");
   for (const auto* next : {"01 10 00 02 00 01 02 00 06", "01 03 00 01 00 02"}) {
     const auto bytes = rtu(next);
@@ -197,71 +196,72 @@ TEST(ModbusRtu, RequestsEndByTheirLengthAndMayFollowEachOther) {
     const auto bytes = rtu(next);
     expected.insert(expected.end(), bytes.begin(), bytes.end());
   }
-  EXPECT_EQ(to_hex(replies_of(device, plc, requests)), to_hex(expected));
+  EXPECT_EQ(to_hex(replies_of(*device, plc, requests)), to_hex(expected));
 }
 
 TEST(ModbusRtu, SilenceForgetsHalfARequest) {
   auto plc = make_device();
-  const Modbus device(Protocol::modbus_rtu, {});
-  const auto framer = device.make_framer();
+  const auto device = make_modbus(Protocol::modbus_rtu, {});
+  const auto framer = device->make_framer();
   const auto request = rtu("01 03 00 00 00 01");
-  EXPECT_TRUE(replies_of(device, *framer, plc, ByteView(request).first(5)).empty());
+  EXPECT_TRUE(replies_of(*device, *framer, plc, ByteView(request).first(5)).empty());
   const auto late = TimePoint{milliseconds(5 + 51)};
-  EXPECT_EQ(to_hex(replies_of(device, *framer, plc, request, late)), "01 03 02 00 00 B8 44");
+  EXPECT_EQ(to_hex(replies_of(*device, *framer, plc, request, late)), "01 03 02 00 00 B8 44");
 }
 
 TEST(ModbusAscii, ColonStartsAnewAndLowerCaseIsTaken) {
   auto plc = make_device();
-  const Modbus device(Protocol::modbus_ascii, {.unit = 0x11});
+  const auto device = make_modbus(Protocol::modbus_ascii, {.unit = 0x11});
   const std::string_view line = ":1103:1103006b00037e\r\n";
-  const auto reply = replies_of(device, plc, Bytes(line.begin(), line.end()));
+  const auto reply = replies_of(*device, plc, Bytes(line.begin(), line.end()));
   EXPECT_EQ(as_text(reply), ":110306000000000000E6\r\n");
 }
 
 TEST(ModbusAscii, WrongLrcAndWhatIsNoLineAreSilence) {
   auto plc = make_device();
-  const Modbus device(Protocol::modbus_ascii, {.unit = 0x11});
+  const auto device = make_modbus(Protocol::modbus_ascii, {.unit = 0x11});
   for (const std::string_view line :
        {":1103006B00037D\r\n", ":1103006B0003 7E\r\n", ":1103006B00037\r\n", ":1103006B00037E\n",
         "1103006B00037E\r\n", ":\r\n", ":11\r\n"}) {
     SCOPED_TRACE(line);
-    EXPECT_TRUE(replies_of(device, plc, Bytes(line.begin(), line.end())).empty());
+    EXPECT_TRUE(replies_of(*device, plc, Bytes(line.begin(), line.end())).empty());
   }
 }
 
 TEST(ModbusTcp, RequestsInOnePieceAndInPieces) {
   auto plc = make_device();
-  const Modbus device(Protocol::modbus_tcp, {});
-  const auto framer = device.make_framer();
+  const auto device = make_modbus(Protocol::modbus_tcp, {});
+  const auto framer = device->make_framer();
   const auto two = hex("00 01 00 00 00 06 01 03 00 00 00 01 00 02 00 00 00 06 01 03 00 00 00 01");
-  EXPECT_EQ(to_hex(replies_of(device, *framer, plc, ByteView(two).first(15))),
+  EXPECT_EQ(to_hex(replies_of(*device, *framer, plc, ByteView(two).first(15))),
             "00 01 00 00 00 05 01 03 02 00 00");
-  EXPECT_EQ(to_hex(replies_of(device, *framer, plc, ByteView(two).subspan(15))),
+  EXPECT_EQ(to_hex(replies_of(*device, *framer, plc, ByteView(two).subspan(15))),
             "00 02 00 00 00 05 01 03 02 00 00");
 }
 
 TEST(ModbusTcp, UnitZeroIsNoBroadcast) {
   auto plc = make_device();
   const auto request = hex("00 01 00 00 00 06 00 06 00 01 00 05");
-  EXPECT_TRUE(replies_of(Modbus(Protocol::modbus_tcp, {.unit = 1}), plc, request).empty());
+  EXPECT_TRUE(replies_of(*make_modbus(Protocol::modbus_tcp, {.unit = 1}), plc, request).empty());
   EXPECT_EQ(differences(plc, "hr:1=0"), "");
-  EXPECT_EQ(replies_of(Modbus(Protocol::modbus_tcp, {.unit = 0}), plc, request), request);
+  EXPECT_EQ(replies_of(*make_modbus(Protocol::modbus_tcp, {.unit = 0}), plc, request), request);
 }
 
 TEST(ModbusTcp, AnotherProtocolIsSkippedAndALengthThatCannotBeIsTheEnd) {
   auto plc = make_device();
-  const Modbus device(Protocol::modbus_tcp, {});
-  const auto framer = device.make_framer();
+  const auto device = make_modbus(Protocol::modbus_tcp, {});
+  const auto framer = device->make_framer();
   const auto good = hex("00 02 00 00 00 06 01 03 00 00 00 01");
-  EXPECT_TRUE(replies_of(device, *framer, plc, hex("00 01 00 01 00 06 01 03 00 00 00 01")).empty());
-  EXPECT_FALSE(replies_of(device, *framer, plc, good).empty());
-  EXPECT_TRUE(replies_of(device, *framer, plc, hex("00 01 00 00 01 00")).empty());
-  EXPECT_TRUE(replies_of(device, *framer, plc, good).empty());
+  EXPECT_TRUE(
+      replies_of(*device, *framer, plc, hex("00 01 00 01 00 06 01 03 00 00 00 01")).empty());
+  EXPECT_FALSE(replies_of(*device, *framer, plc, good).empty());
+  EXPECT_TRUE(replies_of(*device, *framer, plc, hex("00 01 00 00 01 00")).empty());
+  EXPECT_TRUE(replies_of(*device, *framer, plc, good).empty());
 }
 
 TEST(ModbusTcp, PduShorterThanItsFunctionNeedsIsAnIllegalValue) {
   auto plc = make_device();
-  const Modbus device(Protocol::modbus_tcp, {});
+  const auto device = make_modbus(Protocol::modbus_tcp, {});
   for (const std::string_view pdu :
        {"03 00 00 00", "05 00 00 FF", "06 00 00 00 00 00", "10 00 00 00 01", "10 00 00 00 01 02 00",
         "16 00 00 00 00", "17 00 00 00 01 00 00 00 01", "0F 00 00 00 01 02 01 00"}) {
@@ -270,7 +270,7 @@ TEST(ModbusTcp, PduShorterThanItsFunctionNeedsIsAnIllegalValue) {
     const auto bytes = hex(pdu);
     request.insert(request.end(), bytes.begin(), bytes.end());
     request[5] = static_cast<std::uint8_t>(1 + bytes.size());
-    const auto reply = replies_of(device, plc, request);
+    const auto reply = replies_of(*device, plc, request);
     ASSERT_EQ(reply.size(), 9U);
     EXPECT_EQ(reply[7], bytes[0] | 0x80U);
     EXPECT_EQ(reply[8], 3U);
@@ -300,7 +300,7 @@ TEST(ModbusFlaws, LeaveTheRestAsItShouldBe) {
                "15 00 00 00 FF FF FF 83 02"},
        }) {
     auto reply = hex(row.before);
-    Modbus(row.protocol, {}).spoil(reply, row.flaw);
+    make_modbus(row.protocol, {})->spoil(reply, row.flaw);
     EXPECT_EQ(to_hex(reply), row.after);
   }
 }
@@ -309,15 +309,15 @@ TEST(ModbusFrames, DamagedOnesNeverMakeAReplyOfAnotherFunction) {
   std::mt19937 random(1);
   for (const auto& e : simulated("modbus.txt")) {
     const auto protocol = protocol_of(e);
-    const Modbus device(protocol, {.unit = unit_of(e)});
+    const auto device = make_modbus(protocol, {.unit = unit_of(e)});
     for (int i = 0; i < 200; ++i) {
       auto plc = make_device();
-      for (const auto& frame : frames_of(*device.make_framer(), damaged(e.request, random))) {
-        const auto kind = device.kind(frame);
+      for (const auto& frame : frames_of(*device->make_framer(), damaged(e.request, random))) {
+        const auto kind = device->kind(frame);
         EXPECT_EQ(frame.whole, kind != RequestKind::malformed);
-        if (!frame.whole || !device.hears(frame)) continue;
+        if (!frame.whole || !device->hears(frame)) continue;
         const auto asked = unwrap_modbus(protocol, frame.bytes);
-        const auto ruling = device.execute(frame, plc);
+        const auto ruling = device->execute(frame, plc);
         if (ruling.reply.empty()) continue;
         const auto reply = unwrap_modbus(protocol, ruling.reply);
         EXPECT_EQ(reply.unit, asked.unit);
@@ -329,7 +329,7 @@ TEST(ModbusFrames, DamagedOnesNeverMakeAReplyOfAnotherFunction) {
 }
 
 TEST(ModbusKinds, OneBitIsAForce) {
-  const Modbus device(Protocol::modbus_rtu, {});
+  const auto device = make_modbus(Protocol::modbus_rtu, {});
   struct Row {
     std::string_view request;
     RequestKind kind;
@@ -346,7 +346,7 @@ TEST(ModbusKinds, OneBitIsAForce) {
            Row{"01 17 00 00 00 01 00 00 00 01 02 00 00", RequestKind::write},
            Row{"01 07", RequestKind::other},
        })
-    EXPECT_EQ(device.kind({rtu(row.request), true, {}}), row.kind) << row.request;
+    EXPECT_EQ(device->kind({rtu(row.request), true, {}}), row.kind) << row.request;
 }
 
 }  // namespace

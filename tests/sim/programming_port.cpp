@@ -299,6 +299,54 @@ Ruling access(const Command& command, CommandSet set, Plc& plc) {
   return ruling;
 }
 
+class ProgrammingPort final : public Personality {
+ public:
+  Protocol protocol() const override { return Protocol::programming_port; }
+  bool hears(const Frame&) const override { return true; }  // the protocol has no addresses
+  std::unique_ptr<Framer> make_framer() const override {
+    return std::make_unique<ProgrammingPortFramer>();
+  }
+
+  RequestKind kind(const Frame& frame) const override {
+    if (!frame.whole) return RequestKind::malformed;
+    if (frame.bytes.size() == 1) return RequestKind::enquire;
+    return split(payload(frame)).kind;
+  }
+
+  Ruling execute(const Frame& frame, Plc& plc) const override {
+    if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
+    if (frame.bytes.size() == 1) return {.verdict = Verdict::ack, .reply = {kAck}};
+
+    const ByteView bytes = frame.bytes;
+    const auto sum = parse_upper_hex(as_text(bytes.last(2)));
+    if (!sum || *sum != sum_of(bytes.subspan(1, bytes.size() - 3))) return refuse("wrong sum");
+
+    const auto command = split(payload(frame));
+    if (command.kind == RequestKind::other)
+      return refuse("command '" + std::string(payload(frame).substr(0, 3)) +
+                    "' is not device access");
+    auto set = CommandSet::classic;
+    if (command.extended) {
+      const auto extended = plc.memory().model().extended;
+      if (extended == ExtendedSet::none) return refuse("this model has no E commands");
+      set = extended == ExtendedSet::fx3 ? CommandSet::fx3 : CommandSet::fx1n_fx2n;
+    }
+    if (command.kind == RequestKind::force_on || command.kind == RequestKind::force_off)
+      return force(command, set, plc);
+    return access(command, set, plc);
+  }
+
+  Bytes refusal(const Frame&, std::optional<std::uint16_t>) const override { return {kNak}; }
+  void spoil(Bytes& reply, Flaw flaw) const override {
+    if (reply.empty() || flaw != Flaw::sum) return;
+    // Changes the last digit of the sum: 0 and 1, A and @ and so on differ in the lowest bit. An
+    // ACK has no sum: it arrives as the neighbouring code, as after a bit error that parity missed.
+    auto& last = reply.back();
+    last = reply.size() == 1 ? static_cast<std::uint8_t>(last ^ 0x01U)
+                             : static_cast<std::uint8_t>(last == '0' ? '1' : '0');
+  }
+};
+
 }  // namespace
 
 std::optional<ByteAt> byte_at(CommandSet set, std::uint32_t address) {
@@ -315,48 +363,6 @@ std::optional<Device> bit_at(CommandSet set, std::uint32_t address) {
   return std::nullopt;
 }
 
-std::unique_ptr<Framer> ProgrammingPort::make_framer() const {
-  return std::make_unique<ProgrammingPortFramer>();
-}
-
-RequestKind ProgrammingPort::kind(const Frame& frame) const {
-  if (!frame.whole) return RequestKind::malformed;
-  if (frame.bytes.size() == 1) return RequestKind::enquire;
-  return split(payload(frame)).kind;
-}
-
-Ruling ProgrammingPort::execute(const Frame& frame, Plc& plc) const {
-  if (!frame.whole) return {.verdict = Verdict::silent, .why = "no frame"};
-  if (frame.bytes.size() == 1) return {.verdict = Verdict::ack, .reply = {kAck}};
-
-  const ByteView bytes = frame.bytes;
-  const auto sum = parse_upper_hex(as_text(bytes.last(2)));
-  if (!sum || *sum != sum_of(bytes.subspan(1, bytes.size() - 3))) return refuse("wrong sum");
-
-  const auto command = split(payload(frame));
-  if (command.kind == RequestKind::other)
-    return refuse("command '" + std::string(payload(frame).substr(0, 3)) +
-                  "' is not device access");
-  auto set = CommandSet::classic;
-  if (command.extended) {
-    const auto extended = plc.memory().model().extended;
-    if (extended == ExtendedSet::none) return refuse("this model has no E commands");
-    set = extended == ExtendedSet::fx3 ? CommandSet::fx3 : CommandSet::fx1n_fx2n;
-  }
-  if (command.kind == RequestKind::force_on || command.kind == RequestKind::force_off)
-    return force(command, set, plc);
-  return access(command, set, plc);
-}
-
-Bytes ProgrammingPort::refusal(const Frame&, std::optional<std::uint16_t>) const { return {kNak}; }
-
-void ProgrammingPort::spoil(Bytes& reply, Flaw flaw) const {
-  if (reply.empty() || flaw != Flaw::sum) return;
-  // Changes the last digit of the sum: 0 and 1, A and @ and so on differ in the lowest bit. An ACK
-  // has no sum: it arrives as the neighbouring code, as after a bit error that parity missed.
-  auto& last = reply.back();
-  last = reply.size() == 1 ? static_cast<std::uint8_t>(last ^ 0x01U)
-                           : static_cast<std::uint8_t>(last == '0' ? '1' : '0');
-}
+std::unique_ptr<Personality> make_programming_port() { return std::make_unique<ProgrammingPort>(); }
 
 }  // namespace fxsim

@@ -11,16 +11,7 @@
 
 namespace fxsim {
 
-class ProgrammingPort final : public Personality {
- public:
-  Protocol protocol() const override { return Protocol::programming_port; }
-  std::unique_ptr<Framer> make_framer() const override;
-  bool hears(const Frame&) const override { return true; }  // the protocol has no addresses
-  RequestKind kind(const Frame& frame) const override;
-  Ruling execute(const Frame& frame, Plc& plc) const override;
-  Bytes refusal(const Frame& frame, std::optional<std::uint16_t> code) const override;
-  void spoil(Bytes& reply, Flaw flaw) const override;
-};
+std::unique_ptr<Personality> make_programming_port();
 
 /// The address map of a set of commands.
 enum class CommandSet : std::uint8_t { classic, fx1n_fx2n, fx3 };

@@ -35,11 +35,11 @@ Bytes framed(std::string_view text) {
 }
 
 Bytes replies_of(Plc& plc, ByteView bytes, Framer& framer, TimePoint when = TimePoint{}) {
-  return replies_of(ProgrammingPort(), framer, plc, bytes, when);
+  return replies_of(*make_programming_port(), framer, plc, bytes, when);
 }
 
 Bytes replies_of(Plc& plc, ByteView bytes) {
-  return replies_of(plc, bytes, *ProgrammingPort().make_framer());
+  return replies_of(plc, bytes, *make_programming_port()->make_framer());
 }
 
 Bytes ask(std::string_view model, ByteView request) {
@@ -54,7 +54,7 @@ TEST(ProgrammingPort, ExchangesOfTheTranscriptsAreCarriedOut) {
     if (is_refused(e)) continue;
     for (const auto& model : part_in(e).models) {
       SCOPED_TRACE(model + " " + e.where());
-      expect_exchange(e, ProgrammingPort(), make_plc(model));
+      expect_exchange(e, *make_programming_port(), make_plc(model));
     }
   }
 }
@@ -248,7 +248,7 @@ TEST(ProgrammingPortFramer, EnquiryInTheMiddleOfAFrameStartsAfresh) {
 TEST(ProgrammingPortFramer, HalfAFrameIsForgottenAfter200MsOfSilence) {
   auto plc = make_plc("FX3U");
   const auto request = message("00E0202|6C");
-  const auto framer = ProgrammingPort().make_framer();
+  const auto framer = make_programming_port()->make_framer();
   const auto half = ByteView(request).first(5);
   const auto rest = ByteView(request).subspan(5);
   EXPECT_TRUE(replies_of(plc, half, *framer, TimePoint(milliseconds(0))).empty());
@@ -267,7 +267,7 @@ TEST(ProgrammingPortFramer, NonsenseIsMetWithSilence) {
        }) {
     SCOPED_TRACE(hex);
     auto plc = make_plc("FX3U");
-    const auto framer = ProgrammingPort().make_framer();
+    const auto framer = make_programming_port()->make_framer();
     EXPECT_TRUE(replies_of(plc, from_hex(hex).value(), *framer).empty());
     // The next request is answered normally.
     EXPECT_EQ(replies_of(plc, message("00E0202|6C"), *framer), message("A85E|F6"));
@@ -275,7 +275,7 @@ TEST(ProgrammingPortFramer, NonsenseIsMetWithSilence) {
 }
 
 TEST(ProgrammingPortFramer, EndlessFrameIsGivenUp) {
-  const auto framer = ProgrammingPort().make_framer();
+  const auto framer = make_programming_port()->make_framer();
   std::vector<Frame> frames;
   framer->take(0x02, TimePoint{}, frames);
   for (int i = 0; i < 2000; ++i) framer->take('0', TimePoint{}, frames);

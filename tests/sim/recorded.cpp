@@ -142,6 +142,48 @@ class RecordedFramer final : public Framer {
   std::shared_ptr<const Recording> recording_;  // owned with the device
 };
 
+class RecordedDevice final : public Personality {
+ public:
+  explicit RecordedDevice(std::shared_ptr<const Recording> recording)
+      : recording_(std::move(recording)), next_(recording_->requests.size()) {}
+
+  Protocol protocol() const override { return Protocol::programming_port; }
+  bool hears(const Frame&) const override { return true; }
+  RequestKind kind(const Frame&) const override { return RequestKind::other; }
+  Bytes refusal(const Frame&, std::optional<std::uint16_t>) const override { return {}; }
+  void spoil(Bytes&, Flaw) const override {}
+  std::unique_ptr<Framer> make_framer() const override {
+    return std::make_unique<RecordedFramer>(recording_);
+  }
+
+  Ruling execute(const Frame& frame, Plc&) const override {
+    Ruling ruling;
+    const auto& requests = recording_->requests;
+    const auto asked = std::ranges::find_if(requests, [&](const RecordedRequest& request) {
+      return request.bytes.size() == frame.bytes.size() && request.begins_with(frame.bytes);
+    });
+    if (!frame.whole || asked == requests.end()) {
+      ruling.why = "not in the recording";
+      return ruling;
+    }
+    std::size_t& next = next_[static_cast<std::size_t>(asked - requests.begin())];
+    const RecordedAnswer& answer = asked->answers[next];
+    next = (next + 1) % asked->answers.size();
+    if (answer.bytes.empty()) return ruling;
+    ruling.verdict = Verdict::data;
+    ruling.reply = answer.bytes;
+    ruling.wait = answer.after;
+    // The answer repeats the number of its request.
+    const std::size_t end = std::min(asked->number_at + asked->number_size, ruling.reply.size());
+    for (std::size_t i = asked->number_at; i < end; ++i) ruling.reply[i] = frame.bytes[i];
+    return ruling;
+  }
+
+ private:
+  std::shared_ptr<const Recording> recording_;  // owned with the config that named it
+  mutable std::vector<std::size_t> next_;       // answer of each request; changes with each one
+};
+
 }  // namespace
 
 bool RecordedRequest::begins_with(ByteView frame) const {
@@ -166,34 +208,8 @@ Recording read_recording(const std::string& path) {
   }
 }
 
-RecordedDevice::RecordedDevice(std::shared_ptr<const Recording> recording)
-    : recording_(std::move(recording)), next_(recording_->requests.size()) {}
-
-std::unique_ptr<Framer> RecordedDevice::make_framer() const {
-  return std::make_unique<RecordedFramer>(recording_);
-}
-
-Ruling RecordedDevice::execute(const Frame& frame, Plc&) const {
-  Ruling ruling;
-  const auto& requests = recording_->requests;
-  const auto asked = std::ranges::find_if(requests, [&](const RecordedRequest& request) {
-    return request.bytes.size() == frame.bytes.size() && request.begins_with(frame.bytes);
-  });
-  if (!frame.whole || asked == requests.end()) {
-    ruling.why = "not in the recording";
-    return ruling;
-  }
-  std::size_t& next = next_[static_cast<std::size_t>(asked - requests.begin())];
-  const RecordedAnswer& answer = asked->answers[next];
-  next = (next + 1) % asked->answers.size();
-  if (answer.bytes.empty()) return ruling;
-  ruling.verdict = Verdict::data;
-  ruling.reply = answer.bytes;
-  ruling.wait = answer.after;
-  // The answer repeats the number of its request.
-  const std::size_t end = std::min(asked->number_at + asked->number_size, ruling.reply.size());
-  for (std::size_t i = asked->number_at; i < end; ++i) ruling.reply[i] = frame.bytes[i];
-  return ruling;
+std::unique_ptr<Personality> make_recorded_device(std::shared_ptr<const Recording> recording) {
+  return std::make_unique<RecordedDevice>(std::move(recording));
 }
 
 }  // namespace fxsim

@@ -41,21 +41,6 @@ Recording read_recording(const std::string& path);
 
 /// All devices of a recorded line. Each request has its answers in the recorded order; after the
 /// last one the first follows. A request that was not recorded gets no answer.
-class RecordedDevice final : public Personality {
- public:
-  explicit RecordedDevice(std::shared_ptr<const Recording> recording);
-
-  Protocol protocol() const override { return Protocol::programming_port; }
-  std::unique_ptr<Framer> make_framer() const override;
-  bool hears(const Frame&) const override { return true; }
-  RequestKind kind(const Frame&) const override { return RequestKind::other; }
-  Ruling execute(const Frame& frame, Plc& plc) const override;
-  Bytes refusal(const Frame&, std::optional<std::uint16_t>) const override { return {}; }
-  void spoil(Bytes&, Flaw) const override {}
-
- private:
-  std::shared_ptr<const Recording> recording_;  // owned with the config that named it
-  mutable std::vector<std::size_t> next_;       // answer of each request; changes with each one
-};
+std::unique_ptr<Personality> make_recorded_device(std::shared_ptr<const Recording> recording);
 
 }  // namespace fxsim

@@ -22,8 +22,7 @@ std::string frame(const std::string& rest) { return "2026-11-26T18:00:00.123456Z
 class RecordedDeviceTest : public testing::Test {
  protected:
   void play(const std::string& frames) {
-    device_ = std::make_unique<RecordedDevice>(
-        std::make_shared<Recording>(parse_recording(kHead + frames)));
+    device_ = make_recorded_device(std::make_shared<Recording>(parse_recording(kHead + frames)));
     framer_ = device_->make_framer();
   }
   std::vector<Frame> frames_of(const std::string& hex) {
@@ -41,7 +40,7 @@ class RecordedDeviceTest : public testing::Test {
     return last_.reply.empty() ? "silence" : to_hex(last_.reply);
   }
 
-  std::unique_ptr<RecordedDevice> device_;
+  std::unique_ptr<Personality> device_;
   std::unique_ptr<Framer> framer_;
   Ruling last_;
 };

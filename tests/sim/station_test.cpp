@@ -34,7 +34,7 @@ class StationTest : public testing::Test {
 
   TimePoint now_{};
   Station station_{"p1",
-                   std::make_unique<ProgrammingPort>(),
+                   make_programming_port(),
                    make_plc(),
                    TimePoint{},
                    std::chrono::system_clock::time_point(milliseconds(1'790'000'000'000)),
@@ -235,10 +235,10 @@ std::string sent_by(Station& station, const Frame& request) {
 
 Station modbus_tcp_station() {
   return {"m1",
-          std::make_unique<Modbus>(Protocol::modbus_tcp, ModbusSettings{}),
+          make_modbus(Protocol::modbus_tcp, {}),
           Plc(modbus_model(), make_plant("none"), TimePoint{}),
           TimePoint{},
-          std::chrono::system_clock::time_point{},
+          {},
           {}};
 }
 const Frame kModbusWrite{*from_hex("00 07 00 00 00 06 01 06 00 05 00 2A"), true, {}};
@@ -268,8 +268,7 @@ TEST(FaultedModbus, FlawsAreCarriedOutAndAddUp) {
 }
 
 TEST(FaultedComputerLink, NakCarriesItsCodeAndTheMastersAckUsesUpNothing) {
-  Station station("l1", std::make_unique<ComputerLink>(ComputerLinkSettings{.station = 5}),
-                  make_plc("FX2N"), TimePoint{}, std::chrono::system_clock::time_point{}, {});
+  Station station("l1", make_computer_link({.station = 5}), make_plc("FX2N"), TimePoint{}, {}, {});
   const Frame read{*from_hex("05 30 35 46 46 42 52 41 58 30 30 34 30 30 35 34 37"), true, {}};
   const Frame ack{*from_hex("06 30 35 46 46"), true, {}};
   station.faults().add({.kind = FaultKind::nak, .code = 2});
@@ -281,8 +280,7 @@ TEST(FaultedComputerLink, NakCarriesItsCodeAndTheMastersAckUsesUpNothing) {
 }
 
 TEST(StationMemory, QuestionsKeptAreAsManyAsAsked) {
-  Station station("p1", std::make_unique<ProgrammingPort>(), make_plc(), TimePoint{},
-                  std::chrono::system_clock::time_point{}, {}, 5);
+  Station station("p1", make_programming_port(), make_plc(), TimePoint{}, {}, {}, 5);
   for (int i = 0; i < 8; ++i) sent_by(station, kRead);
   EXPECT_EQ(station.deeds(0).size(), 5U);
 }

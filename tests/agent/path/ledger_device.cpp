@@ -21,11 +21,9 @@ constexpr unsigned kPresetBits = 1000;  // every third of them is initially on
 constexpr fxsim::Device kForcedStop{fxsim::Kind::special_m, 37};  // M8037
 
 std::unique_ptr<fxsim::Personality> personality_of(fxsim::Protocol protocol) {
-  if (protocol == fxsim::Protocol::programming_port)
-    return std::make_unique<fxsim::ProgrammingPort>();
-  if (protocol == fxsim::Protocol::computer_link)
-    return std::make_unique<fxsim::ComputerLink>(fxsim::ComputerLinkSettings{});
-  return std::make_unique<fxsim::Modbus>(protocol, fxsim::ModbusSettings{});
+  if (protocol == fxsim::Protocol::programming_port) return fxsim::make_programming_port();
+  if (protocol == fxsim::Protocol::computer_link) return fxsim::make_computer_link({});
+  return fxsim::make_modbus(protocol, {});
 }
 
 const fxsim::Model& model_of(fxsim::Protocol protocol) {
