@@ -34,12 +34,10 @@ class Audit(PlantTest):
 
     def give_commands(self):
         """Sends one command of each kind that the audit has to distinguish. Returns their number."""
-        written = self.command(id="w1", op="write", address="D300", value=17, by="anna")
-        self.assert_result(written, "SUCCEEDED", None, "ACK")
+        self.succeed(id="w1", op="write", address="D300", value=17, by="anna")
         self.assert_result(self.command(id="w1", op="write", address="D300", value=18),
                            "DUPLICATE", "duplicate_id", "ACK")
-        self.assert_result(self.command(id="no", op="force_on", address="M250"), "REJECTED",
-                           "not_allowed")
+        self.reject("not_allowed", id="no", op="force_on", address="M250")
         self.sim.fault("press1", "nak", match="force", count=2)
         self.assert_result(self.command(id="nak", op="force_on", address="M150"), "FAILED", "nak",
                            "NAK")

@@ -205,7 +205,7 @@ class BrokerLife(PlantTest):
         since = self.watcher.mark()
         self.agent.start()
         self.state("press1", "online", since)
-        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="read", tag="temp")
         self.assertEqual((self.sim.commands("press1"), self.results("while-away")), ([], []))
 
     def test_a_retained_command_from_before_is_refused_on_3_1_1(self):
@@ -255,7 +255,7 @@ class BrokerLife(PlantTest):
     def test_commands_work_on_either_version(self):
         self.start(version="3.1.1")
         self.state("press1", "online")
-        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="force_on", address="M150")
 
     def test_a_broker_that_comes_late_is_found_and_the_next_server_is_tried(self):
         self.broker = Broker(self.directory)
@@ -369,7 +369,7 @@ class Secrets(PlantTest):
         self.watcher = Watcher(self.plain_port)
         self.state("press1", "online")
         self.data()
-        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="force_on", address="M150")
 
     def test_mutual_tls_wants_the_certificate(self):
         self.tls("require_certificate true")

@@ -30,16 +30,14 @@ class Commands(PlantTest):
 
     def test_writes_reach_the_plc_and_are_read_back(self):
         self.start_press()
-        result = self.command(op="write", tag="setpoint", value=50)
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="write", tag="setpoint", value=50)
         self.assertEqual(result["verify"], {"read": 50, "match": True})
         self.assertEqual((result["tag"], result["address"], result["value"]), ("setpoint", "D200", 50))
         self.assertEqual(result["attempts"], 1)
         self.assertEqual(self.sim.get("press1", "D200"), 50)
         for tag, value in [("speed", 1.5), ("pair", -70000), ("list", [1, 2, 3, 4]),
                            ("text", "hello"), ("scaled", 12.3)]:
-            result = self.command(op="write", tag=tag, value=value)
-            self.assert_result(result, "SUCCEEDED", None, "ACK")
+            result = self.succeed(op="write", tag=tag, value=value)
             self.assertEqual(result["value"], value)
         self.assertEqual(self.sim.get("press1", "D212"), 123)
         result = self.command(op="write", tag="scaled", value=1.26)
@@ -49,8 +47,7 @@ class Commands(PlantTest):
         self.start_press(plc={"baud": 9600}, groups=[{"name": "fast", "interval_ms": 100}])
         for value in range(1, 21):
             since = self.watcher.mark()
-            self.assert_result(self.command(op="write", tag="setpoint", value=value), "SUCCEEDED",
-                               None, "ACK")
+            self.succeed(op="write", tag="setpoint", value=value)
             self.data(lambda m: m.get("partial") and m["values"] == {"setpoint": value}, since=since)
             self.data(lambda m: not m.get("partial"), since=since)
         seen = [m["values"]["setpoint"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
@@ -59,10 +56,9 @@ class Commands(PlantTest):
 
     def test_forces_set_single_bits_and_leave_their_neighbours(self):
         self.start_press(plc={"memory": {"M103": 1, "M105": 1}})
-        self.assert_result(self.command(op="force_on", address="M104"), "SUCCEEDED", None, "ACK")
-        self.assert_result(self.command(op="force_off", address="M103"), "SUCCEEDED", None, "ACK")
-        self.assert_result(self.command(op="write", address="M106", value=True), "SUCCEEDED", None,
-                           "ACK")
+        self.succeed(op="force_on", address="M104")
+        self.succeed(op="force_off", address="M103")
+        self.succeed(op="write", address="M106", value=True)
         self.assertEqual([self.sim.get("press1", f"M{n}") for n in range(102, 108)],
                          [0, 0, 1, 1, 1, 0])
         kinds = {command["kind"] for command in self.sim.commands("press1")}
@@ -70,19 +66,18 @@ class Commands(PlantTest):
 
     def test_raw_addresses_go_by_the_allow_list(self):
         self.start_press()
-        self.assert_result(self.command(op="write", address="D300", value=7), "SUCCEEDED", None, "ACK")
+        self.succeed(op="write", address="D300", value=7)
         pair = {"op": "write", "type": "int32", "value": 1}
-        self.assert_result(self.command(address="D398", **pair), "SUCCEEDED", None, "ACK")
-        self.assert_result(self.command(address="D399", **pair), "REJECTED", "not_allowed")
-        self.assert_result(self.command(op="write", address="D200", value=7), "REJECTED", "not_allowed")
-        self.assert_result(self.command(op="force_on", address="M200"), "REJECTED", "not_allowed")
-        self.assert_result(self.command(op="read", address="D500"), "REJECTED", "not_allowed")
-        self.assert_result(self.command(op="force_on", address="M8036"), "REJECTED", "not_writable")
+        self.succeed(address="D398", **pair)
+        self.reject("not_allowed", address="D399", **pair)
+        self.reject("not_allowed", op="write", address="D200", value=7)
+        self.reject("not_allowed", op="force_on", address="M200")
+        self.reject("not_allowed", op="read", address="D500")
+        self.reject("not_writable", op="force_on", address="M8036")
 
     def test_reads_bring_the_value(self):
         self.start_press(plc={"memory": {"D100": 321, "D300": 5}})
-        result = self.command(op="read", tag="temp")
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="read", tag="temp")
         self.assertEqual(result["value"], 321)
         self.assertEqual(self.command(op="read", address="D300")["value"], 5)
 
@@ -112,8 +107,7 @@ class Commands(PlantTest):
             ({"op": "write", "tag": "setpoint", "value": 1, "status": "SUCCEEDED"}, "bad_json"),
         ]
         for command, reason in table:
-            result = self.command(**command)
-            self.assert_result(result, "REJECTED", reason)
+            result = self.reject(reason, **command)
             self.assertTrue(result["detail"], result)
         for payload, reason in [("{", "bad_json"), ("[]", "bad_json"), ("nonsense", "bad_json"),
                                 ('{"id":"n","op":"write","tag":"setpoint","value":NaN}', "bad_json"),
@@ -141,32 +135,27 @@ class Commands(PlantTest):
             ({"address": "D300", "value": [1, 2, 3]}, [1, 2, 3], [1, 2, 3]),
         ]
         for command, told, memory in table:
-            result = self.command(op="write", **command)
-            self.assert_result(result, "SUCCEEDED", None, "ACK")
+            result = self.succeed(op="write", **command)
             self.assertEqual((result["value"], result["verify"]), (told, {"read": told, "match": True}))
             self.assertEqual([self.sim.get("press1", f"D{300 + i}") for i in range(len(memory))],
                              memory)
 
     def test_counters_outputs_inputs_and_nibbles_are_written_where_they_are_allowed(self):
         self.start_press(commands={"allow": ["CN200", "X0-X7", "Y0-Y17", "M100-M131", "S20", "TN5"]})
-        self.assert_result(self.command(op="write", address="CN200", value=-70000), "SUCCEEDED", None,
-                           "ACK")
+        self.succeed(op="write", address="CN200", value=-70000)
         self.assertEqual(self.sim.ask(cmd="get", plc="press1", device="CN200", signed=True)["values"],
                          [-70000])
         for address in ("X7", "Y17", "S20", "M100"):
-            self.assert_result(self.command(op="force_on", address=address), "SUCCEEDED", None, "ACK")
+            self.succeed(op="force_on", address=address)
             self.assertEqual(self.sim.get("press1", address), 1)
-        self.assert_result(self.command(op="write", address="TN5", value=50), "SUCCEEDED", None, "ACK")
+        self.succeed(op="write", address="TN5", value=50)
         self.assertEqual(self.sim.get("press1", "TN5"), 50)
         # M104 to M119 fill two bytes, because M0 and M104 are at the start of a byte.
-        self.assert_result(self.command(op="write", address="K4M104", value=0x1234), "SUCCEEDED", None,
-                           "ACK")
+        self.succeed(op="write", address="K4M104", value=0x1234)
         self.assertEqual(sum(self.sim.get("press1", f"M{104 + i}") << i for i in range(16)), 0x1234)
         for address in ("K4M105", "K1M104"):
-            self.assert_result(self.command(op="write", address=address, value=1), "REJECTED",
-                               "not_writable")
-        self.assert_result(self.command(op="write", address="K4M120", value=1), "REJECTED",
-                           "not_allowed")
+            self.reject("not_writable", op="write", address=address, value=1)
+        self.reject("not_allowed", op="write", address="K4M120", value=1)
 
     def test_a_bit_of_a_word_is_never_written(self):
         self.start_press()
@@ -179,8 +168,7 @@ class Commands(PlantTest):
     def test_an_id_has_1_to_64_printable_characters(self):
         self.start_press()
         for identity in ("x", "y" * 64, "~ !\"#'/\\{}"):
-            self.assert_result(self.command(id=identity, op="read", tag="temp"), "SUCCEEDED", None,
-                               "ACK")
+            self.succeed(id=identity, op="read", tag="temp")
         for identity in ("", "z" * 65, "tab\there", "größe", None, 5.5, 2**53 + 1, ["a"], {"a": 1}, True):
             since = self.watcher.mark()
             self.send({"id": identity, "op": "force_on", "address": "M150"})
@@ -206,8 +194,7 @@ class Commands(PlantTest):
                              ({"op": "stop", "tag": "nope", "value": 5}, "'"),
                              ({"op": "run", "address": "D0"}, "address"),
                              ({"op": "read", "tag": "temp", "verify": True}, "verify")]:
-            result = self.command(**command)
-            self.assert_result(result, "REJECTED", "bad_json")
+            result = self.reject("bad_json", **command)
             self.assertIn(key, result["detail"])
         self.assertEqual(self.sim.commands("press1"), [])
 
@@ -241,11 +228,9 @@ class Commands(PlantTest):
     def test_min_and_max_belong_to_what_is_allowed(self):
         self.start_press()
         for value in (0, 1000):
-            self.assert_result(self.command(op="write", tag="setpoint", value=value), "SUCCEEDED", None,
-                               "ACK")
+            self.succeed(op="write", tag="setpoint", value=value)
         for value in (-1, 1001):
-            self.assert_result(self.command(op="write", tag="setpoint", value=value), "REJECTED",
-                               "out_of_range")
+            self.reject("out_of_range", op="write", tag="setpoint", value=value)
         # The limits of the type itself, if no others are configured.
         for value, status in ((32767, "SUCCEEDED"), (-32768, "SUCCEEDED"), (32768, "REJECTED"),
                               (-32769, "REJECTED"), (1e300, "REJECTED")):
@@ -297,8 +282,7 @@ class Commands(PlantTest):
         self.assert_result(self.result("late"), "EXPIRED", "expired")
         self.assertEqual(self.sim.commands("press1"), [])
         far = int(time.time() * 1000) + 120000
-        self.assert_result(self.command(op="write", tag="setpoint", value=9, expires=far), "REJECTED",
-                           "bad_value")
+        self.reject("bad_value", op="write", tag="setpoint", value=9, expires=far)
 
     def test_a_retained_publish_to_a_connected_agent_is_refused_too(self):
         self.start_press()
@@ -325,8 +309,7 @@ class Commands(PlantTest):
     def test_a_value_that_nobody_read_back_is_marked_as_written(self):
         self.start_press()
         since = self.watcher.mark()
-        result = self.command(op="write", tag="setpoint", value=77, verify=False)
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="write", tag="setpoint", value=77, verify=False)
         self.assertIsNone(result["verify"])
         partial = self.data(lambda m: m.get("partial"), since=since)
         self.assertEqual((partial["values"], partial["written"]), ({"setpoint": 77}, ["setpoint"]))
@@ -352,8 +335,7 @@ class Commands(PlantTest):
         self.state("press1", "online")
         self.state("press2", "online")
         for name, value in (("press1", 1), ("press2", 2)):
-            result = self.command(name, id="same", op="write", tag="setpoint", value=value)
-            self.assert_result(result, "SUCCEEDED", None, "ACK")
+            self.succeed(name, id="same", op="write", tag="setpoint", value=value)
             self.assertEqual(self.sim.get(name, "D200"), value)
 
     def test_the_commands_of_a_stopping_agent_are_all_answered(self):
@@ -396,7 +378,7 @@ class Commands(PlantTest):
                      '{"id":"m","op":"write","tag":"text","value":"\\u0000\\uD83D"}']
         for payload in payloads:
             self.send(payload)
-        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="read", tag="temp")
         # One result each; an empty payload that is not retained is also a command, an invalid one.
         results = self.watcher.wait_count(f"{BASE}/press1/result", len(payloads) + 1)
         self.assertEqual(len(results), len(payloads) + 1)
@@ -408,8 +390,8 @@ class Commands(PlantTest):
         now = int(time.time() * 1000)
         command = {"op": "write", "tag": "setpoint", "value": 1}
         self.assert_result(self.command(expires=now - 1000, **command), "EXPIRED", "expired")
-        self.assert_result(self.command(expires=now + 4000 * 1000, **command), "REJECTED", "bad_value")
-        self.assert_result(self.command(expires=now + 60000, **command), "SUCCEEDED", None, "ACK")
+        self.reject("bad_value", expires=now + 4000 * 1000, **command)
+        self.succeed(expires=now + 60000, **command)
         self.assertEqual(len(self.sim.commands("press1")), 1)
 
     def test_a_command_that_waited_too_long_is_not_sent(self):
@@ -435,7 +417,7 @@ class Commands(PlantTest):
         # Clearing the topic is not a command.
         since = self.watcher.mark()
         self.watcher.publish(f"{BASE}/press1/command", "", retain=True)
-        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="read", tag="temp")
         self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/result", since)), 1)
         self.assertEqual(self.sim.commands("press1"), [])
 
@@ -449,7 +431,7 @@ class Commands(PlantTest):
         since = self.watcher.mark()
         self.agent.start()
         self.state("press1", "online", since)
-        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="read", tag="temp")
         self.assertEqual(self.sim.commands("press1"), [])
         self.assertEqual([r for r in self.watcher.payloads(f"{BASE}/press1/result")
                           if r["id"] == "while-away"], [])
@@ -474,7 +456,7 @@ class Commands(PlantTest):
     def test_expect_guards_the_write(self):
         self.start_press(plc={"memory": {"D200": 45}})
         command = {"op": "write", "tag": "setpoint"}
-        self.assert_result(self.command(value=50, expect=45, **command), "SUCCEEDED", None, "ACK")
+        self.succeed(value=50, expect=45, **command)
         self.assert_result(self.command(value=60, expect=45, **command), "FAILED", "expect_mismatch")
         self.assertEqual(self.sim.get("press1", "D200"), 50)
 
@@ -484,31 +466,26 @@ class Commands(PlantTest):
         self.assert_result(result, "SUCCEEDED")
         self.assertTrue(result["dry_run"])
         self.assertEqual(self.sim.commands("press1"), [])
-        self.assert_result(self.command(op="write", tag="setpoint", value=5000, dry_run=True),
-                           "REJECTED", "out_of_range")
-        self.assert_result(self.command(id="try", op="write", tag="setpoint", value=5), "SUCCEEDED",
-                           None, "ACK")
+        self.reject("out_of_range", op="write", tag="setpoint", value=5000, dry_run=True)
+        self.succeed(id="try", op="write", tag="setpoint", value=5)
 
     def test_bits_are_verified_only_where_the_command_says_so(self):
         # The demo's ladder resets M100 in the scan after it was set: a successful pulse. An answer takes several
         # scans, so the read-back finds it reset.
         self.start_press(plc={"plant": "demo", "turnaround_ms": 100})
-        result = self.command(op="force_on", tag="button")
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="force_on", tag="button")
         self.assertIsNone(result["verify"])
         result = self.command(op="force_on", tag="button", verify=True)
         self.assert_result(result, "FAILED", "verify_mismatch", "ACK")
         self.assertEqual(result["verify"], {"read": False, "match": False})
         # The ladder does not drive M150.
-        result = self.command(op="force_on", address="M150", verify=True)
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="force_on", address="M150", verify=True)
         self.assertEqual(result["verify"], {"read": True, "match": True})
 
     def test_a_refusal_is_repeated_once_and_then_told(self):
         self.start_press()
         self.sim.fault("press1", "nak", match="write", count=1)
-        result = self.command(op="write", tag="setpoint", value=5)
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="write", tag="setpoint", value=5)
         self.assertEqual(result["attempts"], 2)
         self.sim.fault("press1", "nak", match="write", count=2)
         result = self.command(op="write", tag="setpoint", value=6)
@@ -557,8 +534,7 @@ class Commands(PlantTest):
     def test_run_and_stop_are_verified_by_the_plc_state(self):
         rules = {"allow": [], "allow_run_stop": True}
         self.start_press(commands=rules)
-        result = self.command(op="stop")
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="stop")
         self.assertEqual(result["verify"], {"read": "stop", "match": True})
         self.watcher.wait(f"{BASE}/press1/state", lambda s: s["run"] is False)
         self.assertEqual(self.command(op="run")["verify"], {"read": "run", "match": True})
@@ -572,13 +548,11 @@ class Commands(PlantTest):
         self.start_press()
         targets = [{"tag": "setpoint", "value": 1}, {"tag": "button", "value": True},
                    {"tag": "pair", "value": 3}]
-        result = self.command(op="write", targets=targets)
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="write", targets=targets)
         self.assertEqual([t["status"] for t in result["targets"]], ["SUCCEEDED"] * 3)
         self.assertEqual(len(self.sim.commands("press1")), 3)
         targets[1]["value"] = "on"
-        result = self.command(op="write", targets=targets)
-        self.assert_result(result, "REJECTED", "bad_value")
+        self.reject("bad_value", op="write", targets=targets)
         self.assertEqual(len(self.sim.commands("press1")), 3)
         targets[1]["value"] = False
         self.sim.fault("press1", "nak", match="force", count=2)

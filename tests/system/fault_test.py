@@ -149,8 +149,8 @@ class Faults(PlantTest):
         self.start([device(tags=tags, echo=True)],
                    [self.plc(memory={"D100": 5}, faults=[{"kind": "echo", "count": -1}])])
         self.data(lambda m: m["values"] == {"temp": 5, "setpoint": 0})
-        self.assert_result(self.command(op="write", tag="setpoint", value=9), "SUCCEEDED", None, "ACK")
-        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="write", tag="setpoint", value=9)
+        self.succeed(op="force_on", address="M150")
         self.state("press1", "online")
 
     def test_an_echo_that_no_config_names_is_found_on_every_serial_protocol(self):
@@ -302,8 +302,7 @@ class OverTcp(PlantTest):
         port = free_port()
         self.start(plcs=[self.plc(tcp=port)], links=[self.link(port)])
         self.state("press1", "online")
-        result = self.command(op="force_on", address="M150")
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="force_on", address="M150")
         self.assertGreater(result["t"]["bound_ms"], 0)
 
 

@@ -151,7 +151,7 @@ class Log(PlantTest):
         # Each makes a log line and no result; together they exceed the log's queue.
         for number in range(2000):
             self.watcher.client.publish(f"{BASE}/NOBODY{number}/command", "{}", 1)
-        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="force_on", address="M150")
         mark = self.watcher.mark()
         self.data(since=mark)
         begin = time.monotonic()
@@ -165,7 +165,7 @@ class Log(PlantTest):
         self.state("press1", "online", since)
         for number in range(4000):
             self.watcher.client.publish(f"{BASE}/NOBODY{number}/command", "{}", 1)
-        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="force_on", address="M150")
         os.set_blocking(reader, False)
         text = b""
 
@@ -206,7 +206,7 @@ class Disk(PlantTest):
         self.assertIsNone(self.agent.process.poll())
         mark = self.watcher.mark()
         self.data(since=max(mark, since))
-        self.assert_result(self.command(op="force_on", address="M150"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="force_on", address="M150")
 
 
 class Watchdog(PlantTest):

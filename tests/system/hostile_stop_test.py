@@ -70,8 +70,7 @@ class Commands(StopTest):
         self.send({"id": "list", "op": "write", "targets": LIST})
         self.wait_for_writes(2)
         since = self.watcher.mark()
-        other = self.command(op="force_on", address="M150")
-        self.assert_result(other, "SUCCEEDED", None, "ACK")
+        other = self.succeed(op="force_on", address="M150")
         self.assertEqual(self.results("list"), [], "the other one did not wait for the list")
         result = self.result("list")
         self.assert_result(result, "SUCCEEDED", None, "ACK")
@@ -89,7 +88,7 @@ class Commands(StopTest):
     def test_more_than_64_targets_are_refused(self):
         self.start()
         self.state("press1", "online")
-        self.assert_result(self.command(op="write", targets=LIST + LIST[:1]), "REJECTED", "too_large")
+        self.reject("too_large", op="write", targets=LIST + LIST[:1])
         self.assertEqual(self.sim.commands("press1"), [])
 
     def test_a_stop_ends_a_list_between_two_targets_and_tells_which_were_written(self):

@@ -54,7 +54,7 @@ class Identity(PlantTest):
                 twin.stop(signal.SIGKILL)  # its last will ends the conflict
                 self.agent_state(lambda s: s["state"] == "online" and s["boot"] == first
                                  and "conflict" not in s, since)
-                self.assert_result(self.command(**FORCE), "SUCCEEDED", None, "ACK")
+                self.succeed(**FORCE)
                 self.tearDown()
                 self.setUp()
 
@@ -94,7 +94,7 @@ class Identity(PlantTest):
         self.agent_state(lambda s: s.get("conflict") == "0ld0ld0l", since)
         since = self.watcher.mark()
         self.agent_state(lambda s: s["state"] == "online" and "conflict" not in s, since)
-        self.assert_result(self.command(**FORCE), "SUCCEEDED", None, "ACK")
+        self.succeed(**FORCE)
 
     def test_what_others_write_on_retained_topics_is_replaced(self):
         for version in ("5", "3.1.1"):

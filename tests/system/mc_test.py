@@ -80,9 +80,9 @@ class EveryFrame(McTest):
             self.watcher.wait(f"fx/plant-a/edge7/{name}/state", lambda s, model=model: s["model"] == model)
         for name in KINDS:
             with self.subTest(name):
-                self.assert_result(self.command(name, op="write", tag="setpoint", value=-77), "SUCCEEDED", None, "ACK")
+                self.succeed(name, op="write", tag="setpoint", value=-77)
                 self.assertEqual(self.sim.get(name, "D200"), 65536 - 77)
-                self.assert_result(self.command(name, op="force_on", address="Y5"), "SUCCEEDED", None, "ACK")
+                self.succeed(name, op="force_on", address="Y5")
                 self.assertEqual(self.sim.get(name, "Y5"), 1)
                 both = self.command(name, op="write", targets=[
                     {"address": "D210", "value": [1, 2, 3]}, {"address": "D250", "value": 9}])

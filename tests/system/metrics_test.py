@@ -221,7 +221,7 @@ class Scraped(PlantTest):
         wait_for("the first scrape", lambda: self.has_data('up{job="fxagent"} == 1'))
         self.promtool("check", "metrics", input=get(port, "/metrics")[1])
         for value in (1, 2, 3):
-            self.assert_result(self.command(op="write", tag="set", value=value), "SUCCEEDED", plc="ACK")
+            self.succeed(op="write", tag="set", value=value)
         queries = list(self.dashboard_queries())
         self.assertGreater(len(queries), 20)
         for title, expression in queries:

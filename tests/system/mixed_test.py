@@ -159,7 +159,7 @@ class MixedPlant(PlantTest):
             if modbus:
                 self.obeyed(name, op="write", tag="bit", value=True, verify=True)
                 self.assertEqual(self.sim.get(name, "hr:300"), 1234 | 8)
-                self.assert_result(self.command(name, op="stop"), "REJECTED", "bad_op")
+                self.reject("bad_op", name, op="stop")
         both = self.command("st1", op="write",
                           targets=[{"tag": "setpoint", "value": 7}, {"tag": "speed", "value": 8}])
         self.assertEqual(both["status"], "SUCCEEDED", json.dumps(both))
@@ -179,13 +179,11 @@ class MixedPlant(PlantTest):
         self.assertIn("STOP", refused["detail"])
         self.sim.ask(cmd="switch", plc="st0", position="stop")
         wait_for("the PLC to stop", lambda: not self.sim.ask(cmd="stats", plc="st0")["run"])
-        started = self.command("st0", op="run")
-        self.assert_result(started, "SUCCEEDED", plc="ACK")
+        started = self.succeed("st0", op="run")
         self.assertEqual(started["verify"], {"read": "run", "match": True})
         again = self.command("st0", op="run")
         self.assert_result(again, "SUCCEEDED", plc="NAK")
-        stopped = self.command("st0", op="stop")
-        self.assert_result(stopped, "SUCCEEDED", plc="ACK")
+        self.succeed("st0", op="stop")
 
 
 if __name__ == "__main__":

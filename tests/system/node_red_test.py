@@ -106,12 +106,11 @@ class TextForNumber(PlantTest):
         self.start(devices=None)
         self.ready()
         for number, value in ((1, "50"), (2, "1")):
-            result = self.command(id=number, op="write", address="D300", value=value, dry_run=True)
-            self.assert_result(result, "REJECTED", "bad_value")
+            result = self.reject("bad_value", id=number, op="write", address="D300", value=value, dry_run=True)
             self.assertEqual(result["id"], number)
             self.assertEqual(result["detail"],
                              f'int16 takes a number: send the number {value}, not the text "{value}"')
-        self.assert_result(self.command(id=3, op="write", address="D300", value=50), "SUCCEEDED", plc="ACK")
+        self.succeed(id=3, op="write", address="D300", value=50)
 
 
 if __name__ == "__main__":

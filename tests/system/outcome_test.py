@@ -36,8 +36,7 @@ class Outcomes(PlantTest):
         self.assertTrue(result["detail"])
         self.assertEqual((result["attempts"], self.writes("D110")), (1, [12345]))
         # Without verification the result reports only the ACK.
-        result = self.command(op="write", tag="shadow", value=12345, verify=False)
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="write", tag="shadow", value=12345, verify=False)
         self.assertIsNone(result["verify"])
 
     def test_verify_is_the_commands_word_before_the_configs(self):
@@ -74,7 +73,7 @@ class Outcomes(PlantTest):
                                   ("wrong_sum", "bad_frame", None)]:
             self.sim.fault("press1", kind, match="read")
             self.assert_result(self.command(op="read", tag="temp"), "FAILED", reason, plc)
-        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="read", tag="temp")
 
     def test_each_way_an_answer_can_be_lost(self):
         # Carried out every time, but the answer is never complete: the read-back decides.
@@ -168,7 +167,7 @@ class Outcomes(PlantTest):
     def test_run_and_stop_need_to_be_allowed(self):
         self.start_press()
         for op in ("run", "stop"):
-            self.assert_result(self.command(op=op), "REJECTED", "not_allowed")
+            self.reject("not_allowed", op=op)
         self.assertEqual(self.sim.commands("press1"), [])
 
     def test_a_tcp_port_where_nobody_listens_is_link_down_at_once(self):
@@ -189,8 +188,7 @@ class Outcomes(PlantTest):
             self.assert_result(result, "FAILED", "device_offline")
         self.sim.ask(cmd="clear_faults", plc="press1")
         # The next poll is seconds away by now; the command does not wait for it.
-        result = self.command(op="force_on", address="M150")
-        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        result = self.succeed(op="force_on", address="M150")
         self.assertLess(result["t"]["total_ms"], 1000)
 
     def test_two_hundred_commands_on_a_bad_line(self):
@@ -273,8 +271,7 @@ class Latency(PlantTest):
         self.start_busy_line()
         waits = []
         for number in range(12):
-            result = self.command(op="write", tag="setpoint", value=number)
-            self.assert_result(result, "SUCCEEDED", None, "ACK")
+            result = self.succeed(op="write", tag="setpoint", value=number)
             waits.append(result["t"]["queue_ms"])
         self.assert_mostly_below(waits, self.longest_exchange_ms() + SCHEDULING_MS)
 

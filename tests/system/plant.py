@@ -534,6 +534,18 @@ class PlantTest(unittest.TestCase):
         self.send(command, name, properties=properties)
         return self.watcher.wait(f"{BASE}/{name}/result", lambda r: r["id"] == command["id"], since)
 
+    def succeed(self, name="press1", **command):
+        """Publishes a command, which the PLC must acknowledge, and returns its result."""
+        result = self.command(name, **command)
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        return result
+
+    def reject(self, reason, name="press1", **command):
+        """Publishes a command, which the agent must reject for this reason, and returns its result."""
+        result = self.command(name, **command)
+        self.assert_result(result, "REJECTED", reason)
+        return result
+
     def assert_mostly_below(self, values, bound):
         """Fails if more than one in ten of at least ten values exceeds the bound: now and then a busy machine stops a
         process for longer than any of these bounds."""

@@ -297,8 +297,7 @@ class Programs(PlantTest):
         small["tags"].append(dict(more, name="more"))
         self.start(devices=[small])
         self.ready()
-        result = self.command(op="write", tag="temp", value=7)
-        self.assert_result(result, "SUCCEEDED", plc="ACK")
+        result = self.succeed(op="write", tag="temp", value=7)
         (link,) = self.plan(self.config(devices=[small]))["links"]
         self.assertAlmostEqual(result["t"]["bound_ms"], link["command_bound_ms"], delta=0.051)
         trade = [t for t in link["block_trade"] if t["max_block_bytes"] == 16]

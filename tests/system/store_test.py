@@ -111,10 +111,8 @@ class StoreLife(PlantTest):
     def test_an_id_is_a_duplicate_after_a_restart_and_after_a_crash(self):
         self.start_stored()
         self.state("press1", "online")
-        first = self.command(id="once", op="force_on", address="M150")
-        self.assert_result(first, "SUCCEEDED", None, "ACK")
-        refused = self.command(id="never", op="force_on", address="M250")
-        self.assert_result(refused, "REJECTED", "not_allowed")
+        first = self.succeed(id="once", op="force_on", address="M150")
+        refused = self.reject("not_allowed", id="never", op="force_on", address="M250")
         for end in (signal.SIGTERM, signal.SIGKILL):
             self.agent.stop(end)
             since = self.watcher.mark()
@@ -147,7 +145,7 @@ class StoreLife(PlantTest):
         since = self.watcher.mark()
         self.agent.start()
         self.state("press1", "online", since)
-        self.assert_result(self.command(op="read", tag="temp"), "SUCCEEDED", None, "ACK")
+        self.succeed(op="read", tag="temp")
         self.assertEqual(len(self.own_results("lost")), 1, self.own_results("lost"))
 
     def test_a_result_that_nobody_was_told_comes_after_the_restart(self):

@@ -57,7 +57,7 @@ class Target(PlantTest):
         self.ready()
         self.sim.set("press1", "D100", 1234)
         self.data(lambda m: m["values"] == {"temp": 1234})
-        self.assert_result(self.command(op="write", address="D300", value=55), "SUCCEEDED", plc="ACK")
+        self.succeed(op="write", address="D300", value=55)
         self.assertEqual(self.sim.get("press1", "D300"), 55)
 
         # A client that comes later receives the retained topics, also by a wildcard.

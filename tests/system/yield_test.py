@@ -45,7 +45,7 @@ class Yield(PlantTest):
         self.assertFalse(self.holds_port())
         state = self.state("press1", "yielded")
         self.assertEqual(state["reason"], "yielded")
-        self.assert_result(self.command(op="write", address="D300", value=1), "REJECTED", "yielded")
+        self.reject("yielded", op="write", address="D300", value=1)
         self.assertEqual(self.sim.commands("press1"), [])
         away = self.counters(lambda news: news["links"][0][4] == 1)
         self.assertEqual([problem["place"] for problem in away["problems"]], ["link line1"])
@@ -55,7 +55,7 @@ class Yield(PlantTest):
         self.assertEqual(self.to_link({"id": "y2", "op": "resume"})["status"], "SUCCEEDED")
         self.state_after("press1", "online", state, mark)
         self.assertTrue(self.holds_port())
-        self.assert_result(self.command(op="write", address="D300", value=7), "SUCCEEDED", plc="ACK")
+        self.succeed(op="write", address="D300", value=7)
         back = self.counters(lambda news: news["link"]["exchanges"] > away["link"]["exchanges"])
         for counter in ("timeouts", "naks", "bad_frames", "unexpected_bytes", "doubts"):
             self.assertEqual(back["link"][counter], before["link"][counter], counter)
