@@ -10,7 +10,8 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import BASE, PATIENCE, Agent, Broker, PlantTest, device, fxagent, request_properties, wait_for
+from plant import (BASE, PATIENCE, Agent, Broker, PlantTest, config_of, device, fxagent, request_properties, wait_for,
+                   write_json)
 
 NOT_AUTHORISED = 0x87
 PASSWORD = "s3cret"
@@ -71,9 +72,7 @@ class BrokerAcl(PlantTest):
     USERS = ("edge7", "edge8", "anna", "viktor", "erna", "stranger")
 
     def acl(self, config, *arguments):
-        path = os.path.join(self.directory, f"{config['agent']['id']}.json")
-        with open(path, "w") as out:
-            json.dump(config, out)
+        path = write_json(os.path.join(self.directory, f"{config['agent']['id']}.json"), config)
         return fxagent("acl", path, *arguments)
 
     def config(self, name="edge7", username="edge7"):
@@ -81,10 +80,9 @@ class BrokerAcl(PlantTest):
         with open(secret, "w") as out:
             out.write(PASSWORD + "\n")
         os.chmod(secret, 0o600)
-        return {"agent": {"id": name, "root": "fx/plant-a"},
-                "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"],
-                         "username": username, "password_file": secret},
-                "links": [self.serial()], "devices": [device()]}
+        config = config_of(self.broker.port, [self.serial()], [device()], agent={"id": name, "root": "fx/plant-a"})
+        config["mqtt"].update(username=username, password_file=secret)
+        return config
 
     def start_secured(self, *roles, pair=None, **agent):
         """Starts a broker with the concatenated files of two agents. `agent` and `pair` are added to their configs."""

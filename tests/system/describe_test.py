@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, device
+from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, config_file, device
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 JUDGES = os.environ.get("DESCRIBE_JUDGES", "")
@@ -25,6 +25,7 @@ TOPICS = {"sample": "{base}/{device}/data/{group}", "history": "{base}/{device}/
           "health": "{base}/health", "command": "{base}/{device}/command", "result": "{base}/{device}/result",
           "desired": "{base}/config/desired", "reported": "{base}/config/reported",
           "yield": "{base}/{link}/command"}
+LINKS = [{"name": "line1", "serial": {"path": "/dev/ttyUSB0"}}]
 TAGS = [
     {"name": "temp", "address": "D100", "group": "fast", "scale": 0.1, "unit": "°C"},
     {"name": "mode", "address": "D102", "group": "fast", "states": {"0": "off", "1": "run"}},
@@ -104,21 +105,16 @@ class Call(unittest.TestCase):
             self.assertNotEqual(done.stderr, "", call)
 
     def test_no_secret_is_in_a_document(self):
-        path = os.path.join(self.directory, "agent.json")
         secrets = ["hidden-user", "hidden-password", "hidden-cert", "hidden-key", "hidden-ca", "hidden-token",
                    "hidden-store"]
         for file in secrets[2:]:
             with open(os.path.join(self.directory, file), "w") as out:
                 out.write("hidden")
-        with open(path, "w") as out:
-            json.dump({"agent": {"id": "edge7"},
-                       "mqtt": {"servers": ["mqtts://broker.example"], "username": "hidden-user",
-                                "password": "hidden-password",
-                                "tls": {"ca_file": "hidden-ca", "cert_file": "hidden-cert", "key_file": "hidden-key"}},
-                       "store": {"path": "hidden-store"},
-                       "http": {"listen": "127.0.0.1:0", "token_file": "hidden-token"},
-                       "links": [{"name": "line1", "serial": {"path": "/dev/ttyUSB0"}}],
-                       "devices": [device()]}, out)
+        path = config_file(
+            self.directory, LINKS, [device()], store={"path": "hidden-store"},
+            http={"listen": "127.0.0.1:0", "token_file": "hidden-token"},
+            mqtt={"servers": ["mqtts://broker.example"], "username": "hidden-user", "password": "hidden-password",
+                  "tls": {"ca_file": "hidden-ca", "cert_file": "hidden-cert", "key_file": "hidden-key"}})
         os.chmod(path, 0o600)
         for kind in KINDS:
             done = described(path, "--" + kind)
@@ -129,11 +125,8 @@ class Call(unittest.TestCase):
 
 
     def test_a_thing_has_units_limits_labels_and_topics(self):
-        path = os.path.join(self.directory, "agent.json")
-        with open(path, "w") as out:
-            json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://a", "mqtts://b:1"], "qos": 0},
-                       "links": [{"name": "line1", "serial": {"path": "/dev/ttyUSB0"}}],
-                       "devices": [device(tags=TAGS, groups=[{"name": "fast"}, {"name": "slow"}])]}, out)
+        path = config_file(self.directory, LINKS, [device(tags=TAGS, groups=[{"name": "fast"}, {"name": "slow"}])],
+                           agent={"id": "edge7"}, mqtt={"servers": ["mqtt://a", "mqtts://b:1"], "qos": 0})
         thing = json.loads(described(path, "--wot").stdout)
         temp = thing["properties"]["press1.temp"]
         self.assertEqual(temp["properties"]["values"]["properties"]["temp"],
@@ -172,11 +165,10 @@ class Documents(unittest.TestCase):
         profiles = [{"kind": "json"}, {"kind": "plain", "topic": "plant/{device}/{group}-{tag}"},
                     {"kind": "sparkplug", "group": "g", "host": "scada"}, {"kind": "homeassistant"},
                     {"kind": "thingsboard"}]
-        path = os.path.join(tempfile.mkdtemp(prefix="fxagent-describe-"), "agent.json")
-        self.addCleanup(shutil.rmtree, os.path.dirname(path))
-        with open(path, "w", encoding="utf-8") as out:
-            json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://a"], "qos": 0}, "profiles": profiles,
-                       "links": [{"name": "line1", "serial": {"path": "/dev/ttyUSB0"}}], "devices": [device()]}, out)
+        directory = tempfile.mkdtemp(prefix="fxagent-describe-")
+        self.addCleanup(shutil.rmtree, directory)
+        path = config_file(directory, LINKS, [device()], agent={"id": "edge7"}, profiles=profiles,
+                           mqtt={"servers": ["mqtt://a"], "qos": 0})
         done = described(path, "--asyncapi")
         self.assertEqual(judged("asyncapi", done.stdout), ([], []), done.stderr)
         document = json.loads(done.stdout)
@@ -246,12 +238,9 @@ class Documents(unittest.TestCase):
         tags = [{"name": f"t{n}", "address": address, "type": kind, "group": f"g{n}", "access": "read_write", **more}
                 for n, (kind, address, more, *_) in enumerate(VALUES)]
         with tempfile.TemporaryDirectory() as directory:
-            path = os.path.join(directory, "agent.json")
-            with open(path, "w") as out:
-                json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://a"]},
-                           "links": [{"name": "line1", "tcp": {"host": "a", "port": 502}}],
-                           "devices": [{"name": "d", "link": "line1", "protocol": "modbus-tcp", "tags": tags,
-                                        "groups": [{"name": tag["group"]} for tag in tags]}]}, out)
+            path = config_file(directory, [{"name": "line1", "tcp": {"host": "a", "port": 502}}],
+                               [{"name": "d", "link": "line1", "protocol": "modbus-tcp", "tags": tags,
+                                 "groups": [{"name": tag["group"]} for tag in tags]}], agent={"id": "edge7"})
             schema = described(path, "--schema").stdout
         meta = json.loads(schema)["$defs"]["d.meta"]["allOf"][1]["properties"]["hash"]["const"]
         messages, wanted = [], []

@@ -8,17 +8,13 @@ import subprocess
 import threading
 import unittest
 
-from plant import PlantTest, device, free_port, fxagent
+from plant import PlantTest, config_file, device, free_port, fxagent
 
 
 class Doctor(PlantTest):
     def write(self, *devices, **serial):
-        path = os.path.join(self.directory, "config.json")
-        with open(path, "w") as out:
-            json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                       "links": [{"name": "line1", "serial": {"path": self.pty("press1"), **serial}}],
-                       "devices": devices}, out)
-        return path
+        return config_file(
+            self.directory, [{"name": "line1", "serial": {"path": self.pty("press1"), **serial}}], devices)
 
     def rtu(self, **more):
         return {"name": "press1", "protocol": "modbus-rtu", "pty": self.pty("press1"), "baud": 0, "turnaround_ms": 1, **more}
@@ -177,11 +173,9 @@ class Doctor(PlantTest):
                             while True:
                                 connection.sendall(b"\xff" * 65536)
             threading.Thread(target=flood, daemon=True).start()
-            path = os.path.join(self.directory, "config.json")
-            with open(path, "w") as out:
-                json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                           "links": [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}],
-                           "devices": [self.meter(protocol="mc-3e", model="FX5U", tags=[{"name": "level", "address": "D0"}])]}, out)
+            path = config_file(
+                self.directory, [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}],
+                [self.meter(protocol="mc-3e", model="FX5U", tags=[{"name": "level", "address": "D0"}])])
             status, said, errors = fxagent("doctor", path)
             server.shutdown(socket.SHUT_RDWR)
         self.assertEqual(status, 1, said + errors)

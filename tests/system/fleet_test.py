@@ -6,7 +6,7 @@ import os
 import subprocess
 import unittest
 
-from plant import Agent, Broker, PlantTest, Watcher, fxagent
+from plant import Agent, Broker, PlantTest, Watcher, fxagent, write_json
 
 ROOT = "fx/plant-a"
 ACL = """user ann
@@ -54,11 +54,9 @@ class Fleet(PlantTest):
         self.watcher.wait(f"{ROOT}/{name}/state", lambda s: s["state"] == "offline")
 
     def document(self, version, link, name="new.json"):
-        path = os.path.join(self.directory, name)
-        with open(path, "w") as out:
-            json.dump({"version": version, "by": "ann", "config": {
-                "devices": [{"name": "meter", "link": link, "protocol": "modbus-tcp"}]}}, out)
-        return path
+        return write_json(os.path.join(self.directory, name),
+                          {"version": version, "by": "ann", "config": {
+                              "devices": [{"name": "meter", "link": link, "protocol": "modbus-tcp"}]}})
 
     def fleet(self, *arguments, root=ROOT):
         return fxagent("fleet", *arguments, "--broker", f"mqtt://127.0.0.1:{self.broker.port}", "--root", root)

@@ -11,7 +11,7 @@ import time
 import unittest
 
 from broker_test import certificates
-from plant import BASE, FXAGENT, MEMORY_FACTOR, device, memory_kib
+from plant import BASE, FXAGENT, MEMORY_FACTOR, config_file, device, memory_kib, text_of
 from scripted_broker import PUBACK, PUBLISH, Script, ScriptedBroker
 
 BOTH = ("5", "3.1.1")
@@ -59,12 +59,9 @@ class Guest:
         mqtt["servers"] = [f"mqtt{'s' if tls else ''}://127.0.0.1:{self.broker.port}"]
         if first:
             mqtt["servers"].insert(0, first)
-        path = os.path.join(self.directory, "agent.json")
-        with open(path, "w") as out:
-            json.dump({"agent": {"id": "edge7", "root": "fx/plant-a"},
-                       "mqtt": {"version": version, "keep_alive_s": keep_alive_s, **mqtt},
-                       "links": [{"name": "line1", "serial": {"path": self.directory + "/none", "baud": 9600}}],
-                       "devices": [device()]}, out)
+        path = config_file(
+            self.directory, [{"name": "line1", "serial": {"path": self.directory + "/none", "baud": 9600}}], [device()],
+            mqtt={"version": version, "keep_alive_s": keep_alive_s, **mqtt})
         self.log_path = os.path.join(self.directory, "agent.log")
         with open(self.log_path, "w") as log:
             self.process = subprocess.Popen([FXAGENT, "run", path], stderr=log, stdout=subprocess.DEVNULL)
@@ -77,8 +74,7 @@ class Guest:
         return context, {"tls": {"ca_file": os.path.join(self.directory, "ca.pem")}}
 
     def logged(self):
-        with open(self.log_path) as log:
-            return log.read()
+        return text_of(self.log_path)
 
     def obeys(self, patience, first=0, asks=True):
         """Waits until a command gets its result on connection number `first` or later. Returns that connection.

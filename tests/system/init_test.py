@@ -10,7 +10,7 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import FXAGENT, Agent, Broker, PlantTest, Watcher
+from plant import FXAGENT, Agent, Broker, PlantTest, Watcher, config_file
 
 
 class Init(PlantTest):
@@ -128,10 +128,7 @@ class Init(PlantTest):
 
     def test_the_packages_config_is_replaced_and_all_can_be_read(self):
         os.mkdir(self.place())
-        path = os.path.join(self.place(), "agent.json")
-        with open(path, "w") as out:
-            json.dump({"agent": {"id": "unnamed"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
-                       "links": [], "devices": []}, out)
+        config_file(self.place(), [], [], 1883, agent={"id": "unnamed"})
         done = self.run_init(self.place(), "--broker", "mqtt://127.0.0.1", "--protocol", "modbus-tcp",
                              "--port", "192.0.2.1:502", "--read", "hr:0", umask=0o077)
         self.assertEqual(done.returncode, 0, done.stderr)

@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import PATIENCE, Sim, fxagent
+from plant import PATIENCE, Sim, config_file, fxagent
 
 PEERS = os.environ["NODE_PEERS"]
 MEMORY = {"D0": list(range(1000, 1140)), "D50": [0x5678, 0x1234], "D7990": [1, -1, 32767], "R100": [4, 5],
@@ -37,13 +37,10 @@ class Mcprotocol(unittest.TestCase):
         self.addCleanup(self.sim.stop)
         self.sim.start()
         self.frame, self.code = protocol[3:].upper(), code
-        self.config = os.path.join(self.directory, "agent.json")
-        with open(self.config, "w") as out:
-            json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
-                       "links": [{"name": "line", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["plc"]}}],
-                       "devices": [{"name": "plc", "link": "line", "protocol": protocol, "model": model,
-                                    "code": code, "tags": [],
-                                    "commands": {"allow": ["D0-D999"]}}]}, out)
+        self.config = config_file(
+            self.directory, [{"name": "line", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["plc"]}}],
+            [{"name": "plc", "link": "line", "protocol": protocol, "model": model, "code": code, "tags": [],
+              "commands": {"allow": ["D0-D999"]}}])
 
     def client(self, *words):
         """Returns mcprotocol's result."""

@@ -2,12 +2,10 @@
 line. Telemetry, writes, forces, RUN and STOP, `model: auto`, refusals with their end codes, and the messages about
 wrong settings."""
 
-import json
-import os
 import socket
 import unittest
 
-from plant import PlantTest, fxagent, wait_for
+from plant import PlantTest, config_file, fxagent, wait_for
 
 # Name of a device: its protocol, model, extra keys for its PLC and for its device, and an input. The input is number
 # 31 in the series' own base, or one below 8 if the model is detected, because the base is unknown until then.
@@ -162,11 +160,7 @@ class WrongSettings(McTest):
 
     def start_one(self, name, device=None, **plc):
         self.start_sim([self.plc_of(name, **plc)])
-        self.config = os.path.join(self.directory, "agent.json")
-        with open(self.config, "w") as out:
-            json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
-                       "links": [self.link_of(name)],
-                       "devices": [self.device_of(name, **(device or {}))]}, out)
+        self.config = config_file(self.directory, [self.link_of(name)], [self.device_of(name, **(device or {}))])
 
     def read(self, name, address="D100"):
         status, out, err = fxagent("read", self.config, name, address)

@@ -11,7 +11,7 @@ import subprocess
 import unittest
 
 from browser import Browser
-from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, text_of, wait_for
+from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, text_of, wait_for, write_json
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 CONFIG = os.path.join(HERE, "..", "..", "config")
@@ -58,8 +58,8 @@ class NodeRedTest(Browser, PlantTest):
             # As `npm install FOLDER` leaves it.
             os.mkdir(os.path.join(user, "node_modules"))
             os.symlink(os.path.abspath(CONTRIB), os.path.join(user, "node_modules", "node-red-contrib-fxagent"))
-            with open(os.path.join(user, "package.json"), "w") as out:
-                json.dump({"dependencies": {"node-red-contrib-fxagent": "file:contrib"}}, out)
+            write_json(os.path.join(user, "package.json"),
+                       {"dependencies": {"node-red-contrib-fxagent": "file:contrib"}})
         else:
             os.symlink(MODULES, os.path.join(user, "node_modules"))
             shutil.copy(os.path.join(MODULES, "..", "package.json"), user)

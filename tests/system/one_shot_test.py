@@ -4,7 +4,7 @@ import json
 import os
 import unittest
 
-from plant import PlantTest, fxagent
+from plant import PlantTest, config_file, fxagent
 
 
 def tag(name, address, kind, **more):
@@ -17,7 +17,6 @@ class OneShots(PlantTest):
         # hr:40 and on is 230.5 with the high word first; hr:60 is the end of this meter.
         self.start_sim([{"name": "meter", "protocol": "modbus-tcp", "tcp": 0, "holes": ["hr:60-hr:300"],
                          "memory": {"hr:40": [0x4366, 0x8000, 0, 7], "hr:58": [1, 2]}}])
-        self.path = os.path.join(self.directory, "c.json")
         self.write_config([tag("temp", "hr:0", "int32", scale=0.1, offset=-40, unit="°C"),
                            tag("power", "hr:4", "float32", scale=10, offset=-40, unit="kW"),
                            tag("energy", "hr:8", "int64", scale=0.1, offset=-40, unit="kWh"),
@@ -26,12 +25,11 @@ class OneShots(PlantTest):
                            tag("level", "hr:20", "int16", scale=0.1, unit="mm")])
 
     def write_config(self, tags, **sections):
-        with open(self.path, "w") as out:
-            json.dump({"agent": {"id": "edge7", "root": "fx"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                       "links": [{"name": "net", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}],
-                       "devices": [{"name": "meter", "link": "net", "protocol": "modbus-tcp", "timeout_ms": 300,
-                                    "groups": [{"name": "fast", "interval_ms": 1000}], "tags": tags,
-                                    "commands": {"allow": ["hr:0-hr:99"]}}], **sections}, out)
+        self.path = config_file(
+            self.directory, [{"name": "net", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}],
+            [{"name": "meter", "link": "net", "protocol": "modbus-tcp", "timeout_ms": 300,
+              "groups": [{"name": "fast", "interval_ms": 1000}], "tags": tags,
+              "commands": {"allow": ["hr:0-hr:99"]}}], **sections)
 
     def call(self, subcommand, *arguments):
         return fxagent(subcommand, self.path, "meter", *arguments)

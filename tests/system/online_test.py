@@ -6,7 +6,7 @@ import shlex
 import subprocess
 import unittest
 
-from plant import BASE, Agent, Broker, PlantTest, Watcher, config_of, device, free_port, fxagent
+from plant import BASE, Agent, Broker, PlantTest, Watcher, config_of, device, free_port, fxagent, write_json
 
 METER = {"name": "meter", "link": "line2", "protocol": "modbus-tcp", "timeout_ms": 300,
          "groups": [{"name": "fast", "interval_ms": 1000}],
@@ -111,10 +111,9 @@ class Online(PlantTest):
 
         def edit(**agent):
             tags = [{"name": "fresh", "address": "D101", "group": "fast"}]
-            with open(edited, "w") as out:
-                json.dump({**self.agent.config, "agent": {**self.agent.config["agent"], **agent},
-                           "links": [self.serial("wire"), {**network, "name": "net"}],
-                           "devices": [device("press9", "wire", tags), {**METER, "link": "net"}]}, out)
+            write_json(edited, {**self.agent.config, "agent": {**self.agent.config["agent"], **agent},
+                                "links": [self.serial("wire"), {**network, "name": "net"}],
+                                "devices": [device("press9", "wire", tags), {**METER, "link": "net"}]})
 
         edit()
         status, said, _ = self.check("--json", path=edited)

@@ -15,7 +15,7 @@ import sys
 import tempfile
 import unittest
 
-from plant import PATIENCE, Sim, free_port, fxagent, has_failed, text_of, wait_for
+from plant import PATIENCE, Sim, config_file, free_port, fxagent, has_failed, text_of, wait_for
 from ports import is_open
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
@@ -70,11 +70,7 @@ class Peer(unittest.TestCase):
                   "timeout_ms": 700,  # socat and the peer share a busy machine
                   "groups": [{"name": "g", "interval_ms": 1000}], "tags": [],
                   "commands": {"allow": ["hr:0-hr:99", "co:0-co:99"]}, **more}
-        self.config = os.path.join(self.directory, "agent.json")
-        with open(self.config, "w") as out:
-            json.dump({"agent": {"id": "edge7", "root": "fx/plant-a"},
-                       "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
-                       "links": [link], "devices": [device]}, out)
+        self.config = config_file(self.directory, [link], [device])
 
     def call(self, verb, *words):
         status, out, err = fxagent(verb, self.config, "meter", *words, "--json")

@@ -102,6 +102,18 @@ def config_of(port, links, devices, **sections):
             "links": links, "devices": devices, **sections}
 
 
+def write_json(path, value):
+    """Returns the path."""
+    with open(path, "w", encoding="utf-8") as out:
+        json.dump(value, out, indent=1)
+    return path
+
+
+def config_file(directory, links, devices, port=1, **sections):
+    """Writes config_of() to agent.json and returns its path. For programs that use no broker: nothing is on port 1."""
+    return write_json(os.path.join(directory, "agent.json"), config_of(port, links, devices, **sections))
+
+
 class Broker:
     """One mosquitto on its own port; start() and kill() may be repeated. Its output is in mosquitto-PORT.log next to
     its settings. After a kill() its watchers subscribe before an agent connects: the broker has lost their sessions."""
@@ -274,9 +286,7 @@ class Sim:
         self.ports = {}
 
     def start(self):
-        path = os.path.join(self.directory, "sim.json")
-        with open(path, "w") as out:
-            json.dump({"plcs": self.plcs}, out)
+        path = write_json(os.path.join(self.directory, "sim.json"), {"plcs": self.plcs})
         with open(self.log_path, "a") as log:
             self.process = subprocess.Popen(
                 [FXSIM, "--config", path, "--control", self.control,
@@ -341,8 +351,7 @@ class Agent:
 
     def write(self, config):
         self.config = config
-        with open(self.path, "w") as out:
-            json.dump(config, out, indent=1)
+        write_json(self.path, config)
 
     def start(self, program=FXAGENT, environment=None, **more):
         self.log = open(self.log_path, "a")

@@ -5,23 +5,16 @@ import os
 import signal
 import unittest
 
-from plant import Agent, PlantTest, device, free_port, fxagent, wait_for
+from plant import Agent, PlantTest, config_of, device, free_port, fxagent, wait_for, write_json
 
 
 class Programs(PlantTest):
     def configuration(self, **more):
-        config = {"agent": {"id": "edge7", "root": "fx"},
-                  "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                  "links": [self.serial()], "devices": [device()]}
-        config.update(more)
-        return config
+        return {**config_of(1, [self.serial()], [device()], agent={"id": "edge7", "root": "fx"}), **more}
 
     def config(self, **more):
         """Returns a config file with these sections replaced."""
-        path = os.path.join(self.directory, "c.json")
-        with open(path, "w") as out:
-            json.dump(self.configuration(**more), out, indent=1)
-        return path
+        return write_json(os.path.join(self.directory, "c.json"), self.configuration(**more))
 
     def test_read_write_and_force_go_straight_to_the_device(self):
         self.start_sim([self.plc(memory={"D100": [1, 2, 3]})])

@@ -1,13 +1,13 @@
 """Many tags and many links: the cost of loading, and the messages if the system's limits are too low."""
 
-import json
 import os
 import resource
 import statistics
 import subprocess
 import unittest
 
-from plant import BASE, FXAGENT, SCHEDULING_MS, PlantTest, device, free_port, text_of, wait_for
+from plant import (BASE, FXAGENT, SCHEDULING_MS, PlantTest, config_of, device, free_port, text_of, wait_for,
+                   write_json)
 
 
 class Scale(PlantTest):
@@ -15,18 +15,13 @@ class Scale(PlantTest):
         """Returns a file with this many devices of 1,000 tags each."""
         path = os.path.join(self.directory, f"{devices}.json")
         closed = free_port()
-        with open(path, "w") as out:
-            json.dump({
-                "agent": {"id": "edge7", "root": "fx"},
-                "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                "links": [{"name": f"l{i}", "tcp": {"host": f"127.1.0.{i + 1}", "port": closed},
-                           "line_baud": 9600} for i in range(devices)],
-                "devices": [{"name": f"d{i}", "link": f"l{i}", "protocol": protocol,
-                             "groups": [{"name": "g", "interval_ms": 1000}],
-                             "tags": [{"name": f"t{t}", "address": address + str(t), "group": "g"}
-                                      for t in range(1000)]} for i in range(devices)]},
-                      out, indent=1)
-        return path
+        links = [{"name": f"l{i}", "tcp": {"host": f"127.1.0.{i + 1}", "port": closed}, "line_baud": 9600}
+                 for i in range(devices)]
+        devices = [{"name": f"d{i}", "link": f"l{i}", "protocol": protocol,
+                    "groups": [{"name": "g", "interval_ms": 1000}],
+                    "tags": [{"name": f"t{t}", "address": address + str(t), "group": "g"} for t in range(1000)]}
+                   for i in range(devices)]
+        return write_json(path, config_of(1, links, devices))
 
     def cpu_s(self, *arguments):
         """Returns the CPU time of one call, which must succeed. Unlike the duration, it does not grow with other load

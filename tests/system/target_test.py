@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import BASE, PlantTest, Watcher, device, free_port, fxagent, listens, text_of, wait_for
+from plant import BASE, PlantTest, Watcher, device, free_port, fxagent, listens, text_of, wait_for, write_json
 
 PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "docs", "operate", "brokers.md")
 
@@ -133,8 +133,7 @@ class Page(unittest.TestCase):
         with tempfile.TemporaryDirectory() as directory:
             path = os.path.join(directory, "agent.json")
             for name, config in configs.items():
-                with open(path, "w") as out:
-                    json.dump(config, out)
+                write_json(path, config)
                 status, _, err = fxagent("check", path)
                 self.assertEqual(status, 0, f"{name}:\n{err}")
                 if name in self.TARGETS:

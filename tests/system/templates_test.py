@@ -6,7 +6,7 @@ import subprocess
 import sys
 import unittest
 
-from plant import BASE, FXAGENT, Agent, Broker, PlantTest, Watcher, free_port, fxagent
+from plant import BASE, FXAGENT, Agent, Broker, PlantTest, Watcher, free_port, fxagent, write_json
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
 UNITS = 200
@@ -14,10 +14,7 @@ UNITS = 200
 
 class Templates(PlantTest):
     def written(self, config, name="c.json"):
-        path = os.path.join(self.directory, name)
-        with open(path, "w") as out:
-            json.dump(config, out, indent=1)
-        return path
+        return write_json(os.path.join(self.directory, name), config)
 
     def meters(self, port, broker_port=1):
         return {"agent": {"id": "edge7", "root": "fx/plant-a"},

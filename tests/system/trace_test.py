@@ -11,7 +11,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import FXAGENT, PATIENCE, Broker, PlantTest, device, fxagent, wait_for
+from plant import FXAGENT, PATIENCE, Broker, PlantTest, config_file, device, fxagent, wait_for, write_json
 
 # D100 of an FX3U, two bytes, by the classic command.
 QUESTION = "02 30 31 30 43 38 30 32 03 37 31"
@@ -102,12 +102,7 @@ class Trace(TracedTest):
         self.agent.process = None
 
     def config(self):
-        path = os.path.join(self.directory, "c.json")
-        with open(path, "w") as out:
-            json.dump({"agent": {"id": "edge7", "root": "fx"},
-                       "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                       "links": [self.serial()], "devices": [device()]}, out)
-        return path
+        return config_file(self.directory, [self.serial()], [device()])
 
     def test_one_shots_show_their_frames(self):
         self.start_sim([self.plc(memory={"D100": 234})])
@@ -180,9 +175,7 @@ class Log(PlantTest):
                                         if line["event"] == "frame" and line["level"] == "trace"])
 
     def run_agent(self, config, *arguments, **environment):
-        path = os.path.join(self.directory, "c.json")
-        with open(path, "w") as out:
-            json.dump(config, out)
+        path = write_json(os.path.join(self.directory, "c.json"), config)
         return fxagent("run", path, *arguments, environment=environment)
 
     def test_a_wrong_config_is_told_in_the_format_that_was_asked_for(self):

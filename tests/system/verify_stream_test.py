@@ -8,7 +8,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, device, wait_for
+from plant import BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, config_of, device, text_of, wait_for, write_json
 
 # A boot of an agent that the test simulates.
 FAKE = "fx/plant-a/fake"
@@ -40,15 +40,11 @@ class Verification:
 
 class VerifyStream(PlantTest):
     def config_of(self, name="fake", store=None, **mqtt):
-        config = {"agent": {"id": name, "root": "fx/plant-a"},
-                  "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.broker.port}"], **mqtt},
-                  "links": [self.serial()], "devices": [device()]}
+        config = config_of(self.broker.port, [self.serial()], [device()], agent={"id": name, "root": "fx/plant-a"})
+        config["mqtt"].update(mqtt)
         if store:
             config["store"] = store
-        path = os.path.join(self.directory, f"{name}.json")
-        with open(path, "w") as out:
-            json.dump(config, out)
-        return path
+        return write_json(os.path.join(self.directory, f"{name}.json"), config)
 
     KEEPS_SESSIONS = "persistence true\npersistence_location {}/\n"
 
@@ -64,8 +60,7 @@ class VerifyStream(PlantTest):
         self.watcher = Watcher(self.broker.port)
 
     def logged(self):
-        with open(self.broker_log) as text:
-            return text.read()
+        return text_of(self.broker_log)
 
     def subscriptions(self, agent="fake"):
         return self.logged().count(f"Sending SUBACK to fx-{agent}-verify")

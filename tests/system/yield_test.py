@@ -6,7 +6,7 @@ import re
 import unittest
 import urllib.request
 
-from plant import BASE, PATIENCE, PlantTest, device, free_port, fxagent, wait_for
+from plant import BASE, PATIENCE, PlantTest, config_of, device, free_port, fxagent, wait_for, write_json
 
 
 class Yield(PlantTest):
@@ -145,10 +145,8 @@ class Yield(PlantTest):
         self.assertFalse(self.holds_port())
 
     def test_a_device_with_the_name_of_the_link_is_an_error(self):
-        path = os.path.join(self.directory, "same.json")
-        with open(path, "w") as out:
-            json.dump({"agent": {"id": "edge7"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1"]},
-                       "links": [self.serial("press1") | {"allow_yield": True}], "devices": [device(link="press1")]}, out)
+        path = write_json(os.path.join(self.directory, "same.json"), config_of(
+            1, [self.serial("press1") | {"allow_yield": True}], [device(link="press1")]))
         status, out, err = fxagent("check", path)
         self.assertNotEqual(status, 0)
         self.assertIn("/links/0/allow_yield", out + err)
