@@ -3,11 +3,10 @@
 import json
 import os
 import signal
-import subprocess
-import threading
 import time
 import unittest
 
+from json_peer import JsonPeer
 from plant import BASE, PATIENCE, Broker, PlantTest, Watcher, device, wait_for
 
 TAGS = [{"name": "temp", "address": "D100", "group": "fast", "unit": "°C"},
@@ -185,10 +184,9 @@ class SparkplugPlant(Profiles):
     def spawn_host(self, *more, broker=None, script="sparkplug_host.js"):
         log = open(os.path.join(self.directory, "host.log"), "a")
         self.stack.callback(log.close)
-        process = subprocess.Popen(
-            ["node", os.path.join(os.environ["NODE_PEERS"], script), str((broker or self.broker).port),
-             self.GROUP, self.NODE, *more], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True)
-        host = Host(process)
+        host = Host()
+        host.launch(["node", os.path.join(os.environ["NODE_PEERS"], script), str((broker or self.broker).port),
+                     self.GROUP, self.NODE, *more], log)
         self.stack.callback(host.close)
         host.wait("ready")
         return host
@@ -528,61 +526,14 @@ class TypedCommands(SparkplugPlant):
         self.assert_no_faults()
 
 
-class Host:
-    """A host of Sparkplug B or C, with all that it has printed."""
-
-    def __init__(self, process):
-        self.process = process
-        self.messages = []
-        self.arrival = threading.Condition()
-        self.reader = threading.Thread(target=self._read, daemon=True)
-        self.reader.start()
-
-    def _read(self):
-        for line in self.process.stdout:
-            with self.arrival:
-                self.messages.append(json.loads(line))
-                self.arrival.notify_all()
-
-    def order(self, **order):
-        self.process.stdin.write(json.dumps(order) + "\n")
-        self.process.stdin.flush()
-
-    def mark(self):
-        with self.arrival:
-            return len(self.messages)
-
-    def seen(self, since=0):
-        with self.arrival:
-            return self.messages[since:]
-
-    def wait(self, kind, accept=lambda message: True, since=0):
-        """Returns the first message of this type for which `accept` returns true."""
-        def look():
-            return next((m for m in self.messages[since:] if m["type"] == kind and accept(m)), None)
-        with self.arrival:
-            found = self.arrival.wait_for(look, PATIENCE)
-        if not found:
-            raise AssertionError(f"waited in vain for {kind}; the last: {self.messages[-3:]}")
-        return found
+class Host(JsonPeer):
+    """A host of Sparkplug B or C."""
 
     def value(self, device, name, value, since=0):
         """Waits for a live value in a birth or in data."""
-        def look():
-            return next((m for m in self.messages[since:] if m.get("device") == device
-                         for metric in m["metrics"]
-                         if metric["name"] == name and metric["value"] == value and not metric["historical"]), None)
-        with self.arrival:
-            found = self.arrival.wait_for(look, PATIENCE)
-        if not found:
-            raise AssertionError(f"waited in vain for {device}/{name} = {value}; the last: {self.messages[-3:]}")
-        return found
-
-    def close(self):
-        self.process.stdin.close()
-        self.process.wait()
-        self.reader.join()
-        self.process.stdout.close()
+        return self.first(f"{device}/{name} = {value}", lambda m: m.get("device") == device and any(
+            metric["name"] == name and metric["value"] == value and not metric["historical"]
+            for metric in m["metrics"]), since)
 
 
 if __name__ == "__main__":

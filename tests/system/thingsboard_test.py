@@ -1,12 +1,10 @@
 """The profile `thingsboard` against a server that behaves as ThingsBoard's gateway API does."""
 
-import json
 import os
-import subprocess
-import threading
 import time
 import unittest
 
+from json_peer import JsonPeer
 from plant import BASE, PATIENCE, PlantTest, device, free_port, wait_for
 
 TOKEN = "A1_TEST_TOKEN"
@@ -18,62 +16,31 @@ TAGS = [{"name": "temp", "address": "D100", "group": "fast", "unit": "°C"},
         {"name": "lamp", "address": "M100", "group": "fast", "access": "read_write"}]
 
 
-class Server:
-    """thingsboard.js, with all that it has printed since its first start; start() and kill() may be repeated."""
+class Server(JsonPeer):
+    """thingsboard.js; start() and kill() may be repeated."""
 
     def __init__(self, directory):
+        super().__init__()
         self.port = free_port()
         self.log = open(os.path.join(directory, "thingsboard.log"), "a")
-        self.events = []
-        self.arrival = threading.Condition()
-        self.process = None
 
     def start(self):
         mark = self.mark()
-        self.process = subprocess.Popen(
-            ["node", os.path.join(os.environ["NODE_PEERS"], "thingsboard.js"), str(self.port), TOKEN],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.log, text=True)
-        self.reader = threading.Thread(target=self._read, args=(self.process.stdout,), daemon=True)
-        self.reader.start()
+        self.launch(["node", os.path.join(os.environ["NODE_PEERS"], "thingsboard.js"), str(self.port), TOKEN], self.log)
         self.wait("ready", since=mark)
 
-    def _read(self, lines):
-        for line in lines:
-            with self.arrival:
-                self.events.append(json.loads(line))
-                self.arrival.notify_all()
-
     def kill(self):
-        if self.process is None:
-            return
-        process, self.process = self.process, None
-        process.kill()
-        process.wait()
-        self.reader.join()
-        process.stdin.close()
-        process.stdout.close()
+        if self.process is not None:
+            self.process.kill()
+            super().close()
+            self.process = None
 
     def close(self):
         self.kill()
         self.log.close()
 
-    def mark(self):
-        with self.arrival:
-            return len(self.events)
-
     def seen(self, kind, since=0):
-        with self.arrival:
-            return [event for event in self.events[since:] if event["type"] == kind]
-
-    def wait(self, kind, accept=lambda event: True, since=0):
-        """Returns the first event of this type for which `accept` returns true."""
-        def look():
-            return next((e for e in self.events[since:] if e["type"] == kind and accept(e)), None)
-        with self.arrival:
-            found = self.arrival.wait_for(look, PATIENCE)
-        if not found:
-            raise AssertionError(f"waited in vain for {kind}; the last: {self.events[-3:]}")
-        return found
+        return [event for event in super().seen(since) if event["type"] == kind]
 
     def value(self, key, wanted, since=0, name="press1"):
         """Waits for a row with this value, and returns it."""
@@ -88,14 +55,10 @@ class Server:
     def attribute(self, key, wanted, since=0, name="press1"):
         return self.wait("attributes", lambda e: e["device"] == name and e["values"].get(key) == wanted, since)
 
-    def tell(self, **order):
-        self.process.stdin.write(json.dumps(order) + "\n")
-        self.process.stdin.flush()
-
     def ask(self, method, params=None, name="press1", **more):
         """Sends a request and returns the answer."""
         mark = self.mark()
-        self.tell(rpc={"device": name, "method": method, "params": params}, **more)
+        self.order(rpc={"device": name, "method": method, "params": params}, **more)
         return self.wait("answer", since=mark)
 
 
@@ -256,7 +219,7 @@ class ThingsBoard(PlantTest):
         self.assert_result(expired, "EXPIRED", "expired")
         for text in ["no JSON", "[]", "{}", '{"device":"press1"}', '{"device":"press1","data":{"method":"run"}}',
                      '{"device":1,"data":{"id":1,"method":"run"}}', "[" * 60000]:
-            self.server.tell(raw=text)
+            self.server.order(raw=text)
         wait_for("the log", lambda: self.agent.logged().count("command_ignored") >= 5)  # the log counts the rest
         self.assertEqual(self.written("D200"), [])
         self.assert_result(self.server.ask("set_setpoint", 7)["data"], "SUCCEEDED", None, "ACK")
@@ -285,7 +248,7 @@ class ThingsBoard(PlantTest):
         # The command ends after the server has. Its answer would be that to the new server's first request.
         self.sim.fault("press1", "late", ms=2000, match="write")
         since = self.watcher.mark()
-        self.server.tell(rpc={"device": "press1", "method": "set_setpoint", "params": 8})
+        self.server.order(rpc={"device": "press1", "method": "set_setpoint", "params": 8})
         wait_for("the write", lambda: self.sim.get("press1", "D200") == 8)
         self.server.kill()
         mark = self.server.mark()
@@ -300,7 +263,7 @@ class ThingsBoard(PlantTest):
         self.begin(commands=False)
         self.server.value("temp", 0)
         self.assertEqual(self.server.seen("subscribed"), [])
-        self.server.tell(rpc={"device": "press1", "method": "set_setpoint", "params": 8})
+        self.server.order(rpc={"device": "press1", "method": "set_setpoint", "params": 8})
         self.command(op="write", tag="setpoint", value=6)  # what was sent before has arrived by then
         self.assertEqual(self.written("D200"), [6])
         self.assertEqual(self.server.seen("answer"), [])
