@@ -8,7 +8,7 @@ import threading
 import time
 import unittest
 
-from plant import BASE, PlantTest, Watcher, wait_for
+from plant import BASE, PlantTest, wait_for
 
 CHARACTER_MS = 10 / 9600 * 1000
 # The PLC's time before it answers: the simulator draws from TURNAROUND_MS - JITTER_MS up. The config names the
@@ -55,8 +55,7 @@ class Bound(PlantTest):
         self.ready()
         for i in range(GROUPS):
             self.data(group=f"g{i}")
-        self.other_client = Watcher(self.broker.port)
-        self.stack.callback(self.other_client.close)
+        self.other_client = self.watch(self.broker)
 
     def random_command(self, chance):
         number = lambda: chance.randint(-32768, 32767)

@@ -48,11 +48,10 @@ class BrokerLife(PlantTest):
         online = self.watcher.wait(f"{BASE}/state")
         self.assertEqual(online["state"], "online")
         self.state("press1", "online")
-        late = Watcher(self.broker.port)
+        late = self.watch(self.broker)
         late.wait(f"{BASE}/press1/meta")
         late.wait(f"{BASE}/press1/state", lambda s: s["state"] == "online")
         late.wait(f"{BASE}/health")
-        late.close()
         since = self.watcher.mark()
         self.assertEqual(self.agent.stop(), 0)
         gone = self.watcher.wait(f"{BASE}/state", since=since)
@@ -102,13 +101,12 @@ class BrokerLife(PlantTest):
         self.state("press1", "online")
         self.broker_away()
         self.broker.start()  # it lost everything
-        late = Watcher(self.broker.port)
+        late = self.watch(self.broker)
         late.wait(f"{BASE}/state", lambda s: s["state"] == "online")
         late.wait(f"{BASE}/press1/state", lambda s: s["state"] == "online")
         late.wait(f"{BASE}/press1/meta")
         late.wait(f"{BASE}/health")
-        late.close()
-        retained = Watcher(self.broker.port)
+        retained = self.watch(self.broker)
         for topic in (f"{BASE}/state", f"{BASE}/press1/state", f"{BASE}/press1/meta",
                       f"{BASE}/health"):
             retained.wait(topic)
@@ -116,7 +114,6 @@ class BrokerLife(PlantTest):
             self.assertEqual({t for _, t, _, m in retained.messages if m.retain},
                              {f"{BASE}/state", f"{BASE}/press1/state", f"{BASE}/press1/meta",
                               f"{BASE}/health"})
-        retained.close()
 
     def test_history_is_in_order_in_small_messages_and_beside_live_data(self):
         # 400 values of five digits per row: a hundred rows need several messages.
@@ -181,9 +178,7 @@ class BrokerLife(PlantTest):
 
     def test_the_agent_stays_on_the_server_it_has(self):
         self.broker = Broker(self.directory)
-        second = Broker(self.directory)
-        second.start()
-        self.stack.callback(second.kill)
+        second = self.other_broker()
         self.start_sim()
         self.start_agent(mqtt_config={
             "servers": [f"mqtt://127.0.0.1:{b.port}" for b in (self.broker, second)]})
@@ -202,8 +197,7 @@ class BrokerLife(PlantTest):
         self.agent.stop(signal.SIGKILL)
         self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "offline", since)
         self.send({"id": "while-away", "op": "force_on", "address": "M150"})
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.state("press1", "online", since)
         self.succeed(op="read", tag="temp")
         self.assertEqual((self.sim.commands("press1"), self.results("while-away")), ([], []))
@@ -229,8 +223,7 @@ class BrokerLife(PlantTest):
         boot = self.data()["boot"]
         self.agent.stop()
         last = max(m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast"))
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         again = self.data(since=since)
         self.assertGreater(again["seq"], last)
         self.assertNotEqual(again["boot"], boot)
@@ -282,15 +275,13 @@ class BrokerLife(PlantTest):
         self.agent.stop()
         config = dict(self.agent.config, devices=[device()], links=[self.serial()])
         self.agent.write(config)
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         for leaf in ("state", "meta"):
             wait_for("an empty payload", lambda: None in self.watcher.payloads(
                 f"{BASE}/old/{leaf}", since))
-        late = Watcher(self.broker.port)
+        late = self.watch(self.broker)
         late.wait(f"{BASE}/press1/meta")
         self.assertEqual(late.payloads(f"{BASE}/old/state"), [])
-        late.close()
 
 
 class Secrets(PlantTest):

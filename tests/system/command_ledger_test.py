@@ -233,8 +233,7 @@ class CommandLedger(PlantTest):
             timer.join()
             self.assertEqual(self.agent.stop(signal.SIGKILL), -signal.SIGKILL)
             self.killed += 1
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "online", since)
         for name in PROTOCOLS:
             self.state(name, "online", since)

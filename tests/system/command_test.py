@@ -410,8 +410,7 @@ class Commands(PlantTest):
         # Another client's retained command, present before the agent reconnects.
         self.agent.stop()
         self.send({"id": "old", "op": "force_on", "address": "M101"}, retain=True)
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         result = self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == "old", since)
         self.assert_result(result, "REJECTED", "retained")
         # Clearing the topic is not a command.
@@ -428,8 +427,7 @@ class Commands(PlantTest):
         self.agent.stop(signal.SIGKILL)
         self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "offline", since)
         self.send({"id": "while-away", "op": "force_on", "address": "M101"})
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.state("press1", "online", since)
         self.succeed(op="read", tag="temp")
         self.assertEqual(self.sim.commands("press1"), [])

@@ -50,8 +50,7 @@ class Crashes(PlantTest):
         self.data(since=since)
         self.send(command)
         self.wait_dead()
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.state("press1", "online", since)
         return since
 
@@ -82,9 +81,7 @@ class Crashes(PlantTest):
         self.assertEqual({r["status"] for r in self.own_results(command["id"])}, {result["status"]})
         self.assertEqual(len(self.sim.commands("press1")), commands, "carried out once more")
         # After the broker has acknowledged it, it is not published again.
-        self.agent.stop()
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.state("press1", "online", since)
         self.succeed(op="read", tag="temp")
         self.assertEqual([r for r in self.watcher.payloads(f"{BASE}/press1/result", since)
@@ -106,9 +103,7 @@ class Crashes(PlantTest):
             self.send(command)
         # Its answer proves that the earlier commands are journalled and at the field.
         self.assert_result(self.command(op="force_on", address="M153", dry_run=True), "SUCCEEDED")
-        self.agent.stop(signal.SIGKILL, None)
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again(signal.SIGKILL)
         self.assert_result(self.result("running", since=since), "UNKNOWN_OUTCOME", "interrupted")
         for command in waiting:
             result = self.result(command["id"], since=since)

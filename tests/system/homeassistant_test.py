@@ -14,7 +14,7 @@ import unittest
 
 import jinja2
 import jinja2.sandbox
-from plant import BASE, Broker, PlantTest, Watcher, device, wait_for
+from plant import BASE, PlantTest, Watcher, device, wait_for
 
 PREFIX = "homeassistant"
 PRESS = "fx_plant-a_edge7_press1"
@@ -316,14 +316,11 @@ class HomeAssistant(PlantTest):
         self.assertEqual(audit, [])
 
     def test_a_broker_without_commands_gets_only_what_is_read(self):
-        house = Broker(self.directory)
-        self.stack.callback(house.kill)
-        house.start()
+        house = self.other_broker()
         self.start([self.press()], brokers=[{"name": "house", "servers": [f"mqtt://127.0.0.1:{house.port}"]}],
                    profiles=[{"kind": "json"}, {"kind": "json", "broker": "house"},
                              {"kind": "homeassistant", "broker": "house", "prefix": "house/ha"}])
-        there = Watcher(house.port)
-        self.stack.callback(there.close)
+        there = self.watch(house)
         config = there.wait(f"house/ha/device/{PRESS}/config")
         self.assertEqual({e.platform for e in self.entities(config).values()}, {"sensor", "binary_sensor"})
         entities = self.entities(config)

@@ -89,8 +89,7 @@ class Identity(PlantTest):
         # The state as kept by a broker that lost the will.
         self.watcher.publish(f"{BASE}/state", {"state": "online", "since": 1, "boot": "0ld0ld0l",
                                                "version": "0.1.0"}, retain=True)
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.agent_state(lambda s: s.get("conflict") == "0ld0ld0l", since)
         since = self.watcher.mark()
         self.agent_state(lambda s: s["state"] == "online" and "conflict" not in s, since)
@@ -149,9 +148,7 @@ class Identity(PlantTest):
         since = self.watcher.mark()
         self.send(dict(FORCE, id="again"))
         self.assertEqual(self.result("again", since=since)["first"], first)
-        self.agent.stop()
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.state("press1", "online", since)
         self.send(dict(FORCE, id="again"))
         self.assertEqual(self.result("again", since=since)["first"], first)

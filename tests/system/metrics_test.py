@@ -14,20 +14,12 @@ import time
 import unittest
 import urllib.parse
 
-from plant import PATIENCE, PlantTest, device, free_port, text_of, wait_for
+from plant import PATIENCE, PlantTest, device, free_port, http_ask, text_of, wait_for
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 MONITORING = os.path.join(HERE, "..", "..", "config", "monitoring")
 PROMETHEUS = shutil.which("prometheus", path=os.environ["PATH"] + ":/usr/bin:/usr/sbin")
 PROMTOOL = shutil.which("promtool", path=os.environ["PATH"] + ":/usr/bin:/usr/sbin")
-
-
-def get(port, path, host="127.0.0.1"):
-    """Returns status and body."""
-    with contextlib.closing(http.client.HTTPConnection(host, port, timeout=PATIENCE)) as connection:
-        connection.request("GET", path)
-        response = connection.getresponse()
-        return response.status, response.read().decode()
 
 
 def exchange(port, request, half_close=False):
@@ -53,7 +45,7 @@ class Metrics(PlantTest):
         self.agent.wait_logged("state=listening")
 
     def probe(self, path):
-        status, body = get(self.port, path)
+        status, body = http_ask(self.port, path)
         verdict = json.loads(body)
         self.assertEqual(status, 200 if verdict["ok"] else 503)
         return verdict
@@ -79,7 +71,7 @@ class Metrics(PlantTest):
         # Nor does a device that is offline.
         self.sim.stop()
         wait_for("the loss of the device", lambda: 'fxagent_device_up{device="press1",link="line1"} 0\n'
-                 in get(self.port, "/metrics")[1])
+                 in http_ask(self.port, "/metrics")[1])
         self.assertTrue(self.probe("/healthz")["ok"])
 
     def test_an_address_that_is_taken_costs_metrics_alone_until_it_is_free(self):
@@ -94,13 +86,13 @@ class Metrics(PlantTest):
             self.assertIn(f"127.0.0.1:{self.port}", line[0])
             self.assertIn("another program uses this address", line[0])
         self.listening()
-        self.assertEqual(get(self.port, "/healthz")[0], 200)
+        self.assertEqual(http_ask(self.port, "/healthz")[0], 200)
         self.assertEqual(self.agent.logged().count("state=down"), 1, "said once")
 
     def test_a_free_port_of_ipv6_and_a_unix_socket(self):
         self.begin(listen="[::1]:0")
         port = wait_for("the port", lambda: re.search(r"listen=\[::1\]:(\d+)", self.agent.logged()))[1]
-        self.assertEqual(get(int(port), "/healthz", "::1")[0], 200)
+        self.assertEqual(http_ask(int(port), "/healthz", host="::1")[0], 200)
         self.end_agent()
         path = os.path.join(self.directory, "metrics")
         self.agent.config["metrics"]["listen"] = "unix:" + path
@@ -132,7 +124,7 @@ class Metrics(PlantTest):
             self.assertNotIn(status(garbage, half_close=True), (503,))
         pipelined = exchange(self.port, b"GET /healthz HTTP/1.1\r\nHost: a\r\n\r\n" * 3)
         self.assertEqual(pipelined.count(b"HTTP/1.1 "), 1)
-        self.assertEqual(get(self.port, "/healthz")[0], 200)
+        self.assertEqual(http_ask(self.port, "/healthz")[0], 200)
 
     def test_it_stops_cleanly_with_slow_clients_and_readers_of_all_kinds(self):
         self.begin()
@@ -141,7 +133,7 @@ class Metrics(PlantTest):
             for text in (b"", b"GET /met", b"GET /metrics HTTP/1.1\r\nX: ") * 10:
                 client = stack.enter_context(socket.create_connection(("127.0.0.1", self.port), PATIENCE))
                 client.sendall(text)
-            self.assertEqual(get(self.port, "/metrics")[0], 200)
+            self.assertEqual(http_ask(self.port, "/metrics")[0], 200)
             self.assertEqual(self.agent.stop(), 0)
 
 
@@ -190,11 +182,11 @@ class Scraped(PlantTest):
         def is_ready():
             self.assertIsNone(child.poll(), text_of(log.name))
             with contextlib.suppress(OSError, http.client.HTTPException):
-                return get(self.web, "/-/ready")[0] == 200
+                return http_ask(self.web, "/-/ready")[0] == 200
         wait_for("Prometheus", is_ready)
 
     def query(self, expression):
-        status, body = get(self.web, "/api/v1/query?" + urllib.parse.urlencode({"query": expression}))
+        status, body = http_ask(self.web, "/api/v1/query?" + urllib.parse.urlencode({"query": expression}))
         self.assertEqual(status, 200, f"{expression}: {body}")
         return json.loads(body)["data"]["result"]
 
@@ -219,18 +211,18 @@ class Scraped(PlantTest):
         self.ready()
         self.prometheus(port)
         wait_for("the first scrape", lambda: self.has_data('up{job="fxagent"} == 1'))
-        self.promtool("check", "metrics", input=get(port, "/metrics")[1])
+        self.promtool("check", "metrics", input=http_ask(port, "/metrics")[1])
         for value in (1, 2, 3):
             self.succeed(op="write", tag="set", value=value)
         queries = list(self.dashboard_queries())
         self.assertGreater(len(queries), 20)
         for title, expression in queries:
             wait_for(f"data of {title}: {expression}", lambda e=expression: self.has_data(e))
-        rules = json.loads(get(self.web, "/api/v1/rules")[1])["data"]["groups"][0]["rules"]
+        rules = json.loads(http_ask(self.web, "/api/v1/rules")[1])["data"]["groups"][0]["rules"]
         wait_for("the evaluation of the alerts", lambda: all(
             rule["health"] == "ok"
-            for rule in json.loads(get(self.web, "/api/v1/rules")[1])["data"]["groups"][0]["rules"]))
-        known = set(json.loads(get(self.web, "/api/v1/label/__name__/values")[1])["data"])
+            for rule in json.loads(http_ask(self.web, "/api/v1/rules")[1])["data"]["groups"][0]["rules"]))
+        known = set(json.loads(http_ask(self.web, "/api/v1/label/__name__/values")[1])["data"])
         for rule in rules:
             names = set(re.findall(r"\b((?:fxagent|process)_[a-z_]+)\b", rule["query"]))
             # Until a sample was made, the remaining time of the store is unknown. This plant has no profiles.
@@ -335,7 +327,7 @@ class HostileClients(PlantTest):
         wait_for("a crowd that was turned away", lambda: crowd.turn() or crowd.closed >= 500)
         during = self.gaps(clock, crowd.turn)
         # A scrape is answered in spite of the crowd.
-        self.assertEqual(get(port, "/healthz")[0], 200)
+        self.assertEqual(http_ask(port, "/healthz")[0], 200)
         crowd.close()
         after = self.gaps(clock, wait_a_little)
         said = {name: (round(self.off(of), 3), self.left_out(of))

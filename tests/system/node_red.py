@@ -11,7 +11,7 @@ import subprocess
 import unittest
 
 from browser import Browser
-from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, text_of, wait_for, write_json
+from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, http_ask, text_of, wait_for, write_json
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 CONFIG = os.path.join(HERE, "..", "..", "config")
@@ -93,11 +93,8 @@ class NodeRedTest(Browser, PlantTest):
         child.wait(PATIENCE)
 
     def ask(self, method, path, body=None, **headers):
-        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)) as connection:
-            connection.request(method, path, json.dumps(body) if body is not None else None,
-                               {"Content-Type": "application/json", **headers})
-            response = connection.getresponse()
-            return response.status, response.read().decode()
+        return http_ask(self.port, path, method, json.dumps(body) if body is not None else None,
+                        {"Content-Type": "application/json", **headers})
 
     def context_of(self, tab, key):
         """Returns a flow's context value of this name; None: nothing yet."""
@@ -110,9 +107,7 @@ class NodeRedTest(Browser, PlantTest):
 
     def stored(self):
         """Returns the number of samples in the agent's store."""
-        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.metrics, timeout=PATIENCE)) as connection:
-            connection.request("GET", "/metrics")
-            text = connection.getresponse().read().decode()
+        _, text = http_ask(self.metrics, "/metrics")
         return int(re.search(r'^fxagent_samples_waiting\{place="stored"\} (\d+)$', text, re.M)[1])
 
     def last_of_an_outage(self, mark):

@@ -297,8 +297,7 @@ class Nodes(NodeRedTest):
         self.assertRegex(msg["payload"], r"press1 write lot 9: no result within 6 s\. It may have been carried out")
         # The next run of the agent reports the command: only in the log, and once.
         self.sim.ask(cmd="clear_faults", plc="press1")
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.result(msg["command"]["id"], since=since)
         wait_for("the warning", lambda: "the result came late" in self.said())
         self.state("press1", "online", since)

@@ -1,14 +1,13 @@
 """The page: its data over HTTP, and the page itself in Debian's Chromium, with agent, simulator and broker."""
 
 import contextlib
-import http.client
 import json
 import os
 import threading
 import unittest
 
 from browser import Browser, why_no_browser
-from plant import PATIENCE, PlantTest, device, free_port, fxagent, wait_for
+from plant import PATIENCE, PlantTest, device, free_port, fxagent, http_ask, wait_for
 
 SCRIPT = "<img src=x onerror=alert(1)><script>alert(1)</script>"
 
@@ -36,10 +35,7 @@ class PagePlant(PlantTest):
 
     def get(self, path, host=None):
         """Returns status and body."""
-        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)) as connection:
-            connection.request("GET", path, headers={"Host": host} if host else {})
-            answer = connection.getresponse()
-            return answer.status, answer.read().decode()
+        return http_ask(self.port, path, headers={"Host": host} if host else {})
 
     def changes(self, **arguments):
         query = "&".join(f"{key}={value}" for key, value in arguments.items())
@@ -137,11 +133,9 @@ class Orders(PagePlant):
 
     def post(self, command, token=TOKEN, **headers):
         """Returns status and body as JSON."""
-        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)) as connection:
-            headers = {"Content-Type": "application/json", "Authorization": f"Bearer {token}"} | headers
-            connection.request("POST", "/api/command", json.dumps(command), headers)
-            answer = connection.getresponse()
-            return answer.status, json.loads(answer.read())
+        headers = {"Content-Type": "application/json", "Authorization": f"Bearer {token}"} | headers
+        status, body = http_ask(self.port, "/api/command", "POST", json.dumps(command), headers)
+        return status, json.loads(body)
 
     def write(self, value, id="w1", **more):
         return {"device": "press1", "id": id, "op": "write", "tag": "total", "value": value} | more

@@ -6,6 +6,7 @@ environment: FXAGENT, FXSIM. Children are ended by their pid.
 """
 
 import contextlib
+import http.client
 import json
 import os
 import random
@@ -399,6 +400,14 @@ class Agent:
         wait_for(f"{words} in the agent's log", lambda: self.logged().count(words) >= times)
 
 
+def http_ask(port, path, method="GET", body=None, headers=None, host="127.0.0.1"):
+    """Returns status and body."""
+    with contextlib.closing(http.client.HTTPConnection(host, port, timeout=PATIENCE)) as connection:
+        connection.request(method, path, body, headers or {})
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode()
+
+
 def fxagent(*arguments, environment=None):
     """Runs a subcommand to its end. Returns exit status, output and errors."""
     done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=4 * PATIENCE, check=False,
@@ -482,6 +491,26 @@ class PlantTest(unittest.TestCase):
         config["mqtt"].update({"version": version, **(mqtt_config or {})})
         self.agent = Agent(self.directory, config, arguments)
         self.agent.start()
+
+    def other_broker(self):
+        """Starts one more broker, which ends with the test."""
+        broker = Broker(self.directory)
+        self.stack.callback(broker.kill)
+        broker.start()
+        return broker
+
+    def watch(self, broker, **how):
+        """Returns one more watcher, which ends with the test."""
+        watcher = Watcher(broker.port, **how)
+        self.stack.callback(watcher.close)
+        return watcher
+
+    def start_again(self, sign=signal.SIGTERM):
+        """Stops the agent if it runs, and starts it. Returns the watcher's mark between the two."""
+        self.agent.stop(sign)
+        since = self.watcher.mark()
+        self.agent.start()
+        return since
 
     def broker_away(self):
         """Kills the broker and waits until the agent has logged the loss."""

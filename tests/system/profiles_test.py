@@ -24,17 +24,6 @@ class Profiles(PlantTest):
                    store={"path": os.path.join(self.directory, "store")}, **sections, **more)
         self.ready()
 
-    def other_broker(self):
-        broker = Broker(self.directory)
-        self.stack.callback(broker.kill)
-        broker.start()
-        return broker
-
-    def watch(self, broker):
-        watcher = Watcher(broker.port)
-        self.stack.callback(watcher.close)
-        return watcher
-
     def broker_away_for_19_values(self):
         self.broker.kill()
         wait_for("the log", lambda: self.agent.logged().count("broker_lost") == 2)

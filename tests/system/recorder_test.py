@@ -192,8 +192,7 @@ class Played(Recorded):
         port = self.sim.ports.get("press1")
         self.sim.stop()
         self.play(path, "--at", f"pty={plc['pty']}" if "pty" in plc else f"tcp={port}")
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.assertEqual(self.course(tag, 5, since), before)
 
     def test_a_serial_plc_is_played_with_equal_values(self):

@@ -215,8 +215,7 @@ class Reload(ReloadTest):
         since = self.watcher.mark()
         self.assertEqual(self.reload(config)["last_reload"]["state"], "applied")
         self.state("m3", "online", since)
-        late = Watcher(self.broker.port)
-        self.stack.callback(late.close)
+        late = self.watch(self.broker)
         late.wait(f"{BASE}/m3/state", lambda s: s["state"] == "online")
         wait_for("the retained topics of m1 to be gone", lambda: not any(
             m.retain for _, t, _, m in late.messages if t.startswith(f"{BASE}/m1/")))
@@ -276,11 +275,8 @@ class Reload(ReloadTest):
 
     def test_another_broker_gets_everything_from_then_on(self):
         config = self.begin([self.link("a")], [modbus("m1", "a", 1)])
-        other = Broker(self.directory)
-        other.start()
-        self.stack.callback(other.kill)
-        elsewhere = Watcher(other.port)
-        self.stack.callback(elsewhere.close)
+        other = self.other_broker()
+        elsewhere = self.watch(other)
         seq = self.data(name="m1")["seq"]
         config["mqtt"]["servers"] = [f"mqtt://127.0.0.1:{other.port}"]
         self.write(config)
@@ -370,9 +366,7 @@ class RandomReloads(ReloadTest):
                     self.write(self.random_config(chance))
                     self.hang_up()
                     self.over.wait(chance.choice((0, 0.01, 0.05, 0.3)))
-                self.agent.stop(signal.SIGKILL)
-                since = self.watcher.mark()
-                self.agent.start()
+                since = self.start_again(signal.SIGKILL)
                 self.state("keep1", "online", since)
         finally:
             self.over.set()

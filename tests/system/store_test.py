@@ -79,8 +79,7 @@ class StoreLife(PlantTest):
         self.data()
         self.assertEqual(self.agent.stop(), 0)
         last = max(self.seqs())
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.assertEqual(self.data(since=since)["seq"], last + 1)
 
     def test_numbers_skip_forward_after_a_crash(self):
@@ -88,8 +87,7 @@ class StoreLife(PlantTest):
         self.data()
         self.kill()
         last = max(self.seqs())
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         boot = self.watcher.payloads(f"{BASE}/press1/data/fast")[0]["boot"]
         again = self.data(lambda message: message["boot"] != boot, since=since)
         self.assertGreater(again["seq"], last)
@@ -114,9 +112,7 @@ class StoreLife(PlantTest):
         first = self.succeed(id="once", op="force_on", address="M150")
         refused = self.reject("not_allowed", id="never", op="force_on", address="M250")
         for end in (signal.SIGTERM, signal.SIGKILL):
-            self.agent.stop(end)
-            since = self.watcher.mark()
-            self.agent.start()
+            since = self.start_again(end)
             self.state("press1", "online", since)
             for known in (first, refused):
                 again = self.command(id=known["id"], op="force_on", address="M151")
@@ -134,16 +130,13 @@ class StoreLife(PlantTest):
         wait_for("the command on the wire",
                  lambda: self.sim.ask(cmd="stats", plc="press1")["faults"].get("silent"))
         self.kill()
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.assert_result(self.result("lost", since=since), "UNKNOWN_OUTCOME", "interrupted")
         self.state("press1", "online", since)
         again = self.command(id="lost", op="force_on", address="M150")
         self.assert_result(again, "DUPLICATE", "duplicate_id")
         self.assertEqual(again["first"]["status"], "UNKNOWN_OUTCOME")
-        self.agent.stop()
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.state("press1", "online", since)
         self.succeed(op="read", tag="temp")
         self.assertEqual(len(self.own_results("lost")), 1, self.own_results("lost"))
@@ -168,8 +161,7 @@ class StoreLife(PlantTest):
         path = os.path.join(self.store["path"], "fxagent.db")
         with open(path, "r+b") as file:
             file.write(b"x" * 100)
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.data(since=since)
         aside = [name for name in os.listdir(self.store["path"]) if ".corrupt-" in name]
         self.assertEqual(len(aside), 1, aside)

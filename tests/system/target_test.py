@@ -61,8 +61,7 @@ class Target(PlantTest):
         self.assertEqual(self.sim.get("press1", "D300"), 55)
 
         # A client that comes later receives the retained topics, also by a wildcard.
-        late = Watcher(self.broker.port, version=4, topics=[(f"{BASE}/+/state", 1), (f"{BASE}/state", 1)])
-        self.stack.callback(late.close)
+        late = self.watch(self.broker, version=4, topics=[(f"{BASE}/+/state", 1), (f"{BASE}/state", 1)])
         late.wait(f"{BASE}/press1/state", lambda s: s["state"] == "online")
         late.wait(f"{BASE}/state", lambda s: s["state"] == "online")
 

@@ -234,16 +234,13 @@ class Telemetry(PlantTest):
             "bit": {**plain, "address": "M7", "type": "bool"}})
         self.assertEqual(self.data()["meta"], meta["hash"])
         # Another description has another hash; the same one keeps its hash after a restart.
-        self.agent.stop()
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         self.data(since=since)
         self.assertEqual(self.watcher.wait(f"{BASE}/press1/meta", since=since)["hash"], meta["hash"])
         self.agent.stop()
         tags[0]["unit"] = "K"
         self.agent.write(dict(self.agent.config, devices=[device(tags=tags)]))
-        since = self.watcher.mark()
-        self.agent.start()
+        since = self.start_again()
         changed = self.data(lambda m: m["meta"] != meta["hash"], since=since)["meta"]
         self.watcher.wait(f"{BASE}/press1/meta", lambda m: m["hash"] == changed, since)
 

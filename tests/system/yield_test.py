@@ -4,9 +4,8 @@ import json
 import os
 import re
 import unittest
-import urllib.request
 
-from plant import BASE, PATIENCE, PlantTest, config_of, device, free_port, fxagent, wait_for, write_json
+from plant import BASE, PlantTest, config_of, device, free_port, fxagent, http_ask, wait_for, write_json
 
 
 class Yield(PlantTest):
@@ -30,8 +29,7 @@ class Yield(PlantTest):
     def counters(self, accept=lambda link: True):
         """Returns the counters of the link, as the page shows them, once accept() is true."""
         def look():
-            with urllib.request.urlopen(f"http://127.0.0.1:{self.port}/api/changes?since=0&link=0", timeout=PATIENCE) as answer:
-                news = json.load(answer)
+            news = json.loads(http_ask(self.port, "/api/changes?since=0&link=0")[1])
             return "link" in news and accept(news) and news
         return wait_for("the counters", look)
 
