@@ -16,6 +16,7 @@ import time
 from probe import Control, Mqtt
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from files import write_json, write_text
 from ports import free_port, is_open
 from waiting import wait_for
 
@@ -55,8 +56,7 @@ class CpuShare:
             "cpu.cfs_period_us": str(self.PERIOD_US), "cpu.cfs_quota_us": str(quota)}
         os.mkdir(self.folder)
         for file, value in limits.items():
-            with open(os.path.join(self.folder, file), "w") as out:
-                out.write(value)
+            write_text(os.path.join(self.folder, file), value)
         self.join = os.path.join(self.folder, "cgroup.procs")
 
     def command(self, command):
@@ -77,11 +77,10 @@ class Bench:
         self.children = []
         self.watchers = 0
         self.port = free_port()
-        conf = os.path.join(self.directory, "mosquitto.conf")
-        with open(conf, "w") as out:
-            out.write(f"listener {self.port} 127.0.0.1\nallow_anonymous true\nlog_type none\n"
-                      "set_tcp_nodelay true\nmax_queued_messages 100000\n")
-        self.broker_conf = conf
+        self.broker_conf = write_text(
+            os.path.join(self.directory, "mosquitto.conf"),
+            f"listener {self.port} 127.0.0.1\nallow_anonymous true\nlog_type none\n"
+            "set_tcp_nodelay true\nmax_queued_messages 100000\n")
         self.start_broker()
 
     def start_broker(self):
@@ -114,9 +113,7 @@ class Bench:
         return child
 
     def simulate(self, plcs):
-        path = os.path.join(self.directory, "sim.json")
-        with open(path, "w") as out:
-            json.dump({"plcs": plcs}, out)
+        path = write_json(os.path.join(self.directory, "sim.json"), {"plcs": plcs})
         socket_path = os.path.join(self.directory, "sim.sock")
         sim = self.spawn([FXSIM, "--config", path, "--control", socket_path, "--seconds", "900"],
                          stdout=subprocess.PIPE)
@@ -131,11 +128,10 @@ class Bench:
 
     def agent(self, links, devices, **more):
         """Starts the agent; `more` adds sections to its config."""
-        path = os.path.join(self.directory, "agent.json")
-        with open(path, "w") as out:
-            json.dump({"agent": {"id": "edge", "root": "bench"},
-                       "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.port}"]},
-                       "links": links, "devices": devices, **more}, out)
+        path = write_json(os.path.join(self.directory, "agent.json"),
+                          {"agent": {"id": "edge", "root": "bench"},
+                           "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.port}"]},
+                           "links": links, "devices": devices, **more})
         command = [FXAGENT, "run", path]
         return self.spawn(self.share.command(command) if self.share else command)
 

@@ -24,6 +24,7 @@ import yaml
 
 ROOT = sys.argv.pop(1)
 sys.path.insert(0, os.path.join(ROOT, "tests", "support"))
+from files import write_json, write_text
 from ports import free_port, is_open
 from waiting import PATIENCE, wait_for
 
@@ -246,13 +247,10 @@ class Packages(unittest.TestCase):
     def test_what_cannot_be_installed_is_named(self):
         with tempfile.TemporaryDirectory() as copy:
             shutil.copy(in_root("docker", "install.sh"), copy)
-            with open(os.path.join(copy, "packages.txt"), "w") as out:
-                out.write("some: coreutils\nsome: no-such-package\n")
-            fake = os.path.join(copy, "apt-get")
-            with open(fake, "w") as out:
-                out.write("#!/bin/sh\necho 'E: no http://user@example.invalid:80/x' \"'a.example.com'\"\n"
-                          "exit 100\n")
-            os.chmod(fake, 0o755)
+            write_text(os.path.join(copy, "packages.txt"), "some: coreutils\nsome: no-such-package\n")
+            write_text(os.path.join(copy, "apt-get"),
+                       "#!/bin/sh\necho 'E: no http://user@example.invalid:80/x' \"'a.example.com'\"\n"
+                       "exit 100\n", 0o755)
             os.chmod(copy, 0o755)
             environment = {**os.environ, "PATH": copy + ":" + os.environ["PATH"]}
             script = os.path.join(copy, "install.sh")
@@ -375,16 +373,12 @@ class Scripts(unittest.TestCase):
         folder, target = os.path.join(directory, "tests", "some"), os.path.join(directory, "build")
         calls = os.path.join(directory, "calls")
         os.makedirs(folder)
-        lock = os.path.join(folder, "package-lock.json")
-        with open(lock, "w") as out:
-            out.write("{}")
+        lock = write_text(os.path.join(folder, "package-lock.json"), "{}")
 
         def npm(status):
-            fake = os.path.join(directory, "npm")
-            with open(fake, "w") as out:
-                out.write(f"#!/bin/sh\necho \"$@\" >>{calls}\nmkdir -p node_modules\n"
-                          f"echo 'error network http://a.example/x'\nexit {status}\n")
-            os.chmod(fake, 0o755)
+            write_text(os.path.join(directory, "npm"),
+                       f"#!/bin/sh\necho \"$@\" >>{calls}\nmkdir -p node_modules\n"
+                       f"echo 'error network http://a.example/x'\nexit {status}\n", 0o755)
 
         def call():
             """Returns the number of npm calls so far, the script's output, and True if packages are present."""
@@ -402,8 +396,7 @@ class Scripts(unittest.TestCase):
         self.assertEqual((count, there), (1, False))
         self.assertTrue(said.startswith(named + "not tried again"), said)
         # npm is called for another lock file, and again after an hour.
-        with open(lock, "w") as out:
-            out.write("{ }")
+        write_text(lock, "{ }")
         self.assertEqual(call()[0], 2)
         npm(0)
         self.assertEqual(call()[0], 2)
@@ -519,11 +512,9 @@ class HealthCheck(unittest.TestCase):
         self.directory = tempfile.mkdtemp(prefix="fxagent-deploy-")
         self.addCleanup(shutil.rmtree, self.directory, True)
         os.symlink(FXAGENT, os.path.join(self.directory, "fxagent"))
-        self.config = os.path.join(self.directory, "agent.json")
-        with open(self.config, "w") as out:
-            json.dump({"agent": {"id": "e", "root": "r"},
-                       "mqtt": {"servers": ["mqtt://127.0.0.1:1"], "client_id": "c"},
-                       "links": [], "devices": []}, out)
+        self.config = write_json(os.path.join(self.directory, "agent.json"), {
+            "agent": {"id": "e", "root": "r"}, "mqtt": {"servers": ["mqtt://127.0.0.1:1"], "client_id": "c"},
+            "links": [], "devices": []})
         self.agent = subprocess.Popen([FXAGENT, "run", self.config], stderr=subprocess.PIPE)
         self.addCleanup(self.agent.stderr.close)
         self.addCleanup(self.agent.wait, PATIENCE)
@@ -563,8 +554,7 @@ class HealthCheck(unittest.TestCase):
         self.assertIn("is not fxagent", text)
 
     def test_a_config_that_became_wrong_is_not_healthy(self):
-        with open(self.config, "w") as out:
-            out.write("{")
+        write_text(self.config, "{")
         status, text = self.check()
         self.assertEqual(status, 1)
         self.assertIn("fxagent check", text)
@@ -690,9 +680,7 @@ class Compose(unittest.TestCase):
         shutil.copy(in_root("docker", "plant", "mosquitto.acl"), acl)
         os.chmod(acl, 0o644)
         conf.put("acl_file /etc/mosquitto/mosquitto.acl\n", f"acl_file {acl}\n")
-        with open(place["broker.conf"], "w") as out:
-            out.write(conf.text)
-        os.chmod(place["broker.conf"], 0o644)
+        write_text(place["broker.conf"], conf.text, 0o644)
         shutil.copy(in_root("docker", "plant", "broker.sh"), directory)
         as_user = []
         if os.getuid() == 0:
@@ -728,8 +716,7 @@ class Compose(unittest.TestCase):
         self.assertEqual(services["fxagent"]["secrets"], ["edge7"])
         plant = Replacing(text_of("docker", "plant", "agent.json"))
         plant.put('"host": "fxsim", "port": 5551', f'"host": "{here}", "port": {sim_port}')
-        with open(place["agent.json"], "w") as out:
-            out.write(plant.text)
+        write_text(place["agent.json"], plant.text)
         inside = services["fxagent"]["environment"]
         outside = {"mqtt://broker:1883": f"mqtt://127.0.0.1:{port}",
                    "/run/secrets/edge7": os.path.join(place["secrets"], "edge7"),
@@ -796,8 +783,7 @@ class Unit(unittest.TestCase):
             # systemd requires the program to exist.
             text = Replacing(self.unit()).put("ExecStart=/usr/bin/fxagent ",
                                               f"ExecStart={shutil.which('true')} ").text
-            with open(path, "w") as out:
-                out.write(text)
+            write_text(path, text)
             # The man page is part of the package.
             done = subprocess.run(["systemd-analyze", "verify", "--man=no", path], capture_output=True, text=True)
             self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))

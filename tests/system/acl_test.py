@@ -11,7 +11,7 @@ import unittest
 import paho.mqtt.client as mqtt
 
 from plant import (BASE, PATIENCE, Agent, Broker, PlantTest, config_of, device, fxagent, request_properties, wait_for,
-                   write_json)
+                   write_json, write_text)
 
 NOT_AUTHORISED = 0x87
 PASSWORD = "s3cret"
@@ -76,10 +76,7 @@ class BrokerAcl(PlantTest):
         return fxagent("acl", path, *arguments)
 
     def config(self, name="edge7", username="edge7"):
-        secret = os.path.join(self.directory, "secret")
-        with open(secret, "w") as out:
-            out.write(PASSWORD + "\n")
-        os.chmod(secret, 0o600)
+        secret = write_text(os.path.join(self.directory, "secret"), PASSWORD + "\n", 0o600)
         config = config_of(self.broker.port, [self.serial()], [device()], agent={"id": name, "root": "fx/plant-a"})
         config["mqtt"].update(username=username, password_file=secret)
         return config
@@ -87,9 +84,8 @@ class BrokerAcl(PlantTest):
     def start_secured(self, *roles, pair=None, **agent):
         """Starts a broker with the concatenated files of two agents. `agent` and `pair` are added to their configs."""
         os.chmod(self.directory, 0o755)
-        passwords = os.path.join(self.directory, "passwords")
-        with open(passwords, "w") as out:
-            out.writelines(f"{user}:{PASSWORD}\n" for user in self.USERS)
+        passwords = write_text(os.path.join(self.directory, "passwords"),
+                               "".join(f"{user}:{PASSWORD}\n" for user in self.USERS))
         subprocess.run(["mosquitto_passwd", "-U", passwords], check=True)
         os.chmod(passwords, 0o644)
         acl = os.path.join(self.directory, "acl")

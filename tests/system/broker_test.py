@@ -11,7 +11,7 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import BASE, Broker, PlantTest, Watcher, device, free_port, text_of, wait_for
+from plant import BASE, Broker, PlantTest, Watcher, device, free_port, text_of, wait_for, write_text
 
 
 def openssl(directory, *arguments):
@@ -22,8 +22,7 @@ def openssl(directory, *arguments):
 
 def sign(directory, name, names):
     """Creates or replaces the certificate of this key for the host `names`."""
-    with open(os.path.join(directory, "san.cnf"), "w") as out:
-        out.write(f"subjectAltName={names}\n")
+    write_text(os.path.join(directory, "san.cnf"), f"subjectAltName={names}\n")
     openssl(directory, "x509", "-req", "-in", f"{name}.csr", "-CA", "ca.pem", "-CAkey", "ca.key",
             "-CAcreateserial", "-out", f"{name}.pem", "-days", "2", "-extfile", "san.cnf")
 
@@ -298,14 +297,11 @@ class Secrets(PlantTest):
         self.broker = Broker(self.directory, f"password_file {self.password_file()}")
         self.broker.start()
         self.start_sim()
-        secret = os.path.join(self.directory, "secret")
-        with open(secret, "w") as out:
-            out.write("wrong\n")
+        secret = write_text(os.path.join(self.directory, "secret"), "wrong\n")
         self.start_agent(mqtt_config={"username": "edge7", "password_file": secret})
         self.agent.wait_logged("broker_unreachable")
         self.assertNotIn("wrong", self.agent.logged())
-        with open(secret, "w") as out:
-            out.write("right\n")
+        write_text(secret, "right\n")
         self.watcher = Watcher(self.broker.port, username="edge7", password="right")
         self.state("press1", "online")
 
@@ -407,13 +403,9 @@ class Secrets(PlantTest):
 
     def test_each_way_not_to_get_through_has_its_own_text_with_the_cure(self):
         users, rules = self.password_file(), os.path.join(self.directory, "acl")
-        with open(rules, "w") as out:
-            # The broker checks the last will against its rules at CONNECT.
-            out.write(f"topic read #\ntopic readwrite {BASE}/state\n")
-        os.chmod(rules, 0o644)
-        secret = os.path.join(self.directory, "secret")
-        with open(secret, "w") as out:
-            out.write("left\n")
+        # The broker checks the last will against its rules at CONNECT.
+        write_text(rules, f"topic read #\ntopic readwrite {BASE}/state\n", 0o644)
+        secret = write_text(os.path.join(self.directory, "secret"), "left\n")
         plain, closed = free_port(), free_port()
         self.tls(f"listener {plain} 127.0.0.1")
         guarded = Broker(self.directory, f"password_file {users}")

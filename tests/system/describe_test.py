@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, config_file, device
+from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, config_file, device, write_text
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 JUDGES = os.environ.get("DESCRIBE_JUDGES", "")
@@ -69,8 +69,7 @@ def judged(kind, document, messages=(), strict=False):
     with tempfile.TemporaryDirectory(prefix="fxagent-describe-") as directory:
         paths = [os.path.join(directory, name) for name in ("document", "messages")]
         for path, text in zip(paths, (document, json.dumps(messages))):
-            with open(path, "w", encoding="utf-8") as out:
-                out.write(text)
+            write_text(path, text)
         how = ["strict"] if strict else []
         done = subprocess.run(["node", os.path.join(JUDGES, "validate.js"), kind, *paths, *how],
                               capture_output=True, text=True, timeout=4 * PATIENCE, check=False)
@@ -108,8 +107,7 @@ class Call(unittest.TestCase):
         secrets = ["hidden-user", "hidden-password", "hidden-cert", "hidden-key", "hidden-ca", "hidden-token",
                    "hidden-store"]
         for file in secrets[2:]:
-            with open(os.path.join(self.directory, file), "w") as out:
-                out.write("hidden")
+            write_text(os.path.join(self.directory, file), "hidden")
         path = config_file(
             self.directory, LINKS, [device()], store={"path": "hidden-store"},
             http={"listen": "127.0.0.1:0", "token_file": "hidden-token"},
@@ -356,9 +354,7 @@ class DescribedPlant(PlantTest):
     def test_a_consumer_of_the_web_of_things_reads_and_writes(self):
         self.start_plant()
         self.ready()
-        path = os.path.join(self.directory, "thing.json")
-        with open(path, "w", encoding="utf-8") as out:
-            out.write(self.documents()["wot"])
+        path = write_text(os.path.join(self.directory, "thing.json"), self.documents()["wot"])
         command = {"id": "w1", "op": "write", "tag": "setpoint", "value": 77}
         done = subprocess.run(["node", os.path.join(JUDGES, "consume.js"), path, "press1", "press1.temp",
                                "press1.setpoint", json.dumps(command)],

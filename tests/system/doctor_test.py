@@ -8,7 +8,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import PlantTest, config_file, device, free_port, fxagent
+from plant import PlantTest, config_file, device, free_port, fxagent, text_of
 
 
 class Doctor(PlantTest):
@@ -28,8 +28,7 @@ class Doctor(PlantTest):
 
     def assert_finds(self, path, finding, key):
         """The doctor reports the key, leaves the config alone, and is content with its copy."""
-        with open(path) as text:
-            before = text.read()
+        before = text_of(path)
         fixed = path + ".fixed"
         status, said, errors = fxagent("doctor", path, "--fix", fixed)
         self.assertEqual(status, 4, said + errors)
@@ -38,8 +37,7 @@ class Doctor(PlantTest):
         self.assertEqual(fxagent("check", fixed)[0], 0)
         status, said, errors = fxagent("doctor", fixed)
         self.assertEqual(status, 0, said + errors)
-        with open(path) as text:
-            self.assertEqual(text.read(), before)
+        self.assertEqual(text_of(path), before)
         self.assertEqual(self.sim.commands(self.sim.plcs[0]["name"]), [])
         return fixed
 

@@ -6,7 +6,7 @@ import os
 import subprocess
 import unittest
 
-from plant import Agent, Broker, PlantTest, Watcher, fxagent, write_json
+from plant import Agent, Broker, PlantTest, Watcher, fxagent, write_json, write_text
 
 ROOT = "fx/plant-a"
 ACL = """user ann
@@ -119,9 +119,7 @@ class Fleet(PlantTest):
     def test_calls_that_are_wrong_send_nothing(self):
         self.begin()
         new = self.document("v2", "line1")
-        broken = os.path.join(self.directory, "broken.json")
-        with open(broken, "w") as out:
-            out.write('{"version": "v9", "config": ')
+        broken = write_text(os.path.join(self.directory, "broken.json"), '{"version": "v9", "config": ')
         for call in (("push", broken, "--all"), ("push", new), ("push", "--all"), ("status", new),
                      ("push", new, "--agents", "edge1,edge1"), ("push", new, "--agents", "a/b"),
                      ("push", os.path.join(self.directory, "{agent}.json"), "--agents", "edge1"), ("fly",)):
@@ -137,17 +135,13 @@ class Fleet(PlantTest):
 
     def test_a_user_with_rights_for_configs_only_reads_all_and_pushes(self):
         acl, passwords = (os.path.join(self.directory, name) for name in ("acl", "passwords"))
-        with open(acl, "w") as out:
-            out.write(ACL)
+        write_text(acl, ACL)
         subprocess.run(["mosquitto_passwd", "-c", "-b", passwords, "ann", "x"], check=True, capture_output=True)
         subprocess.run(["mosquitto_passwd", "-b", passwords, "agents", "x"], check=True, capture_output=True)
         for path in (self.directory, acl, passwords):
             os.chmod(path, 0o755 if path == self.directory else 0o644)
         self.begin(f"allow_anonymous false\npassword_file {passwords}\nacl_file {acl}\n", "agents")
-        secret = os.path.join(self.directory, "secret")
-        with open(secret, "w") as out:
-            out.write("x\n")
-        os.chmod(secret, 0o600)
+        secret = write_text(os.path.join(self.directory, "secret"), "x\n", 0o600)
         ann = ("--user", "ann", "--password-file", secret)
         status, out, err = self.fleet("status", *ann, "--wait-s", "1")
         self.assertEqual((status, err), (0, ""), out)

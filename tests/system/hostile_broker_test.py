@@ -29,7 +29,7 @@ import unittest
 
 from hostile_guest import (BACK_S, BOTH, COMMAND, CONNACKS_311, CONNACKS_5, CONNECT_S, DISCONNECTS, GUARD_S, SLACK_S,
                            Guest, HostileCases, deed, in_flight, mid_stream, on_subscribe, welcome, with_commands)
-from plant import BASE, Broker, PlantTest, Watcher, wait_for
+from plant import BASE, Broker, PlantTest, Watcher, wait_for, write_text
 from scripted_broker import (AUTH, CONNACK, CONNECT, DISCONNECT, PINGRESP, PUBACK, PUBCOMP, PUBLISH, PUBREC, PUBREL,
                              SUBACK, SUBSCRIBE, UNSUBACK, UNSUBSCRIBE, Script, length, packet, reason_string, text)
 
@@ -267,18 +267,15 @@ class DynamicSecurity(PlantTest):
         subprocess.run(["mosquitto_ctrl", "dynsec", "init", self.users, "admin", "secret"], check=True,
                        stdout=subprocess.DEVNULL)
         self.broker = Broker(self.directory)
-        with open(self.broker.conf, "w") as out:
-            out.write(f"user root\nlistener {self.broker.port} 127.0.0.1\nallow_anonymous false\n"
-                      f"plugin {PLUGIN}\nplugin_opt_config_file {self.users}\n")
+        write_text(self.broker.conf, f"user root\nlistener {self.broker.port} 127.0.0.1\nallow_anonymous false\n"
+                                     f"plugin {PLUGIN}\nplugin_opt_config_file {self.users}\n")
         self.broker.start()
         self.control("createClient", "edge7", "-p", "right")
         self.control("createRole", "agent")
         self.control("addRoleACL", "agent", "publishClientSend", "#", "allow")
         self.control("addClientRole", "edge7", "agent")
         self.account = {"username": "edge7", "password_file": os.path.join(self.directory, "password")}
-        with open(self.account["password_file"], "w") as out:
-            out.write("right")
-        os.chmod(out.name, 0o600)
+        write_text(self.account["password_file"], "right", 0o600)
 
     def control(self, *words):
         done = subprocess.run(["mosquitto_ctrl", "-h", "127.0.0.1", "-p", str(self.broker.port), "-u", "admin",

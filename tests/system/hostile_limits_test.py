@@ -11,7 +11,7 @@ import tempfile
 import time
 import unittest
 
-from plant import BASE, FXAGENT, PlantTest, device, request_properties, wait_for
+from plant import BASE, FXAGENT, PlantTest, device, request_properties, text_of, wait_for
 
 CRASHING = os.environ["FXAGENT_CRASHING"]
 # A user without other processes: the limits count only the agent's.
@@ -39,10 +39,6 @@ class Start(PlantTest):
             process = subprocess.Popen([self.program, "run", self.agent.path], stderr=out,
                                        stdout=subprocess.DEVNULL, preexec_fn=limit)
 
-        def text():
-            with open(log) as file:
-                return file.read()
-
         def how():
             if process.poll() is not None:
                 return "ended"
@@ -53,14 +49,14 @@ class Start(PlantTest):
             end = wait_for("a word from the agent", how)
             if end == "ended":
                 # 127: the loader could not even load the program, and reports that.
-                self.assertIn(process.returncode, (1, 127), text())
-                self.assertRegex(text(), "cannot start: |error while loading|bad_alloc")
+                self.assertIn(process.returncode, (1, 127), text_of(log))
+                self.assertRegex(text_of(log), "cannot start: |error while loading|bad_alloc")
                 return end
             process.send_signal(signal.SIGTERM)
-            self.assertEqual(process.wait(STOP_S), 0, text())
+            self.assertEqual(process.wait(STOP_S), 0, text_of(log))
             return end
         except BaseException:
-            print(text())
+            print(text_of(log))
             raise
         finally:
             if process.poll() is None:

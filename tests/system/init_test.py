@@ -10,7 +10,7 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import FXAGENT, Agent, Broker, PlantTest, Watcher, config_file
+from plant import FXAGENT, Agent, Broker, PlantTest, Watcher, config_file, write_text
 
 
 class Init(PlantTest):
@@ -24,9 +24,7 @@ class Init(PlantTest):
     def test_the_files_work_together(self):
         place = self.place()
         os.chmod(self.directory, 0o755)  # mosquitto reads its files as its own user
-        secret = os.path.join(self.directory, "secret")
-        with open(secret, "w") as out:
-            out.write("pw")
+        secret = write_text(os.path.join(self.directory, "secret"), "pw")
         self.broker = Broker(self.directory, f"password_file {self.directory}/users\n"
                                              f"acl_file {place}/fxagent.acl")
         done = self.run_init(place, "--id", "edge7", "--broker", f"mqtt://127.0.0.1:{self.broker.port}",
@@ -99,9 +97,7 @@ class Init(PlantTest):
         answers = ["--broker", "mqtt://127.0.0.1", "--protocol", "modbus-tcp", "--port", "192.0.2.1:502",
                    "--read", "hr:0"]
         self.assertEqual(self.run_init(self.place(), *answers).returncode, 0)
-        path = os.path.join(self.place(), "fxagent.acl")
-        with open(path, "w") as out:
-            out.write("mine")
+        path = write_text(os.path.join(self.place(), "fxagent.acl"), "mine")
         done = self.run_init(self.place(), *answers)
         self.assertEqual(done.returncode, 1)
         self.assertIn("--force", done.stderr)

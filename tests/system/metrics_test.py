@@ -14,7 +14,7 @@ import time
 import unittest
 import urllib.parse
 
-from plant import PATIENCE, PlantTest, device, free_port, http_ask, text_of, wait_for
+from plant import PATIENCE, PlantTest, device, free_port, http_ask, text_of, wait_for, write_text
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 MONITORING = os.path.join(HERE, "..", "..", "config", "monitoring")
@@ -157,16 +157,13 @@ class Scraped(PlantTest):
     def prometheus(self, target):
         """The shipped configuration with another target and an interval of one second."""
         shutil.copy(os.path.join(MONITORING, "alerts.yml"), self.directory)
-        with open(os.path.join(MONITORING, "prometheus.yml")) as shipped:
-            config = shipped.read()
+        config = text_of(os.path.join(MONITORING, "prometheus.yml"))
         for inside, outside in (('["127.0.0.1:9464"]', f'["127.0.0.1:{target}"]'),
                                 ("scrape_interval: 15s", "scrape_interval: 1s"),
                                 ("evaluation_interval: 15s", "evaluation_interval: 1s")):
             self.assertEqual(config.count(inside), 1, inside)
             config = config.replace(inside, outside)
-        path = os.path.join(self.directory, "prometheus.yml")
-        with open(path, "w") as out:
-            out.write(config)
+        path = write_text(os.path.join(self.directory, "prometheus.yml"), config)
         self.web = free_port()
         log = self.stack.enter_context(open(os.path.join(self.directory, "prometheus.log"), "w"))
         child = subprocess.Popen(

@@ -11,7 +11,8 @@ import subprocess
 import unittest
 
 from browser import Browser
-from plant import BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, http_ask, text_of, wait_for, write_json
+from plant import (BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, http_ask, text_of, wait_for,
+                   write_json, write_text)
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 CONFIG = os.path.join(HERE, "..", "..", "config")
@@ -63,8 +64,7 @@ class NodeRedTest(Browser, PlantTest):
         else:
             os.symlink(MODULES, os.path.join(user, "node_modules"))
             shutil.copy(os.path.join(MODULES, "..", "package.json"), user)
-        with open(os.path.join(user, "flows.json"), "w") as out:
-            out.write(flows)
+        write_text(os.path.join(user, "flows.json"), flows)
         self.node_red = None
         self.stack.callback(self.stop_node_red)
         self.launch_node_red()
@@ -72,8 +72,7 @@ class NodeRedTest(Browser, PlantTest):
     def launch_node_red(self):
         user = os.path.join(self.directory, "node-red")
         self.port = free_port()
-        with open(os.path.join(user, "settings.js"), "w") as out:
-            out.write(SETTINGS % self.port)
+        write_text(os.path.join(user, "settings.js"), SETTINGS % self.port)
         log = self.stack.enter_context(open(os.path.join(self.directory, "node-red.log"), "a"))
         self.said = lambda: text_of(log.name)
         self.node_red = subprocess.Popen(["node", os.path.join(MODULES, "node-red", "red.js"), "-u", user],

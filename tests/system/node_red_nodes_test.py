@@ -10,7 +10,7 @@ import unittest
 
 from browser import why_no_browser
 from node_red import CONTRIB, NodeRedTest, needs_node_red
-from plant import BASE, wait_for
+from plant import BASE, wait_for, write_text
 
 TAB = "nodes0tab0000001"
 SERVER = "nodes0server0001"
@@ -351,9 +351,8 @@ class Nodes(NodeRedTest):
 
     def test_a_command_that_the_broker_refuses_was_not_sent(self):
         os.chmod(self.directory, 0o755)  # mosquitto reads the file as another user
-        rules = os.path.join(self.directory, "acl")
-        with open(rules, "w") as out:
-            out.write(f"topic readwrite #\ntopic deny {BASE}/press1/command\n")
+        rules = write_text(os.path.join(self.directory, "acl"),
+                           f"topic readwrite #\ntopic deny {BASE}/press1/command\n")
         self.start_all(broker_conf=f"acl_file {rules}")
         wire, msg = self.outcome(op="write", tag="lot", payload=9)
         self.assertEqual((wire, msg["outcome"], msg["sent"]), ("refused", None, False))

@@ -8,7 +8,7 @@ import unittest
 
 from browser import why_no_browser
 from node_red import CONFIG, NodeRedTest, needs_node_red
-from plant import BASE, PlantTest, wait_for
+from plant import BASE, PlantTest, text_of, wait_for
 
 TAB = "fxagent0flow0001"
 SET_60 = "fxagent0inject01"
@@ -17,8 +17,7 @@ SET_60 = "fxagent0inject01"
 @needs_node_red
 class NodeRed(NodeRedTest):
     def start_flow(self):
-        with open(os.path.join(CONFIG, "node-red", "flows.json")) as shipped:
-            flows = shipped.read()
+        flows = text_of(os.path.join(CONFIG, "node-red", "flows.json"))
         self.assertEqual(flows.count('"port": "1883"'), 1, "the demo's")
         self.start_node_red(flows.replace('"port": "1883"', f'"port": "{self.broker.port}"'))
 

@@ -7,7 +7,7 @@ import threading
 import unittest
 
 from browser import Browser, why_no_browser
-from plant import PATIENCE, PlantTest, device, free_port, fxagent, http_ask, wait_for
+from plant import PATIENCE, PlantTest, device, free_port, fxagent, http_ask, wait_for, write_text
 
 SCRIPT = "<img src=x onerror=alert(1)><script>alert(1)</script>"
 
@@ -125,10 +125,7 @@ class Orders(PagePlant):
     TOKEN = "0123456789abcdef"
 
     def begin(self, **more):
-        token_file = os.path.join(self.directory, "token")
-        with open(token_file, "w") as out:
-            os.chmod(token_file, 0o600)
-            out.write(f"anna {self.TOKEN}\n")
+        token_file = write_text(os.path.join(self.directory, "token"), f"anna {self.TOKEN}\n", 0o600)
         super().begin(http_more={"token_file": token_file}, store={"path": os.path.join(self.directory, "store.db")}, **more)
 
     def post(self, command, token=TOKEN, **headers):
@@ -356,9 +353,7 @@ class InChromium(Browser, PagePlant):
         self.see("1 of 10000 tags", allowed=late)
 
     def test_a_command_asks_once_more_and_shows_its_result(self):
-        token_file = os.path.join(self.directory, "token")
-        with open(token_file, "w") as out:
-            out.write("anna 0123456789abcdef\n")
+        token_file = write_text(os.path.join(self.directory, "token"), "anna 0123456789abcdef\n")
         self.begin(http_more={"token_file": token_file}, recorder={"path": os.path.join(self.directory, "recordings")}, yields=True)
         self.ready()
         self.browse()

@@ -10,7 +10,7 @@ import unittest
 from broker_test import certificates
 from chaos_plant import Disk
 from pair_plant import BASE, PairTest, QUIET_MS, SerialBus
-from plant import PATIENCE, free_port, fxagent, wait_for
+from plant import PATIENCE, free_port, fxagent, wait_for, write_text
 
 
 class Pair(PairTest):
@@ -135,14 +135,11 @@ class Pair(PairTest):
                     raise
 
     def test_command_that_the_broker_does_not_let_be_announced_expires(self):
-        rules = os.path.join(self.directory, "rules")
-        with open(rules, "w") as out:
-            out.write("topic readwrite #\n")
+        rules = write_text(os.path.join(self.directory, "rules"), "topic readwrite #\n")
         os.chmod(self.directory, 0o755)  # mosquitto runs as another user
         self.quiet_ms = 4 * QUIET_MS  # a stall of the machine does not become a takeover
         self.start_pair(broker_conf=f"acl_file {rules}")
-        with open(rules, "w") as out:
-            out.write(f"topic readwrite #\ntopic deny {BASE}/pair/a/journal\n")
+        write_text(rules, f"topic readwrite #\ntopic deny {BASE}/pair/a/journal\n")
         self.broker.process.send_signal(signal.SIGHUP)
         # The broker says nowhere that it has read the rules.
         results = []

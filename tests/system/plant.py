@@ -27,6 +27,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from files import write_json, write_text
 from ports import free_port
 from waiting import PATIENCE, wait_for
 
@@ -103,13 +104,6 @@ def config_of(port, links, devices, **sections):
             "links": links, "devices": devices, **sections}
 
 
-def write_json(path, value):
-    """Returns the path."""
-    with open(path, "w", encoding="utf-8") as out:
-        json.dump(value, out, indent=1)
-    return path
-
-
 def config_file(directory, links, devices, port=1, **sections):
     """Writes config_of() to agent.json and returns its path. For programs that use no broker: nothing is on port 1."""
     return write_json(os.path.join(directory, "agent.json"), config_of(port, links, devices, **sections))
@@ -124,8 +118,7 @@ class Broker:
         self.conf = os.path.join(directory, f"mosquitto-{self.port}.conf")
         self.log_path = os.path.join(directory, f"mosquitto-{self.port}.log")
         anonymous = "" if "password_file" in extra else "allow_anonymous true\n"
-        with open(self.conf, "w") as out:
-            out.write(f"listener {self.port} 127.0.0.1\nlog_dest stderr\n{anonymous}{extra}\n")
+        write_text(self.conf, f"listener {self.port} 127.0.0.1\nlog_dest stderr\n{anonymous}{extra}\n")
         self.process = None
         self.watched = []  # (watcher, its subscriptions so far) at the last kill()
 

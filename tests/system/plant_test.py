@@ -12,7 +12,7 @@ import unittest
 from unittest import mock
 
 import plant
-from plant import BROKER, Agent, Broker, PlantTest, free_port, listens, wait_for
+from plant import BROKER, Agent, Broker, PlantTest, free_port, listens, wait_for, write_text
 
 
 class Ports(unittest.TestCase):
@@ -65,10 +65,7 @@ class LateFaults(unittest.TestCase):
         """Returns the test's failure text; its output is in self.printed."""
         class Victim(PlantTest):
             def test(self):
-                program = os.path.join(self.directory, "agent")
-                with open(program, "w") as out:
-                    out.write(VICTIM % (last_word, status))
-                os.chmod(program, stat.S_IRWXU)
+                program = write_text(os.path.join(self.directory, "agent"), VICTIM % (last_word, status), stat.S_IRWXU)
                 self.agent = Agent(self.directory, {})
                 self.agent.start(program)
                 self.agent.wait_logged("started")

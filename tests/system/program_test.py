@@ -5,7 +5,7 @@ import os
 import signal
 import unittest
 
-from plant import Agent, PlantTest, config_of, device, free_port, fxagent, wait_for, write_json
+from plant import Agent, PlantTest, config_of, device, free_port, fxagent, wait_for, write_json, write_text
 
 
 class Programs(PlantTest):
@@ -61,10 +61,7 @@ class Programs(PlantTest):
                           if name.startswith(("mosquitto", "sim", "press1"))})
 
     def test_secrets_are_refused_in_clear_and_exposed_files_are_named(self):
-        secret = os.path.join(self.directory, "secret")
-        with open(secret, "w") as out:
-            out.write("hunter2\n")
-        os.chmod(secret, 0o644)
+        secret = write_text(os.path.join(self.directory, "secret"), "hunter2\n", 0o644)
         os.chmod(self.directory, 0o755)
         servers = ["mqtt://127.0.0.1:1"]
         path = self.config(mqtt={"servers": servers, "password_file": secret})
@@ -129,9 +126,7 @@ class Programs(PlantTest):
   ]
 }
 """
-        path = os.path.join(self.directory, "wrong.json")
-        with open(path, "w") as out:
-            out.write(text)
+        path = write_text(os.path.join(self.directory, "wrong.json"), text)
         expected = {
             "/mqtt/keepalive_s": (3, "keep_alive_s"), "/links/1/name": (6, "line1"),
             "/devices/0/link": (9, "line7"), "/devices/0/tags/0/address": (11, "octal"),
@@ -154,9 +149,7 @@ class Programs(PlantTest):
     def test_text_that_is_no_json_is_told_by_line(self):
         for text, line in [("", 1), ("{", 1), ('{"agent": {\n  "id": }', 2), ("[]", 1), ("\x00", 1),
                            ('{"agent":\n{},\n"agent": {}}', 3), ("[" * 100000, 1)]:
-            path = os.path.join(self.directory, "not.json")
-            with open(path, "w") as out:
-                out.write(text)
+            path = write_text(os.path.join(self.directory, "not.json"), text)
             status, out, errors = fxagent("check", path)
             self.assertEqual((status, out), (2, ""), text[:40])
             self.assertIn(f"{path}:{line}:", errors)

@@ -23,6 +23,7 @@ import threading
 import time
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from files import write_text
 from ports import free_port, is_open
 from waiting import wait_for
 
@@ -214,8 +215,7 @@ class Node:
         for name, text in (("rabbitmq.conf", CONFIG.format(mqtt_port=self.mqtt_port, peers=peers,
                                                             net_ticktime=self.cluster.net_ticktime)),
                            ("advanced.config", ADVANCED), ("enabled_plugins", "[rabbitmq_mqtt].\n")):
-            with open(os.path.join(self.directory, name), "w") as out:
-                out.write(text)
+            write_text(os.path.join(self.directory, name), text)
 
     def environment(self):
         at = lambda name: os.path.join(self.directory, name)
@@ -357,10 +357,7 @@ class RabbitCluster:
         self.net_ticktime = net_ticktime
         self.directory = os.path.join(directory, "rabbit")
         os.mkdir(self.directory)
-        cookie = os.path.join(self.directory, ".erlang.cookie")
-        with open(cookie, "w") as out:
-            out.write(secrets.token_hex(20))
-        os.chmod(cookie, 0o400)
+        write_text(os.path.join(self.directory, ".erlang.cookie"), secrets.token_hex(20), 0o400)
         self.proxies = Proxies()
         self.epmd_port = free_port()
         self.epmd = None

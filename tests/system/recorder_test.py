@@ -10,7 +10,7 @@ import subprocess
 import sys
 import unittest
 
-from plant import BASE, FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, wait_for
+from plant import BASE, FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, wait_for, write_text
 
 LUA = os.path.join(os.path.dirname(__file__), "..", "..", "config", "wireshark", "fxagent.lua")
 FROM_RECORDING = os.path.join(os.path.dirname(__file__), "..", "frames", "from_recording.py")
@@ -150,8 +150,7 @@ class Recorder(Recorded):
     def test_a_directory_that_is_gone_disturbs_no_poll(self):
         self.begin()
         shutil.rmtree(self.recordings)
-        with open(self.recordings, "w") as file:
-            file.write("in its place")
+        write_text(self.recordings, "in its place")
         self.agent.process.send_signal(signal.SIGUSR2)
         self.agent.wait_logged('recorder link=line1 state="not written"')
         since = self.watcher.mark()
@@ -227,9 +226,8 @@ class Played(Recorded):
         self.assertEqual(len(blocks), len(set(blocks)))
 
     def test_what_cannot_be_played_is_refused_with_the_cure(self):
-        path = os.path.join(self.directory, "x.fxrec")
-        with open(path, "w") as out:
-            out.write("fxagent-recording 1\nlink line1\nwire serial /dev/x 9600 7E1\n")
+        path = write_text(os.path.join(self.directory, "x.fxrec"),
+                          "fxagent-recording 1\nlink line1\nwire serial /dev/x 9600 7E1\n")
         done = subprocess.run([FXSIM, "--from", path], capture_output=True, text=True, timeout=PATIENCE)
         self.assertEqual(done.returncode, 2)
         self.assertIn("--at: ", done.stderr)

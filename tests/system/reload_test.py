@@ -17,7 +17,7 @@ import threading
 import time
 import unittest
 
-from plant import BASE, PATIENCE, TEST_SEED, Agent, Broker, PlantTest, Watcher, config_of, device, wait_for
+from plant import BASE, PATIENCE, TEST_SEED, Agent, Broker, PlantTest, Watcher, config_of, device, wait_for, write_text
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "peers"))
 from modbus_recorder import Recorder
@@ -89,9 +89,8 @@ class ReloadTest(PlantTest):
 
     def write(self, config):
         """Replaces the file atomically: an agent that reads meanwhile finds the old or the new one."""
-        fresh = self.agent.path + ".new"
-        with open(fresh, "w") as out:
-            out.write(config if isinstance(config, str) else json.dumps(config, indent=1))
+        fresh = write_text(self.agent.path + ".new",
+                           config if isinstance(config, str) else json.dumps(config, indent=1))
         os.replace(fresh, self.agent.path)
 
     def hang_up(self):

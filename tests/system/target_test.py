@@ -11,7 +11,8 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import BASE, PlantTest, Watcher, device, free_port, fxagent, listens, text_of, wait_for, write_json
+from plant import (BASE, PlantTest, Watcher, device, free_port, fxagent, listens, text_of, wait_for, write_json,
+                   write_text)
 
 PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "docs", "operate", "brokers.md")
 
@@ -75,11 +76,10 @@ class Target(PlantTest):
         if NATS is None:
             self.skipTest("nats-server is not there: docker/packages.txt names its package")
         port = free_port()
-        conf = os.path.join(self.directory, "nats.conf")
-        with open(conf, "w") as out:
-            out.write(f"server_name: plant\nlisten: 127.0.0.1:{free_port()}\n"
-                      f"jetstream {{ store_dir: \"{self.directory}/nats\" }}\n"
-                      f"mqtt {{ listen: 127.0.0.1:{port} }}\n")
+        conf = write_text(os.path.join(self.directory, "nats.conf"),
+                          f"server_name: plant\nlisten: 127.0.0.1:{free_port()}\n"
+                          f"jetstream {{ store_dir: \"{self.directory}/nats\" }}\n"
+                          f"mqtt {{ listen: 127.0.0.1:{port} }}\n")
         return OtherBroker(os.path.join(self.directory, "nats.log"), port, [NATS, "-c", conf])
 
     def aedes(self):

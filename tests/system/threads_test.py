@@ -8,7 +8,7 @@ import threading
 import unittest
 
 from broker_test import certificates
-from plant import BASE, Broker, PlantTest, Watcher, device, free_port, wait_for
+from plant import BASE, Broker, PlantTest, Watcher, device, free_port, text_of, wait_for, write_text
 
 TAGS = [{"name": "temp", "address": "D100", "group": "fast"},
         {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}]
@@ -91,10 +91,7 @@ class Threads(PlantTest):
             "tls": {"ca_file": os.path.join(here, "ca.pem")}})
         self.agent.wait_logged("broker_unreachable")
         self.broker.kill()
-        with open(self.broker.conf) as text:
-            settings = text.read()
-        with open(self.broker.conf, "w") as out:
-            out.write(settings.replace("/other.", "/server."))
+        write_text(self.broker.conf, text_of(self.broker.conf).replace("/other.", "/server."))
         self.broker.start()
         self.agent.wait_logged("broker_connected")
         self.watcher = Watcher(plain)

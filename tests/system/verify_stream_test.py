@@ -8,7 +8,8 @@ import subprocess
 import threading
 import unittest
 
-from plant import BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, config_of, device, text_of, wait_for, write_json
+from plant import (BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, config_of, device, text_of, wait_for,
+                   write_json, write_text)
 
 # A boot of an agent that the test simulates.
 FAKE = "fx/plant-a/fake"
@@ -281,9 +282,8 @@ class VerifyStream(PlantTest):
         run = Verification(self.config_of(), "--seconds", "1")
         self.assertEqual(run.end()[0], 2)
         self.assertIn("connection refused", run.errors)
-        with open(os.path.join(self.directory, "wrong.json"), "w") as out:
-            out.write("{}")
-        self.assertEqual(Verification(out.name).end()[0], 2)
+        wrong = write_text(os.path.join(self.directory, "wrong.json"), "{}")
+        self.assertEqual(Verification(wrong).end()[0], 2)
         self.assertEqual(Verification(self.config_of(), "--seconds", "0").end()[0], 2)
         self.start_broker()
         run = Verification(self.config_of(), "--seconds", "3", "--json")
@@ -302,9 +302,7 @@ class VerifyStream(PlantTest):
         os.chmod(self.directory, 0o755)
         self.broker = Broker(self.directory, f"password_file {passwords}")
         self.broker.start()
-        secret = os.path.join(self.directory, "secret")
-        with open(secret, "w") as out:
-            out.write("right\n")
+        secret = write_text(os.path.join(self.directory, "secret"), "right\n")
         path = self.config_of(servers=["mqtt://127.0.0.1:1",
                                        f"mqtt://127.0.0.1:{self.broker.port}"])
         run = Verification(path, "--seconds", "1")
