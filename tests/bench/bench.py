@@ -17,7 +17,7 @@ import scale
 import starting
 import storing
 from probe import Usage, percentiles
-from rig import Bench, device, first_message, machine, show, warm_up
+from rig import Bench, device, first_message, machine, show, warm_up, write_json
 
 PEERS = ["fxagent", "python", "node"]
 # The size of every part.
@@ -256,8 +256,7 @@ def main():
         out["start"] = starting.starts(sizes["starts"])
         show("(k) from the start of the program until a device is asked for the first time, ms", out["start"])
     if options.json:
-        with open(options.json, "w") as file:
-            json.dump(out, file, indent=1)
+        write_json(options.json, out)
 
 
 if __name__ == "__main__":

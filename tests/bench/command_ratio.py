@@ -15,21 +15,17 @@ import time
 os.environ.setdefault("FXAGENT", "")
 sys.dont_write_bytecode = True
 
+import rig
 from probe import percentiles
 from rig import Bench, device, first_message, machine, warm_up
 
 
 def start(bench, name, program, port, sync):
     """Starts the agent `name` with one Modbus TCP device, and a watcher of its results."""
-    path = os.path.join(bench.directory, name + ".json")
-    with open(path, "w") as out:
-        json.dump({"agent": {"id": name, "root": "bench"},
-                   "mqtt": {"servers": [f"mqtt://127.0.0.1:{bench.port}"]},
-                   "store": {"path": os.path.join(bench.directory, name), "sync": sync},
-                   "links": [{"name": "d0", "tcp": {"host": "127.0.0.1", "port": port}}],
-                   "devices": [bench.modbus("d0", 10, 3600000)]}, out)
     data = bench.watch(f"bench/{name}/d0/data/g")
-    bench.spawn([program, "run", path])
+    rig.FXAGENT = os.path.abspath(program)
+    bench.agent(bench.links([("d0", port)]), [bench.modbus("d0", 10, 3600000)], agent={"id": name, "root": "bench"},
+                store={"path": os.path.join(bench.directory, name), "sync": sync})
     first_message(data)
     data.socket.close()
     return bench.watch(f"bench/{name}/d0/result")

@@ -13,27 +13,12 @@ import json
 import multiprocessing
 import os
 import subprocess
-import sys
-import tempfile
 import threading
 import time
 import urllib.request
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-from ports import free_port
-
-TICKS = os.sysconf("SC_CLK_TCK")
-
-
-def cpu_s(pid):
-    with open(f"/proc/{pid}/stat") as stat:
-        fields = stat.read().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS
-
-
-def memory_mib(pid):
-    with open(f"/proc/{pid}/status") as status:
-        return int(next(line for line in status if line.startswith("VmRSS")).split()[1]) / 1024
+from probe import Usage
+from rig import Bench, device, free_port
 
 
 def page(port, groups, late, end):
@@ -70,10 +55,11 @@ def pages(count, port, devices, seconds, out):
 
 
 def used(agent, seconds):
-    """Returns the agent's percent of a core."""
-    before = cpu_s(agent.pid)
+    """Returns the agent's percent of a core and its MiB."""
+    usage = Usage(agent.pid)
     time.sleep(seconds)
-    return 100 * (cpu_s(agent.pid) - before) / seconds
+    now = usage.now()
+    return now["cpu_percent"], now["rss_mib"]
 
 
 def with_pages(agent, count, port, devices, seconds):
@@ -82,7 +68,7 @@ def with_pages(agent, count, port, devices, seconds):
     other = multiprocessing.Process(target=pages, args=(count, port, devices, seconds + 1, out))
     other.start()
     time.sleep(1)  # until all are open
-    percent = used(agent, seconds)
+    percent, _ = used(agent, seconds)
     answers = out.get(timeout=2 * seconds + 60)
     other.join()
     return percent, answers
@@ -103,35 +89,10 @@ def first_paints(port, count=5):
     return [[round(answer) for answer in answers[n::5]] for n in (1, 3, 4)]
 
 
-def start_servers(directory, devices, seconds, children):
-    """Starts a broker and the simulated devices for so many seconds, and adds them to `children`. Returns the port of the
-    broker and that of the first device."""
-    broker, first = free_port(), 21000
-    with open(os.path.join(directory, "broker.conf"), "w") as out:
-        out.write(f"listener {broker} 127.0.0.1\nallow_anonymous true\nmax_queued_messages 0\n")
-    children.append(subprocess.Popen(["/usr/sbin/mosquitto", "-c", out.name], stderr=subprocess.DEVNULL))
-    with open(os.path.join(directory, "sim.json"), "w") as out:
-        json.dump({"plcs": [{"name": "d{}", "protocol": "modbus-tcp", "tcp": first, "repeat": devices,
-                             "plant": "counter"}]}, out)
-    children.append(subprocess.Popen([os.environ["FXSIM"], "--config", out.name, "--seconds", str(seconds)],
-                                     stdout=subprocess.DEVNULL))
-    time.sleep(3)
-    return broker, first
-
-
-def start(directory, broker, first, devices, http_port, section="http"):
-    config = {"agent": {"id": f"bench{http_port}"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker}"]},
-              "links": [{"name": f"l{n}", "tcp": {"host": "127.0.0.1", "port": first + n}} for n in range(devices)],
-              "devices": [{"name": f"d{n}", "link": f"l{n}", "protocol": "modbus-tcp",
-                           "tags": [{"name": f"t{t}", "address": f"hr:{t}", "type": "int16"} for t in range(100)]}
-                          for n in range(devices)]}
-    if http_port:
-        config[section] = {"listen": f"127.0.0.1:{http_port}"}
-    path = os.path.join(directory, f"agent{http_port}.json")
-    with open(path, "w") as out:
-        json.dump(config, out)
-    child = subprocess.Popen([os.environ["FXAGENT"], "run", path], stderr=subprocess.DEVNULL)
-    time.sleep(8)  # a measurement begins when the first polls are spread over the second
+def start(bench, links, devices, **more):
+    """Starts an agent with these sections in its config. Returns it when the first polls are spread over the second."""
+    child = bench.agent(links, devices, **more)
+    time.sleep(8)
     return child
 
 
@@ -140,36 +101,34 @@ def main():
     parser.add_argument("--devices", type=int, default=1000)
     parser.add_argument("--seconds", type=int, default=15)
     given = parser.parse_args()
-    children = []
-    with tempfile.TemporaryDirectory() as directory:
-        try:
-            http_port = free_port()
-            broker, first = start_servers(directory, given.devices, 300 + 12 * given.seconds, children)
-            for name, port in (("no http", 0), ("metrics without a page", http_port)):
-                without = start(directory, broker, first, given.devices, port, "metrics")
-                if port:
-                    urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics").read()
-                print(f"{name}: {used(without, given.seconds):.1f} % CPU, {memory_mib(without.pid):.1f} MiB")
-                without.terminate()
-                without.wait()
-            agent = start(directory, broker, first, given.devices, http_port)
-            children.append(agent)
-            other_port = free_port()
-            children.append(start(directory, broker, first, 1, other_port))
-            print(f"no page: {used(agent, given.seconds):.1f} % CPU, {memory_mib(agent.pid):.1f} MiB")
-            for count in (1, 10, 100):
-                other, _ = with_pages(agent, count, other_port, 1, given.seconds)
-                own, (answers, median, longest) = with_pages(agent, count, http_port, given.devices, given.seconds)
-                print(f"{count} pages: {own:.1f} % CPU, at the other agent {other:.1f} %, {memory_mib(agent.pid):.1f} MiB, "
-                      f"{answers} answers, p50 {1000 * median:.1f} ms, longest {1000 * longest:.1f} ms")
-            if "BROWSER_MODULES" in os.environ:
-                line, paints, shown = first_paints(http_port)
-                print(f"first paint with {100 * given.devices} tags: {paints} ms, of a line of text {line} ms; "
-                      f"values within {shown} ms")
-        finally:
-            for child in reversed(children):
-                child.terminate()
-                child.wait()
+    with Bench() as bench:
+        plc, found = device(given.devices, plant="counter")
+        bench.simulate([plc])
+        links, devices = bench.links(found), [bench.modbus(name, 100, 1000) for name, _ in found]
+        http_port, other_port = free_port(), free_port()
+        listen = {"listen": f"127.0.0.1:{http_port}"}
+        for name, more in (("no http", {}), ("metrics without a page", {"metrics": listen})):
+            without = start(bench, links, devices, **more)
+            if more:
+                urllib.request.urlopen(f"http://127.0.0.1:{http_port}/metrics").read()
+            percent, mib = used(without, given.seconds)
+            print(f"{name}: {percent:.1f} % CPU, {mib:.1f} MiB")
+            without.terminate()
+            without.wait()
+        agent = start(bench, links, devices, http=listen)
+        start(bench, links[:1], devices[:1], agent={"id": "other", "root": "bench"},
+              http={"listen": f"127.0.0.1:{other_port}"})
+        percent, mib = used(agent, given.seconds)
+        print(f"no page: {percent:.1f} % CPU, {mib:.1f} MiB")
+        for count in (1, 10, 100):
+            other, _ = with_pages(agent, count, other_port, 1, given.seconds)
+            own, (answers, median, longest) = with_pages(agent, count, http_port, given.devices, given.seconds)
+            print(f"{count} pages: {own:.1f} % CPU, at the other agent {other:.1f} %, {Usage(agent.pid).now()['rss_mib']:.1f} "
+                  f"MiB, {answers} answers, p50 {1000 * median:.1f} ms, longest {1000 * longest:.1f} ms")
+        if "BROWSER_MODULES" in os.environ:
+            line, paints, shown = first_paints(http_port)
+            print(f"first paint with {100 * given.devices} tags: {paints} ms, of a line of text {line} ms; "
+                  f"values within {shown} ms")
 
 
 if __name__ == "__main__":

@@ -7,20 +7,18 @@ tags of a device, one in `--changing` is a register that counts up; the others a
 """
 
 import argparse
-import json
-import os
-import subprocess
-import tempfile
 import threading
 import time
 
 import paho.mqtt.client as mqtt
 
-from pages import cpu_s, memory_mib, start_servers
+from pages import start
+from probe import Usage
+from rig import Bench, device
 
 PROFILES = {"plain": {"kind": "plain", "topic": "plain/{device}/{tag}"},
             "sparkplug": {"kind": "sparkplug", "group": "bench"}}
-TOPICS = {"json": "fx/#", "plain": "plain/#", "sparkplug": "spBv1.0/#"}
+TOPICS = {"json": "bench/#", "plain": "plain/#", "sparkplug": "spBv1.0/#"}
 
 
 class Counter:
@@ -48,30 +46,17 @@ class Counter:
         self.client.loop_stop()
 
 
-def start(directory, broker, first, devices, profiles, changing):
-    tags = [{"name": f"t{t}", "address": f"hr:{t}", "type": "int16"} if t % changing == 0 else
-            {"name": f"t{t}", "address": f"co:{t}"} for t in range(100)]
-    config = {"agent": {"id": "bench"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker}"]},
-              "links": [{"name": f"l{n}", "tcp": {"host": "127.0.0.1", "port": first + n}} for n in range(devices)],
-              "devices": [{"name": f"d{n}", "link": f"l{n}", "protocol": "modbus-tcp", "tags": tags}
-                          for n in range(devices)],
-              "profiles": [{"kind": "json"}, *profiles]}
-    path = os.path.join(directory, "agent.json")
-    with open(path, "w") as out:
-        json.dump(config, out)
-    child = subprocess.Popen([os.environ["FXAGENT"], "run", path], stderr=subprocess.DEVNULL)
-    time.sleep(8)  # a measurement begins when the first polls are spread over the second
-    return child
-
-
-def measure(given, directory, broker, first, name):
+def measure(given, bench, found, name):
     """Returns percent of a core, MiB, and bytes a second of the profile, or of json if it is alone."""
-    agent = start(directory, broker, first, given.devices, [PROFILES[name]] if name in PROFILES else [], given.changing)
-    counter = Counter(broker, TOPICS[name])
-    bytes_before, cpu_before, began = counter.bytes, cpu_s(agent.pid), time.monotonic()
+    tags = [{"name": f"t{t}", "address": f"hr:{t}", "type": "int16", "group": "g"} if t % given.changing == 0 else
+            {"name": f"t{t}", "address": f"co:{t}", "group": "g"} for t in range(100)]
+    agent = start(bench, bench.links(found), [{**bench.modbus(device, 0, 1000), "tags": tags} for device, _ in found],
+                  profiles=[{"kind": "json"}] + [PROFILES[key] for key in PROFILES if key == name])
+    counter = Counter(bench.port, TOPICS[name])
+    bytes_before, usage, began = counter.bytes, Usage(agent.pid), time.monotonic()
     time.sleep(given.seconds)
-    took = time.monotonic() - began
-    result = (100 * (cpu_s(agent.pid) - cpu_before) / took, memory_mib(agent.pid), (counter.bytes - bytes_before) / took)
+    took, now = time.monotonic() - began, usage.now()
+    result = (now["cpu_percent"], now["rss_mib"], (counter.bytes - bytes_before) / took)
     counter.stop()
     agent.terminate()
     agent.wait()
@@ -84,23 +69,18 @@ def main():
     parser.add_argument("--seconds", type=int, default=15)
     parser.add_argument("--changing", type=int, default=1, help="one tag in N changes")
     given = parser.parse_args()
-    children = []
-    with tempfile.TemporaryDirectory() as directory:
-        try:
-            broker, first = start_servers(directory, given.devices, 900, children)
-            before = measure(given, directory, broker, first, "json")
-            print(f"json: {before[0]:.1f} % CPU, {before[1]:.1f} MiB, {before[2] / 1e3:.0f} kB/s", flush=True)
-            for name in PROFILES:
-                cpu, memory, rate = measure(given, directory, broker, first, name)
-                after = measure(given, directory, broker, first, "json")
-                alone = (before[0] + after[0]) / 2
-                print(f"{name}: +{cpu - alone:.1f} % CPU beside json alone with {alone:.1f}, {memory:.1f} MiB, "
-                      f"{rate / 1e3:.0f} kB/s, {rate / after[2]:.2f} of json's bytes", flush=True)
-                before = after
-        finally:
-            for child in reversed(children):
-                child.terminate()
-                child.wait()
+    with Bench() as bench:
+        plc, found = device(given.devices, plant="counter")
+        bench.simulate([plc])
+        before = measure(given, bench, found, "json")
+        print(f"json: {before[0]:.1f} % CPU, {before[1]:.1f} MiB, {before[2] / 1e3:.0f} kB/s", flush=True)
+        for name in PROFILES:
+            cpu, memory, rate = measure(given, bench, found, name)
+            after = measure(given, bench, found, "json")
+            alone = (before[0] + after[0]) / 2
+            print(f"{name}: +{cpu - alone:.1f} % CPU beside json alone with {alone:.1f}, {memory:.1f} MiB, "
+                  f"{rate / 1e3:.0f} kB/s, {rate / after[2]:.2f} of json's bytes", flush=True)
+            before = after
 
 
 if __name__ == "__main__":

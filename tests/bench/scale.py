@@ -1,6 +1,5 @@
 """The agent at the limit of its size: many devices, many links, many tags. Parts (e) to (h)."""
 
-import json
 import os
 import resource
 import statistics
@@ -9,7 +8,7 @@ import tempfile
 import time
 
 from probe import Usage
-from rig import FXAGENT, Bench, device, free_port, free_ports, warm_up
+from rig import FXAGENT, Bench, device, free_port, free_ports, warm_up, write_json
 
 
 def stamp_of(message):
@@ -85,12 +84,8 @@ def programming_ports(count, baud, seconds):
         client = bench.watch(bench.data_topic("fxagent"))
         began = time.monotonic()
         child = bench.agent(
-            [{"name": f"d{i}", "tcp": {"host": "127.0.0.1", "port": first + i}, "line_baud": 9600}
-             for i in range(count)],
-            [{"name": f"d{i}", "link": f"d{i}", "protocol": "fx-programming-port", "model": "FX3U",
-              "groups": [{"name": "g", "interval_ms": 1000}],
-              "tags": [{"name": f"w{w}", "address": f"D{w}", "group": "g"} for w in range(32)]}
-             for i in range(count)])
+            [{**link, "line_baud": 9600} for link in bench.links([(f"d{i}", first + i) for i in range(count)])],
+            [bench.words(f"d{i}", "fx-programming-port", "D", 32, 1000, model="FX3U") for i in range(count)])
         ready = first_data_of_all(bench, client, began, count)
         return {"ports": count, "baud": baud, "first_data_of_all_s": ready,
                 **beats(bench, client, child, count, seconds)}
@@ -109,12 +104,8 @@ def idle_links(counts, seconds):
             client = bench.watch("bench/edge/+/data/#")
             began = time.monotonic()
             child = bench.agent(
-                [{"name": f"d{i}", "tcp": {"host": "127.0.0.1", "port": port}}
-                 for i in range(count)],
-                [{"name": f"d{i}", "link": f"d{i}", "protocol": "modbus-tcp",
-                  "groups": [{"name": "g", "interval_ms": 3600000}],
-                  "tags": [{"name": "r0", "address": "hr:0", "group": "g"}]}
-                 for i in range(count)])
+                bench.links([(f"d{i}", port) for i in range(count)]),
+                [bench.words(f"d{i}", "modbus-tcp", "hr:", 1, 3600000) for i in range(count)])
             online = state.message(60)
             started = round(online[2] - began, 2) if online else None
             ready = first_data_of_all(bench, client, began, count)
@@ -149,11 +140,6 @@ def program(*arguments):
 
 def loading(counts):
     """(h) `check` and `plan` for devices of 1,000 tags each, and for a single group of 10,000 tags."""
-    def tags(protocol, count):
-        letter = "D" if protocol.startswith("fx") else "hr:"
-        return [{"name": f"t{i}", "address": f"{letter}{i}", "type": "uint16", "group": "g"}
-                for i in range(count)]
-
     rows = []
     with tempfile.TemporaryDirectory(prefix="fxagent-bench-") as directory:
         path = os.path.join(directory, "agent.json")
@@ -161,15 +147,13 @@ def loading(counts):
         shapes += [("fx-programming-port", count // 1000, 1000) for count in counts]
         shapes.append(("modbus-tcp", 1, 10000))
         for protocol, devices, each in shapes:
-            with open(path, "w") as out:
-                json.dump({"agent": {"id": "edge", "root": "bench"},
-                           "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
-                           "links": [{"name": f"d{i}", "tcp": {"host": f"host{i}", "port": 502},
-                                      "line_baud": 9600} for i in range(devices)],
-                           "devices": [{"name": f"d{i}", "link": f"d{i}", "protocol": protocol,
-                                        "groups": [{"name": "g", "interval_ms": 1000}],
-                                        "tags": tags(protocol, each)} for i in range(devices)]},
-                          out, indent=1)
+            letters = "D" if protocol.startswith("fx") else "hr:"
+            write_json(path, {"agent": {"id": "edge", "root": "bench"},
+                              "mqtt": {"servers": ["mqtt://127.0.0.1:1883"]},
+                              "links": [{"name": f"d{i}", "tcp": {"host": f"host{i}", "port": 502},
+                                         "line_baud": 9600} for i in range(devices)],
+                              "devices": [Bench.words(f"d{i}", protocol, letters, each, 1000)
+                                          for i in range(devices)]})
             rows.append({"protocol": protocol, "devices": devices, "tags": devices * each,
                          "file_mib": round(os.path.getsize(path) / 2**20, 1),
                          "check": program("check", path), "plan": program("plan", path)})

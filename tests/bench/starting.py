@@ -31,10 +31,8 @@ def programming_port(bench):
     pty = os.path.join(bench.directory, "pty")
     bench.simulate([{"name": "d0", "pty": pty, "baud": 9600, "turnaround_ms": 0, "model": "FX3U"}])
     return "d0", lambda: bench.agent(
-        [{"name": "line", "serial": {"path": pty, "baud": 9600}}],
-        [{"name": "d0", "link": "line", "protocol": "fx-programming-port", "model": "FX3U",
-          "timeout_ms": 500, "groups": [{"name": "g", "interval_ms": 1000}],
-          "tags": [{"name": f"d{i}", "address": f"D{i}", "group": "g"} for i in range(10)]}])
+        [{"name": "d0", "serial": {"path": pty, "baud": 9600}}],
+        [bench.words("d0", "fx-programming-port", "D", 10, 1000, model="FX3U", timeout_ms=500)])
 
 
 def starts(count):

@@ -23,8 +23,7 @@ def start(bench, interval_ms, sync):
     bench.simulate([plc])
     client = bench.watch("bench/edge/+/data/#")
     child = bench.agent(
-        [{"name": name, "tcp": {"host": "127.0.0.1", "port": port}} for name, port in found],
-        [bench.modbus(name, TAGS, interval_ms) for name, _ in found],
+        bench.links(found), [bench.modbus(name, TAGS, interval_ms) for name, _ in found],
         store={"path": os.path.join(bench.directory, "store"), "max_bytes": 4 << 30,
                "sync": sync})
     first_message(client)
