@@ -73,4 +73,10 @@ std::string_view as_text(ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
+std::string joined(std::span<const std::string_view> words) {
+  std::string all;
+  for (const auto word : words) all.append(all.empty() ? "" : " ").append(word);
+  return all;
+}
+
 }  // namespace fxsim

@@ -35,5 +35,7 @@ std::uint8_t sum_of(ByteView bytes);
 unsigned big_endian_at(ByteView bytes, std::size_t at);
 /// The same bytes as text.
 std::string_view as_text(ByteView bytes);
+/// All words, separated by blanks.
+std::string joined(std::span<const std::string_view> words);
 
 }  // namespace fxsim

@@ -29,15 +29,14 @@ struct UsualLine {
 UsualLine usual_line(Protocol protocol) {
   switch (protocol) {
     case Protocol::modbus_rtu:
+    case Protocol::mc_3c:
+    case Protocol::mc_4c:
       return {9600, 8, "even", 5};
     case Protocol::modbus_tcp:
     case Protocol::mc_1e:
     case Protocol::mc_3e:
     case Protocol::mc_4e:
       return {0, 8, "none", 0};
-    case Protocol::mc_3c:
-    case Protocol::mc_4c:
-      return {9600, 8, "even", 5};
     default:
       return {9600, 7, "even", 5};
   }

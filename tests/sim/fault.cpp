@@ -163,14 +163,7 @@ std::optional<FaultKind> find_fault(std::string_view name) {
   return static_cast<FaultKind>(found - kNames.begin());
 }
 
-std::string fault_names() {
-  std::string all;
-  for (const auto name : kNames) {
-    if (!all.empty()) all += ' ';
-    all += name;
-  }
-  return all;
-}
+std::string fault_names() { return joined(kNames); }
 
 std::optional<FaultMatch> find_match(std::string_view name) {
   if (name == "any") return FaultMatch::any;

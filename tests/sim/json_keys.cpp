@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "tests/sim/bytes.h"
 #include "tests/sim/config.h"
 
 namespace fxsim {
@@ -17,9 +18,7 @@ void expect_keys(const json& object, const Keys& known, const std::string& where
   if (!object.is_object()) fail(where, "an object is expected");
   for (const auto& [key, value] : object.items()) {
     if (std::ranges::find(known, key) != known.end()) continue;
-    std::string all;
-    for (const auto name : known) all.append(all.empty() ? "" : " ").append(name);
-    fail(where + "/" + key, "unknown key; known are: " + all);
+    fail(where + "/" + key, "unknown key; known are: " + joined(known));
   }
 }
 

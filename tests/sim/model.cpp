@@ -168,10 +168,7 @@ const Model& modbus_model() {
 
 std::string model_names() {
   std::string names;
-  for (const auto& model : models()) {
-    if (!names.empty()) names += ' ';
-    names += model.name;
-  }
+  for (const auto& model : models()) names.append(names.empty() ? "" : " ").append(model.name);
   return names;
 }
 

@@ -31,11 +31,7 @@ std::optional<Protocol> find_protocol(std::string_view name) {
   return static_cast<Protocol>(found - kProtocols.begin());
 }
 
-std::string protocol_names() {
-  std::string all;
-  for (const auto name : kProtocols) all.append(all.empty() ? "" : " ").append(name);
-  return all;
-}
+std::string protocol_names() { return joined(kProtocols); }
 
 bool is_modbus(Protocol protocol) {
   return protocol == Protocol::modbus_rtu || protocol == Protocol::modbus_ascii ||
@@ -57,41 +53,15 @@ void add_stray(std::uint8_t byte, TimePoint when, std::vector<Frame>& out) {
 }
 
 std::string request_kind_name(RequestKind kind) {
-  switch (kind) {
-    case RequestKind::read:
-      return "read";
-    case RequestKind::write:
-      return "write";
-    case RequestKind::force_on:
-      return "force_on";
-    case RequestKind::force_off:
-      return "force_off";
-    case RequestKind::enquire:
-      return "enq";
-    case RequestKind::control:
-      return "control";
-    case RequestKind::handshake:
-      return "handshake";
-    case RequestKind::other:
-      return "other";
-    case RequestKind::malformed:
-      return "malformed";
-  }
-  return {};
+  constexpr std::array<std::string_view, kRequestKinds> kRequests = {
+      "read",    "write",     "force_on", "force_off", "enq",
+      "control", "handshake", "other",    "malformed"};
+  return std::string(kRequests[static_cast<std::size_t>(kind)]);
 }
 
 std::string verdict_name(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::data:
-      return "data";
-    case Verdict::ack:
-      return "ack";
-    case Verdict::nak:
-      return "nak";
-    case Verdict::silent:
-      return "silent";
-  }
-  return {};
+  constexpr std::array<std::string_view, 4> kVerdicts = {"data", "ack", "nak", "silent"};
+  return std::string(kVerdicts[static_cast<std::size_t>(verdict)]);
 }
 
 }  // namespace fxsim
