@@ -294,8 +294,7 @@ class Secrets(PlantTest):
         return path
 
     def test_a_wrong_password_is_told_and_a_mended_one_is_taken_up(self):
-        self.broker = Broker(self.directory, f"password_file {self.password_file()}")
-        self.broker.start()
+        self.start_broker(f"password_file {self.password_file()}")
         self.start_sim()
         secret = write_text(os.path.join(self.directory, "secret"), "wrong\n")
         self.start_agent(mqtt_config={"username": "edge7", "password_file": secret})
@@ -312,9 +311,8 @@ class Secrets(PlantTest):
         if listener == "plain":
             self.plain_port = free_port()
             extra += f"\nlistener {self.plain_port} 127.0.0.1\n"
-        self.broker = Broker(self.directory, f"cafile {path}/ca.pem\ncertfile {path}/server.pem\n"
-                                             f"keyfile {path}/server.key\n{extra}")
-        self.broker.start()
+        self.start_broker(f"cafile {path}/ca.pem\ncertfile {path}/server.pem\n"
+                          f"keyfile {path}/server.key\n{extra}")
         self.start_sim()
 
     def start_tls(self, **tls):

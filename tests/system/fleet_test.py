@@ -6,7 +6,7 @@ import os
 import subprocess
 import unittest
 
-from plant import Agent, Broker, PlantTest, Watcher, fxagent, write_json, write_text
+from plant import Agent, PlantTest, Watcher, fxagent, write_json, write_text
 
 ROOT = "fx/plant-a"
 ACL = """user ann
@@ -28,8 +28,7 @@ class Fleet(PlantTest):
         super().tearDown()
 
     def begin(self, broker_conf="", username=None):
-        self.broker = Broker(self.directory, broker_conf)
-        self.broker.start()
+        self.start_broker(broker_conf)
         self.watcher = Watcher(self.broker.port, username=username, password="x" if username else None)
         for name in ("edge1", "edge2", "edge3"):
             place = os.path.join(self.directory, name)

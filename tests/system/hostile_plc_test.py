@@ -28,7 +28,7 @@ import threading
 import time
 import unittest
 
-from plant import BASE, MEMORY_FACTOR, Broker, PlantTest, Watcher, device, memory_kib, wait_for
+from plant import BASE, MEMORY_FACTOR, PlantTest, Watcher, device, memory_kib, wait_for
 
 CLOSE = object()
 UNIT = 1
@@ -255,8 +255,7 @@ class HostilePlc(PlantTest):
         for made in devices:
             if made.get("model") is None:
                 made.pop("model")
-        self.broker = Broker(self.directory)
-        self.broker.start()
+        self.start_broker()
         self.watcher = Watcher(self.broker.port)
         self.start_agent(devices, links)
         for i in range(neighbours):

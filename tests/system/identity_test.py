@@ -6,7 +6,7 @@ import os
 import signal
 import unittest
 
-from plant import BASE, Agent, PlantTest, Watcher, request_properties, wait_for
+from plant import BASE, Agent, PlantTest, request_properties, wait_for
 
 FORCE = {"op": "force_on", "address": "M150"}
 
@@ -67,9 +67,7 @@ class Identity(PlantTest):
         self.assertEqual(twin.stop(), 0)
         self.agent_state(lambda s: s["state"] == "online" and s["boot"] == first
                          and "conflict" not in s, since)
-        late = Watcher(self.broker.port)
-        self.assertEqual(late.wait(f"{BASE}/state")["boot"], first)
-        late.close()
+        self.assertEqual(self.watch(self.broker).wait(f"{BASE}/state")["boot"], first)
 
     def test_agents_with_one_client_id_say_so_and_do_not_chase_each_other(self):
         self.start_plant(mqtt_config={"client_id": "fx-edge7"})

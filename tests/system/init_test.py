@@ -61,8 +61,7 @@ class Init(PlantTest):
         self.assertEqual(self.sim.get("press1", "D200"), 5)
 
     def test_a_broker_that_asks_for_no_password_is_reached_by_what_is_written(self):
-        self.broker = Broker(self.directory)
-        self.broker.start()
+        self.start_broker()
         self.start_sim([self.plc(memory={"D100": 23})])
         done = self.run_init(self.place(), "--id", "edge7", "--broker", f"mqtt://127.0.0.1:{self.broker.port}",
                              "--protocol", "fx-programming-port", "--model", "FX3U",

@@ -11,7 +11,7 @@ import subprocess
 import unittest
 
 from browser import Browser
-from plant import (BASE, PATIENCE, Agent, Broker, PlantTest, Sim, Watcher, free_port, http_ask, text_of, wait_for,
+from plant import (BASE, PATIENCE, Agent, PlantTest, Sim, Watcher, free_port, http_ask, text_of, wait_for,
                    write_json, write_text)
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -33,8 +33,7 @@ needs_node_red = unittest.skipUnless(os.path.isdir(os.path.join(MODULES, "node-r
 class NodeRedTest(Browser, PlantTest):
     def start_demo(self, devices=1, interval_ms=500, change=lambda config: None, broker_conf=""):
         """Starts the programs of config/demo/run.sh with some of its devices. The test controls the PLCs' memory."""
-        self.broker = Broker(self.directory, broker_conf)
-        self.broker.start()
+        self.start_broker(broker_conf)
         self.sim = Sim(self.directory, [self.plc(), self.plc("press2", protocol="fx-computer-link")][:devices])
         self.sim.start()
         self.watcher = Watcher(self.broker.port)

@@ -6,7 +6,7 @@ import shlex
 import subprocess
 import unittest
 
-from plant import BASE, Agent, Broker, PlantTest, Watcher, config_of, device, free_port, fxagent, write_json
+from plant import BASE, Agent, PlantTest, Watcher, config_of, device, free_port, fxagent, write_json
 
 METER = {"name": "meter", "link": "line2", "protocol": "modbus-tcp", "timeout_ms": 300,
          "groups": [{"name": "fast", "interval_ms": 1000}],
@@ -22,8 +22,7 @@ class Online(PlantTest):
         self.agent = Agent(self.directory, config_of(self.broker.port, [self.serial()], [device()]) | changes)
 
     def begin(self):
-        self.broker = Broker(self.directory)
-        self.broker.start()
+        self.start_broker()
         self.start_sim([self.plc(), {"name": "meter", "protocol": "modbus-tcp", "tcp": 0,
                                      "holes": ["hr:50-hr:150"]}])
 

@@ -9,7 +9,7 @@ import threading
 import time
 import tty
 
-from plant import BASE, Agent, Broker, PlantTest, Sim, Watcher, config_of, device, free_port, wait_for
+from plant import BASE, Agent, PlantTest, Sim, Watcher, config_of, device, free_port, wait_for
 
 QUIET_MS = 1500
 
@@ -160,8 +160,7 @@ class PairTest(PlantTest):
         self.assertEqual(trouble, [])
 
     def start_plant(self, names=("a", "b"), lifetime_s=600, broker_conf="", masters=Masters):
-        self.broker = Broker(self.directory, broker_conf)
-        self.broker.start()
+        self.start_broker(broker_conf)
         self.sim = Sim(self.directory, [self.plc(tcp=0)], lifetime_s)
         self.sim.start()
         self.masters = masters(self.sim.ports["press1"], names)

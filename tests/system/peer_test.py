@@ -117,6 +117,12 @@ class Peer(unittest.TestCase):
         if refuses:
             self.assertIn("exception 02", json.loads(out)["detail"])
 
+    def exercise_on_a_wire(self, kind):
+        ours, theirs = self.wire()
+        self.serve(kind, theirs)
+        self.use("modbus-" + kind, self.serial_link(ours))
+        self.exercise()
+
 
 class Pymodbus(Peer):
     def serve(self, kind, where):
@@ -130,16 +136,10 @@ class Pymodbus(Peer):
         self.exercise()
 
     def test_rtu(self):
-        ours, theirs = self.wire()
-        self.serve("rtu", theirs)
-        self.use("modbus-rtu", self.serial_link(ours))
-        self.exercise()
+        self.exercise_on_a_wire("rtu")
 
     def test_ascii(self):
-        ours, theirs = self.wire()
-        self.serve("ascii", theirs)
-        self.use("modbus-ascii", self.serial_link(ours))
-        self.exercise()
+        self.exercise_on_a_wire("ascii")
 
 
 class Libmodbus(Peer):
@@ -153,10 +153,7 @@ class Libmodbus(Peer):
         self.exercise()
 
     def test_rtu(self):
-        ours, theirs = self.wire()
-        self.serve("rtu", theirs)
-        self.use("modbus-rtu", self.serial_link(ours))
-        self.exercise()
+        self.exercise_on_a_wire("rtu")
 
 
 class Jsmodbus(Peer):

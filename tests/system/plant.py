@@ -467,10 +467,13 @@ class PlantTest(unittest.TestCase):
 
     def start_around(self, plcs=None, broker_conf=""):
         """Starts all but the agent."""
-        self.broker = Broker(self.directory, broker_conf)
-        self.broker.start()
+        self.start_broker(broker_conf)
         self.start_sim(plcs)
         self.watcher = Watcher(self.broker.port)
+
+    def start_broker(self, extra=""):
+        self.broker = Broker(self.directory, extra)
+        self.broker.start()
 
     def start_sim(self, plcs=None):
         self.sim = Sim(self.directory, plcs or [self.plc()])

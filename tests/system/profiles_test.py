@@ -7,7 +7,7 @@ import time
 import unittest
 
 from json_peer import JsonPeer
-from plant import BASE, PATIENCE, Broker, PlantTest, Watcher, device, wait_for
+from plant import BASE, PATIENCE, PlantTest, Watcher, device, wait_for
 
 TAGS = [{"name": "temp", "address": "D100", "group": "fast", "unit": "°C"},
         {"name": "speeds", "address": "D110", "count": 3, "group": "fast"},
@@ -162,8 +162,7 @@ class SparkplugPlant(Profiles):
         if brokers:
             profile["broker"] = brokers[0]["name"]
             more["brokers"] = brokers
-        self.broker = Broker(self.directory)
-        self.broker.start()
+        self.start_broker()
         self.judge = self.spawn_host(script="sparkplug_c_host.js" if commands else "sparkplug_host.js")
         self.start_sim(more.pop("plcs", None))
         self.watcher = Watcher(self.broker.port, topics=f"{BASE}/#")

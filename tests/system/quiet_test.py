@@ -89,8 +89,7 @@ class Reader(PlantTest):
         raise AssertionError("no connection")
 
     def test_it_waits_while_the_broker_is_there_hangs_and_is_gone(self):
-        self.broker = Broker(self.directory)
-        self.broker.start()
+        self.start_broker()
         self.start_plant(keep_alive_s=5)
         self.agent.wait_logged("broker_connected")
         self.assert_waits("nothing is said")

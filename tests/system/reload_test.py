@@ -17,7 +17,7 @@ import threading
 import time
 import unittest
 
-from plant import BASE, PATIENCE, TEST_SEED, Agent, Broker, PlantTest, Watcher, config_of, device, wait_for, write_text
+from plant import BASE, PATIENCE, TEST_SEED, Agent, PlantTest, Watcher, config_of, device, wait_for, write_text
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "peers"))
 from modbus_recorder import Recorder
@@ -77,8 +77,7 @@ class ReloadTest(PlantTest):
         return {"name": name, "tcp": {"host": "127.0.0.1", "port": self.recorder(recorder or name).port}}
 
     def begin(self, links, devices, sync="offline", environment=None):
-        self.broker = Broker(self.directory)
-        self.broker.start()
+        self.start_broker()
         self.watcher = Watcher(self.broker.port)
         config = config_of(self.broker.port, links, devices, store={"path": self.store, "sync": sync})
         self.agent = Agent(self.directory, config)

@@ -7,7 +7,7 @@ import struct
 import time
 import unittest
 
-from plant import BASE, SCHEDULING_MS, Broker, PlantTest, Watcher, device
+from plant import BASE, SCHEDULING_MS, PlantTest, Watcher, device
 
 
 def words_of_float(value):
@@ -299,8 +299,7 @@ class Telemetry(PlantTest):
         self.assertEqual(numbers, sorted(numbers), "an older value never comes after a newer one")
 
     def test_a_device_that_is_back_is_read_at_once_whatever_its_interval(self):
-        self.broker = Broker(self.directory)
-        self.broker.start()
+        self.start_broker()
         self.start_sim([self.plc(memory={"D100": 9})])
         self.sim.fault("press1", "dead")
         self.watcher = Watcher(self.broker.port)

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import unittest
 
-from plant import BASE, FXAGENT, Agent, Broker, PlantTest, Watcher, free_port, fxagent, write_json
+from plant import BASE, FXAGENT, Agent, PlantTest, Watcher, free_port, fxagent, write_json
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
 UNITS = 200
@@ -38,8 +38,7 @@ class Templates(PlantTest):
         self.stack.callback(peer.wait)
         self.stack.callback(peer.kill)
         self.assertEqual(peer.stdout.readline().strip(), "ready")
-        self.broker = Broker(self.directory)
-        self.broker.start()
+        self.start_broker()
         self.watcher = Watcher(self.broker.port)
         self.agent = Agent(self.directory, self.meters(port, self.broker.port))
         self.agent.start()

@@ -11,7 +11,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import FXAGENT, PATIENCE, Broker, PlantTest, config_file, device, fxagent, wait_for, write_json
+from plant import FXAGENT, PATIENCE, PlantTest, config_file, device, fxagent, wait_for, write_json
 
 # D100 of an FX3U, two bytes, by the classic command.
 QUESTION = "02 30 31 30 43 38 30 32 03 37 31"
@@ -146,8 +146,7 @@ class Garbage(PlantTest):
 
     def test_its_first_bytes_and_what_they_look_like_are_told_once(self):
         link = self.serve()
-        self.broker = Broker(self.directory)
-        self.broker.start()
+        self.start_broker()
         self.start_agent(links=[link], devices=[device(timeout_ms=100, retries=0)])
         wait_for("some polls", lambda: self.asked > 12)
         lines = [line for line in self.agent.logged().splitlines() if "looks_like" in line]

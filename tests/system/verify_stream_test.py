@@ -55,9 +55,8 @@ class VerifyStream(PlantTest):
         os.chmod(self.directory, 0o777)
         return f"log_dest file {self.broker_log}\nlog_type all\n" + more.format(self.directory)
 
-    def start_broker(self, more=""):
-        self.broker = Broker(self.directory, self.logging_conf(more))
-        self.broker.start()
+    def start_logging_broker(self, more=""):
+        self.start_broker(self.logging_conf(more))
         self.watcher = Watcher(self.broker.port)
 
     def logged(self):
@@ -66,7 +65,7 @@ class VerifyStream(PlantTest):
     def subscriptions(self, agent="fake"):
         return self.logged().count(f"Sending SUBACK to fx-{agent}-verify")
 
-    def restart_broker(self, agent="fake"):
+    def restart_logging_broker(self, agent="fake"):
         """And waits until the listener has subscribed again."""
         count = self.subscriptions(agent)
         self.broker.kill(signal.SIGTERM)
@@ -133,7 +132,7 @@ class VerifyStream(PlantTest):
         self.assertNotIn("broker_lost", self.agent.logged())
 
     def test_a_gap_and_a_repeat_are_named(self):
-        self.start_broker()
+        self.start_logging_broker()
         run = self.listening("--json")
         for seq in (100, 101, 105, 106, 108):
             self.live(seq)
@@ -150,7 +149,7 @@ class VerifyStream(PlantTest):
         self.assertEqual((press["first"], press["last"]), (90, 108))
 
     def test_history_fills_the_gap_before_the_end(self):
-        self.start_broker()
+        self.start_logging_broker()
         run = self.listening("--json")
         self.live(100)
         self.live(103)
@@ -182,11 +181,11 @@ class VerifyStream(PlantTest):
         self.assertEqual(press["last"] - press["first"] + 1, press["distinct"])
 
     def test_a_sample_lost_around_a_restart_of_the_broker_is_missing(self):
-        self.start_broker(self.KEEPS_SESSIONS)
+        self.start_logging_broker(self.KEEPS_SESSIONS)
         run = self.listening("--json")
         self.live(100)
         self.live(102)
-        self.restart_broker()
+        self.restart_logging_broker()
         self.live(105)
         self.history(103)
         self.live(106)
@@ -197,11 +196,11 @@ class VerifyStream(PlantTest):
         self.assertEqual(press["missing"]["first_ranges"], [[101, 101], [104, 104]])
 
     def test_what_a_broker_without_a_memory_may_have_sent_is_not_provable(self):
-        self.start_broker()
+        self.start_logging_broker()
         run = self.listening("--json")
         self.live(100)
         self.wait_heard()
-        self.restart_broker()
+        self.restart_logging_broker()
         self.live(105)
         self.history(103)
         self.live(106)
@@ -213,11 +212,11 @@ class VerifyStream(PlantTest):
         self.assertEqual(press["unprovable"]["first_ranges"], [[101, 102], [104, 104]])
 
     def test_a_gap_after_the_restart_is_missing_whatever_the_broker_kept(self):
-        self.start_broker()
+        self.start_logging_broker()
         run = self.listening()
         self.live(100)
         self.wait_heard()
-        self.restart_broker()
+        self.restart_logging_broker()
         self.live(102)
         self.live(104)
         status, text = self.end(run)
@@ -227,7 +226,7 @@ class VerifyStream(PlantTest):
         self.assertRegex(text, "interruptions: 1, [0-9.]+ s; in 1 of them the broker kept no messages")
 
     def test_an_ended_listener_leaves_no_subscription_behind(self):
-        self.start_broker(self.KEEPS_SESSIONS)
+        self.start_logging_broker(self.KEEPS_SESSIONS)
         self.listening().stop()
         self.live(1)
         wait_for("the message", lambda: "Received PUBLISH" in self.logged())
@@ -237,7 +236,7 @@ class VerifyStream(PlantTest):
                              "more than the client itself")
 
     def test_a_new_boot_may_skip_numbers_unless_every_sample_is_on_disk(self):
-        self.start_broker()
+        self.start_logging_broker()
         for sync, wanted in (("offline", (0, 0, 8)), ("always", (1, 8, 0))):
             path = self.config_of(store={"path": self.directory, "sync": sync})
             run = self.listening("--json", path=path)
@@ -250,7 +249,7 @@ class VerifyStream(PlantTest):
             self.assertEqual(press["boots"], ["b1", "b2"])
 
     def test_a_history_message_larger_than_a_command_is_read_whole(self):
-        self.start_broker()
+        self.start_logging_broker()
         run = self.listening("--json")
         self.live(1)
         self.publish("fast/history", {
@@ -260,7 +259,7 @@ class VerifyStream(PlantTest):
         self.assertEqual((status, report["devices"][0]["malformed"]), (0, 0), report)
 
     def test_a_device_that_says_nothing_is_a_fault_and_the_text_says_so(self):
-        self.start_broker()
+        self.start_logging_broker()
         run = Verification(self.config_of(), "--seconds", "1")
         status, text = run.end()
         self.assertEqual(status, 1, text)
@@ -268,7 +267,7 @@ class VerifyStream(PlantTest):
         self.assertIn("is the agent running", text)
 
     def test_the_text_names_what_is_missing(self):
-        self.start_broker()
+        self.start_logging_broker()
         run = self.listening()
         self.live(7)
         self.live(9)
@@ -285,7 +284,7 @@ class VerifyStream(PlantTest):
         wrong = write_text(os.path.join(self.directory, "wrong.json"), "{}")
         self.assertEqual(Verification(wrong).end()[0], 2)
         self.assertEqual(Verification(self.config_of(), "--seconds", "0").end()[0], 2)
-        self.start_broker()
+        self.start_logging_broker()
         run = Verification(self.config_of(), "--seconds", "3", "--json")
         wait_for("verify-stream to listen", lambda: self.subscriptions() == 2)
         self.broker.kill()
@@ -300,8 +299,7 @@ class VerifyStream(PlantTest):
                        stderr=subprocess.DEVNULL)
         os.chmod(passwords, 0o644)
         os.chmod(self.directory, 0o755)
-        self.broker = Broker(self.directory, f"password_file {passwords}")
-        self.broker.start()
+        self.start_broker(f"password_file {passwords}")
         secret = write_text(os.path.join(self.directory, "secret"), "right\n")
         path = self.config_of(servers=["mqtt://127.0.0.1:1",
                                        f"mqtt://127.0.0.1:{self.broker.port}"])
