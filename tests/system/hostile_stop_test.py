@@ -9,7 +9,7 @@ import subprocess
 import threading
 import time
 
-from plant import FXAGENT, Agent, PlantTest, device, free_port, wait_for
+from plant import FXAGENT, Agent, PlantTest, config_of, device, free_port, wait_for
 
 LIMIT_S = 10.0
 LONGEST_MS = 600000
@@ -28,11 +28,9 @@ class StopTest(PlantTest):
 
     def start_alone(self, links, devices=None, server=None, **more):
         """Starts an agent without a simulator; if `server` is None, also without a broker."""
-        server = server or f"127.0.0.1:{free_port()}"
-        config = {"agent": {"id": "edge7", "root": "fx/plant-a"},
-                  "mqtt": {"servers": [f"mqtt://{server}"]},
-                  "links": links, "devices": devices or [device(timeout_ms=LONGEST_MS)]}
-        config.update(more.pop("config", {}))
+        config = config_of(free_port(), links, devices or [device(timeout_ms=LONGEST_MS)], **more.pop("config", {}))
+        if server:
+            config["mqtt"]["servers"] = [f"mqtt://{server}"]
         self.agent = Agent(self.directory, config)
         self.agent.start(**more)
 
