@@ -5,7 +5,7 @@
 #include <functional>
 #include <utility>
 
-#include "protocol/value/value_range.h"
+#include "protocol/value/pack.h"
 #include "protocol/value/word_order.h"
 
 namespace fxagent {

@@ -17,7 +17,6 @@
 #include <thread>
 #include <vector>
 
-#include "agent/commands/command_starts.h"
 #include "agent/commands/journal.h"
 #include "agent/store/audit_trail.h"
 #include "agent/store/disk/disk_guard.h"

@@ -10,7 +10,6 @@
 #include <string>
 #include <thread>
 
-
 namespace fxagent::log {
 namespace {
 
