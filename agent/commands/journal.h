@@ -23,6 +23,8 @@ inline constexpr std::size_t kRememberedIds = 10000;
 inline constexpr std::size_t kRememberedRefused = 2000;  ///< in addition, per device
 inline constexpr std::size_t kFingerprints = 200000;
 inline constexpr std::chrono::hours kRememberedFor{24};
+/// The year 2200. A later time of a command is damage.
+inline constexpr std::int64_t kLatestMs = 7258118400000;
 
 /// An id whose command has its result.
 struct KnownId {

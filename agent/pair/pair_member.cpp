@@ -196,8 +196,6 @@ void PairMember::run(const std::stop_token& stop) {
       if (agent_) {
         agent_->goes_on();
         state_.agent_began();
-        for (auto& [left, topic] : std::exchange(unanswered_by_other_, {}))
-          agent_->take_unanswered(std::move(left), topic);
       }
       leaving = leaving_;
     }
@@ -242,12 +240,12 @@ void PairMember::keep(BootTime now) {
     connect_at_ = {};
     member_->connect(server_, kReceiveMaximum);
   }
+  send_replies();
   announce_unanswered(now);
   if (journal_) journal_->upkeep(std::chrono::steady_clock::now());
 }
 
-/// Announces what earlier processes of this gateway left, one command after the other.
-void PairMember::announce_unanswered(BootTime now) {
+void PairMember::send_replies() {
   std::deque<JournalEntry> answered;
   {
     const std::lock_guard lock(mutex_);
@@ -258,11 +256,16 @@ void PairMember::announce_unanswered(BootTime now) {
                       .topic = topic("/journal"),
                       .payload = pair_messages::announcement(
                           {.boot = boot_, .answered = true, .entry = std::move(entry)})});
+}
+
+/// Announces what earlier processes of this gateway left, one command after the other.
+void PairMember::announce_unanswered(BootTime now) {
   if (!journal_) return unanswered_.clear();  // the agent publishes the results itself
   if (!member_up_ || announcing_ != 0) return;
   if (unanswered_.empty() && now >= announce_at_) {
     unanswered_ = journal_->unanswered();
-    announce_at_ = now + kAnnounceAgain;
+    announce_at_ = now + announce_pause_;
+    announce_pause_ = std::min<BootTime>(2 * announce_pause_, kLongestPause);
   }
   if (unanswered_.empty()) return;
   pair_messages::Announcement announcement{
@@ -288,6 +291,7 @@ void PairMember::take_member_events(BootTime now) {
       member_since_ = now;
       announcing_ = 0;
       announce_at_ = now;
+      announce_pause_ = kAnnounceAgain;
       heard_all_ = heard_all_ && event.session_present;
       if (!event.session_present)
         log::warn("pair", {{"session", "new"},
@@ -360,10 +364,14 @@ void PairMember::hear(const Message& message, BootTime now) {
     } else if (announcement->boot != boot_ && journal_) {
       JournalEntry& entry = announcement->entry;
       if (announcement->answered) return journal_->keep_answered(entry);
-      auto known = journal_->keep_announced(std::move(entry), message.topic);
-      if (announcement->unanswered && known && known->acknowledged) reply(std::move(*known));
+      if (!announcement->unanswered)
+        return journal_->keep_announced(std::move(entry), message.topic);
+      auto known = journal_->keep_unanswered(std::move(entry), message.topic);
+      if (known && known->acknowledged) reply(std::move(*known));
     } else if (announcement->boot != boot_ && announcement->unanswered) {
-      unanswered_by_other_.emplace_back(std::move(announcement->entry), message.topic);
+      const std::lock_guard lock(mutex_);
+      if (agent_ && !leaving_)
+        agent_->take_unanswered(std::move(announcement->entry), message.topic);
     }
   }
 }

@@ -69,7 +69,7 @@ class PairMember final {
   /// Announces the command to the other gateway, then passes it to `submit` on the pair's thread. A
   /// read is passed at once. Uplink thread.
   void announce(AdmittedCommand command, const std::string& device, const Submit& submit);
-  /// Tells the other gateway that the result of this command is published. Uplink thread.
+  /// Tells the other gateway that the result of this command is published. Any thread.
   void reply(JournalEntry answered);
   /// Passes everything that waits to `submit`, without an announcement, and later commands too. The
   /// field must refuse commands by now.
@@ -101,6 +101,7 @@ class PairMember final {
   void carry_out(PairState::Order order, BootTime now);
   void publish_status();
   void send_announcements();
+  void send_replies();
   void announce_unanswered(BootTime now);
   void log_role();
   void log_peer(BootTime now);
@@ -141,8 +142,7 @@ class PairMember final {
   std::deque<JournalEntry> unanswered_;  ///< by earlier processes of this gateway, to be announced
   std::uint64_t announcing_ = 0;         ///< publication of one of them; 0: none
   BootTime announce_at_{};               ///< those without a reply again
-  /// By the other gateway, each with its topic, for an agent that does not run yet.
-  std::vector<std::pair<JournalEntry, std::string>> unanswered_by_other_;
+  BootTime announce_pause_{};
 
   mutable std::mutex mutex_;
   std::condition_variable news_;

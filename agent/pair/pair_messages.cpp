@@ -18,6 +18,7 @@ using nlohmann::json;
 
 constexpr std::string_view kPair = "/pair/";
 constexpr std::size_t kLongestName = 64;
+constexpr std::size_t kLongestId = 64;  // of a command
 
 std::optional<json> object_from(std::string_view text) {
   if (text.size() > kLongestText) return std::nullopt;
@@ -139,12 +140,15 @@ std::optional<Announcement> announcement_from(std::string_view text) {
   entry.surely_not_sent = is_set("unsent");
   entry.refused = is_set("refused");
   entry.result = text_at(*found, "result");
-  entry.received_ms = number<std::int64_t>(*found, "received_ms");
-  entry.deadline_ms = number<std::int64_t>(*found, "deadline_ms");
+  const auto moment = [&](const char* key) {
+    return std::clamp<std::int64_t>(number<std::int64_t>(*found, key), 0, kLatestMs);
+  };
+  entry.received_ms = moment("received_ms");
+  entry.deadline_ms = moment("deadline_ms");
   entry.response_topic = text_at(*found, "response_topic");
   if (auto correlation = from_hex(text_at(*found, "correlation")))
     entry.correlation = std::move(*correlation);
-  const bool is_entry = is_name(entry.device) && !entry.id.empty();
+  const bool is_entry = is_name(entry.device) && !entry.id.empty() && entry.id.size() <= kLongestId;
   if (!is_plain(announcement.boot) || (announcement.mark == 0 && !is_entry)) return std::nullopt;
   return announcement;
 }

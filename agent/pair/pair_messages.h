@@ -42,7 +42,7 @@ std::optional<Heartbeat> heartbeat_from(std::string_view text);
 struct Announcement {
   std::string boot{};
   std::uint64_t mark = 0;   ///< not 0: a mark, without an entry
-  bool unanswered = false;  ///< its gateway has ended, and does not know of a published result
+  bool unanswered = false;  ///< its process has ended, and its gateway knows no published result
   bool answered = false;    ///< the reply to that: the result is published
   bool id_is_number = false;
   JournalEntry entry{};  ///< as heard, its payload has nothing but an id that is a number

@@ -13,34 +13,43 @@ using std::chrono::seconds;
 
 constexpr seconds kUpkeep{1};
 
-std::int64_t now_ms() { return utc_ms(std::chrono::system_clock::now()); }
-
 }  // namespace
 
-StandbyJournal::StandbyJournal(const StoreConfig& config) : store_(config, now_ms()) {
+StandbyJournal::StandbyJournal(const StoreConfig& config) : store_(config, utc_now_ms()) {
   for (const JournalEntry& entry : store_.journal().unacknowledged({})) own_.insert(entry.number);
 }
 
-std::optional<JournalEntry> StandbyJournal::keep_announced(JournalEntry entry,
-                                                           const std::string& topic) {
+void StandbyJournal::keep_announced(JournalEntry entry, const std::string& topic) {
+  // The active gateway may have received a command that this one had left unsent.
+  if (const auto known = store_.journal().find(entry.device, entry.id);
+      known && own_.erase(known->number) == 0)
+    return;
+  keep(std::move(entry), topic);
+}
+
+std::optional<JournalEntry> StandbyJournal::keep_unanswered(JournalEntry entry,
+                                                            const std::string& topic) {
+  if (auto known = store_.journal().find(entry.device, entry.id)) return known;
+  keep(std::move(entry), topic);
+  return std::nullopt;
+}
+
+void StandbyJournal::keep(JournalEntry entry, const std::string& topic) {
   StoredJournal& journal = store_.journal();
-  if (auto known = journal.find(entry.device, entry.id)) return known;
   entry.number = journal.next_command_number();
   const audit::Receipt receipt{.number = entry.number,
                                .device = entry.device,
                                .topic = topic,
                                .received_ms = entry.received_ms};
-  entry.audit = audit::admitted(receipt, entry.id, entry.op, now_ms());
+  entry.audit = audit::admitted(receipt, entry.id, entry.op, utc_now_ms());
   if (!entry.result.empty()) {
     journal.note(std::exchange(
-        entry.audit, audit::result(entry.number, entry.device, entry.result, {}, now_ms())));
-    journal.record(std::move(entry));
-    return std::nullopt;
+        entry.audit, audit::result(entry.number, entry.device, entry.result, {}, utc_now_ms())));
+    return journal.record(std::move(entry));
   }
   // It counts as sent: only the other gateway knows.
   if (!entry.surely_not_sent) store_.started().mark(entry.number);
   journal.journal({&entry, 1});
-  return std::nullopt;
 }
 
 void StandbyJournal::keep_result(const std::string& device, const std::string& text) {
@@ -49,7 +58,7 @@ void StandbyJournal::keep_result(const std::string& device, const std::string& t
   if (!result || result->status == "DUPLICATE") return;
   StoredJournal& journal = store_.journal();
   const bool refused = result->status == "REJECTED" || result->status == "EXPIRED";
-  const std::int64_t now = now_ms();
+  const std::int64_t now = utc_now_ms();
   if (const auto known = journal.find(device, result->id)) {
     if (known->result.empty() && !known->acknowledged && !refused) {
       JournalEntry entry = *known;
@@ -58,7 +67,7 @@ void StandbyJournal::keep_result(const std::string& device, const std::string& t
       journal.record(std::move(entry));
       journal.note(audit::delivery(known->number, device, result->id, true, now));
     }
-    return journal.acknowledge(device, result->id, known->number, {});
+    return acknowledge(*known);
   }
   JournalEntry entry;
   entry.device = device;
@@ -68,36 +77,41 @@ void StandbyJournal::keep_result(const std::string& device, const std::string& t
   entry.result = text;
   entry.refused = refused;
   entry.number = journal.next_command_number();
-  const std::uint64_t number = entry.number;
-  journal.record(std::move(entry));
-  journal.acknowledge(device, result->id, number, {});
+  journal.record(entry);
+  acknowledge(entry);
 }
 
 void StandbyJournal::keep_answered(const JournalEntry& entry) {
   if (!entry.result.empty()) return keep_result(entry.device, entry.result);
-  if (const auto known = store_.journal().find(entry.device, entry.id))
-    store_.journal().acknowledge(entry.device, entry.id, known->number, {});
+  if (const auto known = store_.journal().find(entry.device, entry.id)) acknowledge(*known);
+}
+
+void StandbyJournal::acknowledge(const JournalEntry& known) {
+  own_.erase(known.number);
+  store_.journal().acknowledge(known.device, known.id, known.number, {});
 }
 
 std::deque<JournalEntry> StandbyJournal::unanswered() {
   std::deque<JournalEntry> entries;
   if (own_.empty()) return entries;
+  const std::int64_t oldest = utc_now_ms() - std::chrono::milliseconds(kRememberedFor).count();
   for (JournalEntry& entry : store_.journal().unacknowledged({}))
-    if (own_.contains(entry.number)) entries.push_back(std::move(entry));
-  if (entries.empty()) own_.clear();
+    if (own_.contains(entry.number) && entry.received_ms > oldest)
+      entries.push_back(std::move(entry));
   return entries;
 }
 
-// Only reads and refusals were not announced.
+// The other gateway knew each from its announcement. Reads and refusals have none before they are
+// left.
 void StandbyJournal::acknowledge_own_commands() {
-  for (const JournalEntry& entry : unanswered())
-    if (!entry.refused && entry.op != to_string(Op::read))
-      store_.journal().acknowledge(entry.device, entry.id, entry.number, {});
+  for (const JournalEntry& entry : store_.journal().unacknowledged({}))
+    if (own_.contains(entry.number) && !entry.refused && entry.op != to_string(Op::read))
+      acknowledge(entry);
 }
 
 void StandbyJournal::upkeep(SteadyTime now) {
   if (now < upkeep_at_) return;
-  store_.upkeep(now, now_ms());
+  store_.upkeep(now, utc_now_ms());
   upkeep_at_ = now + kUpkeep;
 }
 

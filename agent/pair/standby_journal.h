@@ -26,15 +26,17 @@ class StandbyJournal final {
   /// Opens this gateway's store.
   explicit StandbyJournal(const StoreConfig& config);
 
-  /// Keeps a command that the other gateway announced on `topic`, or left. Returns its entry if it
-  /// was known before.
-  std::optional<JournalEntry> keep_announced(JournalEntry entry, const std::string& topic);
+  /// Keeps a command that the active gateway announced on `topic`.
+  void keep_announced(JournalEntry entry, const std::string& topic);
+  /// Keeps a command that the other gateway, on standby too, left. Returns its entry if it was
+  /// known before.
+  std::optional<JournalEntry> keep_unanswered(JournalEntry entry, const std::string& topic);
   /// Keeps a result that the active gateway published, as in docs/interface.md.
   void keep_result(const std::string& device, const std::string& text);
   /// Keeps the reply to an unanswered command.
   void keep_answered(const JournalEntry& entry);
   /// Returns the commands of earlier processes of this gateway whose results it has not heard,
-  /// oldest first.
+  /// oldest first; none that the other gateway may have forgotten.
   std::deque<JournalEntry> unanswered();
   /// Acknowledges the commands of an earlier process of this gateway. Call if the results that the
   /// other gateway published may not have come here.
@@ -44,6 +46,10 @@ class StandbyJournal final {
   std::vector<JournalEntry> close();
 
  private:
+  /// Keeps a command under a new number.
+  void keep(JournalEntry entry, const std::string& topic);
+  void acknowledge(const JournalEntry& known);
+
   Store store_;
   /// Journal numbers of commands of an earlier process that had no acknowledged result at the
   /// start.

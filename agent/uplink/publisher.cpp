@@ -185,15 +185,16 @@ void Publisher::recover_joined(SteadyTime now) {
 }
 
 void Publisher::recover_other_gateway(SteadyTime now) {
-  if (store_ == nullptr || store_->hangs() || is_changing_) return;
   for (Unanswered& each : std::exchange(unanswered_, {})) {
-    if (auto known = store_->journal().find(each.entry.device, each.entry.id)) {
-      if (known->acknowledged) each.published(std::move(*known));
-      continue;
-    }
-    commands_.restore(recover_unanswered(config_, store_->journal(), std::move(each.entry),
-                                         each.topic, utc_ms_(), now),
-                      now, utc_ms_());
+    if (store_ == nullptr || is_changing_) return;  // it asks again
+    auto known = store_->journal().find(each.entry.device, each.entry.id);
+    if (!store_->is_writable()) return;  // the journal may not have been read
+    if (!known)
+      commands_.restore(recover_unanswered(config_, store_->journal(), std::move(each.entry),
+                                           each.topic, utc_ms_(), now),
+                        now, utc_ms_());
+    else if (known->acknowledged)
+      each.published(std::move(*known));
   }
 }
 

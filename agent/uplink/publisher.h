@@ -119,7 +119,8 @@ class Publisher final {
     std::function<void(JournalEntry)> published;  ///< called if its result is
   };
   /// Takes a command that the other gateway of a pair left. Its result is published unless this
-  /// gateway knows the command.
+  /// gateway knows the command. Forgets it if the journal cannot be read now: the other gateway
+  /// asks again.
   void take_unanswered(Unanswered command) { unanswered_.push_back(std::move(command)); }
 
   /// The topics of remote configs; valid for the publisher's lifetime.
@@ -194,7 +195,7 @@ class Publisher final {
   /// Devices that were in no config of this run before: what earlier runs left of them is to be
   /// recovered.
   std::vector<std::string> joined_;
-  std::vector<Unanswered> unanswered_;  ///< not recovered yet
+  std::vector<Unanswered> unanswered_;  ///< until the next step()
   bool samples_first_ = false;  ///< samples go before results, in a window too small to share
   /// Devices of commands that may have written and whose results are not handed over yet.
   std::set<std::string> written_;

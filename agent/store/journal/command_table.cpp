@@ -17,7 +17,6 @@ constexpr std::uint64_t kRefusedAtOnce = 200;
 constexpr std::int64_t kShrunkAtOnce = 200;
 // Rows outlive the ids in admission, which asks for their first results.
 constexpr std::chrono::hours kLongerThanKnown{1};
-constexpr std::int64_t kLatestMs = 7258118400000;  // the year 2200; a later time is damage
 
 // A later command replaces the row: admission did not know the id when it accepted that command. It
 // had forgotten the id, or the file opened late.

@@ -56,7 +56,10 @@ TEST(PairMessages, MarkHasNoEntry) {
 
 TEST(PairMessages, ForeignTextsAreNothing) {
   for (const char* text : {"", "{", "[]", "7", "{}", R"({"boot":7})", R"({"boot":"a b"})",
-                           R"({"boot":"x","device":"UPPER","id":"1"})"}) {
+                           R"({"boot":"x","device":"UPPER","id":"1"})",
+                           R"({"boot":"x","device":"press1","id":")"  // longer than an id may be
+                           "0123456789012345678901234567890123456789012345678901234567890123456789"
+                           R"("})"}) {
     EXPECT_FALSE(messages::announcement_from(text)) << text;
     EXPECT_FALSE(messages::status_from(text)) << text;
     EXPECT_FALSE(messages::result_from(text)) << text;

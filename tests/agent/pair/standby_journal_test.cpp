@@ -140,7 +140,9 @@ TEST_F(StandbyJournalTest, CommandThatTheOtherGatewayLeftKeepsItsResult) {
   JournalEntry unsent = command("unsent");
   unsent.surely_not_sent = true;
   JournalEntry sent = command("sent");
-  for (const JournalEntry& each : {done, unsent, sent}) journal_->keep_announced(each, kTopic);
+  for (const JournalEntry& each : {done, unsent, sent})
+    EXPECT_FALSE(journal_->keep_unanswered(each, kTopic));
+  EXPECT_EQ(journal_->keep_unanswered(command("done"), kTopic)->result, done.result);
   take_over_store();
   EXPECT_EQ(kept("done").result, done.result);
   std::map<std::string, bool> unanswered;
@@ -163,6 +165,36 @@ TEST_F(StandbyJournalTest, WhatItLeftIsUnansweredUntilItHearsTheResult) {
   const auto unanswered = journal_->unanswered();
   ASSERT_EQ(unanswered.size(), 1U);
   EXPECT_EQ(unanswered[0].id, "2");
+}
+
+// Its sender has sent it again, and the other gateway carries it out: no proof of before is left.
+TEST_F(StandbyJournalTest, UnsentCommandThatTheOtherGatewayAnnouncesCountsAsSent) {
+  stand_by();
+  JournalEntry unsent = command("1");
+  unsent.surely_not_sent = true;
+  journal_->keep_unanswered(unsent, kTopic);
+  take_over_store().close();
+  store_.reset();
+  stand_by();
+  ASSERT_TRUE(journal_->unanswered().at(0).surely_not_sent);
+  journal_->keep_announced(command("1"), kTopic);
+  EXPECT_TRUE(journal_->unanswered().empty());
+  take_over_store();
+  ASSERT_EQ(store_->journal().unacknowledged({}).size(), 1U);
+  EXPECT_FALSE(store_->journal().unacknowledged({})[0].surely_not_sent);
+}
+
+TEST_F(StandbyJournalTest, CommandThatTheOtherGatewayMayHaveForgottenIsNotUnanswered) {
+  stand_by();
+  JournalEntry old = command("1");
+  old.received_ms -= std::chrono::milliseconds(kRememberedFor).count();
+  journal_->keep_unanswered(old, kTopic);
+  journal_->keep_unanswered(command("2"), kTopic);
+  take_over_store().close();
+  store_.reset();
+  stand_by();
+  ASSERT_EQ(journal_->unanswered().size(), 1U);
+  EXPECT_EQ(journal_->unanswered()[0].id, "2");
 }
 
 TEST_F(StandbyJournalTest, TakenOverEntryGetsANumberOfTheOtherStore) {
