@@ -1,5 +1,5 @@
-// The subcommands except acl: what each is asked, and how it answers. Each prints its
-// answer on stdout and the reason of a refusal on stderr, and returns an exit status.
+// The subcommands except acl: what each is asked, and how it answers. Each prints its answer on
+// stdout and the reason of a refusal on stderr, and returns an exit status.
 #pragma once
 
 #include <chrono>

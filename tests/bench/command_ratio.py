@@ -15,7 +15,6 @@ import time
 os.environ.setdefault("FXAGENT", "")
 sys.dont_write_bytecode = True
 
-import rig
 from probe import percentiles
 from rig import Bench, device, first_message, machine, warm_up
 
@@ -23,9 +22,8 @@ from rig import Bench, device, first_message, machine, warm_up
 def start(bench, name, program, port, sync):
     """Starts the agent `name` with one Modbus TCP device, and a watcher of its results."""
     data = bench.watch(f"bench/{name}/d0/data/g")
-    rig.FXAGENT = os.path.abspath(program)
-    bench.agent(bench.links([("d0", port)]), [bench.modbus("d0", 10, 3600000)], agent={"id": name, "root": "bench"},
-                store={"path": os.path.join(bench.directory, name), "sync": sync})
+    bench.agent(bench.links([("d0", port)]), [bench.modbus("d0", 10, 3600000)], program,
+                agent={"id": name, "root": "bench"}, store={"path": os.path.join(bench.directory, name), "sync": sync})
     first_message(data)
     data.socket.close()
     return bench.watch(f"bench/{name}/d0/result")

@@ -103,7 +103,7 @@ def main():
     given = parser.parse_args()
     with Bench() as bench:
         plc, found = device(given.devices, plant="counter")
-        bench.simulate([plc])
+        bench.simulate([plc], 300 + 12 * given.seconds)
         links, devices = bench.links(found), [bench.modbus(name, 100, 1000) for name, _ in found]
         http_port, other_port = free_port(), free_port()
         listen = {"listen": f"127.0.0.1:{http_port}"}

@@ -50,7 +50,7 @@ def measure(given, bench, found, name):
     """Returns percent of a core, MiB, and bytes a second of the profile, or of json if it is alone."""
     tags = [{"name": f"t{t}", "address": f"hr:{t}", "type": "int16", "group": "g"} if t % given.changing == 0 else
             {"name": f"t{t}", "address": f"co:{t}", "group": "g"} for t in range(100)]
-    agent = start(bench, bench.links(found), [{**bench.modbus(device, 0, 1000), "tags": tags} for device, _ in found],
+    agent = start(bench, bench.links(found), [{**bench.modbus(each, 0, 1000), "tags": tags} for each, _ in found],
                   profiles=[{"kind": "json"}] + [PROFILES[key] for key in PROFILES if key == name])
     counter = Counter(bench.port, TOPICS[name])
     bytes_before, usage, began = counter.bytes, Usage(agent.pid), time.monotonic()

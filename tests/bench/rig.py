@@ -112,10 +112,10 @@ class Bench:
         self.children.append(child)
         return child
 
-    def simulate(self, plcs):
+    def simulate(self, plcs, lifetime_s=900):
         path = write_json(os.path.join(self.directory, "sim.json"), {"plcs": plcs})
         socket_path = os.path.join(self.directory, "sim.sock")
-        sim = self.spawn([FXSIM, "--config", path, "--control", socket_path, "--seconds", "900"],
+        sim = self.spawn([FXSIM, "--config", path, "--control", socket_path, "--seconds", str(lifetime_s)],
                          stdout=subprocess.PIPE)
         assert json.loads(sim.stdout.readline())["ready"]
         self.control = Control(socket_path)
@@ -126,13 +126,12 @@ class Bench:
         client.subscribe(topic)
         return client
 
-    def agent(self, links, devices, **more):
+    def agent(self, links, devices, program=FXAGENT, **more):
         """Starts the agent; `more` adds sections to its config."""
-        path = write_json(os.path.join(self.directory, "agent.json"),
-                          {"agent": {"id": "edge", "root": "bench"},
-                           "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.port}"]},
-                           "links": links, "devices": devices, **more})
-        command = [FXAGENT, "run", path]
+        config = {"agent": {"id": "edge", "root": "bench"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{self.port}"]},
+                  "links": links, "devices": devices, **more}
+        path = write_json(os.path.join(self.directory, f"agent-{config['agent']['id']}.json"), config)
+        command = [program, "run", path]
         return self.spawn(self.share.command(command) if self.share else command)
 
     def peer(self, name, devices, interval_ms, **more):

@@ -163,7 +163,7 @@ class Packages(unittest.TestCase):
         paths = set(re.findall(r"=> (/\S+)", output_of("ldd", FXAGENT)))
         # The base packages of every Debian, and those that sanitizers add to a test build.
         base = {"libc6", "libgcc-s1", "libstdc++6", "libasan8", "libubsan1", "libtsan2"}
-        # Loaded at run time if the config asks for metrics (agent/http/http_library.cpp).
+        # Loaded at run time if the config asks for metrics (agent/http/http_server.cpp).
         owners = owners_of(paths) | {"libmicrohttpd12"}
         self.assertEqual(owners - base, set(packages()["run"]))
 

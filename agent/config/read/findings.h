@@ -66,8 +66,8 @@ class Findings {
   std::map<std::pair<std::uint32_t, std::string>, std::size_t> by_text_;
 };
 
-/// Errors of a document from a possibly hostile sender. Keeps the first Findings::kMost and counts
-/// the others.
+/// Errors of a document from a possibly hostile sender, which may have one in every few bytes.
+/// Keeps the first Findings::kMost and counts the others.
 class ErrorList final {
  public:
   void add(ConfigError error) {

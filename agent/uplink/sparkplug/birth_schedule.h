@@ -1,7 +1,6 @@
 // Births and deaths of an edge node and its devices: which are due, in the order in which a host
 // needs them, and whether the primary host is there to see them. The same for both payloads of
-// Sparkplug, and with it all that their profiles have in common. Uplink thread. Time is an
-// argument.
+// Sparkplug. Uplink thread. Time is an argument.
 #pragma once
 
 #include <chrono>
@@ -20,7 +19,6 @@
 #include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
-#include "agent/uplink/profile/profile.h"
 
 namespace fxagent::sparkplug {
 
@@ -138,40 +136,6 @@ class BirthSchedule final {
   bool rebirth_ = false;  ///< a birth of all is due
   bool leaves_ = false;
   SteadyTime born_at_{};
-};
-
-/// The part of a profile that is the same for both payloads.
-class EdgeNode : public Profile {
- public:
-  Will last_will() override;
-  void connection_began(const Connected& connected) override {
-    births_.connection_began(connected);
-  }
-  void connection_ended() override { births_.connection_ended(); }
-  void device_state(const DeviceStatus& status) override { births_.device_state(status); }
-  void change(const ConfigChange& change) override { births_.change(change); }
-  std::vector<Publication> farewell(std::int64_t utc_ms) override;
-  bool take_leave() override { return births_.take_leave(); }
-  void refused() override { births_.request_rebirth(); }
-
- protected:
-  /// `config` outlives it. `version` is the first level of its topics; `utc_ms` returns the current
-  /// calendar time.
-  EdgeNode(const Config& config, const ProfileConfig& profile, const std::string& version,
-           PrimaryHost host, TakeOrder take_order, std::function<std::int64_t()> utc_ms);
-
-  /// Returns the message of this type; `device` is empty for those of the node.
-  Publication message(std::string_view type, const std::string& device, std::string payload) const;
-  /// Returns the death of the node in this session, which is also its last will.
-  virtual Publication node_death(std::int64_t utc_ms) const = 0;
-
-  const Config& config_;
-  const std::string name_;
-  const std::string prefix_;  ///< "{version}/{group}/"
-  const std::string node_;
-  const TakeOrder take_order_;
-  const std::function<std::int64_t()> utc_ms_;
-  BirthSchedule births_;
 };
 
 }  // namespace fxagent::sparkplug

@@ -16,7 +16,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/uplink/sparkplug/birth_schedule.h"
+#include "agent/uplink/sparkplug/edge_node.h"
 
 namespace fxagent {
 

@@ -18,7 +18,7 @@
 #include <string_view>
 #include <vector>
 
-#include "agent/uplink/sparkplug/birth_schedule.h"
+#include "agent/uplink/sparkplug/edge_node.h"
 #include "agent/uplink/sparkplug/typed_value.h"
 
 namespace fxagent {

@@ -1455,6 +1455,20 @@ TEST_F(LinkWorkerTest, PortThatWasYieldedIsTakenBackWhenItsTimeIsOver) {
   EXPECT_GT(plc.asked().size(), asked);
 }
 
+// The scheduler still counted the command, and offered it from an empty queue.
+TEST_F(LinkWorkerTest, CommandThatWaitedWhenThePortWasYieldedIsForgotten) {
+  add_setpoint();
+  start();
+  wait_for_state(State::online, "");
+  submit(write_setpoint("waits"));
+  worker->yield(std::chrono::steady_clock::now() + milliseconds(50), "for GX Works", [](Reason) {});
+  EXPECT_EQ(ending(wait_for_result("waits")), "REJECTED yielded");
+  wait_for_state(State::yielded, "yielded");
+  wait_for_state(State::online, "");
+  submit(write_setpoint("b7e1"));
+  EXPECT_EQ(wait_for_result("b7e1").status, CommandStatus::succeeded);
+}
+
 TEST_F(LinkWorkerTest, YieldThatIsStoppedIsAnswered) {
   start();
   wait_for_state(State::online, "");
