@@ -364,7 +364,8 @@ void PairMember::hear(const Message& message, BootTime now) {
     } else if (announcement->boot != boot_ && journal_) {
       JournalEntry& entry = announcement->entry;
       if (announcement->answered) return journal_->keep_answered(entry);
-      if (!announcement->unanswered)
+      // Its own topic may still have announcements of the process before this one.
+      if (!announcement->unanswered && place->member != pair_.member)
         return journal_->keep_announced(std::move(entry), message.topic);
       auto known = journal_->keep_unanswered(std::move(entry), message.topic);
       if (known && known->acknowledged) reply(std::move(*known));

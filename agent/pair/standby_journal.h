@@ -26,10 +26,9 @@ class StandbyJournal final {
   /// Opens this gateway's store.
   explicit StandbyJournal(const StoreConfig& config);
 
-  /// Keeps a command that the active gateway announced on `topic`.
+  /// Keeps a command that the other gateway, which is active, announced on `topic`.
   void keep_announced(JournalEntry entry, const std::string& topic);
-  /// Keeps a command that the other gateway, on standby too, left. Returns its entry if it was
-  /// known before.
+  /// Keeps a command that one of the gateways left. Returns its entry if it was known before.
   std::optional<JournalEntry> keep_unanswered(JournalEntry entry, const std::string& topic);
   /// Keeps a result that the active gateway published, as in docs/interface.md.
   void keep_result(const std::string& device, const std::string& text);
