@@ -1,8 +1,7 @@
-// Encodes the value of a point as an image, and decodes it; the range of such values.
+// Encodes the value of a point as an image, and decodes it.
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
 
 #include "protocol/value/point.h"
@@ -35,18 +34,5 @@ Bytes with_padding_of(const Point& point, Bytes image, ByteView other);
 /// space. Errors: unsupported (the point is not wholly inside the image), or bad_request with the
 /// text for `bad_value` (NaN, infinite, a nibble that is not BCD). Never bad_frame.
 Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_first_bit);
-
-/// Range of the values of one element, in engineering units.
-struct ValueRange {
-  double least = 0;
-  double greatest = 0;
-  double step = 0;  ///< distance between neighbouring values; 0 for floats, whose steps vary
-};
-/// Returns nullopt for bool and string, and if the type does not fit the address unit.
-std::optional<ValueRange> value_range(const Point& point);
-/// Returns the number of values of one element within these limits, both inclusive. nullopt if
-/// value_range() has no single step.
-std::optional<std::int64_t> values_within(const Point& point, std::optional<double> min,
-                                          std::optional<double> max);
 
 }  // namespace fxagent

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "protocol/plc.h"
-#include "protocol/value/pack.h"
 #include "protocol/value/value.h"
+#include "protocol/value/value_range.h"
 
 namespace fxagent {
 

@@ -11,7 +11,7 @@
 #include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
-#include "protocol/value/pack.h"
+#include "protocol/value/value_range.h"
 
 namespace fxagent {
 namespace {
