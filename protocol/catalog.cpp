@@ -5,6 +5,7 @@
 
 #include "protocol/encoding.h"
 #include "protocol/fx/computer_link.h"
+#include "protocol/fx/d8120.h"
 #include "protocol/fx/programming_port.h"
 #include "protocol/mc/mc.h"
 #include "protocol/mc/one_e.h"
@@ -137,7 +138,7 @@ ProtocolInfo computer_link() {
   info.hints.silent =
       "is D8121 of the PLC `station`; are `format` and `sum_check` those of D8120; was the PLC "
       "switched off and on after D8120 or D8121 was changed";
-  info.has_d8120 = true;
+  info.plc_line_word = &fx::d8120_for;
   info.make = &fx::ComputerLink::make;
   return info;
 }

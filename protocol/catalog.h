@@ -72,7 +72,8 @@ struct ProtocolInfo {
   /// Human-readable place in the PLC where frame format and sum check are set. Empty if there is
   /// none.
   std::string_view format_place;
-  bool has_d8120 = false;  ///< word D8120 of the PLC sets line and format
+  /// Returns the PLC setting that these options and this line need: "is D8120 H6086 …".
+  std::string (*plc_line_word)(const Options&, const LineDefaults&) = nullptr;
   std::function<Result<std::shared_ptr<const Codec>>(const Options&)> make;
 };
 

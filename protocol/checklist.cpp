@@ -1,29 +1,14 @@
 #include "protocol/checklist.h"
 
 #include <algorithm>
-#include <array>
 #include <string_view>
 #include <utility>
 #include <variant>
 
 #include "protocol/plc.h"
-#include "protocol/value/bytes.h"
 
 namespace fxagent {
 namespace {
-
-// D8120 of an FX: JY992D69901, chapters 7 and 8; 38400 baud from JY997D16901.
-constexpr std::uint32_t kEightBits = 1U << 0U;
-constexpr std::uint32_t kOddParity = 1U << 1U;
-constexpr std::uint32_t kEvenParity = 3U << 1U;
-constexpr std::uint32_t kTwoStopBits = 1U << 3U;
-constexpr std::uint32_t kSpeedShift = 4;
-constexpr std::uint32_t kSumCheck = 1U << 13U;
-constexpr std::uint32_t kComputerLink = 1U << 14U;
-constexpr std::uint32_t kFormat4 = 1U << 15U;
-// Bits 4 to 7 are 3 for the first speed, 4 for the next, and so on.
-constexpr std::array kSpeeds{300, 600, 1200, 2400, 4800, 9600, 19200, 38400};
-constexpr std::uint32_t kFirstSpeed = 3;
 
 const SettingHints& hints_for(const ProtocolInfo& protocol, const Codec& codec) {
   const std::string model = model_of(codec);
@@ -86,14 +71,6 @@ std::string of_serial_port(const ProtocolInfo& protocol, const Wiring& wiring) {
   return out + "; does another program, panel or master use the line?";
 }
 
-/// Returns the question about line and format of a computer link: "is D8120 H6086 (9600 baud 7E1,
-/// RS-485)".
-std::string of_d8120(const Options& options, const LineDefaults& line) {
-  const auto word = d8120(options, line);
-  if (!word) return "does D8120 have the speed, data bits and parity of this port";
-  return "is D8120 H" + hex_text(*word, 4) + " (" + to_string(line) + ", RS-485)";
-}
-
 std::string of_serial_server() {
   return "; does the serial server's line have the speed, data bits and parity of the device; does "
          "the server pass bytes unchanged (raw TCP; a Modbus gateway needs modbus-tcp); are A and "
@@ -128,22 +105,6 @@ std::string to_string(const LineDefaults& line) {
          std::to_string(line.stop_bits);
 }
 
-std::optional<std::uint16_t> d8120(const Options& options, const LineDefaults& line) {
-  const auto speed = std::ranges::find(kSpeeds, line.baud);
-  if (speed == kSpeeds.end()) return std::nullopt;
-  std::uint32_t word = kComputerLink;
-  word |= (kFirstSpeed + static_cast<std::uint32_t>(speed - kSpeeds.begin())) << kSpeedShift;
-  if (line.data_bits == 8) word |= kEightBits;
-  if (line.parity == Parity::odd) word |= kOddParity;
-  if (line.parity == Parity::even) word |= kEvenParity;
-  if (line.stop_bits == 2) word |= kTwoStopBits;
-  if (const auto* sum_check = option<bool>(options, "sum_check"); !sum_check || *sum_check)
-    word |= kSumCheck;
-  if (const auto* format = option<std::int64_t>(options, "format"); format && *format == 4)
-    word |= kFormat4;
-  return static_cast<std::uint16_t>(word);
-}
-
 std::string_view checklist_of_closed(const ProtocolInfo& protocol, const Codec& codec) {
   return hints_for(protocol, codec).closed;
 }
@@ -154,7 +115,8 @@ std::string checklist(const ProtocolInfo& protocol, const Options& options, cons
   std::string out = headline(wiring, answers);
   out.append(". Check: does the device have power; ")
       .append(with_values(hints_for(protocol, codec).silent, options));
-  if (protocol.has_d8120 && wiring.line) out.append("; ").append(of_d8120(options, *wiring.line));
+  if (protocol.plc_line_word && wiring.line)
+    out.append("; ").append(protocol.plc_line_word(options, *wiring.line));
   out.append(of_route(protocol, options));
   if (!protocol.on_serial) return out + "?";
   if (answers == Answers::from_others)

@@ -39,7 +39,4 @@ std::string_view checklist_of_closed(const ProtocolInfo& protocol, const Codec& 
 /// "9600 baud 7E1".
 std::string to_string(const LineDefaults& line);
 
-/// Returns word D8120 of an FX with this line and format, for RS-485; nullopt: no FX has this line.
-std::optional<std::uint16_t> d8120(const Options& options, const LineDefaults& line);
-
 }  // namespace fxagent

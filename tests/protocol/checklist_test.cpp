@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "protocol/catalog.h"
+#include "protocol/fx/d8120.h"
 
 namespace fxagent {
 namespace {
@@ -69,12 +70,12 @@ TEST(Checklist, D8120IsThatOfTheManual) {
   const Options format1{{"format", std::int64_t{1}}, {"sum_check", true}};
   const Options format4{{"format", std::int64_t{4}}, {"sum_check", true}};
   const Options no_sum{{"format", std::int64_t{1}}, {"sum_check", false}};
-  EXPECT_EQ(d8120(format1, kSlow), 0x6086);
-  EXPECT_EQ(d8120(format4, kSlow), 0xE086);
-  EXPECT_EQ(d8120(no_sum, kFast), 0x409B);
-  EXPECT_EQ(d8120(format1, {300, 8, Parity::none, 1}), 0x6031);
-  EXPECT_EQ(d8120(format1, {38400, 7, Parity::even, 1}), 0x60A6);
-  EXPECT_EQ(d8120(format1, {57600, 7, Parity::even, 1}), std::nullopt);
+  EXPECT_EQ(fx::d8120(format1, kSlow), 0x6086);
+  EXPECT_EQ(fx::d8120(format4, kSlow), 0xE086);
+  EXPECT_EQ(fx::d8120(no_sum, kFast), 0x409B);
+  EXPECT_EQ(fx::d8120(format1, {300, 8, Parity::none, 1}), 0x6031);
+  EXPECT_EQ(fx::d8120(format1, {38400, 7, Parity::even, 1}), 0x60A6);
+  EXPECT_EQ(fx::d8120(format1, {57600, 7, Parity::even, 1}), std::nullopt);
 }
 
 TEST(Checklist, ProgrammingPortNamesCableAndOtherUsersButNoStation) {
