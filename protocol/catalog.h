@@ -51,7 +51,7 @@ struct ProtocolInfo {
   /// Highest baud rate of models not in `fast_models`; 0: all models are alike.
   int most_speed = 0;
   std::vector<std::string_view> fast_models;
-  bool on_serial = true;  ///< every protocol runs over TCP
+  bool on_serial = true;  ///< also on a serial line; every protocol runs over TCP
   /// First character of answers with data in a text protocol: STX or a colon. 0 if answers are
   /// binary or have no fixed first character.
   std::uint8_t text_begins_with = 0;

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "protocol/address_space.h"
-#include "protocol/exchange.h"
 #include "protocol/explanation.h"
+#include "protocol/request.h"
 #include "protocol/value/bytes.h"
 #include "protocol/value/result.h"
 

@@ -328,7 +328,8 @@ void Commands::finish(CommandResult result, std::int64_t utc_ms) {
 
 void Commands::note_last(const std::string& device, const CommandResult& result,
                          std::int64_t utc_ms) {
-  const TargetResult first = result.targets.empty() ? TargetResult() : result.targets.front();
+  static const TargetResult none;
+  const TargetResult& first = result.targets.empty() ? none : result.targets.front();
   last_.push_back(std::make_shared<const LastCommand>(
       LastCommand{.number = last_.empty() ? 1 : last_.back()->number + 1,
                   .device = device,
@@ -336,7 +337,7 @@ void Commands::note_last(const std::string& device, const CommandResult& result,
                   .op = result.op,
                   .by = result.by,
                   .target = first.tag.empty() ? first.address : first.tag,
-                  .value = first.value.value_or(Value()),
+                  .value = first.value ? *first.value : Value(),
                   .targets = result.targets.size(),
                   .status = result.status,
                   .reason = result.reason,

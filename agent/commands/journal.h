@@ -1,5 +1,5 @@
 // The journal of commands as commands.h needs it: everything that a restart must know. The store
-// keeps it on disk. Uplink thread.
+// keeps it on disk. Uplink thread, except the marks of commands that start.
 #pragma once
 
 #include <chrono>
@@ -26,7 +26,7 @@ inline constexpr std::chrono::hours kRememberedFor{24};
 /// The year 2200. A later time of a command is damage.
 inline constexpr std::int64_t kLatestMs = 7258118400000;
 
-/// An id whose command has its result.
+/// What is remembered of the id of a command.
 struct KnownId {
   std::string device;
   std::string id;

@@ -78,7 +78,7 @@ class FieldLinks final {
   /// devices does not delay the polls of others.
   struct ToBegin {
     std::uint32_t link = 0;
-    std::vector<std::uint32_t> devices;
+    std::vector<std::uint32_t> devices;  ///< one, or none
   };
 
   void make_worker(std::uint32_t link, const std::vector<std::uint32_t>& devices,

@@ -11,7 +11,7 @@ namespace {
 using Settings = ComputerLink::Settings;
 
 // STX header, 256 bits, ETX, sum, CR LF.
-constexpr std::size_t kLongestFrame = kHeader + 256 + 1 + 2 + 2;
+constexpr std::size_t kLongestFrame = kLinkHeader + 256 + 1 + 2 + 2;
 
 // Reasons in a NAK that decide whether the request is sent again.
 constexpr int kSumMismatch = 0x02;
@@ -100,7 +100,7 @@ namespace {
 
 /// True if `header` has our station and PLC number.
 bool is_ours(const Settings& settings, ByteView header) {
-  return number_in(NumberForm::digits, header.subspan(1, 4)) == (settings.station << 8 | kPc);
+  return number_in(NumberForm::digits, header.subspan(1, 4)) == (settings.station << 8 | kLinkPc);
 }
 
 /// Returns the place after another station's frame that begins at `at`, or of the STX that cuts it
@@ -123,20 +123,20 @@ bool ends_right(const Settings& settings, ByteView frame) {
 /// Returns the frame that acknowledges data: ACK, station, PLC number [CR LF].
 Bytes acknowledge(const Settings& settings) {
   Bytes frame{kAck};
-  append_hex(frame, settings.station << 8 | kPc, 4);
+  append_hex(frame, settings.station << 8 | kLinkPc, 4);
   if (settings.ends_with_cr_lf) frame.insert(frame.end(), {kCr, kLf});
   return frame;
 }
 
 Decoded data_reply(const Settings& settings, const Request& request, ByteView rx, std::size_t at) {
   const std::size_t chars = data_chars(request);
-  const std::size_t etx = kHeader + chars;
+  const std::size_t etx = kLinkHeader + chars;
   const std::size_t length = etx + 1 + settings.sum_chars() + settings.terminator_chars();
   const ByteView frame = rx.subspan(at, std::min(length, rx.size() - at));
-  const auto end = static_cast<std::size_t>(std::find(frame.begin() + kHeader, frame.end(), kEtx) -
-                                            frame.begin());
+  const auto end = static_cast<std::size_t>(
+      std::find(frame.begin() + kLinkHeader, frame.end(), kEtx) - frame.begin());
   if (end < etx && end < frame.size())
-    return garbled(std::to_string(end - kHeader) + " data characters given, " +
+    return garbled(std::to_string(end - kLinkHeader) + " data characters given, " +
                    std::to_string(chars) + " expected");
   if (end != etx && frame.size() > etx)
     return garbled("more data characters given, " + std::to_string(chars) + " expected");
@@ -151,7 +151,7 @@ Decoded data_reply(const Settings& settings, const Request& request, ByteView rx
   }
   if (!ends_right(settings, frame))
     return garbled("CR LF is missing after the data: format 4 ends with it");
-  auto image = image_of(request, frame.subspan(kHeader, chars));
+  auto image = image_of(request, frame.subspan(kLinkHeader, chars));
   if (!image) return tl::make_unexpected(image.error());
   return Reply{.kind = Reply::Kind::data,
                .image = std::move(*image),
@@ -162,13 +162,13 @@ Decoded data_reply(const Settings& settings, const Request& request, ByteView rx
 
 Decoded short_reply(const Settings& settings, ByteView rx, std::size_t at) {
   const bool nak = rx[at] == kNak;
-  const std::size_t length = kHeader + (nak ? 2U : 0U) + settings.terminator_chars();
+  const std::size_t length = kLinkHeader + (nak ? 2U : 0U) + settings.terminator_chars();
   if (rx.size() - at < length) return std::nullopt;
   const ByteView frame = rx.subspan(at, length);
   if (!ends_right(settings, frame))
     return garbled("CR LF is missing after ACK or NAK: format 4 ends with it");
   if (!nak) return Reply{.began = at, .consumed = at + length};
-  const ByteView code = frame.subspan(kHeader, 2);
+  const ByteView code = frame.subspan(kLinkHeader, 2);
   const int reason = hex_byte(code);
   if (reason < 0) return garbled("NAK with the reason " + to_hex(code));
   return Reply{.kind = Reply::Kind::nak,
@@ -204,8 +204,8 @@ Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView
         continue;
       }
     }
-    if (rx.size() - at < kHeader) break;
-    const bool ours = is_ours(settings_, rx.subspan(at, kHeader));
+    if (rx.size() - at < kLinkHeader) break;
+    const bool ours = is_ours(settings_, rx.subspan(at, kLinkHeader));
     if (first == kStx && !(ours && wants_data)) {
       // A late answer of another station, or to an older request to this one.
       const auto next = behind_frame(settings_, rx, at);
@@ -234,7 +234,7 @@ bool ComputerLink::may_pass_for_answer(ByteView bytes) const {
     if (bytes[at] != kStx && bytes[at] != kAck && bytes[at] != kNak && bytes[at] != kEnq) continue;
     // Station and PLC number must follow, as far as they have arrived.
     const ByteView header =
-        bytes.subspan(at + 1, std::min<std::size_t>(kHeader, bytes.size() - at) - 1);
+        bytes.subspan(at + 1, std::min<std::size_t>(kLinkHeader, bytes.size() - at) - 1);
     if (is_hex(header)) return true;
   }
   return false;
@@ -244,11 +244,11 @@ LineLength ComputerLink::line_length(const Request& request) const {
   LineLength length;
   length.request_chars = request_chars(request);
   if (!expects_reply(request)) return length;
-  length.reply_chars = kHeader + settings_.terminator_chars();
+  length.reply_chars = kLinkHeader + settings_.terminator_chars();
   if (brings_data(request)) {
     if (settings_.acknowledge_data) length.closing_chars = length.reply_chars;
-    length.reply_chars =
-        kHeader + data_chars(request) + 1 + settings_.sum_chars() + settings_.terminator_chars();
+    length.reply_chars = kLinkHeader + data_chars(request) + 1 + settings_.sum_chars() +
+                         settings_.terminator_chars();
   }
   return length;
 }

@@ -99,8 +99,8 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
 // For the files of this codec.
 
 /// Control character, station and PLC number: a whole ACK, or the head of any other frame.
-inline constexpr std::uint32_t kHeader = 5;
-inline constexpr std::uint32_t kPc = 0xFF;  ///< PLC number of every FX
+inline constexpr std::uint32_t kLinkHeader = 5;
+inline constexpr std::uint32_t kLinkPc = 0xFF;  ///< PLC number of every FX
 
 /// Returns the text for the code of a NAK: "device does not exist or too many points".
 std::string_view link_refusal(int code);

@@ -13,7 +13,7 @@ namespace {
 using Settings = ComputerLink::Settings;
 
 // ENQ header, command, wait, number of points. The head device stands between the last two.
-constexpr std::uint32_t kReadRequest = kHeader + 2 + 1 + 2;
+constexpr std::uint32_t kReadRequest = kLinkHeader + 2 + 1 + 2;
 
 /// Points of one frame, JY992D69901 7.7.1.
 struct PointLimits {
@@ -107,9 +107,9 @@ std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLi
 /// Returns a request frame: ENQ station pc command wait area [sum] [CR LF].
 Bytes framed(const Settings& settings, std::string_view command, ByteView area) {
   Bytes frame{kEnq};
-  frame.reserve(kHeader + command.size() + 1 + area.size() + settings.sum_chars() +
+  frame.reserve(kLinkHeader + command.size() + 1 + area.size() + settings.sum_chars() +
                 settings.terminator_chars());
-  append_hex(frame, settings.station << 8 | kPc, 4);
+  append_hex(frame, settings.station << 8 | kLinkPc, 4);
   frame.insert(frame.end(), command.begin(), command.end());
   append_hex(frame, settings.wait_tens, 1);
   frame.insert(frame.end(), area.begin(), area.end());

@@ -30,12 +30,12 @@ struct Route {
 struct Dialect {
   Frame frame = Frame::e3;
   Model model = Model::unknown;
-  Code code = Code::binary;  ///< Mc derives that of 3C and 4C from the format
-  Route route{};             ///< that of a 3C frame ends with the PC number
-  std::uint32_t timer = 16;  ///< 3E and 4E: monitoring timer in units of 250 ms
-  std::uint8_t station = 0;  ///< this and the next two: 3C and 4C
-  std::uint32_t format = 1;
-  bool sum_check = true;
+  Code code = Code::binary;              ///< Mc derives that of 3C and 4C from the format
+  Route route{};                         ///< that of a 3C frame ends with the PC number
+  std::uint32_t timer = 16;              ///< 3E and 4E: monitoring timer in units of 250 ms
+  std::uint8_t station = 0;              ///< 3C and 4C
+  std::uint32_t format = 1;              ///< 3C and 4C
+  bool sum_check = true;                 ///< 3C and 4C
   std::uint32_t max_block_bytes = 1920;  ///< of device memory in one frame; 960 words
 
   Series series() const { return series_of(model); }

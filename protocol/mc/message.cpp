@@ -115,7 +115,7 @@ std::size_t gather_size(const Dialect& dialect, const Gather& gather) {
   return wire_size(dialect.code, 2 * words);
 }
 
-/// Returns the image of a Gather reply (exchange.h), part after part.
+/// Returns the image of a Gather reply (request.h), part after part.
 Result<Bytes> decode_gather(const Dialect& dialect, const Gather& gather, ByteView data) {
   std::vector<Bytes> images(gather.parts.size());
   std::optional<Error> error;

@@ -1,5 +1,6 @@
 // 3C and 4C frames around a message, in formats 1 to 4 (ASCII) and 5 (binary, 4C only).
-// Source: SH-080008, 4.2 and 4.3; protocol/README.md has the layout.
+// Source: SH-080008, 4.2 and 4.3; protocol/README.md has the layout. Dialect::code must be binary
+// for format 5, and otherwise ascii.
 #pragma once
 
 #include <cstdint>

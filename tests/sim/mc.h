@@ -1,6 +1,7 @@
 // The MC protocol, PLC side: its frames on Ethernet (SLMP) and on a serial line.
-// Sources: MELSEC Communication Protocol Reference Manual SH-080008; FX5 User's Manual (SLMP); of
-// 1E, FX3U-ENET-ADP User's Manual JY997D45801 and FX3U-ENET User's Manual JY997D18101.
+// Sources: MELSEC Communication Protocol Reference Manual SH-080008, of serial frames its 4.2; FX5
+// User's Manual (SLMP); of 1E, FX3U-ENET-ADP User's Manual JY997D45801 and FX3U-ENET User's Manual
+// JY997D18101.
 #pragma once
 
 #include "tests/sim/mc_cpu.h"

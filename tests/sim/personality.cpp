@@ -60,6 +60,7 @@ std::string request_kind_name(RequestKind kind) {
 }
 
 std::string verdict_name(Verdict verdict) {
+  static_assert(static_cast<int>(Verdict::silent) == 3, "a new one needs its word");
   constexpr std::array<std::string_view, 4> kVerdicts = {"data", "ack", "nak", "silent"};
   return std::string(kVerdicts[static_cast<std::size_t>(verdict)]);
 }

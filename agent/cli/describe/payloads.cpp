@@ -11,8 +11,8 @@
 #include "agent/remote/desired_config.h"
 #include "agent/remote/remote_report.h"
 #include "agent/text/json_writer.h"
-#include "protocol/value/pack.h"
 #include "protocol/value/point.h"
+#include "protocol/value/value_range.h"
 
 namespace fxagent::contract {
 namespace {

@@ -52,7 +52,7 @@ class LinkCommands final {
   void answer_running();
   /// Answers the waiting commands, all or those of `device`, with not_sent() and `why`.
   void refuse_waiting(Reason why, const LinkDevice* device = nullptr);
-  const std::list<WaitingCommand>& waiting() const { return waiting_; }
+  const std::list<WaitingCommand>& waiting() const { return waiting_; }  ///< for tests
 
  private:
   class Sharing;

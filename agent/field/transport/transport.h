@@ -67,8 +67,9 @@ class Transport {
 };
 
 /// Returns a closed transport to the port or address of the link. `permit` must outlive it; null:
-/// it may write at any time. With one, write() fails before it wrote anything unless the permit
-/// allows it, also while another master may be sending: link_down.
+/// it may write at any time. With a permit, open() waits until `listening` before it begins, and
+/// write() sends nothing and fails with link_down if the permit does not allow it or another master
+/// was heard.
 std::unique_ptr<Transport> make_transport(const asio::any_io_executor& executor,
                                           const LinkConfig& link,
                                           const LinePermit* permit = nullptr);

@@ -1,5 +1,5 @@
-// Requests and replies, their length on the line, and the meaning of a refusal: what a codec
-// (codec.h) makes frames of and reads from them.
+// Requests, which a codec (codec.h) encodes into frames, and replies, which it decodes from them;
+// their length on the line, and the meaning of a refusal.
 #pragma once
 
 #include <cstdint>
