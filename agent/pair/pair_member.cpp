@@ -337,7 +337,9 @@ void PairMember::take_member_events(BootTime now) {
 void PairMember::hear(const Message& message, BootTime now) {
   const std::string base = config_.base_topic();
   if (const auto device = device_of(message.topic, base, "result")) {
-    if (journal_) journal_->keep_result(std::string(*device), message.payload);
+    if (journal_) return journal_->keep_result(std::string(*device), message.payload);
+    // This process was paused, so the other gateway may be active by now.
+    if (now >= state_.holds_until()) save_heard(std::string(*device), message.payload);
     return;
   }
   const auto place = pair_messages::place_of(message.topic, base);
@@ -369,6 +371,10 @@ void PairMember::hear(const Message& message, BootTime now) {
         return journal_->keep_announced(std::move(entry), message.topic);
       auto known = journal_->keep_unanswered(std::move(entry), message.topic);
       if (known && known->acknowledged) reply(std::move(*known));
+    } else if (place->member != pair_.member && !announcement->unanswered) {
+      // This process was paused, and the other gateway has become active.
+      if (!announcement->answered)
+        save_heard(message.topic, pair_messages::announcement(*announcement));
     } else if (announcement->boot != boot_ && announcement->unanswered) {
       const std::lock_guard lock(mutex_);
       if (agent_ && !leaving_)
@@ -412,13 +418,15 @@ void PairMember::lease_ended(bool taken_over, BootTime now) {
   permit_.revoke();
   lease_up_ = false;
   claim_ = Claim::none;
-  {
+  const auto stops = [this] {
     const std::lock_guard lock(mutex_);
-    over_ = agent_ && agent_->is_stopping();
-    if (over_) return;
-  }
+    return over_ = agent_ && agent_->is_stopping();
+  };
+  if (stops()) return;
   state_.lease_ended(taken_over, now);
   if (journal_) return;
+  end_member_session();
+  if (stops()) return;
   write_at_once(log::line(log::Level::warn, "pair",
                           {{"role", std::string(to_string(state_.role()))},
                            {"why", state_.why()},
@@ -426,6 +434,29 @@ void PairMember::lease_ended(bool taken_over, BootTime now) {
                            {"boot", boot_},
                            {"note", "the agent starts anew as the standby"}}));
   restart_program();
+}
+
+void PairMember::save_heard(const std::string& where, const std::string& text) {
+  if (text.find('\n') != std::string::npos) return;  // not of a gateway
+  if (!StandbyJournal::save_heard(config_.store, where, text))
+    write_at_once(
+        log::line(log::Level::error, "pair",
+                  {{"fault", "what the other gateway sent about a command was not written to " +
+                                 config_.store.path + ": repeat no command of the last minutes"}}));
+}
+
+/// Takes what the MQTT library has acknowledged: the broker does not send it to the next process.
+void PairMember::end_member_session() {
+  take_member_events(boot_time_now());
+  if (!member_->is_connected()) return;
+  const BootTime patience = boot_time_now() + kFarewell;
+  member_->disconnect(/*with_will=*/true);
+  while (member_->is_connected() && boot_time_now() < patience) {
+    std::unique_lock lock(mutex_);
+    news_.wait_for(lock, kShortestWait, [this] { return woken_; });
+    woken_ = false;
+  }
+  take_member_events(boot_time_now());
 }
 
 void PairMember::drop_lease(BootTime now) {

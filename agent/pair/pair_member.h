@@ -97,6 +97,8 @@ class PairMember final {
   void drop_lease(BootTime now);
   void hear(const Message& message, BootTime now);
   void lease_ended(bool taken_over, BootTime now);
+  void end_member_session();
+  void save_heard(const std::string& where, const std::string& text);
   void go_on_with_claim(BootTime now);
   void carry_out(PairState::Order order, BootTime now);
   void publish_status();

@@ -1,9 +1,18 @@
 #include "agent/pair/standby_journal.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
 #include <utility>
 
 #include "agent/commands/audit_records.h"
+#include "agent/file_handle.h"
 #include "agent/pair/pair_messages.h"
 
 namespace fxagent {
@@ -13,10 +22,46 @@ using std::chrono::seconds;
 
 constexpr seconds kUpkeep{1};
 
+/// Each line has a topic or a device, a tab, and a text, which has no line feed.
+std::string file_of_heard(const StoreConfig& config) { return config.path + "/fxagent.heard"; }
+
 }  // namespace
+
+bool StandbyJournal::save_heard(const StoreConfig& config, const std::string& where,
+                                const std::string& text) {
+  const FileHandle file(::open(file_of_heard(config).c_str(),
+                               O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
+  // A line that was cut off does not swallow this one.
+  const std::string line = '\n' + where + '\t' + text + '\n';
+  return file >= 0 && ::write(file, line.data(), line.size()) == std::ssize(line);
+}
+
+void StandbyJournal::keep_heard(const StoreConfig& config) {
+  std::ifstream file(file_of_heard(config));
+  const std::int64_t oldest = utc_now_ms() - std::chrono::milliseconds(kRememberedFor).count();
+  for (std::string line; std::getline(file, line);) {
+    const std::size_t tab = std::min(line.find('\t'), line.size());
+    const std::string where = line.substr(0, tab);
+    const std::string text = line.substr(std::min(tab + 1, line.size()));
+    if (where.find('/') == std::string::npos) {
+      keep_result(where, text);
+    } else if (auto announcement = pair_messages::announcement_from(text)) {
+      const JournalEntry& entry = announcement->entry;
+      if (entry.received_ms <= oldest) continue;
+      keep_announced(entry, where);
+      // Its result may not have come either.
+      if (const auto kept = store_.journal().find(entry.device, entry.id);
+          kept && !kept->acknowledged)
+        own_.insert(kept->number);
+    }
+  }
+  std::error_code ignored;
+  if (store_.is_writable()) std::filesystem::remove(file_of_heard(config), ignored);
+}
 
 StandbyJournal::StandbyJournal(const StoreConfig& config) : store_(config, utc_now_ms()) {
   for (const JournalEntry& entry : store_.journal().unacknowledged({})) own_.insert(entry.number);
+  keep_heard(config);
 }
 
 void StandbyJournal::keep_announced(JournalEntry entry, const std::string& topic) {

@@ -23,8 +23,14 @@ namespace fxagent {
 /// has heard each result. The gateway that is active publishes those that it does not know.
 class StandbyJournal final {
  public:
-  /// Opens this gateway's store.
+  /// Opens this gateway's store, and keeps what save_heard() has saved.
   explicit StandbyJournal(const StoreConfig& config);
+  /// Saves what the other gateway has sent while this one still took itself for the active one: the
+  /// process ends, and the broker does not send it again. `where`: the topic of an announcement, or
+  /// the device of a result. Writes to a file in the store's directory; returns false if that
+  /// fails.
+  static bool save_heard(const StoreConfig& config, const std::string& where,
+                         const std::string& text);
 
   /// Keeps a command that the other gateway, which is active, announced on `topic`.
   void keep_announced(JournalEntry entry, const std::string& topic);
@@ -45,6 +51,7 @@ class StandbyJournal final {
   std::vector<JournalEntry> close();
 
  private:
+  void keep_heard(const StoreConfig& config);
   /// Keeps a command under a new number.
   void keep(JournalEntry entry, const std::string& topic);
   void acknowledge(const JournalEntry& known);

@@ -56,6 +56,9 @@ class Pair(PairTest):
         with self.agents["a"].frozen():
             paused = time.monotonic()
             self.polls("b", paused)
+            missed = [f"missed-{number}" for number in range(30)]
+            for identity in missed:
+                self.assertEqual(self.command(id=identity, op="write", address="D300", value=7)["status"], "SUCCEEDED")
             since = self.watcher.mark()
         woken = time.monotonic()
         self.role("a", "standby", since)
@@ -64,6 +67,12 @@ class Pair(PairTest):
         self.assert_never_both()
         self.data(since=self.watcher.mark())
         self.assertEqual(self.masters.last("a"), last)
+        # It has learned of the commands that were carried out during its pause.
+        self.agents["b"].stop(signal.SIGKILL, expected=None)
+        self.polls("a", time.monotonic())
+        for identity in missed:
+            self.assertEqual(self.repeated(identity)["status"], "DUPLICATE", identity)
+            self.assertEqual([r["status"] for r in self.own_results(identity)], ["SUCCEEDED"])
 
     def test_command_on_the_wire_gets_one_result_and_is_not_repeated(self):
         self.start_pair()
@@ -122,17 +131,20 @@ class Pair(PairTest):
         self.command(id="last", op="read", address="D302")
         self.assertEqual(len([r for r in self.own_results(7) if r["status"] != "DUPLICATE"]), 1)
 
-    def repeated(self, identity):
-        """Sends a known id again until that has a result, three times at most: after a takeover, a busy machine can
-        interrupt the new gateway for a moment, and then none receives the command."""
+    def insist(self, **command):
+        """Sends a command again until it has a result, three times at most: after a takeover, a busy machine can interrupt
+        the new gateway for a moment, and then none receives the command."""
         since = self.watcher.mark()
         for patience in (PATIENCE / 3, PATIENCE / 3, PATIENCE):
-            self.send({"id": identity, "op": "write", "address": "D300", "value": 9})
+            self.send(command)
             try:
-                return self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == identity, since, patience)
+                return self.watcher.wait(f"{BASE}/press1/result", lambda r: r["id"] == command["id"], since, patience)
             except AssertionError:
                 if patience == PATIENCE:
                     raise
+
+    def repeated(self, identity):
+        return self.insist(id=identity, op="write", address="D300", value=9)
 
     def test_command_that_the_broker_does_not_let_be_announced_expires(self):
         rules = write_text(os.path.join(self.directory, "rules"), "topic readwrite #\n")
@@ -194,7 +206,7 @@ class Pair(PairTest):
         for active, standby in (("a", "b"), ("b", "a")):
             self.agents[active].stop(signal.SIGKILL, expected=None)
             self.polls(standby, time.monotonic())
-            result = self.command(op="write", address="D300", value=ord(standby))
+            result = self.insist(id=self.next_id(), op="write", address="D300", value=ord(standby))
             self.assertEqual(result["status"], "SUCCEEDED", result)
             since = self.watcher.mark()
             self.start_member(active, config=self.agents[active].config)

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "agent/commands/audit_records.h"
+#include "agent/pair/pair_messages.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -165,6 +166,41 @@ TEST_F(StandbyJournalTest, WhatItLeftIsUnansweredUntilItHearsTheResult) {
   const auto unanswered = journal_->unanswered();
   ASSERT_EQ(unanswered.size(), 1U);
   EXPECT_EQ(unanswered[0].id, "2");
+}
+
+TEST_F(StandbyJournalTest, NextProcessKeepsWhatThisOneSaved) {
+  stand_by();
+  journal_->keep_announced(command("known"), kTopic);
+  take_over_store().close();
+  store_.reset();
+  const auto save = [&](const JournalEntry& entry) {
+    return StandbyJournal::save_heard(config_, kTopic,
+                                      pair_messages::announcement({.boot = "b", .entry = entry}));
+  };
+  JournalEntry old = command("old");
+  old.received_ms -= std::chrono::milliseconds(kRememberedFor).count();
+  EXPECT_TRUE(save(command("known")));
+  EXPECT_TRUE(StandbyJournal::save_heard(config_, kTopic, "{\"cut off"));
+  EXPECT_TRUE(save(command("saved")));
+  EXPECT_TRUE(save(command("done")));
+  EXPECT_TRUE(save(old));
+  EXPECT_TRUE(StandbyJournal::save_heard(config_, "press1", result("done", "SUCCEEDED")));
+  for (int run = 0; run < 2; ++run) {
+    stand_by();
+    const auto unanswered = journal_->unanswered();
+    ASSERT_EQ(unanswered.size(), 2U);
+    EXPECT_EQ(unanswered[1].id, "saved");
+    EXPECT_FALSE(unanswered[1].surely_not_sent);
+    journal_->close();
+  }
+  take_over_store();
+  EXPECT_EQ(kept("done").result, result("done", "SUCCEEDED"));
+  EXPECT_FALSE(store_->journal().find("press1", "old"));
+}
+
+TEST_F(StandbyJournalTest, WhatCannotBeSavedIsReported) {
+  config_.path = scratch_.path("nothing/here");
+  EXPECT_FALSE(StandbyJournal::save_heard(config_, kTopic, "{}"));
 }
 
 // Its sender has sent it again, and the other gateway carries it out: no proof of before is left.
