@@ -259,7 +259,8 @@ class History(PlantTest):
         self.assertEqual(len(refused), len(bad), refused)
         self.assertIn("the character NUL", json.dumps(refused))
         self.assertRegex(self.consumers[0].said(), f'messages_refused .*topic={topic} why="the payload is not JSON"')
-        self.samples(5)
+        wait_for("samples of the agent", lambda: self.database.value(
+            "SELECT count(*) FROM history.samples WHERE device = 'press1'") > 5)
         self.consumers[0].stop()
         self.assertGreater(self.consumers[0].counts()["stored"], 5)
 
