@@ -150,6 +150,8 @@ void SampleDelivery::connection_ended() {
   for (auto& [id, flight] : std::exchange(flights_, {})) spool_.add(std::move(flight.live));
   in_flight_ = 0;
   spool_live();
+  // Younger ones may be on disk already, and the next connection may begin at once.
+  spool_.commit_by(SteadyTime::min());
 }
 
 void SampleDelivery::spool_live() {
@@ -188,6 +190,7 @@ void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   }
   refused_.refused(row.device, event, now);
   spool_.add(std::move(live));
+  spool_.commit_by(now);  // as in connection_ended()
 }
 
 bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }
