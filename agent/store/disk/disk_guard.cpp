@@ -7,7 +7,8 @@
 
 namespace fxagent {
 
-DiskThread::DiskThread(Work ended) : ended_(std::move(ended)) {
+DiskGuard::DiskGuard(std::string path, Work before, Work wake)
+    : path_(std::move(path)), before_(std::move(before)), wake_(std::move(wake)) {
   const WithoutSignals quiet;
   try {
     thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
@@ -16,41 +17,19 @@ DiskThread::DiskThread(Work ended) : ended_(std::move(ended)) {
   }
 }
 
-bool DiskThread::run(Work work) {
+bool DiskGuard::run(Work work, Work late) {
+  before_();
   if (!thread_.joinable()) {
     work();
     return true;
   }
-  std::unique_lock lock(mutex_);
-  work_ = std::move(work);
-  news_.notify_all();
-  is_overdue_ = !news_.wait_for(lock, patience_, [this] { return !work_; });
-  return !is_overdue_;
-}
-
-bool DiskThread::is_busy() const {
-  const std::lock_guard lock(mutex_);
-  return static_cast<bool>(work_);
-}
-
-void DiskThread::serve(const std::stop_token& stop) {
-  std::unique_lock lock(mutex_);
-  while (news_.wait(lock, stop, [this] { return static_cast<bool>(work_); })) {
-    const Work& work = work_;
-    lock.unlock();
-    work();
-    lock.lock();
-    work_ = nullptr;
-    const bool is_late = std::exchange(is_overdue_, false);
+  {
+    std::unique_lock lock(mutex_);
+    work_ = std::move(work);
     news_.notify_all();
-    if (is_late) ended_();
+    hangs_ = !news_.wait_for(lock, patience_, [this] { return !work_; });
   }
-}
-
-bool DiskGuard::run(Work work, std::function<void()> late) {
-  before_();
-  if (thread_.run(std::move(work))) return true;
-  hangs_ = true;
+  if (!hangs_) return true;
   late_ = std::move(late);
   log::error("store", {{"state", "hangs"},
                        {"path", path_},
@@ -58,6 +37,24 @@ bool DiskGuard::run(Work work, std::function<void()> late) {
                         "the disk does not respond: until it does, samples wait in memory and the "
                         "agent refuses commands that write"}});
   return false;
+}
+
+void DiskGuard::serve(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (news_.wait(lock, stop, [this] { return static_cast<bool>(work_); })) {
+    const Work& work = work_;
+    lock.unlock();
+    work();
+    lock.lock();
+    work_ = nullptr;
+    news_.notify_all();
+    if (hangs_) wake_();
+  }
+}
+
+bool DiskGuard::has_answered() const {
+  const std::lock_guard lock(mutex_);
+  return hangs_ && !work_;
 }
 
 void DiskGuard::resume(std::string_view state) {
