@@ -4,16 +4,19 @@
 #include <array>
 #include <chrono>
 #include <optional>
+#include <span>
 #include <string_view>
 #include <utility>
 
 #include "agent/config/model.h"
-#include "agent/http/page_config.h"
 #include "agent/http/page_verdict.h"
+#include "agent/line_time.h"
 #include "agent/log/recent_events.h"
 #include "agent/recorder/recording.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
+#include "protocol/options.h"
+#include "protocol/plan/plan.h"
 
 namespace fxagent {
 namespace {
@@ -33,11 +36,17 @@ std::string_view word_of(log::Level level) {
   return level == log::Level::info ? "info" : level == log::Level::warn ? "warn" : "error";
 }
 
+void write_texts(Writer& out, std::string_view key, std::span<const std::string> texts) {
+  out.key(key).begin_array();
+  for (const std::string& text : texts) out.string(text);
+  out.end_array();
+}
+
 void write_verdict(Writer& out, const Verdict& verdict) {
   out.key("problems").begin_array();
   for (std::size_t i = 0; i < std::min(verdict.problems.size(), kMostProblems); ++i) {
     const Problem& problem = verdict.problems[i];
-    out.begin_object().key("severity").string(to_string(problem.severity));
+    out.begin_object().key("severity").string(problem.severity == Severity::bad ? "bad" : "warn");
     out.key("place").string(problem.place).key("text").string(problem.text);
     out.key("cure").string(problem.cure).key("since").integer(problem.since_ms).end_object();
   }
@@ -67,20 +76,18 @@ void write_agent(Writer& out, const AgentStatus& status) {
   out.key("change").string(config.change).key("reload");
   if (const auto& reload = config.last_reload) {
     out.begin_object().key("state").string(reload->state).key("ts").integer(reload->ts_ms);
-    out.key("errors").begin_array();
-    for (const std::string& error : reload->errors) out.string(error);
-    out.end_array().end_object();
+    write_texts(out, "errors", reload->errors);
+    out.end_object();
   } else {
     out.null();
   }
   out.key("remote");
-  config.remote ? out.begin_object()
-                      .key("version")
-                      .string(config.remote->version)
-                      .key("state")
-                      .string(config.remote->state)
-                      .end_object()
-                : out.null();
+  if (const auto& remote = config.remote) {
+    out.begin_object().key("version").string(remote->version);
+    out.key("state").string(remote->state).end_object();
+  } else {
+    out.null();
+  }
   out.end_object();
 }
 
@@ -209,14 +216,118 @@ void write_events(Writer& out, std::uint64_t after) {
   out.end_array();
 }
 
+std::string model_of(const DeviceConfig& device) {
+  const auto* model =
+      device.options == nullptr ? nullptr : option<std::string>(*device.options, "model");
+  return model == nullptr ? std::string() : *model;
+}
+
+/// Writes a tag as an array, since there may be many: name, address, type, unit, 1 if a command may
+/// write it, description.
+void write_tag(Writer& out, const TagConfig& tag) {
+  out.begin_array();
+  out.string(tag.name).string(tag.point.address.text);
+  std::string type(to_string(tag.point.type));
+  if (tag.point.is_array) type += "[" + std::to_string(tag.point.count) + "]";
+  out.string(type).string(tag.units->unit).integer(std::int64_t{tag.writable ? 1 : 0});
+  out.string(tag.units->description);
+  out.end_array();
+}
+
+void write_device(Writer& out, const DeviceConfig& device) {
+  out.begin_object();
+  out.key("name").string(device.name).key("link").integer(std::int64_t{device.link});
+  out.key("protocol").string(device.protocol->name).key("model").string(model_of(device));
+  out.key("timeout_ms").integer(std::int64_t{device.timeout.count()});
+  out.key("groups").begin_array();
+  for (std::size_t g = 0; g < device.groups.size(); ++g) {
+    const GroupConfig& group = device.groups[g];
+    out.begin_object().key("name").string(group.name);
+    out.key("interval_ms").integer(std::int64_t{group.interval.count()});
+    out.key("on_change").boolean(group.on_change);
+    out.key("tags").begin_array();
+    for (const TagConfig& tag : device.tags)
+      if (tag.group == g) write_tag(out, tag);
+    out.end_array().end_object();
+  }
+  out.end_array();
+  out.key("allow").begin_array();
+  for (const Span& span : device.commands.allow) {
+    const AddressSpace& addresses = device.codec->addresses();
+    const std::string first = addresses.name_of({span.space, span.first_bit, 1});
+    const std::string last = addresses.name_of({span.space, span.end_bit() - 1, 1});
+    out.string(first == last ? first : std::string(first).append("-").append(last));
+  }
+  out.end_array().end_object();
+}
+
+/// Returns /api/config: all that stays the same until the next reload, without secrets and with
+/// templates expanded. Links and devices stand at their index in the config; a vacant place is
+/// null.
+std::string page_config(const AgentStatus& status) {
+  const Config& config = *status.config;
+  Writer out;
+  out.begin_object();
+  out.key("hash").string(config.hash).key("boot").string(status.boot);
+  out.key("version").string(status.version).key("agent").string(config.id);
+  out.key("base").string(config.base_topic());
+  write_texts(out, "servers", config.mqtt.servers);
+  out.key("store").word(config.store.path);
+  out.key("commands").boolean(config.http && !config.http->token_file.empty());
+  out.key("frames").boolean(config.recorder.has_value());
+  out.key("links").begin_array();
+  for (const LinkConfig& link : config.links) {
+    if (link.is_vacant()) {
+      out.null();
+      continue;
+    }
+    out.begin_object().key("name").string(link.name).key("wire").string(channel_text(link));
+    out.key("yields").boolean(link.allow_yield);
+    out.end_object();
+  }
+  out.end_array().key("devices").begin_array();
+  for (const DeviceConfig& device : config.devices)
+    device.is_vacant() ? void(out.null()) : write_device(out, device);
+  out.end_array();
+  write_texts(out, "warnings", config.warnings);
+  out.end_object();
+  return out.take();
+}
+
+/// Returns /api/plan: for each group on the link its line time per cycle and the number of
+/// exchanges, as planned from the config. The time is null if the speed of the line is unknown.
+std::string page_plan(const Config& config, std::size_t link) {
+  const LinkConfig& line = config.links.at(link);
+  const bool is_known = line.char_time.count() > 0;
+  Writer out;
+  out.begin_object().key("hash").string(config.hash).key("groups").begin_array();
+  for (std::size_t d = 0; d < config.devices.size(); ++d) {
+    const DeviceConfig& device = config.devices[d];
+    if (device.is_vacant() || device.link != link || device.codec == nullptr) continue;
+    for (std::size_t g = 0; g < device.groups.size(); ++g) {
+      std::vector<Point> points;
+      for (const TagConfig& tag : device.tags)
+        if (tag.group == g) points.push_back(tag.point);
+      if (points.empty()) continue;
+      const Plan plan =
+          make_plan(*device.codec, points, cost_of(device, line.char_time, device.turnaround),
+                    device.max_block_bytes);
+      out.begin_object().key("d").integer(std::uint64_t{d}).key("g").integer(std::uint64_t{g});
+      out.key("exchanges").integer(std::uint64_t{plan.exchange_count()}).key("ms");
+      is_known ? out.milliseconds(poll_time(*device.codec, plan, timing_of(device, line.char_time)))
+               : out.null();
+      out.end_object();
+    }
+  }
+  out.end_array().end_object();
+  return out.take();
+}
+
 /// Returns the frames numbered `since` or higher as JSON, each explained field by field.
 std::string page_frames(const FrameRing& ring, std::uint64_t since) {
   RecordedFrames newest = ring.frames(since, kMostFrames);
-  Recording recording;
-  recording.devices = std::move(newest.devices);
-  recording.frames = std::move(newest.frames);
-  const Replay replay(std::move(recording));
-  json::Writer out;
+  const Replay replay({{}, std::move(newest.devices), std::move(newest.frames)});
+  Writer out;
   out.begin_object().key("next").integer(newest.next).key("frames").begin_array();
   for (const RecordedFrame& frame : replay.recording().frames) {
     const auto explanation = replay.explain(frame);
@@ -290,8 +401,7 @@ HttpAnswer PageApi::answer(const HttpRequest& request, std::shared_ptr<const Age
   if (!asked)
     return refusal(kBadRequest,
                    "since, values, events, commands and link are numbers; groups is a list as in "
-                   "0.0,0.1, of at most "
-                   "200");
+                   "0.0,0.1, of at most 200");
   if (request.path == "/api/changes") return changes(*asked);
   const auto& links = status_->config->links;
   if (!asked->link || *asked->link >= links.size() || links[*asked->link].is_vacant())
@@ -347,14 +457,10 @@ HttpAnswer PageApi::frames(const std::string& link, std::uint64_t since) const {
   return json_answer(kOk, page_frames(*ring, since));
 }
 
-HttpAnswer PageApi::changes(const Asked& asked) {
+HttpAnswer PageApi::changes(const Asked& asked) const {
   if (asked.since == snapshot_ && (asked.values == snapshot_ || asked.groups.empty()) &&
       !asked.link && log::events_after(asked.events, 1).empty())
     return json_answer(kNotModified, "");
-  return json_answer(kOk, changes_text(asked));
-}
-
-std::string PageApi::changes_text(const Asked& asked) const {
   const AgentStatus& status = *status_;
   // A number above ours is of another run.
   const auto known = [this](std::uint64_t number) { return number > snapshot_ ? 0 : number; };
@@ -387,7 +493,7 @@ std::string PageApi::changes_text(const Asked& asked) const {
   out.end_object();
   std::string text = out.take();
   text.insert(1, overview_);
-  return text;
+  return json_answer(kOk, std::move(text));
 }
 
 }  // namespace fxagent

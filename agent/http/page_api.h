@@ -38,8 +38,7 @@ class PageApi final {
   void take(std::shared_ptr<const AgentStatus> status);
   HttpAnswer config(const HttpRequest& request);
   HttpAnswer frames(const std::string& link, std::uint64_t since) const;
-  HttpAnswer changes(const Asked& asked);
-  std::string changes_text(const Asked& asked) const;
+  HttpAnswer changes(const Asked& asked) const;
 
   const FlightRecorder* const recorder_;
   std::shared_ptr<const AgentStatus> status_;

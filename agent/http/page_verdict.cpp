@@ -224,8 +224,6 @@ class Examination final {
 
 }  // namespace
 
-std::string_view to_string(Severity severity) { return severity == Severity::bad ? "bad" : "warn"; }
-
 Verdict verdict_of(const AgentStatus& status, std::int64_t dropped_ms) {
   return Examination(status, dropped_ms).verdict();
 }

@@ -11,7 +11,6 @@
 namespace fxagent {
 
 enum class Severity : std::uint8_t { warn, bad };
-std::string_view to_string(Severity severity);
 
 /// One thing that is wrong.
 struct Problem {
