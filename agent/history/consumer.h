@@ -5,16 +5,79 @@
 // nor of the database loses or doubles a row.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "agent/history/backoff.h"
 #include "agent/history/database.h"
 #include "agent/history/subscriber.h"
+#include "agent/steady_time.h"
 
 namespace fxagent::history {
+
+/// A pause between attempts that doubles from `first` to `most`. Pure.
+class Backoff final {
+ public:
+  Backoff(std::chrono::milliseconds first, std::chrono::milliseconds most)
+      : first_(first), most_(most) {}
+
+  std::chrono::milliseconds next() { return pause_ = std::clamp(pause_ * 2, first_, most_); }
+  void reset() { pause_ = {}; }
+
+ private:
+  std::chrono::milliseconds first_;
+  std::chrono::milliseconds most_;
+  std::chrono::milliseconds pause_{0};
+};
+
+/// Pauses between connections to the broker. After a subscription of less than 10 s they grow from
+/// 1 s to 60 s: two processes with one client id end each other's connection at once.
+class BrokerBackoff final {
+ public:
+  void subscribed(SteadyTime now) {
+    subscribed_at_ = now;
+    attempts_.reset();
+  }
+  /// True if the last connection was subscribed, and for less than 10 s.
+  bool is_short(SteadyTime now) const {
+    return subscribed_at_ && now - *subscribed_at_ < std::chrono::seconds(10);
+  }
+  /// Returns the pause after a lost connection or a failed attempt.
+  std::chrono::milliseconds next(SteadyTime now) {
+    if (!subscribed_at_) return attempts_.next();
+    const bool was_short = is_short(now);
+    subscribed_at_.reset();
+    if (was_short) return short_ones_.next();
+    short_ones_.reset();
+    return attempts_.next();
+  }
+
+ private:
+  std::optional<SteadyTime> subscribed_at_;
+  Backoff attempts_{std::chrono::milliseconds(100), std::chrono::seconds(5)};
+  Backoff short_ones_{std::chrono::seconds(1), std::chrono::seconds(60)};
+};
+
+/// Detects that no message arrives within a minute of the first subscription. Pure.
+class Silence final {
+ public:
+  void subscribed(SteadyTime now) {
+    if (!end_) end_ = now + std::chrono::minutes(1);
+  }
+  void received() { end_ = SteadyTime::max(); }
+  /// Returns true once.
+  bool is_over(SteadyTime now) {
+    if (!end_ || now < *end_) return false;
+    end_ = SteadyTime::max();
+    return true;
+  }
+
+ private:
+  std::optional<SteadyTime> end_;  ///< max(): no longer of interest
+};
 
 struct ConsumerConfig {
   SubscriberConfig subscriber;

@@ -1,9 +1,9 @@
 // Pauses between attempts, and the report of a silent subscription.
-#include "agent/history/backoff.h"
-
 #include <gtest/gtest.h>
 
 #include <chrono>
+
+#include "agent/history/consumer.h"
 
 namespace fxagent::history {
 namespace {
