@@ -211,7 +211,7 @@ void write_and_end() {
 bool is_written(Level level) { return level >= least_level.load(std::memory_order_relaxed); }
 
 void write(Level level, std::string_view event, std::initializer_list<Field> fields) {
-  keep(level, event, {fields.begin(), fields.size()});
+  keep(level, event, fields);
   if (is_written(level))
     out().write(level, body_of(event, {fields.begin(), fields.size()}, kMostValueBytes));
 }

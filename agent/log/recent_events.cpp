@@ -39,14 +39,10 @@ std::vector<Event> events_after(std::uint64_t number, std::size_t most) {
   return {first, all.events.end()};
 }
 
-void keep(Level level, std::string_view name, std::span<const Field> fields) {
+void keep(Level level, std::string_view name, std::initializer_list<Field> fields) {
   if (level < Level::info || !is_kept.load(std::memory_order_relaxed)) return;
-  std::string text;
-  for (const Field& field : fields) {
-    // Without the event's name and the blank behind it.
-    const std::string line = format_line("", {field});
-    text += text.empty() ? line.substr(1) : line;
-  }
+  std::string text = format_line("", fields);
+  text.erase(0, 1);  // the blank behind the event's name
   const std::int64_t now = utc_now_ms();
   Kept& all = kept();
   const std::lock_guard lock(all.mutex);

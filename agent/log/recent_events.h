@@ -4,7 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <span>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -33,6 +33,6 @@ void keep_events();
 std::vector<Event> events_after(std::uint64_t number, std::size_t most);
 
 /// Keeps an event if keep_events() was called. Called by the log.
-void keep(Level level, std::string_view name, std::span<const Field> fields);
+void keep(Level level, std::string_view name, std::initializer_list<Field> fields);
 
 }  // namespace fxagent::log
