@@ -9,7 +9,6 @@
 #include <cerrno>
 #include <utility>
 
-#include "agent/file_handle.h"
 #include "agent/store/disk/store_file.h"
 
 namespace fxagent {
@@ -29,28 +28,21 @@ bool write_all(int handle, std::string_view text) {
 
 }  // namespace
 
-/// Locks the directory itself, so no lock file stays behind.
-struct DurableFile::Lock {
-  FileHandle handle;
-  std::optional<FileIdentity> identity;  ///< of the directory that was locked
-};
-
 DurableFile::DurableFile(std::string directory, const std::string& name)
     : directory_(std::move(directory)), path_(directory_ + "/" + name) {}
-DurableFile::~DurableFile() = default;
 
 std::string DurableFile::lock() {
-  // A directory that was deleted or replaced is another one.
-  if (lock_ && lock_->identity && identity_of(directory_) == lock_->identity) return {};
-  lock_.reset();
+  // A directory that was deleted or replaced is another one. The slash follows a link.
+  if (const auto locked = identity_of(locked_); locked && locked == identity_of(directory_ + "/"))
+    return {};
+  locked_.close();
   if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
-  Lock lock{FileHandle(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)),
-            identity_of(directory_)};
-  if (lock.handle < 0) return fault_of_system(directory_);
-  if (::flock(lock.handle, LOCK_EX | LOCK_NB) != 0)
+  FileHandle handle(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (handle < 0) return fault_of_system(directory_);
+  if (::flock(handle, LOCK_EX | LOCK_NB) != 0)
     return errno == EWOULDBLOCK ? directory_ + " belongs to another agent"
                                 : fault_of_system(directory_);
-  lock_ = std::make_unique<Lock>(std::move(lock));
+  locked_ = std::move(handle);
   return {};
 }
 

@@ -3,11 +3,12 @@
 #pragma once
 
 #include <cstddef>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
+
+#include "agent/file_handle.h"
 
 namespace fxagent {
 
@@ -15,7 +16,6 @@ class DurableFile final {
  public:
   /// Does not touch the disk.
   DurableFile(std::string directory, const std::string& name);
-  ~DurableFile();
   DurableFile(const DurableFile&) = delete;
   DurableFile& operator=(const DurableFile&) = delete;
 
@@ -38,13 +38,11 @@ class DurableFile final {
   std::string remove() const;
 
  private:
-  struct Lock;
-
   std::string synchronise_directory() const;
 
   const std::string directory_;
   const std::string path_;
-  std::unique_ptr<Lock> lock_;
+  FileHandle locked_;  ///< the directory itself, so no lock file stays behind
 };
 
 }  // namespace fxagent

@@ -92,26 +92,30 @@ std::optional<FileIdentity> identity_of(const std::string& path) {
   return FileIdentity{found.st_dev, found.st_ino};
 }
 
+std::optional<FileIdentity> identity_of(int handle) {
+  struct stat found {};
+  if (::fstat(handle, &found) != 0) return std::nullopt;
+  return FileIdentity{found.st_dev, found.st_ino};
+}
+
 DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "/fxagent.lock") {
-  const std::string& path = path_;
   handle_ = FileHandle(
-      ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
+      ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
   if (handle_ < 0) {
-    fault_ = why_not_opened(path);
+    fault_ = why_not_opened(path_);
     return;
   }
-  fault_ = why_not_ours(handle_, path);
+  fault_ = why_not_ours(handle_, path_);
   if (!fault_.empty()) return;
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
       fault_ =
-          errno == EWOULDBLOCK ? directory + " belongs to another agent" : fault_of_system(path);
+          errno == EWOULDBLOCK ? directory + " belongs to another agent" : fault_of_system(path_);
       return;
     }
     std::this_thread::sleep_for(kAskAgain);
   }
-  identity_ = identity_of(path);
 }
 
 std::string store_file_path(const std::string& directory) {

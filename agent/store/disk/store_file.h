@@ -14,13 +14,14 @@
 namespace fxagent {
 
 /// Device and inode of a file. identity_of() does not follow a link; it returns nullopt if there is
-/// no file at `path`.
+/// no file at `path`, or no open one of this handle.
 struct FileIdentity {
   dev_t device = 0;
   ino_t number = 0;
   auto operator<=>(const FileIdentity&) const = default;
 };
 std::optional<FileIdentity> identity_of(const std::string& path);
+std::optional<FileIdentity> identity_of(int handle);
 
 /// Keeps a second agent away from a directory. The lock ends with this object, or with the process,
 /// however that ends. A lock on the database itself would keep readers away too.
@@ -34,11 +35,10 @@ class DirectoryLock final {
   /// Empty if the lock is ours, else the reason.
   const std::string& fault() const { return fault_; }
   /// True if the lock file is still the one that was locked.
-  bool is_in_place() const { return identity_ && identity_of(path_) == identity_; }
+  bool is_in_place() const { return identity_of(path_) == identity_of(handle_); }
 
  private:
   std::string path_;
-  std::optional<FileIdentity> identity_;
   FileHandle handle_;
   std::string fault_;
 };
