@@ -147,13 +147,12 @@ void FlightRecorder::write_asked() {
 std::string FlightRecorder::write(const std::string& link, const FrameRing& ring,
                                   const std::string& wire, std::string reason) {
   const RecordedFrames frames = ring.frames();
-  RecordingHead head;
-  head.agent = settings_.agent;
-  head.version = settings_.version;
-  head.link = link;
-  head.wire = wire;
-  head.reason = std::move(reason);
-  head.written_us = now_us();
+  const RecordingHead head{.agent = settings_.agent,
+                           .version = settings_.version,
+                           .link = link,
+                           .wire = wire,
+                           .reason = std::move(reason),
+                           .written_us = now_us()};
   std::string path;
   const std::string fault = files_.write(link, head.written_us, recording_text(head, frames), path);
   if (fault.empty())

@@ -56,14 +56,13 @@ void FrameRing::add(RecordedFrame::Way way, std::uint16_t device, SteadyTime at,
                     std::string_view note) noexcept {
   const ByteView kept = bytes.first(std::min(bytes.size(), capacity_ / 4));
   note = note.substr(0, kMostNote);
-  Head head;
-  head.at = at;
-  head.after_ns = after.count();
-  head.bytes = static_cast<std::uint32_t>(kept.size());
-  head.note = static_cast<std::uint16_t>(note.size());
-  head.device = device;
-  head.way = way;
-  head.is_cut = kept.size() < bytes.size();
+  const Head head{.at = at,
+                  .after_ns = after.count(),
+                  .bytes = static_cast<std::uint32_t>(kept.size()),
+                  .note = static_cast<std::uint16_t>(note.size()),
+                  .device = device,
+                  .way = way,
+                  .is_cut = kept.size() < bytes.size()};
   const std::lock_guard lock(mutex_);
   while (capacity_ - used_ < head.size()) {
     Head oldest;

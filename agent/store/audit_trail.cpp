@@ -155,12 +155,9 @@ std::optional<AuditTrail::Unread> AuditTrail::read(const std::string& path,
     });
     SQLite::Statement all(database, "SELECT n, text, hash FROM audit ORDER BY n");
     sqlite::each(all, [&](const SQLite::Statement& row) {
-      audit::Record record;
-      record.number = from_sql(sqlite::number(row, 0));
-      record.text = sqlite::text(row, 1);
       const ByteView hash = sqlite::bytes(row, 2);
-      record.hash.assign(hash.begin(), hash.end());
-      take(std::move(record));
+      take({from_sql(sqlite::number(row, 0)), std::string(sqlite::text(row, 1)),
+            Bytes(hash.begin(), hash.end())});
     });
   });
   if (!fault) return std::nullopt;
