@@ -1,7 +1,6 @@
 #include "agent/store/store.h"
 
 #include <algorithm>
-#include <cstdlib>
 
 #include "agent/log/log.h"
 
@@ -17,33 +16,10 @@ constexpr seconds kCleanUpEvery{60};
 
 }  // namespace
 
-void StoreClock::note(SteadyTime now, std::int64_t utc_ms) {
-  if (at_) {
-    const std::int64_t passed = std::chrono::duration_cast<milliseconds>(now - *at_).count();
-    const std::int64_t set_by = utc_ms - disk_.utc_ms() - passed;
-    if (std::abs(set_by) >= milliseconds(kClockSet).count()) {
-      log::warn("clock_set", {{"by_ms", std::to_string(set_by)}});
-      unmoved_ms_ += set_by;
-      journal_.move_waiting_times(set_by);
-    }
-  }
-  at_ = now;
-  disk_.set_utc_ms(utc_ms);
-}
-
-void StoreClock::move_stored_times() {
-  if (unmoved_ms_ == 0) return;
-  const bool done = disk_.commit("clock", StoreDisk::Sync::as_configured, [this] {
-    samples_.move_times(unmoved_ms_);
-    journal_.move_stored_times(unmoved_ms_);
-  });
-  if (done) unmoved_ms_ = 0;
-}
-
 Store::Store(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), disk_(config, utc_ms) {
   // Waiting audit records are older than waiting commands, and are written before them.
-  disk_.set_parts({&samples_, &audit_, &journal_, &numbers_, &clock_});
+  disk_.set_parts({&samples_, &audit_, &journal_, &numbers_});
   disk_.open();
   samples_.count_recovered();
   samples_.begin_run();
@@ -93,17 +69,17 @@ bool Store::try_the_disk(SteadyTime now) {
   try_at_ = now + kTryAgain;
   disk_.is_open() ? disk_.try_to_write() : open_late();
   numbers_.write_all();
-  clock_.move_stored_times();
+  disk_.move_stored_times();
   if (!disk_.flush()) return false;
   log::info("store", {{"state", "disk"}, {"rows", std::to_string(samples_.rows())}});
   return true;
 }
 
 bool Store::note_time(SteadyTime now, std::int64_t utc_ms) {
-  clock_.note(now, utc_ms);
+  disk_.note_time(now, utc_ms);
   if (!running_since_) running_since_ = now;
   if (!is_writable()) return !try_at_ || now >= *try_at_;
-  return is_flush_due(now) || !clean_up_at_ || now >= *clean_up_at_ || clock_.was_set() ||
+  return is_flush_due(now) || !clean_up_at_ || now >= *clean_up_at_ || disk_.has_times_to_move() ||
          audit_.is_over(config_.audit_max_bytes);
 }
 
@@ -115,7 +91,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
   if (!note_time(now, utc_ms)) return;
   if (!is_writable() && !try_the_disk(now)) return;
   try_at_.reset();
-  clock_.move_stored_times();
+  disk_.move_stored_times();
   if (is_flush_due(now)) {
     flush_at_ = now + kFlushEvery;
     disk_.flush();

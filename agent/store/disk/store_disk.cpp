@@ -3,6 +3,8 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <system_error>
 #include <utility>
@@ -12,7 +14,12 @@
 namespace fxagent {
 namespace {
 
+using std::chrono::milliseconds;
+
 constexpr std::size_t kFlushedAtOnce = 500;
+// The calendar counts as set when it moves this far against the steady clock. Neither drifts that
+// much.
+constexpr milliseconds kClockSet{60'000};
 
 /// True for codes after which the file cannot be trusted. SQLITE_SCHEMA: a newer program wrote it,
 /// or the schema is not ours, as after truncation. SQLITE_NOMEM and SQLITE_TOOBIG: it contains
@@ -98,6 +105,7 @@ void StoreDisk::close() {
 
 void StoreDisk::let_go(StorePart::Rows rows) {
   each(&StorePart::unload, rows);
+  if (rows == StorePart::Rows::lost) unmoved_ms_ = 0;  // lost rows need no shift
   file_.reset();
   writable_ = false;
 }
@@ -177,6 +185,27 @@ bool StoreDisk::read(const Work& work) {
   else
     log::error("store", {{"path", config_.path}, {"reason", "read: " + fault->text}});
   return false;
+}
+
+void StoreDisk::note_time(SteadyTime now, std::int64_t utc_ms) {
+  if (noted_at_) {
+    const std::int64_t passed = std::chrono::duration_cast<milliseconds>(now - *noted_at_).count();
+    const std::int64_t set_by = utc_ms - utc_ms_ - passed;
+    if (std::abs(set_by) >= kClockSet.count()) {
+      log::warn("clock_set", {{"by_ms", std::to_string(set_by)}});
+      unmoved_ms_ += set_by;
+      each(&StorePart::move_waiting_times, set_by);
+    }
+  }
+  noted_at_ = now;
+  utc_ms_ = utc_ms;
+}
+
+void StoreDisk::move_stored_times() {
+  if (unmoved_ms_ == 0) return;
+  if (commit("clock", Sync::as_configured,
+             [this] { each(&StorePart::move_stored_times, unmoved_ms_); }))
+    unmoved_ms_ = 0;
 }
 
 bool StoreDisk::write_pending(std::size_t at_most) {

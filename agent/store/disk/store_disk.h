@@ -1,7 +1,7 @@
-// The store's file, shared by its parts. Opens it, sets a damaged one aside, runs the commits, and
-// tracks whether the disk accepts writes. Every fault of SQLite ends here: the state becomes
-// `memory` and the call returns false. Opening, failing and committing belong together: a commit
-// that finds damage opens a fresh file. The store's thread.
+// The store's file, shared by its parts. Opens it, sets a damaged one aside, runs the commits,
+// tracks whether the disk accepts writes, and notices that the calendar was set. Every fault of
+// SQLite ends here: the state becomes `memory` and the call returns false. Opening, failing and
+// committing belong together: a commit that finds damage opens a fresh file. The store's thread.
 #pragma once
 
 #include <algorithm>
@@ -10,12 +10,14 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "agent/config/model.h"
+#include "agent/steady_time.h"
 #include "agent/store/disk/sqlite.h"
 #include "agent/store/disk/store_file.h"
 
@@ -58,6 +60,11 @@ class StorePart {
   virtual bool write_pending(std::size_t /*at_most*/) { return false; }
   virtual void end_commit() {}
   virtual void committed() {}
+
+  /// The calendar was set: shifts the times that this run has in memory.
+  virtual void move_waiting_times(std::int64_t /*by_ms*/) {}
+  /// Same in the file, within a commit. Throws SQLite::Exception.
+  virtual void move_stored_times(std::int64_t /*by_ms*/) {}
 };
 
 class StoreDisk final {
@@ -100,9 +107,18 @@ class StoreDisk final {
   SQLite::Database& database() { return file_->db; }
   /// Name of the damaged file that was set aside in this run; empty if there is none.
   const std::string& set_aside() const { return set_aside_; }
-  /// Time in ms UTC, as it was last set.
+
+  /// Records the current time of both clocks. If the calendar was set, shifts by the same amount
+  /// the times that this run has written, those in memory at once. A gateway without a real-time
+  /// clock starts in the past and gets its time over the same network as the broker, after the
+  /// outage.
+  void note_time(SteadyTime now, std::int64_t utc_ms);
+  /// The time in ms UTC, as last recorded.
   std::int64_t utc_ms() const { return utc_ms_; }
-  void set_utc_ms(std::int64_t utc_ms) { utc_ms_ = utc_ms; }
+  /// True if times in the file still have to be shifted.
+  bool has_times_to_move() const { return unmoved_ms_ != 0; }
+  /// Shifts them in a commit, if any.
+  void move_stored_times();
 
   /// Runs `work` in one transaction. Returns false if nothing of it was kept. `doing` names the
   /// work in the log.
@@ -138,6 +154,8 @@ class StoreDisk final {
   std::string last_failure_;
   std::string set_aside_;
   std::int64_t utc_ms_;
+  std::optional<SteadyTime> noted_at_;  ///< steady time of utc_ms_; nullopt before note_time()
+  std::int64_t unmoved_ms_ = 0;         ///< shift that the file does not have yet
 };
 
 }  // namespace fxagent

@@ -53,11 +53,6 @@ class StoredJournal final : public CommandJournal, public StorePart {
   void begin_run(std::uint64_t first_number) { first_of_run_ = first_number; }
   /// Makes acknowledged commands in a file that opened late older than this run's.
   void age_earlier_runs();
-  /// Shifts the times in memory, after the calendar was set.
-  void move_waiting_times(std::int64_t by_ms) { waiting_.move_times(by_ms); }
-  /// Within a commit: shifts the times of this run's commands in the file. Throws
-  /// SQLite::Exception.
-  void move_stored_times(std::int64_t by_ms);
 
   void load(SQLite::Database& database) override { table_.emplace(database); }
   void unload(Rows /*rows*/) override { table_.reset(); }
@@ -65,6 +60,8 @@ class StoredJournal final : public CommandJournal, public StorePart {
   void begin_commit() override;
   bool write_pending(std::size_t at_most) override;
   void committed() override;
+  void move_waiting_times(std::int64_t by_ms) override { waiting_.move_times(by_ms); }
+  void move_stored_times(std::int64_t by_ms) override;
 
  private:
   struct Acknowledgement {

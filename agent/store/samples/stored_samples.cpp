@@ -206,7 +206,7 @@ void StoredSamples::drop(std::uint64_t excess, std::int64_t older_than_ms) {
   if (done) forget(gone);
 }
 
-void StoredSamples::move_times(std::int64_t by_ms) {
+void StoredSamples::move_stored_times(std::int64_t by_ms) {
   SQLite::Statement move(disk_.database(),
                          "UPDATE samples SET created_ms = created_ms + ? WHERE id >= ?");
   sqlite::run(move, by_ms, first_of_run_);

@@ -64,9 +64,6 @@ class StoredSamples final : public StorePart {
   void count_recovered() { recovered_ += streams_.rows(); }
   /// Rows added after this call count as this run's.
   void begin_run() { first_of_run_ = next_row_id_; }
-  /// Within a commit: shifts the times of this run's rows, after the calendar was set. Throws
-  /// SQLite::Exception.
-  void move_times(std::int64_t by_ms);
 
   void load(SQLite::Database& database) override;
   void unload(Rows rows) override;
@@ -74,6 +71,7 @@ class StoredSamples final : public StorePart {
   void begin_commit() override { is_removal_written_ = false; }
   bool write_pending(std::size_t at_most) override;
   void committed() override;
+  void move_stored_times(std::int64_t by_ms) override;
 
  private:
   struct Statements {
