@@ -128,7 +128,7 @@ void AuditTrail::prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uin
 
 void AuditTrail::prune_to_limits(SteadyTime now, SteadyTime running_since) {
   if (!disk_.is_writable()) return;
-  const bool by_age = !prune_at_ || now >= *prune_at_;
+  const bool by_age = now >= prune_at_;
   if (by_age) prune_at_ = now + kAgeEvery;
   // A record of this run is not older than the run, whatever its timestamp.
   const bool long_run = now - running_since > config_.audit_max_age;

@@ -61,8 +61,10 @@ class AuditTrail final : public StorePart {
   /// `may_age`. The last record always stays. Appends a `pruned` record if any were deleted. Throws
   /// SQLite::Exception.
   void prune(std::uint64_t max_bytes, std::int64_t oldest_ms, std::uint64_t may_age);
-  /// True if prune() would delete records for their size.
-  bool is_over(std::uint64_t max_bytes) const { return kept_.bytes > max_bytes + max_bytes / 10; }
+  /// True if prune_to_limits() would delete records for their size.
+  bool is_too_large() const {
+    return kept_.bytes > config_.audit_max_bytes + config_.audit_max_bytes / 10;
+  }
   /// Prunes to the limits of the config in a commit: by size at each call, by age once an hour.
   /// `running_since`: the first upkeep of this run.
   void prune_to_limits(SteadyTime now, SteadyTime running_since);
@@ -110,7 +112,7 @@ class AuditTrail final : public StorePart {
   Waiting waiting_;                 ///< not in the file yet
   std::size_t written_ = 0;         ///< of its bodies, in the open commit
   bool is_loss_written_ = false;    ///< in the open commit
-  std::optional<SteadyTime> prune_at_;
+  SteadyTime prune_at_{};           ///< next time by age
 };
 
 }  // namespace fxagent

@@ -79,12 +79,12 @@ bool Store::note_time(SteadyTime now, std::int64_t utc_ms) {
   disk_.note_time(now, utc_ms);
   if (!running_since_) running_since_ = now;
   if (!is_writable()) return !try_at_ || now >= *try_at_;
-  return is_flush_due(now) || !clean_up_at_ || now >= *clean_up_at_ || disk_.has_times_to_move() ||
-         audit_.is_over(config_.audit_max_bytes);
+  return is_flush_due(now) || now >= clean_up_at_ || disk_.has_times_to_move() ||
+         audit_.is_too_large();
 }
 
 bool Store::is_flush_due(SteadyTime now) const {
-  return !flush_at_ || now >= *flush_at_ || samples_.removed() >= kRemovedAtOnce;
+  return now >= flush_at_ || samples_.removed() >= kRemovedAtOnce;
 }
 
 void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
@@ -99,15 +99,14 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
     journal_.shrink();
     samples_.drop_excess();
   }
-  if (!clean_up_at_ || now >= *clean_up_at_) {
+  const bool is_clean_up_due = now >= clean_up_at_;
+  if (is_clean_up_due) {
     clean_up_at_ = now + kCleanUpEvery;
     look_for_the_files();
     samples_.drop_old();
     journal_.drop_old();
-    audit_.prune_to_limits(now, *running_since_);
-  } else if (audit_.is_over(config_.audit_max_bytes)) {
-    audit_.prune_to_limits(now, *running_since_);
   }
+  if (is_clean_up_due || audit_.is_too_large()) audit_.prune_to_limits(now, *running_since_);
 }
 
 bool Store::has_pending() const {

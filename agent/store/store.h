@@ -42,12 +42,10 @@ class Store final {
   Store& operator=(const Store&) = delete;
 
   StoredSamples& samples() { return samples_; }
-  const StoredSamples& samples() const { return samples_; }
   StoredJournal& journal() { return journal_; }
   SequenceNumbers& numbers() { return numbers_; }
   StartedCommands& started() { return started_; }
   AuditTrail& audit() { return audit_; }
-  const AuditTrail& audit() const { return audit_; }
 
   /// Path of the directory.
   const std::string& path() const { return config_.path; }
@@ -99,8 +97,8 @@ class Store final {
 
   std::optional<SteadyTime> running_since_;
   std::optional<SteadyTime> try_at_;
-  std::optional<SteadyTime> flush_at_;
-  std::optional<SteadyTime> clean_up_at_;
+  SteadyTime flush_at_{};
+  SteadyTime clean_up_at_{};
   std::optional<FoundLate> found_late_;
 };
 
