@@ -4,12 +4,11 @@ import {data} from './data.js';
 import {clock, since} from './words.js';
 
 function device(one) {
-  return el('details', {}, el('summary', {}, one.name, el('span', {class: 'soft'}, ` ${one.protocol} ${one.model}`)),
-    card(pairs([['link', data.config.links[one.link].name], ['protocol', `${one.protocol} ${one.model}`], ['timeout', `${one.timeout_ms} ms`],
-      ['commands may use', one.allow.length ? one.allow.join(', ') : 'no raw addresses']]),
-    ...one.groups.map((group) => el('div', {}, el('p', {}, el('strong', {}, group.name), ` every ${group.interval_ms} ms`, group.on_change ? ', on change' : ''),
-      table(['tag', 'address', 'type', 'unit', 'access', 'description'], group.tags.map(([name, address, type, unit, writable, description]) => el('tr', {},
-        el('td', {}, name), el('td', {}, address), el('td', {}, type), el('td', {}, unit), el('td', {}, writable ? 'read, write' : 'read'), el('td', {class: 'text'}, description))))))));
+  return card(pairs([['link', data.config.links[one.link].name], ['protocol', `${one.protocol} ${one.model}`], ['timeout', `${one.timeout_ms} ms`],
+    ['commands may use', one.allow.length ? one.allow.join(', ') : 'no raw addresses']]),
+  ...one.groups.map((group) => el('div', {}, el('p', {}, el('strong', {}, group.name), ` every ${group.interval_ms} ms`, group.on_change ? ', on change' : ''),
+    table(['tag', 'address', 'type', 'unit', 'access', 'description'], group.tags.map(([name, address, type, unit, writable, description]) => el('tr', {},
+      el('td', {}, name), el('td', {}, address), el('td', {}, type), el('td', {}, unit), el('td', {}, writable ? 'read, write' : 'read'), el('td', {class: 'text'}, description)))))));
 }
 
 export function config(main) {
@@ -37,7 +36,7 @@ export function config(main) {
 function lazily(devices) {
   return devices.map((one) => {
     const node = el('details', {}, el('summary', {}, one.name, el('span', {class: 'soft'}, ` ${one.protocol} ${one.model}`)));
-    node.addEventListener('toggle', () => { if (node.open && node.children.length === 1) node.append(...[...device(one).children].slice(1)); });
+    node.addEventListener('toggle', () => { if (node.open && node.children.length === 1) node.append(device(one)); });
     return node;
   });
 }
