@@ -9,7 +9,6 @@
 #include "agent/config/model.h"
 #include "agent/handover/command_message.h"
 #include "agent/recorder/flight_recorder.h"
-#include "agent/recorder/frame_burst.h"
 
 namespace fxagent {
 

@@ -1,6 +1,6 @@
-#include "agent/recorder/frame_burst.h"
-
 #include <gtest/gtest.h>
+
+#include "agent/recorder/flight_recorder.h"
 
 namespace fxagent {
 namespace {
