@@ -180,7 +180,6 @@ struct HttpServer::Callbacks {
     }
     if (!open.answer) {
       open.waits = true;
-      ++self.waiting_;
       http_library()->suspend_connection(open.connection);
       return MHD_YES;
     }
@@ -277,7 +276,6 @@ SteadyTime HttpServer::run(SteadyTime now) {
 void HttpServer::finish(std::uint64_t number, HttpAnswer answer) {
   const auto open = std::ranges::find(open_, number, &Open::number);
   if (open == open_.end() || !std::exchange(open->waits, false)) return;
-  --waiting_;
   open->since = now_;  // the time to send it begins now
   open->answer = std::move(answer);
   http_library()->resume_connection(open->connection);

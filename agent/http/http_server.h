@@ -3,6 +3,7 @@
 // thread, which drives it: see run().
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -73,7 +74,7 @@ class HttpServer final {
   static constexpr std::chrono::seconds kLongestConnection{10};
   static constexpr std::chrono::seconds kLongestSilence{5};
   /// Requests whose answer comes later, at most, and the longest wait for one.
-  static constexpr std::size_t kMostWaiting = 16;
+  static constexpr std::ptrdiff_t kMostWaiting = 16;
   static constexpr std::chrono::seconds kLongestWait{120};
 
   /// Connections that were closed before they had their answer, since the start.
@@ -102,7 +103,7 @@ class HttpServer final {
   /// Answers the request of this number, if its client still waits. Call run() next.
   void finish(std::uint64_t number, HttpAnswer answer);
   /// True if no more answers can come later.
-  bool is_full() const { return waiting_ >= kMostWaiting; }
+  bool is_full() const { return std::ranges::count_if(open_, &Open::waits) >= kMostWaiting; }
   const Closed& closed() const { return closed_; }
 
  private:
@@ -132,7 +133,6 @@ class HttpServer final {
   int file_ = -1;
   SteadyTime now_{};      ///< of the last run()
   std::list<Open> open_;  ///< oldest first
-  std::size_t waiting_ = 0;
   std::uint64_t last_number_ = 0;
   Closed closed_;
 };

@@ -344,7 +344,7 @@ TEST_F(HttpPostTest, CrowdClosesNoneThatWait) {
 
 TEST_F(HttpPostTest, FullWhenManyWait) {
   std::vector<HttpClient> waiting;
-  for (std::size_t i = 0; i < HttpServer::kMostWaiting; ++i) {
+  for (int i = 0; i < HttpServer::kMostWaiting; ++i) {
     EXPECT_FALSE(server_->is_full());
     waiting.push_back(post("/later", "x"));
   }
