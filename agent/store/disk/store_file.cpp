@@ -48,9 +48,16 @@ constexpr const char* kSchema[] = {
     // Encoding of `row`: RowFormat. Rows that exist already are JSON.
     "ALTER TABLE samples ADD COLUMN format INTEGER NOT NULL DEFAULT 0;"};
 
-std::string why_not_opened(const std::string& path) {
-  return errno == ELOOP ? path + ": it is a symbolic link, which the agent does not follow"
-                        : fault_of_system(path);
+/// Opens the file, or creates it (0600). `why` says why it is not open or not ours; empty: it is.
+FileHandle open_own(const std::string& path, std::string& why) {
+  FileHandle handle(
+      ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
+  if (handle >= 0)
+    why = why_not_ours(handle, path);
+  else
+    why = errno == ELOOP ? path + ": it is a symbolic link, which the agent does not follow"
+                         : fault_of_system(path);
+  return handle;
 }
 
 /// Returns why another user could put a file or a link in the place of the store's; empty if none
@@ -99,13 +106,7 @@ std::optional<FileIdentity> identity_of(int handle) {
 }
 
 DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "/fxagent.lock") {
-  handle_ = FileHandle(
-      ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
-  if (handle_ < 0) {
-    fault_ = why_not_opened(path_);
-    return;
-  }
-  fault_ = why_not_ours(handle_, path_);
+  handle_ = open_own(path_, fault_);
   if (!fault_.empty()) return;
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
@@ -136,10 +137,7 @@ std::string make_store_file(const std::string& directory) {
   std::string why = make_store_directory(directory);
   if (!why.empty()) return why;
   const std::string file = store_file_path(directory);
-  const FileHandle handle(
-      ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
-  if (handle < 0) return why_not_opened(file);
-  why = why_not_ours(handle, file);
+  const FileHandle handle = open_own(file, why);
   if (why.empty()) ::fchmod(handle, S_IRUSR | S_IWUSR);
   return why;
 }
