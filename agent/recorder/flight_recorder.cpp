@@ -20,16 +20,7 @@ FlightRecorder::FlightRecorder(Settings settings)
     : settings_(std::move(settings)),
       files_(settings_.directory, settings_.most_files, settings_.most_bytes) {
   const WithoutSignals quiet;
-  thread_ = std::thread([this] { run(); });
-}
-
-FlightRecorder::~FlightRecorder() {
-  {
-    const std::lock_guard lock(mutex_);
-    stops_ = true;
-  }
-  wake_.notify_one();
-  thread_.join();
+  thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
 std::shared_ptr<FrameRing> FlightRecorder::new_ring(const std::string& link, std::string wire) {
@@ -82,7 +73,7 @@ void FlightRecorder::asked() {
   wake_.notify_one();
 }
 
-void FlightRecorder::run() {
+void FlightRecorder::run(const std::stop_token& stop) {
   if (const std::string fault = files_.begin(); !fault.empty())
     log::error("recorder", {{"state", "no files"},
                             {"reason", fault},
@@ -97,7 +88,7 @@ void FlightRecorder::run() {
       lock.unlock();
       write_asked();
       lock.lock();
-    } else if (next != due_.end() && (stops_ || next->second.at <= Clock::now())) {
+    } else if (next != due_.end() && (stop.stop_requested() || next->second.at <= Clock::now())) {
       const auto [link, due] = *next;
       due_.erase(next);
       std::string reason = due.reason;
@@ -108,12 +99,13 @@ void FlightRecorder::run() {
       lock.unlock();
       write(link, *due.ring, due.wire, std::move(reason));
       lock.lock();
-    } else if (stops_) {
+    } else if (stop.stop_requested()) {
       return;
     } else if (next != due_.end()) {
-      wake_.wait_until(lock, SteadyTime(next->second.at));
+      // Later anomalies are due later.
+      wake_.wait_until(lock, stop, SteadyTime(next->second.at), [this] { return asked_; });
     } else {
-      wake_.wait(lock);
+      wake_.wait(lock, stop, [this] { return asked_ || !due_.empty(); });
     }
   }
 }

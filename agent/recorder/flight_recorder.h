@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
@@ -66,7 +67,7 @@ class FlightRecorder final {
   /// Throws std::system_error if no thread can be started.
   explicit FlightRecorder(Settings settings);
   /// Writes what is due, then ends the thread.
-  ~FlightRecorder();
+  ~FlightRecorder() = default;
   FlightRecorder(const FlightRecorder&) = delete;
   FlightRecorder& operator=(const FlightRecorder&) = delete;
 
@@ -95,7 +96,7 @@ class FlightRecorder final {
     std::string reason{};
   };
 
-  void run();
+  void run(const std::stop_token& stop);
   void write_asked();
   std::string write(const std::string& link, const FrameRing& ring, const std::string& wire,
                     std::string reason);
@@ -103,13 +104,12 @@ class FlightRecorder final {
   const Settings settings_;
   RecordingFiles files_;  ///< the thread's
   mutable std::mutex mutex_;
-  std::condition_variable wake_;
+  std::condition_variable_any wake_;
   // All below are under the mutex.
   std::map<std::string, Link> links_;
   std::map<std::string, Due> due_;  ///< by link
   bool asked_ = false;
-  bool stops_ = false;
-  std::thread thread_;
+  std::jthread thread_;
 };
 
 }  // namespace fxagent

@@ -11,24 +11,16 @@ constexpr int kPasses = 2;
 }  // namespace
 
 Checkpointer::Checkpointer(SQLite::Database& writer, const std::string& path)
-    : writer_(writer), own_(sqlite::open(path)), thread_(started()) {
+    : writer_(writer), own_(sqlite::open(path)) {
   // Opens the WAL now: later, other files may have replaced these.
-  const std::lock_guard alone(working_);
   own_.tryExec("PRAGMA schema_version");
+  const WithoutSignals quiet;
+  thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   // SQLiteCpp has neither this hook nor a checkpoint that reports its progress.
   sqlite3_wal_hook(writer_.getHandle(), committed, this);
 }
 
-std::jthread Checkpointer::started() {
-  const WithoutSignals quiet;
-  return std::jthread([this](std::stop_token stop) { run(stop); });
-}
-
-Checkpointer::~Checkpointer() {
-  sqlite3_wal_hook(writer_.getHandle(), nullptr, nullptr);
-  thread_.request_stop();
-  thread_.join();
-}
+Checkpointer::~Checkpointer() { sqlite3_wal_hook(writer_.getHandle(), nullptr, nullptr); }
 
 /// SQLite calls this after each commit. A checkpoint's result is ignored: the pages are safe in the
 /// WAL, and a later commit tries again.
@@ -49,7 +41,7 @@ int Checkpointer::committed(void* self, sqlite3* writer, const char* schema, int
   return SQLITE_OK;
 }
 
-void Checkpointer::run(std::stop_token stop) {
+void Checkpointer::run(const std::stop_token& stop) {
   std::unique_lock lock(mutex_);
   while (news_.wait(lock, stop, [this] { return due_; })) {
     due_ = false;

@@ -32,9 +32,8 @@ class Checkpointer final {
   Checkpointer& operator=(const Checkpointer&) = delete;
 
  private:
-  std::jthread started();
   static int committed(void* self, sqlite3* writer, const char* schema, int pages) noexcept;
-  void run(std::stop_token stop);
+  void run(const std::stop_token& stop);
   void bring_home();
 
   SQLite::Database& writer_;
