@@ -32,7 +32,7 @@ class Examination final {
       if (!config_.links[l].is_vacant()) link(l);
     if (status_.ts_ms < kFirstSetMs)
       add(Severity::bad, "", "The clock of this machine is not set; samples have wrong times",
-          "Set the clock, and run chrony or systemd-timesyncd to keep it right.", 0);
+          "Set the clock, and run chrony or systemd-timesyncd to keep it right.");
     std::ranges::stable_sort(problems_, [](const Problem& one, const Problem& other) {
       return one.severity != other.severity ? one.severity > other.severity
                                             : one.since_ms < other.since_ms;
@@ -42,7 +42,7 @@ class Examination final {
 
  private:
   void add(Severity severity, std::string place, std::string text, std::string cure,
-           std::int64_t since_ms) {
+           std::int64_t since_ms = 0) {
     problems_.push_back({severity, std::move(place), std::move(text), std::move(cure), since_ms});
   }
 
@@ -63,7 +63,7 @@ class Examination final {
       add(Severity::bad, "",
           "Another agent has the same id (boot " + status_.conflict +
               "); commands are rejected until one of them stops",
-          "Give each agent its own agent.id.", 0);
+          "Give each agent its own agent.id.");
   }
 
   void profiles() {
@@ -74,12 +74,11 @@ class Examination final {
             "The profile " + profile.name + " has no connection to " + profile.server +
                 (profile.why.empty() ? "" : ": " + profile.why),
             "Check that this broker runs and that this machine reaches it. The agent tries again "
-            "by itself; samples wait.",
-            0);
+            "by itself; samples wait.");
       else if (!profile.ready)
         add(Severity::warn, place,
             "The profile " + profile.name + " is connected but does not send samples yet",
-            "If the config names a `host`, start that host application; samples wait for it.", 0);
+            "If the config names a `host`, start that host application; samples wait for it.");
     }
   }
 
@@ -87,13 +86,13 @@ class Examination final {
     if (config_.store.path.empty()) return;
     if (status_.store_state == "hangs")
       add(Severity::bad, "store", "The disk of the store does not respond",
-          "Check the disk under " + config_.store.path + ". Samples wait in memory.", 0);
+          "Check the disk under " + config_.store.path + ". Samples wait in memory.");
     else if (status_.store_state == "memory")
       add(Severity::bad, "store", "The store on disk cannot be written; samples wait in memory",
-          "Check free space and rights of " + config_.store.path + ", and the log.", 0);
+          "Check free space and rights of " + config_.store.path + ", and the log.");
     if (!status_.store_set_aside.empty())
       add(Severity::warn, "store", "A damaged store was set aside: " + status_.store_set_aside,
-          "Check the disk. The file can be kept for a repair, or be deleted.", 0);
+          "Check the disk. The file can be kept for a repair, or be deleted.");
   }
 
   void config() {
@@ -135,8 +134,7 @@ class Examination final {
         add(Severity::bad, "device " + device.name,
             "The broker refuses the samples of " + device.name + " with " + status_.refused[d],
             "Allow this client to publish below " + config_.base_topic() + "/" + device.name +
-                " on the broker.",
-            0);
+                " on the broker.");
     }
   }
 
@@ -183,15 +181,13 @@ class Examination final {
     if (health.doubted)
       add(Severity::warn, place, "Bytes that belong to no answer arrive on " + name,
           "Check for a second master, two devices with one station number, and the earth of the "
-          "shield.",
-          0);
+          "shield.");
     if (health.load_percent > kFullLoad)
       add(Severity::warn, place,
           "The polls of " + name + " need " +
               std::to_string(static_cast<std::int64_t>(health.load_percent)) +
               " % of the line, so groups are read less often than configured",
-          "Raise interval_ms of its largest groups, which the view Lines shows, or the baud rate.",
-          0);
+          "Raise interval_ms of its largest groups, which the view Lines shows, or the baud rate.");
   }
 
   std::string works() const {
