@@ -15,7 +15,6 @@
 #include "agent/http/probe.h"
 #include "agent/log/log.h"
 #include "agent/log/recent_events.h"
-#include "agent/text/json_writer.h"
 #include "agent/without_signals.h"
 #include "protocol/letter_case.h"
 

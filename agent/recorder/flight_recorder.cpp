@@ -1,7 +1,6 @@
 #include "agent/recorder/flight_recorder.h"
 
 #include <algorithm>
-#include <optional>
 #include <utility>
 
 #include "agent/log/log.h"

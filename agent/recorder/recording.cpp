@@ -65,6 +65,14 @@ std::optional<OptionValue> option_value(const ProtocolInfo& protocol, std::strin
   return std::nullopt;
 }
 
+/// Returns the codec of the device; null if there is none with its protocol and options.
+std::shared_ptr<const Codec> codec_of(const RecordedDevice& device) {
+  const ProtocolInfo* protocol = find_protocol(device.protocol);
+  if (protocol == nullptr) return nullptr;
+  auto codec = protocol->make(device.options);
+  return codec ? std::move(*codec) : nullptr;
+}
+
 std::string device_lines(std::size_t index, const RecordedDevice& device) {
   const std::string number = std::to_string(index);
   std::string text = "device " + number + " " + device.name + " " + device.protocol;
@@ -211,13 +219,6 @@ class Reader final {
 }  // namespace
 
 std::string_view to_string(Way way) { return kWays[static_cast<std::size_t>(way)]; }
-
-std::shared_ptr<const Codec> codec_of(const RecordedDevice& device) {
-  const ProtocolInfo* protocol = find_protocol(device.protocol);
-  if (protocol == nullptr) return nullptr;
-  auto codec = protocol->make(device.options);
-  return codec ? std::move(*codec) : nullptr;
-}
 
 NumberPlace number_place(const Codec& codec) {
   if (codec.after_silence() != Recovery::none) return {};

@@ -4,7 +4,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -44,9 +43,6 @@ struct Recording {
 
 /// Returns "out", "in", "failed" or "unasked".
 std::string_view to_string(RecordedFrame::Way way);
-
-/// Returns the codec of the device; null if there is none with its protocol and options.
-std::shared_ptr<const Codec> codec_of(const RecordedDevice& device);
 
 /// Formats µs UTC as "2026-11-21T08:30:15.250123Z".
 std::string utc_us_text(std::int64_t utc_us);
