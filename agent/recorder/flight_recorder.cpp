@@ -39,36 +39,32 @@ std::shared_ptr<const FrameRing> FlightRecorder::ring_of(const std::string& link
 }
 
 void FlightRecorder::anomaly(const std::string& link, const std::string& reason) {
-  {
-    const std::lock_guard lock(mutex_);
-    const auto found = links_.find(link);
-    if (found == links_.end()) return;
-    if (const auto waiting = due_.find(link); waiting != due_.end()) {
-      // Bounded: the first reasons explain the file.
-      constexpr std::size_t kMostReason = 500;
-      std::string& said = waiting->second.reason;
-      if (said.size() < kMostReason && said.find(reason) == said.npos) said += "; " + reason;
-      return;
-    }
-    const auto now = Clock::now();
-    // More files at once would delete each other.
-    if (now < found->second.rests_until || due_.size() >= settings_.most_files) {
-      ++found->second.unwritten;
-      return;
-    }
-    auto ring = found->second.ring.lock();
-    if (!ring) return;
-    found->second.rests_until = now + settings_.follows + settings_.rest;
-    due_[link] = {std::move(ring), found->second.wire, now + settings_.follows, reason};
+  const std::lock_guard lock(mutex_);
+  const auto found = links_.find(link);
+  if (found == links_.end()) return;
+  if (const auto waiting = due_.find(link); waiting != due_.end()) {
+    // Bounded: the first reasons explain the file.
+    constexpr std::size_t kMostReason = 500;
+    std::string& said = waiting->second.reason;
+    if (said.size() < kMostReason && said.find(reason) == said.npos) said += "; " + reason;
+    return;
   }
+  const auto now = Clock::now();
+  // More files at once would delete each other.
+  if (now < found->second.rests_until || due_.size() >= settings_.most_files) {
+    ++found->second.unwritten;
+    return;
+  }
+  auto ring = found->second.ring.lock();
+  if (!ring) return;
+  found->second.rests_until = now + settings_.follows + settings_.rest;
+  due_[link] = {std::move(ring), found->second.wire, now + settings_.follows, reason};
   wake_.notify_one();
 }
 
 void FlightRecorder::asked() {
-  {
-    const std::lock_guard lock(mutex_);
-    asked_ = true;
-  }
+  const std::lock_guard lock(mutex_);
+  asked_ = true;
   wake_.notify_one();
 }
 

@@ -32,10 +32,8 @@ int Checkpointer::committed(void* self, sqlite3* writer, const char* schema, int
     const std::lock_guard alone(checkpointer.working_);
     sqlite3_wal_checkpoint_v2(writer, schema, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
   } else if (pages - checkpointer.copied_ >= kPages) {
-    {
-      const std::lock_guard lock(checkpointer.mutex_);
-      checkpointer.due_ = true;
-    }
+    const std::lock_guard lock(checkpointer.mutex_);
+    checkpointer.due_ = true;
     checkpointer.news_.notify_one();
   }
   return SQLITE_OK;
