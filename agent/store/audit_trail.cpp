@@ -135,8 +135,7 @@ void AuditTrail::prune_to_limits(SteadyTime now, SteadyTime running_since) {
   const std::uint64_t may_age = !by_age ? 0 : long_run ? kept_.head.records : first_of_run_ - 1;
   const std::int64_t oldest_ms =
       disk_.utc_ms() - std::chrono::milliseconds(config_.audit_max_age).count();
-  disk_.commit("audit", StoreDisk::Sync::as_configured,
-               [&] { prune(config_.audit_max_bytes, oldest_ms, may_age); });
+  disk_.commit("audit", [&] { prune(config_.audit_max_bytes, oldest_ms, may_age); });
 }
 
 std::optional<AuditTrail::Unread> AuditTrail::read(const std::string& path,

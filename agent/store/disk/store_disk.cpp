@@ -203,8 +203,7 @@ void StoreDisk::note_time(SteadyTime now, std::int64_t utc_ms) {
 
 void StoreDisk::move_stored_times() {
   if (unmoved_ms_ == 0) return;
-  if (commit("clock", Sync::as_configured,
-             [this] { each(&StorePart::move_stored_times, unmoved_ms_); }))
+  if (commit("clock", [this] { each(&StorePart::move_stored_times, unmoved_ms_); }))
     unmoved_ms_ = 0;
 }
 
@@ -228,8 +227,7 @@ bool StoreDisk::flush() {
     // more than fits.
     bool is_done = true;
     for (bool is_left = true; is_done && is_left;)
-      is_done =
-          commit("write", Sync::as_configured, [&] { is_left = write_pending(kFlushedAtOnce); });
+      is_done = commit("write", [&] { is_left = write_pending(kFlushedAtOnce); });
     if (is_done) return true;
   }
   return false;

@@ -123,6 +123,9 @@ class StoreDisk final {
   /// Runs `work` in one transaction. Returns false if nothing of it was kept. `doing` names the
   /// work in the log.
   bool commit(std::string_view doing, Sync sync, const Work& work);
+  bool commit(std::string_view doing, const Work& work) {
+    return commit(doing, Sync::as_configured, work);
+  }
   /// Runs `work` on the open file without a transaction. Returns false if it failed.
   bool attempt(std::string_view doing, const Work& work);
   /// Same for reading a single row: after a failure the file stays writable unless it is damaged.

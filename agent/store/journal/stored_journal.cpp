@@ -8,8 +8,6 @@
 namespace fxagent {
 namespace {
 
-using Sync = StoreDisk::Sync;
-
 // Commands may take 1 / kShareOfJournal of max_bytes; samples have at least the rest.
 constexpr std::uint64_t kShareOfJournal = 2;
 
@@ -21,7 +19,7 @@ void StoredJournal::write(const JournalEntry& entry) {
 }
 
 bool StoredJournal::commit(std::span<const JournalEntry> entries) {
-  return disk_.commit("journal", Sync::as_configured, [&] {
+  return disk_.commit("journal", [&] {
     for (const JournalEntry& entry : entries) write(entry);
   });
 }
@@ -97,7 +95,7 @@ void StoredJournal::shrink() {
   const std::uint64_t most = std::max(config_.max_bytes / kShareOfJournal, not_to_be_shrunk_);
   if (!disk_.is_writable() || bytes() <= most) return;
   not_to_be_shrunk_ = 0;
-  disk_.commit("shrink", Sync::as_configured, [&] {
+  disk_.commit("shrink", [&] {
     if (!table_->shrink()) not_to_be_shrunk_ = bytes();
   });
 }
@@ -106,8 +104,7 @@ void StoredJournal::drop_old() {
   if (!disk_.is_writable()) return;
   const auto max_age = std::chrono::milliseconds(config_.max_age);
   // One commit: a fault in the middle changes neither the rows nor their counted size.
-  disk_.commit("delete", Sync::as_configured,
-               [&] { table_->drop_old(disk_.utc_ms(), max_age.count()); });
+  disk_.commit("delete", [&] { table_->drop_old(disk_.utc_ms(), max_age.count()); });
 }
 
 void StoredJournal::age_earlier_runs() {

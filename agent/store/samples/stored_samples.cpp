@@ -199,7 +199,7 @@ void StoredSamples::drop_excess() {
 void StoredSamples::drop(std::uint64_t excess, std::int64_t older_than_ms) {
   if (!disk_.is_writable() || rows() == 0) return;
   std::vector<SampleStreams::Row> gone;
-  const bool done = disk_.commit("delete", StoreDisk::Sync::as_configured, [&] {
+  const bool done = disk_.commit("delete", [&] {
     disk_.write_pending();
     gone = delete_oldest(excess, older_than_ms);
   });
