@@ -417,7 +417,10 @@ void PageApi::take(std::shared_ptr<const AgentStatus> status) {
   const auto before = std::exchange(status_, std::move(status));
   ++snapshot_;
   const bool is_anew = before == nullptr || before->config != status_->config;
-  if (is_anew) changed_ = {};
+  if (is_anew) {
+    changed_ = {};
+    config_text_.reset();
+  }
   changed_.devices.resize(status_->config->devices.size(), snapshot_);
   changed_.groups.resize(status_->config->devices.size());
   for (std::size_t d = 0; d < changed_.devices.size(); ++d) {
@@ -442,10 +445,7 @@ HttpAnswer PageApi::config(const HttpRequest& request) {
   const std::string etag = "\"" + status_->config->hash + "-" + status_->boot + "\"";
   if (request.if_none_match == etag)
     return {kNotModified, kJson, std::make_shared<const std::string>(), etag};
-  if (config_of_ != status_->config) {
-    config_text_ = std::make_shared<const std::string>(page_config(*status_));
-    config_of_ = status_->config;
-  }
+  if (!config_text_) config_text_ = std::make_shared<const std::string>(page_config(*status_));
   return {kOk, kJson, config_text_, etag};
 }
 

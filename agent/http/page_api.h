@@ -46,8 +46,7 @@ class PageApi final {
   Changed changed_;
   std::int64_t dropped_ms_ = 0;  ///< when a status first had more dropped samples; 0: never
   std::string overview_;         ///< members of /api/changes that are the same for all pages
-  std::shared_ptr<const Config> config_of_;
-  std::shared_ptr<const std::string> config_text_;
+  std::shared_ptr<const std::string> config_text_;  ///< of /api/config; null: not asked for yet
 };
 
 }  // namespace fxagent
