@@ -137,10 +137,6 @@ HttpRequest request_of(MHD_Connection* connection, const char* path) {
   return request;
 }
 
-bool is_known(std::string_view method) {
-  return method == MHD_HTTP_METHOD_GET || method == MHD_HTTP_METHOD_HEAD;
-}
-
 }  // namespace
 
 /// Callbacks of the library, with the server as their first argument. The server's thread only.
@@ -151,8 +147,9 @@ struct HttpServer::Callbacks {
     auto& self = *static_cast<HttpServer*>(server);
     const auto open = std::ranges::find(self.open_, connection, &Open::connection);
     if (open == self.open_.end()) return MHD_NO;
-    const bool is_post = std::string_view(method) == MHD_HTTP_METHOD_POST && self.most_body_ > 0;
-    if (!is_known(method) && !is_post) {
+    const std::string_view how = method;
+    const bool is_post = how == MHD_HTTP_METHOD_POST && self.most_body_ > 0;
+    if (how != MHD_HTTP_METHOD_GET && how != MHD_HTTP_METHOD_HEAD && !is_post) {
       open->is_answered = true;
       return send(connection, refusal(kNotAllowed, "only GET and HEAD"));
     }
