@@ -1,8 +1,60 @@
 #include "agent/uplink/sparkplug/edge_node.h"
 
+#include <algorithm>
+#include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/log/log.h"
+#include "agent/text/json.h"
+
 namespace fxagent::sparkplug {
+namespace {
+
+// Bytes of a PUBLISH besides its payload: the topic and the headers.
+constexpr std::size_t kRoomForTopic = 512;
+
+}  // namespace
+
+// ---- the primary host ---------------------------------------------------------------------------
+
+PrimaryHost::PrimaryHost(std::string topic, bool old_state)
+    : topic_(std::move(topic)), old_state_(old_state) {}
+
+void PrimaryHost::hear(std::string_view payload) {
+  if (old_state_) {
+    if (payload == "ONLINE" || payload == "OFFLINE")
+      return set(payload == "ONLINE" ? State::online : State::offline, 0);
+  } else {
+    const auto state = parsed_json(payload);
+    const auto& online = member(state, "online");
+    const auto& timestamp = member(state, "timestamp");
+    if (online.is_boolean() && timestamp.is_number_integer())
+      return set(online.get<bool>() ? State::online : State::offline,
+                 timestamp.get<std::int64_t>());
+  }
+  log::warn("host_state_ignored", {{"topic", topic_},
+                                   {"text", log::excerpt(payload)},
+                                   {"note", old_state_ ? "expected ONLINE or OFFLINE"
+                                                       : "expected {\"online\": true or false, "
+                                                         "\"timestamp\": number}"}});
+}
+
+/// A state that is older than the last online state is a leftover.
+void PrimaryHost::set(State state, std::int64_t timestamp) {
+  const bool is_online = state == State::online;
+  if (timestamp < (is_online ? last_ : last_online_))
+    return log::warn("host_state_ignored",
+                     {{"topic", topic_},
+                      {"timestamp", std::to_string(timestamp)},
+                      {"note", "its timestamp is older than that of the state before"}});
+  last_ = timestamp;
+  if (is_online) last_online_ = timestamp;
+  if (state != state_)
+    log::info("primary_host", {{"topic", topic_}, {"state", is_online ? "online" : "offline"}});
+  state_ = state;
+}
+
+// ---- session ------------------------------------------------------------------------------------
 
 EdgeNode::EdgeNode(const Config& config, const ProfileConfig& profile, const std::string& version,
                    PrimaryHost host, TakeOrder take_order, std::function<std::int64_t()> utc_ms)
@@ -12,17 +64,20 @@ EdgeNode::EdgeNode(const Config& config, const ProfileConfig& profile, const std
       node_(profile.node),
       take_order_(std::move(take_order)),
       utc_ms_(std::move(utc_ms)),
-      births_(config, profile.broker, std::move(host)) {}
-
-Will EdgeNode::last_will() {
-  births_.begin_session();
-  const Publication death = node_death(utc_ms_());
-  return {death.topic, death.payload, Retain::no};
+      broker_(profile.broker),
+      host_(std::move(host)),
+      lives_(config.devices.size()) {
+  for (std::uint32_t i = 0; i < lives_.size(); ++i) note_name(i);
 }
 
-std::vector<Publication> EdgeNode::farewell(std::int64_t utc_ms) {
-  if (!births_.is_born()) return {};
-  return {node_death(utc_ms)};
+void EdgeNode::note_name(std::uint32_t index) {
+  const DeviceConfig& device = config_.devices.at(index);
+  if (!device.is_vacant()) index_[device.name] = index;
+}
+
+std::optional<std::uint32_t> EdgeNode::index_of(std::string_view device) const {
+  const auto found = index_.find(device);
+  return found == index_.end() ? std::nullopt : std::optional(found->second);
 }
 
 Publication EdgeNode::message(std::string_view type, const std::string& device,
@@ -30,6 +85,129 @@ Publication EdgeNode::message(std::string_view type, const std::string& device,
   return {.topic = prefix_ + std::string(type) + "/" + node_ + (device.empty() ? "" : "/" + device),
           .payload = std::move(payload),
           .qos = 0};
+}
+
+Will EdgeNode::last_will() {
+  if (std::exchange(has_connected_, false)) ++session_;
+  const Publication death = node_death(utc_ms_());
+  return {death.topic, death.payload, Retain::no};
+}
+
+std::vector<Publication> EdgeNode::farewell(std::int64_t utc_ms) {
+  if (!is_born_) return {};
+  return {node_death(utc_ms)};
+}
+
+void EdgeNode::connection_began(const Connected& connected) {
+  has_connected_ = true;
+  host_.connection_began();
+  max_packet_ = connected.maximum_packet;
+  rebirth_ = true;
+  all_born_at_ = {};
+  leaves_ = false;
+  for (Life& life : lives_) life.is_too_large = false;
+  if (!host_.is_online())
+    log::info("primary_host", {{"topic", host_.topic()}, {"state", "awaited"}});
+}
+
+void EdgeNode::connection_ended() {
+  is_born_ = false;
+  rebirth_ = false;
+  dead_.clear();
+  for (Life& life : lives_) life.is_born = false;
+}
+
+bool EdgeNode::hear_host(const Message& message) {
+  if (host_.topic().empty() || message.topic != host_.topic()) return false;
+  host_.hear(message.payload);
+  // With one server there is nowhere to go: the session waits there for the host.
+  leaves_ = host_.is_offline() && (is_born_ || broker_of(config_, broker_).servers.size() > 1);
+  return true;
+}
+
+bool EdgeNode::take_leave() { return std::exchange(leaves_, false); }
+
+// ---- births and deaths --------------------------------------------------------------------------
+
+void EdgeNode::device_state(const DeviceStatus& status) {
+  lives_.at(status.device).is_alive = status.is_alive();
+  due_.insert(status.device);
+}
+
+void EdgeNode::change(const ConfigChange& change) {
+  for (const std::uint32_t i : change.devices_end) {
+    const auto found =
+        std::ranges::find(index_, i, &std::pair<const std::string, std::uint32_t>::second);
+    if (found == index_.end()) continue;
+    if (lives_.at(i).is_born) dead_.push_back(found->first);
+    index_.erase(found);
+    lives_[i] = Life{};
+  }
+  lives_.resize(config_.devices.size());
+  for (const std::uint32_t i : change.devices_begin) note_name(i);
+}
+
+std::vector<EdgeNode::Step> EdgeNode::births_due(SteadyTime now) {
+  using Kind = Step::Kind;
+  std::vector<Step> steps;
+  if (!host_.is_online() || (!rebirth_ && !is_born_)) return steps;
+  if (rebirth_) {
+    if (is_born_ && now < all_born_at_ + kRebirthEvery) return steps;
+    rebirth_ = false;
+    is_born_ = true;
+    all_born_at_ = now;
+    dead_.clear();
+    steps.push_back({.kind = Kind::node_birth});
+    for (std::uint32_t i = 0; i < lives_.size(); ++i) {
+      lives_[i].is_born = false;
+      due_.insert(i);
+    }
+  }
+  for (std::string& name : std::exchange(dead_, {}))
+    steps.push_back({.kind = Kind::device_death, .device = std::move(name)});
+  for (const std::uint32_t i : std::exchange(due_, {})) {
+    Life& life = lives_[i];
+    if (life.is_alive == life.is_born) continue;
+    life.is_born = life.is_alive;
+    steps.push_back({.kind = life.is_alive ? Kind::device_birth : Kind::device_death,
+                     .index = i,
+                     .device = config_.devices[i].name});
+  }
+  return steps;
+}
+
+std::vector<std::uint32_t> EdgeNode::born() const {
+  std::vector<std::uint32_t> found;
+  for (std::uint32_t i = 0; i < lives_.size(); ++i)
+    if (lives_[i].is_born) found.push_back(i);
+  return found;
+}
+
+SteadyTime EdgeNode::next_wake() const {
+  return rebirth_ && host_.is_online() ? all_born_at_ + kRebirthEvery : SteadyTime::max();
+}
+
+bool EdgeNode::may_send(const std::string& device) const {
+  const auto index = index_of(device);
+  return !index || (lives_[*index].is_alive && !lives_[*index].is_too_large);
+}
+
+std::size_t EdgeNode::most_bytes() const {
+  return max_packet_ - std::min(max_packet_, kRoomForTopic);
+}
+
+bool EdgeNode::accepts_birth(std::uint32_t device, std::size_t bytes) {
+  if (bytes <= most_bytes()) return true;
+  Life& life = lives_[device];
+  life.is_born = false;
+  if (std::exchange(life.is_too_large, true)) return false;
+  log::error("birth_too_large",
+             {{"device", config_.devices[device].name},
+              {"bytes", std::to_string(bytes)},
+              {"note", "the broker accepts " + std::to_string(max_packet_) +
+                           " bytes: raise its limit, or divide the device's tags among several "
+                           "devices of the config"}});
+  return false;
 }
 
 }  // namespace fxagent::sparkplug

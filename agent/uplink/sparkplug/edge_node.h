@@ -1,33 +1,85 @@
-// What the two profiles of Sparkplug have in common: topics, births, and the death of the node.
-// Uplink thread.
+// What the two profiles of Sparkplug have in common: topics, the births and deaths of the node and
+// its devices in the order in which a host needs them, and whether the primary host is there to see
+// them. Uplink thread. Time is an argument.
 #pragma once
 
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
+#include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "agent/uplink/profile/profile.h"
-#include "agent/uplink/sparkplug/birth_schedule.h"
 
 namespace fxagent::sparkplug {
+
+/// Whether the primary host application is online, by its STATE messages (Sparkplug 3.0, section
+/// 5.4). Pure, except for the log. Uplink thread.
+class PrimaryHost final {
+ public:
+  /// `topic` is that of its state; empty: no host is waited for. `old_state`: the state is ONLINE
+  /// or OFFLINE, as before Sparkplug 3.0.
+  PrimaryHost(std::string topic, bool old_state);
+
+  const std::string& topic() const { return topic_; }
+  /// Nothing is known of it in a new session.
+  void connection_began() {
+    state_ = State::unknown;
+    last_ = last_online_ = 0;
+  }
+  /// Processes a text on topic().
+  void hear(std::string_view payload);
+
+  /// True if births and data may be published.
+  bool is_online() const { return topic_.empty() || state_ == State::online; }
+  /// True if it has said so in this session.
+  bool is_offline() const { return state_ == State::offline; }
+
+ private:
+  enum class State : std::uint8_t { unknown, online, offline };
+  void set(State state, std::int64_t timestamp);
+
+  std::string topic_;
+  bool old_state_;
+  State state_ = State::unknown;
+  // Timestamps in this session, in the host's unit.
+  std::int64_t last_ = 0;         ///< of the last state
+  std::int64_t last_online_ = 0;  ///< of the last one with which it was online
+};
 
 /// The part of a profile that is the same for both payloads.
 class EdgeNode : public Profile {
  public:
+  /// Begins a session, whose number rises only if a connection came about since the last call.
   Will last_will() override;
-  void connection_began(const Connected& connected) override {
-    births_.connection_began(connected);
-  }
-  void connection_ended() override { births_.connection_ended(); }
-  void device_state(const DeviceStatus& status) override { births_.device_state(status); }
-  void change(const ConfigChange& change) override { births_.change(change); }
+  void connection_began(const Connected& connected) override;
+  void connection_ended() override;
+  void device_state(const DeviceStatus& status) override;
+  void change(const ConfigChange& change) override;
   std::vector<Publication> farewell(std::int64_t utc_ms) override;
-  bool take_leave() override { return births_.take_leave(); }
-  void refused() override { births_.request_rebirth(); }
+  SteadyTime next_wake() const override;
+  /// True, once, if the host is offline.
+  bool take_leave() override;
+  void refused() override { request_rebirth(); }
+  /// A device that does not answer has no metrics: its samples wait until it does.
+  bool may_send(const std::string& device) const override;
 
  protected:
+  struct Step {
+    enum class Kind : std::uint8_t { node_birth, device_birth, device_death };
+    Kind kind = Kind::node_birth;
+    std::uint32_t index = 0;  ///< device_birth only: of the device
+    std::string device{};     ///< name; empty for node_birth
+  };
+
+  /// Shortest time between two rebirths.
+  static constexpr std::chrono::seconds kRebirthEvery{1};
+
   /// `config` outlives it. `version` is the first level of its topics; `utc_ms` returns the current
   /// calendar time.
   EdgeNode(const Config& config, const ProfileConfig& profile, const std::string& version,
@@ -38,13 +90,57 @@ class EdgeNode : public Profile {
   /// Returns the death of the node in this session, which is also its last will.
   virtual Publication node_death(std::int64_t utc_ms) const = 0;
 
+  /// Processes a message if it is on the topic of the primary host. Returns false if it is not.
+  bool hear_host(const Message& message);
+  /// Makes births_due() repeat all births, at most once a second.
+  void request_rebirth() { rebirth_ = true; }
+  /// Returns the births and deaths that are due, once: while the host is offline none are.
+  std::vector<Step> births_due(SteadyTime now);
+  /// Returns the devices that are born in this session.
+  std::vector<std::uint32_t> born() const;
+  std::optional<std::uint32_t> index_of(std::string_view device) const;
+  /// Returns the longest payload that the broker accepts, in bytes.
+  std::size_t most_bytes() const;
+  /// Returns false, reports that once a session and leaves the device unborn, if the broker does
+  /// not accept a birth of `bytes`: the message would be missing in the order of `seq`.
+  bool accepts_birth(std::uint32_t device, std::size_t bytes);
+
+  /// True if the node is born in this session.
+  bool is_born() const { return is_born_; }
+  bool is_rebirth_due() const { return rebirth_; }
+  const PrimaryHost& host() const { return host_; }
+  /// Number of the session, from 0.
+  std::uint64_t session() const { return session_; }
+
   const Config& config_;
   const std::string name_;
   const std::string prefix_;  ///< "{version}/{group}/"
   const std::string node_;
   const TakeOrder take_order_;
   const std::function<std::int64_t()> utc_ms_;
-  BirthSchedule births_;
+
+ private:
+  struct Life {
+    bool is_alive = false;      ///< it answers
+    bool is_born = false;       ///< in this session
+    bool is_too_large = false;  ///< its birth, for the broker of this session
+  };
+
+  void note_name(std::uint32_t index);
+
+  const std::string broker_;
+  PrimaryHost host_;
+  std::vector<Life> lives_;  ///< of the devices, as Config::devices
+  std::map<std::string, std::uint32_t, std::less<>> index_;
+  std::set<std::uint32_t> due_;    ///< devices whose birth or death may be due
+  std::vector<std::string> dead_;  ///< names of removed devices whose death is due
+  std::uint64_t session_ = 0;
+  bool has_connected_ = false;  ///< since last_will()
+  std::size_t max_packet_ = 0;
+  bool is_born_ = false;
+  bool rebirth_ = false;  ///< a birth of all is due
+  bool leaves_ = false;
+  SteadyTime all_born_at_{};
 };
 
 }  // namespace fxagent::sparkplug

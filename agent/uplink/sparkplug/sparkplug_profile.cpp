@@ -212,7 +212,7 @@ void SparkplugProfile::prepare(std::uint32_t index) {
 std::vector<Subscription> SparkplugProfile::subscriptions() const {
   std::vector<Subscription> filters{{prefix_ + "NCMD/" + node_, /*no_local=*/false},
                                     {prefix_ + "DCMD/" + node_ + "/+", /*no_local=*/false}};
-  if (!births_.host_topic().empty()) filters.push_back({births_.host_topic(), /*no_local=*/false});
+  if (!host().topic().empty()) filters.push_back({host().topic(), /*no_local=*/false});
   return filters;
 }
 
@@ -221,9 +221,9 @@ std::vector<Subscription> SparkplugProfile::subscriptions() const {
 std::uint64_t SparkplugProfile::next_seq() { return std::exchange(seq_, (seq_ + 1) % kNumbers); }
 
 std::vector<Publication> SparkplugProfile::due(SteadyTime now, std::int64_t utc_ms) {
-  using Kind = sparkplug::BirthSchedule::Step::Kind;
+  using Kind = Step::Kind;
   std::vector<Publication> messages;
-  for (const auto& [kind, index, device] : births_.due(now)) {
+  for (const auto& [kind, index, device] : births_due(now)) {
     if (kind == Kind::node_birth) {
       messages.push_back(node_birth(utc_ms));
     } else if (kind == Kind::device_death) {
@@ -252,7 +252,7 @@ Publication SparkplugProfile::node_death(std::int64_t utc_ms) const {
 Packet SparkplugProfile::session_packet(std::int64_t utc_ms) const {
   Packet packet;
   packet.set_timestamp(stamp(utc_ms));
-  add_metric(packet, "bdSeq", utc_ms, Type::int64).set_long_value(births_.session() % kNumbers);
+  add_metric(packet, "bdSeq", utc_ms, Type::int64).set_long_value(session() % kNumbers);
   return packet;
 }
 
@@ -283,7 +283,7 @@ std::optional<Publication> SparkplugProfile::device_birth(std::uint32_t index,
   Metric& rebirth = add_metric(packet, kDeviceRebirth, newest, Type::boolean);
   rebirth.set_alias(state.first_alias + device.tags.size());
   rebirth.set_boolean_value(false);
-  if (!births_.accepts_birth(index, packet.ByteSizeLong())) return std::nullopt;
+  if (!accepts_birth(index, packet.ByteSizeLong())) return std::nullopt;
   state.born_ms = 0;
   for (Last& last : state.last) {
     last.sent = hash_of(last.value);
@@ -319,15 +319,9 @@ void SparkplugProfile::saw(const Telemetry& sample) {
   }
 }
 
-/// A device that does not answer has no metrics: its samples wait until it does.
-bool SparkplugProfile::may_send(const std::string& device) const {
-  const auto index = births_.index_of(device);
-  return !index || births_.may_send(*index);
-}
-
 std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
                                                   const SampleRecord& sample) {
-  const auto index = births_.index_of(stream.first);
+  const auto index = index_of(stream.first);
   if (!index) return {};
   Device& device = devices_[*index];
   const DeviceConfig& config = config_.devices[*index];
@@ -362,16 +356,16 @@ std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
 }
 
 /// A message that was refused is missing in the order of `seq`.
-void SparkplugProfile::undelivered(const std::string&) { births_.request_rebirth(); }
+void SparkplugProfile::undelivered(const std::string&) { request_rebirth(); }
 
 std::unique_ptr<HistoryMessage> SparkplugProfile::begin_history(std::size_t max_bytes) {
-  return std::make_unique<SparkplugHistory>(std::min(max_bytes, births_.most_bytes()));
+  return std::make_unique<SparkplugHistory>(std::min(max_bytes, most_bytes()));
 }
 
 std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
   Packet gathered;
   Packet packet;
-  const auto index = births_.index_of(batch.device);
+  const auto index = index_of(batch.device);
   if (index && gathered.ParseFromString(batch.payload)) {
     const DeviceConfig& config = config_.devices[*index];
     TagFinder tags(config);
@@ -395,7 +389,7 @@ std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
 // ---- commands -----------------------------------------------------------------------------------
 
 void SparkplugProfile::hear(const Message& message) {
-  if (births_.hear(message)) return;
+  if (hear_host(message)) return;
   const std::string devices = prefix_ + "DCMD/" + node_ + "/";
   if (message.topic == prefix_ + "NCMD/" + node_) return hear_node_command(message);
   if (message.topic.starts_with(devices))
@@ -412,12 +406,12 @@ void SparkplugProfile::hear_node_command(const Message& message) {
     if (metric.name() != kNodeRebirth || !metric.boolean_value())
       return ignore_command(
           message, "the node has only the command " + std::string(kNodeRebirth) + " = true");
-    births_.request_rebirth();
+    request_rebirth();
   }
 }
 
 void SparkplugProfile::hear_device_command(const Message& message, const std::string& device) {
-  const auto index = births_.index_of(device);
+  const auto index = index_of(device);
   if (!index) return ignore_command(message, "no such device");
   Packet packet;
   if (!packet.ParseFromString(message.payload))
@@ -444,7 +438,7 @@ void SparkplugProfile::hear_device_command(const Message& message, const std::st
     } else if (message.retained || !metric.boolean_value()) {
       ignore_command(message, std::string(kDeviceRebirth) + " must be true, and not retained");
     } else {
-      births_.request_rebirth();
+      request_rebirth();
     }
   }
 }

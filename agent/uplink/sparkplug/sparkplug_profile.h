@@ -37,11 +37,9 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
   void hear(const Message& message) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
-  bool is_ready() const override { return births_.is_born() && !births_.is_rebirth_due(); }
-  SteadyTime next_wake() const override { return births_.next_wake(); }
+  bool is_ready() const override { return is_born() && !is_rebirth_due(); }
   bool leaves_with_will() const override { return true; }
 
-  bool may_send(const std::string& device) const override;
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   void saw(const Telemetry& sample) override;
   void undelivered(const std::string& device) override;

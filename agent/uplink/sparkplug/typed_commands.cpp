@@ -193,7 +193,7 @@ std::vector<Subscription> TypedCommandsProfile::subscriptions() const {
   for (const char* verb : {"REBIRTH/", "NCMD/"})
     filters.push_back({.filter = prefix_ + verb + node_, .qos = 0});
   filters.push_back({.filter = prefix_ + "DCMD/" + node_ + "/+", .qos = 0});
-  if (!births_.host_topic().empty()) filters.push_back({.filter = births_.host_topic()});
+  if (!host().topic().empty()) filters.push_back({.filter = host().topic()});
   return filters;
 }
 
@@ -205,7 +205,7 @@ void TypedCommandsProfile::connection_began(const Connected& connected) {
 /// Has the number of the session and nothing else, since it is the last will, too.
 Publication TypedCommandsProfile::node_death(std::int64_t) const {
   Packet packet;
-  packet.set_bd_seq(births_.session());
+  packet.set_bd_seq(session());
   return message("NDEATH", "", packet);
 }
 
@@ -214,7 +214,7 @@ Publication TypedCommandsProfile::node_death(std::int64_t) const {
 std::vector<Publication> TypedCommandsProfile::due(SteadyTime now, std::int64_t utc_ms) {
   std::vector<Publication> messages = births(now, utc_ms);
   if (!messages.empty() || !is_open()) return messages;
-  if (is_asked_ && now >= born_at_ + births_.kRebirthEvery) {
+  if (is_asked_ && now >= born_at_ + kRebirthEvery) {
     born_at_ = now;
     return repeated_births(utc_ms);
   }
@@ -222,7 +222,7 @@ std::vector<Publication> TypedCommandsProfile::due(SteadyTime now, std::int64_t 
   while (!answers_.empty() && messages.empty()) {
     Publication answer = std::move(answers_.front());
     answers_.pop_front();
-    if (answer.payload.size() <= births_.most_bytes())
+    if (answer.payload.size() <= most_bytes())
       messages.push_back(std::move(answer));
     else
       log::error("answer_too_large", {{"topic", answer.topic},
@@ -233,19 +233,19 @@ std::vector<Publication> TypedCommandsProfile::due(SteadyTime now, std::int64_t 
 }
 
 bool TypedCommandsProfile::is_open() const {
-  return births_.is_born() && births_.is_host_online() && !births_.is_rebirth_due();
+  return is_born() && host().is_online() && !is_rebirth_due();
 }
 
 SteadyTime TypedCommandsProfile::next_wake() const {
-  if (!is_asked_ || !is_open()) return births_.next_wake();
-  return std::min(births_.next_wake(), born_at_ + births_.kRebirthEvery);
+  if (!is_asked_ || !is_open()) return EdgeNode::next_wake();
+  return std::min(EdgeNode::next_wake(), born_at_ + kRebirthEvery);
 }
 
 /// Returns births and deaths that are due.
 std::vector<Publication> TypedCommandsProfile::births(SteadyTime now, std::int64_t utc_ms) {
-  using Kind = sparkplug::BirthSchedule::Step::Kind;
+  using Kind = Step::Kind;
   std::vector<Publication> messages;
-  for (const auto& [kind, index, device] : births_.due(now)) {
+  for (const auto& [kind, index, device] : births_due(now)) {
     if (kind == Kind::node_birth) {
       seq_ = 0;
       is_asked_ = false;
@@ -256,7 +256,7 @@ std::vector<Publication> TypedCommandsProfile::births(SteadyTime now, std::int64
       death.set_timestamp(stamp(utc_ms));
       messages.push_back(message("DDEATH", device, std::move(death), seq_++));
     } else if (Packet birth = device_birth(index, utc_ms);
-               births_.accepts_birth(index, birth.ByteSizeLong() + kBytesOfSeq)) {
+               accepts_birth(index, birth.ByteSizeLong() + kBytesOfSeq)) {
       messages.push_back(message("DBIRTH", device, std::move(birth), seq_++));
     }
   }
@@ -266,11 +266,11 @@ std::vector<Publication> TypedCommandsProfile::births(SteadyTime now, std::int64
 /// Births for a host that has asked. They repeat the last numbers, so that other hosts miss none.
 std::vector<Publication> TypedCommandsProfile::repeated_births(std::int64_t utc_ms) {
   is_asked_ = false;
-  const std::vector<std::uint32_t> born = births_.born();
-  std::uint64_t seq = seq_ - born.size() - 1;
+  const std::vector<std::uint32_t> devices = born();
+  std::uint64_t seq = seq_ - devices.size() - 1;
   std::vector<Publication> messages;
   messages.push_back(message("NREBIRTH", "", node_birth(utc_ms), seq++));
-  for (const std::uint32_t i : born)
+  for (const std::uint32_t i : devices)
     messages.push_back(
         message("DREBIRTH", config_.devices.at(i).name, device_birth(i, utc_ms), seq++));
   return messages;
@@ -279,7 +279,7 @@ std::vector<Publication> TypedCommandsProfile::repeated_births(std::int64_t utc_
 Packet TypedCommandsProfile::node_birth(std::int64_t utc_ms) const {
   Packet packet;
   packet.set_timestamp(stamp(utc_ms));
-  packet.set_bd_seq(births_.session());
+  packet.set_bd_seq(session());
   return packet;
 }
 
@@ -338,7 +338,7 @@ void TypedCommandsProfile::answer(const Request& request, const std::string& res
 // ---- requests -----------------------------------------------------------------------------------
 
 void TypedCommandsProfile::hear(const Message& message) {
-  if (births_.hear(message)) return;
+  if (hear_host(message)) return;
   Packet packet;
   if (message.payload.size() > kMaxMessageBytes || !packet.ParseFromString(message.payload))
     return ignore_command(message, "not a Sparkplug C payload of at most 64 KiB");
@@ -346,10 +346,10 @@ void TypedCommandsProfile::hear(const Message& message) {
   if (message.retained)
     return ignore_command(message, "it is retained, so it was sent for an earlier time");
   if (message.topic == prefix_ + "REBIRTH/" + node_) {
-    is_asked_ = births_.is_born();
+    is_asked_ = is_born();
     return;
   }
-  if (!births_.is_host_online())
+  if (!host().is_online())
     return ignore_command(message, "the node is not born: its primary host is not online");
   const auto commands = static_cast<std::size_t>(packet.metrics_size());
   if (commands > kMostTargets)
@@ -378,7 +378,7 @@ void TypedCommandsProfile::carry_out(const Message& message, const std::string& 
                                        std::to_string(kLongestName) + " bytes");
   if (device.empty())
     return reject(message, request, "bad_op: the node has no commands, its devices have");
-  const auto index = births_.index_of(device);
+  const auto index = index_of(device);
   if (!index) return reject(message, request, "unknown_device: the agent has no device " + device);
   json::Writer command;
   command.begin_object();

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "agent/store/samples/sample_record.h"
-#include "agent/uplink/sparkplug/birth_schedule.h"
+#include "agent/uplink/sparkplug/edge_node.h"
 #include "tests/agent/uplink/plant.h"
 #include "tests/agent/uplink/sparkplug/bytes.h"
 
