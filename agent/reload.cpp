@@ -98,7 +98,7 @@ bool Reload::wait_for_end(std::chrono::nanoseconds patience) {
 
 /// The listeners may hold `this`: the uplink ends before this object.
 void Reload::listen() {
-  ConfigTopics::Listener listener;
+  OwnTopics::ConfigListener listener;
   listener.desired = [this](std::string payload) {
     std::unique_lock lock(mutex_);
     news_.desired = std::move(payload);
@@ -113,7 +113,7 @@ void Reload::listen() {
     wake();
   };
   outbox_.ask([&publisher = publisher_, listener](SteadyTime) {
-    publisher.configs().set_listener(listener);
+    publisher.own_topics().set_config_listener(listener);
   });
 }
 
@@ -334,10 +334,11 @@ void Reload::report(Log when) {
     if (is_news || when == Log::always) log_report();
     outbox_.ask([&publisher = publisher_, text = remote_.reported(status_.hash),
                  audit = is_news ? audit_record() : std::string()](SteadyTime) {
-      publisher.configs().report(text, audit);
+      publisher.own_topics().report_config(text, audit);
     });
   } else if (had_reported) {
-    outbox_.ask([&publisher = publisher_](SteadyTime) { publisher.configs().report({}, {}); });
+    outbox_.ask(
+        [&publisher = publisher_](SteadyTime) { publisher.own_topics().report_config({}, {}); });
   }
   publish_status();
 }

@@ -8,43 +8,6 @@
 
 namespace fxagent {
 
-ConfigTopics::ConfigTopics(const Config& config, const Session& session, const Shutdown& shutdown,
-                           RetainedState& retained, GuardedStore* store)
-    : config_(config),
-      session_(session),
-      shutdown_(shutdown),
-      retained_(retained),
-      store_(store),
-      topic_(config.base_topic() + std::string(kReportedTopic)) {}
-
-void ConfigTopics::set_listener(Listener listener) { listener_ = std::move(listener); }
-
-void ConfigTopics::report(std::string text, std::string audit) {
-  report_ = std::move(text);
-  if (session_.is_connected() && !shutdown_.has_begun()) retained_.config_report_is_due();
-  if (!audit.empty() && store_ != nullptr) store_->journal().note(std::move(audit));
-}
-
-Publication ConfigTopics::take_report() {
-  Publication publication = retained(topic_, report_.value_or(""));
-  if (publication.payload.empty()) report_.reset();  // cleared once
-  return publication;
-}
-
-void ConfigTopics::hear(const std::string& payload) const {
-  if (config_.remote.enabled && listener_.desired && !shutdown_.has_begun())
-    listener_.desired(payload);
-}
-
-void ConfigTopics::connection_began(SteadyTime now) {
-  if (report_) retained_.config_report_is_due();
-  if (listener_.connection) listener_.connection(true, now);
-}
-
-void ConfigTopics::connection_ended(SteadyTime now) {
-  if (listener_.connection) listener_.connection(false, now);
-}
-
 OwnTopics::OwnTopics(Parts parts, std::string boot,
                      std::function<bool(const std::string& boot)> is_ours)
     : parts_(parts),
@@ -55,8 +18,11 @@ void OwnTopics::hear(const Message& message, SteadyTime now) {
   parts_.intake.hear(message);
   if (const auto name = device_of(message.topic, base_, "command"))
     return hear_command(message, *name);
-  if (message.topic == base_ + std::string(kDesiredTopic))
-    return parts_.configs.hear(message.payload);
+  if (message.topic == base_ + std::string(kDesiredTopic)) {
+    if (parts_.config.remote.enabled && configs_.desired && !parts_.shutdown.has_begun())
+      configs_.desired(message.payload);
+    return;
+  }
   // During shutdown the final state must stay as it is, and so must the offline state at a broker
   // that we leave for another one.
   if (!parts_.shutdown.has_begun() && !parts_.farewell.by()) hear_state(message, now);
@@ -89,9 +55,29 @@ void OwnTopics::hear_state(const Message& message, SteadyTime now) {
   }
 }
 
+void OwnTopics::report_config(std::string text, std::string audit) {
+  report_ = std::move(text);
+  if (parts_.session.is_connected() && !parts_.shutdown.has_begun())
+    parts_.retained.config_report_is_due();
+  if (!audit.empty() && parts_.store != nullptr) parts_.store->journal().note(std::move(audit));
+}
+
+Publication OwnTopics::take_config_report() {
+  Publication publication = retained(base_ + std::string(kReportedTopic), report_.value_or(""));
+  if (publication.payload.empty()) report_.reset();  // cleared once
+  return publication;
+}
+
 void OwnTopics::connection_began(SteadyTime now) {
   const ConnectSchedule& connects = parts_.session.connects();
   identity_.connection_began(connects.server(), now, connects.steady_after());
+  if (report_) parts_.retained.config_report_is_due();
+  if (configs_.connection) configs_.connection(true, now);
+}
+
+void OwnTopics::connection_ended(SteadyTime now) {
+  identity_.connection_ended();
+  if (configs_.connection) configs_.connection(false, now);
 }
 
 void OwnTopics::follow_conflict(SteadyTime now) {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "agent/commands/commands.h"
 #include "agent/config/model.h"
@@ -23,49 +24,17 @@
 
 namespace fxagent {
 
-/// The topics of remote configs: {base}/config/desired, which is received, and
-/// {base}/config/reported, which is published.
-class ConfigTopics final {
+/// Recognizes the agent's own topics. From its retained states it also detects another agent with
+/// the same id, and topics of removed devices. Answers remote configs on {base}/config/reported.
+class OwnTopics final {
  public:
-  /// Receives each document of {base}/config/desired, and each change of the connection, from the
-  /// publisher's step().
-  struct Listener {
+  /// Receives each document of {base}/config/desired, if remote configs are on, and each change of
+  /// the connection, from the publisher's step().
+  struct ConfigListener {
     std::function<void(std::string payload)> desired;
     std::function<void(bool connected, SteadyTime now)> connection;
   };
 
-  /// All references outlive the object. `store` gets the audit records; null: no store.
-  ConfigTopics(const Config& config, const Session& session, const Shutdown& shutdown,
-               RetainedState& retained, GuardedStore* store);
-
-  void set_listener(Listener listener);
-  /// Sets the text of {base}/config/reported, which is published again after each connect. Empty:
-  /// the topic is cleared once, and nothing is published there. `audit` is the body of an audit
-  /// record; empty: none.
-  void report(std::string text, std::string audit);
-  /// Returns the report to publish.
-  Publication take_report();
-
-  /// Passes a document to the listener, if remote configs are on.
-  void hear(const std::string& payload) const;
-  void connection_began(SteadyTime now);
-  void connection_ended(SteadyTime now);
-
- private:
-  const Config& config_;
-  const Session& session_;
-  const Shutdown& shutdown_;
-  RetainedState& retained_;
-  GuardedStore* const store_;
-  const std::string topic_;  ///< of the report
-  Listener listener_;
-  std::optional<std::string> report_;  ///< nullopt: no report yet
-};
-
-/// Recognizes the agent's own topics. From its retained states it also detects another agent with
-/// the same id, and topics of removed devices.
-class OwnTopics final {
- public:
   /// The parts that the messages concern; all outlive the object.
   struct Parts {
     const Config& config;
@@ -76,9 +45,9 @@ class OwnTopics final {
     const Farewell& farewell;
     const ResultDelivery& results;
     CommandIntake& intake;
-    ConfigTopics& configs;
     RetainedState& retained;
     StatusSource& status;
+    GuardedStore* store = nullptr;  ///< gets the audit records of reports; null: no store
   };
   /// `boot` is the agent's own.
   OwnTopics(Parts parts, std::string boot,
@@ -86,10 +55,19 @@ class OwnTopics final {
 
   /// Processes a message on any topic.
   void hear(const Message& message, SteadyTime now);
+  /// Call after RetainedState::connection_began().
   void connection_began(SteadyTime now);
-  void connection_ended() { identity_.connection_ended(); }
+  void connection_ended(SteadyTime now);
   /// The broker has given our session to another client.
   void session_taken_over() { identity_.taken_over(); }
+
+  void set_config_listener(ConfigListener listener) { configs_ = std::move(listener); }
+  /// Sets the text of {base}/config/reported, which is published again after each connect. Empty:
+  /// the topic is cleared once, and nothing is published there. `audit` is the body of an audit
+  /// record; empty: none.
+  void report_config(std::string text, std::string audit);
+  /// Returns the report to publish.
+  Publication take_config_report();
 
   /// Begins or ends the conflict with another agent. Call after each step's messages.
   void follow_conflict(SteadyTime now);
@@ -107,6 +85,8 @@ class OwnTopics final {
   const std::string base_;
   IdentityConflict identity_;
   std::optional<std::string> conflict_;
+  ConfigListener configs_;
+  std::optional<std::string> report_;  ///< on configs; nullopt: none yet
 };
 
 }  // namespace fxagent

@@ -44,7 +44,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
                    return retained(config_.base_topic() + "/health",
                                    json::health(*status_.at(now), config_));
                  },
-                 [this] { return configs_.take_report(); }}),
+                 [this] { return own_topics_.take_config_report(); }}),
       results_(config, commands, outgoing_, backoff_, utc_ms_),
       spool_(store, settings_.backlog_bytes),
       refused_(backoff_),
@@ -64,9 +64,8 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       farewell_(payload, outgoing_, utc_ms_),
       shutdown_({broker, session_, farewell_, outgoing_, intake_, results_, retained_, samples_out_,
                  spool_, status_}),
-      configs_(config, session_, shutdown_, retained_, store),
       own_topics_({config, commands, session_, subscriptions_, shutdown_, farewell_, results_,
-                   intake_, configs_, retained_, status_},
+                   intake_, retained_, status_, store},
                   settings_.boot, settings_.is_ours) {
   subscriptions_.hear_configs(config.remote.enabled);
 }
@@ -236,9 +235,8 @@ void Publisher::take_order(Order order, SteadyTime now) {
 
 void Publisher::connection_began(SteadyTime now) {
   subscriptions_.connection_began(now);
-  own_topics_.connection_began(now);
   retained_.connection_began();
-  configs_.connection_began(now);
+  own_topics_.connection_began(now);
   status_.request_health(now);
   refused_.clear();
   history_.connection_began();
@@ -246,8 +244,7 @@ void Publisher::connection_began(SteadyTime now) {
 
 void Publisher::connection_ended(SteadyTime now) {
   subscriptions_.connection_ended();
-  configs_.connection_ended(now);
-  own_topics_.connection_ended();
+  own_topics_.connection_ended(now);
   status_.connection_ended();
   samples_out_.connection_ended();
   history_.connection_ended();

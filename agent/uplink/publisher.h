@@ -123,8 +123,8 @@ class Publisher final {
   /// asks again.
   void take_unanswered(Unanswered command) { unanswered_.push_back(std::move(command)); }
 
-  /// The topics of remote configs; valid for the publisher's lifetime.
-  ConfigTopics& configs() { return configs_; }
+  /// Of remote configs; valid for the publisher's lifetime.
+  OwnTopics& own_topics() { return own_topics_; }
 
   /// Returns the samples counted by location, as of the last step().
   SampleCounts samples() const;
@@ -179,7 +179,6 @@ class Publisher final {
   /// To the broker, in a shutdown or when the MQTT settings have changed.
   Farewell farewell_;
   Shutdown shutdown_;
-  ConfigTopics configs_;
   OwnTopics own_topics_;
 
   struct Beside {

@@ -19,10 +19,10 @@ const std::string kReported = kBase + "/config/reported";
 class PublisherConfig : public ::testing::Test, public test::PublisherBench {
  protected:
   void listen() {
-    ConfigTopics::Listener listener;
+    OwnTopics::ConfigListener listener;
     listener.desired = [this](std::string payload) { heard.push_back(std::move(payload)); };
     listener.connection = [this](bool is_up, SteadyTime) { connections.push_back(is_up); };
-    made().configs().set_listener(std::move(listener));
+    made().own_topics().set_config_listener(std::move(listener));
   }
   void desire(const std::string& payload) {
     broker.send(test::message_on(kDesired, payload));
@@ -83,16 +83,16 @@ TEST_F(PublisherConfig, AReloadSwitchesItOnAndOff) {
 TEST_F(PublisherConfig, TheReportIsRetainedAndComesAfterEachConnect) {
   config.remote.enabled = true;
   listen();
-  made().configs().report("one", "");
+  made().own_topics().report_config("one", "");
   settle();
   EXPECT_EQ(broker.on(kReported), std::vector<std::string>{"one"});
-  made().configs().report("two", "");
+  made().own_topics().report_config("two", "");
   settle();
   EXPECT_EQ(broker.on(kReported).back(), "two");
   lose_connection();
   advance(60s);
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", "two", "two"}));
-  made().configs().report("", "");
+  made().own_topics().report_config("", "");
   settle();
   EXPECT_EQ(broker.on(kReported).back(), "");
   lose_connection();
@@ -103,11 +103,11 @@ TEST_F(PublisherConfig, TheReportIsRetainedAndComesAfterEachConnect) {
 TEST_F(PublisherConfig, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) {
   config.remote.enabled = true;
   listen();
-  made().configs().report("one", "");
+  made().own_topics().report_config("one", "");
   settle();
   broker.lose();
   step();
-  made().configs().report("", "");
+  made().own_topics().report_config("", "");
   settle();
   advance(60s);
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
@@ -120,10 +120,10 @@ TEST(PublisherConfigAudit, AnAnswerThatIsNewsIsARecord) {
   bench.config.remote.enabled = true;
   bench.online();
   const auto before = bench.store->audit().head().records;
-  bench.publisher->configs().report("one", R"({"kind":"config"})");
+  bench.publisher->own_topics().report_config("one", R"({"kind":"config"})");
   bench.advance(1s);
   EXPECT_EQ(bench.store->audit().head().records, before + 1);
-  bench.publisher->configs().report("one", "");
+  bench.publisher->own_topics().report_config("one", "");
   bench.advance(1s);
   EXPECT_EQ(bench.store->audit().head().records, before + 1);
   EXPECT_EQ(bench.broker.on(kReported), (std::vector<std::string>{"one", "one"}));
