@@ -70,9 +70,10 @@ PairMember::~PairMember() {
   news_.notify_all();
 }
 
-std::string PairMember::offline_status() const {
-  return pair_messages::status(
-      {.member = pair_.member, .boot = boot_, .role = "offline", .quiet = pair_.quiet});
+Publication PairMember::offline_status() const {
+  const PairStatus status{
+      .member = pair_.member, .boot = boot_, .role = "offline", .quiet = pair_.quiet};
+  return retained(topic(), pair_messages::status(status));
 }
 
 std::string PairMember::topic(const char* leaf) const {
@@ -176,9 +177,9 @@ void PairMember::run(const std::stop_token& stop) {
     woken_ = true;
     news_.notify_all();
   };
-  const auto will = [this] { return Will{topic(), offline_status(), Retain::yes}; };
-  member_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair-" + pair_.member), will,
-                                         notify, pair_messages::kLongestText, kKeepSession);
+  member_ = std::make_unique<PahoBroker>(
+      settings_with(config_.mqtt, "-pair-" + pair_.member), [this] { return offline_status(); },
+      notify, pair_messages::kLongestText, kKeepSession);
   lease_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair"), MakeWill{}, notify);
   evicting_ = std::make_unique<PahoBroker>(config_.mqtt, MakeWill{}, notify);
   member_->connect(server_, kReceiveMaximum);
@@ -203,7 +204,7 @@ void PairMember::run(const std::stop_token& stop) {
     if (leaving && !leave_by) {
       leave_by = now + kFarewell;
       lease_->disconnect();
-      Publication last = retained(topic(), offline_status());
+      Publication last = offline_status();
       last.id = farewell_ = next_id_++;
       member_->publish(std::move(last));
     }

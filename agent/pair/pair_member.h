@@ -108,7 +108,7 @@ class PairMember final {
   void log_role();
   void log_peer(BootTime now);
   std::string topic(const char* leaf = "") const;
-  std::string offline_status() const;
+  Publication offline_status() const;
 
   const Config config_;
   const PairConfig pair_;

@@ -36,14 +36,6 @@ inline Publication retained(std::string topic, std::string payload = {}) {
   return {.topic = std::move(topic), .payload = std::move(payload), .retain = Retain::yes};
 }
 
-/// The last will. The broker publishes it with QoS 1 when the connection ends without a DISCONNECT.
-/// Without a topic there is none.
-struct Will {
-  std::string topic;
-  std::string payload;
-  Retain retain = Retain::yes;
-};
-
 /// The connection is up. Holds the limits that an MQTT 5 broker announced.
 struct Connected {
   bool session_present = false;

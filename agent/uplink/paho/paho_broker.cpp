@@ -144,10 +144,7 @@ void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
   try {
     connection_ = std::make_unique<PahoConnection>(
         inbox_, number, config_, config_.servers.at(index), max_payload_, keep_session_);
-    std::optional<Will> will;
-    if (make_will_) will = make_will_();
-    if (will && will->topic.empty()) will.reset();
-    connection_->connect(will, *password, receive_maximum);
+    connection_->connect(make_will_ ? make_will_() : Publication{}, *password, receive_maximum);
   } catch (const std::exception& error) {
     inbox_->post(number, ConnectFailed{error.what()});
   }

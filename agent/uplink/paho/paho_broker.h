@@ -21,8 +21,9 @@ namespace fxagent {
 class PahoConnection;
 class PahoInbox;
 
-/// Returns the last will of the connection about to be made.
-using MakeWill = std::function<Will()>;
+/// Returns the last will of the connection about to be made. The broker publishes it with QoS 1
+/// when the connection ends without a DISCONNECT. Without a topic there is none.
+using MakeWill = std::function<Publication()>;
 
 /// Uplink thread. Paho's own threads only put events into the inbox and call `notify`.
 class PahoBroker final : public Broker {

@@ -150,8 +150,7 @@ PahoConnection::PahoConnection(std::shared_ptr<PahoInbox> inbox, std::uint64_t n
       });
 }
 
-void PahoConnection::connect(const std::optional<Will>& will,
-                             const std::optional<std::string>& password,
+void PahoConnection::connect(const Publication& will, const std::optional<std::string>& password,
                              std::uint16_t receive_maximum) {
   mqtt::connect_options options;
   options.set_mqtt_version(version_);
@@ -173,9 +172,9 @@ void PahoConnection::connect(const std::optional<Will>& will,
   options.set_max_inflight(kPahoInFlight);
   if (!config_.username.empty()) options.set_user_name(config_.username);
   if (password) options.set_password(mqtt::binary_ref(*password));
-  if (will)
+  if (!will.topic.empty())
     options.set_will_message(
-        mqtt::message(will->topic, will->payload, 1, will->retain == Retain::yes));
+        mqtt::message(will.topic, will.payload, 1, will.retain == Retain::yes));
   if (tls_) {
     trace_tls_failures();  // until the outcome is known
     mqtt::ssl_options_builder tls;

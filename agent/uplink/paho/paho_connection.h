@@ -55,8 +55,8 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
                  const std::string& server, std::size_t max_payload,
                  std::chrono::seconds keep_session);
 
-  /// Posts Connected or ConnectFailed. Call once.
-  void connect(const std::optional<Will>& will, const std::optional<std::string>& password,
+  /// Posts Connected or ConnectFailed. Call once. `will` as from MakeWill.
+  void connect(const Publication& will, const std::optional<std::string>& password,
                std::uint16_t receive_maximum);
   /// Starts a clean disconnect; its token is complete when the DISCONNECT has been sent.
   mqtt::token_ptr disconnect(bool with_will = false);

@@ -295,8 +295,8 @@ JsonPayload::JsonPayload(const Config& config, std::string boot, std::string ver
       version_(std::move(version)),
       broker_(std::move(broker)) {}
 
-Will JsonPayload::last_will() const {
-  return {base_ + "/state", offline_text(std::nullopt, "lost", boot_), Retain::yes};
+Publication JsonPayload::last_will() const {
+  return retained(base_ + "/state", offline_text(std::nullopt, "lost", boot_));
 }
 
 Publication JsonPayload::agent_online(std::int64_t since_ms,

@@ -47,7 +47,7 @@ class JsonPayload final : public SamplePayload {
   /// Returns the message that the broker publishes if the connection ends without a DISCONNECT. Its
   /// "since" is null, because it is written before the time is known. Called before each attempt to
   /// connect.
-  Will last_will() const;
+  Publication last_will() const;
   /// Published before the other states of a connection, and again when `not_heard_why` or
   /// `conflict` changes: the reason why commands are not received, if so, and the boot of another
   /// agent with our id, if any. `since_ms` is the start of the agent.

@@ -25,7 +25,7 @@ class HomeAssistantProfile final : public Profile {
                        HearsCommands hears_commands);
 
   /// None: the availability of the devices is the state of the session with the values.
-  Will last_will() override { return {}; }
+  Publication last_will() override { return {}; }
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override { due_.clear(); }

@@ -21,7 +21,7 @@ class JsonProfile final : public Profile {
   JsonProfile(const Config& config, std::string boot, std::string version, std::int64_t since_ms,
               std::string broker, TakeOrder take_order);
 
-  Will last_will() override { return payload_.last_will(); }
+  Publication last_will() override { return payload_.last_will(); }
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override;

@@ -24,7 +24,7 @@ class PlainProfile final : public Profile {
   PlainProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
                std::function<std::string()> new_id);
 
-  Will last_will() override { return {state_topic_, kOffline, Retain::yes}; }
+  Publication last_will() override { return retained(state_topic_, R"("offline")"); }
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override;
@@ -43,7 +43,6 @@ class PlainProfile final : public Profile {
  private:
   void find_writable();
   Publication value(const std::string& topic, std::string text) const;
-  static constexpr const char* kOffline = "\"offline\"";
 
   const Config& config_;
   const std::string name_;

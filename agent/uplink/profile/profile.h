@@ -26,7 +26,7 @@ class Profile : public SamplePayload {
  public:
   /// Returns the message that the broker publishes if the connection ends without a clean end.
   /// Called before each attempt to connect. An empty topic: no last will.
-  virtual Will last_will() = 0;
+  virtual Publication last_will() = 0;
   /// Returns what to subscribe to in each connection.
   virtual std::vector<Subscription> subscriptions() const = 0;
   virtual void connection_began(const Connected& connected) = 0;

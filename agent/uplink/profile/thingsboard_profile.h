@@ -36,7 +36,7 @@ class ThingsBoardProfile final : public Profile {
                      std::function<std::string()> new_id);
 
   /// The API has none: ThingsBoard itself notices that the connection ended.
-  Will last_will() override { return {}; }
+  Publication last_will() override { return {}; }
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override;

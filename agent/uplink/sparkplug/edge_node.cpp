@@ -87,10 +87,9 @@ Publication EdgeNode::message(std::string_view type, const std::string& device,
           .qos = 0};
 }
 
-Will EdgeNode::last_will() {
+Publication EdgeNode::last_will() {
   if (std::exchange(has_connected_, false)) ++session_;
-  const Publication death = node_death(utc_ms_());
-  return {death.topic, death.payload, Retain::no};
+  return node_death(utc_ms_());
 }
 
 std::vector<Publication> EdgeNode::farewell(std::int64_t utc_ms) {

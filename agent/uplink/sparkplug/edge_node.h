@@ -56,7 +56,7 @@ class PrimaryHost final {
 class EdgeNode : public Profile {
  public:
   /// Begins a session, whose number rises only if a connection came about since the last call.
-  Will last_will() override;
+  Publication last_will() override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override;
   void device_state(const DeviceStatus& status) override;

@@ -50,7 +50,8 @@ MqttConfig settings(const std::string& url, int version = 5) {
 /// A PahoBroker whose events a test can wait for.
 class Client final {
  public:
-  explicit Client(MqttConfig config, std::optional<Will> will = Will{"will/topic", "gone"},
+  explicit Client(MqttConfig config,
+                  std::optional<Publication> will = retained("will/topic", "gone"),
                   std::size_t max_payload = kMaxMessageBytes)
       : broker_(
             config, will ? MakeWill([will] { return *will; }) : MakeWill(),
@@ -903,7 +904,7 @@ TEST(PahoBroker, WillIsSaidForOneThatVanishedAndNotForOneThatLeft) {
   observer.connect();
   observer.subscribe("will/#");
 
-  Client polite(settings(mosquitto.url()), Will{"will/polite", "gone"});
+  Client polite(settings(mosquitto.url()), retained("will/polite", "gone"));
   polite.connect();
   polite->disconnect();
   polite.next<Disconnected>();
@@ -970,7 +971,7 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
 /// The other process of the test above: connects and waits to be killed.
 int be_the_victim(const std::string& url) {
   unsetenv("FXAGENT_TEST_VICTIM");
-  Client victim(settings(url), Will{"will/victim", "gone"});
+  Client victim(settings(url), retained("will/victim", "gone"));
   victim.connect();
   victim->publish(publication(1, "will/hello", "x"));
   for (;;) pause();

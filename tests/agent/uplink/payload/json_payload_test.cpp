@@ -289,7 +289,7 @@ TEST(JsonPayload, TopicsAndTheirDeliveryAreTheContracts) {
   EXPECT_EQ(place(payload.sample({"press1", "fast"}, {}).at(0)), base + "/press1/data/fast 0");
   EXPECT_EQ(place(payload.history({"press1", "fast", {}, {}}).at(0)),
             base + "/press1/data/fast/history 0");
-  const Will will = payload.last_will();
+  const Publication will = payload.last_will();
   EXPECT_EQ(will.topic, base + "/state");
   EXPECT_EQ(will.payload, R"({"state":"offline","since":null,"reason":"lost","boot":"9f3c21aa"})");
   EXPECT_EQ(will.retain, Retain::yes);

@@ -132,7 +132,7 @@ TEST_F(SparkplugTest, ArrayIsWrittenInItsOwnTypeOnly) {
 }
 
 TEST_F(SparkplugTest, SessionsAreCountedFrom0To255) {
-  Will first = profile_->last_will();
+  Publication first = profile_->last_will();
   EXPECT_EQ(first.topic, "spBv1.0/plant-a/NDEATH/edge7");
   EXPECT_EQ(first.retain, Retain::no);
   std::vector<std::string> wills{first.payload};

@@ -180,7 +180,7 @@ TEST_F(TypedCommandsTest, RunAndStopAreCommandsIfAllowed) {
 TEST_F(TypedCommandsTest, WillHasTheNumberOfTheSessionAlone) {
   profile_->last_will();  // of an attempt that failed
   for (const char* session : {"0", "1", "2"}) {
-    const Will will = profile_->last_will();
+    const Publication will = profile_->last_will();
     EXPECT_EQ(will.topic, "spCv1.0/plant-a/NDEATH/edge7");
     EXPECT_EQ(will.retain, Retain::no);
     EXPECT_EQ(fields(will.payload), (std::map<unsigned, std::string>{{4, session}}));
