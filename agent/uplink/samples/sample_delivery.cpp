@@ -114,7 +114,6 @@ void SampleDelivery::hold_on_disk(SteadyTime now) {
   for (std::size_t i = 0; i < held.size(); ++i) {
     held[i]->row.row_id = rows[i].row_id;
     held[i]->stored = true;
-    --in_flight_;
   }
 }
 
@@ -131,7 +130,6 @@ void SampleDelivery::pump_live(SteadyTime now) {
       complete(live);
       continue;
     }
-    if (!live.stored) ++in_flight_;
     ++published_;
     const std::uint64_t id = outgoing_.send(*this, std::move(publications));
     flights_.emplace(id, Flight{std::move(live), now});
@@ -148,7 +146,6 @@ void SampleDelivery::make_history(const std::set<std::string>& devices) {
 
 void SampleDelivery::connection_ended() {
   for (auto& [id, flight] : std::exchange(flights_, {})) spool_.add(std::move(flight.live));
-  in_flight_ = 0;
   spool_live();
   // Younger ones may be on disk already, and the next connection may begin at once.
   spool_.commit_by(SteadyTime::min());
@@ -164,7 +161,6 @@ void SampleDelivery::spool_live() {
 void SampleDelivery::delivered(std::uint64_t id, SteadyTime) {
   const Flight flight = std::move(flights_.extract(id).mapped());
   failpoint("sample_acknowledged");
-  if (!flight.live.stored) --in_flight_;
   complete(flight.live);
   refused_.accepted(flight.live.row.device, flight.since);
 }
@@ -180,7 +176,6 @@ void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   LiveRow live = std::move(flights_.extract(event.id).mapped().live);
   const SampleRow& row = live.row;
   payload_.undelivered(row.device);
-  if (!live.stored) --in_flight_;
   if (is_final(event.reason_code)) {
     log::warn(
         "sample_refused",
@@ -197,7 +192,8 @@ bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }
 
 void SampleDelivery::add_to(SampleCounts& counts) const {
   counts.queued += static_cast<std::uint64_t>(std::ranges::count(live_, false, &LiveRow::stored));
-  counts.in_flight += in_flight_;
+  counts.in_flight += static_cast<std::uint64_t>(
+      std::ranges::count_if(flights_, [](const auto& each) { return !each.second.live.stored; }));
   counts.acknowledged += acknowledged_;
   counts.published += published_;
 }

@@ -88,7 +88,6 @@ class SampleDelivery final : public Outgoing::Sender {
   std::deque<LiveRow> live_;
   SampleRecord record_;                      ///< the live sample being sent
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
-  std::uint64_t in_flight_ = 0;              ///< live samples that are not on disk
   SteadyTime samples_at_{};                  ///< last step with samples
   SteadyTime gather_until_{};
   std::uint64_t acknowledged_ = 0;
