@@ -102,7 +102,6 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
 
 void ResultDelivery::connection_ended() {
   flights_.clear();
-  refused_.clear();
   for (auto& [key, pending] : results_) {
     for (Copy& copy : pending.copies) {
       copy.in_flight = false;
@@ -133,7 +132,6 @@ void ResultDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
     return copy_done(flight, Ended::refused);
   copy.in_flight = false;
   copy.not_before = now + backoff_.after(copy.failures++);
-  refused_.insert(flight.result);
 }
 
 void ResultDelivery::copy_done(const Flight& flight, Ended how) {
@@ -144,7 +142,6 @@ void ResultDelivery::copy_done(const Flight& flight, Ended how) {
   if (!std::ranges::all_of(copies, [](const Copy& each) { return each.done; })) return;
   commands_.note_delivery(found->second.result, copies.front().acknowledged, utc_ms_());
   bytes_ -= found->second.bytes;
-  refused_.erase(found->first);
   results_.erase(found);
 }
 
@@ -158,8 +155,8 @@ bool ResultDelivery::is_far_behind(const Heard& heard) const {
 
 SteadyTime ResultDelivery::next_wake(SteadyTime now) const {
   SteadyTime wake = SteadyTime::max();
-  for (const std::uint64_t key : refused_)
-    for (const Copy& copy : results_.at(key).copies)
+  for (const auto& [key, pending] : results_)
+    for (const Copy& copy : pending.copies)
       if (copy.not_before > now) wake = std::min(wake, copy.not_before);
   return wake;
 }

@@ -8,7 +8,6 @@
 #include <functional>
 #include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -92,7 +91,6 @@ class ResultDelivery final : public Outgoing::Sender {
   std::map<std::uint64_t, Flight> flights_;   ///< by publication id
   std::size_t bytes_ = 0;
   DurationHistogram durations_;
-  std::set<std::uint64_t> refused_;  ///< refused once by the broker; sent again
 };
 
 }  // namespace fxagent
