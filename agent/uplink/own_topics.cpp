@@ -57,8 +57,7 @@ void OwnTopics::hear_state(const Message& message, SteadyTime now) {
 
 void OwnTopics::report_config(std::string text, std::string audit) {
   report_ = std::move(text);
-  if (parts_.session.is_connected() && !parts_.shutdown.has_begun())
-    parts_.retained.config_report_is_due();
+  if (!parts_.shutdown.has_begun()) parts_.retained.config_report_is_due();
   if (!audit.empty() && parts_.store != nullptr) parts_.store->journal().note(std::move(audit));
 }
 

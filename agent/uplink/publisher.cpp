@@ -159,7 +159,7 @@ void Publisher::take_outbox(SteadyTime now) {
     const std::uint32_t device = status.device;
     if (status.codec) commands_.set_codec(device, std::move(status.codec));
     states_.set(std::move(status));
-    if (session_.is_connected()) retained_.device_state_changed(device);
+    retained_.device_state_changed(device);
   }
   // Samples read while the first connection is being made are as live as those right after it.
   const bool can_go =
@@ -324,7 +324,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   const std::vector<std::string> joined = commands_.change(change, now);
   joined_.insert(joined_.end(), joined.begin(), joined.end());
   states_.change(change);
-  retained_.change(change, {gone.begin(), gone.end()}, session_.is_connected());
+  retained_.change(change, gone);
   samples_out_.change(change);
   for (const Beside& beside : outlets_) beside.outlet->change(change);
   status_.change(change);

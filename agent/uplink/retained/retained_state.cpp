@@ -33,7 +33,6 @@ void RetainedState::connection_began() {
 }
 
 void RetainedState::connection_ended() {
-  due_.clear();
   flights_.clear();
   published_.clear();
   repairs_.clear();
@@ -49,8 +48,7 @@ void RetainedState::everything_is_due() {
   }
 }
 
-void RetainedState::change(const ConfigChange& change, const std::vector<std::string>& gone,
-                           bool is_connected) {
+void RetainedState::change(const ConfigChange& change, const std::set<std::string>& gone) {
   for (const std::uint32_t device : change.devices_end) forget(device);
   const std::string base = config_.base_topic() + "/";
   for (const std::uint32_t device : change.devices_begin) {
@@ -60,9 +58,8 @@ void RetainedState::change(const ConfigChange& change, const std::vector<std::st
       due_.erase({Item::clear, 0, back});
       std::erase_if(flights_, [&](const auto& each) { return each.second.key.clears(back); });
     }
-    if (is_connected) due_[{Item::device_meta, device, {}}];
+    due_[{Item::device_meta, device, {}}];
   }
-  if (!is_connected) return;  // they are found after the next connect
   for (const std::string& name : gone)
     for (const char* topic : {"/state", "/meta"}) clear(base + name + topic);
 }

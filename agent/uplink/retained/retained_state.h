@@ -51,7 +51,7 @@ class RetainedState final : public Outgoing::Sender {
   void connection_ended();
   /// The same within a connection, because another agent may have overwritten the topics.
   void everything_is_due();
-  // These have an effect only while connected: everything is due after the next connect.
+  // These, and change(), have an effect only while connected: a connection begins with everything.
   void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
   void health_is_due() { due_[{Item::health, 0, {}}]; }
   void config_report_is_due() { due_[{Item::config_report, 0, {}}] = {}; }
@@ -66,9 +66,10 @@ class RetainedState final : public Outgoing::Sender {
   void heard(Item item, std::uint32_t device, std::string_view payload, SteadyTime now);
 
   /// Adapts to a config change, as `config` and `states` have done already. Stops publishing what
-  /// ends. If connected, publishes the meta of what begins; its state follows when the field has
-  /// reported it. `gone` are the names of removed devices, whose topics are cleared.
-  void change(const ConfigChange& change, const std::vector<std::string>& gone, bool is_connected);
+  /// ends. Publishes the meta of what begins; its state follows when the field has reported it.
+  /// `gone` are the names of removed devices, whose topics are cleared: without a connection they
+  /// are found after the next connect.
+  void change(const ConfigChange& change, const std::set<std::string>& gone);
 
   void pump(SteadyTime now);
   bool empty() const { return due_.empty(); }
