@@ -66,8 +66,7 @@ PairMember::~PairMember() {
   permit_.revoke();
   thread_.request_stop();
   const std::lock_guard lock(mutex_);
-  woken_ = true;
-  news_.notify_all();
+  wake();
 }
 
 Publication PairMember::offline_status() const {
@@ -110,17 +109,15 @@ std::vector<JournalEntry> PairMember::hand_over_to(Store& store) {
 void PairMember::agent_began(Agent agent) {
   const std::lock_guard lock(mutex_);
   agent_ = std::move(agent);
-  woken_ = true;
-  news_.notify_all();
+  wake();
 }
 
 void PairMember::announce(AdmittedCommand command, const std::string& device,
                           const Submit& submit) {
   if (command.command.op == Op::read) return submit(std::move(command));
-  pair_messages::Announcement announcement;
-  announcement.boot = boot_;
-  JournalEntry& entry = announcement.entry;
   const Command& what = command.command;
+  pair_messages::Announcement announcement{.boot = boot_, .id_is_number = what.id_is_number};
+  JournalEntry& entry = announcement.entry;
   entry.device = device;
   entry.id = what.id;
   entry.op = what.op_text;
@@ -129,14 +126,12 @@ void PairMember::announce(AdmittedCommand command, const std::string& device,
       what.received_ms + std::chrono::ceil<milliseconds>(command.deadline - what.received).count();
   entry.response_topic = what.response_topic;
   entry.correlation = what.correlation;
-  announcement.id_is_number = what.id_is_number;
   Waiting waiting{std::move(command), pair_messages::announcement(announcement), submit};
   {
     const std::lock_guard lock(mutex_);
     if (!released_) {
       to_announce_.push_back(std::move(waiting));
-      woken_ = true;
-      news_.notify_all();
+      wake();
       return;
     }
   }
@@ -146,21 +141,20 @@ void PairMember::announce(AdmittedCommand command, const std::string& device,
 void PairMember::reply(JournalEntry answered) {
   const std::lock_guard lock(mutex_);
   answered_.push_back(std::move(answered));
-  woken_ = true;
-  news_.notify_all();
+  wake();
 }
 
 void PairMember::release() {
   const std::lock_guard lock(mutex_);
-  released_ = woken_ = true;
-  news_.notify_all();
+  released_ = true;
+  wake();
 }
 
 void PairMember::leave() {
   permit_.revoke();
   std::unique_lock lock(mutex_);
-  leaving_ = woken_ = true;
-  news_.notify_all();
+  leaving_ = true;
+  wake();
   news_.wait_for(lock, 2 * kFarewell, [this] { return left_; });
 }
 
@@ -174,8 +168,7 @@ bool PairMember::knows(const std::string& boot) const {
 void PairMember::run(const std::stop_token& stop) {
   const auto notify = [this] {
     const std::lock_guard lock(mutex_);
-    woken_ = true;
-    news_.notify_all();
+    wake();
   };
   member_ = std::make_unique<PahoBroker>(
       settings_with(config_.mqtt, "-pair-" + pair_.member), [this] { return offline_status(); },

@@ -89,6 +89,11 @@ class PairMember final {
   /// Steps of a claim, in order.
   enum class Claim : std::uint8_t { none, evicting, marking, claimed };
 
+  /// Makes the thread begin its next round. Under mutex_.
+  void wake() {
+    woken_ = true;
+    news_.notify_all();
+  }
   void run(const std::stop_token& stop);
   void keep(BootTime now);
   void take_member_events(BootTime now);

@@ -176,18 +176,16 @@ void PairState::lease_began(BootTime now) {
         holder_.empty() ? "no gateway is active" : "the active gateway is silent", now);
 }
 
-void PairState::lease_failed(BootTime now) {
-  connecting_ = false;
-  failures_ = std::min(failures_ + 1, kMostFailures);
-  not_before_ = now + quiet_ / 2 * (1 << (failures_ - 1));
-}
-
 void PairState::lease_ended(bool taken_over, BootTime now) {
   connecting_ = false;
   drop_ = false;
   sent_.clear();
   holds_until_ = {};
-  if (role_ == PairRole::standby) return lease_failed(now);
+  if (role_ == PairRole::standby) {
+    failures_ = std::min(failures_ + 1, kMostFailures);
+    not_before_ = now + quiet_ / 2 * (1 << (failures_ - 1));
+    return;
+  }
   // The new holder's first heartbeat may still be on its way.
   not_before_ = now + quiet_;
   enter(PairRole::standby,

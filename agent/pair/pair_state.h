@@ -70,8 +70,7 @@ class PairState final {
 
   // The lease session.
   void lease_began(BootTime now);
-  void lease_failed(BootTime now);
-  /// It has ended. `taken_over`: the other gateway has claimed.
+  /// It has ended, or did not begin. `taken_over`: the other gateway has claimed.
   void lease_ended(bool taken_over, BootTime now);
   void heartbeat_sent(std::uint64_t id, BootTime now);
   void heartbeat_acknowledged(std::uint64_t id);

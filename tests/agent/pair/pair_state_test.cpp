@@ -168,7 +168,7 @@ TEST(PairState, StandbyClaimsAtOnceWhenTheHolderHasEnded) {
   b.state.heard_heartbeat("boot-a", 0, at(5000));
   b.state.heard({"a", "boot-a", "offline"}, at(5010));
   EXPECT_TRUE(b.steps(5010, Order::connect_lease));
-  b.state.lease_failed(at(5020));
+  b.state.lease_ended(false, at(5020));
   b.state.heard_heartbeat("boot-a", 0, at(5021));  // was on its way
   EXPECT_TRUE(b.steps(5620, Order::connect_lease)) << "a boot that has ended holds nothing";
 }
@@ -205,7 +205,7 @@ TEST(PairState, FailedClaimsGrowApart) {
   ASSERT_TRUE(a.steps(600, Order::connect_lease));
   int now = 600;
   for (const int wait : {600, 1200, 2400, 4800, 9600, 9600}) {
-    a.state.lease_failed(at(now));
+    a.state.lease_ended(false, at(now));
     EXPECT_FALSE(a.steps(now + wait - 1, Order::connect_lease)) << wait;
     EXPECT_TRUE(a.steps(now + wait, Order::connect_lease)) << wait;
     now += wait;
@@ -361,7 +361,7 @@ class RandomPair final {
       return true;
     });
     for (const Order order : state.step(at(now_))) {
-      if (order == Order::connect_lease && cut) state.lease_failed(at(now_));
+      if (order == Order::connect_lease && cut) state.lease_ended(false, at(now_));
       if (order == Order::connect_lease && !cut) {
         other(member).lease = false;
         member.lease = member.lease_known = true;
