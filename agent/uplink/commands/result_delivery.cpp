@@ -42,7 +42,7 @@ void ResultDelivery::add(ResultMessage result, SteadyTime now) {
   if (std::string topic = std::move(result.response_topic); !topic.empty()) {
     const std::string fault = response_topic_fault(topic, base_, device);
     if (fault.empty())
-      pending.copies.push_back({.topic = std::move(topic), .to_response_topic = true});
+      pending.copies.push_back({.topic = std::move(topic)});
     else
       log::warn("response_topic_ignored",
                 {{"topic", log::excerpt(topic)}, {"id", result.id}, {"reason", fault}});
@@ -69,7 +69,7 @@ bool ResultDelivery::pump(SteadyTime now, std::optional<Heard> heard) {
   for (const auto& [key, pending] : results_) {
     for (std::size_t i = 0; i < pending.copies.size(); ++i) {
       const Copy& copy = pending.copies[i];
-      if (copy.in_flight || copy.done || copy.not_before > now) continue;
+      if (copy.state != State::waiting || copy.not_before > now) continue;
       if (!outgoing_.has_room() || flights_.size() >= window())
         return sent && outgoing_.window() < kLeastShared;
       hand_over(key, i, now, heard);
@@ -90,12 +90,12 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
     commands_.note_total(result);
   }
   Copy& to = pending.copies[copy];
-  to.in_flight = true;
+  to.state = State::in_flight;
   Publication publication{
       .topic = to.topic, .payload = result.text, .correlation = result.correlation};
   // If the result is too large for the broker with its correlation data, the device's own topic
   // gets it without.
-  if (!to.to_response_topic && !outgoing_.fits(publication)) publication.correlation.clear();
+  if (copy == 0 && !outgoing_.fits(publication)) publication.correlation.clear();
   flights_.emplace(outgoing_.send(*this, std::move(publication)), Flight{key, copy, heard});
   failpoint("result_published");
 }
@@ -104,7 +104,7 @@ void ResultDelivery::connection_ended() {
   flights_.clear();
   for (auto& [key, pending] : results_) {
     for (Copy& copy : pending.copies) {
-      copy.in_flight = false;
+      if (copy.state == State::in_flight) copy.state = State::waiting;
       copy.not_before = {};
       copy.failures = 0;
     }
@@ -113,7 +113,7 @@ void ResultDelivery::connection_ended() {
 
 void ResultDelivery::delivered(std::uint64_t id, SteadyTime) {
   failpoint("result_acknowledged");
-  copy_done(flights_.extract(id).mapped(), Ended::acknowledged);
+  copy_done(flights_.extract(id).mapped(), State::acknowledged);
 }
 
 void ResultDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
@@ -128,19 +128,20 @@ void ResultDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
              {"reason", event.text}});
   // The sender of the command chose the response topic: if the broker refuses it, there is no
   // retry.
-  if (is_final(event.reason_code) || (copy.to_response_topic && event.reason_code != 0))
-    return copy_done(flight, Ended::refused);
-  copy.in_flight = false;
+  if (is_final(event.reason_code) || (flight.copy != 0 && event.reason_code != 0))
+    return copy_done(flight, State::refused);
+  copy.state = State::waiting;
   copy.not_before = now + backoff_.after(copy.failures++);
 }
 
-void ResultDelivery::copy_done(const Flight& flight, Ended how) {
+void ResultDelivery::copy_done(const Flight& flight, State how) {
   const auto found = results_.find(flight.result);
   auto& copies = found->second.copies;
-  copies[flight.copy].done = true;
-  copies[flight.copy].acknowledged = how == Ended::acknowledged;
-  if (!std::ranges::all_of(copies, [](const Copy& each) { return each.done; })) return;
-  commands_.note_delivery(found->second.result, copies.front().acknowledged, utc_ms_());
+  copies[flight.copy].state = how;
+  const auto is_done = [](const Copy& each) { return each.state >= State::acknowledged; };
+  if (!std::ranges::all_of(copies, is_done)) return;
+  const bool has_arrived = copies.front().state == State::acknowledged;
+  commands_.note_delivery(found->second.result, has_arrived, utc_ms_());
   bytes_ -= found->second.bytes;
   results_.erase(found);
 }

@@ -54,12 +54,10 @@ class ResultDelivery final : public Outgoing::Sender {
   SteadyTime next_wake(SteadyTime now) const;
 
  private:
+  enum class State : std::uint8_t { waiting, in_flight, acknowledged, refused };
   struct Copy {
     std::string topic{};
-    bool to_response_topic = false;
-    bool in_flight = false;
-    bool done = false;
-    bool acknowledged = false;
+    State state = State::waiting;
     SteadyTime not_before{};
     int failures = 0;
   };
@@ -67,18 +65,17 @@ class ResultDelivery final : public Outgoing::Sender {
     ResultMessage result;
     bool handed_over = false;  ///< to MQTT, once; total_ms ends there
     std::size_t bytes = 0;     ///< memory use, approximately
-    std::vector<Copy> copies;
+    std::vector<Copy> copies;  ///< for the device's topic; for the response topic, if there is one
   };
   struct Flight {
     std::uint64_t result = 0;
     std::size_t copy = 0;
     std::optional<Heard> heard{};  ///< before it was sent; nullopt: nothing was held back
   };
-  enum class Ended : std::uint8_t { acknowledged, refused };
 
   std::size_t window() const;
   void hand_over(std::uint64_t key, std::size_t copy, SteadyTime now, std::optional<Heard> heard);
-  void copy_done(const Flight& flight, Ended how);
+  void copy_done(const Flight& flight, State how);
 
   const std::string base_;
   Commands& commands_;
