@@ -44,16 +44,15 @@ void ConnectSchedule::connection_began(SteadyTime now) {
   failed_rounds_ = 0;
 }
 
-std::size_t ConnectSchedule::in_round(std::size_t position) const {
-  if (!lost_) return position;
-  if (position + 1 == mqtt_.servers.size()) return *lost_;
-  return position < *lost_ ? position : position + 1;
+std::size_t ConnectSchedule::index() const {
+  if (!lost_) return position_;
+  if (position_ + 1 == mqtt_.servers.size()) return *lost_;
+  return position_ < *lost_ ? position_ : position_ + 1;
 }
 
 void ConnectSchedule::begin_round(std::optional<std::size_t> lost) {
   lost_ = lost;
   position_ = 0;
-  server_ = in_round(0);
 }
 
 bool ConnectSchedule::next_of_round() {
@@ -61,7 +60,7 @@ bool ConnectSchedule::next_of_round() {
     begin_round(std::nullopt);
     return false;
   }
-  server_ = in_round(++position_);
+  ++position_;
   return true;
 }
 
@@ -77,7 +76,7 @@ SteadyTime ConnectSchedule::after_failure(SteadyTime now) {
 
 SteadyTime ConnectSchedule::after_loss(SteadyTime connected_at, SteadyTime now) {
   if (now - connected_at >= steady_after()) {
-    begin_round(server_);
+    begin_round(index());
     last_pause_ = backoff_.up_to(kFirstSpread);
     if (mqtt_.servers.size() == 1) last_pause_ += kPauseOfOnlyServer;
     thrown_rounds_ = 1;

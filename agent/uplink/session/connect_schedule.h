@@ -22,8 +22,8 @@ class ConnectSchedule final {
       : mqtt_(mqtt), backoff_(backoff) {}
 
   /// Index in the config of the server to which the session is connected, or the next to try.
-  std::size_t index() const { return server_; }
-  const std::string& server() const { return mqtt_.servers.at(server_); }
+  std::size_t index() const;
+  const std::string& server() const { return mqtt_.servers.at(index()); }
   /// Longest time that the next attempt may take. In the first round of several servers it is
   /// short: another server may answer at once.
   SteadyTime::duration patience() const;
@@ -47,13 +47,10 @@ class ConnectSchedule final {
   /// Chooses the next server of this round, or the first one of another. True if this round goes
   /// on.
   bool next_of_round();
-  /// Returns the server with this number in the round.
-  std::size_t in_round(std::size_t position) const;
 
   const MqttConfig& mqtt_;
   JitteredBackoff& backoff_;
-  std::size_t server_ = 0;
-  std::size_t position_ = 0;         ///< of server_ in the round
+  std::size_t position_ = 0;         ///< of the server in the round
   std::optional<std::size_t> lost_;  ///< server that this round tries last
   int failed_rounds_ = 0;            ///< rounds of all servers without a connection
   int thrown_rounds_ = 0;            ///< rounds of all servers without a stable connection
