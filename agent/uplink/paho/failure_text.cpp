@@ -71,11 +71,6 @@ constexpr std::string_view kAccessCure =
     ": its access rules do not allow this for the agent's user; fxagent acl prints the rules that "
     "the agent needs";
 
-/// Returns advice on the refusal of a topic; empty: none.
-std::string_view cure_of_access(int code) {
-  return code == MQTTREASONCODE_NOT_AUTHORIZED ? kAccessCure : std::string_view();
-}
-
 /// Returns advice on the refusal of a CONNECT, of MQTT 5 or 3.1.1; empty: none.
 std::string_view cure_of_refusal(int code, const MqttConfig& config) {
   switch (code) {
@@ -174,7 +169,8 @@ std::string closed_text() {
 }
 
 std::string refusal_text(int reason_code) {
-  return reason_text(reason_code).append(cure_of_access(reason_code));
+  const bool is_access = reason_code == MQTTREASONCODE_NOT_AUTHORIZED;
+  return reason_text(reason_code).append(is_access ? kAccessCure : std::string_view());
 }
 
 FailureText::FailureText(const MqttConfig& config, int version, bool tls)

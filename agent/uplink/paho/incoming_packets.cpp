@@ -1,7 +1,9 @@
 #include "agent/uplink/paho/incoming_packets.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <utility>
 
 namespace fxagent {
 namespace {
@@ -75,18 +77,15 @@ std::size_t property_size(const unsigned char* at, std::size_t size) noexcept {
 
 /// Moves the first of each property that the agent uses to the front. Returns their size.
 std::size_t gather(unsigned char* properties, std::size_t size) noexcept {
+  constexpr std::array kUsed{kResponseTopic, kCorrelation, kMessageExpiry};
+  std::array<bool, kUsed.size()> seen{};
   std::size_t kept = 0;
-  bool seen[3] = {};
   for (std::size_t at = 0; at < size;) {
     const std::size_t one = property_size(properties + at, size - at);
     if (one == 0) break;
-    const unsigned char kind = properties[at];
-    const int place = kind == kResponseTopic   ? 0
-                      : kind == kCorrelation   ? 1
-                      : kind == kMessageExpiry ? 2
-                                               : -1;
-    if (place >= 0 && !seen[place]) {
-      seen[place] = true;
+    const auto used =
+        static_cast<std::size_t>(std::ranges::find(kUsed, properties[at]) - kUsed.begin());
+    if (used < kUsed.size() && !std::exchange(seen[used], true)) {
       std::memmove(properties + kept, properties + at, one);
       kept += one;
     }

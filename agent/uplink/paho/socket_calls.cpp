@@ -88,11 +88,6 @@ bool is_refused(const IncomingPackets* packets, std::size_t bytes) noexcept {
   return true;
 }
 
-void note_read(IncomingPackets* packets, void* buffer, std::size_t asked,
-               std::size_t got) noexcept {
-  if (packets != nullptr) packets->take(static_cast<unsigned char*>(buffer), asked, got);
-}
-
 /// Starts to follow a connection that Paho has just made on this socket. Call on the thread that
 /// reads it.
 void follow_packets(int fd) noexcept {
@@ -205,7 +200,8 @@ ssize_t recv(int fd, void* buffer, std::size_t size, int flags) {
   if (got > 0 && *static_cast<const unsigned char*>(buffer) == fxagent::kTlsAlert)
     fxagent::faults.speaks_tls = true;
   if (was_reset || (got == 0 && size != 0)) fxagent::closed_at = std::chrono::steady_clock::now();
-  if (got > 0) fxagent::note_read(packets, buffer, size, static_cast<std::size_t>(got));
+  if (got > 0 && packets != nullptr)
+    packets->take(static_cast<unsigned char*>(buffer), size, static_cast<std::size_t>(got));
   return got;
 }
 
@@ -219,7 +215,8 @@ int SSL_read(SSL* connection, void* buffer, int size) {
   const fxagent::TlsReadBound bound(
       connection, BIO_number_read(SSL_get_rbio(connection)) + fxagent::kMaxHandshake);
   const int got = openssl_read(connection, buffer, size);
-  if (got > 0) fxagent::note_read(packets, buffer, asked, static_cast<std::size_t>(got));
+  if (got > 0 && packets != nullptr)
+    packets->take(static_cast<unsigned char*>(buffer), asked, static_cast<std::size_t>(got));
   return got;
 }
 
