@@ -102,7 +102,7 @@ void EdgeNode::connection_began(const Connected& connected) {
   host_.connection_began();
   max_packet_ = connected.maximum_packet;
   rebirth_ = true;
-  all_born_at_ = {};
+  born_at_ = {};
   leaves_ = false;
   for (Life& life : lives_) life.is_too_large = false;
   if (!host_.is_online())
@@ -146,33 +146,33 @@ void EdgeNode::change(const ConfigChange& change) {
   for (const std::uint32_t i : change.devices_begin) note_name(i);
 }
 
-std::vector<EdgeNode::Step> EdgeNode::births_due(SteadyTime now) {
-  using Kind = Step::Kind;
-  std::vector<Step> steps;
-  if (!host_.is_online() || (!rebirth_ && !is_born_)) return steps;
+std::vector<Publication> EdgeNode::due(SteadyTime now, std::int64_t utc_ms) {
+  std::vector<Publication> messages;
+  if (!host_.is_online() || (!rebirth_ && !is_born_)) return messages;
   if (rebirth_) {
-    if (is_born_ && now < all_born_at_ + kRebirthEvery) return steps;
+    if (is_born_ && now < born_at_ + kRebirthEvery) return messages;
     rebirth_ = false;
     is_born_ = true;
-    all_born_at_ = now;
+    born_at_ = now;
     dead_.clear();
-    steps.push_back({.kind = Kind::node_birth});
+    messages.push_back(node_birth(now, utc_ms));
     for (std::uint32_t i = 0; i < lives_.size(); ++i) {
       lives_[i].is_born = false;
       due_.insert(i);
     }
   }
-  for (std::string& name : std::exchange(dead_, {}))
-    steps.push_back({.kind = Kind::device_death, .device = std::move(name)});
+  for (const std::string& name : std::exchange(dead_, {}))
+    messages.push_back(device_death(name, utc_ms));
   for (const std::uint32_t i : std::exchange(due_, {})) {
     Life& life = lives_[i];
     if (life.is_alive == life.is_born) continue;
     life.is_born = life.is_alive;
-    steps.push_back({.kind = life.is_alive ? Kind::device_birth : Kind::device_death,
-                     .index = i,
-                     .device = config_.devices[i].name});
+    if (!life.is_alive)
+      messages.push_back(device_death(config_.devices[i].name, utc_ms));
+    else if (auto birth = device_birth(i, utc_ms))
+      messages.push_back(std::move(*birth));
   }
-  return steps;
+  return messages;
 }
 
 std::vector<std::uint32_t> EdgeNode::born() const {
@@ -183,7 +183,7 @@ std::vector<std::uint32_t> EdgeNode::born() const {
 }
 
 SteadyTime EdgeNode::next_wake() const {
-  return rebirth_ && host_.is_online() ? all_born_at_ + kRebirthEvery : SteadyTime::max();
+  return rebirth_ && host_.is_online() ? born_at_ + kRebirthEvery : SteadyTime::max();
 }
 
 bool EdgeNode::may_send(const std::string& device) const {

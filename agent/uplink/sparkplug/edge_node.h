@@ -61,6 +61,8 @@ class EdgeNode : public Profile {
   void connection_ended() override;
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
+  /// Returns births and deaths in their order: while the host is offline none are due.
+  std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   std::vector<Publication> farewell(std::int64_t utc_ms) override;
   SteadyTime next_wake() const override;
   /// True, once, if the host is offline.
@@ -70,13 +72,6 @@ class EdgeNode : public Profile {
   bool may_send(const std::string& device) const override;
 
  protected:
-  struct Step {
-    enum class Kind : std::uint8_t { node_birth, device_birth, device_death };
-    Kind kind = Kind::node_birth;
-    std::uint32_t index = 0;  ///< device_birth only: of the device
-    std::string device{};     ///< name; empty for node_birth
-  };
-
   /// Shortest time between two rebirths.
   static constexpr std::chrono::seconds kRebirthEvery{1};
 
@@ -89,13 +84,15 @@ class EdgeNode : public Profile {
   Publication message(std::string_view type, const std::string& device, std::string payload) const;
   /// Returns the death of the node in this session, which is also its last will.
   virtual Publication node_death(std::int64_t utc_ms) const = 0;
+  virtual Publication node_birth(SteadyTime now, std::int64_t utc_ms) = 0;
+  /// Returns nullopt if accepts_birth() is false.
+  virtual std::optional<Publication> device_birth(std::uint32_t index, std::int64_t utc_ms) = 0;
+  virtual Publication device_death(const std::string& name, std::int64_t utc_ms) = 0;
 
   /// Processes a message if it is on the topic of the primary host. Returns false if it is not.
   bool hear_host(const Message& message);
-  /// Makes births_due() repeat all births, at most once a second.
+  /// Makes due() repeat all births, at most once a second.
   void request_rebirth() { rebirth_ = true; }
-  /// Returns the births and deaths that are due, once: while the host is offline none are.
-  std::vector<Step> births_due(SteadyTime now);
   /// Returns the devices that are born in this session.
   std::vector<std::uint32_t> born() const;
   std::optional<std::uint32_t> index_of(std::string_view device) const;
@@ -140,7 +137,7 @@ class EdgeNode : public Profile {
   bool is_born_ = false;
   bool rebirth_ = false;  ///< a birth of all is due
   bool leaves_ = false;
-  SteadyTime all_born_at_{};
+  SteadyTime born_at_{};
 };
 
 }  // namespace fxagent::sparkplug

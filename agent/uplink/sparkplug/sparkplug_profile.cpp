@@ -220,22 +220,7 @@ std::vector<Subscription> SparkplugProfile::subscriptions() const {
 
 std::uint64_t SparkplugProfile::next_seq() { return std::exchange(seq_, (seq_ + 1) % kNumbers); }
 
-std::vector<Publication> SparkplugProfile::due(SteadyTime now, std::int64_t utc_ms) {
-  using Kind = Step::Kind;
-  std::vector<Publication> messages;
-  for (const auto& [kind, index, device] : births_due(now)) {
-    if (kind == Kind::node_birth) {
-      messages.push_back(node_birth(utc_ms));
-    } else if (kind == Kind::device_death) {
-      messages.push_back(device_death(device, utc_ms));
-    } else if (auto birth = device_birth(index, utc_ms)) {
-      messages.push_back(std::move(*birth));
-    }
-  }
-  return messages;
-}
-
-Publication SparkplugProfile::node_birth(std::int64_t utc_ms) {
+Publication SparkplugProfile::node_birth(SteadyTime, std::int64_t utc_ms) {
   Packet packet = session_packet(utc_ms);
   seq_ = 0;
   packet.set_seq(next_seq());
@@ -256,7 +241,6 @@ Packet SparkplugProfile::session_packet(std::int64_t utc_ms) const {
   return packet;
 }
 
-/// Returns nullopt if the broker does not accept the size.
 std::optional<Publication> SparkplugProfile::device_birth(std::uint32_t index,
                                                           std::int64_t utc_ms) {
   const DeviceConfig& device = config_.devices.at(index);

@@ -36,7 +36,6 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
   std::vector<Subscription> subscriptions() const override;
   void hear(const Message& message) override;
   void change(const ConfigChange& change) override;
-  std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   bool is_ready() const override { return is_born() && !is_rebirth_due(); }
   bool leaves_with_will() const override { return true; }
 
@@ -63,9 +62,9 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
   };
 
   std::uint64_t next_seq();
-  Publication node_birth(std::int64_t utc_ms);
-  std::optional<Publication> device_birth(std::uint32_t index, std::int64_t utc_ms);
-  Publication device_death(const std::string& name, std::int64_t utc_ms);
+  Publication node_birth(SteadyTime now, std::int64_t utc_ms) override;
+  std::optional<Publication> device_birth(std::uint32_t index, std::int64_t utc_ms) override;
+  Publication device_death(const std::string& name, std::int64_t utc_ms) override;
   Publication node_death(std::int64_t utc_ms) const override;
   sparkplug::Packet session_packet(std::int64_t utc_ms) const;
   void prepare(std::uint32_t index);

@@ -212,7 +212,7 @@ Publication TypedCommandsProfile::node_death(std::int64_t) const {
 // ---- births and answers -------------------------------------------------------------------------
 
 std::vector<Publication> TypedCommandsProfile::due(SteadyTime now, std::int64_t utc_ms) {
-  std::vector<Publication> messages = births(now, utc_ms);
+  std::vector<Publication> messages = EdgeNode::due(now, utc_ms);
   if (!messages.empty() || !is_open()) return messages;
   if (is_asked_ && now >= born_at_ + kRebirthEvery) {
     born_at_ = now;
@@ -241,26 +241,24 @@ SteadyTime TypedCommandsProfile::next_wake() const {
   return std::min(EdgeNode::next_wake(), born_at_ + kRebirthEvery);
 }
 
-/// Returns births and deaths that are due.
-std::vector<Publication> TypedCommandsProfile::births(SteadyTime now, std::int64_t utc_ms) {
-  using Kind = Step::Kind;
-  std::vector<Publication> messages;
-  for (const auto& [kind, index, device] : births_due(now)) {
-    if (kind == Kind::node_birth) {
-      seq_ = 0;
-      is_asked_ = false;
-      born_at_ = now;
-      messages.push_back(message("NBIRTH", "", node_birth(utc_ms), seq_++));
-    } else if (kind == Kind::device_death) {
-      Packet death;
-      death.set_timestamp(stamp(utc_ms));
-      messages.push_back(message("DDEATH", device, std::move(death), seq_++));
-    } else if (Packet birth = device_birth(index, utc_ms);
-               accepts_birth(index, birth.ByteSizeLong() + kBytesOfSeq)) {
-      messages.push_back(message("DBIRTH", device, std::move(birth), seq_++));
-    }
-  }
-  return messages;
+Publication TypedCommandsProfile::node_birth(SteadyTime now, std::int64_t utc_ms) {
+  seq_ = 0;
+  is_asked_ = false;
+  born_at_ = now;
+  return message("NBIRTH", "", node_packet(utc_ms), seq_++);
+}
+
+std::optional<Publication> TypedCommandsProfile::device_birth(std::uint32_t index,
+                                                              std::int64_t utc_ms) {
+  Packet birth = device_packet(index, utc_ms);
+  if (!accepts_birth(index, birth.ByteSizeLong() + kBytesOfSeq)) return std::nullopt;
+  return message("DBIRTH", config_.devices[index].name, std::move(birth), seq_++);
+}
+
+Publication TypedCommandsProfile::device_death(const std::string& name, std::int64_t utc_ms) {
+  Packet death;
+  death.set_timestamp(stamp(utc_ms));
+  return message("DDEATH", name, std::move(death), seq_++);
 }
 
 /// Births for a host that has asked. They repeat the last numbers, so that other hosts miss none.
@@ -269,21 +267,21 @@ std::vector<Publication> TypedCommandsProfile::repeated_births(std::int64_t utc_
   const std::vector<std::uint32_t> devices = born();
   std::uint64_t seq = seq_ - devices.size() - 1;
   std::vector<Publication> messages;
-  messages.push_back(message("NREBIRTH", "", node_birth(utc_ms), seq++));
+  messages.push_back(message("NREBIRTH", "", node_packet(utc_ms), seq++));
   for (const std::uint32_t i : devices)
     messages.push_back(
-        message("DREBIRTH", config_.devices.at(i).name, device_birth(i, utc_ms), seq++));
+        message("DREBIRTH", config_.devices.at(i).name, device_packet(i, utc_ms), seq++));
   return messages;
 }
 
-Packet TypedCommandsProfile::node_birth(std::int64_t utc_ms) const {
+Packet TypedCommandsProfile::node_packet(std::int64_t utc_ms) const {
   Packet packet;
   packet.set_timestamp(stamp(utc_ms));
   packet.set_bd_seq(session());
   return packet;
 }
 
-Packet TypedCommandsProfile::device_birth(std::uint32_t index, std::int64_t utc_ms) const {
+Packet TypedCommandsProfile::device_packet(std::uint32_t index, std::int64_t utc_ms) const {
   const DeviceConfig& device = config_.devices.at(index);
   Packet packet;
   packet.set_timestamp(stamp(utc_ms));

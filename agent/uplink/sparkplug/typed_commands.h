@@ -57,9 +57,11 @@ class TypedCommandsProfile final : public sparkplug::EdgeNode {
   Publication message(std::string_view verb, const std::string& device, sparkplug_c::Packet packet,
                       std::optional<std::uint64_t> seq = {}) const;
   Publication node_death(std::int64_t utc_ms) const override;
-  sparkplug_c::Packet node_birth(std::int64_t utc_ms) const;
-  sparkplug_c::Packet device_birth(std::uint32_t index, std::int64_t utc_ms) const;
-  std::vector<Publication> births(SteadyTime now, std::int64_t utc_ms);
+  Publication node_birth(SteadyTime now, std::int64_t utc_ms) override;
+  std::optional<Publication> device_birth(std::uint32_t index, std::int64_t utc_ms) override;
+  Publication device_death(const std::string& name, std::int64_t utc_ms) override;
+  sparkplug_c::Packet node_packet(std::int64_t utc_ms) const;
+  sparkplug_c::Packet device_packet(std::uint32_t index, std::int64_t utc_ms) const;
   std::vector<Publication> repeated_births(std::int64_t utc_ms);
   /// True if births may be repeated and answers sent.
   bool is_open() const;
