@@ -56,21 +56,14 @@ void OwnTopics::hear_state(const Message& message, SteadyTime now) {
 }
 
 void OwnTopics::report_config(std::string text, std::string audit) {
-  report_ = std::move(text);
+  parts_.retained.set_config_report(std::move(text));
   if (!parts_.shutdown.has_begun()) parts_.retained.config_report_is_due();
   if (!audit.empty() && parts_.store != nullptr) parts_.store->journal().note(std::move(audit));
-}
-
-Publication OwnTopics::take_config_report() {
-  Publication publication = retained(base_ + std::string(kReportedTopic), report_.value_or(""));
-  if (publication.payload.empty()) report_.reset();  // cleared once
-  return publication;
 }
 
 void OwnTopics::connection_began(SteadyTime now) {
   const ConnectSchedule& connects = parts_.session.connects();
   identity_.connection_began(connects.server(), now, connects.steady_after());
-  if (report_) parts_.retained.config_report_is_due();
   if (configs_.connection) configs_.connection(true, now);
 }
 

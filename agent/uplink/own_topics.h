@@ -25,7 +25,7 @@
 namespace fxagent {
 
 /// Recognizes the agent's own topics. From its retained states it also detects another agent with
-/// the same id, and topics of removed devices. Answers remote configs on {base}/config/reported.
+/// the same id, and topics of removed devices. Passes on remote configs and the reports on them.
 class OwnTopics final {
  public:
   /// Receives each document of {base}/config/desired, if remote configs are on, and each change of
@@ -55,7 +55,6 @@ class OwnTopics final {
 
   /// Processes a message on any topic.
   void hear(const Message& message, SteadyTime now);
-  /// Call after RetainedState::connection_began().
   void connection_began(SteadyTime now);
   void connection_ended(SteadyTime now);
   /// The broker has given our session to another client.
@@ -66,8 +65,6 @@ class OwnTopics final {
   /// the topic is cleared once, and nothing is published there. `audit` is the body of an audit
   /// record; empty: none.
   void report_config(std::string text, std::string audit);
-  /// Returns the report to publish.
-  Publication take_config_report();
 
   /// Begins or ends the conflict with another agent. Call after each step's messages.
   void follow_conflict(SteadyTime now);
@@ -86,7 +83,6 @@ class OwnTopics final {
   IdentityConflict identity_;
   std::optional<std::string> conflict_;
   ConfigListener configs_;
-  std::optional<std::string> report_;  ///< on configs; nullopt: none yet
 };
 
 }  // namespace fxagent

@@ -43,8 +43,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
                  [this](SteadyTime now) {
                    return retained(config_.base_topic() + "/health",
                                    json::health(*status_.at(now), config_));
-                 },
-                 [this] { return own_topics_.take_config_report(); }}),
+                 }}),
       results_(config, commands, outgoing_, backoff_, utc_ms_),
       spool_(store, settings_.backlog_bytes),
       refused_(backoff_),

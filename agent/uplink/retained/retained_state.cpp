@@ -30,6 +30,7 @@ RetainedState::RetainedState(const Config& config, const DeviceStates& states, J
 void RetainedState::connection_began() {
   due_.clear();
   everything_is_due();
+  if (config_report_) config_report_is_due();
 }
 
 void RetainedState::connection_ended() {
@@ -131,7 +132,10 @@ Publication RetainedState::publication_of(const Key& key, SteadyTime now) {
     case Item::health:
       return source_.health(now);
     case Item::config_report:
-      return source_.config_report();
+      // Cleared once.
+      if (config_report_ == "") config_report_.reset();
+      return retained(config_.base_topic() + std::string(kReportedTopic),
+                      config_report_.value_or(""));
     case Item::clear:
       break;
   }

@@ -11,6 +11,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "agent/config/config_difference.h"
@@ -38,19 +39,20 @@ class RetainedState final : public Outgoing::Sender {
   struct Source {
     std::function<Publication()> agent_state;
     std::function<Publication(SteadyTime)> health;
-    /// For {base}/config/reported.
-    std::function<Publication()> config_report;
   };
 
   /// All references outlive the object.
   RetainedState(const Config& config, const DeviceStates& states, JsonPayload& payload,
                 Outgoing& outgoing, JitteredBackoff& backoff, Source source);
 
-  /// Everything is due except the config report and health, whose counters must be requested first.
+  /// Everything is due except health, whose counters must be requested first.
   void connection_began();
   void connection_ended();
   /// The same within a connection, because another agent may have overwritten the topics.
   void everything_is_due();
+  /// Sets the text of {base}/config/reported, without which there is none. Empty: the topic is
+  /// cleared once. config_report_is_due() publishes it in this connection.
+  void set_config_report(std::string text) { config_report_ = std::move(text); }
   // These, and change(), have an effect only while connected: a connection begins with everything.
   void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
   void health_is_due() { due_[{Item::health, 0, {}}]; }
@@ -112,6 +114,7 @@ class RetainedState final : public Outgoing::Sender {
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;
   const Source source_;
+  std::optional<std::string> config_report_;
   std::map<Key, Due> due_;
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
   std::map<Key, Published> published_;       ///< in this connection
