@@ -16,7 +16,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::string_view kPair = "/pair/";
 constexpr std::size_t kLongestName = 64;
 constexpr std::size_t kLongestId = 64;  // of a command
 
@@ -42,14 +41,13 @@ bool is_plain(std::string_view text) {
 }  // namespace
 
 std::string topic_of(const std::string& base, const std::string& member) {
-  return base + std::string(kPair) + member;
+  return base + "/pair/" + member;
 }
 
-std::optional<Place> place_of(std::string_view topic, std::string_view base) {
-  if (!topic.starts_with(base)) return std::nullopt;
-  topic.remove_prefix(base.size());
-  if (!topic.starts_with(kPair)) return std::nullopt;
-  topic.remove_prefix(kPair.size());
+std::optional<Place> place_of(std::string_view topic, const std::string& base) {
+  const std::string begin = topic_of(base, "");
+  if (!topic.starts_with(begin)) return std::nullopt;
+  topic.remove_prefix(begin.size());
   const auto slash = topic.find('/');
   const std::string_view member = topic.substr(0, slash);
   if (!is_name(member)) return std::nullopt;

@@ -24,7 +24,7 @@ struct Place {
   std::string leaf;  ///< empty, "heartbeat" or "journal"
 };
 /// Returns nullopt for a topic that is not one of a pair.
-std::optional<Place> place_of(std::string_view topic, std::string_view base);
+std::optional<Place> place_of(std::string_view topic, const std::string& base);
 
 /// `role` "offline" needs `member`, `boot` and `quiet` alone.
 std::string status(const PairStatus& status);
