@@ -155,7 +155,8 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
     parts.guarded = std::make_unique<GuardedStore>(*parts.store, wake);
   }
   settings.name = name_of(what);
-  settings.mqtt = settings_of(what, config);
+  settings.mqtt_of = [what](const Config& next) { return settings_of(what, next); };
+  settings.mqtt = settings.mqtt_of(config);
   settings.boot = run.boot;
   settings.backlog_bytes = run.backlog_bytes;
   settings.jitter_seed = seed;
@@ -252,8 +253,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       publisher.take_order(std::move(order), std::chrono::steady_clock::now());
     };
     profiles.push_back(make_profile(config, what, settings, take_order, outbox, random(), permit));
-    publisher.add(*profiles.back().outlet,
-                  [what](const Config& next) { return settings_of(what, next); });
+    publisher.add(*profiles.back().outlet);
   }
   // Each profile commits a sample on its own. After a kill between two commits, only the store of a
   // profile has the newest number, and it must not be used again. With `sync: offline` the agent's

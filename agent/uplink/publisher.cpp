@@ -55,7 +55,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
            samples_out_, history_, refused_, store,
            [this] {
              std::vector<ProfileStatus> profiles;
-             for (const Beside& beside : outlets_) profiles.push_back(beside.outlet->status());
+             for (Outlet* outlet : outlets_) profiles.push_back(outlet->status());
              return profiles;
            },
            settings_.boot, settings_.version},
@@ -95,15 +95,13 @@ SteadyTime Publisher::step(SteadyTime now) {
 }
 
 bool Publisher::finished() const {
-  return shutdown_.finished() && std::ranges::all_of(outlets_, [](const Beside& beside) {
-           return beside.outlet->finished();
-         });
+  return shutdown_.finished() && std::ranges::all_of(outlets_, &Outlet::finished);
 }
 
 void Publisher::stop(SteadyTime now) {
   if (shutdown_.has_begun()) return;
   subscriptions_.end_commands();
-  for (const Beside& beside : outlets_) beside.outlet->stop(now);
+  for (Outlet* outlet : outlets_) outlet->stop(now);
   shutdown_.begin(now);
   commands_.close();
 }
@@ -153,7 +151,7 @@ void Publisher::take_outbox(SteadyTime now) {
     if (may_have_written) written_.insert(std::as_const(config_).devices.at(result.device).name);
     commands_.finish(std::move(result), utc_ms_());
   }
-  for (const Beside& beside : outlets_) beside.outlet->take(batch, now);
+  for (Outlet* outlet : outlets_) outlet->take(batch, now);
   for (DeviceStatus& status : batch.states) {
     const std::uint32_t device = status.device;
     if (status.codec) commands_.set_codec(device, std::move(status.codec));
@@ -170,8 +168,7 @@ void Publisher::take_outbox(SteadyTime now) {
 
 void Publisher::keep_outlets(SteadyTime now) {
   outlets_wake_ = SteadyTime::max();
-  for (const Beside& beside : outlets_)
-    outlets_wake_ = std::min(outlets_wake_, beside.outlet->step(now));
+  for (Outlet* outlet : outlets_) outlets_wake_ = std::min(outlets_wake_, outlet->step(now));
 }
 
 void Publisher::recover_joined(SteadyTime now) {
@@ -325,11 +322,10 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   states_.change(change);
   retained_.change(change, gone);
   samples_out_.change(change);
-  for (const Beside& beside : outlets_) beside.outlet->change(change);
+  for (Outlet* outlet : outlets_) outlet->change(change, now);
   status_.change(change);
   subscriptions_.hear_configs(config_.remote.enabled);
   if (change.mqtt) {
-    for (const Beside& beside : outlets_) beside.outlet->use(beside.settings(config_), now);
     broker_.use(config_.mqtt);
     session_.settings_changed();
     subscriptions_.forget_refusals();

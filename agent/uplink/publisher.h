@@ -77,10 +77,8 @@ class Publisher final {
   Publisher& operator=(const Publisher&) = delete;
 
   /// Adds a profile with a session of its own. Call before the first step(); it is used until
-  /// finished(). `settings` returns the MQTT settings of its broker.
-  void add(Outlet& outlet, std::function<MqttConfig(const Config&)> settings) {
-    outlets_.push_back({&outlet, std::move(settings)});
-  }
+  /// finished().
+  void add(Outlet& outlet) { outlets_.push_back(&outlet); }
 
   /// Processes all events and does what is due. Returns the time by which it must be called again;
   /// call it sooner if the outbox or the broker has events.
@@ -181,11 +179,7 @@ class Publisher final {
   Shutdown shutdown_;
   OwnTopics own_topics_;
 
-  struct Beside {
-    Outlet* outlet = nullptr;
-    std::function<MqttConfig(const Config&)> settings;
-  };
-  std::vector<Beside> outlets_;
+  std::vector<Outlet*> outlets_;
   SteadyTime outlets_wake_ = SteadyTime::max();
 
   /// From begin_change() to change(). Nothing is taken from a store that opens meanwhile: rows

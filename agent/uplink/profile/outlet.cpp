@@ -50,9 +50,10 @@ void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
   samples_.take(batch.telemetry, can_go, now);
 }
 
-void Outlet::change(const ConfigChange& change) {
+void Outlet::change(const ConfigChange& change, SteadyTime now) {
   samples_.change(change);
   profile_.change(change);
+  if (change.mqtt && settings_.mqtt_of) use(settings_.mqtt_of(config_), now);
 }
 
 void Outlet::use(MqttConfig mqtt, SteadyTime now) {

@@ -31,8 +31,10 @@ namespace fxagent {
 class Outlet final : private Outgoing::Sender {
  public:
   struct Settings {
-    std::string name;          ///< of the profile, for the log and the status
-    MqttConfig mqtt;           ///< with a client id of its own
+    std::string name;  ///< of the profile, for the log and the status
+    MqttConfig mqtt;   ///< with a client id of its own
+    /// Returns `mqtt` of a changed config; empty: it stays.
+    std::function<MqttConfig(const Config&)> mqtt_of;
     std::string boot;          ///< as in PublisherSettings
     std::string marker_topic;  ///< as in Outgoing; empty: none
     std::size_t backlog_bytes = std::size_t{64} << 20;
@@ -49,9 +51,7 @@ class Outlet final : private Outgoing::Sender {
   /// Takes states and samples from the field. Call before the states of the batch are moved from.
   void take(const Outbox::Batch& batch, SteadyTime now);
   /// Adapts to a config change, which the config already contains.
-  void change(const ConfigChange& change);
-  /// Connects anew with other settings of the broker.
-  void use(MqttConfig mqtt, SteadyTime now);
+  void change(const ConfigChange& change, SteadyTime now);
   /// Does all that is due. Returns the time by which it must be called again.
   SteadyTime step(SteadyTime now);
 
@@ -64,6 +64,8 @@ class Outlet final : private Outgoing::Sender {
  private:
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
 
+  /// Connects anew with other settings of the broker.
+  void use(MqttConfig mqtt, SteadyTime now);
   void take_broker_events(SteadyTime now);
   /// Sends the profile's last messages. Returns their id; nullopt: it has none.
   std::optional<std::uint64_t> say_goodbye();
