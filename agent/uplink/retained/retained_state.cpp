@@ -55,9 +55,9 @@ void RetainedState::change(const ConfigChange& change, const std::set<std::strin
   for (const std::uint32_t device : change.devices_begin) {
     // The device is back: its topics must not be cleared.
     for (const char* topic : {"/state", "/meta"}) {
-      const std::string back = base + config_.devices[device].name + topic;
-      due_.erase({Item::clear, 0, back});
-      std::erase_if(flights_, [&](const auto& each) { return each.second.key.clears(back); });
+      const Key back{Item::clear, 0, base + config_.devices[device].name + topic};
+      due_.erase(back);
+      std::erase_if(flights_, [&](const auto& each) { return each.second.key == back; });
     }
     due_[{Item::device_meta, device, {}}];
   }
@@ -96,17 +96,17 @@ void RetainedState::heard(Item item, std::uint32_t device, std::string_view payl
 }
 
 void RetainedState::pump(SteadyTime now) {
-  for (auto next = repairs_.begin(); next != repairs_.end();) {
-    const auto current = next++;
-    if (current->second > now) continue;
-    due_.try_emplace(current->first);
-    if (logged_.insert(current->first).second)
+  std::erase_if(repairs_, [&](const auto& repair) {
+    const auto& [key, at] = repair;
+    if (at > now) return false;
+    due_.try_emplace(key);
+    if (logged_.insert(key).second)
       log::warn(
           "retained_state_overwritten",
-          {{"topic", publication_of(current->first, now).topic},
+          {{"topic", publication_of(key, now).topic},
            {"note", "another client published there; the agent publishes its own state again"}});
-    repairs_.erase(current);
-  }
+    return true;
+  });
   for (auto next = due_.begin(); next != due_.end() && outgoing_.has_room();) {
     const auto current = next++;
     if (current->second.not_before > now) continue;

@@ -87,7 +87,6 @@ class RetainedState final : public Outgoing::Sender {
     std::uint32_t device = 0;
     std::string topic;  ///< clear only
     auto operator<=>(const Key&) const = default;
-    bool clears(const std::string& name) const { return item == Item::clear && topic == name; }
   };
   struct Due {
     SteadyTime not_before{};
