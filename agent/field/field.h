@@ -76,7 +76,7 @@ class Field final {
   std::string unfinished() const;
 
  private:
-  struct Thread;
+  class Thread;
   std::unique_ptr<Thread> field_;
 };
 
