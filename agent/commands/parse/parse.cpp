@@ -1,6 +1,7 @@
 #include "agent/commands/parse/parse.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -8,9 +9,9 @@
 #include <set>
 #include <utility>
 
-#include "agent/commands/parse/command_keys.h"
 #include "agent/commands/parse/faults.h"
 #include "agent/config/json/tree.h"
+#include "agent/config/suggestions.h"
 #include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 
@@ -26,9 +27,15 @@ constexpr std::size_t kMaxPlaceLength = 128;  ///< of tag and address; a longer 
 constexpr std::size_t kMaxStructures = 2 + 2 * kMostTargets;
 constexpr std::size_t kMaxDepth = 3;  ///< root object, `targets`, one target, an array value in it
 
+constexpr std::size_t kMaxQuoted = 64;
 constexpr std::size_t kMaxOpKept = 64;       ///< characters of an op that the result repeats
 constexpr std::int64_t kMostElements = 125;  ///< of a read by address
 constexpr std::int64_t kMostCharacters = 2 * kMostElements;
+
+/// Returns the first 64 bytes of a sender's text in quotes, for a detail.
+std::string in_quotes(std::string_view foreign) {
+  return "'" + std::string(foreign.substr(0, kMaxQuoted)) + "'";
+}
 
 /// Finds faults that the parser accepts: duplicate keys and deep nesting.
 class Watch final {
@@ -107,6 +114,118 @@ const Json* given(const Json& object, std::string_view key) {
   const Json* value = find(object, key);
   return value == nullptr || value->is_null() ? nullptr : value;
 }
+
+// ---- keys ---------------------------------------------------------------------------------------
+
+// Groups of ops with the same keys.
+constexpr unsigned kWrite = 1;
+constexpr unsigned kForce = 2;
+constexpr unsigned kRead = 4;
+constexpr unsigned kRunStop = 8;
+constexpr unsigned kAny = kWrite | kForce | kRead | kRunStop;
+
+enum class Stands { in_command, beside_one_target, in_target };
+
+struct Key {
+  std::string_view name;
+  unsigned ops;
+  Stands stands;
+};
+constexpr std::array<Key, 14> kKeys{{
+    {"id", kAny, Stands::in_command},
+    {"op", kAny, Stands::in_command},
+    {"expires", kAny, Stands::in_command},
+    {"by", kAny, Stands::in_command},
+    {"dry_run", kAny, Stands::in_command},
+    {"targets", kWrite | kForce, Stands::in_command},
+    {"verify", kWrite | kForce, Stands::in_command},
+    {"expect", kWrite | kForce, Stands::beside_one_target},
+    {"count", kRead, Stands::beside_one_target},
+    {"length", kRead, Stands::beside_one_target},
+    {"tag", kWrite | kForce | kRead, Stands::in_target},
+    {"address", kWrite | kForce | kRead, Stands::in_target},
+    {"type", kWrite | kForce | kRead, Stands::in_target},
+    {"value", kWrite, Stands::in_target},
+}};
+
+// By Op.
+constexpr std::array kGroups{kWrite, kForce, kForce, kRead, kRunStop, kRunStop};
+static_assert(kGroups.size() == static_cast<std::size_t>(Op::stop) + 1);
+
+const Key* known(std::string_view name) {
+  const auto* key = std::ranges::find(kKeys, name, &Key::name);
+  return key == kKeys.end() ? nullptr : key;
+}
+
+bool is_absent(std::string_view key, const Json& value) {
+  return value.is_null() && key != "expect" && key != "value";
+}
+
+std::string unknown(std::string_view name) {
+  std::array<std::string_view, kKeys.size()> names;
+  std::ranges::transform(kKeys, names.begin(), &Key::name);
+  return "unknown key " + in_quotes(name) + did_you_mean(name, names);
+}
+
+/// Checks keys that refine an address: they need one, and `count` and `length` depend on its type.
+void check_address_keys(const Json& target, Faults& faults) {
+  const auto misplaced = [&](const char* key, const char* where) {
+    if (given(target, key) != nullptr)
+      faults.add(Reason::bad_json, "key " + in_quotes(key) + " is only for " + where);
+  };
+  if (given(target, "address") == nullptr) {
+    if (given(target, "tag") == nullptr) return;  // not a target; read_place() reports it
+    for (const char* key : {"type", "count", "length"}) misplaced(key, "an address");
+    return;
+  }
+  const auto type = target.find("type");
+  if (type != target.end() && *type == "string")
+    misplaced("count", "types other than string; a string has a length");
+  else
+    misplaced("length", "type string");
+}
+
+enum class Object { command, command_with_targets, target };
+
+/// Returns why a known key must not stand there; empty if it may.
+std::string why_misplaced(const Key& key, Object object, std::optional<Op> op) {
+  if (object == Object::target && key.stands != Stands::in_target)
+    return "is not a key of a target";
+  if (!op) return "";
+  if ((key.ops & kGroups[static_cast<std::size_t>(*op)]) == 0)
+    return "is not for op " + std::string(to_string(*op));
+  if (object == Object::command_with_targets && key.stands != Stands::in_command)
+    return "cannot be used together with targets: set it in each target";
+  return "";
+}
+
+void check_object(const Json& json, Object object, std::optional<Op> op, Faults& faults) {
+  for (const auto& item : json.items()) {
+    const Key* key = known(item.key());
+    if (key == nullptr) {
+      faults.add(Reason::bad_json, unknown(item.key()));
+    } else if (!is_absent(item.key(), item.value())) {
+      const std::string why = why_misplaced(*key, object, op);
+      if (!why.empty()) faults.add(Reason::bad_json, "key " + in_quotes(item.key()) + " " + why);
+    }
+  }
+  if (op) check_address_keys(json, faults);
+}
+
+/// Adds bad_json for each key of `command`, a JSON object, that does not go with `op`, with the
+/// target or with `targets`. Without an op, only for unknown keys and keys that no target may have.
+/// Null counts as absent, except for `expect` and `value`: a lost condition (NaN becomes null) must
+/// not become an unconditional write.
+void check_keys(const Json& command, std::optional<Op> op, Faults& faults) {
+  const Json* targets = given(command, "targets");
+  check_object(command, targets != nullptr ? Object::command_with_targets : Object::command, op,
+               faults);
+  if (targets == nullptr || !targets->is_array()) return;
+  for (const Json& entry : *targets)
+    if (entry.is_object()) check_object(entry, Object::target, op, faults);
+}
+
+// ---- values -------------------------------------------------------------------------------------
 
 /// True for an integer that a double holds exactly.
 bool is_exact_integer(const Json& json) {
