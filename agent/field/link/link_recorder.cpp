@@ -2,9 +2,8 @@
 
 #include <chrono>
 
-#include "agent/steady_time.h"
-
 namespace fxagent {
+
 LinkRecorder::LinkRecorder(FlightRecorder* recorder, const LinkConfig& link)
     : recorder_(recorder), link_(link) {
   if (recorder_ != nullptr) ring_ = recorder_->new_ring(link.name, channel_text(link));
