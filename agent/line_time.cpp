@@ -40,8 +40,8 @@ nanoseconds read_time(const Codec& codec, const DeviceConfig& device, const Poin
 
 nanoseconds poll_time(const Codec& codec, const Plan& plan, const LineTiming& timing) {
   nanoseconds total{0};
-  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e)
-    total += exchange_time(codec, plan.request(plan.reads_in(e)), timing);
+  for (const ReadIndices reads : plan.exchanges)
+    total += exchange_time(codec, plan.request(reads), timing);
   return total;
 }
 
@@ -64,8 +64,8 @@ nanoseconds longest_poll(const Codec& codec, std::span<const Plan* const> plans,
                          const LineTiming& timing) {
   nanoseconds longest{0};
   for (const Plan* plan : plans)
-    for (std::uint32_t e = 0; e < plan->exchange_count(); ++e)
-      longest = std::max(longest, exchange_time(codec, plan->request(plan->reads_in(e)), timing));
+    for (const ReadIndices reads : plan->exchanges)
+      longest = std::max(longest, exchange_time(codec, plan->request(reads), timing));
   if (const auto question = background_question(codec, !plans.empty()))
     longest = std::max(longest, exchange_time(codec, *question, timing));
   if (const PlcServices* plc = codec.plc(); plc != nullptr && !plc->model().empty())

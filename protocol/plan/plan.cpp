@@ -142,10 +142,9 @@ Gathering each_by_itself(const Codec& codec, const LineCost& cost,
   return out;
 }
 
-/// Adds the reads that are sent alone, if there are Gathers, and orders all by their first reads.
+/// Adds the reads that are sent alone, and orders all by their first reads.
 std::vector<std::vector<std::uint32_t>> in_order(std::uint32_t reads,
                                                  std::vector<std::vector<std::uint32_t>> together) {
-  if (together.empty()) return together;
   std::vector<bool> gathered(reads);
   for (const auto& parts : together)
     for (const std::uint32_t read : parts) gathered[read] = true;
@@ -198,7 +197,7 @@ void tell_neighbours_apart(Plan& plan, const std::vector<std::uint32_t>& lengths
   std::vector<std::vector<std::uint32_t>> exchanges;
   for (const std::uint32_t e : alternating(lengths)) {
     ordered.push_back(lengths[e]);
-    exchanges.push_back(plan.exchanges.empty() ? std::vector{e} : plan.exchanges[e]);
+    exchanges.push_back(plan.exchanges[e]);
   }
   if (equal_neighbours(ordered) < equal) plan.exchanges = std::move(exchanges);
 }
@@ -244,8 +243,8 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
   plan.exchanges =
       in_order(static_cast<std::uint32_t>(plan.reads.size()), std::move(best.together));
   std::vector<std::uint32_t> lengths;
-  for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
-    const LineLength length = codec.line_length(plan.request(plan.reads_in(e)));
+  for (const ReadIndices reads : plan.exchanges) {
+    const LineLength length = codec.line_length(plan.request(reads));
     plan.line_time += cost.of(length);
     lengths.push_back(length.reply_chars);
   }
@@ -253,34 +252,33 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
   return plan;
 }
 
-Request Plan::request(const ReadIndices& which) const {
+Request Plan::request(ReadIndices which) const {
   if (const Read& only = reads[which[0]].read; which.size() == 1 && only.gather == 0) return only;
   Gather gather;
   gather.parts.reserve(which.size());
-  for (std::size_t i = 0; i < which.size(); ++i) gather.parts.push_back(reads[which[i]].read);
+  for (const std::uint32_t read : which) gather.parts.push_back(reads[read].read);
   return gather;
 }
 
-void Plan::share_out(const ReadIndices& which, Bytes image, std::span<Bytes> images) const {
+void Plan::share_out(ReadIndices which, Bytes image, std::span<Bytes> images) const {
   if (which.size() == 1) {
     images[which[0]] = std::move(image);
     return;
   }
   std::size_t at = 0;
-  for (std::size_t i = 0; i < which.size(); ++i) {
-    const std::size_t bytes = (std::size_t{reads[which[i]].read.span.bits} + 7) / 8;
+  for (const std::uint32_t read : which) {
+    const std::size_t bytes = (std::size_t{reads[read].read.span.bits} + 7) / 8;
     const std::size_t end = std::min(at + bytes, image.size());
-    images[which[i]].assign(image.begin() + static_cast<std::ptrdiff_t>(at),
-                            image.begin() + static_cast<std::ptrdiff_t>(end));
+    images[read].assign(image.begin() + static_cast<std::ptrdiff_t>(at),
+                        image.begin() + static_cast<std::ptrdiff_t>(end));
     at = end;
   }
 }
 
-std::vector<Span> asked_in(const Plan& plan, const ReadIndices& which,
-                           std::span<const Point> points) {
+std::vector<Span> asked_in(const Plan& plan, ReadIndices which, std::span<const Point> points) {
   std::vector<Span> asked;
-  for (std::size_t i = 0; i < which.size(); ++i) {
-    const PlannedRead& planned = plan.reads[which[i]];
+  for (const std::uint32_t read : which) {
+    const PlannedRead& planned = plan.reads[read];
     for (const std::uint32_t index : planned.points) {
       const auto span = span_of(points[index]);
       if (!span) continue;

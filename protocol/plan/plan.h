@@ -85,23 +85,13 @@ struct Holes {
   std::uint32_t most_others = 0xFFFFFFFF;
 };
 
-/// Reads that one exchange returns, by their index in Plan::reads. Valid as long as the plan.
-class ReadIndices final {
- public:
-  explicit ReadIndices(std::uint32_t only) : only_(only) {}
-  explicit ReadIndices(std::span<const std::uint32_t> several) : several_(several) {}
-  std::size_t size() const { return several_.empty() ? 1 : several_.size(); }
-  std::uint32_t operator[](std::size_t i) const { return several_.empty() ? only_ : several_[i]; }
-
- private:
-  std::uint32_t only_ = 0;
-  std::span<const std::uint32_t> several_;  ///< empty: `only_`
-};
+/// Reads that one exchange returns, by their index in Plan::reads.
+using ReadIndices = std::span<const std::uint32_t>;
 
 struct Plan {
   std::vector<PlannedRead> reads;
   /// Exchanges in the order of sending: a read sent alone, or the parts of a Gather, as ascending
-  /// indices in `reads`, never none. Empty if each read is an exchange, in the order of `reads`.
+  /// indices in `reads`, never none.
   std::vector<std::vector<std::uint32_t>> exchanges;
   std::vector<PointSource> sources;        ///< one for each given point, in the same order
   std::vector<std::uint32_t> unreachable;  ///< points that no way of this model can read
@@ -111,18 +101,12 @@ struct Plan {
   /// number of points.
   std::size_t weighed = 0;
 
-  std::uint32_t exchange_count() const {
-    return static_cast<std::uint32_t>(exchanges.empty() ? reads.size() : exchanges.size());
-  }
-  /// Returns the reads of an exchange; its number must be below exchange_count().
-  ReadIndices reads_in(std::uint32_t exchange) const {
-    return exchanges.empty() ? ReadIndices(exchange) : ReadIndices(exchanges[exchange]);
-  }
+  std::uint32_t exchange_count() const { return static_cast<std::uint32_t>(exchanges.size()); }
   /// Returns the request for these reads: all of one exchange, or any single read.
-  Request request(const ReadIndices& which) const;
+  Request request(ReadIndices which) const;
   /// Splits the image that answered request() into those of its reads. `images` has one entry for
   /// each of `reads`.
-  void share_out(const ReadIndices& which, Bytes image, std::span<Bytes> images) const;
+  void share_out(ReadIndices which, Bytes image, std::span<Bytes> images) const;
 };
 
 /// Returns the reads of `points` with the least total line time under the codec's limits. Exact, by
@@ -139,8 +123,7 @@ Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost
 
 /// Returns the parts of `points` that these reads of `plan` return, sorted by space and place.
 /// Leaves out the gaps that no point covers.
-std::vector<Span> asked_in(const Plan& plan, const ReadIndices& which,
-                           std::span<const Point> points);
+std::vector<Span> asked_in(const Plan& plan, ReadIndices which, std::span<const Point> points);
 
 /// Two reads that replace one: [its first bit, left_end) and [right_first, its end).
 struct Halves {

@@ -90,10 +90,11 @@ TEST(LineTime, ACommandReadsEachPlaceByItselfWhereAnyWayAllowsIt) {
   device.codec = codec;
   const LineTiming timing = timing_of(device, kCharTime);
   const Plan alone = reads_of(*codec, device, point_of(device, "V100"));
-  EXPECT_TRUE(alone.exchanges.empty());
+  ASSERT_EQ(alone.exchange_count(), 1U);
+  EXPECT_TRUE(std::holds_alternative<Read>(alone.request(alone.exchanges[0])));
   const Plan gathered = reads_of(*codec, device, point_of(device, "W100"));
   ASSERT_EQ(gathered.exchange_count(), 1U);
-  EXPECT_TRUE(std::holds_alternative<Gather>(gathered.request(gathered.reads_in(0))));
+  EXPECT_TRUE(std::holds_alternative<Gather>(gathered.request(gathered.exchanges[0])));
   EXPECT_EQ(poll_time(*codec, gathered, timing), milliseconds(14 + 6 + 4 + 30 + 5));
   EXPECT_EQ(read_time(*codec, device, point_of(device, "W100"), timing),
             milliseconds(14 + 6 + 4 + 30 + 5));

@@ -18,7 +18,7 @@ inline Plan checked_plan(const Codec& codec, const std::vector<Point>& points, c
   std::chrono::nanoseconds time{0};
   std::vector<int> sent(plan.reads.size());
   for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
-    const ReadIndices which = plan.reads_in(e);
+    const ReadIndices which = plan.exchanges[e];
     for (std::size_t i = 0; i < which.size(); ++i) ++sent[which[i]];
     const Request request = plan.request(which);
     time += cost.of(codec.line_length(request));

@@ -210,15 +210,15 @@ std::uint32_t add_use(const DevicePlan& device, const PlannedRead& planned,
   return data;
 }
 
-ExchangeReport report_exchange(const DevicePlan& device, const Plan& plan, const ReadIndices& which,
+ExchangeReport report_exchange(const DevicePlan& device, const Plan& plan, ReadIndices which,
                                std::span<const Point> points, LineTimeUse& use) {
   const Codec& codec = *device.codec;
   const LineTiming& timing = device.timing;
   const Request request = plan.request(which);
   ExchangeReport out;
   out.gathered = std::holds_alternative<Gather>(request);
-  for (std::size_t i = 0; i < which.size(); ++i) {
-    const Span& span = plan.reads[which[i]].read.span;
+  for (const std::uint32_t read : which) {
+    const Span& span = plan.reads[read].read.span;
     out.addresses.push_back(codec.addresses().name_of(span));
     out.bits += span.bits;
   }
@@ -230,8 +230,7 @@ ExchangeReport report_exchange(const DevicePlan& device, const Plan& plan, const
   out.line_time =
       exchange_time(codec, request, timing) - timing.char_time * length.more_reply_chars;
   std::uint32_t data = 0;
-  for (std::size_t i = 0; i < which.size(); ++i)
-    data += add_use(device, plan.reads[which[i]], points, use);
+  for (const std::uint32_t read : which) data += add_use(device, plan.reads[read], points, use);
   use.framing += timing.char_time * (out.chars - data);
   use.turnaround += *out.line_time - timing.char_time * out.chars;
   return out;
@@ -379,9 +378,8 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
     add_load(device, plan, load);
     for (const GroupPlan& group : plan.groups) {
       GroupLoad& out = report.groups[at++];
-      for (std::uint32_t e = 0; e < group.plan.exchange_count(); ++e)
-        out.exchanges.push_back(
-            report_exchange(plan, group.plan, group.plan.reads_in(e), group.points, out.use));
+      for (const ReadIndices reads : group.plan.exchanges)
+        out.exchanges.push_back(report_exchange(plan, group.plan, reads, group.points, out.use));
     }
     devices.push_back(&device);
     shares.push_back(share_of(device, plan));

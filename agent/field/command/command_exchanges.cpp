@@ -184,7 +184,7 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
   const Plan plan = reads_of(*station_.codec, device_, target.point);
   std::vector<Bytes> images(plan.reads.size());
   for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
-    const ReadIndices reads = plan.reads_in(e);
+    const ReadIndices reads = plan.exchanges[e];
     const Request request = plan.request(reads);
     if (e > 0) {
       const bool going_on = co_await go_on(gives_way(target));

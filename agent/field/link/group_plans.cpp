@@ -83,7 +83,7 @@ nanoseconds GroupPlans::longest_poll() const {
 
 // ---- holes --------------------------------------------------------------------------------------
 
-void GroupPlans::refused(LinkDevice& device, GroupPoll& group, const ReadIndices& reads,
+void GroupPlans::refused(LinkDevice& device, GroupPoll& group, ReadIndices reads,
                          const Request& request, const Exchange& exchange) {
   const AddressSpace& addresses = device.codec->addresses();
   const PlannedRead& planned = group.cycle.reads().plan().reads[reads[0]];
@@ -104,7 +104,7 @@ void GroupPlans::refused(LinkDevice& device, GroupPoll& group, const ReadIndices
                          {"reason", exchange.reply.text}});
 }
 
-void GroupPlans::read_in_parts(LinkDevice& device, GroupPoll& group, const ReadIndices& reads,
+void GroupPlans::read_in_parts(LinkDevice& device, GroupPoll& group, ReadIndices reads,
                                nanoseconds line_time) {
   group.refused_time += line_time;
   if (++group.refusals > kFewRefusals && group.refused_time > kRefusedTime) return;
@@ -134,11 +134,11 @@ bool GroupPlans::read_by_other_ways(LinkDevice& device, GroupPoll& group,
   return true;
 }
 
-void GroupPlans::were_read(LinkDevice& device, const GroupPoll& group, const ReadIndices& reads) {
+void GroupPlans::were_read(LinkDevice& device, const GroupPoll& group, ReadIndices reads) {
   if (!device.holes) return;
   if (reads.size() > 1) device.holes->read_together(reads.size());
-  for (std::size_t i = 0; i < reads.size(); ++i)
-    device.holes->read(group.cycle.reads().plan().reads[reads[i]].read.span);
+  for (const std::uint32_t read : reads)
+    device.holes->read(group.cycle.reads().plan().reads[read].read.span);
 }
 
 // ---- commands for several places ----------------------------------------------------------------

@@ -32,13 +32,13 @@ class GroupPlans final {
   std::chrono::nanoseconds longest_poll() const;
 
   /// Records that the device refused these reads, sent as `request`, because of a missing place.
-  void refused(LinkDevice& device, GroupPoll& group, const ReadIndices& reads,
-               const Request& request, const Exchange& exchange);
+  void refused(LinkDevice& device, GroupPoll& group, ReadIndices reads, const Request& request,
+               const Exchange& exchange);
   /// Reads in parts, in this cycle, what was refused because something in it is missing.
-  void read_in_parts(LinkDevice& device, GroupPoll& group, const ReadIndices& reads,
+  void read_in_parts(LinkDevice& device, GroupPoll& group, ReadIndices reads,
                      std::chrono::nanoseconds line_time);
   /// Records that the device answered these reads with data.
-  void were_read(LinkDevice& device, const GroupPoll& group, const ReadIndices& reads);
+  void were_read(LinkDevice& device, const GroupPoll& group, ReadIndices reads);
 
   /// Records that the device lacks a command for several places. All its groups get plans without
   /// it.

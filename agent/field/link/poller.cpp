@@ -131,11 +131,11 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
   // Data that a command may have changed is read first; then the same step is offered again.
   const Plan& plan = group.cycle.reads().plan();
   const auto outdated = group.cycle.reads().outdated();
-  if (!outdated && group.cycle.reads().has_images(plan.reads_in(step.exchange))) {
+  if (!outdated && group.cycle.reads().has_images(plan.exchanges[step.exchange])) {
     end_step(device, group, step);
     co_return;
   }
-  const ReadIndices reads = outdated ? ReadIndices(*outdated) : plan.reads_in(step.exchange);
+  const ReadIndices reads = outdated ? ReadIndices(&*outdated, 1) : plan.exchanges[step.exchange];
   const Asked asked{reads, plan.request(reads), outdated.has_value()};
   Exchange exchange = co_await bus_.exchange(device.station, asked.request);
   take_reading(device, group, step, asked, std::move(exchange));

@@ -23,10 +23,9 @@ void CycleReads::begin() {
   ages_.assign(plan_.reads.size(), Age::current);
 }
 
-void CycleReads::take(const ReadIndices& reads, Exchange& exchange) {
+void CycleReads::take(ReadIndices reads, Exchange& exchange) {
   if (exchange.is_data()) plan_.share_out(reads, std::move(exchange.reply.image), images_);
-  for (std::size_t i = 0; i < reads.size(); ++i) {
-    const std::uint32_t read = reads[i];
+  for (const std::uint32_t read : reads) {
     const bool again = ages_[read] == Age::outdated;
     if (!exchange.is_data() && !again)  // else data that no command has touched stay good
       failures_[read] = bad_reason(exchange);
@@ -41,10 +40,10 @@ void CycleReads::give_up(BadReason why) {
 
 void CycleReads::discard_images() { images_.assign(images_.size(), {}); }
 
-std::vector<std::uint32_t> CycleReads::points_of(const ReadIndices& reads) const {
+std::vector<std::uint32_t> CycleReads::points_of(ReadIndices reads) const {
   std::vector<std::uint32_t> points;
-  for (std::size_t i = 0; i < reads.size(); ++i) {
-    const auto& brought = plan_.reads[reads[i]].points;
+  for (const std::uint32_t read : reads) {
+    const auto& brought = plan_.reads[read].points;
     points.insert(points.end(), brought.begin(), brought.end());
   }
   std::sort(points.begin(), points.end());
@@ -52,34 +51,23 @@ std::vector<std::uint32_t> CycleReads::points_of(const ReadIndices& reads) const
   return points;
 }
 
-bool CycleReads::has_images(const ReadIndices& reads) const {
-  for (std::size_t i = 0; i < reads.size(); ++i)
-    if (images_[reads[i]].empty()) return false;
-  return true;
+bool CycleReads::has_images(ReadIndices reads) const {
+  return std::ranges::none_of(reads, [&](std::uint32_t read) { return images_[read].empty(); });
 }
 
-void CycleReads::read_halves(const ReadIndices& reads) {
-  std::vector<std::uint32_t> left;
-  std::vector<std::uint32_t> right;
-  for (std::size_t i = 0; i < reads.size(); ++i) {
-    failures_[reads[i]].reset();
-    (i < (reads.size() + 1) / 2 ? left : right).push_back(reads[i]);
-  }
-  plan_.exchanges.push_back(std::move(left));
-  plan_.exchanges.push_back(std::move(right));
+void CycleReads::read_halves(ReadIndices reads) {
+  for (const std::uint32_t read : reads) failures_[read].reset();
+  const std::size_t half = (reads.size() + 1) / 2;
+  for (const ReadIndices part : {reads.first(half), reads.subspan(half)})
+    plan_.exchanges.emplace_back(part.begin(), part.end());
 }
 
 void CycleReads::read_instead(const std::vector<std::uint32_t>& points, Plan part) {
   const auto offset = static_cast<std::uint32_t>(plan_.reads.size());
-  const auto add_exchange = [&](const ReadIndices& reads, std::uint32_t first) {
-    std::vector<std::uint32_t>& added = plan_.exchanges.emplace_back();
-    for (std::size_t i = 0; i < reads.size(); ++i) added.push_back(first + reads[i]);
-  };
-  if (!part.exchanges.empty() && plan_.exchanges.empty())
-    for (std::uint32_t read = 0; read < offset; ++read) add_exchange(ReadIndices(read), 0);
-  if (!part.exchanges.empty() || !plan_.exchanges.empty())
-    for (std::uint32_t e = 0; e < part.exchange_count(); ++e)
-      add_exchange(part.reads_in(e), offset);
+  for (std::vector<std::uint32_t>& reads : part.exchanges) {
+    for (std::uint32_t& read : reads) read += offset;
+    plan_.exchanges.push_back(std::move(reads));
+  }
   for (PlannedRead& read : part.reads) {
     for (std::uint32_t& point : read.points) point = points[point];
     add_read(std::move(read));

@@ -22,23 +22,23 @@ class CycleReads final {
 
   /// Takes the result of the exchange for these reads of plan(), sent as plan().request(). Moves
   /// the image out of it.
-  void take(const ReadIndices& reads, Exchange& exchange);
+  void take(ReadIndices reads, Exchange& exchange);
   /// Marks everything not read yet as bad for this reason.
   void give_up(BadReason why);
   /// Discards the images.
   void discard_images();
 
   /// Returns the indices in the plan's points of the points of these reads, in ascending order.
-  std::vector<std::uint32_t> points_of(const ReadIndices& reads) const;
+  std::vector<std::uint32_t> points_of(ReadIndices reads) const;
   /// Splits these reads, at least two in one exchange, into halves for the rest of this cycle. The
   /// halves come after the exchanges of plan().
-  void read_halves(const ReadIndices& reads);
+  void read_halves(ReadIndices reads);
   /// Reads these points of the plan by `part` for the rest of this cycle. `part` is a plan of them
   /// alone; its exchanges come after those of plan(). A read of the same place as an earlier one
   /// already has its image: see has_images().
   void read_instead(const std::vector<std::uint32_t>& points, Plan part);
   /// True if this cycle has the images of all these reads.
-  bool has_images(const ReadIndices& reads) const;
+  bool has_images(ReadIndices reads) const;
 
   /// Records that a command has written `span`, or may have. With `image`, which covers the span,
   /// the images take it over. Without, those that overlap the span are outdated.

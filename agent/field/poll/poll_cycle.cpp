@@ -62,7 +62,7 @@ bool PollCycle::may_repeat() {
   return true;
 }
 
-void PollCycle::take(const ReadIndices& reads, Exchange exchange) {
+void PollCycle::take(ReadIndices reads, Exchange exchange) {
   repeats_ = 0;
   reads_.take(reads, exchange);
   if (exchange.has_answer()) {
@@ -71,7 +71,7 @@ void PollCycle::take(const ReadIndices& reads, Exchange exchange) {
     last_reply_ms_ = exchange.ended_ms;
     ++replies_;
   }
-  for (std::size_t i = 0; i < reads.size(); ++i) forget_older(reads[i]);
+  for (const std::uint32_t read : reads) forget_older(read);
 }
 
 /// A read contains what a command wrote before it; what a command writes after it is newer. An

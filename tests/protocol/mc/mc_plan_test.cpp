@@ -35,7 +35,7 @@ Point point(const Codec& codec, const std::string& address,
 }
 
 std::size_t gathered(const Plan& plan, std::uint32_t exchange) {
-  const Request request = plan.request(plan.reads_in(exchange));
+  const Request request = plan.request(plan.exchanges[exchange]);
   const auto* gather = std::get_if<Gather>(&request);
   return gather == nullptr ? 0 : gather->parts.size();
 }
@@ -50,7 +50,7 @@ TEST(McPlan, ScatteredWordsAndBitsOverEthernetAreOneExchange) {
     const Plan plan = make_plan(codec, points, LineCost{0ns, 2ms}, 0);
     ASSERT_EQ(plan.exchange_count(), 1U);
     EXPECT_EQ(gathered(plan, 0), points.size());
-    EXPECT_TRUE(codec.encode(plan.request(plan.reads_in(0)), 1));
+    EXPECT_TRUE(codec.encode(plan.request(plan.exchanges[0]), 1));
   }
 }
 
@@ -70,7 +70,7 @@ TEST(McPlan, MoreThanAFrameHoldsIsSharedOut) {
   const Plan plan = make_plan(codec, points, LineCost{0ns, 2ms}, 0);
   EXPECT_EQ(plan.exchange_count(), 2U);
   for (std::uint32_t e = 0; e < plan.exchange_count(); ++e)
-    EXPECT_TRUE(codec.encode(plan.request(plan.reads_in(e)), 1));
+    EXPECT_TRUE(codec.encode(plan.request(plan.exchanges[e]), 1));
 }
 
 TEST(McPlan, OverASerialLineNoOtherMixTakesLessLineTime) {
@@ -90,7 +90,7 @@ TEST(McPlan, OverASerialLineNoOtherMixTakesLessLineTime) {
     const Plan plan = make_plan(codec, points, cost, 0);
     ASSERT_EQ(plan.line_time.count(), EveryPlan(codec, points, cost).least()) << round;
     for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
-      EXPECT_TRUE(codec.encode(plan.request(plan.reads_in(e)), 1));
+      EXPECT_TRUE(codec.encode(plan.request(plan.exchanges[e]), 1));
       (gathered(plan, e) > 0 ? mixed : alone) += 1;
     }
   }
@@ -109,7 +109,7 @@ TEST(McPlan, OverASerialLineWordsAndBitsAreOneBlockRead) {
       const Plan plan = make_plan(codec, points, cost, 0);
       ASSERT_EQ(plan.exchange_count(), 1U);
       EXPECT_EQ(gathered(plan, 0), 2U);
-      const Request request = plan.request(plan.reads_in(0));
+      const Request request = plan.request(plan.exchanges[0]);
       EXPECT_EQ(std::get<Gather>(request).parts.front().gather, kBlockRead);
       EXPECT_TRUE(codec.encode(request, 1));
     }

@@ -85,7 +85,7 @@ std::vector<std::uint32_t> sent(const Codec& codec, const std::vector<std::uint1
   std::vector<bool> once(plan.reads.size());
   std::vector<std::uint32_t> out;
   for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
-    const ReadIndices reads = plan.reads_in(e);
+    const ReadIndices reads = plan.exchanges[e];
     EXPECT_FALSE(once[reads[0]]) << "read " << reads[0] << " is sent twice";
     once[reads[0]] = true;
     out.push_back(plan.reads[reads[0]].read.span.bits / 16);

@@ -86,7 +86,8 @@ TEST_F(PollCycleTest, WhatWasRefusedIsReadInPartsInTheSameCycle) {
   cycle.use(plan_of(cycle.points(), 64), 0);
   ASSERT_EQ(cycle.reads().plan().reads.size(), 2U);
   cycle.take(0, nak());
-  const std::vector<std::uint32_t> points = cycle.reads().points_of(ReadIndices(0));
+  const std::vector<std::uint32_t> points =
+      cycle.reads().points_of(cycle.reads().plan().exchanges[0]);
   ASSERT_EQ(points, (std::vector<std::uint32_t>{0, 1}));
   cycle.reads().read_instead(points, plan_of({device.tags[0].point, device.tags[1].point}, 2));
   ASSERT_EQ(cycle.reads().plan().exchange_count(), 4U);
@@ -122,8 +123,8 @@ TEST_F(PollCycleTest, WhatWasReadAlreadyIsNotReadAgainInParts) {
       {0, 1},
       make_plan(*device.codec, std::vector<Point>{device.tags[0].point, device.tags[1].point},
                 LineCost{}, 2));
-  EXPECT_TRUE(cycle.reads().has_images(ReadIndices(3)));
-  EXPECT_FALSE(cycle.reads().has_images(ReadIndices(4)));
+  EXPECT_TRUE(cycle.reads().has_images(std::vector{3U}));
+  EXPECT_FALSE(cycle.reads().has_images(std::vector{4U}));
   cycle.take(2, data(word(9)));
   cycle.take(4, data(word(8)));
   const Telemetry message = finished(cycle);
@@ -325,7 +326,7 @@ TEST_F(PollCycleTest, WhatWasSaidIsNotSaidAgain) {
   PollCycle cycle = begun();
   for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7)));
   finished(cycle);
-  EXPECT_FALSE(cycle.reads().has_images(ReadIndices(0)));
+  EXPECT_FALSE(cycle.reads().has_images(std::vector{0U}));
   cycle.reads().give_up(BadReason::link_down);  // as for a step of a cycle that never began
   for (const TagReading& reading : finished(cycle).readings)
     EXPECT_EQ(reading.bad, BadReason::link_down);
