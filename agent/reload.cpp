@@ -36,6 +36,11 @@ sigset_t hangup() {
   return set;
 }
 
+void set(std::atomic<bool>& done) {
+  done = true;
+  done.notify_all();
+}
+
 }  // namespace
 
 std::size_t files_needed(const Config& config) {
@@ -45,21 +50,6 @@ std::size_t files_needed(const Config& config) {
          (config.http ? WebServer::kMostFiles : 0);
 }
 
-/// Completion of a change by field and uplink. Shared with the calls that pass through them, which
-/// may outlive the wait.
-class Reload::Turn final {
- public:
-  void begin() { done_ = false; }
-  void end() {
-    done_ = true;
-    done_.notify_all();
-  }
-  void wait() { done_.wait(false); }
-
- private:
-  std::atomic<bool> done_ = false;
-};
-
 Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,
                Field& field, Outbox& outbox, Publisher& publisher)
     : path_(std::move(path)),
@@ -68,7 +58,7 @@ Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Con
       field_(field),
       outbox_(outbox),
       publisher_(publisher),
-      turn_(std::make_shared<Turn>()) {
+      applied_(std::make_shared<std::atomic<bool>>(false)) {
   status_.hash = running_->hash;
   status_.since_ms = utc_now_ms();
   listen();
@@ -86,7 +76,7 @@ Reload::~Reload() {
 void Reload::stop() {
   if (stopping_.exchange(true)) return;
   remote_.interrupt();
-  turn_->end();
+  set(*applied_);
   wake();
 }
 
@@ -232,23 +222,23 @@ bool Reload::apply(Config config) {
   const auto shared = std::make_shared<const ConfigChange>(std::move(change));
   const std::string what = to_string(*shared, *running_);
   log::info("config", {{"state", "applying"}, {"change", what}});
-  turn_->begin();
+  *applied_ = false;
   if (stopping_) return false;
   // Order: the uplink stops using the parts that end, the field ends them, the uplink forgets them,
   // the field starts the new ones. Each step sees everything that the previous one left.
   Field& field = field_;
   Outbox& outbox = outbox_;
   Publisher& publisher = publisher_;
-  const auto begin = [&field, &publisher, shared, turn = turn_](SteadyTime now) {
+  const auto begin = [&field, &publisher, shared, done = applied_](SteadyTime now) {
     auto last_seq = publisher.change(*shared, now);
-    if (!last_seq) return turn->end();
-    field.begin(shared, std::move(*last_seq), [turn] { turn->end(); });
+    if (!last_seq) return set(*done);
+    field.begin(shared, std::move(*last_seq), [done] { set(*done); });
   };
   outbox.ask([&field, &outbox, &publisher, shared, begin](SteadyTime) {
     publisher.begin_change(*shared);
     field.end(shared, [&outbox, begin] { outbox.ask(begin); });
   });
-  turn_->wait();
+  applied_->wait(false);
   if (stopping_) return false;
   // Frees what only the old config owned here, and not on the field or uplink thread.
   running_ = {shared, &shared->config};

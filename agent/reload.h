@@ -47,7 +47,6 @@ class Reload final {
   bool wait_for_end(std::chrono::nanoseconds patience);
 
  private:
-  class Turn;
   using Next = RemoteConfig::Next;
 
   /// Events that the uplink has received and this thread has not yet handled.
@@ -87,7 +86,9 @@ class Reload final {
   Publisher& publisher_;
   ConfigStatus status_;
   bool has_reported_ = false;
-  const std::shared_ptr<Turn> turn_;
+  /// Field and uplink have completed a change, or stop() was called. Shared with the calls that
+  /// pass through them, which may outlive the wait.
+  const std::shared_ptr<std::atomic<bool>> applied_;
   std::mutex mutex_;
   News news_;  ///< under the mutex
   std::atomic<bool> stopping_ = false;
