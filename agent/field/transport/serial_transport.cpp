@@ -72,22 +72,12 @@ class SerialTransport final : public Transport {
   }
 
   Result<Bytes> discard_input() override {
+    if (!stream_.is_open()) return failed("is closed", ENODEV);
     Bytes found;
-    std::uint8_t waste[512];
-    while (found.size() < kMostDiscarded) {
-      if (!stream_.is_open()) return failed("is closed", ENODEV);
-      const auto count = ::read(stream_.native_handle(), waste, sizeof waste);
-      if (count > 0) {
-        found.insert(found.end(), waste, waste + count);
-      } else if (count < 0 && (errno == EAGAIN || errno == EINTR)) {
-        return found;
-      } else {
-        const int number = count == 0 ? ENODEV : errno;
-        close();
-        return failed("has disappeared", number);
-      }
-    }
-    return found;
+    const int number = read_waiting(stream_.native_handle(), found);
+    if (number == 0) return found;
+    close();
+    return failed("has disappeared", number);
   }
 
   void close() noexcept override {

@@ -1,10 +1,13 @@
 // Reads and writes that serial ports and sockets share: asio streams under a Deadline.
 #pragma once
 
+#include <unistd.h>
+
 #include <asio/buffer.hpp>
 #include <asio/experimental/as_tuple.hpp>
 #include <asio/steady_timer.hpp>
 #include <asio/use_awaitable.hpp>
+#include <cerrno>
 #include <string>
 #include <tuple>
 
@@ -60,6 +63,19 @@ class Deadline final {
   bool waiting_ = false;
   bool passed_ = false;
 };
+
+/// Appends what has arrived at a non-blocking descriptor, at most kMostDiscarded bytes. Returns 0,
+/// or why the descriptor is of no more use: an errno, ENODEV at its end.
+inline int read_waiting(int fd, Bytes& found) {
+  std::uint8_t chunk[512];
+  while (found.size() < Transport::kMostDiscarded) {
+    const auto count = ::read(fd, chunk, sizeof chunk);
+    if (count < 0) return errno == EAGAIN || errno == EINTR ? 0 : errno;
+    if (count == 0) return ENODEV;
+    found.insert(found.end(), chunk, chunk + count);
+  }
+  return 0;
+}
 
 inline constexpr auto use_result = asio::experimental::as_tuple(asio::use_awaitable);
 

@@ -4,7 +4,6 @@
 #include <sys/socket.h>
 
 #include <asio/ip/tcp.hpp>
-#include <cerrno>
 #include <utility>
 
 #include "agent/field/transport/host_lookup.h"
@@ -61,21 +60,11 @@ class TcpTransport final : public Transport {
   }
 
   Result<Bytes> discard_input() override {
+    if (!socket_.is_open()) return fail(ErrorCode::link_down, name_ + ": not connected");
     Bytes found;
-    std::uint8_t waste[512];
-    while (found.size() < kMostDiscarded) {
-      if (!socket_.is_open()) return fail(ErrorCode::link_down, name_ + ": not connected");
-      const auto count = ::recv(socket_.native_handle(), waste, sizeof waste, MSG_DONTWAIT);
-      if (count > 0) {
-        found.insert(found.end(), waste, waste + count);
-      } else if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) {
-        return found;
-      } else {
-        close();
-        return fail(ErrorCode::link_down, name_ + ": the peer closed the connection");
-      }
-    }
-    return found;
+    if (read_waiting(socket_.native_handle(), found) == 0) return found;
+    close();
+    return fail(ErrorCode::link_down, name_ + ": the peer closed the connection");
   }
 
   void close() noexcept override {
