@@ -65,7 +65,7 @@ struct StopWaiting {
 
 CommandExchanges::CommandExchanges(asio::any_io_executor executor, Bus& bus, Station& station,
                                    const DeviceConfig& device, const AdmittedCommand& admitted,
-                                   BusSharing* sharing)
+                                   BusSharing& sharing)
     : timer_(executor),
       bus_(bus),
       station_(station),
@@ -84,10 +84,10 @@ nanoseconds CommandExchanges::used() const {
 }
 
 asio::awaitable<bool> CommandExchanges::go_on(bool share) {
-  if (share && sharing_ != nullptr && !is_stopping()) {
+  if (share && !is_stopping()) {
     const nanoseconds used_so_far = used();
     part_began_.reset();
-    co_await sharing_->give_way(used_so_far);
+    co_await sharing_.give_way(used_so_far);
   }
   co_return !is_stopping();
 }
@@ -140,9 +140,9 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   Exchange exchange;
   // A channel that proves to be closed before a byte was sent is reopened once.
   for (int attempt = 0; attempt < 2; ++attempt) {
-    if (sharing_ != nullptr && sharing_->is_over()) {
+    if (sharing_.is_over()) {
       cut_off_ = true;
-      co_return Exchange::unsent(Outcome::link_down, why_not_sent(sharing_->why_stopping()));
+      co_return Exchange::unsent(Outcome::link_down, why_not_sent(sharing_.why_stopping()));
     }
     if (!bus_.is_open()) {
       const auto opened = co_await bus_.open();
@@ -160,8 +160,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     exchange = co_await bus_.exchange(station_, request, not_after);
     if (exchange.outcome != Outcome::link_down || exchange.sent) break;
   }
-  if (exchange.outcome == Outcome::link_down && sharing_ != nullptr && sharing_->is_over())
-    cut_off_ = true;
+  if (exchange.outcome == Outcome::link_down && sharing_.is_over()) cut_off_ = true;
   add_hint(exchange);
   if (!exchange.heard.empty()) {
     const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.heard);
@@ -190,7 +189,7 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
       const bool going_on = co_await go_on(gives_way(target));
       if (!going_on && target.requests.empty()) {  // after a write, the read-back goes on
         out.last =
-            Exchange::unsent(Exchange::Outcome::link_down, why_not_sent(sharing_->why_stopping()));
+            Exchange::unsent(Exchange::Outcome::link_down, why_not_sent(sharing_.why_stopping()));
         cut_off_ = true;
         co_return out;
       }

@@ -49,7 +49,7 @@ class CommandExchanges final {
   /// Arguments as for CommandExecution.
   CommandExchanges(asio::any_io_executor executor, Bus& bus, Station& station,
                    const DeviceConfig& device, const AdmittedCommand& admitted,
-                   BusSharing* sharing);
+                   BusSharing& sharing);
 
   /// The effect that an exchange is meant to have on the device.
   enum class Effect : std::uint8_t { none, change };
@@ -69,7 +69,7 @@ class CommandExchanges final {
   /// Returns the latest time at which an exchange may begin. Unlimited once a write was sent,
   /// because such a command is finished.
   SteadyTime latest_start() const;
-  bool is_stopping() const { return sharing_ != nullptr && sharing_->is_stopping(); }
+  bool is_stopping() const { return sharing_.is_stopping(); }
   /// True if the disk did not answer when the command was to be marked. Nothing was written.
   bool is_unmarked() const { return is_unmarked_; }
   /// True if a stop came before an answer, or before anything was sent.
@@ -105,7 +105,7 @@ class CommandExchanges final {
   Station& station_;
   const DeviceConfig& device_;
   const AdmittedCommand& admitted_;
-  BusSharing* const sharing_;
+  BusSharing& sharing_;
   std::optional<SteadyTime> first_byte_;
   /// Start of the silence before the first byte since others last had their turn.
   std::optional<SteadyTime> part_began_;

@@ -142,7 +142,7 @@ void summarise(CommandResult& result) {
 
 CommandExecution::CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
                                    const DeviceConfig& device, const AdmittedCommand& admitted,
-                                   BusSharing* sharing)
+                                   BusSharing& sharing)
     : station_(station),
       admitted_(admitted),
       sharing_(sharing),
@@ -184,7 +184,7 @@ void CommandExecution::set_without_effect(TargetResult& out, const Exchange& exc
                std::to_string(std::chrono::floor<milliseconds>(left).count()) + " ms were left";
     set(out, CommandStatus::expired, Reason::expired, std::move(detail));
   } else if (wire_.was_cut_off()) {
-    set_unsent(out, sharing_->why_stopping());
+    set_unsent(out, sharing_.why_stopping());
   } else if (wire_.is_unmarked()) {
     set(out, CommandStatus::failed, Reason::store_unavailable, exchange.error);
   } else {
@@ -205,7 +205,7 @@ asio::awaitable<void> CommandExecution::run_targets() {
     if (!going) {
       set(out, CommandStatus::failed, Reason::none, "not sent: an earlier target did not succeed");
     } else if (!going_on) {
-      set_unsent(out, sharing_->why_stopping());
+      set_unsent(out, sharing_.why_stopping());
     } else if (target.requests.empty()) {
       co_await read_target(target, out);
     } else {
@@ -218,7 +218,7 @@ asio::awaitable<void> CommandExecution::run_targets() {
 
 void CommandExecution::conclude_target(TargetResult out) {
   result_.targets.push_back(std::move(out));
-  if (sharing_ != nullptr) sharing_->concluded(result_.targets.size() - 1, result_.targets.back());
+  sharing_.concluded(result_.targets.size() - 1, result_.targets.back());
 }
 
 asio::awaitable<void> CommandExecution::read_target(const AdmittedTarget& target,
@@ -291,7 +291,7 @@ asio::awaitable<void> CommandExecution::write_target(const AdmittedTarget& targe
     bool going_on = !wire_.is_stopping();
     if (carried_out > 0) going_on = co_await wire_.go_on(gives_way(target));
     if (!going_on) {
-      set_unsent(out, sharing_->why_stopping());
+      set_unsent(out, sharing_.why_stopping());
       co_return co_await end_early(target, carried_out, out);
     }
     const int before = wire_.writes();
@@ -313,7 +313,7 @@ asio::awaitable<void> CommandExecution::end_early(const AdmittedTarget& target, 
   if (frames == 0) co_return;
   out.status = CommandStatus::partial;
   out.progress = progress_of(target, frames);
-  if (sharing_ != nullptr && out.reason == sharing_->why_stopping())
+  if (out.reason == sharing_.why_stopping())
     out.detail = why_not_sent(out.reason) + "; the rest was not sent";
   const CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
   if (got.image) out.verify = verification(target, *got.image);
@@ -369,8 +369,8 @@ asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, Tar
 asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& target,
                                                        const Exchange& lost, TargetResult& out) {
   if (wire_.was_cut_off())
-    set(out, CommandStatus::unknown_outcome, sharing_->why_stopping(),
-        why_not_sent(sharing_->why_stopping()) + "; there was no answer until then");
+    set(out, CommandStatus::unknown_outcome, sharing_.why_stopping(),
+        why_not_sent(sharing_.why_stopping()) + "; there was no answer until then");
   else
     set(out, CommandStatus::unknown_outcome, reason_of(lost),
         lost.is_nak() ? nak_text(lost) : lost.error);
@@ -449,8 +449,8 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   } else if (exchange.is_ack()) {
     set(out, CommandStatus::succeeded, Reason::none, "acknowledged; the run state cannot be read");
   } else if (wire_.was_cut_off()) {
-    set(out, CommandStatus::unknown_outcome, sharing_->why_stopping(),
-        why_not_sent(sharing_->why_stopping()) + "; there was no answer until then");
+    set(out, CommandStatus::unknown_outcome, sharing_.why_stopping(),
+        why_not_sent(sharing_.why_stopping()) + "; there was no answer until then");
   } else {
     set(out, CommandStatus::unknown_outcome, reason_of(exchange), exchange.error);
   }

@@ -18,11 +18,10 @@ namespace fxagent {
 
 class CommandExecution final {
  public:
-  /// All arguments must outlive run(). `sharing` null: the bus is not shared and nothing stops the
-  /// command.
+  /// All arguments must outlive run().
   CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
                    const DeviceConfig& device, const AdmittedCommand& admitted,
-                   BusSharing* sharing = nullptr);
+                   BusSharing& sharing);
 
   /// Returns the result, complete except for its bound. Opens the channel if it is closed.
   asio::awaitable<CommandResult> run();
@@ -61,7 +60,7 @@ class CommandExecution final {
 
   Station& station_;
   const AdmittedCommand& admitted_;
-  BusSharing* const sharing_;
+  BusSharing& sharing_;
   CommandExchanges wire_;
   CommandResult result_;
 };

@@ -227,7 +227,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   FrameTrace trace;
   station.trace = &trace;
   Sharing sharing(*this, running);
-  CommandExecution execution(executor_, bus_, station, device.config, admitted, &sharing);
+  CommandExecution execution(executor_, bus_, station, device.config, admitted, sharing);
   CommandResult result = co_await execution.run();
   failpoint("command_answered");
   // RUN and STOP may be a force, too. No older value of M8037 is reported after it was sent.

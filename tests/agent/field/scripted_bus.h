@@ -11,10 +11,29 @@
 #include <utility>
 
 #include "agent/field/bus/bus.h"
+#include "agent/field/command/command_exchanges.h"
 #include "tests/agent/field/on_io.h"
 #include "tests/support/scripted_transport.h"
 
 namespace fxagent::test {
+
+/// Other users of the line, whose turns end at once.
+class Others final : public BusSharing {
+ public:
+  asio::awaitable<void> give_way(std::chrono::nanoseconds used) override {
+    ++turns;
+    used_before = used;
+    co_return;
+  }
+  void concluded(std::size_t, const TargetResult&) override {}
+  Reason why_stopping() const override { return stopping ? Reason::shutting_down : Reason::none; }
+  bool is_over() const override { return over; }
+
+  int turns = 0;
+  std::chrono::nanoseconds used_before{0};
+  bool stopping = false;
+  bool over = false;
+};
 
 /// One bus, one station, and the script of what they exchange.
 class ScriptedBusTest : public ::testing::Test {

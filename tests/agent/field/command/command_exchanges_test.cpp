@@ -24,24 +24,6 @@ using Clock = std::chrono::steady_clock;
 const Bytes kWrite50 = write_frame(kD200, word(50));
 const Bytes kReadBack = read_frame(kD200, 2);
 
-/// Other users of the line, whose turns end at once.
-class Others final : public BusSharing {
- public:
-  asio::awaitable<void> give_way(nanoseconds used) override {
-    ++turns;
-    used_before = used;
-    co_return;
-  }
-  void concluded(std::size_t, const TargetResult&) override {}
-  Reason why_stopping() const override { return stopping ? Reason::shutting_down : Reason::none; }
-  bool is_over() const override { return over; }
-
-  int turns = 0;
-  nanoseconds used_before{0};
-  bool stopping = false;
-  bool over = false;
-};
-
 /// One line with a PLC that needs no enquiry, and one word, D200.
 class CommandExchangesTest : public ScriptedBusTest {
  protected:
@@ -54,7 +36,7 @@ class CommandExchangesTest : public ScriptedBusTest {
     admitted.deadline = Clock::now() + std::chrono::hours(1);
     write = plan_write(*device.codec, target.point, word(50)).value().at(0);
     exchanges = std::make_unique<CommandExchanges>(io.get_executor(), *bus, station, device,
-                                                   admitted, &others);
+                                                   admitted, others);
   }
   Exchange send(bool may_repeat = true) {
     return run_on(io, exchanges->send_once_or_twice(write, may_repeat));

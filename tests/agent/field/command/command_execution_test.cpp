@@ -103,7 +103,8 @@ class CommandExecutionTest : public ScriptedBusTest {
     return {};
   }
   CommandResult run(const AdmittedCommand& admitted) {
-    CommandExecution execution(io.get_executor(), *bus, station, device, admitted);
+    Others others;
+    CommandExecution execution(io.get_executor(), *bus, station, device, admitted, others);
     CommandResult result = run_on(io, execution.run());
     was_answered = execution.exchanges().was_answered();
     was_unanswered = execution.exchanges().was_unanswered();

@@ -58,8 +58,9 @@ class CommandOnTheBusTest : public ScriptedBusTest {
       ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
       return *refused;
     }
+    Others others;
     CommandExecution execution(io.get_executor(), *bus, station, device,
-                               std::get<AdmittedCommand>(decision));
+                               std::get<AdmittedCommand>(decision), others);
     CommandResult result = run_on(io, execution.run());
     was_answered = execution.exchanges().was_answered();
     return result;
