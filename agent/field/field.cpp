@@ -278,19 +278,17 @@ class Field::Thread final {
 
   void link_left(std::uint32_t link) {
     if (stopping_) return;  // stop() still collects its counters
-    const auto gone = places_[link].worker->departed();
-    {
-      const std::lock_guard lock(places_mutex_);
-      places_[link] = {};
-    }
-    left(gone);
+    std::unique_lock lock(places_mutex_);
+    const Place ended = std::exchange(places_[link], {});
+    lock.unlock();
+    left(ended.worker->devices());
   }
 
-  void left(const std::vector<DepartedDevice>& gone) {
-    for (const DepartedDevice& device : gone) {
-      last_numbers_[config_->devices[device.index].name] = device.seq;
-      ended_collected_ += device.collected;
-      ended_suppressed_ += device.suppressed;
+  void left(const LinkDevices& gone) {
+    for (const auto& device : gone) {
+      last_numbers_[device->config.name] = device->seq;
+      ended_collected_ += device->collected;
+      ended_suppressed_ += device->suppressed;
     }
     if (--still_to_leave_ > 0 || stopping_) return;
     report();

@@ -28,10 +28,6 @@ constexpr milliseconds kBusyOver{4500};
 // First polls are spread over 1 s, or over the shortest interval if that is less.
 constexpr milliseconds kSpread{1000};
 
-DepartedDevice departed(const LinkDevice& device) {
-  return {device.index, device.seq, device.collected, device.suppressed};
-}
-
 /// Returns the device with this index in Config::devices; null: it is not on the link.
 LinkDevice* device_of(const LinkDevices& devices, std::uint32_t index) {
   const auto found =
@@ -128,7 +124,7 @@ void LinkWorker::add(const Config& config, std::span<const std::uint32_t> device
 }
 
 void LinkWorker::remove(std::span<const std::uint32_t> devices,
-                        std::function<void(const std::vector<DepartedDevice>&)> left) {
+                        std::function<void(LinkDevices)> left) {
   for (const std::uint32_t index : devices) {
     LinkDevice* device = device_of(devices_, index);
     if (device == nullptr) continue;
@@ -141,23 +137,21 @@ void LinkWorker::remove(std::span<const std::uint32_t> devices,
 
 void LinkWorker::let_leave() {
   for (const Leave& leave : std::exchange(leaves_, {})) {
-    std::vector<DepartedDevice> gone;
+    LinkDevices gone;
     for (const std::uint32_t index : leave.devices) {
       const auto found =
           std::ranges::find(devices_, index, [](const auto& device) { return device->index; });
       if (found == devices_.end()) continue;
-      gone.push_back(fxagent::departed(**found));
       scheduler_.remove_device((*found)->id);
+      gone.push_back(std::move(*found));
       devices_.erase(found);
     }
     set_back_offs(scheduler_, devices_);
-    leave.left(gone);
+    leave.left(std::move(gone));
   }
 }
 
 void LinkWorker::adjust(const LinkConfig& link) {
-  config_.poll_share = link.poll_share;
-  config_.listening = link.listening;
   scheduler_.share().set_poll_share(link.poll_share);
   bus_.set_listening(link.listening);
 }
@@ -167,12 +161,6 @@ void LinkWorker::adjust(std::uint32_t index, const DeviceConfig& next) {
   if (device == nullptr) return;
   poller_.adjust_groups(*device, next.groups);
   idle_.cancel();
-}
-
-std::vector<DepartedDevice> LinkWorker::departed() const {
-  std::vector<DepartedDevice> gone;
-  for (const auto& device : devices_) gone.push_back(fxagent::departed(*device));
-  return gone;
 }
 
 // ---- the loop -----------------------------------------------------------------------------------

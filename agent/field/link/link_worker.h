@@ -30,14 +30,6 @@
 
 namespace fxagent {
 
-/// The numbers that remain of a device after it has left its link.
-struct DepartedDevice {
-  std::uint32_t index = 0;  ///< in Config::devices
-  std::uint64_t seq = 0;    ///< sequence number of its last sample
-  std::uint64_t collected = 0;
-  std::uint64_t suppressed = 0;
-};
-
 /// Returns for each link the indices of its devices in Config::devices.
 std::vector<std::vector<std::uint32_t>> devices_by_link(const Config& config);
 
@@ -68,16 +60,14 @@ class LinkWorker final {
            std::span<const std::uint64_t> last_seq);
   /// Removes devices from the link without disturbing the others. Their waiting commands get FAILED
   /// reloading. A running command writes nothing more: its exchange on the wire ends, and its
-  /// read-back has 2.5 s. `left` is called when all their results are in the outbox: at once, or
-  /// after the exchange on the wire.
-  void remove(std::span<const std::uint32_t> devices,
-              std::function<void(const std::vector<DepartedDevice>&)> left);
+  /// read-back has 2.5 s. `left` is called with them when all their results are in the outbox: at
+  /// once, or after the exchange on the wire.
+  void remove(std::span<const std::uint32_t> devices, std::function<void(LinkDevices)> left);
   /// Applies poll_share and listening of `link`.
   void adjust(const LinkConfig& link);
   /// Applies interval, publish and max_silent of the groups of `device`, which has this index.
   void adjust(std::uint32_t index, const DeviceConfig& device);
-  /// Returns the final numbers of its devices. Call after run() has ended.
-  std::vector<DepartedDevice> departed() const;
+  const LinkDevices& devices() const { return devices_; }
 
   /// Says what has become of a yield() or take_back(): Reason::none if it was done.
   using Told = std::function<void(Reason)>;
@@ -104,7 +94,7 @@ class LinkWorker final {
  private:
   struct Leave {
     std::vector<std::uint32_t> devices;
-    std::function<void(const std::vector<DepartedDevice>&)> left;
+    std::function<void(LinkDevices)> left;
   };
 
   LinkDevice& add_device(const Config& config, std::uint32_t index,

@@ -8,6 +8,7 @@
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <functional>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <numeric>
@@ -1296,16 +1297,16 @@ class LinkWorkerChangeTest : public LinkWorkerTest {
   }
   void remove(std::uint32_t device) {
     const std::array<std::uint32_t, 1> leaving{device};
-    worker->remove(leaving, [this](const std::vector<DepartedDevice>& gone) {
+    worker->remove(leaving, [this](LinkDevices gone) {
       collect();
-      left.insert(left.end(), gone.begin(), gone.end());
+      std::ranges::move(gone, std::back_inserter(left));
     });
   }
   void add(std::uint32_t device, std::uint64_t seq) {
     const std::array<std::uint32_t, 1> joining{device};
     worker->add(config, joining, std::vector<std::uint64_t>{0, seq});
   }
-  std::vector<DepartedDevice> left;
+  LinkDevices left;
   bool removed = false;
 };
 
@@ -1315,9 +1316,9 @@ TEST_F(LinkWorkerChangeTest, DeviceLeavesAndComesBackWhileItsNeighbourIsPolled) 
   remove(1);
   wait([&] { return !left.empty(); });
   ASSERT_EQ(left.size(), 1U);
-  EXPECT_EQ(left[0].index, 1U);
-  EXPECT_EQ(left[0].seq, of_device(1).back().seq) << "all that it made is in the outbox";
-  EXPECT_EQ(left[0].collected, left[0].suppressed + of_device(1).size());
+  EXPECT_EQ(left[0]->index, 1U);
+  EXPECT_EQ(left[0]->seq, of_device(1).back().seq) << "all that it made is in the outbox";
+  EXPECT_EQ(left[0]->collected, left[0]->suppressed + of_device(1).size());
   const std::size_t of_gone = of_device(1).size();
   const std::size_t of_neighbour = of_device(0).size();
   wait([&] { return of_device(0).size() >= of_neighbour + 50; });
@@ -1325,9 +1326,9 @@ TEST_F(LinkWorkerChangeTest, DeviceLeavesAndComesBackWhileItsNeighbourIsPolled) 
 
   states.clear();
   const auto added = std::chrono::steady_clock::now();
-  add(1, left[0].seq);
+  add(1, left[0]->seq);
   wait([&] { return of_device(1).size() >= of_gone + 5; });
-  EXPECT_EQ(of_device(1)[of_gone].seq, left[0].seq + 1) << "its numbers go on";
+  EXPECT_EQ(of_device(1)[of_gone].seq, left[0]->seq + 1) << "its numbers go on";
   wait_for_state(State::online, "", 1);
   for (std::size_t i = 1; i < of_device(0).size(); ++i)
     EXPECT_EQ(of_device(0)[i].seq, of_device(0)[i - 1].seq + 1);
