@@ -23,15 +23,6 @@ constexpr std::size_t kAdmittedToCommand = 2;
 bool is_write(Op op) { return op == Op::write || op == Op::force_on || op == Op::force_off; }
 bool is_run_or_stop(Op op) { return op == Op::run || op == Op::stop; }
 
-/// True for faults that rank before the check for a known id.
-bool precedes_id(Reason reason) {
-  return reason == Reason::too_large || reason == Reason::bad_json || reason == Reason::missing_id;
-}
-
-bool concerns_place(Reason reason) {
-  return reason == Reason::unknown_tag || reason == Reason::bad_address;
-}
-
 Refusal refuse(Reason reason, std::string detail) { return {reason, std::move(detail)}; }
 
 /// Returns a refusal if an element to be written is outside the tag's min and max.
@@ -149,7 +140,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     }
   }
   const std::optional<Refusal> refusal = command.refusal;
-  if (refusal && precedes_id(refusal->reason)) return rejected(command, *refusal);
+  if (refusal && refusal->reason < Reason::duplicate_id) return rejected(command, *refusal);
   AdmittedCommand admitted;
   admitted.codec = device_codec;
   std::optional<Refusal> why;
@@ -221,7 +212,8 @@ std::optional<Refusal> CommandAdmission::resolve(const Codec& codec, AdmittedCom
                                                  std::vector<TargetResult>& out) {
   const Command& command = admitted.command;
   if (command.targets.empty()) {
-    if (command.refusal && concerns_place(command.refusal->reason)) return command.refusal;
+    const Reason fault = command.refusal ? command.refusal->reason : Reason::none;
+    if (fault == Reason::unknown_tag || fault == Reason::bad_address) return command.refusal;
     return refuse(Reason::unknown_tag, "neither tag nor address");
   }
   Faults faults;
