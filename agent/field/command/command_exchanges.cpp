@@ -36,7 +36,9 @@ class Marking final : public std::enable_shared_from_this<Marking> {
     const std::lock_guard lock(mutex_);
     if (timer_ == nullptr) return;
     may_be_sent_ = may_be_sent;
-    asio::post(timer_->get_executor(), [self = shared_from_this()] { self->wake(); });
+    asio::post(timer_->get_executor(), [self = shared_from_this()] {
+      if (self->timer_ != nullptr) self->timer_->cancel();
+    });
   }
   /// Returns the answer; false if there is none. Later answers are ignored.
   bool stop_waiting() {
@@ -46,13 +48,9 @@ class Marking final : public std::enable_shared_from_this<Marking> {
   }
 
  private:
-  void wake() {
-    const std::lock_guard lock(mutex_);
-    if (timer_ != nullptr) timer_->cancel();
-  }
-
   std::mutex mutex_;
-  asio::steady_timer* timer_;  ///< null: the command has stopped waiting
+  /// Null: the command has stopped waiting. Changed on the field thread only.
+  asio::steady_timer* timer_;
   bool may_be_sent_ = false;
 };
 
