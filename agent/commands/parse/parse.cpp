@@ -152,15 +152,6 @@ constexpr std::array<Key, 14> kKeys{{
 constexpr std::array kGroups{kWrite, kForce, kForce, kRead, kRunStop, kRunStop};
 static_assert(kGroups.size() == static_cast<std::size_t>(Op::stop) + 1);
 
-const Key* known(std::string_view name) {
-  const auto* key = std::ranges::find(kKeys, name, &Key::name);
-  return key == kKeys.end() ? nullptr : key;
-}
-
-bool is_absent(std::string_view key, const Json& value) {
-  return value.is_null() && key != "expect" && key != "value";
-}
-
 std::string unknown(std::string_view name) {
   std::array<std::string_view, kKeys.size()> names;
   std::ranges::transform(kKeys, names.begin(), &Key::name);
@@ -200,13 +191,13 @@ std::string why_misplaced(const Key& key, Object object, std::optional<Op> op) {
 }
 
 void check_object(const Json& json, Object object, std::optional<Op> op, Faults& faults) {
-  for (const auto& item : json.items()) {
-    const Key* key = known(item.key());
-    if (key == nullptr) {
-      faults.add(Reason::bad_json, unknown(item.key()));
-    } else if (!is_absent(item.key(), item.value())) {
+  for (const auto& [name, value] : json.items()) {
+    const auto* key = std::ranges::find(kKeys, name, &Key::name);
+    if (key == kKeys.end()) {
+      faults.add(Reason::bad_json, unknown(name));
+    } else if (!value.is_null() || name == "expect" || name == "value") {
       const std::string why = why_misplaced(*key, object, op);
-      if (!why.empty()) faults.add(Reason::bad_json, "key " + in_quotes(item.key()) + " " + why);
+      if (!why.empty()) faults.add(Reason::bad_json, "key " + in_quotes(name) + " " + why);
     }
   }
   if (op) check_address_keys(json, faults);
