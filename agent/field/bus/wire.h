@@ -37,7 +37,7 @@ struct Station {
   std::chrono::milliseconds gap{0};
   EnquirePolicy enquire = EnquirePolicy::open;
   bool echo = false;               ///< the line echoes what is sent
-  Wiring wiring;                   ///< for error texts
+  Wiring wiring{};                 ///< for error texts
   std::uint32_t handshake_in = 0;  ///< Channel::session() of its last answered enquiry; 0: none
   std::uint16_t recorded_as = kNoDevice;  ///< FrameRing::number() of the device
   FrameTrace* trace = nullptr;            ///< receives every frame of a command; null for polls

@@ -52,19 +52,7 @@ struct GroupPoll {
 /// A device of a link: its current codec, its plans, its state.
 struct LinkDevice {
   LinkDevice(std::shared_ptr<const DeviceConfig> device_config, std::uint32_t device_index)
-      : owned(std::move(device_config)),
-        config(*owned),
-        index(device_index),
-        codec(config.codec),
-        turnaround(config.turnaround),
-        state(device_index, *config.codec, utc_now_ms()) {
-    station.codec = codec;
-    station.device = config.name;
-    station.timeout = config.timeout;
-    station.gap = config.gap;
-    station.enquire = config.enquire;
-    station.echo = config.echo;
-  }
+      : owned(std::move(device_config)), config(*owned), index(device_index) {}
 
   /// Owned by this device and by every config that has it.
   const std::shared_ptr<const DeviceConfig> owned;
@@ -74,11 +62,17 @@ struct LinkDevice {
   /// Set when the device leaves the link. It begins nothing more, ends what is in progress, and
   /// sends nothing at all after this time.
   std::optional<SteadyTime> leaves_by{};
-  std::shared_ptr<const Codec> codec;  ///< the config's, or that of the model found by asking
-  Station station;
+  /// The config's, or that of the model found by asking.
+  std::shared_ptr<const Codec> codec = config.codec;
+  Station station{.codec = config.codec,
+                  .device = config.name,
+                  .timeout = config.timeout,
+                  .gap = config.gap,
+                  .enquire = config.enquire,
+                  .echo = config.echo};
   PollScheduler::DeviceId id = 0;
   std::unique_ptr<HoleMap> holes;  ///< null until the device refuses something; most never do
-  MeasuredTurnaround turnaround;
+  MeasuredTurnaround turnaround{config.turnaround};
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<PollScheduler::GroupId> question_group;
   std::vector<Bytes> model_images;  ///< answers so far to the questions of compare_model()
@@ -95,7 +89,7 @@ struct LinkDevice {
   bool asked_in_vain = false;  ///< the last exchange had no answer
   std::string gateway_says;    ///< last reason of a gateway that answered in its place; empty: none
   std::vector<std::string> logged_refusals;  ///< reasons logged since it was online
-  DeviceState state;
+  DeviceState state{index, *config.codec, utc_now_ms()};
 
   /// Logs why the device or its gateway refuses requests, each reason once until the device is
   /// online.
