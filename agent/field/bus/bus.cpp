@@ -104,10 +104,13 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
             ? quiet_in_doubt()
             : std::max<nanoseconds>(kQuietBeforeResync, wire_.char_time() * kQuietCharacters);
     // Silence that followed the last answer counts and is not repeated.
-    const bool heard_out = overheard_.late().owed() == LateAnswers::Owed::none &&
-                           wire_.now() - overheard_.last_heard() >= quiet;
+    const bool is_owed = overheard_.late().owed() != LateAnswers::Owed::none;
+    const bool heard_out = !is_owed && wire_.now() - overheard_.last_heard() >= quiet;
+    // Only silence can rule out a late answer, unless the enquiry settles it.
+    const SteadyTime until =
+        is_owed && !enquiry_settles(station) ? overheard_.late().over_at() : wire_.now();
     bool still_open = true;
-    if (!heard_out) still_open = co_await wire_.drain(codec, late_answers_until(station), quiet);
+    if (!heard_out) still_open = co_await wire_.drain(codec, until, quiet);
     if (!still_open) {
       failed.outcome = Exchange::Outcome::link_down;
       failed.error = wire_.channel().why_lost();
@@ -155,12 +158,6 @@ asio::awaitable<Exchange> Bus::probe(const Station& station, const Request& requ
     if (!probing.has_answer()) co_return probing;
   }
   co_return probing;
-}
-
-SteadyTime Bus::late_answers_until(const Station& station) {
-  return enquiry_settles(station) || overheard_.late().owed() == LateAnswers::Owed::none
-             ? wire_.now()
-             : overheard_.late().over_at();
 }
 
 nanoseconds Bus::quiet_in_doubt() const {

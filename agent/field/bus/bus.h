@@ -69,8 +69,6 @@ class Bus final {
   asio::awaitable<bool> prepare(Station& station, const Request& request, Exchange& failed);
   /// Reads something whose answer cannot be an older one. Afterwards no older answer is on its way.
   asio::awaitable<Exchange> probe(const Station& station, const Request& request);
-  /// Returns the time until which a late answer may come that only silence can rule out.
-  SteadyTime late_answers_until(const Station& station);
   /// Returns how long the slowest answer on this line may take.
   std::chrono::nanoseconds quiet_in_doubt() const;
 
