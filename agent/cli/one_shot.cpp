@@ -16,7 +16,6 @@
 #include "agent/cli/report/read_report.h"
 #include "agent/commands/admission.h"
 #include "agent/commands/result.h"
-#include "agent/commands/result_text.h"
 #include "agent/config/suggestions.h"
 #include "agent/field/field.h"
 #include "agent/handover/outbox.h"

@@ -7,7 +7,6 @@
 
 #include "agent/commands/parse/parse.h"
 #include "agent/commands/result.h"
-#include "agent/commands/result_text.h"
 #include "agent/config/suggestions.h"
 #include "agent/failpoint.h"
 #include "agent/text/text.h"

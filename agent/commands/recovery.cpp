@@ -10,7 +10,6 @@
 #include "agent/commands/audit_records.h"
 #include "agent/commands/parse/parse.h"
 #include "agent/commands/result.h"
-#include "agent/commands/result_text.h"
 #include "agent/log/log.h"
 
 namespace fxagent {

@@ -8,7 +8,6 @@
 #include "agent/commands/parse/parse.h"
 #include "agent/commands/recovery.h"
 #include "agent/commands/result.h"
-#include "agent/commands/result_text.h"
 #include "agent/log/log.h"
 
 namespace fxagent {

@@ -21,7 +21,7 @@
 
 #include "agent/commands/journal.h"
 #include "agent/commands/parse/parse.h"
-#include "agent/commands/result_text.h"
+#include "agent/commands/result.h"
 #include "agent/config/read/config_limits.h"
 #include "agent/handover/command_message.h"
 #include "agent/handover/telemetry.h"

@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "agent/commands/parse/parse.h"
-#include "agent/commands/result_text.h"
+#include "agent/commands/result.h"
 #include "agent/config/loader.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -9,7 +9,7 @@
 #include <string>
 #include <system_error>
 
-#include "agent/commands/result_text.h"
+#include "agent/commands/result.h"
 #include "agent/store/store.h"
 #include "agent/uplink/payload/json_payload.h"
 

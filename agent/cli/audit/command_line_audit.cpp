@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "agent/commands/audit_records.h"
-#include "agent/commands/result_text.h"
+#include "agent/commands/result.h"
 
 namespace fxagent {
 namespace {

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/commands/result.h"
 #include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/command/link_commands.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/commands/result_text.h"
+#include "agent/commands/result.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
 #include "agent/uplink/topics.h"

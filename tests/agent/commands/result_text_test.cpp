@@ -1,4 +1,4 @@
-#include "agent/commands/result_text.h"
+#include "agent/commands/result.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "agent/commands/recovery.h"
-#include "agent/commands/result_text.h"
+#include "agent/commands/result.h"
 #include "agent/failpoint.h"
 #include "tests/support/clock_by_hand.h"
 
