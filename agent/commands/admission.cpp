@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/commands/parse/faults.h"
+#include "agent/commands/parse/parse.h"
 #include "agent/commands/result.h"
 #include "agent/config/suggestions.h"
 #include "protocol/plan/plan.h"

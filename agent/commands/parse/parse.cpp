@@ -9,7 +9,6 @@
 #include <set>
 #include <utility>
 
-#include "agent/commands/parse/faults.h"
 #include "agent/config/json/tree.h"
 #include "agent/config/suggestions.h"
 #include "agent/text/json.h"

@@ -1,8 +1,12 @@
-// Parses commands as they come on a topic. Pure, any thread.
+// Parses commands as they come on a topic, and selects the fault that decides on one. Pure, any
+// thread.
 #pragma once
 
 #include <chrono>
+#include <optional>
+#include <string>
 #include <string_view>
+#include <utility>
 
 #include "agent/handover/command_message.h"
 
@@ -22,5 +26,28 @@ struct LinkCommand {
 inline constexpr std::chrono::minutes kLongestYield{720};
 /// Parses a command for a link as parse_command().
 LinkCommand parse_link_command(std::string_view payload);
+
+/// Collects faults and keeps the first in the contract's order of checks. Of several with the same
+/// rank, keeps the one added first.
+class Faults final {
+ public:
+  void add(Refusal fault) {
+    if (!first_ || rank(fault.reason) < rank(first_->reason)) first_ = std::move(fault);
+  }
+  void add(Reason reason, std::string detail) { add(Refusal{reason, std::move(detail)}); }
+  /// Does nothing for nullopt.
+  void add(std::optional<Refusal> fault) {
+    if (fault) add(std::move(*fault));
+  }
+  const std::optional<Refusal>& first() const { return first_; }
+
+ private:
+  /// Reason's enumerators are in the order of checks; some share a rank.
+  static Reason rank(Reason reason) {
+    if (reason == Reason::bad_address) return Reason::unknown_tag;
+    return reason == Reason::not_allowed ? Reason::not_writable : reason;
+  }
+  std::optional<Refusal> first_;
+};
 
 }  // namespace fxagent
