@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <csignal>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -13,6 +12,7 @@
 
 #include "agent/cli/audit/command_line_audit.h"
 #include "agent/cli/exit_status.h"
+#include "agent/cli/report/layout.h"
 #include "agent/cli/report/read_report.h"
 #include "agent/commands/admission.h"
 #include "agent/commands/result.h"
@@ -28,8 +28,6 @@
 
 namespace fxagent {
 namespace {
-
-constexpr std::uint32_t kWordBits = 16;
 
 /// Parses `[1,2]`, `true`, `1.5` or `"text"` as JSON; any other text becomes a string.
 Value value_of_text(const std::string& text) {
@@ -86,11 +84,6 @@ Command command_for(Op op, const std::string& name, const DeviceConfig& device,
   (is_tag ? target.tag : target.address) = name;
   command.targets.push_back(std::move(target));
   return command;
-}
-
-/// Rounds to 0.1 ms, the resolution that a serial line allows.
-double ms(std::chrono::nanoseconds duration) {
-  return std::round(std::chrono::duration<double, std::milli>(duration).count() * 10) / 10;
 }
 
 CommandResult not_in_the_audit(const Command& command, std::string why) {
@@ -191,7 +184,7 @@ void print_address(const CommandResult& result, const OneShot& what) {
     values.begin_array();
     for (const Scalar& item : target.value->items) json::write_value(values, Value(item));
     out["values"] = parsed_ordered_json(values.end_array().take());
-    out["ms"] = ms(result.wire);
+    out["ms"] = rounded_ms(result.wire);
   } else {
     out["reason"] = std::string(to_string(result.reason));
     out["detail"] = result.detail;
@@ -202,7 +195,7 @@ void print_address(const CommandResult& result, const OneShot& what) {
     std::cout << what.device << ' ' << address << " =";
     for (const Scalar& item : target.value->items)
       std::cout << ' ' << value_text(Value(item), *no_units());
-    std::cout << "  (" << ms(result.wire) << " ms)\n";
+    std::cout << "  (" << rounded_ms(result.wire) << " ms)\n";
   } else {
     std::cout << what.device << ' ' << address << ": " << to_string(result.reason) << ": "
               << result.detail << '\n';
@@ -226,7 +219,7 @@ void print_command(const CommandResult& result, const OneShot& what) {
   if (!result.detail.empty()) std::cout << ": " << result.detail;
   const auto& verify = result.targets.front().verify;
   if (verify && verify->read) std::cout << ", read back " << value_text(*verify->read, *no_units());
-  if (was_sent) std::cout << "  (" << ms(result.wire) << " ms)";
+  if (was_sent) std::cout << "  (" << rounded_ms(result.wire) << " ms)";
   std::cout << '\n';
 }
 
@@ -394,7 +387,7 @@ int run_reads(DirectLine& line, const OneShot& what, const CommandTarget& target
   }
   const ShowOrders orders = what.orders ? ShowOrders::yes : ShowOrders::no;
   if (what.as_json)
-    std::cout << read_json(what.device, reports, orders, ms(wire)) << '\n';
+    std::cout << read_json(what.device, reports, orders, rounded_ms(wire)) << '\n';
   else
     std::cout << read_table(reports, orders);
   return status;

@@ -1,7 +1,6 @@
 #include "agent/cli/subcommands.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -24,16 +23,10 @@ using Reports = std::vector<LinkReport>;
 // Placeholder for a missing number.
 const std::string kNone = "-";
 
-/// Rounds to one decimal, the resolution that a serial line allows.
-double tenth(double value) { return std::round(value * 10) / 10; }
-double ms(nanoseconds duration) {
-  return tenth(std::chrono::duration<double, std::milli>(duration).count());
-}
-
 // ---- JSON ---------------------------------------------------------------------------------------
 
 Json time_json(const std::optional<nanoseconds>& duration) {
-  return duration ? Json(ms(*duration)) : Json(nullptr);
+  return duration ? Json(rounded_ms(*duration)) : Json(nullptr);
 }
 
 Json to_json(const ExchangeReport& exchange) {
@@ -58,11 +51,11 @@ Json to_json(const GroupLoad& group) {
   out["asked_ms"] = nullptr;
   out["waste_ms"] = nullptr;
   if (group.line_time) {
-    out["asked_ms"] = ms(group.use.asked);
-    out["waste_ms"] = {{"framing", ms(group.use.framing)},
-                       {"unasked", ms(group.use.unasked)},
-                       {"word_access", ms(group.use.word_access)},
-                       {"turnaround", ms(group.use.turnaround)}};
+    out["asked_ms"] = rounded_ms(group.use.asked);
+    out["waste_ms"] = {{"framing", rounded_ms(group.use.framing)},
+                       {"unasked", rounded_ms(group.use.unasked)},
+                       {"word_access", rounded_ms(group.use.word_access)},
+                       {"turnaround", rounded_ms(group.use.turnaround)}};
   }
   out["exchanges"] = Json::array();
   for (const ExchangeReport& exchange : group.exchanges)
@@ -84,7 +77,7 @@ Json to_json(const LinkReport& link) {
     out["block_trade"].push_back({{"device", trade.device},
                                   {"max_block_bytes", trade.block_bytes},
                                   {"configured", trade.configured},
-                                  {"cycle_ms", ms(trade.cycle)},
+                                  {"cycle_ms", rounded_ms(trade.cycle)},
                                   {"command_bound_ms", time_json(trade.command_bound)}});
   out["warnings"] = link.warnings;
   return out;
@@ -106,7 +99,7 @@ std::string number_text(double value) {
 }
 
 std::string time_text(const std::optional<nanoseconds>& duration) {
-  return duration ? number_text(ms(*duration)) : kNone;
+  return duration ? number_text(rounded_ms(*duration)) : kNone;
 }
 
 std::string with_unit(const std::optional<nanoseconds>& duration) {
@@ -135,7 +128,7 @@ void print_groups(const LinkReport& link) {
                          "unasked", "by words", "waiting"}};
   for (const GroupLoad& group : link.groups) {
     const auto use = [&](nanoseconds part) {
-      return group.line_time ? number_text(ms(part)) : kNone;
+      return group.line_time ? number_text(rounded_ms(part)) : kNone;
     };
     rows.push_back(
         {group.device + "/" + group.group, interval_text(group.interval),

@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 #include <vector>
 
+#include "agent/cli/exit_status.h"
+#include "agent/cli/report/layout.h"
 #include "agent/cli/report/stream_check.h"
 #include "agent/cli/waiting_broker.h"
 #include "agent/log/log.h"
@@ -18,22 +19,16 @@
 namespace fxagent {
 namespace {
 
+using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
-constexpr int kWhole = 0;
-constexpr int kNotWhole = 1;
-constexpr int kNoBroker = 2;
-constexpr int kNotProvable = 3;
+constexpr int kNotProvable = 3;  // nothing is known to be missing
 
-constexpr std::chrono::seconds kPatience{30};     // longer than the connect time-out of the MQTT
-                                                  // library
 constexpr std::chrono::milliseconds kPause{500};  // before the servers are tried again
 // Longest time that the broker keeps messages for a listener that is away, or was killed.
 constexpr std::chrono::seconds kMostKept{3600};
 // A single row may exceed the target size of a history message. The broker gets the same limit.
 constexpr std::size_t kMaxPayload = std::size_t{16} << 20;
-
-SteadyTime now() { return std::chrono::steady_clock::now(); }
 
 /// Times without a connection after the first one.
 struct Interruptions {
@@ -54,7 +49,7 @@ class Listener final {
         // A broker keeps no QoS 0 messages for a client that is away.
         keeps_messages_(config.qos > 0),
         check_(std::move(check)),
-        connection_(config, kMaxPayload, std::min(listen + kPatience, kMostKept)) {}
+        connection_(config, kMaxPayload, std::min(listen + kBrokerPatience, kMostKept)) {}
 
   /// Runs until the time is up, a signal arrives, or no server can be listened to at the start.
   /// Returns an empty text if it listened to the end, else the reason.
@@ -65,14 +60,14 @@ class Listener final {
       for (const BrokerEvent& event : connection_.broker().take_events())
         std::visit([this](const auto& e) { on(e); }, event);
       if (over_) break;
-      if (!goes_on || now() >= deadline_) {
+      if (!goes_on || Clock::now() >= deadline_) {
         if (!begun_) end("stopped before it could subscribe");
         if (lost_at_) end("no connection at the end: " + fault_);
         break;
       }
-      if (now() >= timer_) timer_fired();
+      if (Clock::now() >= timer_) timer_fired();
     }
-    ended_ = now();
+    ended_ = Clock::now();
     // The session outlives this program. Without subscriptions the broker queues nothing in it.
     for (const std::string& filter : filters_) connection_.broker().unsubscribe(filter);
     if (lost_at_) interruptions_.total += ended_ - *lost_at_;
@@ -88,7 +83,7 @@ class Listener final {
  private:
   void on(const Connected& event) {
     subscribed_ = 0;
-    timer_ = now() + kPatience;
+    timer_ = Clock::now() + kBrokerPatience;
     if (lost_at_ && !(event.session_present && session_at_ == server_)) lose_session();
     subscribe();
   }
@@ -100,16 +95,16 @@ class Listener final {
     fault_.clear();
     timer_ = SteadyTime::max();
     if (keeps_messages_) session_at_ = server_;
-    if (lost_at_) interruptions_.total += now() - *std::exchange(lost_at_, std::nullopt);
+    if (lost_at_) interruptions_.total += Clock::now() - *std::exchange(lost_at_, std::nullopt);
     if (begun_) return;
-    begun_ = now();
+    begun_ = Clock::now();
     deadline_ = *begun_ + listen_;
   }
   void on(const Message& event) { check_.take(event.topic, event.payload, event.retained); }
   void on(const Lost& event) {
     if (!begun_) return attempt_failed("lost: " + event.text);
     if (!lost_at_) {
-      lost_at_ = now();
+      lost_at_ = Clock::now();
       session_lost_ = false;
       ++interruptions_.count;
     }
@@ -119,14 +114,12 @@ class Listener final {
   void on(const MessagesDropped& event) {
     end("this program was too slow: " + std::to_string(event.count) + " messages were dropped");
   }
-  void on(const Disconnected&) {}
-  void on(const Delivered&) {}
-  void on(const DeliveryFailed&) {}
+  void on(const auto&) {}
 
   void connect_to(std::size_t server) {
     server_ = server;
     pauses_ = false;
-    timer_ = now() + kPatience;
+    timer_ = Clock::now() + kBrokerPatience;
     connection_.broker().connect(server_, kReceiveMaximum);
   }
   /// Subscribes to history first: history that a live sample makes due must not be missed.
@@ -144,7 +137,7 @@ class Listener final {
   }
   void pause() {
     pauses_ = true;
-    timer_ = now() + kPause;
+    timer_ = Clock::now() + kPause;
   }
   void timer_fired() {
     if (pauses_) return connect_to(0);
@@ -296,23 +289,21 @@ void print(const DeviceStream& stream) {
 int status_of(const std::vector<DeviceStream>& streams) {
   const bool any = std::ranges::any_of(
       streams, [](const DeviceStream& stream) { return stream.seen.has_value(); });
-  if (!any || !std::ranges::all_of(streams, &DeviceStream::is_sound)) return kNotWhole;
-  return std::ranges::all_of(streams, &DeviceStream::is_whole) ? kWhole : kNotProvable;
+  if (!any || !std::ranges::all_of(streams, &DeviceStream::is_sound)) return kFailed;
+  return std::ranges::all_of(streams, &DeviceStream::is_whole) ? kDone : kNotProvable;
 }
-
-double tenths(Seconds seconds) { return std::round(seconds.count() * 10) / 10; }
 
 void print_json(const Listener& listener, const std::string& base, const std::string& fault,
                 const std::vector<DeviceStream>& streams) {
   OrderedJson out;
-  out["ok"] = fault.empty() && status_of(streams) == kWhole;
+  out["ok"] = fault.empty() && status_of(streams) == kDone;
   out["error"] = fault.empty() ? OrderedJson() : OrderedJson(fault);
   out["base"] = base;
   out["server"] = listener.server();
-  out["seconds"] = tenths(listener.listened());
+  out["seconds"] = tenth(listener.listened().count());
   const Interruptions& away = listener.interruptions();
   out["interruptions"] = {
-      {"count", away.count}, {"seconds", tenths(away.total)}, {"unkept", away.unkept}};
+      {"count", away.count}, {"seconds", tenth(away.total.count())}, {"unkept", away.unkept}};
   auto& devices = out["devices"] = OrderedJson::array();
   for (const DeviceStream& stream : streams) devices.push_back(json_of(stream));
   std::cout << dumped(out) << '\n';
@@ -320,10 +311,11 @@ void print_json(const Listener& listener, const std::string& base, const std::st
 
 void print_text(const Listener& listener, const std::string& base,
                 const std::vector<DeviceStream>& streams) {
-  std::cout << base << " on " << listener.server() << ", " << tenths(listener.listened()) << " s\n";
+  std::cout << base << " on " << listener.server() << ", " << tenth(listener.listened().count())
+            << " s\n";
   const Interruptions& away = listener.interruptions();
   if (away.count > 0) {
-    std::cout << "interruptions: " << away.count << ", " << tenths(away.total) << " s; ";
+    std::cout << "interruptions: " << away.count << ", " << tenth(away.total.count()) << " s; ";
     if (away.unkept == 0)
       std::cout << "the broker kept the messages\n";
     else
@@ -347,14 +339,14 @@ int run_verify_stream(const Config& config, const VerifyStream& what) {
                     what.listen);
   const std::string fault = listener.run();
   if (!fault.empty()) std::cerr << "verify-stream: " << fault << '\n';
-  if (!listener.has_listened()) return kNoBroker;
+  if (!listener.has_listened()) return kWrong;
 
   const auto streams = listener.report();
   if (what.as_json)
     print_json(listener, config.base_topic(), fault, streams);
   else
     print_text(listener, config.base_topic(), streams);
-  return fault.empty() ? status_of(streams) : kNoBroker;
+  return fault.empty() ? status_of(streams) : kWrong;
 }
 
 }  // namespace fxagent

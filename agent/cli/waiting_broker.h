@@ -11,6 +11,9 @@
 
 namespace fxagent {
 
+/// Wait for an answer of a broker: longer than the connect time-out of the MQTT library.
+inline constexpr std::chrono::seconds kBrokerPatience{30};
+
 /// A broker whose events the calling thread can wait for, together with the signals SIGINT and
 /// SIGTERM, which end the wait. Create it before any other thread, because it blocks these signals.
 class WaitingBroker final {

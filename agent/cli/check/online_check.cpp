@@ -12,13 +12,13 @@
 #include <vector>
 
 #include "agent/cli/check/online_report.h"
+#include "agent/cli/waiting_broker.h"
 #include "agent/config/loader.h"
 #include "agent/field/field.h"
 #include "agent/handover/outbox.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
 #include "agent/text/text.h"
-#include "agent/uplink/paho/paho_broker.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
@@ -26,8 +26,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// Longer than the connect time-out of the MQTT library.
-constexpr std::chrono::seconds kBrokerPatience{30};
 constexpr std::chrono::seconds kGoodbye{2};
 // The check ends after this time without a sample or state from any device.
 constexpr std::chrono::minutes kFieldPatience{5};
@@ -198,10 +196,7 @@ class BrokerLook final {
     subscribe();
   }
   void on(const Disconnected&) { over_ = true; }
-  void on(const Message&) {}
-  void on(const Delivered&) {}
-  void on(const DeliveryFailed&) {}
-  void on(const MessagesDropped&) {}
+  void on(const auto&) {}
 
   void subscribe() {
     if (subscribed_ == filters_.size()) return end({});

@@ -43,7 +43,6 @@ constexpr std::size_t kLikelyGuesses = 4;
 constexpr milliseconds kPatience{2000};  // a device slower than its configured timeout is found
 constexpr std::size_t kMeasurements = 5;
 constexpr milliseconds kTurnaroundMargin{20};  // of a busy machine
-constexpr std::uint32_t kWordBits = 16;
 constexpr std::uint32_t kByteBits = 8;
 /// Wait for the answer to an unlikely guess.
 constexpr milliseconds kGuessTimeout{250};

@@ -27,6 +27,7 @@
 namespace fxagent {
 namespace {
 
+using Clock = std::chrono::steady_clock;
 using std::chrono::seconds;
 
 // Longer than the connect time-out of the MQTT library.
@@ -36,8 +37,6 @@ constexpr seconds kQuiet{2};
 constexpr seconds kBatchPatience{30};
 constexpr seconds kTrialPatience{120};  // a trial takes 60 s
 constexpr std::uint64_t kMarkerId = ~std::uint64_t{0};
-
-SteadyTime now() { return std::chrono::steady_clock::now(); }
 
 MqttConfig connection_of(const FleetQuestion& what, const std::string& server) {
   MqttConfig mqtt = what.mqtt;
@@ -63,14 +62,14 @@ class FleetSession final {
   std::string read(const std::vector<std::string>& names) {
     filters_ = fleet_.filters(names);
     for (const std::string& name : names) fleet_.add(name);
-    timer_ = now() + kConnectPatience;
+    timer_ = Clock::now() + kConnectPatience;
     connection_.broker().connect(0, kReceiveMaximum);
     while (!is_read_ && fault_.empty()) {
       step(quiet_since_ ? std::min(timer_, *quiet_since_ + quiet_) : timer_);
       if (is_read_ || !fault_.empty()) break;
-      if (quiet_since_ && now() >= *quiet_since_ + quiet_)
+      if (quiet_since_ && Clock::now() >= *quiet_since_ + quiet_)
         is_read_ = true;
-      else if (now() >= timer_)
+      else if (Clock::now() >= timer_)
         fault_ = server_ + ": no answer";
     }
     return fault_;
@@ -90,7 +89,7 @@ class FleetSession final {
     std::size_t batch = 0;
     rollout_ = &rollout;
     while (fault_.empty()) {
-      const std::vector<std::size_t> due = rollout.advance(fleet_, now());
+      const std::vector<std::size_t> due = rollout.advance(fleet_, Clock::now());
       if (rollout.batch() > batch) {
         report_until(rollout.begin());
         batch = rollout.batch();
@@ -122,13 +121,13 @@ class FleetSession final {
   }
 
   void on(const Connected&) {
-    timer_ = now() + kReadPatience;
+    timer_ = Clock::now() + kReadPatience;
     filters_.push_back(marker_);
     subscribe();
   }
   void on(const ConnectFailed& event) { fault_ = server_ + ": " + event.text; }
   void on(const Subscribed& event) {
-    timer_ = now() + kReadPatience;
+    timer_ = Clock::now() + kReadPatience;
     if (event.filter == marker_) marker_granted_ = event.granted;
     // A viewer may not read what is desired. The reports alone still say what is in force.
     else if (!event.granted && !event.filter.ends_with(kDesiredTopic))
@@ -138,7 +137,7 @@ class FleetSession final {
     // queue. If the user may not receive it, or it has not come by its acknowledgement, a quiet
     // time is the end.
     if (!marker_granted_) {
-      quiet_since_ = now();
+      quiet_since_ = Clock::now();
       return;
     }
     connection_.broker().publish({.id = kMarkerId, .topic = marker_, .payload = "end"});
@@ -148,8 +147,8 @@ class FleetSession final {
       is_read_ = true;
       return;
     }
-    timer_ = now() + kReadPatience;
-    if (quiet_since_) quiet_since_ = now();
+    timer_ = Clock::now() + kReadPatience;
+    if (quiet_since_) quiet_since_ = Clock::now();
     fleet_.take(event.topic, event.payload);
   }
   void on(const Lost& event) { fault_ = server_ + ": lost: " + event.text; }
@@ -158,13 +157,13 @@ class FleetSession final {
   }
   void on(const DeliveryFailed& event) {
     if (event.id == kMarkerId)
-      quiet_since_ = now();
+      quiet_since_ = Clock::now();
     else if (rollout_ != nullptr)
       rollout_->not_accepted(event.id, "the broker did not accept the message: " + event.text);
   }
-  void on(const Disconnected&) {}
+  void on(const auto&) {}
   void on(const Delivered& event) {
-    if (event.id == kMarkerId) quiet_since_ = now();
+    if (event.id == kMarkerId) quiet_since_ = Clock::now();
   }
 
   void subscribe() {

@@ -1,12 +1,21 @@
-// Layout of what a subcommand prints: columns, and JSON for people.
+// Layout of what a subcommand prints: numbers, columns, and JSON for people.
 #pragma once
 
+#include <chrono>
+#include <cmath>
 #include <cstddef>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
 namespace fxagent {
+
+/// Rounds to one decimal.
+inline double tenth(double value) { return std::round(value * 10) / 10; }
+/// Returns ms, rounded to the resolution that a serial line allows.
+inline double rounded_ms(std::chrono::nanoseconds duration) {
+  return tenth(std::chrono::duration<double, std::milli>(duration).count());
+}
 
 using Row = std::vector<std::string>;
 

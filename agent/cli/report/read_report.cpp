@@ -83,7 +83,6 @@ void write_report(Writer& out, const ReadReport& report, ShowOrders orders) {
 
 bool has_word_order(const Point& point) {
   const auto span = span_of(point);
-  constexpr std::uint32_t kWordBits = 16;
   return span && point.address.unit == Unit::word && point.type != DataType::string &&
          span->bits / point.count > kWordBits;
 }

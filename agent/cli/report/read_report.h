@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -25,6 +26,7 @@ struct ReadReport {
   std::string detail{};
 };
 
+inline constexpr std::uint32_t kWordBits = 16;
 /// True if the values of the point depend on the word order: numbers of two or four words.
 bool has_word_order(const Point& point);
 
