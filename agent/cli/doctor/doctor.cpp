@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <iostream>
 #include <optional>
+#include <set>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -104,29 +105,78 @@ milliseconds patience(const DeviceConfig& device, std::size_t guess) {
                                 : kGuessTimeout;
 }
 
+/// A device that answers.
+struct Patient {
+  LineProbe& probe;
+  const DeviceConfig& device;
+  std::shared_ptr<const Codec> codec;  ///< of the address and the model that it has
+
+  ProbeAnswer ask(const Request& question) const {
+    return probe.ask(*codec, question, longest(device));
+  }
+
+  /// Returns the image of the span, from its first bit on.
+  std::optional<Bytes> read(const Span& span) const {
+    for (const ReadWay& way : codec->addresses().read_ways(span.space)) {
+      const std::uint32_t before = span.first_bit % way.align_bits;
+      Span asked{span.space, span.first_bit - before, span.bits + before};
+      asked.bits += (way.unit_bits - asked.bits % way.unit_bits) % way.unit_bits;
+      const bool reaches = asked.first_bit >= way.first_bit && asked.end_bit() <= way.end_bit;
+      if (way.gather != 0 || !reaches || asked.bits > way.max_bits) continue;
+      const auto answer = ask(Read{asked, way.way});
+      if (answer.kind != ProbeAnswer::Kind::data) return std::nullopt;
+      return extract_bits(answer.image, before, span.bits);
+    }
+    return std::nullopt;
+  }
+
+  /// Returns the bit or word at this address; nullopt if there is no name, if the model lacks it,
+  /// or if it cannot be read.
+  std::optional<std::uint64_t> word_at(std::string_view name) const {
+    if (name.empty()) return std::nullopt;
+    const auto address = codec->addresses().parse_address(name, std::nullopt);
+    const auto image = address ? read(address->span) : std::nullopt;
+    return image ? std::optional(bits_at(*image, 0, address->span.bits)) : std::nullopt;
+  }
+
+  /// Returns the largest half, quarter and so on in which the whole read is answered, in bits; 0:
+  /// there is none, because a part does not exist.
+  std::uint32_t answered_in_parts(const Read& whole) const {
+    for (std::uint32_t bits = half_of(whole.span.bits); bits > 0; bits = half_of(bits)) {
+      bool is_answered = true;
+      for (std::uint32_t at = whole.span.first_bit; is_answered && at < whole.span.end_bit();
+           at += bits) {
+        const Span part{whole.span.space, at, std::min(bits, whole.span.end_bit() - at)};
+        is_answered = ask(Read{part, whole.way}).kind == ProbeAnswer::Kind::data;
+      }
+      if (is_answered) return bits;
+    }
+    return 0;
+  }
+
+ private:
+  /// Returns half of it in whole words; 0 below one.
+  static std::uint32_t half_of(std::uint32_t bits) {
+    return bits <= kWordBits ? 0 : (bits / 2 + kWordBits - 1) / kWordBits * kWordBits;
+  }
+};
+
 class Doctor final {
  public:
   Doctor(const Config& config, std::string text) : config_(config), text_(std::move(text)) {}
 
   int run() {
     for (std::uint32_t i = 0; i < config_.links.size(); ++i) examine_link(i);
-    for (const int status : {kFailed, kHeld, kDiffers})
-      if (std::ranges::find(statuses_, status) != statuses_.end()) return status;
-    return kDone;
+    return statuses_.empty() ? kDone : *statuses_.begin();
   }
   const std::vector<KeyChange>& changes() const { return changes_; }
   /// Returns how many of the changes are of entries of the file.
   std::size_t writable() const { return written_; }
 
  private:
-  struct Patient {
-    const DeviceConfig* device;
-    ProbeAnswer answer;  ///< its first one, at the settings of the config
-  };
-
   void note(const std::string& text) { std::cout << "  " << text << '\n'; }
   void fault(int status, const std::string& text) {
-    statuses_.push_back(status);
+    statuses_.insert(status);
     note("FAULT: " + text);
   }
   void change(KeyChange change) {
@@ -152,21 +202,21 @@ class Doctor final {
       return note("  End it. If this is the wrong port, correct " +
                   pointer.value_or("the path of " + link.name));
     }
-    std::vector<Patient> patients;
+    std::vector<std::pair<const DeviceConfig*, ProbeAnswer>> first_answers;
     for (const DeviceConfig& device : config_.devices)
-      if (device.link == index && !device.is_vacant()) patients.push_back({&device, {}});
+      if (device.link == index && !device.is_vacant()) first_answers.push_back({&device, {}});
     // A speed at which any device answers is right for the link.
     bool line_is_right = false;
-    for (auto& [device, answer] : patients) {
+    for (auto& [device, answer] : first_answers) {
       if (!first_question(*device->codec)) continue;
       LineProbe probe(link, device->gap);
       if (const auto opened = probe.open(); !opened) return fault(kFailed, opened.error().text);
       answer = greet(probe, *device->codec, longest(*device));
       line_is_right = line_is_right || is_there(answer, *device->codec);
     }
-    for (const auto& [device, answer] : patients) {
+    for (const auto& [device, answer] : first_answers) {
       examine_device(link, line_is_right, *device, answer);
-      if (line_is_right || !first_question(*device->codec) || device == patients.back().device)
+      if (line_is_right || !first_question(*device->codec) || device == first_answers.back().first)
         continue;
       return note("The other devices of this link are not examined: nothing answers on it.");
     }
@@ -188,14 +238,14 @@ class Doctor final {
     if (!is_there(answer, *codec))
       return fault(kFailed, "answers now and then: the last question had no answer");
     judge_echo(device, answer);
-    judge_time(probe, device, *codec);
-    judge_model(probe, device, codec);
-    judge_state(probe, device, *codec);
-    judge_blocks(probe, device, *codec, line.char_time);
-    judge_orders(probe, device, *codec);
+    Patient patient{probe, device, codec};
+    judge_time(patient);
+    judge_model(patient);
+    judge_state(patient);
+    judge_blocks(patient, line.char_time);
+    judge_orders(patient);
     // The last question, because a device may close the connection at a function that it lacks.
-    if (const auto question = codec->identity())
-      note_identity(probe.ask(*codec, *question, longest(device)));
+    if (const auto question = patient.codec->identity()) note_identity(patient.ask(*question));
   }
 
   /// Finds a silent device at another line, which goes into `line`, or at another address. True if
@@ -311,13 +361,12 @@ class Doctor final {
     change({"devices", device.name, "", "echo", answer.echo ? "true" : "false"});
   }
 
-  void judge_time(LineProbe& probe, const DeviceConfig& device, const Codec& codec) {
+  void judge_time(const Patient& patient) {
+    const DeviceConfig& device = patient.device;
     std::vector<milliseconds> times;
-    for (std::size_t i = 0; i < kMeasurements; ++i) {
-      const auto answer = probe.ask(codec, *first_question(codec), longest(device));
-      if (!answer.is_answered()) continue;
-      times.push_back(answer.turnaround);
-    }
+    for (std::size_t i = 0; i < kMeasurements; ++i)
+      if (const auto answer = patient.ask(*first_question(*patient.codec)); answer.is_answered())
+        times.push_back(answer.turnaround);
     if (times.size() < kMeasurements)
       return fault(kFailed, "answers " + std::to_string(times.size()) + " of " +
                                 std::to_string(kMeasurements) +
@@ -339,14 +388,12 @@ class Doctor final {
     change({"devices", device.name, "", "turnaround_ms", needed});
   }
 
-  /// Sets `codec` to that of the model which the device reports.
-  void judge_model(LineProbe& probe, const DeviceConfig& device,
-                   std::shared_ptr<const Codec>& codec) {
-    const PlcServices* plc = codec->plc();
+  /// Sets the codec to that of the model which the device reports.
+  void judge_model(Patient& patient) {
+    const PlcServices* plc = patient.codec->plc();
     if (plc == nullptr) return;
     std::vector<Bytes> images;
-    for (const Request& question : plc->identify())
-      images.push_back(probe.ask(*codec, question, longest(device)).image);
+    for (const Request& question : plc->identify()) images.push_back(patient.ask(question).image);
     const auto model = plc->model_from(images);
     if (!model) return note("model: not reported");
     note("model " + *model);
@@ -354,9 +401,9 @@ class Doctor final {
     if (*model == configured) return;
     if (!configured.empty()) {
       fault(kDiffers, "the config says " + configured);
-      change({"devices", device.name, "", "model", json_string(*model)});
+      change({"devices", patient.device.name, "", "model", json_string(*model)});
     }
-    codec = plc->with_model(*model);
+    patient.codec = plc->with_model(*model);
   }
 
   void note_identity(const ProbeAnswer& answer) {
@@ -365,78 +412,51 @@ class Doctor final {
          (is_named ? std::string(answer.image.begin(), answer.image.end()) : "not reported"));
   }
 
-  /// Returns the bit or word at this address; nullopt if there is no name, if the model lacks it,
-  /// or if it cannot be read.
-  std::optional<std::uint64_t> word_at(LineProbe& probe, const DeviceConfig& device,
-                                       const Codec& codec, std::string_view name) {
-    if (name.empty()) return std::nullopt;
-    const auto address = codec.addresses().parse_address(name, std::nullopt);
-    if (!address) return std::nullopt;
-    const auto image = read(probe, device, codec, address->span);
-    if (!image) return std::nullopt;
-    return bits_at(*image, 0, address->span.bits);
-  }
-
-  /// Returns the image of the span, from its first bit on.
-  std::optional<Bytes> read(LineProbe& probe, const DeviceConfig& device, const Codec& codec,
-                            const Span& span) {
-    for (const ReadWay& way : codec.addresses().read_ways(span.space)) {
-      const std::uint32_t before = span.first_bit % way.align_bits;
-      Span asked{span.space, span.first_bit - before, span.bits + before};
-      asked.bits += (way.unit_bits - asked.bits % way.unit_bits) % way.unit_bits;
-      const bool reaches = asked.first_bit >= way.first_bit && asked.end_bit() <= way.end_bit;
-      if (way.gather != 0 || !reaches || asked.bits > way.max_bits) continue;
-      const auto answer = probe.ask(codec, Read{asked, way.way}, longest(device));
-      if (answer.kind != ProbeAnswer::Kind::data) return std::nullopt;
-      return extract_bits(answer.image, before, span.bits);
-    }
-    return std::nullopt;
-  }
-
-  void judge_state(LineProbe& probe, const DeviceConfig& device, const Codec& codec) {
-    const PlcServices* plc = codec.plc();
+  void judge_state(const Patient& patient) {
+    const PlcServices* plc = patient.codec->plc();
     if (plc == nullptr) return;
-    const auto state = probe.ask(codec, plc->run_state(), longest(device));
+    const auto state = patient.ask(plc->run_state());
     if (const auto run = plc->run_state_from(state.image)) note(*run ? "RUN" : "STOP");
     const SpecialDevices special = plc->special_devices();
-    if (const auto low = word_at(probe, device, codec, special.battery_low))
+    if (const auto low = patient.word_at(special.battery_low))
       note((*low != 0 ? "battery low (" : "battery good (") + std::string(special.battery_low) +
            ")");
-    const bool has_error = word_at(probe, device, codec, special.has_error).value_or(0) != 0;
-    if (const auto error = word_at(probe, device, codec, special.error); error && has_error)
+    const bool has_error = patient.word_at(special.has_error).value_or(0) != 0;
+    if (const auto error = patient.word_at(special.error); error && has_error)
       note("error word " + std::string(special.error) + " = " + std::to_string(*error));
-    const bool is_valid = special.clock_copied.empty() ||
-                          word_at(probe, device, codec, special.clock_copied).value_or(0) != 0;
-    const auto first = codec.addresses().parse_address(special.clock_at, std::nullopt);
+    const bool is_valid =
+        special.clock_copied.empty() || patient.word_at(special.clock_copied).value_or(0) != 0;
+    const auto first = patient.codec->addresses().parse_address(special.clock_at, std::nullopt);
     if (special.clock == SpecialDevices::Clock::none || !is_valid || !first) return;
     Span words = first->span;
     words.bits *= clock_words(special.clock);
-    const auto image = read(probe, device, codec, words);
+    const auto image = patient.read(words);
     if (const auto text = image ? clock_text(special.clock, *image) : std::nullopt)
       note("clock " + *text);
   }
 
   /// Tries every read of the plan.
-  void judge_blocks(LineProbe& probe, const DeviceConfig& device, const Codec& codec,
-                    std::chrono::nanoseconds char_time) {
+  void judge_blocks(const Patient& patient, std::chrono::nanoseconds char_time) {
+    const DeviceConfig& device = patient.device;
     std::uint32_t longest_bits = 0;
     std::uint32_t limit_bits = 0;  // 0: none was found
     for (std::size_t g = 0; g < device.groups.size(); ++g) {
       std::vector<Point> points;
       for (const TagConfig& tag : device.tags)
         if (tag.group == g) points.push_back(tag.point);
-      const Plan plan = make_plan(codec, points, cost_of(device, char_time, device.turnaround),
-                                  device.max_block_bytes);
+      const Plan plan =
+          make_plan(*patient.codec, points, cost_of(device, char_time, device.turnaround),
+                    device.max_block_bytes);
       for (const PlannedRead& planned : plan.reads) {
         const Read& whole = planned.read;
         if (whole.gather != 0) continue;
-        const auto answer = probe.ask(codec, whole, longest(device));
+        const auto answer = patient.ask(whole);
         if (answer.kind == ProbeAnswer::Kind::data)
           longest_bits = std::max(longest_bits, whole.span.bits);
         if (answer.kind != ProbeAnswer::Kind::refused) continue;
-        const std::uint32_t fits = answered_in_parts(probe, device, codec, whole);
+        const std::uint32_t fits = patient.answered_in_parts(whole);
         const std::string place =
-            codec.addresses().name_of({whole.span.space, whole.span.first_bit, 1});
+            patient.codec->addresses().name_of({whole.span.space, whole.span.first_bit, 1});
         note("a read of " + bytes_text(whole.span.bits) + " at " + place + " is refused: " +
              answer.text + (fits == 0 ? "; the agent finds out which part does not exist" : ""));
         if (fits != 0) limit_bits = limit_bits == 0 ? fits : std::min(limit_bits, fits);
@@ -452,34 +472,12 @@ class Doctor final {
     return std::to_string((bits + kByteBits - 1) / kByteBits) + " bytes";
   }
 
-  /// Returns the largest half, quarter and so on in which the whole read is answered, in bits; 0:
-  /// there is none, because a part does not exist.
-  std::uint32_t answered_in_parts(LineProbe& probe, const DeviceConfig& device, const Codec& codec,
-                                  const Read& whole) {
-    for (std::uint32_t bits = half_of(whole.span.bits); bits > 0; bits = half_of(bits)) {
-      bool is_answered = true;
-      for (std::uint32_t at = whole.span.first_bit; is_answered && at < whole.span.end_bit();
-           at += bits) {
-        const Span part{whole.span.space, at, std::min(bits, whole.span.end_bit() - at)};
-        is_answered = probe.ask(codec, Read{part, whole.way}, longest(device)).kind ==
-                      ProbeAnswer::Kind::data;
-      }
-      if (is_answered) return bits;
-    }
-    return 0;
-  }
-
-  /// Returns half of it in whole words; 0 below one.
-  static std::uint32_t half_of(std::uint32_t bits) {
-    return bits <= kWordBits ? 0 : (bits / 2 + kWordBits - 1) / kWordBits * kWordBits;
-  }
-
-  void judge_orders(LineProbe& probe, const DeviceConfig& device, const Codec& codec) {
-    for (const TagConfig& tag : device.tags) {
+  void judge_orders(const Patient& patient) {
+    for (const TagConfig& tag : patient.device.tags) {
       const auto span = span_of(tag.point);
       if (!span || !has_word_order(tag.point) || span->bits != 2 * kWordBits) continue;
       const std::string name(std::string_view(tag.name));
-      const auto image = read(probe, device, codec, *span);
+      const auto image = patient.read(*span);
       if (!image) {
         note(name + ": cannot be read");
         continue;
@@ -492,14 +490,14 @@ class Doctor final {
       const auto order = likelier_order(tag.point, *image, span->first_bit);
       if (!order) continue;
       fault(kDiffers, "the word order of " + name + " is probably wrong");
-      change({"devices", device.name, name, "word_order",
+      change({"devices", patient.device.name, name, "word_order",
               json_string(std::string(to_string(*order)))});
     }
   }
 
   const Config& config_;
   const std::string text_;
-  std::vector<int> statuses_;
+  std::set<int> statuses_;  ///< the lowest is the one that counts most
   std::vector<KeyChange> changes_;
   std::size_t written_ = 0;
   std::vector<std::pair<std::uint32_t, std::int64_t>> stations_;  ///< found, with their links
