@@ -108,9 +108,8 @@ void add_repeatable(CLI::App* command, const std::string& name, std::vector<std:
 }
 
 void add_run(CommandLine& line) {
-  const auto [command, what] =
-      line.add("run", "Poll, publish and carry out commands until SIGTERM", run_until_stopped);
-  command->add_option("CONFIG", what.path, "Config file")->required();
+  const auto [command, what] = line.add_for_file(
+      "run", "Poll, publish and carry out commands until SIGTERM", run_until_stopped);
   command->add_option("--log-level", what.log_level, "error, warn, info or debug (info)")
       ->check(CLI::IsMember({"error", "warn", "info", "debug"}))
       ->envname("FXAGENT_LOG_LEVEL");

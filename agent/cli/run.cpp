@@ -85,7 +85,7 @@ std::optional<Config> started_config(RemoteConfig& remote, const std::string& pa
 
 }  // namespace
 
-int run_until_stopped(const RunQuestion& what) {
+int run_until_stopped(const std::string& path, const RunQuestion& what) {
   log::set_level(*log::level_from(what.log_level));
   log::set_format(*log::format_from(what.log_format));
   std::signal(SIGPIPE, SIG_IGN);
@@ -106,8 +106,8 @@ int run_until_stopped(const RunQuestion& what) {
   std::signal(SIGHUP, SIG_DFL);  // an ignored signal would not stay pending
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
-  RemoteConfig remote(what.path, trial_time(), boot_id());
-  auto config = started_config(remote, what.path, watchdog);
+  RemoteConfig remote(path, trial_time(), boot_id());
+  auto config = started_config(remote, path, watchdog);
   if (!config) return kWrong;
   const auto traced = traced_links(*config, what, remote);
   if (!traced) return kWrong;
@@ -119,7 +119,7 @@ int run_until_stopped(const RunQuestion& what) {
   malloc_trim(0);  // returns the memory that a large file took
   log_warnings(*config);
   try {
-    run_agent(std::move(*config), what.path, remote, watchdog, *traced);
+    run_agent(std::move(*config), path, remote, watchdog, *traced);
   } catch (const std::exception& error) {
     log::say(log::Level::error, "agent", std::string("fxagent: ") + error.what());
     return 1;

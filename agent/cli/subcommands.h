@@ -48,15 +48,14 @@ int run_check(const std::string& path, const CheckQuestion& what);
 // ---- run: runs the agent until SIGTERM
 
 struct RunQuestion {
-  std::string path;
   std::string log_level = "info";
   std::string log_format = "text";
   std::vector<std::string> traced;  ///< links by name
 };
 /// Returns 0 after a stop signal, 1 if the agent could not run, 2 if the config or a traced link is
 /// wrong; the reason is in the log. Throws std::runtime_error if the process may not have enough
-/// threads or memory. Call before any thread starts.
-int run_until_stopped(const RunQuestion& what);
+/// threads or memory. Call before any thread starts. `path` is the file of the config.
+int run_until_stopped(const std::string& path, const RunQuestion& what);
 
 // ---- plan: the analysis of plan_report.h as text or JSON
 
