@@ -11,7 +11,6 @@
 #include "agent/config/source.h"
 #include "agent/config/suggestions.h"
 #include "agent/import/formats.h"
-#include "agent/import/text_encoding.h"
 #include "agent/text/text.h"
 #include "protocol/catalog.h"
 

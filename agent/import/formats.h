@@ -1,4 +1,4 @@
-// Formats that can be imported, one file each.
+// Formats that can be imported, one file each, and the encodings of their files.
 #pragma once
 
 #include <array>
@@ -50,6 +50,11 @@ std::string export_csv(std::string_view text);
 /// Output of export_csv(), or tags alone.
 bool is_tag_csv(std::string_view text);
 ImportResult import_tag_csv(std::string_view text, const ImportOptions& options);
+
+/// Converts `bytes` to UTF-8 without a byte order mark. Detects UTF-8, and UTF-16 by its mark or
+/// its zero bytes. Treats anything else as `legacy`, an iconv encoding such as "CP932" (Shift-JIS)
+/// or "WINDOWS-1252". The error names the encoding that the bytes violate.
+tl::expected<std::string, std::string> to_utf8(std::string_view bytes, const char* legacy);
 
 /// Returns gx · kepware · neuron · thingsboard · telegraf · csv.
 inline std::span<const ImportFormat> import_formats() {

@@ -1,10 +1,10 @@
-#include "agent/import/text_encoding.h"
-
+// Converts files of other programs to UTF-8.
 #include <iconv.h>
 
 #include <array>
 #include <cerrno>
 
+#include "agent/import/formats.h"
 #include "agent/text/text.h"
 
 namespace fxagent {

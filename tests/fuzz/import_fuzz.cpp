@@ -9,7 +9,6 @@
 
 #include "agent/config/loader.h"
 #include "agent/import/formats.h"
-#include "agent/import/text_encoding.h"
 
 namespace {
 

@@ -3,7 +3,6 @@
 
 #include <string>
 
-#include "agent/import/text_encoding.h"
 #include "tests/agent/import/outcome.h"
 #include "tests/support/says.h"
 

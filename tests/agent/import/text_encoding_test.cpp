@@ -1,4 +1,4 @@
-#include "agent/import/text_encoding.h"
+#include "agent/import/formats.h"
 
 #include <gtest/gtest.h>
 
