@@ -19,8 +19,8 @@ std::vector<LineDefaults> shapes_of(const ProtocolInfo& protocol) {
   const LineDefaults& usual = protocol.line;
   std::vector<LineDefaults> shapes{usual};
   if (protocol.one_line) return shapes;
+  const int least = protocol.least_data_bits == 0 ? usual.data_bits : protocol.least_data_bits;
   for (const int bits : {usual.data_bits, usual.data_bits == 7 ? 8 : 7}) {
-    const int least = protocol.least_data_bits == 0 ? usual.data_bits : protocol.least_data_bits;
     if (bits < least) continue;
     for (const Parity parity : {Parity::even, Parity::none, Parity::odd})
       add_once(shapes, LineDefaults{usual.baud, bits, parity, 1});
@@ -38,19 +38,14 @@ bool operator==(const LineDefaults& one, const LineDefaults& other) {
 
 std::vector<LineDefaults> line_guesses(const ProtocolInfo& protocol, const LineDefaults& own) {
   std::vector<LineDefaults> guesses{own};
-  const auto shapes = shapes_of(protocol);
-  for (LineDefaults shape : shapes) {
-    shape.baud = own.baud;
-    add_once(guesses, shape);
-  }
-  for (const int baud : kLikelySpeeds) {
-    const auto& known = protocol.speeds;
-    if (!known.empty() && std::ranges::find(known, baud) == known.end()) continue;
-    for (LineDefaults shape : shapes) {
-      shape.baud = baud;
-      add_once(guesses, shape);
-    }
-  }
+  const auto add_at = [&, shapes = shapes_of(protocol)](int baud) {
+    for (const LineDefaults& shape : shapes)
+      add_once(guesses, {baud, shape.data_bits, shape.parity, shape.stop_bits});
+  };
+  add_at(own.baud);
+  const auto& known = protocol.speeds;
+  for (const int baud : kLikelySpeeds)
+    if (known.empty() || std::ranges::find(known, baud) != known.end()) add_at(baud);
   return guesses;
 }
 
