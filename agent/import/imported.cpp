@@ -9,6 +9,7 @@
 #include "agent/config/json/pretty.h"
 #include "agent/config/loader.h"
 #include "agent/text/json.h"
+#include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 #include "protocol/catalog.h"
 #include "protocol/letter_case.h"
@@ -23,6 +24,7 @@ constexpr std::size_t kLongestName = 64;
 constexpr std::int64_t kLongestInterval = 86'400'000;
 constexpr std::int64_t kModbusAddresses = 65536;
 constexpr int kPorts = 65536;
+constexpr auto kExact = static_cast<double>(json::kMaxExactInteger);
 
 JsonObject json_of(const ImportedDevice& device) {
   JsonObject out = device.keys;
@@ -132,12 +134,13 @@ bool drop_of_device(Imported& imported, const ConfigError& error, std::string_vi
   JsonObject& object = group ? device.groups[*group] : device.keys;
   const std::string key(key_in(pointer));
   if (!object.contains(key)) return false;
+  const std::string name = text_at(device.keys, "name");
   if (key == "timeout_ms" || key == "interval_ms") {
     object.erase(key);
-    imported.note(0, "not imported: " + key + " of " + device.name + ": " + error.text);
+    imported.note(0, "not imported: " + key + " of " + name + ": " + error.text);
     return true;
   }
-  imported.note(0, "left out: the device " + device.name + ": " + key + " " + error.text);
+  imported.note(0, "left out: the device " + name + ": " + key + " " + error.text);
   imported.left_out += device.tags.size();
   imported.devices.erase(imported.devices.begin() + static_cast<std::ptrdiff_t>(index));
   return true;
@@ -164,7 +167,6 @@ void describe(ImportedTag& tag, std::string_view text) {
 }
 
 JsonObject json_number(double value) {
-  constexpr double kExact = 9007199254740992.0;
   if (value != std::trunc(value) || std::abs(value) > kExact) return value;
   return static_cast<std::int64_t>(value);
 }
@@ -198,7 +200,6 @@ std::optional<double> number_at(const ConfigNode& node, std::string_view key) {
 }
 
 std::optional<std::int64_t> integer_at(const ConfigNode& node, std::string_view key) {
-  constexpr double kExact = 9007199254740992.0;
   const auto number = number_at(node, key);
   if (!number || std::abs(*number) > kExact || *number != std::trunc(*number)) return std::nullopt;
   return static_cast<std::int64_t>(*number);
@@ -296,21 +297,16 @@ std::string LinkTable::to_placeholder(std::string_view protocol, int line) {
   return to(placeholder_port(protocol));
 }
 
-ImportedDevice new_device(std::string name, const std::string& link, std::string_view protocol) {
-  ImportedDevice device;
-  device.keys["name"] = name;
-  device.keys["link"] = link;
-  device.keys["protocol"] = protocol;
-  device.name = std::move(name);
-  return device;
+ImportedDevice new_device(std::string_view name, std::string_view link, std::string_view protocol) {
+  return {.keys = JsonObject::object({{"name", name}, {"link", link}, {"protocol", protocol}})};
 }
 
 ImportedDevice& add_device(Imported& out, LinkTable& links, const ImportOptions& options,
-                           std::string name, std::string_view usual_protocol) {
+                           std::string_view name, std::string_view usual_protocol) {
   const std::string_view protocol = options.protocol.empty() ? usual_protocol : options.protocol;
   const std::string link =
       options.port.empty() ? links.to_placeholder(protocol, 0) : links.to(options.port);
-  ImportedDevice& device = out.devices.emplace_back(new_device(std::move(name), link, protocol));
+  ImportedDevice& device = out.devices.emplace_back(new_device(name, link, protocol));
   if (!options.model.empty()) device.keys["model"] = options.model;
   return device;
 }

@@ -44,7 +44,6 @@ struct ImportedTag {
 void describe(ImportedTag& tag, std::string_view text);
 
 struct ImportedDevice {
-  std::string name;
   JsonObject keys;  ///< without groups and tags
   std::vector<JsonObject> groups{};
   std::vector<ImportedTag> tags{};
@@ -151,10 +150,10 @@ class LinkTable {
 };
 
 /// Returns a device with the keys that every device has.
-ImportedDevice new_device(std::string name, const std::string& link, std::string_view protocol);
+ImportedDevice new_device(std::string_view name, std::string_view link, std::string_view protocol);
 /// Adds a device from the caller's options to `out`, for a file that has neither link nor protocol.
 ImportedDevice& add_device(Imported& out, LinkTable& links, const ImportOptions& options,
-                           std::string name, std::string_view usual_protocol);
+                           std::string_view name, std::string_view usual_protocol);
 
 /// Returns an address like "hr:100" for the conventional leading digit of Modbus addresses (0 1 3
 /// 4) and a number counted from 0; empty if the table or number does not exist.

@@ -258,13 +258,13 @@ ImportedDevice& NeuronReader::device_of(const Driver& driver, std::string_view p
   if (!fresh) return out_.devices[known->second];
   std::string wanted = options_.device.empty() ? std::string(driver.name) : options_.device;
   if (units_.size() > 1) wanted += "_" + std::to_string(unit);
-  std::string name = device_names_.make(wanted, "device", line_of(*driver.node), out_.notes);
+  const std::string name = device_names_.make(wanted, "device", line_of(*driver.node), out_.notes);
   if (link_.empty()) {
     const std::string port = port_of(driver, protocol);
     const bool is_serial = LinkTable::is_serial(port).value_or(true);
     link_ = links_.to(port, is_serial ? serial_of(driver, protocol) : JsonObject());
   }
-  ImportedDevice device = new_device(std::move(name), link_, protocol);
+  ImportedDevice device = new_device(name, link_, protocol);
   if (unit >= 0) device.keys["unit"] = unit;
   if (!options_.model.empty()) device.keys["model"] = options_.model;
   const auto put_ms = [&](std::string_view theirs, std::string_view ours) {

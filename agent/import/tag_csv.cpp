@@ -131,10 +131,8 @@ void TagCsvReader::take_section(const CsvRow& row) {
         return out_.note(row.line, "left out: " + std::string(key) + " must be an array");
     const std::string name(text_at(tree->root(), "name"));
     if (children_at(tree->root(), "tags").empty()) devices_.try_emplace(name, out_.devices.size());
-    ImportedDevice device{name, std::move(object)};
-    device.may_be_empty = true;
     is_whole_ = true;
-    out_.devices.push_back(std::move(device));
+    out_.devices.push_back({.keys = std::move(object), .may_be_empty = true});
     return;
   }
   const std::string name(row.at(0).substr(1));

@@ -226,10 +226,10 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
   if (protocol.empty())
     protocol = method == "rtu" ? "modbus-rtu" : method == "ascii" ? "modbus-ascii" : "modbus-tcp";
   if (kind == "udp" || kind == "tls") return leave_out_slave(slave, kind);
-  std::string name = device_names_.make(
+  const std::string name = device_names_.make(
       options_.device.empty() ? text_at(slave, "deviceName") : std::string_view(options_.device),
       "device", line_of(slave), out_.notes);
-  ImportedDevice device = new_device(std::move(name), link_of(slave, protocol), protocol);
+  ImportedDevice device = new_device(name, link_of(slave, protocol), protocol);
   device.keys["unit"] = integer_at(slave, "unitId").value_or(1);
   if (const std::string_view order = order_of(slave, nullptr); order != "ABCD")
     device.keys["byte_order"] = order;

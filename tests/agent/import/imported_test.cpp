@@ -102,10 +102,8 @@ ImportedTag tag(int line, const char* name, const char* address) {
 
 Imported press(std::vector<ImportedTag> tags) {
   Imported out;
-  ImportedDevice device{"press", {}};
-  device.keys["name"] = "press";
-  device.keys["link"] = LinkTable(out).to("/dev/ttyUSB0");
-  device.keys["protocol"] = "fx-programming-port";
+  ImportedDevice device =
+      new_device("press", LinkTable(out).to("/dev/ttyUSB0"), "fx-programming-port");
   device.tags = std::move(tags);
   out.devices.push_back(std::move(device));
   return out;
@@ -142,10 +140,7 @@ TEST(FinishedImport, AnOddNumberOfALinkOrDeviceCostsNoOther) {
   serial["parity"] = "even";
   const std::string line = links.to("/dev/ttyUSB0", serial);
   for (const int unit : {3, 300}) {
-    ImportedDevice device{"unit" + std::to_string(unit), {}};
-    device.keys["name"] = device.name;
-    device.keys["link"] = line;
-    device.keys["protocol"] = "modbus-rtu";
+    ImportedDevice device = new_device("unit" + std::to_string(unit), line, "modbus-rtu");
     device.keys["unit"] = unit;
     device.keys["timeout_ms"] = 99'999'999;
     JsonObject group;
