@@ -146,7 +146,7 @@ void Report::add(const Record& record) {
   const std::string kind = text_at(said, "kind");
   const Json& number = member(said, "arrival");
   if (!number.is_number_unsigned()) {
-    notes_.push_back({0, time_at(said, "ts"), dumped_in_ascii(said), note_text(said)});
+    notes_.push_back({time_at(said, "ts"), dumped_in_ascii(said), note_text(said)});
     return;
   }
   Pieces& pieces = commands_[number.get<std::uint64_t>()];
@@ -161,7 +161,7 @@ std::vector<Line> Report::take() {
   for (const auto& [number, pieces] : commands_) {
     Json json = line_of(number, parsed(pieces.came), parsed(pieces.outcome), parsed(pieces.told));
     json["records"] = pieces.records;
-    lines.push_back({number, time_at(json, "received"), dumped_in_ascii(json), line_text(json)});
+    lines.push_back({time_at(json, "received"), dumped_in_ascii(json), line_text(json)});
   }
   commands_.clear();
   notes_.clear();

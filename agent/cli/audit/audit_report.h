@@ -12,9 +12,8 @@
 
 namespace fxagent::audit {
 
-/// One command; or, with `number` 0, an event of the audit itself.
+/// One command, or an event of the audit itself.
 struct Line {
-  std::uint64_t number = 0;
   std::int64_t at_ms = 0;  ///< when the command arrived, if the records still show it
   std::string json;        ///< one JSON object, without a newline
   std::string text;        ///< human-readable, without a newline

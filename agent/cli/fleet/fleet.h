@@ -20,7 +20,6 @@ struct FleetReport {
   std::string hash;          ///< of the config in force
   bool confirmed = false;
   std::vector<std::string> errors;
-  bool operator==(const FleetReport&) const = default;
 };
 
 /// A document on {base}/config/desired.
