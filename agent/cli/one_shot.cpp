@@ -243,11 +243,11 @@ std::optional<Point> point_of(const std::string& name, const CommandTarget& targ
   } else {
     const auto address = codec.addresses().parse_address(name, target.type);
     if (!address) return std::nullopt;
-    point.address = *address;
-    point.type = target.type.value_or(default_type(*address));
-    point.order = codec.addresses().default_order();
-    point.is_array = target.count > 1;
-    point.count = std::max<std::uint16_t>(target.count, 1);
+    point = {.address = *address,
+             .type = target.type.value_or(default_type(*address)),
+             .order = codec.addresses().default_order(),
+             .count = std::max<std::uint16_t>(target.count, 1),
+             .is_array = target.count > 1};
   }
   point.order = target.order.value_or(point.order);
   return point;
@@ -257,12 +257,12 @@ std::optional<Point> point_of(const std::string& name, const CommandTarget& targ
 /// is empty if the result is no success.
 std::pair<CommandResult, Bytes> read_words(DirectLine& line, const Address& address,
                                            std::uint32_t count) {
-  Point words;  // not the caller's point: its scale and offset do not hold for single words
-  words.address = address;
-  words.type = DataType::uint16;
-  words.order = ByteOrder::abcd;  // the bytes of a word unchanged
-  words.is_array = true;
-  words.count = static_cast<std::uint16_t>(count);
+  // Not the caller's point: its scale and offset do not hold for single words.
+  const Point words{.address = address,
+                    .type = DataType::uint16,
+                    .order = ByteOrder::abcd,  // the bytes of a word unchanged
+                    .count = static_cast<std::uint16_t>(count),
+                    .is_array = true};
   CommandTarget target;
   target.type = words.type;
   target.order = words.order;
@@ -345,10 +345,9 @@ CommandResult read_every_type(DirectLine& line, const std::string& name, const A
   read.image = std::move(image);
   for (const DataType type : {DataType::int32, DataType::uint32, DataType::float32, DataType::int64,
                               DataType::uint64, DataType::float64}) {
-    Point point;
-    point.address = address;
-    point.type = type;
-    point.order = target.order.value_or(line.codec().addresses().default_order());
+    Point point{.address = address,
+                .type = type,
+                .order = target.order.value_or(line.codec().addresses().default_order())};
     const auto one = span_of(point)->bits / 8;
     const auto fitting = read.image.size() / one;
     if (fitting == 0) continue;
@@ -441,11 +440,9 @@ int run_one_shot(const std::string& path, const OneShot& what) {
   auto loaded = loaded_for_lines(path);
   if (!loaded) return kWrong;
   Config& config = *loaded;
-  if (!narrow(config, what.device)) {
-    std::cerr << "no device " << what.device << " in the config"
-              << did_you_mean(what.device, names_in(config.devices)) << '\n';
-    return kWrong;
-  }
+  if (!narrow(config, what.device))
+    return refused("", "no device " + what.device + " in the config" +
+                           did_you_mean(what.device, names_in(config.devices)));
   if (const std::string fault = call_fault(what, config.devices.front()); !fault.empty())
     return refused("", fault);
   CommandTarget target;

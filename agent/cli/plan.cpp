@@ -234,10 +234,10 @@ std::string cost_text(const GroupLoad& group) {
 void print_change(const LinkReport& was, const LinkReport& is) {
   print_heading(is);
   std::cout << '\n';
-  std::vector<Row> rows{{"", "before", "after"}};
-  rows.push_back({"busy", percent_text(was.busy_percent), percent_text(is.busy_percent)});
-  rows.push_back(
-      {"a command takes at most", with_unit(was.command_bound), with_unit(is.command_bound)});
+  std::vector<Row> rows{
+      {"", "before", "after"},
+      {"busy", percent_text(was.busy_percent), percent_text(is.busy_percent)},
+      {"a command takes at most", with_unit(was.command_bound), with_unit(is.command_bound)}};
   for (const GroupLoad& group : is.groups) {
     const GroupLoad* earlier = same_group(was, group);
     const std::string every = group.interval.count() > 0

@@ -100,9 +100,7 @@ std::optional<nanoseconds> command_time(const DeviceConfig& device, const Device
   std::optional<nanoseconds> longest;
   int best = 0;
   const auto consider = [&](const Address& address, bool allowed) {
-    Point point;
-    point.address = address;
-    point.type = default_type(address);
+    const Point point{.address = address, .type = default_type(address)};
     const auto rank = rank_of(point, allowed);
     const auto span = span_of(point);
     if (!rank || !span || (longest && *rank > best)) return;
@@ -451,13 +449,12 @@ Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& aske
     return refuse(what, inside.error().text);
   std::vector<Point> points;
   for (std::uint32_t bit = from.first_bit; bit < to.end_bit(); bit += from.bits) {
-    Point point;
-    point.address = *first;
-    point.address.span.first_bit = bit;
-    point.address.text = codec.addresses().name_of(point.address.span);
-    point.type = default_type(*first);
-    point.order = codec.addresses().default_order();
-    points.push_back(std::move(point));
+    Address address = *first;
+    address.span.first_bit = bit;
+    address.text = codec.addresses().name_of(address.span);
+    points.push_back({.address = address,
+                      .type = default_type(*first),
+                      .order = codec.addresses().default_order()});
   }
   const Plan plan = make_plan(codec, points, LineCost{}, 0);
   if (!plan.unreachable.empty())
