@@ -77,11 +77,10 @@ int run_import(const ImportQuestion& what) {
   const ImportOutcome outcome = finish(*std::move(imported));
   for (const ImportNote& note : outcome.notes)
     std::cerr << place(what.path, note.line) << ": " << escaped(note.text, Escape::message) << '\n';
-  if (outcome.config.empty()) {
-    std::cerr << what.path << ": nothing was imported, " << counted(outcome.left_out, "tag")
-              << " left out\n";
-    return kFailed;
-  }
+  if (outcome.config.empty())
+    return refused(what.path,
+                   "nothing was imported, " + counted(outcome.left_out, "tag") + " left out",
+                   kFailed);
   std::cerr << what.path << ": " << counted(outcome.tags, "tag") << " imported, " << outcome.changed
             << " of them changed, " << outcome.left_out << " left out\n";
   std::cout << outcome.config;

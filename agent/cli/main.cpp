@@ -401,10 +401,8 @@ int dispatch(int argc, char** argv) {
     command->set_version_flag("--version", FXAGENT_VERSION);
   add_footers(app);
   if (const auto status = write_command_pages(app, argc, argv, FXAGENT_VERSION)) return *status;
-  if (const std::string fault = misspelt_subcommand(app, argc, argv); !fault.empty()) {
-    std::cerr << fault << "\nRun with --help for more information.\n";
-    return kWrong;
-  }
+  if (const std::string fault = misspelt_subcommand(app, argc, argv); !fault.empty())
+    return refused("", fault + "\nRun with --help for more information.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -332,10 +332,7 @@ complete -o default -F _fxagent )" +
 std::optional<int> write_command_pages(const CLI::App& app, int argc, const char* const* argv,
                                        const std::string& version) {
   if (argc < 2 || std::string_view(argv[1]) != "--help-pages") return std::nullopt;
-  if (argc != 3) {
-    std::cerr << "--help-pages takes the directory to write to\n";
-    return kWrong;
-  }
+  if (argc != 3) return refused("", "--help-pages takes the directory to write to");
   const std::filesystem::path directory(argv[2]);
   const auto write = [&](const std::string& name, const std::string& page) {
     std::ofstream file(directory / name);

@@ -134,11 +134,9 @@ int run_replay(const ReplayQuestion& question) {
 
 int run_decode(const DecodeQuestion& question) {
   const ProtocolInfo* protocol = find_protocol(question.protocol);
-  if (protocol == nullptr) {
-    std::cerr << "no protocol " << question.protocol
-              << "; there are: " << joined(names_in(catalog()), " ") << '\n';
-    return kWrong;
-  }
+  if (protocol == nullptr)
+    return refused("", "no protocol " + question.protocol +
+                           "; there are: " + joined(names_in(catalog()), " "));
   std::string text;
   for (const std::string& part : question.hex) text += part + ' ';
   const auto frame = from_hex(text);
