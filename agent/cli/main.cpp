@@ -1,7 +1,4 @@
-// Command line: run · check · config · plan · read · write · force-on · force-off · audit · decode
-// · doctor · scan · record · replay · verify-stream · acl · describe · import · export · init
-// · fleet · schema.
-// Contains no other logic.
+// Command line: the subcommands with their arguments. Contains no other logic.
 #include <malloc.h>
 #include <unistd.h>
 

@@ -45,9 +45,8 @@ std::string ask(const std::string& question, const std::string& usual) {
   std::cerr << ": " << std::flush;
   std::string answer;
   std::getline(std::cin, answer);
-  const auto first = answer.find_first_not_of(" \t");
-  if (first == answer.npos) return usual;
-  return answer.substr(first, answer.find_last_not_of(" \t") - first + 1);
+  const std::string_view text = trimmed(answer);
+  return text.empty() ? usual : std::string(text);
 }
 
 /// One line of a menu.
