@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cerrno>
+#include <memory>
 
 #include "agent/import/formats.h"
 #include "agent/text/text.h"
@@ -10,37 +11,21 @@
 namespace fxagent {
 namespace {
 
-/// Owns an iconv handle; cannot be copied.
-class Converter {
- public:
-  explicit Converter(const char* from) : handle_(iconv_open("UTF-8", from)) {}
-  Converter(const Converter&) = delete;
-  Converter& operator=(const Converter&) = delete;
-  ~Converter() {
-    if (is_open()) iconv_close(handle_);
+/// Appends the text in UTF-8. Returns false if the bytes are invalid in the encoding.
+bool convert(iconv_t converter, std::string_view bytes, std::string& out) {
+  std::string copy(bytes);  // iconv() takes a non-const pointer but does not modify the text
+  char* in = copy.data();
+  std::size_t in_left = copy.size();
+  std::array<char, 4096> block{};
+  while (in_left > 0) {
+    char* to = block.data();
+    std::size_t room = block.size();
+    const std::size_t done = iconv(converter, &in, &in_left, &to, &room);
+    out.append(block.data(), block.size() - room);
+    if (done == static_cast<std::size_t>(-1) && errno != E2BIG) return false;
   }
-
-  bool is_open() const { return handle_ != reinterpret_cast<iconv_t>(-1); }
-
-  /// Returns false if the bytes are invalid in the encoding.
-  bool convert(std::string_view bytes, std::string& out) {
-    std::string copy(bytes);  // iconv() takes a non-const pointer but does not modify the text
-    char* in = copy.data();
-    std::size_t in_left = copy.size();
-    std::array<char, 4096> block{};
-    while (in_left > 0) {
-      char* to = block.data();
-      std::size_t room = block.size();
-      const std::size_t done = iconv(handle_, &in, &in_left, &to, &room);
-      out.append(block.data(), block.size() - room);
-      if (done == static_cast<std::size_t>(-1) && errno != E2BIG) return false;
-    }
-    return true;
-  }
-
- private:
-  iconv_t handle_;
-};
+  return true;
+}
 
 /// True if, from `first` on, most alternate bytes at the start of the text are zero.
 bool has_zeros_at(std::string_view bytes, std::size_t first) {
@@ -69,12 +54,13 @@ tl::expected<std::string, std::string> to_utf8(std::string_view bytes, const cha
   } else if (is_utf8(bytes)) {
     return std::string(bytes);
   }
-  Converter converter(encoding);
-  if (!converter.is_open())
+  const iconv_t converter = iconv_open("UTF-8", encoding);
+  if (converter == reinterpret_cast<iconv_t>(-1))
     return tl::unexpected("the C library of this machine cannot convert " + std::string(encoding) +
                           ": convert the file to UTF-8");
+  const std::unique_ptr<void, int (*)(iconv_t)> owner(converter, iconv_close);
   std::string out;
-  if (!converter.convert(bytes, out) || !is_utf8(out))
+  if (!convert(converter, bytes, out) || !is_utf8(out))
     return tl::unexpected("is neither UTF-8 nor " + std::string(encoding));
   return out;
 }
