@@ -181,9 +181,8 @@ void print_address(const CommandResult& result, const OneShot& what) {
   out["address"] = address;
   if (ok) {
     json::Writer values;
-    values.begin_array();
-    for (const Scalar& item : target.value->items) json::write_value(values, Value(item));
-    out["values"] = parsed_ordered_json(values.end_array().take());
+    json::write_value(values, Value::array(target.value->items));
+    out["values"] = parsed_ordered_json(values.take());
     out["ms"] = rounded_ms(result.wire);
   } else {
     out["reason"] = std::string(to_string(result.reason));

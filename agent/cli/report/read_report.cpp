@@ -49,11 +49,7 @@ Row order_row(const ReadReport& report) {
   return row;
 }
 
-void write_items(Writer& out, const Value& value) {
-  out.begin_array();
-  for (const Scalar& item : value.items) write_value(out, Value(item));
-  out.end_array();
-}
+void write_items(Writer& out, const Value& value) { write_value(out, Value::array(value.items)); }
 
 void write_report(Writer& out, const ReadReport& report, ShowOrders orders) {
   out.begin_object().key("name").string(report.name);
