@@ -134,10 +134,9 @@ void add_check(CommandLine& line) {
 }
 
 void add_doctor(CommandLine& line) {
-  const auto [command, what] = line.add_for_file(
+  const auto [command, fix] = line.add_for_file(
       "doctor", "Find out why a device does not answer as the config says", run_doctor);
-  command->add_option("--fix", what.fix,
-                      "Write a copy of the config with the changes to this new file");
+  command->add_option("--fix", fix, "Write a copy of the config with the changes to this new file");
 }
 
 void add_scan(CommandLine& line) {
@@ -231,9 +230,9 @@ void add_audit(CommandLine& line) {
 }
 
 void add_record(CommandLine& line) {
-  const auto [command, what] = line.add_for_config(
+  const auto [command, links] = line.add_for_config(
       "record", "Ask the running agent to write its newest frames to files", run_record);
-  command->add_option("LINK", what.links, "Only these links");
+  command->add_option("LINK", links, "Only these links");
 }
 
 void add_replay(CommandLine& line) {

@@ -149,14 +149,11 @@ int run_init(const InitQuestion& question);
 // ---- doctor: asks the devices of a config on their lines, and names the config key behind each
 // fault; scan: finds what answers on a port without a config. Neither writes to a device
 
-struct DoctorQuestion {
-  std::string fix;  ///< file for a copy of the config with the changes; empty: none
-};
 /// Prints a line for each link and device, and for each finding the change of the config. `path` is
-/// the file of the config. Returns 0 if nothing is found; 1 if a link or device does not answer, or
-/// the copy cannot be written; 2 if the config is wrong; 3 if another process uses a link; 4 if
-/// something does not match the config.
-int run_doctor(const std::string& path, const DoctorQuestion& what);
+/// the file of the config, and `fix` one for a copy with the changes; empty: none. Returns 0 if
+/// nothing is found; 1 if a link or device does not answer, or the copy cannot be written; 2 if the
+/// config is wrong; 3 if another process uses a link; 4 if something does not match the config.
+int run_doctor(const std::string& path, const std::string& fix);
 /// Asks on a serial port by each serial protocol. Prints the longest time beforehand, its progress
 /// on stderr, and at the end a section for a config. Returns 0 if something answers, 1 if nothing
 /// does, 3 if another process uses the port.
@@ -164,12 +161,9 @@ int run_scan(const std::string& port);
 
 // ---- record, replay, decode: recordings of the running agent, and the meaning of frames
 
-struct RecordQuestion {
-  std::vector<std::string> links;  ///< by name; empty: all
-};
-/// Asks the running agent for recordings and prints the path of each. Returns 1 if no agent
-/// answers, 2 if the config has no recorder or no such link.
-int run_record(const Config& config, const RecordQuestion& question);
+/// Asks the running agent for recordings of these links, or of all if it is empty, and prints the
+/// path of each. Returns 1 if no agent answers, 2 if the config has no recorder or no such link.
+int run_record(const Config& config, const std::vector<std::string>& links);
 
 struct ReplayQuestion {
   std::string path;

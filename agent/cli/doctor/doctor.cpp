@@ -538,7 +538,7 @@ std::string write_copy(const std::string& path, const std::string& config,
 
 }  // namespace
 
-int run_doctor(const std::string& path, const DoctorQuestion& what) {
+int run_doctor(const std::string& path, const std::string& fix) {
   const auto config = loaded_for_lines(path);
   if (!config) return kWrong;
   log::set_level(log::Level::error);
@@ -546,26 +546,25 @@ int run_doctor(const std::string& path, const DoctorQuestion& what) {
   const auto text = read_config_file(path);
   if (!text) return refused(path, text.error().front().text);
   // Known before the search, which may take minutes.
-  if (const std::string why = what.fix.empty() ? "" : why_no_copy(what.fix); !why.empty())
-    return refused(what.fix, "cannot be written: " + why, kFailed);
+  if (const std::string why = fix.empty() ? "" : why_no_copy(fix); !why.empty())
+    return refused(fix, "cannot be written: " + why, kFailed);
   Doctor doctor(*config, *text);
   const int status = doctor.run();
   if (status == kDone) std::cout << "Nothing to change.\n";
-  if (what.fix.empty() || doctor.writable() == 0) return status;
+  if (fix.empty() || doctor.writable() == 0) return status;
   const std::string fixed = fixed_config(*text, doctor.changes());
   if (const auto valid = config_of_file(path, fixed); !valid)
-    return refused(what.fix,
-                   "not written, the changed config is wrong: " + valid.error().front().text,
+    return refused(fix, "not written, the changed config is wrong: " + valid.error().front().text,
                    kFailed);
-  if (const std::string why = write_copy(what.fix, path, fixed); !why.empty())
-    return refused(what.fix, "cannot be written: " + why, kFailed);
-  std::cout << "Written: " << what.fix << " with " << doctor.writable() << " of "
+  if (const std::string why = write_copy(fix, path, fixed); !why.empty())
+    return refused(fix, "cannot be written: " + why, kFailed);
+  std::cout << "Written: " << fix << " with " << doctor.writable() << " of "
             << doctor.changes().size() << " changes\n";
   const auto directory = [](const std::string& of) {
     return std::filesystem::weakly_canonical(of).parent_path();
   };
-  if (directory(what.fix) != directory(path))
-    std::cout << "Relative paths in it now begin at " << directory(what.fix).string() << '\n';
+  if (directory(fix) != directory(path))
+    std::cout << "Relative paths in it now begin at " << directory(fix).string() << '\n';
   return status;
 }
 

@@ -65,12 +65,12 @@ void print(const Explanation& frame) {
 
 }  // namespace
 
-int run_record(const Config& config, const RecordQuestion& question) {
+int run_record(const Config& config, const std::vector<std::string>& links) {
   if (!config.recorder)
     return refused("",
                    "the config has no flight recorder: add \"recorder\": {\"path\": "
                    "\"/var/lib/fxagent/recordings\"} and restart the agent");
-  if (const std::string fault = unknown_link(config, question.links); !fault.empty())
+  if (const std::string fault = unknown_link(config, links); !fault.empty())
     return refused("", fault);
   const auto failed = [](const std::string& why) { return refused("", why, kFailed); };
   const std::string& directory = config.recorder->path;
@@ -86,7 +86,7 @@ int run_record(const Config& config, const RecordQuestion& question) {
     return failed("the agent that records to " + directory +
                   " runs in another container: send it SIGUSR2, as in docker kill -s USR2");
   const std::string before = last_answer(directory);
-  if (const std::string fault = leave_request(directory, question.links); !fault.empty())
+  if (const std::string fault = leave_request(directory, links); !fault.empty())
     return failed(fault);
   if (::kill(*agent, SIGUSR2) != 0)
     return failed("process " + std::to_string(*agent) + ": " +
