@@ -77,11 +77,9 @@ StreamCheck::StreamCheck(std::string base, const std::vector<std::string>& expec
 }
 
 StreamCheck::Device& StreamCheck::device(std::string_view name) {
-  const auto found = devices_.find(name);
-  if (found != devices_.end()) return found->second;
-  Device& made = devices_[std::string(name)];
-  made.stream.device = name;
-  return made;
+  Device& found = devices_[std::string(name)];
+  found.stream.device = name;
+  return found;
 }
 
 void StreamCheck::take(std::string_view topic, std::string_view payload, bool retained) {
@@ -148,14 +146,13 @@ void StreamCheck::take_sample(Device& device, std::string_view topic, const Samp
   if (sample.is_live && std::exchange(device.awaits_live, false))
     device.proven_from = std::max(device.proven_from, sample.seq);
 
-  const auto found = device.topics.find(topic);
-  if (found == device.topics.end()) {
-    device.topics.emplace(topic, Newest{sample.seq, sample.ts});
-  } else if (Newest& newest = found->second; sample.seq < newest.seq) {
+  const Newest own{sample.seq, sample.ts};
+  Newest& newest = device.topics.try_emplace(std::string(topic), own).first->second;
+  if (own.seq < newest.seq) {
     ++stream.disordered;
   } else {
-    if (sample.ts < newest.ts) ++stream.ts_backward;
-    newest = {sample.seq, sample.ts};
+    if (own.ts < newest.ts) ++stream.ts_backward;
+    newest = own;
   }
 }
 

@@ -105,7 +105,7 @@ class StreamCheck final {
     std::map<std::uint64_t, Run> runs;  ///< by first number; they never overlap
     std::unordered_map<std::string, std::uint32_t> boot_index;
     std::vector<Boot> boots;
-    std::map<std::string, Newest, std::less<>> topics;
+    std::map<std::string, Newest> topics;
     std::uint64_t proven_from = 0;  ///< gaps below it are unprovable
     bool awaits_live = false;       ///< no live sample since interrupted(): all gaps are
   };
@@ -118,7 +118,7 @@ class StreamCheck final {
 
   const std::string base_;
   const BootSkip skip_;
-  std::map<std::string, Device, std::less<>> devices_;
+  std::map<std::string, Device> devices_;
 };
 
 }  // namespace fxagent
