@@ -215,10 +215,9 @@ void print_plan(const Reports& links) {
 
 /// Returns the group with the same names in an earlier report, or null.
 const GroupLoad* same_group(const LinkReport& link, const GroupLoad& group) {
-  const auto found =
-      std::find_if(link.groups.begin(), link.groups.end(), [&](const GroupLoad& other) {
-        return other.device == group.device && other.group == group.group;
-      });
+  const auto found = std::ranges::find_if(link.groups, [&](const GroupLoad& other) {
+    return other.device == group.device && other.group == group.group;
+  });
   return found == link.groups.end() ? nullptr : &*found;
 }
 

@@ -249,10 +249,6 @@ struct BoundShare {
   std::optional<nanoseconds> command;  ///< of this device
 };
 
-BoundShare share_of(const DeviceConfig& device, const DevicePlan& plan) {
-  return {plan.longest_exchange(), command_time(device, plan)};
-}
-
 /// Returns the bound of a command that finds no other queued, computed as the link's worker does.
 std::optional<nanoseconds> bound_of(const std::vector<BoundShare>& shares) {
   nanoseconds longest{0};
@@ -308,7 +304,7 @@ void add_block_trade(const DeviceConfig& device, nanoseconds char_time,
     nanoseconds cycle{0};
     for (const GroupPlan& group : plan.groups) cycle += plan.time_of(group);
     auto others = shares;
-    others[own] = share_of(resized, plan);
+    others[own] = {plan.longest_exchange(), command_time(resized, plan)};
     report.block_trade.push_back({device.name, size, size == now, cycle, bound_of(others)});
   }
 }
@@ -358,7 +354,6 @@ void judge_intervals(LinkLoad& load) {
 
 LinkReport report_link(const Config& config, std::uint32_t index) {
   const LinkConfig& link = config.links[index];
-  const bool known = link.char_time.count() > 0;
   LinkLoad load;
   LinkReport& report = load.report;
   report.name = link.name;
@@ -380,9 +375,9 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
         out.exchanges.push_back(report_exchange(plan, group.plan, reads, group.points, out.use));
     }
     devices.push_back(&device);
-    shares.push_back(share_of(device, plan));
+    shares.push_back({plan.longest_exchange(), command_time(device, plan)});
   }
-  if (!known) {
+  if (link.char_time.count() == 0) {
     report.warnings.emplace_back(std::holds_alternative<UdpSettings>(link.channel)
                                      ? "no times: UDP has no line speed"
                                      : "no times: the speed of this line is not known; set "

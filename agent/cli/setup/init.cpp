@@ -86,9 +86,7 @@ std::string ask_secret(const std::string& question) {
 
 std::vector<std::string> ask_list(const std::string& question, const std::string& usual) {
   std::istringstream words(ask(question, usual));
-  std::vector<std::string> list;
-  for (std::string word; words >> word;) list.push_back(word);
-  return list;
+  return {std::istream_iterator<std::string>(words), {}};
 }
 
 /// Fills in placeholders for answers that are still missing.
