@@ -18,6 +18,15 @@ std::string name_of_user(uid_t user) {
   return found == nullptr ? std::to_string(user) : found->pw_name;
 }
 
+/// Returns "cli:" and the login name of the user, which sudo does not change. Without a login, the
+/// name of the process's user.
+std::string command_line_user() {
+  // The kernel preserves the login uid through sudo and su. All bits set: no login.
+  uid_t user = static_cast<uid_t>(-1);
+  std::ifstream("/proc/self/loginuid") >> user;
+  return "cli:" + name_of_user(user == static_cast<uid_t>(-1) ? ::getuid() : user);
+}
+
 audit::Receipt receipt_of(const Command& command, std::uint64_t number, const std::string& device,
                           const std::string& text) {
   return {.number = number,
@@ -30,13 +39,6 @@ audit::Receipt receipt_of(const Command& command, std::uint64_t number, const st
 }
 
 }  // namespace
-
-std::string command_line_user() {
-  // The kernel preserves the login uid through sudo and su. All bits set: no login.
-  uid_t user = static_cast<uid_t>(-1);
-  std::ifstream("/proc/self/loginuid") >> user;
-  return "cli:" + name_of_user(user == static_cast<uid_t>(-1) ? ::getuid() : user);
-}
 
 CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), disk_(config, utc_ms), audit_(config, disk_) {

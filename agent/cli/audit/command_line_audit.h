@@ -13,10 +13,6 @@
 
 namespace fxagent {
 
-/// Returns "cli:" and the login name of the user, which sudo does not change. Without a login, the
-/// name of the process's user.
-std::string command_line_user();
-
 class CommandLineAudit final {
  public:
   /// Opens the store and keeps it locked for the lifetime of the object.
