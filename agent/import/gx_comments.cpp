@@ -26,13 +26,9 @@ bool is_one_of(std::string_view cell, const List& list) {
 
 /// True for "X0", "CN200", "D100.F": letters, then digits of any base.
 bool is_device(std::string_view cell) {
-  std::size_t letters = 0;
-  while (letters < cell.size() && cell[letters] >= 'A' && cell[letters] <= 'Z') ++letters;
-  const auto is_digit = [](char c) {
-    return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'F') || c == '.';
-  };
-  return letters >= 1 && letters <= 3 && letters < cell.size() && cell[letters] >= '0' &&
-         cell[letters] <= '9' && std::ranges::all_of(cell.substr(letters), is_digit);
+  const std::size_t letters = cell.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ");
+  return letters >= 1 && letters <= 3 && cell[letters] >= '0' && cell[letters] <= '9' &&
+         cell.find_first_not_of("0123456789ABCDEF.", letters) == cell.npos;
 }
 
 /// True for the header row. An address column would mean another format.

@@ -172,11 +172,9 @@ JsonObject json_number(double value) {
 }
 
 std::string literal(std::string_view text) {
-  std::string spelled;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text.substr(i).starts_with("${")) spelled += '$';
-    spelled += text[i];
-  }
+  std::string spelled(text);
+  for (auto at = spelled.find("${"); at != spelled.npos; at = spelled.find("${", at + 2))
+    spelled.insert(at, 1, '$');
   return spelled;
 }
 
