@@ -132,7 +132,7 @@ class TelegrafReader {
   void list_unread_keys(const toml::table& table, const std::string& what,
                         std::initializer_list<std::string_view> known);
   void read_plugin(const toml::table& plugin, std::int64_t interval);
-  std::string link_of(const toml::table& plugin, std::string& protocol);
+  std::string link_of(const toml::table& plugin);
   ImportedDevice& device_of(std::int64_t unit, int line);
   void read_fields(const toml::table& owner, std::string_view key, std::int64_t unit, Field field);
   void read_field(const toml::table& node, std::int64_t unit, Field field);
@@ -168,17 +168,16 @@ void TelegrafReader::list_unread_keys(const toml::table& table, const std::strin
   if (!keys.empty()) out_.note(line_of(table), "not imported: " + keys + " of " + what);
 }
 
-/// Returns the link of a plugin, and in `protocol` the protocol, which the transmission mode
-/// determines.
-std::string TelegrafReader::link_of(const toml::table& plugin, std::string& protocol) {
+/// Returns the link of a plugin. Sets its protocol, which the transmission mode determines.
+std::string TelegrafReader::link_of(const toml::table& plugin) {
   std::string_view controller = text_at(plugin, "controller");
   std::string mode(text_at(plugin, "transmission_mode"));
   const bool is_tcp = controller.starts_with("tcp://");
   if (mode.empty() || mode == "auto") mode = is_tcp || controller.empty() ? "TCP" : "RTU";
-  protocol = mode.starts_with("RTU")     ? "modbus-rtu"
-             : mode.starts_with("ASCII") ? "modbus-ascii"
-                                         : "modbus-tcp";
-  if (!options_.protocol.empty()) protocol = options_.protocol;
+  protocol_ = mode.starts_with("RTU")     ? "modbus-rtu"
+              : mode.starts_with("ASCII") ? "modbus-ascii"
+                                          : "modbus-tcp";
+  if (!options_.protocol.empty()) protocol_ = options_.protocol;
   if (!options_.port.empty()) return links_.to(options_.port);
   if (is_tcp) {
     std::string port(controller.substr("tcp://"sv.size()));
@@ -196,7 +195,7 @@ std::string TelegrafReader::link_of(const toml::table& plugin, std::string& prot
     if (const auto bits = integer_at(plugin, "stop_bits")) serial["stop_bits"] = *bits;
     return links_.to(std::string(controller), serial);
   }
-  return links_.to_placeholder(protocol, line_of(plugin));
+  return links_.to_placeholder(protocol_, line_of(plugin));
 }
 
 ImportedDevice& TelegrafReader::device_of(std::int64_t unit, int line) {
@@ -281,7 +280,7 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
   units_.clear();
   tag_names_.clear();
   name_ = options_.device.empty() ? std::string(text_at(plugin, "name")) : options_.device;
-  link_ = link_of(plugin, protocol_);
+  link_ = link_of(plugin);
   timeout_ = milliseconds(text_at(plugin, "timeout"));
   pause_ = milliseconds(text_at(plugin, "pause_between_requests"));
   list_unread_keys(

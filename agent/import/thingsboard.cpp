@@ -98,7 +98,6 @@ class ThingsboardReader {
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
   void read_slave(const ConfigNode& slave);
   void read_publishing(const ConfigNode& slave, IntervalGroups& groups);
-  void leave_out_slave(const ConfigNode& slave, const std::string& kind);
   std::string link_of(const ConfigNode& slave, std::string_view protocol);
   void read_tag(const ConfigNode& slave, const ConfigNode& node, ImportedDevice& device,
                 IntervalGroups& groups, NameMaker& names);
@@ -212,20 +211,19 @@ void ThingsboardReader::read_publishing(const ConfigNode& slave, IntervalGroups&
                                   "\" of the slave " + std::string(text_at(slave, "deviceName")));
 }
 
-void ThingsboardReader::leave_out_slave(const ConfigNode& slave, const std::string& kind) {
-  out_.note(line_of(slave),
-            "left out: the slave " + std::string(text_at(slave, "deviceName")) + " over " + kind);
-  for (const auto list : {"attributes"sv, "timeseries"sv})
-    out_.left_out += children_at(slave, list).size();
-}
-
 void ThingsboardReader::read_slave(const ConfigNode& slave) {
   const std::string kind = lower(text_at(slave, "type"));
+  const std::string called = "the slave " + std::string(text_at(slave, "deviceName"));
+  if (kind == "udp" || kind == "tls") {
+    out_.note(line_of(slave), "left out: " + called + " over " + kind);
+    for (const auto list : {"attributes"sv, "timeseries"sv})
+      out_.left_out += children_at(slave, list).size();
+    return;
+  }
   const std::string method = lower(text_at(slave, "method"));
   std::string protocol = options_.protocol;
   if (protocol.empty())
     protocol = method == "rtu" ? "modbus-rtu" : method == "ascii" ? "modbus-ascii" : "modbus-tcp";
-  if (kind == "udp" || kind == "tls") return leave_out_slave(slave, kind);
   const std::string name = device_names_.make(
       options_.device.empty() ? text_at(slave, "deviceName") : std::string_view(options_.device),
       "device", line_of(slave), out_.notes);
@@ -237,7 +235,7 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
     device.keys["timeout_ms"] = json_number(std::round(*seconds * 1000));
   if (const auto gap = integer_at(slave, "delayBetweenRequestsMs"); gap && *gap > 0)
     device.keys["gap_ms"] = *gap;
-  note_other_keys(out_, tree_, slave, "the slave " + std::string(text_at(slave, "deviceName")),
+  note_other_keys(out_, tree_, slave, called,
                   {"type",
                    "method",
                    "host",

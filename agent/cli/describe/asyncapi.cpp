@@ -58,7 +58,8 @@ class Document {
     const bool is_own = place.schema.find('.') != place.schema.npos;
     const std::string key = is_own ? place.schema : std::string(place.topic->name);
     if (!keys_.insert(key).second) return;
-    Json channel{{"address", is_own ? place.address : address_of(*place.topic)},
+    const std::string any = config_.base_topic() + "/" + std::string(place.topic->address);
+    Json channel{{"address", is_own ? place.address : any},
                  {"title", place.topic->summary},
                  {"messages", {{place.schema, pointer("components/messages/" + place.schema)}}}};
     if (!is_own && place.topic->has("{"))
@@ -96,10 +97,6 @@ class Document {
   Json operations = Json::object();
 
  private:
-  std::string address_of(const Topic& topic) const {
-    return config_.base_topic() + "/" + std::string(topic.address);
-  }
-
   Json parameters_of(std::string_view address) const {
     Json out = Json::object();
     for (const std::string name : {"device", "group", "tag", "link", "object"})
