@@ -191,47 +191,45 @@ class Doctor final {
   }
 
   void examine_link(std::uint32_t index) {
-    LinkConfig link = config_.links[index];
-    if (link.is_vacant()) return;
-    std::cout << "link " << link.name << ", " << channel_text(link) << '\n';
-    const auto* serial = std::get_if<SerialSettings>(&link.channel);
+    link_ = config_.links[index];
+    if (link_.is_vacant()) return;
+    std::cout << "link " << link_.name << ", " << channel_text(link_) << '\n';
+    const auto* serial = std::get_if<SerialSettings>(&link_.channel);
     if (const auto holder = serial == nullptr ? std::nullopt : port_holder(serial->path)) {
       fault(kHeld, "another program uses the port: " + holder->program + ", pid " +
                        std::to_string(holder->pid));
-      const auto pointer = pointer_of(text_, {"links", link.name, "", "serial/path", ""});
+      const auto pointer = pointer_of(text_, {"links", link_.name, "", "serial/path", ""});
       return note("  End it. If this is the wrong port, correct " +
-                  pointer.value_or("the path of " + link.name));
+                  pointer.value_or("the path of " + link_.name));
     }
     std::vector<std::pair<const DeviceConfig*, ProbeAnswer>> first_answers;
     for (const DeviceConfig& device : config_.devices)
       if (device.link == index && !device.is_vacant()) first_answers.push_back({&device, {}});
-    // A speed at which any device answers is right for the link.
-    bool line_is_right = false;
+    line_is_right_ = false;
     for (auto& [device, answer] : first_answers) {
       if (!first_question(*device->codec)) continue;
-      LineProbe probe(link, device->gap);
+      LineProbe probe(link_, device->gap);
       if (const auto opened = probe.open(); !opened) return fault(kFailed, opened.error().text);
       answer = greet(probe, *device->codec, longest(*device));
-      line_is_right = line_is_right || is_there(answer, *device->codec);
+      line_is_right_ = line_is_right_ || is_there(answer, *device->codec);
     }
     for (const auto& [device, answer] : first_answers) {
-      examine_device(link, line_is_right, *device, answer);
-      if (line_is_right || !first_question(*device->codec) || device == first_answers.back().first)
+      examine_device(*device, answer);
+      if (line_is_right_ || !first_question(*device->codec) || device == first_answers.back().first)
         continue;
       return note("The other devices of this link are not examined: nothing answers on it.");
     }
   }
 
-  /// Changes `link` if the device answers at another speed or parity and no other device at those
-  /// of the config. `answer` is its first one.
-  void examine_device(LinkConfig& link, bool& line_is_right, const DeviceConfig& device,
-                      ProbeAnswer answer) {
+  /// Changes link_ if the device answers at another speed or parity and no other device at those of
+  /// the config. `answer` is its first one.
+  void examine_device(const DeviceConfig& device, ProbeAnswer answer) {
     std::cout << "device " << device.name << '\n';
     if (!first_question(*device.codec)) return note("a broadcast: no device answers");
     std::shared_ptr<const Codec> codec = device.codec;
-    LinkConfig line = link;
-    if (!is_there(answer, *codec) && !find(link, line_is_right, line, device, codec))
-      return fault(kFailed, why_silent(link, device, answer));
+    LinkConfig line = link_;
+    if (!is_there(answer, *codec) && !find(line, device, codec))
+      return fault(kFailed, why_silent(device, answer));
     LineProbe probe(line, device.gap);
     if (const auto opened = probe.open(); !opened) return fault(kFailed, opened.error().text);
     if (!is_there(answer, *codec)) answer = greet(probe, *codec, longest(device));
@@ -250,40 +248,38 @@ class Doctor final {
 
   /// Finds a silent device at another line, which goes into `line`, or at another address. True if
   /// it answers.
-  bool find(LinkConfig& link, bool& line_is_right, LinkConfig& line, const DeviceConfig& device,
-            std::shared_ptr<const Codec>& codec) {
+  bool find(LinkConfig& line, const DeviceConfig& device, std::shared_ptr<const Codec>& codec) {
     // If other devices answer, a wrong address is likelier than another speed.
-    if (line_is_right && find_station(link, device, codec)) return true;
-    if (const auto found = find_line(link, device)) {
+    if (line_is_right_ && find_station(device, codec)) return true;
+    if (const auto found = find_line(device)) {
       line = *found;
-      if (line != link) name_line(link, line, line_is_right);
-      if (!std::exchange(line_is_right, true)) link = line;
+      if (line != link_) name_line(line, line_is_right_);
+      if (!std::exchange(line_is_right_, true)) link_ = line;
       return true;
     }
-    if (line_is_right || !find_station(link, device, codec)) return false;
-    line_is_right = true;
+    if (line_is_right_ || !find_station(device, codec)) return false;
+    line_is_right_ = true;
     return true;
   }
 
-  std::string why_silent(const LinkConfig& link, const DeviceConfig& device,
-                         const ProbeAnswer& answer) const {
+  std::string why_silent(const DeviceConfig& device, const ProbeAnswer& answer) const {
     const std::string why = answer.text.empty() ? "no answer" : answer.text;
-    const bool is_serial = std::holds_alternative<SerialSettings>(link.channel);
+    const bool is_serial = std::holds_alternative<SerialSettings>(link_.channel);
     const bool has_station = !station_key(*device.protocol).empty();
     std::string tried = is_serial ? "other speeds and parities" : "";
     if (has_station) tried += (tried.empty() ? "" : " and ") + std::string("other addresses");
     return why + (tried.empty() ? "" : "; " + tried + " had none within 250 ms either") + ". " +
-           checklist_of(device, *device.codec, wiring_of(link, device), Answers::none);
+           checklist_of(device, *device.codec, wiring_of(link_, device), Answers::none);
   }
 
   /// Returns the link with the line at which the device answers; nullopt if there is none.
-  std::optional<LinkConfig> find_line(const LinkConfig& link, const DeviceConfig& device) {
-    const auto* serial = std::get_if<SerialSettings>(&link.channel);
+  std::optional<LinkConfig> find_line(const DeviceConfig& device) const {
+    const auto* serial = std::get_if<SerialSettings>(&link_.channel);
     if (serial == nullptr) return std::nullopt;
     const auto guesses = line_guesses(*device.protocol, line_of(*serial));
     say_how_long(guesses.size(), device, "speeds and parities");
     for (std::size_t i = 0; i < guesses.size(); ++i) {
-      LinkConfig other = with_line(link, guesses[i]);
+      LinkConfig other = with_line(link_, guesses[i]);
       LineProbe probe(other, device.gap);
       if (probe.open() && is_there(greet(probe, *device.codec, patience(device, i)), *device.codec))
         return other;
@@ -300,15 +296,15 @@ class Doctor final {
 
   /// Reports the line at which a device answers. If others answer as the config says, the device is
   /// wrong and not the config.
-  void name_line(const LinkConfig& link, const LinkConfig& other, bool others_answer) {
-    const LineDefaults is = line_of(std::get<SerialSettings>(link.channel));
+  void name_line(const LinkConfig& other, bool others_answer) {
+    const LineDefaults is = line_of(std::get<SerialSettings>(link_.channel));
     const LineDefaults found = line_of(std::get<SerialSettings>(other.channel));
     if (others_answer)
       return fault(kDiffers, "answers at " + to_string(found) + "; other devices of the link at " +
                                  to_string(is) + ": set this device to that");
     fault(kDiffers, "answers at " + to_string(found) + ", not at " + to_string(is));
     const auto differs = [&](bool differ, const std::string& key, const std::string& value) {
-      if (differ) change({"links", link.name, "", "serial/" + key, value});
+      if (differ) change({"links", link_.name, "", "serial/" + key, value});
     };
     differs(found.baud != is.baud, "baud", std::to_string(found.baud));
     differs(found.data_bits != is.data_bits, "data_bits", std::to_string(found.data_bits));
@@ -317,11 +313,10 @@ class Doctor final {
   }
 
   /// Sets `codec` to that of the address which answers.
-  bool find_station(const LinkConfig& link, const DeviceConfig& device,
-                    std::shared_ptr<const Codec>& codec) {
+  bool find_station(const DeviceConfig& device, std::shared_ptr<const Codec>& codec) {
     const std::string key(station_key(*device.protocol));
     const auto* own = option<std::int64_t>(*device.options, key);
-    auto probe = std::make_unique<LineProbe>(link, device.gap);
+    auto probe = std::make_unique<LineProbe>(link_, device.gap);
     if (own == nullptr || !probe->open()) return false;
     const auto guesses = station_guesses(*device.protocol, *own);
     say_how_long(guesses.size(), device, "addresses");
@@ -340,7 +335,7 @@ class Doctor final {
       if (is_taken || !made) continue;
       const ProbeAnswer answer = greet(*probe, **made, patience(device, i));
       if (answer.kind == ProbeAnswer::Kind::down) {  // some close the connection at a wrong unit
-        probe = std::make_unique<LineProbe>(link, device.gap);
+        probe = std::make_unique<LineProbe>(link_, device.gap);
         if (!probe->open()) return false;
       }
       if (!is_there(answer, **made)) continue;
@@ -497,7 +492,9 @@ class Doctor final {
 
   const Config& config_;
   const std::string text_;
-  std::set<int> statuses_;  ///< the lowest is the one that counts most
+  LinkConfig link_;             ///< the one that is examined
+  bool line_is_right_ = false;  ///< a device answers at its speed, which is right for all then
+  std::set<int> statuses_;      ///< the lowest is the one that counts most
   std::vector<KeyChange> changes_;
   std::size_t written_ = 0;
   std::vector<std::pair<std::uint32_t, std::int64_t>> stations_;  ///< found, with their links
