@@ -165,8 +165,7 @@ std::string no_permission(const std::string& path) {
 
 std::string in_use(const std::string& path) {
   if (const auto holder = port_holder(path))
-    return " (another program uses it: " + holder->program + ", pid " +
-           std::to_string(holder->pid) + ")";
+    return " (another program uses it: " + holder->text() + ")";
   return " (another program uses it, such as GX Works or another agent: as root, fuser -v " + path +
          " names it)";
 }

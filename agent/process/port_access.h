@@ -12,6 +12,8 @@ namespace fxagent {
 struct PortHolder {
   int pid = 0;
   std::string program;  ///< "picocom"
+
+  std::string text() const { return program + ", pid " + std::to_string(pid); }
 };
 
 /// Returns another process that has the file open, as far as this user may see it: from

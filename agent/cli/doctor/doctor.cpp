@@ -196,8 +196,7 @@ class Doctor final {
     std::cout << "link " << link_.name << ", " << channel_text(link_) << '\n';
     const auto* serial = std::get_if<SerialSettings>(&link_.channel);
     if (const auto holder = serial == nullptr ? std::nullopt : port_holder(serial->path)) {
-      fault(kHeld, "another program uses the port: " + holder->program + ", pid " +
-                       std::to_string(holder->pid));
+      fault(kHeld, "another program uses the port: " + holder->text());
       const auto pointer = pointer_of(text_, {"links", link_.name, "", "serial/path", ""});
       return note("  End it. If this is the wrong port, correct " +
                   pointer.value_or("the path of " + link_.name));
@@ -568,10 +567,7 @@ int run_doctor(const std::string& path, const std::string& fix) {
 int run_scan(const std::string& port) {
   log::set_level(log::Level::error);
   if (const auto holder = port_holder(port))
-    return refused(
-        port,
-        "another program uses it: " + holder->program + ", pid " + std::to_string(holder->pid),
-        kHeld);
+    return refused(port, "another program uses it: " + holder->text(), kHeld);
   struct Guess {
     const ProtocolInfo* protocol;
     LineDefaults line;
