@@ -11,20 +11,20 @@
 namespace fxagent {
 namespace {
 
-using Json = nlohmann::json;
+using SortedJson = nlohmann::json;
 using Presence = FleetAgent::Presence;
 
 constexpr std::string_view kState = "/state";
 constexpr std::string_view kHealth = "/health";
 constexpr std::array<std::string_view, 4> kTopics{kState, kHealth, kReportedTopic, kDesiredTopic};
 
-std::optional<std::int64_t> time_at(const Json& object, const char* key) {
-  const Json& value = member(object, key);
+std::optional<std::int64_t> time_at(const SortedJson& object, const char* key) {
+  const SortedJson& value = member(object, key);
   if (!value.is_number_integer()) return std::nullopt;
   return value.get<std::int64_t>();
 }
 
-void take_state(FleetAgent& agent, const Json& state) {
+void take_state(FleetAgent& agent, const SortedJson& state) {
   const std::string word = text_at(state, "state");
   agent.presence = word == "online"    ? Presence::online
                    : word == "offline" ? Presence::offline
@@ -32,26 +32,26 @@ void take_state(FleetAgent& agent, const Json& state) {
   agent.since_ms = time_at(state, "since");
   agent.offline_reason = word == "offline" ? text_at(state, "reason") : "";
   agent.conflict = text_at(state, "conflict");
-  agent.receives_commands = member(state, "commands") != Json(false);
+  agent.receives_commands = member(state, "commands") != SortedJson(false);
   if (std::string version = text_at(state, "version"); !version.empty())
     agent.version = std::move(version);
 }
 
-void take_health(FleetAgent& agent, const Json& health) {
+void take_health(FleetAgent& agent, const SortedJson& health) {
   agent.health_ms = time_at(health, "ts");
   agent.hash = text_at(member(health, "config"), "hash");
   if (agent.version.empty()) agent.version = text_at(health, "version");
 }
 
-FleetReport report_of(const Json& said) {
+FleetReport report_of(const SortedJson& said) {
   FleetReport report;
   report.state = text_at(said, "state");
   report.version = text_at(said, "version");
   report.desired_hash = text_at(said, "desired_hash");
   report.in_force = text_at(said, "in_force");
   report.hash = text_at(said, "hash");
-  report.confirmed = member(said, "confirmed") == Json(true);
-  for (const Json& error : member(said, "errors"))
+  report.confirmed = member(said, "confirmed") == SortedJson(true);
+  for (const SortedJson& error : member(said, "errors"))
     if (error.is_string()) report.errors.push_back(error.get<std::string>());
   return report;
 }
@@ -108,12 +108,12 @@ void Fleet::take(std::string_view topic, std::string_view payload) {
         found->second.desired.reset();
       return;
     }
-    const Json document = parsed_json(payload);
+    const SortedJson document = parsed_json(payload);
     agents_[name].desired = {text_at(document, "version"), short_hash(payload)};
     return;
   }
   if (kind != kState && kind != kHealth && kind != kReportedTopic) return;
-  const Json said = parsed_json(payload);
+  const SortedJson said = parsed_json(payload);
   FleetAgent& agent = agents_[name];
   if (kind == kState)
     take_state(agent, said);

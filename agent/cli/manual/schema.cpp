@@ -369,7 +369,7 @@ std::string fallback_of(const ConfigKey& key) {
 }
 
 /// Removes the backquotes of Markdown.
-std::string plain(std::string_view text) {
+std::string without_backquotes(std::string_view text) {
   std::string out(text);
   std::erase(out, '`');
   return out;
@@ -377,7 +377,8 @@ std::string plain(std::string_view text) {
 
 std::string entry(const ConfigKey& key) {
   return ".TP\n\\fB" + roff(key.name) + "\\fR: " + roff(type_of(key)) + " (" +
-         roff(plain(fallback_of(key))) + ")\n" + roff(plain(key.meaning)) + "\n";
+         roff(without_backquotes(fallback_of(key))) + ")\n" +
+         roff(without_backquotes(key.meaning)) + "\n";
 }
 
 }  // namespace
