@@ -15,31 +15,23 @@ tl::expected<LocalConfig::Read, ConfigErrors> LocalConfig::read() const {
   auto text = read_config_file(path_);
   if (!text) return tl::unexpected(std::move(text.error()));
   LocalFile file{std::move(*text), privacy_of(path_)};
-  auto config = alone(file);
+  auto config = build(file, nullptr);
   if (!config) return tl::unexpected(std::move(config.error()));
   file.limits = config->remote;
   return Read{std::move(file), std::move(*config)};
 }
 
-tl::expected<Config, ConfigErrors> LocalConfig::alone(const LocalFile& file) const {
+tl::expected<Config, ConfigErrors> LocalConfig::build(const LocalFile& file,
+                                                      const DesiredConfig* document) const {
   try {
-    return config_of_file(path_, file.text, file.privacy, {.stop = &interrupted_});
-  } catch (const std::exception& fault) {  // such as out of memory
-    return tl::unexpected(not_built(fault));
-  }
-}
-
-tl::expected<Config, ConfigErrors> LocalConfig::with(const LocalFile& file,
-                                                     const DesiredConfig& document) const {
-  auto config = alone(file);
-  if (!config) return config;
-  try {
+    auto config = config_of_file(path_, file.text, file.privacy, {.stop = &interrupted_});
+    if (!config || document == nullptr) return config;
     const ConfigLimits limits = remote_limits(*config);
     const auto parse = [&](std::string_view text) {
       return config_of_file(path_, text, file.privacy, {limits, &interrupted_});
     };
-    return effective_config(file.text, *config, document, parse, &interrupted_);
-  } catch (const std::exception& fault) {
+    return effective_config(file.text, *config, *document, parse, &interrupted_);
+  } catch (const std::exception& fault) {  // such as out of memory
     return tl::unexpected(not_built(fault));
   }
 }

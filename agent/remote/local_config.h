@@ -47,21 +47,19 @@ class LocalConfig final {
 
   /// Returns the config of the file in force, alone or merged with `document`. Errors: all of the
   /// config; meaningless after interrupt().
-  tl::expected<Config, ConfigErrors> alone() const { return alone(file_); }
+  tl::expected<Config, ConfigErrors> alone() const { return build(file_, nullptr); }
   tl::expected<Config, ConfigErrors> with(const DesiredConfig& document) const {
-    return with(file_, document);
+    return build(file_, &document);
   }
-  /// The same for a file that is not in force.
-  tl::expected<Config, ConfigErrors> with(const LocalFile& file,
-                                          const DesiredConfig& document) const;
+  /// The same for a file that is not in force. `document`: nullptr if there is none.
+  tl::expected<Config, ConfigErrors> build(const LocalFile& file,
+                                           const DesiredConfig* document) const;
 
   /// Ends reading and merging early, also later ones. Any thread.
   void interrupt() { interrupted_ = true; }
   bool is_interrupted() const { return interrupted_; }
 
  private:
-  tl::expected<Config, ConfigErrors> alone(const LocalFile& file) const;
-
   const std::string path_;
   LocalFile file_;
   std::int64_t since_ms_ = 0;

@@ -237,7 +237,7 @@ tl::expected<Next, ConfigErrors> RemoteConfig::read_local() const {
     documents = {&in_force_.document(), &kept_.configs().good};
   for (const auto* document : documents) {
     if (!*document || next.document) continue;
-    if (auto both = local_.with(next.local, (*document)->document)) {
+    if (auto both = local_.build(next.local, &(*document)->document)) {
       next.config = std::move(*both);
       next.document = *document;
     } else if (next.misfit.empty()) {
