@@ -140,9 +140,10 @@ tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
   };
   if (auto on_trial = build(kept.trying)) {
     in_force_.put_on_trial(kept.trying, on_trial->mqtt.servers, now.steady);
-    if (answer_.is_news()) return std::move(*on_trial);  // another document was rolled back
-    answer_.report_in_force(kept.trying, local_.since_ms());
-    answer_.clear_news();
+    if (!answer_.is_news()) {  // no other document was rolled back
+      answer_.report_in_force(kept.trying, local_.since_ms());
+      answer_.clear_news();
+    }
     return std::move(*on_trial);
   }
   kept.trying.reset();
@@ -232,11 +233,9 @@ tl::expected<Next, ConfigErrors> RemoteConfig::read_local() const {
   next.local = std::move(local->file);
   next.config = std::move(local->config);
   // If the document on trial no longer fits, the last good one may.
-  std::vector<const std::optional<KeptConfig>*> documents;
-  if (next.local.limits.enabled && in_force_.document())
-    documents = {&in_force_.document(), &kept_.configs().good};
-  for (const auto* document : documents) {
-    if (!*document || next.document) continue;
+  const bool may_have_one = next.local.limits.enabled && in_force_.document();
+  for (const auto* document : {&in_force_.document(), &kept_.configs().good}) {
+    if (!may_have_one || !*document || next.document) continue;
     if (auto both = local_.build(next.local, &(*document)->document)) {
       next.config = std::move(*both);
       next.document = *document;
