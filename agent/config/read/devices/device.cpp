@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/container_hash/hash.hpp>
 #include <map>
+#include <memory>
+#include <set>
 #include <string>
+#include <unordered_map>
 #include <utility>
 
 #include "agent/config/keys.h"
-#include "agent/config/read/devices/shared_parts.h"
 #include "agent/config/read/devices/templates.h"
 #include "agent/config/read/warnings.h"
 #include "agent/config/suggestions.h"
@@ -29,6 +32,72 @@ bool is_common(std::string_view key) {
   const auto keys = config_section("devices[]");
   return std::ranges::find(keys, key, &ConfigKey::name) != keys.end();
 }
+
+/// Makes each codec, TagUnits and list of tags once, for all devices with an equal one: a large
+/// plant has few different ones.
+class SharedParts final {
+ public:
+  struct Protocol {
+    std::shared_ptr<const Codec> codec;
+    std::shared_ptr<const Options> options;
+  };
+
+  /// Returns the codec of these options. Error: as ProtocolInfo::make.
+  Result<Protocol> protocol_of(const ProtocolInfo& info, Options options) {
+    const std::pair kind(&info, std::move(options));
+    if (const auto known = protocols_.find(kind); known != protocols_.end()) return known->second;
+    auto codec = info.make(kind.second);
+    if (!codec) return tl::unexpected(codec.error());
+    return protocols_.emplace(kind, Protocol{*codec, std::make_shared<const Options>(kind.second)})
+        .first->second;
+  }
+
+  /// Returns the codec for each of ProtocolInfo::models. `open` is one whose model is unknown.
+  const std::vector<std::shared_ptr<const Codec>>& models_of(const ProtocolInfo& info,
+                                                             const Codec& open) {
+    auto& models = models_[&open];
+    if (models.empty())
+      for (const std::string_view model : info.models)
+        models.push_back(open.plc()->with_model(model));
+    return models;
+  }
+
+  std::shared_ptr<const TagUnits> units_of(TagUnits units) {
+    if (units == TagUnits{}) return no_units();
+    return *units_.insert(std::make_shared<const TagUnits>(std::move(units))).first;
+  }
+
+  SharedVector<TagConfig> tags_of(SharedVector<TagConfig> tags) {
+    const std::size_t hash = hash_of(tags);
+    const auto [first, last] = tags_.equal_range(hash);
+    for (auto known = first; known != last; ++known)
+      if (known->second == tags) return known->second;
+    return tags_.emplace(hash, std::move(tags))->second;
+  }
+
+ private:
+  struct ByValue {
+    bool operator()(const auto& one, const auto& other) const { return *one < *other; }
+  };
+
+  /// Hashes the members that commonly differ between lists. Lists with equal hashes are compared.
+  static std::size_t hash_of(const SharedVector<TagConfig>& tags) {
+    std::size_t hash = tags.size();
+    for (const TagConfig& tag : tags) {
+      boost::hash_combine(hash, std::string_view(tag.name));
+      boost::hash_combine(hash, std::string_view(tag.point.address.text));
+      boost::hash_combine(hash, tag.point.scale);
+      boost::hash_combine(hash, tag.point.offset);
+      boost::hash_combine(hash, tag.units.get());  // of units_of()
+    }
+    return hash;
+  }
+
+  std::map<std::pair<const ProtocolInfo*, Options>, Protocol> protocols_;
+  std::map<const Codec*, std::vector<std::shared_ptr<const Codec>>> models_;
+  std::set<std::shared_ptr<const TagUnits>, ByValue> units_;
+  std::unordered_multimap<std::size_t, SharedVector<TagConfig>> tags_;
+};
 
 /// Reads one device. If its protocol is missing or wrong, reads on without a codec, so that other
 /// errors in its tags are still reported.
