@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string_view>
 #include <variant>
@@ -14,6 +15,12 @@
 #include "protocol/catalog.h"
 
 namespace fxagent {
+
+/// As std::ranges::contains() of C++23.
+template <class List, class Value, class Projection = std::identity>
+constexpr bool contains(const List& list, const Value& value, Projection projection = {}) {
+  return std::ranges::find(list, value, projection) != std::ranges::end(list);
+}
 
 struct ConfigKey {
   enum class Type : std::uint8_t {

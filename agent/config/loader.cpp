@@ -93,7 +93,7 @@ std::optional<PairConfig> read_pair(ConfigReader& reader, const ConfigNode& node
         "a pair has no remote config, because the gateway on standby would miss it: remove "
         "agent.remote_config, and change the files of both gateways");
   if (!member) return std::nullopt;
-  if (std::ranges::find(kTakenMembers, *member) != kTakenMembers.end())
+  if (contains(kTakenMembers, *member))
     reader.error(node, "member must not be " + *member + ", which is a level of other topics");
   pair.member = *member;
   return pair;

@@ -122,7 +122,8 @@ std::string protocols_of(std::string_view model, const ProtocolInfo& own) {
   std::vector<std::string_view> serial;
   std::vector<std::string_view> ethernet;
   for (const ProtocolInfo& info : catalog())
-    if (knows_model(info, model)) (info.on_serial ? serial : ethernet).push_back(info.name);
+    if (contains(model_key(info).limits.words, model))
+      (info.on_serial ? serial : ethernet).push_back(info.name);
   if (ethernet.empty()) return one_of(serial);
   if (!own.on_serial || serial.empty()) return one_of(ethernet);
   return one_of(ethernet) + " over Ethernet, " + one_of(serial) + " on a serial line";
@@ -189,11 +190,6 @@ std::string cure_of_key(std::string_view key, std::string_view section,
         if (const std::string home = home_of(each.ours, section, range); !home.empty())
           return "; it is called " + std::string(each.ours) + " and " + home;
   return did_you_mean(key, known);
-}
-
-bool knows_model(const ProtocolInfo& protocol, std::string_view model) {
-  return std::ranges::find(protocol.models, model) != protocol.models.end() ||
-         std::ranges::find(protocol.kin, model) != protocol.kin.end();
 }
 
 std::string_view model_meant(std::string_view said) {

@@ -41,9 +41,6 @@ std::string one_of(std::span<const std::string_view> words);
 std::string cure_of_key(std::string_view key, std::string_view section,
                         std::span<const std::string_view> known);
 
-/// True if the protocol supports `model`, spelled as in the catalogue.
-bool knows_model(const ProtocolInfo& protocol, std::string_view model);
-
 /// Returns the model of the catalogue that a name means, ignoring case: FX3U for "fx3u-32MT", Q for
 /// "Q03UDE". Empty if the name matches none.
 std::string_view model_meant(std::string_view said);

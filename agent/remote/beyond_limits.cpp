@@ -34,7 +34,7 @@ void check_servers(const MqttConfig& local, const MqttConfig& wanted, ErrorList&
   const bool own_authority = local.tls && !local.tls->ca_file.empty();
   for (std::size_t i = 0; i < wanted.servers.size(); ++i) {
     const std::string& server = wanted.servers[i];
-    if (std::ranges::find(local.servers, server) != local.servers.end()) continue;
+    if (contains(local.servers, server)) continue;
     if (own_authority && server.starts_with("mqtts://")) continue;
     errors.add({"/mqtt/servers/" + std::to_string(i), 0,
                 shown(server) +

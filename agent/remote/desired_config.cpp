@@ -46,7 +46,7 @@ class ShapeReader {
     if (root.kind != Kind::object) return error(root, "must be an object");
     refuse_duplicates(root);
     for (const ConfigNode& member : root.children)
-      if (std::ranges::find(kKeys, member.key) == kKeys.end())
+      if (!contains(kKeys, member.key))
         error(member, "unknown key \"" + shown(member.key) + "\"" +
                           (errors_.empty() ? did_you_mean(member.key, kKeys) : ""));
     const ConfigNode* version = root.find("version");
@@ -148,8 +148,7 @@ class Merger {
     if (section == "$schema") return restore(section);
     if (!differs(next_, local_, section)) return;
     restore(section);
-    const auto keys = config_section("");
-    const bool is_key = std::ranges::find(keys, section, &ConfigKey::name) != keys.end();
+    const bool is_key = contains(config_section(""), section, &ConfigKey::name);
     error(token_of(section), is_key ? std::string(kNeedsTheFile) : "is not a section of a config");
   }
 
@@ -175,7 +174,7 @@ class Merger {
     for (const auto& [key, value] : given.items()) {
       const std::string pointer = "/mqtt" + token_of(key);
       // Reject even an unchanged secret: the answer would show whether a guess is right.
-      if (std::ranges::find(kSecrets, key) != kSecrets.end())
+      if (contains(kSecrets, key))
         error(pointer, "cannot be set remotely, not even unchanged: remove it");
       else if (key == "servers" && limits_.servers)
         refuse_variables(value, pointer);

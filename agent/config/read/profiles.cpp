@@ -82,7 +82,7 @@ void read_plain(ConfigReader& reader, const ConfigNode& node, const Config& conf
   const std::array known{put_name(reader, node, config_key("profiles[].site"), profile.topic),
                          put_name(reader, node, config_key("profiles[].area"), profile.topic),
                          put_name(reader, node, config_key("profiles[].line"), profile.topic)};
-  if (std::ranges::find(known, false) != known.end()) return;
+  if (contains(known, false)) return;
   const ConfigNode& at = node.find("topic") != nullptr ? *node.find("topic") : node;
   const auto topics = PlainTopic::parse(profile.topic, config.root, config.id);
   if (!topics) return reader.error(at, topics.error());
@@ -209,8 +209,7 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
   if (!has_json)
     reader.error(list, "needs {\"kind\": \"json\"}, the agent's own session on the broker of mqtt");
   for (const BrokerConfig& broker : config.brokers)
-    if (std::ranges::find(config.profiles, broker.name, &ProfileConfig::broker) ==
-        config.profiles.end())
+    if (!contains(config.profiles, broker.name, &ProfileConfig::broker))
       reader.warn(list, "no profile publishes to the broker " + broker.name);
 }
 

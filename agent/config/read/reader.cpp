@@ -148,9 +148,8 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKe
                               std::to_string(tree_.line_of(first->second->key_offset)));
       continue;
     }
-    if (std::ranges::find(keys, child.key, &ConfigKey::name) != keys.end() ||
-        std::ranges::find(more, child.key) != more.end() ||
-        std::ranges::find(left_to_caller, child.key) != left_to_caller.end())
+    if (contains(keys, child.key, &ConfigKey::name) || contains(more, child.key) ||
+        contains(left_to_caller, child.key))
       continue;
     std::string text = "unknown key \"" + shown(child.key) + "\"";
     if (may_suggest(child.key_offset)) {

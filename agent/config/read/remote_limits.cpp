@@ -52,7 +52,7 @@ void read_range(ConfigReader& reader, const ConfigNode& item, std::string_view t
   } else {
     if (!entry.protocol->models.empty()) {
       const std::string_view model = next_word(rest);
-      if (std::ranges::find(entry.protocol->models, model) == entry.protocol->models.end())
+      if (!contains(entry.protocol->models, model))
         return reader.error(item, "needs a model of " + std::string(entry.protocol->name) +
                                       " after the protocol, " + one_of(entry.protocol->models));
       entry.model = model;

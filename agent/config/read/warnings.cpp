@@ -19,8 +19,7 @@ using std::string_view_literals::operator""sv;
 namespace {
 
 bool knows(const ProtocolInfo& protocol, int speed) {
-  return protocol.speeds.empty() ||
-         std::ranges::find(protocol.speeds, speed) != protocol.speeds.end();
+  return protocol.speeds.empty() || contains(protocol.speeds, speed);
 }
 
 /// `at` is the node of the speed, or `link` if there is none.
@@ -92,8 +91,7 @@ void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
     judged[device.link] = true;
     const std::string model = model_of(*device.codec);
     const bool is_fast =
-        model.empty() || protocol.most_speed == 0 ||
-        std::ranges::find(protocol.fast_models, model) != protocol.fast_models.end();
+        model.empty() || protocol.most_speed == 0 || contains(protocol.fast_models, model);
     if (!is_fast && line.baud > protocol.most_speed && knows(protocol, line.baud))
       reader.warn(at, device.name + " is an " + model + ", whose highest speed is " +
                           std::to_string(protocol.most_speed) + " baud");

@@ -27,12 +27,6 @@ std::vector<std::string_view> option_keys(const ProtocolInfo& protocol) {
   return keys;
 }
 
-/// True if devices of every protocol may have the key.
-bool is_common(std::string_view key) {
-  const auto keys = config_section("devices[]");
-  return std::ranges::find(keys, key, &ConfigKey::name) != keys.end();
-}
-
 /// Makes each codec, TagUnits and list of tags once, for all devices with an equal one: a large
 /// plant has few different ones.
 class SharedParts final {
@@ -169,7 +163,7 @@ bool DeviceReader::read_protocol() {
 /// Reports a key of other protocols. The error names these, and the options of this protocol.
 void DeviceReader::check_foreign_key(const ConfigNode& member) {
   if (device_.protocol == nullptr || option_named(*device_.protocol, member.key) != nullptr ||
-      is_common(member.key))
+      contains(config_section("devices[]"), member.key, &ConfigKey::name))
     return;
   std::vector<std::string_view> owners;
   for (const ProtocolInfo& info : catalog())
@@ -209,11 +203,11 @@ std::optional<std::string_view> DeviceReader::read_model() {
   const ConfigKey key = model_key(protocol);
   const std::string said = reader_.replaced(*given);
   const auto meant = model_meant(said);
-  if (!meant.empty() && !knows_model(protocol, meant)) {
+  if (!meant.empty() && !contains(key.limits.words, meant)) {
     reader_.error(*given, model_is_not_reached(protocol, meant));
     return std::nullopt;
   }
-  if (!meant.empty() && std::ranges::find(key.limits.words, said) == key.limits.words.end()) {
+  if (!meant.empty() && !contains(key.limits.words, said)) {
     reader_.error(*given, "must be " + one_of(key.limits.words) + ", found \"" +
                               shown(given->text) + "\"; did you mean " + std::string(meant) + "?");
     return std::nullopt;
