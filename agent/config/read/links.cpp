@@ -21,16 +21,6 @@ constexpr int kEightBits = 8;
 /// Channels in use, with the node of their first use: two links cannot share a channel.
 using Channels = std::map<std::string, const ConfigNode*, std::less<>>;
 
-LineKeys read_line(ConfigReader& reader, const ConfigNode& node, const ConfigKey& baud) {
-  LineKeys line;
-  line.baud = reader.integer(node, baud);
-  line.data_bits = reader.integer(node, config_key("links[].serial.data_bits"));
-  if (const auto index = reader.choice(node, config_key("links[].serial.parity")))
-    line.parity = static_cast<Parity>(*index);
-  line.stop_bits = reader.integer(node, config_key("links[].serial.stop_bits"));
-  return line;
-}
-
 Rs485 read_rs485(ConfigReader& reader, const ConfigNode& node) {
   Rs485 direction;
   reader.check_object(node, config_section("links[].serial.rs485"));
@@ -81,11 +71,10 @@ void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& 
 }
 
 void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-                 Channels& channels, LinkConfig& config, LineKeys& line) {
+                 Channels& channels, LinkConfig& config) {
   SerialSettings settings;
   reader.check_object(node, config_section("links[].serial"));
   settings.path = reader.text(node, config_key("links[].serial.path")).value_or("");
-  line = read_line(reader, node, config_key("links[].serial.baud"));
   if (const ConfigNode* rs485 = reader.object(node, config_key("links[].serial.rs485")))
     settings.rs485 = read_rs485(reader, *rs485);
   if (!settings.path.empty()) {
@@ -102,13 +91,11 @@ void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode&
 }
 
 void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-              Channels& channels, LinkConfig& config, LineKeys& line) {
+              Channels& channels, LinkConfig& config) {
   TcpSettings settings;
   reader.check_object(node, config_section("links[].tcp"));
   read_place(reader, link, node, config_key("links[].tcp.host"), config_key("links[].tcp.port"),
              "tcp", channels, settings);
-  line = read_line(reader, link, config_key("links[].line_baud"));
-  settings.line_baud = static_cast<int>(line.baud.value_or(0));
   if (link.find("line_baud") == nullptr)
     for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
       if (const ConfigNode* stray = link.find(key))
@@ -134,28 +121,24 @@ void read_udp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& no
   config.channel = settings;
 }
 
-/// Returns the line's settings: those of the file, or else the protocol's defaults.
-SerialSettings line_settings(const LineKeys& keys, const LineDefaults& defaults) {
-  SerialSettings line;
-  line.baud = static_cast<int>(keys.baud.value_or(defaults.baud));
-  line.data_bits = static_cast<int>(keys.data_bits.value_or(defaults.data_bits));
-  line.parity = keys.parity.value_or(defaults.parity);
-  line.stop_bits = static_cast<int>(keys.stop_bits.value_or(defaults.stop_bits));
-  return line;
-}
-
-/// Returns the node of the link's `data_bits`; nullptr if the file does not set it.
-const ConfigNode* data_bits_of(const ConfigNode& link) {
-  const ConfigNode* serial = link.find("serial");
-  return (serial != nullptr ? *serial : link).find("data_bits");
+/// Reads the speed and character format at `node`. The protocol supplies missing values.
+void read_line(ConfigReader& reader, const ConfigNode& node, const ConfigKey& baud,
+               const LineDefaults& defaults, SerialSettings& line) {
+  line.baud = static_cast<int>(reader.integer(node, baud).value_or(defaults.baud));
+  line.data_bits = static_cast<int>(
+      reader.integer(node, config_key("links[].serial.data_bits")).value_or(defaults.data_bits));
+  const auto parity = reader.choice(node, config_key("links[].serial.parity"));
+  line.parity = parity ? static_cast<Parity>(*parity) : defaults.parity;
+  line.stop_bits = static_cast<int>(
+      reader.integer(node, config_key("links[].serial.stop_bits")).value_or(defaults.stop_bits));
 }
 
 /// Reports an error if the file sets fewer data bits than the protocol or an option of one of the
 /// devices needs. A protocol needs its default unless the catalogue has least_data_bits. More bits
 /// than needed are allowed.
-void check_data_bits(ConfigReader& reader, const ConfigNode& link, std::size_t index, int given,
+void check_data_bits(ConfigReader& reader, const ConfigNode& line, std::size_t index, int given,
                      const ProtocolInfo& protocol, const SharedList<DeviceConfig>& devices) {
-  const ConfigNode* at = data_bits_of(link);
+  const ConfigNode* at = line.find("data_bits");
   if (at == nullptr) return;
   const int least =
       protocol.least_data_bits != 0 ? protocol.least_data_bits : protocol.line.data_bits;
@@ -239,8 +222,9 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     facts.channel = has_serial ? LinkFacts::Channel::serial
                     : has_tcp  ? LinkFacts::Channel::tcp
                                : LinkFacts::Channel::udp;
-    if (serial != nullptr) read_serial(reader, node, *serial, ports, link, facts.line);
-    if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link, facts.line);
+    facts.line = serial != nullptr ? serial : tcp != nullptr ? &node : nullptr;
+    if (serial != nullptr) read_serial(reader, node, *serial, ports, link);
+    if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link);
     if (udp != nullptr) read_udp(reader, node, *udp, hosts, link);
     const ConfigKey& share = config_key("links[].poll_share_percent");
     link.poll_share =
@@ -291,17 +275,20 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
       reader.error(*array.children[i].find("allow_yield"),
                    "needs another name for the link: device " + link.name +
                        " has the same one, and so the same topic for commands");
-    const LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
-    const SerialSettings line = line_settings(facts.line, defaults);
+    if (facts.line == nullptr) continue;
+    LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
+    SerialSettings& line = lines[i];
+    if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
+      read_line(reader, *facts.line, config_key("links[].serial.baud"), defaults, *serial);
+      line = *serial;
+    } else {
+      defaults.baud = 0;  // unknown
+      read_line(reader, *facts.line, config_key("links[].line_baud"), defaults, line);
+      std::get<TcpSettings>(link.channel).line_baud = line.baud;
+    }
     if (facts.protocol != nullptr)
-      check_data_bits(reader, array.children[i], i, line.data_bits, *facts.protocol,
-                      config.devices);
-    if (auto* serial = std::get_if<SerialSettings>(&link.channel))
-      *serial = {serial->path, line.baud,      line.data_bits,
-                 line.parity,  line.stop_bits, serial->rs485};
-    if (facts.channel != LinkFacts::Channel::serial && !facts.line.baud) continue;
-    link.char_time = char_time_of(line);
-    lines[i] = line;
+      check_data_bits(reader, *facts.line, i, line.data_bits, *facts.protocol, config.devices);
+    if (line.baud != 0) link.char_time = char_time_of(line);
   }
   warn_of_lines(reader, array, lines, config);
 }

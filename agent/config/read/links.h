@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "agent/config/model.h"
@@ -13,19 +12,12 @@ namespace fxagent {
 
 class DeviceEntry;
 
-/// Speed and character format of a line. The protocol on the link supplies missing values.
-struct LineKeys {
-  std::optional<std::int64_t> baud;
-  std::optional<std::int64_t> data_bits;
-  std::optional<Parity> parity;
-  std::optional<std::int64_t> stop_bits;
-};
-
 /// State of one link while the devices are read. There is one for each link of the config.
 struct LinkFacts {
   /// Kind of the link's channel; none if the link has an error.
   enum class Channel : std::uint8_t { none, serial, tcp, udp } channel = Channel::none;
-  LineKeys line;
+  /// Node with the keys of the serial line; nullptr if the link has none.
+  const ConfigNode* line = nullptr;
   /// Protocol of the first device on the link, which all others must have too; nullptr until then.
   const ProtocolInfo* protocol = nullptr;
   const ConfigNode* first_device = nullptr;
@@ -44,8 +36,8 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config);
 /// other devices allow the protocol, and records it in `links.facts`. Reports faults to `reader`.
 void join_link(ConfigReader& reader, const DeviceEntry& entry, Links& links, DeviceConfig& device);
 
-/// Fills in the line settings that the file leaves to the protocol of the link. Call it when the
-/// devices are known. Warns of links without devices and of unusual line settings.
+/// Reads the settings of the serial lines, of which the protocol supplies missing ones. Call it
+/// when the devices are known. Warns of links without devices and of unusual line settings.
 void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
                   Config& config);
 
