@@ -14,17 +14,13 @@ std::string place(const ConfigNode& node, const ConfigTree& tree) {
 
 void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
                    const DeviceOrigin* origin, std::uint32_t device) {
-  if (origin == nullptr) {
-    if (is_full()) {
-      ++unlisted_;
-      return;
-    }
-    list_.push_back({offset, pointer_to(at), std::move(text)});
+  if (is_full() && !knows(offset, origin) &&
+      (origin == nullptr || !by_text_.contains({offset, text}))) {
+    ++unlisted_;
     return;
   }
-  if (is_full() && !by_entry_.contains({offset, origin->entry}) &&
-      !by_text_.contains({offset, text})) {
-    ++unlisted_;
+  if (origin == nullptr) {
+    list_.push_back({offset, pointer_to(at), std::move(text)});
     return;
   }
   auto known = by_entry_.try_emplace({offset, origin->entry}, list_.size()).first;
