@@ -307,6 +307,11 @@ int ConfigTree::line_of(std::size_t offset) const {
                               newlines_.begin());
 }
 
+std::string ConfigTree::place_of(const std::string& pointer, std::size_t offset) const {
+  return (pointer.empty() ? "the file" : pointer) + " (line " + std::to_string(line_of(offset)) +
+         ")";
+}
+
 std::string shown(std::string_view text, std::size_t most) {
   return escaped(text, Escape::message, most);
 }

@@ -78,6 +78,8 @@ class ConfigTree {
   std::vector<ConfigNode> items_of(const ConfigNode& folded) const;
   /// Returns the 1-based line of a byte of the text.
   int line_of(std::size_t offset) const;
+  /// Returns "/links/0 (line 12)" for a pointer and the byte that it points at.
+  std::string place_of(const std::string& pointer, std::size_t offset) const;
 
  private:
   explicit ConfigTree(std::string_view text) : text_(text) {}

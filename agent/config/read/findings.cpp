@@ -4,13 +4,6 @@
 #include <utility>
 
 namespace fxagent {
-namespace {
-
-std::string place(const ConfigNode& node, const ConfigTree& tree) {
-  return pointer_to(node) + " (line " + std::to_string(tree.line_of(node.offset)) + ")";
-}
-
-}  // namespace
 
 void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
                    const DeviceOrigin* origin, std::uint32_t device) {
@@ -64,9 +57,9 @@ std::string Findings::text_of(const Finding& finding, const ConfigTree& tree) {
   const bool is_in_template =
       origin.base != nullptr && (finding.pointer + "/").starts_with(pointer_to(*origin.base) + "/");
   if (is_in_template)
-    text += "for the device at " + place(*origin.entry, tree);
+    text += "for the device at " + tree.place_of(pointer_to(*origin.entry), origin.entry->offset);
   else if (origin.base != nullptr)
-    text += "its template is at " + place(*origin.base, tree);
+    text += "its template is at " + tree.place_of(pointer_to(*origin.base), origin.base->offset);
   if (!origin.n.empty())
     text += (origin.base != nullptr ? ", {n} being " : "{n} being ") + shown(origin.n);
   if (finding.more > 0)

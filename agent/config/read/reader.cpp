@@ -117,20 +117,11 @@ std::vector<ConfigError> ConfigReader::errors() const {
 std::vector<std::string> ConfigReader::warnings() const {
   std::vector<std::string> list;
   for (const Findings::Finding& finding : warnings_.in_order())
-    list.push_back(place_of(finding.pointer, finding.offset) + ": " +
+    list.push_back(tree_.place_of(finding.pointer, finding.offset) + ": " +
                    Findings::text_of(finding, tree_));
   if (std::string more = warnings_.unlisted(); !more.empty())
     list.insert(list.begin(), std::move(more));
   return list;
-}
-
-std::string ConfigReader::place_of(const ConfigNode& node) const {
-  return place_of(pointer_to(node), node.offset);
-}
-
-std::string ConfigReader::place_of(const std::string& pointer, std::uint32_t offset) const {
-  return (pointer.empty() ? std::string("the file") : pointer) + " (line " +
-         std::to_string(tree_.line_of(offset)) + ")";
 }
 
 bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKey> keys,

@@ -64,7 +64,9 @@ class ConfigReader {
   std::string replaced(const ConfigNode& node) const;
 
   /// Returns "/links/0 (line 12)".
-  std::string place_of(const ConfigNode& node) const;
+  std::string place_of(const ConfigNode& node) const {
+    return tree_.place_of(pointer_to(node), node.offset);
+  }
 
   /// Reports members that are not among `keys` or `more`, and duplicate members. Leaves members
   /// named in `left_to_caller` to the caller, which has a better error text. If the node is not an
@@ -109,7 +111,6 @@ class ConfigReader {
   }
 
  private:
-  std::string place_of(const std::string& pointer, std::uint32_t offset) const;
   const ConfigNode* member(const ConfigNode& parent, const ConfigKey& key);
   void wrong_kind(const ConfigNode& node, std::string_view wanted);
   /// Returns `text` with every `${NAME}` replaced and `$${` turned into `${`, or else an error
