@@ -25,7 +25,6 @@
 #include "agent/process/stop_watchdog.h"
 #include "agent/process/this_process.h"
 #include "agent/remote/remote_config.h"
-#include "agent/remote/trial_time.h"
 #include "agent/steady_time.h"
 #include "agent/without_signals.h"
 

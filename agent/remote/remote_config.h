@@ -24,6 +24,10 @@
 
 namespace fxagent {
 
+/// Returns the length of a trial: 60 s in the product. A test program may define its own version:
+/// ours is alone in its archive member, so the linker then leaves it out. Any thread.
+std::chrono::milliseconds trial_time() noexcept;
+
 class RemoteConfig final {
  public:
   struct Moment {

@@ -1,4 +1,4 @@
-#include "agent/remote/trial_time.h"
+#include "agent/remote/remote_config.h"
 
 namespace fxagent {
 

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "agent/failpoint.h"
-#include "agent/remote/trial_time.h"
+#include "agent/remote/remote_config.h"
 
 namespace fxagent {
 namespace {
