@@ -1,6 +1,6 @@
-// Reads the smaller sections of the config file: `mqtt` and `brokers` (mqtt.cpp), `http` and
-// `metrics` (http.cpp), `profiles` (profiles.cpp), and the limits of remote configs in `agent`
-// (remote_limits.cpp). Each function reports faults to its reader.
+// Reads sections of the config file: `mqtt` and `brokers` (mqtt.cpp), `http` and `metrics`
+// (http.cpp), `devices` (devices/), `profiles` (profiles.cpp), and the limits of remote configs in
+// `agent` (remote_limits.cpp). Each function reports faults to its reader.
 #pragma once
 
 #include <optional>
@@ -13,6 +13,8 @@
 #include "agent/config/source.h"
 
 namespace fxagent {
+
+struct Links;
 
 /// Returns "mqtt://host:port" with the port filled in, or the fault of the address.
 tl::expected<std::string, std::string_view> normal_server(std::string_view server);
@@ -28,6 +30,14 @@ void read_brokers(ConfigReader& reader, const ConfigNode& list, Config& config,
 /// HTTP server. Warns if other machines can reach the address. Returns nullopt if there is none,
 /// and after an error.
 std::optional<HttpConfig> read_http(ConfigReader& reader, const ConfigNode& top);
+
+/// Reads `devices`, with the `templates` of the file, into `config.devices`. Records the protocol
+/// of each link in `links`. A device with errors stays partly filled.
+void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode& devices,
+                  Links& links, Config& config);
+/// Reads the meaning of the values of the tag at `tag`, which has type `type`: unit, description,
+/// labels of single values, limits. Strings have neither limits nor labels.
+TagUnits read_tag_units(ConfigReader& reader, const ConfigNode& tag, DataType type);
 
 /// Reads the list at `list` into `config.profiles`. Call when the brokers and devices of `config`
 /// are read: each tag must have a topic of its own.

@@ -1,4 +1,4 @@
-#include "agent/config/read/devices/device.h"
+#include "agent/config/read/sections.h"
 
 #include <algorithm>
 #include <array>
@@ -12,6 +12,7 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/read/devices/templates.h"
+#include "agent/config/read/links.h"
 #include "agent/config/read/warnings.h"
 #include "agent/config/suggestions.h"
 #include "protocol/plc.h"

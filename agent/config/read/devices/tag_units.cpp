@@ -1,9 +1,10 @@
+#include "agent/config/read/sections.h"
+
 #include <map>
 #include <string>
 #include <string_view>
 
 #include "agent/config/keys.h"
-#include "agent/config/read/devices/device.h"
 #include "agent/text/text.h"
 
 namespace fxagent {

@@ -1,4 +1,4 @@
-#include "agent/config/read/devices/device.h"
+#include "agent/config/read/sections.h"
 #include "agent/config/config_error.h"
 
 #include <gtest/gtest.h>
