@@ -174,11 +174,7 @@ tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
 tl::expected<Config, ConfigErrors> load_config(const std::string& path) {
   auto text = read_config_file(path);
   if (!text) return tl::unexpected(std::move(text.error()));
-  return config_of_file(path, *text);
-}
-
-tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text) {
-  return config_of_file(path, text, privacy_of(path));
+  return config_of_file(path, *text, privacy_of(path));
 }
 
 tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text,

@@ -15,17 +15,15 @@ namespace fxagent {
 /// the order of the file. Replaces `${NAME}` in strings with the environment variable; `$${NAME}`
 /// stands for a plain `${NAME}`. Relative paths start at the directory of the file. Never throws.
 tl::expected<Config, ConfigErrors> load_config(const std::string& path);
-/// Same for `text` in place of the content of the file. The file's permissions and directory apply.
-tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text);
+/// Same for `text` in place of the content of the file, whose directory and `privacy` apply. Does
+/// not access any file.
+tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text,
+                                                  FilePrivacy privacy,
+                                                  const ReadBounds& bounds = {});
 /// Same for a text in memory. Leaves relative paths unchanged. With an `environment` other than
 /// that of the process, the result depends only on the arguments.
 tl::expected<Config, ConfigErrors> parse_config(
     std::string_view text, const Environment& environment = process_environment,
     FilePrivacy privacy = FilePrivacy::shared, const ReadBounds& bounds = {});
-/// As config_of_file() above, within bounds. `privacy` is that of the file when the text was read.
-/// Does not access any file.
-tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text,
-                                                  FilePrivacy privacy,
-                                                  const ReadBounds& bounds = {});
 
 }  // namespace fxagent

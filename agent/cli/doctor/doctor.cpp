@@ -549,7 +549,7 @@ int run_doctor(const std::string& path, const std::string& fix) {
   if (status == kDone) std::cout << "Nothing to change.\n";
   if (fix.empty() || doctor.writable() == 0) return status;
   const std::string fixed = fixed_config(*text, doctor.changes());
-  if (const auto valid = config_of_file(path, fixed); !valid)
+  if (const auto valid = config_of_file(path, fixed, privacy_of(path)); !valid)
     return refused(fix, "not written, the changed config is wrong: " + valid.error().front().text,
                    kFailed);
   if (const std::string why = write_copy(fix, path, fixed); !why.empty())
