@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <ranges>
 #include <tl/expected.hpp>
 #include <unordered_map>
 #include <unordered_set>
@@ -151,10 +152,10 @@ Templates::Templates(ConfigReader& reader, const ConfigNode& top) : reader_(read
   const ConfigNode* list = reader.object(top, config_key("templates"));
   if (list == nullptr) return;
   for (const ConfigNode& node : list->children) {
-    const auto [entry, fresh] = templates_.try_emplace(node.key, Template{DeviceLists(node)});
+    const auto [entry, fresh] = templates_.try_emplace(node.key, node);
     if (!fresh) {
-      reader.error_at_key(node, "duplicate template; the first one is at " +
-                                    reader.place_of(entry->second.lists.node()));
+      reader.error_at_key(
+          node, "duplicate template; the first one is at " + reader.place_of(entry->second.node()));
       continue;
     }
     if (!is_name(node.key))
@@ -168,21 +169,19 @@ Templates::Templates(ConfigReader& reader, const ConfigNode& top) : reader_(read
   }
 }
 
-Templates::Template* Templates::template_of(const ConfigNode& node, const ConfigNode& given) {
+DeviceLists* Templates::template_of(const ConfigNode& node, const ConfigNode& given) {
   const auto name = reader_.name(node, config_key("devices[].template"));
   if (!name) return nullptr;
   if (const auto found = templates_.find(*name); found != templates_.end()) {
-    found->second.is_used = true;
-    return found->second.lists.node().kind == Kind::object ? &found->second : nullptr;
+    found->second.use();
+    return found->second.node().kind == Kind::object ? &found->second : nullptr;
   }
   std::string text = "there is no template \"" + *name + "\"";
   if (templates_.empty()) {
     text += "; the config has no templates";
   } else if (reader_.may_suggest(given.offset)) {
-    std::vector<std::string_view> names;
-    names.reserve(templates_.size());
-    for (const auto& [known, ignored] : templates_) names.push_back(known);
-    text += did_you_mean(*name, names);
+    const auto names = std::views::keys(templates_);
+    text += did_you_mean(*name, std::vector<std::string_view>(names.begin(), names.end()));
   }
   reader_.error(given, std::move(text));
   return nullptr;
@@ -226,15 +225,14 @@ std::optional<std::vector<std::string>> Templates::read_n(const ConfigNode& give
 
 /// Adds the size of the entry's devices, written out in full, to `bytes_`. False if the sum is over
 /// the limit, so that templates make no more devices than a file without them could have.
-bool Templates::has_room(const ConfigNode& node, const Template* base,
+bool Templates::has_room(const ConfigNode& node, const DeviceLists* base,
                          const std::vector<std::string>& n) {
   const DeviceLists own(node);
-  const DeviceLists* lists = base == nullptr ? nullptr : &base->lists;
   std::uint64_t longest = kBytesOfPlace;
   for (const std::string& name : n) longest = std::max<std::uint64_t>(longest, name.size());
   // Upper bound: as if the text consisted of `{n}` from end to end.
-  const std::uint64_t written = (own.size() + (lists == nullptr ? 0 : lists->size())) * longest;
-  const std::uint64_t allowed = own.allowed_size() + (lists == nullptr ? 0 : lists->allowed_size());
+  const std::uint64_t written = (own.size() + (base == nullptr ? 0 : base->size())) * longest;
+  const std::uint64_t allowed = own.allowed_size() + (base == nullptr ? 0 : base->allowed_size());
   const std::uint64_t each = kBytesOfFilledDevice + written / kBytesOfPlace + allowed;
   const std::uint64_t count = std::max<std::size_t>(1, n.size());
   bytes_ += each * count;
@@ -258,7 +256,7 @@ bool Templates::can_have_names(const DeviceEntry& entry) {
 }
 
 std::unique_ptr<DeviceEntry> Templates::entry(const ConfigNode& node) {
-  Template* base = nullptr;
+  DeviceLists* base = nullptr;
   std::vector<std::string> n;
   const ConfigNode* name = node.find("template");
   if (name != nullptr && (base = template_of(node, *name)) == nullptr) return nullptr;
@@ -268,8 +266,7 @@ std::unique_ptr<DeviceEntry> Templates::entry(const ConfigNode& node) {
     n = *std::move(list);
   }
   if ((base != nullptr || !n.empty()) && !has_room(node, base, n)) return nullptr;
-  auto made =
-      std::make_unique<DeviceEntry>(node, base == nullptr ? nullptr : &base->lists, std::move(n));
+  auto made = std::make_unique<DeviceEntry>(node, base, std::move(n));
   return can_have_names(*made) ? std::move(made) : nullptr;
 }
 
@@ -278,8 +275,8 @@ void Templates::warn_of_unused() {
   for (const ProtocolInfo& protocol : catalog())
     for (const OptionSpec& option : protocol.options) options.push_back(option.key);
   for (const auto& [name, known] : templates_) {
-    if (known.is_used) continue;
-    const ConfigNode& node = known.lists.node();
+    if (known.is_used()) continue;
+    const ConfigNode& node = known.node();
     if (node.kind == Kind::object) reader_.check_object(node, config_section("devices[]"), options);
     reader_.warn(node, "no device uses this template");
   }

@@ -29,9 +29,13 @@ class DeviceLists {
   std::size_t size() const { return size_; }
   /// Returns the bytes that the addresses of `commands.allow` take in a device.
   std::size_t allowed_size() const;
+  /// Records that a device uses this template.
+  void use() { is_used_ = true; }
+  bool is_used() const { return is_used_; }
 
  private:
   const ConfigNode* node_;
+  bool is_used_ = false;
   std::size_t size_ = 0;
   std::map<std::string_view, std::vector<ConfigNode>> items_;  ///< by key
 };
@@ -89,18 +93,13 @@ class Templates final {
   void warn_of_unused();
 
  private:
-  struct Template {
-    DeviceLists lists;
-    bool is_used = false;
-  };
-
-  Template* template_of(const ConfigNode& node, const ConfigNode& given);
+  DeviceLists* template_of(const ConfigNode& node, const ConfigNode& given);
   std::optional<std::vector<std::string>> read_n(const ConfigNode& given, const ConfigNode& node);
-  bool has_room(const ConfigNode& node, const Template* base, const std::vector<std::string>& n);
+  bool has_room(const ConfigNode& node, const DeviceLists* base, const std::vector<std::string>& n);
   bool can_have_names(const DeviceEntry& entry);
 
   ConfigReader& reader_;
-  std::map<std::string, Template, std::less<>> templates_;
+  std::map<std::string, DeviceLists, std::less<>> templates_;
   std::uint64_t bytes_ = 0;  ///< size of the entries so far, if written out in full
 };
 
