@@ -38,62 +38,55 @@ std::string place_of(const ConfigNode& node) {
   return pointer;
 }
 
-class ShapeReader {
- public:
-  explicit ShapeReader(DesiredConfig& out) : out_(out) {}
+void report(ErrorList& errors, const ConfigNode& at, std::string text) {
+  errors.add({place_of(at), 0, std::move(text)});
+}
 
-  void read(const ConfigNode& root) {
-    if (root.kind != Kind::object) return error(root, "must be an object");
-    refuse_duplicates(root);
-    for (const ConfigNode& member : root.children)
-      if (!contains(kKeys, member.key))
-        error(member, "unknown key \"" + shown(member.key) + "\"" +
-                          (errors_.empty() ? did_you_mean(member.key, kKeys) : ""));
-    const ConfigNode* version = root.find("version");
-    if (version == nullptr)
-      error(root, "\"version\" is missing");
-    else
-      out_.version = word(*version);
-    if (const ConfigNode* by = root.find("by")) out_.by = word(*by);
-    const ConfigNode* config = root.find("config");
-    const ConfigNode* patch = root.find("patch");
-    if ((config == nullptr) == (patch == nullptr))
-      error(root, config == nullptr ? "needs \"config\" or \"patch\""
-                                    : "has both \"config\" and \"patch\": use only one");
-    for (const ConfigNode* body : {config, patch})
-      if (body != nullptr && body->kind != Kind::object) error(*body, "must be an object");
+std::string read_word(ErrorList& errors, const ConfigNode& node) {
+  const bool is_word =
+      node.kind == Kind::string && !node.text.empty() && node.text.size() <= kMaxDesiredVersion &&
+      std::ranges::none_of(
+          node.text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; });
+  if (is_word) return node.text;
+  report(errors, node,
+         "must be a string of 1 to " + std::to_string(kMaxDesiredVersion) +
+             " bytes without control characters");
+  return {};
+}
+
+/// Reports duplicate keys: the library that merges would silently use the last one.
+void refuse_duplicates(ErrorList& errors, const ConfigNode& node) {
+  std::set<std::string_view> seen;
+  for (const ConfigNode& child : node.children) {
+    if (node.kind == Kind::object && !seen.insert(child.key).second)
+      report(errors, child, "duplicate key");
+    refuse_duplicates(errors, child);
   }
-  ConfigErrors take_errors() { return errors_.take(); }
+}
 
- private:
-  void error(const ConfigNode& at, std::string text) {
-    errors_.add({place_of(at), 0, std::move(text)});
-  }
-
-  std::string word(const ConfigNode& node) {
-    const bool is_word =
-        node.kind == Kind::string && !node.text.empty() && node.text.size() <= kMaxDesiredVersion &&
-        std::ranges::none_of(
-            node.text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; });
-    if (is_word) return node.text;
-    error(node, "must be a string of 1 to " + std::to_string(kMaxDesiredVersion) +
-                    " bytes without control characters");
-    return {};
-  }
-
-  /// Reports duplicate keys: the library that merges would silently use the last one.
-  void refuse_duplicates(const ConfigNode& node) {
-    std::set<std::string_view> seen;
-    for (const ConfigNode& child : node.children) {
-      if (node.kind == Kind::object && !seen.insert(child.key).second)
-        error(child, "duplicate key");
-      refuse_duplicates(child);
-    }
-  }
-
-  DesiredConfig& out_;
-  ErrorList errors_;
-};
+void read_shape(ErrorList& errors, const ConfigNode& root, DesiredConfig& out) {
+  if (root.kind != Kind::object) return report(errors, root, "must be an object");
+  refuse_duplicates(errors, root);
+  for (const ConfigNode& member : root.children)
+    if (!contains(kKeys, member.key))
+      report(errors, member,
+             "unknown key \"" + shown(member.key) + "\"" +
+                 (errors.empty() ? did_you_mean(member.key, kKeys) : ""));
+  const ConfigNode* version = root.find("version");
+  if (version == nullptr)
+    report(errors, root, "\"version\" is missing");
+  else
+    out.version = read_word(errors, *version);
+  if (const ConfigNode* by = root.find("by")) out.by = read_word(errors, *by);
+  const ConfigNode* config = root.find("config");
+  const ConfigNode* patch = root.find("patch");
+  if ((config == nullptr) == (patch == nullptr))
+    report(errors, root,
+           config == nullptr ? "needs \"config\" or \"patch\""
+                             : "has both \"config\" and \"patch\": use only one");
+  for (const ConfigNode* body : {config, patch})
+    if (body != nullptr && body->kind != Kind::object) report(errors, *body, "must be an object");
+}
 
 // ---- the limits of the local file, section by section -------------------------------------------
 
@@ -258,9 +251,9 @@ ReadDesired read_desired(std::string_view payload) {
     out.errors.push_back({"", 0, tree.error().text});
     return out;
   }
-  ShapeReader shape(out.desired);
-  shape.read(tree->root());
-  out.errors = shape.take_errors();
+  ErrorList errors;
+  read_shape(errors, tree->root(), out.desired);
+  out.errors = errors.take();
   if (out.errors.empty()) out.desired.text = payload;
   return out;
 }
