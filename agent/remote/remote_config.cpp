@@ -25,11 +25,8 @@ std::string directory_for(const Config& config) {
 }
 
 Next next_of(Next::Why why, Config config) {
-  Next next;
-  next.why = why;
-  next.servers = config.mqtt.servers;
-  next.config = std::move(config);
-  return next;
+  std::vector<std::string> servers = config.mqtt.servers;
+  return {.why = why, .config = std::move(config), .servers = std::move(servers)};
 }
 
 constexpr const char* kCannotBeKept =

@@ -100,14 +100,11 @@ class TreeBuilder {
   bool end_array() { return close(); }
   bool parse_error(std::size_t, const std::string&, const Json::exception& fault) {
     // "[json.exception.parse_error.101] parse error at line 1, column 2: syntax error while …": the
-    // caller works out the position, so keep only the words after it.
+    // caller works out the position, so keep only the words after it, or after the bracket.
     const std::string_view what = fault.what();
-    const std::size_t place_end = what.find(": ");
-    const std::size_t tag_end = what.find("] ");
-    if (place_end != std::string_view::npos)
-      fault_ = what.substr(place_end + 2);
-    else
-      fault_ = tag_end != std::string_view::npos ? what.substr(tag_end + 2) : what;
+    std::size_t end = what.find(": ");
+    if (end == what.npos) end = what.find("] ");
+    fault_ = what.substr(end + 2);
     // The last token may be a password.
     fault_.resize(std::min(fault_.size(), fault_.find("; last read: ")));
     return false;
