@@ -297,8 +297,8 @@ std::optional<Next> RemoteConfig::due(Moment now) {
   KeptConfigs& kept = kept_.configs();
   const std::optional<KeptConfig>& in_force = in_force_.document();
   const auto outcome = in_force_.outcome(now.steady);
-  if (outcome == Trial::Outcome::pending) return std::nullopt;
-  if (outcome == Trial::Outcome::good) {
+  if (outcome == ConfigInForce::Outcome::pending) return std::nullopt;
+  if (outcome == ConfigInForce::Outcome::good) {
     in_force_.end_trial();
     kept.trying.reset();
     if (!kept.is_good(in_force)) kept.before = std::exchange(kept.good, in_force);

@@ -6,7 +6,7 @@ namespace fxagent {
 namespace {
 
 using namespace std::chrono_literals;
-using Outcome = Trial::Outcome;
+using Outcome = ConfigInForce::Outcome;
 
 constexpr SteadyTime kBegan{1h};
 

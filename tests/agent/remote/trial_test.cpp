@@ -8,45 +8,52 @@ namespace fxagent {
 namespace {
 
 using namespace std::chrono_literals;
-using Outcome = Trial::Outcome;
+using Outcome = ConfigInForce::Outcome;
 
 constexpr SteadyTime kBegin{1h};
 constexpr auto kLength = 60s;
 
+ConfigInForce trial_from_begin(bool is_connected) {
+  ConfigInForce config(kLength);
+  config.connection(is_connected, kBegin - 10min);
+  config.put_on_trial(KeptConfig{}, {}, kBegin);
+  return config;
+}
+
 TEST(Trial, AConnectionThatLastsProvesTheConfig) {
-  const Trial trial(kLength, kBegin, /*is_connected=*/true);
-  EXPECT_EQ(trial.decided_at(), kBegin + 60s);
+  const ConfigInForce trial = trial_from_begin(/*is_connected=*/true);
+  EXPECT_EQ(trial.next_wake(), kBegin + 60s);
   EXPECT_EQ(trial.outcome(kBegin + 59s), Outcome::pending);
   EXPECT_EQ(trial.outcome(kBegin + 60s), Outcome::good);
 }
 
 TEST(Trial, ABrokerThatNeverComesIsLost) {
-  const Trial trial(kLength, kBegin, /*is_connected=*/false);
+  const ConfigInForce trial = trial_from_begin(/*is_connected=*/false);
   EXPECT_EQ(trial.outcome(kBegin + 59s), Outcome::pending);
   EXPECT_EQ(trial.outcome(kBegin + 60s), Outcome::lost);
 }
 
 TEST(Trial, AShortOutageIsForgiven) {
-  Trial trial(kLength, kBegin, true);
+  ConfigInForce trial = trial_from_begin(true);
   trial.connection(false, kBegin + 10s);
   trial.connection(true, kBegin + 40s);
   EXPECT_EQ(trial.outcome(kBegin + 60s), Outcome::good);
 }
 
 TEST(Trial, AnOutageAtTheEndIsWaitedFor) {
-  Trial trial(kLength, kBegin, true);
+  ConfigInForce trial = trial_from_begin(true);
   trial.connection(false, kBegin + 50s);
   trial.connection(false, kBegin + 55s);  // a failed attempt: the same outage
   EXPECT_EQ(trial.outcome(kBegin + 60s), Outcome::pending);
-  EXPECT_EQ(trial.decided_at(), kBegin + 110s);
-  Trial back = trial;
+  EXPECT_EQ(trial.next_wake(), kBegin + 110s);
+  ConfigInForce back = trial;
   back.connection(true, kBegin + 100s);
   EXPECT_EQ(back.outcome(kBegin + 100s), Outcome::good);
   EXPECT_EQ(trial.outcome(kBegin + 110s), Outcome::lost);
 }
 
 TEST(Trial, EachOutageBeginsAnew) {
-  Trial trial(kLength, kBegin, false);
+  ConfigInForce trial = trial_from_begin(false);
   trial.connection(true, kBegin + 59s);
   trial.connection(false, kBegin + 59500ms);
   EXPECT_EQ(trial.outcome(kBegin + 61s), Outcome::pending);
