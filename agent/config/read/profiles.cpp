@@ -61,6 +61,7 @@ std::optional<std::string> topic_fault(const PlainTopic& topics, const Config& c
   std::unordered_set<std::string> taken;
   for (const DeviceConfig& device : config.devices)
     for (const TagConfig& tag : device.tags) {
+      if (tag.group >= device.groups.size()) continue;  // already reported
       const std::string topic = topics.of(device.name, device.groups.at(tag.group).name, tag.name);
       const auto gives = [&, name = std::string(tag.name)](const std::string& what) {
         std::string text = "gives the tag ";

@@ -102,6 +102,9 @@ TEST(ProfilesConfig, EachTagNeedsATopicOfItsOwn) {
   plant = json::parse(with_profiles(R"({"kind": "plain"})"));
   plant["devices"][0]["tags"][0]["name"] = "state";
   expect_error(plant.dump(), "/profiles/2", {"state of press1", "the agent uses itself"});
+  plant = json::parse(with_profiles(R"({"kind": "plain"})"));
+  plant["devices"][1]["tags"] = {{{"name", "temp"}, {"address", "D1"}, {"group", "slow"}}};
+  expect_error(plant.dump(), "/devices/1/tags/0/group", {"no group \"slow\""});
 }
 
 TEST(ProfilesConfig, ThingsBoardNeedsAKeyForEachValue) {
