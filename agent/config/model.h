@@ -14,7 +14,6 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/shared_list.h"
-#include "agent/config/shared_vector.h"
 #include "protocol/catalog.h"
 #include "protocol/codec.h"
 #include "protocol/value/point.h"

@@ -1,4 +1,4 @@
-#include "agent/config/shared_vector.h"
+#include "agent/config/shared_list.h"
 
 #include <gtest/gtest.h>
 
