@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+
 namespace fxagent {
 namespace {
 
@@ -9,6 +11,53 @@ using namespace std::chrono_literals;
 using Outcome = ConfigInForce::Outcome;
 
 constexpr SteadyTime kBegan{1h};
+
+ConfigInForce on_trial(bool is_connected) {
+  ConfigInForce config(60s);
+  config.connection(is_connected, kBegan - 10min);
+  config.put_on_trial(KeptConfig{}, {}, kBegan);
+  return config;
+}
+
+TEST(Trial, AConnectionThatLastsProvesTheConfig) {
+  const ConfigInForce trial = on_trial(/*is_connected=*/true);
+  EXPECT_EQ(trial.next_wake(), kBegan + 60s);
+  EXPECT_EQ(trial.outcome(kBegan + 59s), Outcome::pending);
+  EXPECT_EQ(trial.outcome(kBegan + 60s), Outcome::good);
+}
+
+TEST(Trial, ABrokerThatNeverComesIsLost) {
+  const ConfigInForce trial = on_trial(/*is_connected=*/false);
+  EXPECT_EQ(trial.outcome(kBegan + 59s), Outcome::pending);
+  EXPECT_EQ(trial.outcome(kBegan + 60s), Outcome::lost);
+}
+
+TEST(Trial, AShortOutageIsForgiven) {
+  ConfigInForce trial = on_trial(true);
+  trial.connection(false, kBegan + 10s);
+  trial.connection(true, kBegan + 40s);
+  EXPECT_EQ(trial.outcome(kBegan + 60s), Outcome::good);
+}
+
+TEST(Trial, AnOutageAtTheEndIsWaitedFor) {
+  ConfigInForce trial = on_trial(true);
+  trial.connection(false, kBegan + 50s);
+  trial.connection(false, kBegan + 55s);  // a failed attempt: the same outage
+  EXPECT_EQ(trial.outcome(kBegan + 60s), Outcome::pending);
+  EXPECT_EQ(trial.next_wake(), kBegan + 110s);
+  ConfigInForce back = trial;
+  back.connection(true, kBegan + 100s);
+  EXPECT_EQ(back.outcome(kBegan + 100s), Outcome::good);
+  EXPECT_EQ(trial.outcome(kBegan + 110s), Outcome::lost);
+}
+
+TEST(Trial, EachOutageBeginsAnew) {
+  ConfigInForce trial = on_trial(false);
+  trial.connection(true, kBegan + 59s);
+  trial.connection(false, kBegan + 59500ms);
+  EXPECT_EQ(trial.outcome(kBegan + 61s), Outcome::pending);
+  EXPECT_EQ(trial.outcome(kBegan + 119500ms), Outcome::lost);
+}
 
 TEST(ConfigInForce, ALostTrialCanBePutOffAndAGoodOneIsNot) {
   ConfigInForce config(60s);
