@@ -1,11 +1,11 @@
 #include "agent/config/read/links.h"
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdint>
 #include <string>
 #include <string_view>
-#include <utility>
 
 #include "agent/config/keys.h"
 #include "agent/config/read/devices/templates.h"
@@ -160,37 +160,25 @@ void check_data_bits(ConfigReader& reader, const ConfigNode& line, std::size_t i
   }
 }
 
-using Channel = LinkFacts::Channel;
-constexpr std::array kChannels{std::pair(Channel::serial, "serial"sv),
-                               std::pair(Channel::tcp, "tcp"sv), std::pair(Channel::udp, "udp"sv)};
+constexpr std::array kChannels{"serial"sv, "tcp"sv, "udp"sv};
 
-bool runs_on(const ProtocolInfo& protocol, Channel channel) {
-  // By Channel. For `none` the link's own error is already reported.
-  const std::array runs{true, protocol.on_serial, true, protocol.on_udp};
-  return runs[static_cast<std::size_t>(channel)];
+/// `channel` is one of kChannels. If it is empty, the link's own error is already reported.
+bool runs_on(const ProtocolInfo& protocol, std::string_view channel) {
+  return channel == "serial" ? protocol.on_serial : channel != "udp" || protocol.on_udp;
 }
 
 /// Returns the error text for a protocol that does not run over the channel of its link.
-std::string why_not_on(const ProtocolInfo& protocol, Channel channel) {
-  std::string given;
+std::string why_not_on(const ProtocolInfo& protocol, std::string_view channel) {
   std::string needed;
-  for (const auto& [each, word] : kChannels) {
-    if (each == channel) given = word;
+  for (const std::string_view each : kChannels)
     if (runs_on(protocol, each))
-      needed.append(needed.empty() ? "\"" : " or \"").append(word).append("\"");
-  }
+      needed.append(needed.empty() ? "\"" : " or \"").append(each).append("\"");
   std::string others;
   for (const ProtocolInfo& other : catalog())
-    if (channel == Channel::udp && other.on_udp)
+    if (channel == "udp" && other.on_udp)
       others.append(others.empty() ? "; over udp run " : ", ").append(other.name);
-  return std::string(protocol.name) + " does not run over a " + given +
+  return std::string(protocol.name) + " does not run over a " + std::string(channel) +
          " link; it needs one with " + needed + others;
-}
-
-bool has_device(const Config& config, const std::string& name) {
-  return std::ranges::any_of(std::as_const(config).devices, [&](const DeviceConfig& device) {
-    return !device.is_vacant() && device.name == name;
-  });
 }
 
 }  // namespace
@@ -213,15 +201,12 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     const ConfigNode* serial = reader.object(node, config_key("links[].serial"));
     const ConfigNode* tcp = reader.object(node, config_key("links[].tcp"));
     const ConfigNode* udp = reader.object(node, config_key("links[].udp"));
-    const bool has_serial = node.find("serial") != nullptr;
-    const bool has_tcp = node.find("tcp") != nullptr;
-    if (has_serial + has_tcp + (node.find("udp") != nullptr) != 1) {
+    const auto is_given = [&](std::string_view channel) { return node.find(channel) != nullptr; };
+    if (std::ranges::count_if(kChannels, is_given) != 1) {
       reader.error(node, "needs \"serial\", \"tcp\" or \"udp\"");
       continue;
     }
-    facts.channel = has_serial ? LinkFacts::Channel::serial
-                    : has_tcp  ? LinkFacts::Channel::tcp
-                               : LinkFacts::Channel::udp;
+    facts.channel = *std::ranges::find_if(kChannels, is_given);
     facts.line = serial != nullptr ? serial : tcp != nullptr ? &node : nullptr;
     if (serial != nullptr) read_serial(reader, node, *serial, ports, link);
     if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link);
@@ -271,7 +256,8 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     LinkConfig& link = config.links[i];
     const LinkFacts& facts = links.facts[i];
     if (facts.first_device == nullptr) reader.warn(array.children[i], "no device uses this link");
-    if (link.allow_yield && has_device(config, link.name))
+    if (link.allow_yield && !link.is_vacant() &&
+        contains(config.devices, link.name, &DeviceConfig::name))
       reader.error(*array.children[i].find("allow_yield"),
                    "needs another name for the link: device " + link.name +
                        " has the same one, and so the same topic for commands");

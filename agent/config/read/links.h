@@ -2,7 +2,7 @@
 // lines. Joins each device to its link.
 #pragma once
 
-#include <cstdint>
+#include <string_view>
 #include <vector>
 
 #include "agent/config/model.h"
@@ -14,8 +14,7 @@ class DeviceEntry;
 
 /// State of one link while the devices are read. There is one for each link of the config.
 struct LinkFacts {
-  /// Kind of the link's channel; none if the link has an error.
-  enum class Channel : std::uint8_t { none, serial, tcp, udp } channel = Channel::none;
+  std::string_view channel;  ///< "serial", "tcp" or "udp"; empty if the link has an error
   /// Node with the keys of the serial line; nullptr if the link has none.
   const ConfigNode* line = nullptr;
   /// Protocol of the first device on the link, which all others must have too; nullptr until then.
