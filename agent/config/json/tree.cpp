@@ -236,6 +236,10 @@ std::string pointer_to(const ConfigNode& node) {
   return pointer_to(*node.parent) + (Json::json_pointer() / key).to_string();
 }
 
+std::string place_text(const std::string& pointer, int line) {
+  return (pointer.empty() ? "the file" : pointer) + " (line " + std::to_string(line) + ")";
+}
+
 tl::expected<ConfigTree, ConfigError> ConfigTree::parse(std::string_view text, Folding folding,
                                                         const TreeBounds& bounds,
                                                         Comments comments) {
@@ -304,9 +308,8 @@ int ConfigTree::line_of(std::size_t offset) const {
                               newlines_.begin());
 }
 
-std::string ConfigTree::place_of(const std::string& pointer, std::size_t offset) const {
-  return (pointer.empty() ? "the file" : pointer) + " (line " + std::to_string(line_of(offset)) +
-         ")";
+std::string ConfigTree::place_of(const ConfigNode& node) const {
+  return place_text(pointer_to(node), line_of(node.offset));
 }
 
 std::string shown(std::string_view text, std::size_t most) {

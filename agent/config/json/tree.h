@@ -37,6 +37,8 @@ struct ConfigNode {
 
 /// Returns the JSON pointer (RFC 6901), such as "/devices/0/tags/3"; empty for the root.
 std::string pointer_to(const ConfigNode& node);
+/// Returns "/links/0 (line 12)".
+std::string place_text(const std::string& pointer, int line);
 
 /// Limits of parsing.
 struct TreeBounds {
@@ -78,8 +80,7 @@ class ConfigTree {
   std::vector<ConfigNode> items_of(const ConfigNode& folded) const;
   /// Returns the 1-based line of a byte of the text.
   int line_of(std::size_t offset) const;
-  /// Returns "/links/0 (line 12)" for a pointer and the byte that it points at.
-  std::string place_of(const std::string& pointer, std::size_t offset) const;
+  std::string place_of(const ConfigNode& node) const;
 
  private:
   explicit ConfigTree(std::string_view text) : text_(text) {}

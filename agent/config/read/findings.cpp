@@ -39,15 +39,18 @@ void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
 }
 
 std::string unlisted_text(std::size_t unlisted) {
-  return unlisted == 0 ? std::string()
-                       : std::to_string(unlisted) +
-                             (unlisted == 1 ? " more is not listed" : " more are not listed");
+  return std::to_string(unlisted) +
+         (unlisted == 1 ? " more is not listed" : " more are not listed");
 }
 
-std::vector<Findings::Finding> Findings::in_order() const {
+ConfigErrors Findings::in_order(const ConfigTree& tree) const {
   std::vector<Finding> sorted = list_;
   std::ranges::stable_sort(sorted, {}, &Finding::offset);
-  return sorted;
+  ConfigErrors list;
+  if (unlisted_ > 0) list.push_back({"", 0, unlisted_text(unlisted_)});
+  for (const Finding& finding : sorted)
+    list.push_back({finding.pointer, tree.line_of(finding.offset), text_of(finding, tree)});
+  return list;
 }
 
 std::string Findings::text_of(const Finding& finding, const ConfigTree& tree) {
@@ -57,9 +60,9 @@ std::string Findings::text_of(const Finding& finding, const ConfigTree& tree) {
   const bool is_in_template =
       origin.base != nullptr && (finding.pointer + "/").starts_with(pointer_to(*origin.base) + "/");
   if (is_in_template)
-    text += "for the device at " + tree.place_of(pointer_to(*origin.entry), origin.entry->offset);
+    text += "for the device at " + tree.place_of(*origin.entry);
   else if (origin.base != nullptr)
-    text += "its template is at " + tree.place_of(pointer_to(*origin.base), origin.base->offset);
+    text += "its template is at " + tree.place_of(*origin.base);
   if (!origin.n.empty())
     text += (origin.base != nullptr ? ", {n} being " : "{n} being ") + shown(origin.n);
   if (finding.more > 0)

@@ -21,22 +21,13 @@ struct DeviceOrigin {
   std::string n;                      ///< replaces `{n}`; empty if the entry has no `n`
 };
 
-/// Returns "2000 more are not listed", or an empty string if `unlisted` is 0.
+/// Returns "2000 more are not listed".
 std::string unlisted_text(std::size_t unlisted);
 
 class Findings {
  public:
   /// Most findings kept. A hostile file can have one for each of its bytes.
   static constexpr std::size_t kMost = 1000;
-
-  struct Finding {
-    std::uint32_t offset = 0;
-    std::string pointer;
-    std::string text;
-    DeviceOrigin origin{};     ///< of the first device that has the finding; unset if none does
-    std::uint32_t device = 0;  ///< the last device that has it
-    std::uint32_t more = 0;    ///< devices after the first
-  };
 
   /// Adds a finding. `origin` is nullptr if it belongs to no device with a DeviceOrigin. `device`
   /// differs from device to device.
@@ -48,15 +39,23 @@ class Findings {
   bool knows(std::uint32_t offset, const DeviceOrigin* origin) const {
     return origin != nullptr && by_entry_.contains({offset, origin->entry});
   }
-  /// unlisted_text() of the findings that were not kept.
-  std::string unlisted() const { return unlisted_text(unlisted_); }
-  /// Returns the findings sorted by offset; those at one offset in the order of add().
-  std::vector<Finding> in_order() const;
+  /// Returns the findings sorted by offset, those at one offset in the order of add(). If some were
+  /// not kept, the first entry is their number: a caller that shows only some does not cut it off.
+  ConfigErrors in_order(const ConfigTree& tree) const;
+
+ private:
+  struct Finding {
+    std::uint32_t offset = 0;
+    std::string pointer;
+    std::string text;
+    DeviceOrigin origin{};     ///< of the first device that has the finding; unset if none does
+    std::uint32_t device = 0;  ///< the last device that has it
+    std::uint32_t more = 0;    ///< devices after the first
+  };
+
   /// Returns the text and the devices it applies to. If the finding is in a template, the text
   /// names the place of the device; otherwise that of the template.
   static std::string text_of(const Finding& finding, const ConfigTree& tree);
-
- private:
   bool is_full() const { return list_.size() >= kMost; }
 
   std::vector<Finding> list_;

@@ -103,24 +103,12 @@ bool ConfigReader::has_room(const ConfigNode& at, const ConfigSize& more) {
   return false;
 }
 
-std::vector<ConfigError> ConfigReader::errors() const {
-  std::vector<ConfigError> list;
-  for (const Findings::Finding& finding : errors_.in_order())
-    list.push_back(
-        {finding.pointer, tree_.line_of(finding.offset), Findings::text_of(finding, tree_)});
-  // First in the list, so that a caller that shows only some of the errors does not cut it off.
-  if (std::string more = errors_.unlisted(); !more.empty())
-    list.insert(list.begin(), {"", 0, std::move(more)});
-  return list;
-}
-
 std::vector<std::string> ConfigReader::warnings() const {
   std::vector<std::string> list;
-  for (const Findings::Finding& finding : warnings_.in_order())
-    list.push_back(tree_.place_of(finding.pointer, finding.offset) + ": " +
-                   Findings::text_of(finding, tree_));
-  if (std::string more = warnings_.unlisted(); !more.empty())
-    list.insert(list.begin(), std::move(more));
+  for (const ConfigError& warning : warnings_.in_order(tree_))
+    list.push_back(warning.line == 0
+                       ? warning.text
+                       : place_text(warning.pointer, warning.line) + ": " + warning.text);
   return list;
 }
 

@@ -56,7 +56,7 @@ class ConfigReader {
   /// True if the caller must stop building: the config is too large, or reading was stopped.
   bool is_over() const { return room_.is_full() || bounds_.is_stopped(); }
   /// Both are in the order of the file.
-  std::vector<ConfigError> errors() const;
+  ConfigErrors errors() const { return errors_.in_order(tree_); }
   std::vector<std::string> warnings() const;
 
   /// Returns the string with `{n}` and `${NAME}` replaced. Returns an empty string, without a
@@ -64,9 +64,7 @@ class ConfigReader {
   std::string replaced(const ConfigNode& node) const;
 
   /// Returns "/links/0 (line 12)".
-  std::string place_of(const ConfigNode& node) const {
-    return tree_.place_of(pointer_to(node), node.offset);
-  }
+  std::string place_of(const ConfigNode& node) const { return tree_.place_of(node); }
 
   /// Reports members that are not among `keys` or `more`, and duplicate members. Leaves members
   /// named in `left_to_caller` to the caller, which has a better error text. If the node is not an
