@@ -1,5 +1,5 @@
-#include "agent/config/read/sections.h"
 #include "agent/config/config_error.h"
+#include "agent/config/read/sections.h"
 
 #include <gtest/gtest.h>
 
