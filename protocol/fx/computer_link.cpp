@@ -4,6 +4,7 @@
 #include <array>
 
 #include "protocol/encoding.h"
+#include "protocol/mc/serial_frame.h"
 
 namespace fxagent::fx {
 namespace {
@@ -30,10 +31,10 @@ constexpr std::array<TypeCode, 6> kTypeCodes = {{{0xF2, Model::fx1s},
                                                  {0xF3, Model::fx3u},
                                                  {0xF4, Model::fx3g}}};
 
-/// Returns the characters of data in the answer to a read or to PC.
+/// Returns the characters of data in the answer to a request; 0: it has none.
 std::uint32_t data_chars(const Request& request) {
   const auto* read = std::get_if<Read>(&request);
-  if (read == nullptr) return 2;
+  if (read == nullptr) return is_identify(request) ? 2 : 0;
   return read->way == ComputerLink::kBitWay ? read->span.bits : read->span.bits / 4;
 }
 
@@ -98,84 +99,12 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
 
 namespace {
 
-/// True if `header` has our station and PLC number.
-bool is_ours(const Settings& settings, ByteView header) {
-  return number_in(NumberForm::digits, header.subspan(1, 4)) == (settings.station << 8 | kLinkPc);
-}
-
-/// Returns the place after another station's frame that begins at `at`, or of the STX that cuts it
-/// off. nullopt if its end has not arrived.
-std::optional<std::size_t> behind_frame(const Settings& settings, ByteView rx, std::size_t at) {
-  for (std::size_t i = at + 1; i < rx.size(); ++i) {
-    if (rx[i] == kStx) return i;
-    if (rx[i] != kEtx) continue;
-    const std::size_t end = i + 1 + settings.sum_chars();
-    return end <= rx.size() ? std::optional(end) : std::nullopt;
-  }
-  return std::nullopt;
-}
-
-/// False if format 4 is set and the frame does not end with CR LF.
-bool ends_right(const Settings& settings, ByteView frame) {
-  return !settings.ends_with_cr_lf || (frame[frame.size() - 2] == kCr && frame.back() == kLf);
-}
-
 /// Returns the frame that acknowledges data: ACK, station, PLC number [CR LF].
 Bytes acknowledge(const Settings& settings) {
-  Bytes frame{kAck};
-  append_hex(frame, settings.station << 8 | kLinkPc, 4);
+  Bytes frame = mc::serial_header(frame_of(settings));
+  frame.insert(frame.begin(), kAck);
   if (settings.ends_with_cr_lf) frame.insert(frame.end(), {kCr, kLf});
   return frame;
-}
-
-Decoded data_reply(const Settings& settings, const Request& request, ByteView rx, std::size_t at) {
-  const std::size_t chars = data_chars(request);
-  const std::size_t etx = kLinkHeader + chars;
-  const std::size_t length = etx + 1 + settings.sum_chars() + settings.terminator_chars();
-  const ByteView frame = rx.subspan(at, std::min(length, rx.size() - at));
-  const auto end = static_cast<std::size_t>(
-      std::find(frame.begin() + kLinkHeader, frame.end(), kEtx) - frame.begin());
-  if (end < etx && end < frame.size())
-    return garbled(std::to_string(end - kLinkHeader) + " data characters given, " +
-                   std::to_string(chars) + " expected");
-  if (end != etx && frame.size() > etx)
-    return garbled("more data characters given, " + std::to_string(chars) + " expected");
-  if (frame.size() < length) return std::nullopt;
-  if (settings.sum_check) {
-    const ByteView given = frame.subspan(etx + 1, 2);
-    const int sum = hex_byte(given);
-    if (sum < 0) return garbled("sum " + to_hex(given) + " is not two hex digits");
-    const std::uint8_t computed = byte_sum(frame.subspan(1, etx));
-    if (sum != computed)
-      return garbled("sum " + as_text(given) + " given, " + hex_text(computed, 2) + " computed");
-  }
-  if (!ends_right(settings, frame))
-    return garbled("CR LF is missing after the data: format 4 ends with it");
-  auto image = image_of(request, frame.subspan(kLinkHeader, chars));
-  if (!image) return tl::make_unexpected(image.error());
-  return Reply{.kind = Reply::Kind::data,
-               .image = std::move(*image),
-               .closing = settings.acknowledge_data ? acknowledge(settings) : Bytes{},
-               .began = at,
-               .consumed = at + length};
-}
-
-Decoded short_reply(const Settings& settings, ByteView rx, std::size_t at) {
-  const bool nak = rx[at] == kNak;
-  const std::size_t length = kLinkHeader + (nak ? 2U : 0U) + settings.terminator_chars();
-  if (rx.size() - at < length) return std::nullopt;
-  const ByteView frame = rx.subspan(at, length);
-  if (!ends_right(settings, frame))
-    return garbled("CR LF is missing after ACK or NAK: format 4 ends with it");
-  if (!nak) return Reply{.began = at, .consumed = at + length};
-  const ByteView code = frame.subspan(kLinkHeader, 2);
-  const int reason = hex_byte(code);
-  if (reason < 0) return garbled("NAK with the reason " + to_hex(code));
-  return Reply{.kind = Reply::Kind::nak,
-               .device_code = reason,
-               .text = "nak " + as_text(code) + ": " + std::string(link_refusal(reason)),
-               .began = at,
-               .consumed = at + length};
 }
 
 }  // namespace
@@ -183,46 +112,41 @@ Decoded short_reply(const Settings& settings, ByteView rx, std::size_t at) {
 Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   if (const auto sent = encode(request, tag); !sent) return tl::make_unexpected(sent.error());
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "EOT is never answered");
-  const bool wants_data = brings_data(request);
-  // A PLC never sends ENQ: it is the echo of this request, and bytes before it are older.
-  std::size_t at = rx.size();
-  while (at > 0 && rx[at - 1] != kEnq) --at;
-  const std::size_t begin = at;
-  while (at < rx.size()) {
-    const std::uint8_t first = rx[at];
-    if (first != kStx && first != kAck && first != kNak) {
-      ++at;
-      continue;
+  const mc::SerialAnswer answer =
+      mc::serial_answer(frame_of(settings_), 0, data_chars(request), rx);
+  Reply reply{.began = answer.began, .consumed = answer.end};
+  switch (answer.state) {
+    case mc::SerialAnswer::State::incomplete: {
+      // Bytes before the echo of the request are older.
+      const auto echo = std::find(rx.rbegin(), rx.rend(), kEnq);
+      const auto size = static_cast<std::size_t>(echo - rx.rbegin());
+      if (answer.began == 0 && size > 2 * kLongestFrame)
+        return garbled(std::to_string(size) + " bytes without an answer; the longest has " +
+                       std::to_string(kLongestFrame));
+      return std::nullopt;
     }
-    if (first == kStx) {
-      // If another STX cuts off a frame, continue at that STX.
-      const auto stop = rx.begin() + static_cast<std::ptrdiff_t>(at) + 1;
-      const auto again =
-          std::find_if(stop, rx.end(), [](std::uint8_t c) { return c == kStx || c == kEtx; });
-      if (again != rx.end() && *again == kStx) {
-        at = static_cast<std::size_t>(again - rx.begin());
-        continue;
-      }
+    case mc::SerialAnswer::State::wrong:
+      return garbled(answer.error);
+    case mc::SerialAnswer::State::refused: {
+      const ByteView code = rx.subspan(answer.began + kLinkHeader, 2);
+      reply.kind = Reply::Kind::nak;
+      reply.device_code = hex_byte(code);
+      if (reply.device_code < 0) return garbled("NAK with the reason " + to_hex(code));
+      reply.text = "nak " + as_text(code) + ": " + std::string(link_refusal(reply.device_code));
+      break;
     }
-    if (rx.size() - at < kLinkHeader) break;
-    const bool ours = is_ours(settings_, rx.subspan(at, kLinkHeader));
-    if (first == kStx && !(ours && wants_data)) {
-      // A late answer of another station, or to an older request to this one.
-      const auto next = behind_frame(settings_, rx, at);
-      if (!next) break;
-      at = *next;
-    } else if (first == kStx) {
-      return data_reply(settings_, request, rx, at);
-    } else if (ours && !(first == kAck && wants_data)) {
-      return short_reply(settings_, rx, at);
-    } else {
-      ++at;
+    case mc::SerialAnswer::State::data: {
+      auto image = image_of(request, answer.data);
+      if (!image) return tl::make_unexpected(image.error());
+      reply.kind = Reply::Kind::data;
+      reply.image = std::move(*image);
+      if (settings_.acknowledge_data) reply.closing = acknowledge(settings_);
+      break;
     }
+    case mc::SerialAnswer::State::done:
+      break;
   }
-  if (rx.size() - begin > 2 * kLongestFrame)
-    return garbled(std::to_string(rx.size() - begin) +
-                   " bytes without an answer; the longest has " + std::to_string(kLongestFrame));
-  return std::nullopt;
+  return reply;
 }
 
 bool ComputerLink::expects_reply(const Request& request) const {
@@ -230,26 +154,19 @@ bool ComputerLink::expects_reply(const Request& request) const {
 }
 
 bool ComputerLink::may_pass_for_answer(ByteView bytes) const {
-  for (std::size_t at = 0; at < bytes.size(); ++at) {
-    if (bytes[at] != kStx && bytes[at] != kAck && bytes[at] != kNak && bytes[at] != kEnq) continue;
-    // Station and PLC number must follow, as far as they have arrived.
-    const ByteView header =
-        bytes.subspan(at + 1, std::min<std::size_t>(kLinkHeader, bytes.size() - at) - 1);
-    if (is_hex(header)) return true;
-  }
-  return false;
+  return mc::may_be_serial_answer(frame_of(settings_), bytes);
 }
 
 LineLength ComputerLink::line_length(const Request& request) const {
   LineLength length;
   length.request_chars = request_chars(request);
   if (!expects_reply(request)) return length;
-  length.reply_chars = kLinkHeader + settings_.terminator_chars();
-  if (brings_data(request)) {
-    if (settings_.acknowledge_data) length.closing_chars = length.reply_chars;
-    length.reply_chars = kLinkHeader + data_chars(request) + 1 + settings_.sum_chars() +
-                         settings_.terminator_chars();
-  }
+  const auto reply_chars = [&](std::uint32_t data) {
+    return static_cast<std::uint32_t>(mc::serial_answer_length(frame_of(settings_), data));
+  };
+  const std::uint32_t data = data_chars(request);
+  length.reply_chars = reply_chars(data);
+  if (data != 0 && settings_.acknowledge_data) length.closing_chars = reply_chars(0);
   return length;
 }
 

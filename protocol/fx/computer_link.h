@@ -13,6 +13,7 @@
 
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
+#include "protocol/mc/dialect.h"
 #include "protocol/options.h"
 #include "protocol/plc.h"
 
@@ -100,7 +101,8 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
 
 /// Control character, station and PLC number: a whole ACK, or the head of any other frame.
 inline constexpr std::uint32_t kLinkHeader = 5;
-inline constexpr std::uint32_t kLinkPc = 0xFF;  ///< PLC number of every FX
+/// Returns the 1C frame of these settings. The PLC number of every FX is FF.
+mc::Dialect frame_of(const ComputerLink::Settings& settings);
 
 /// Returns the text for the code of a NAK: "device does not exist or too many points".
 std::string_view link_refusal(int code);

@@ -6,6 +6,7 @@
 
 #include "protocol/encoding.h"
 #include "protocol/fx/computer_link.h"
+#include "protocol/mc/serial_frame.h"
 
 namespace fxagent::fx {
 namespace {
@@ -106,16 +107,10 @@ std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLi
 
 /// Returns a request frame: ENQ station pc command wait area [sum] [CR LF].
 Bytes framed(const Settings& settings, std::string_view command, ByteView area) {
-  Bytes frame{kEnq};
-  frame.reserve(kLinkHeader + command.size() + 1 + area.size() + settings.sum_chars() +
-                settings.terminator_chars());
-  append_hex(frame, settings.station << 8 | kLinkPc, 4);
-  frame.insert(frame.end(), command.begin(), command.end());
-  append_hex(frame, settings.wait_tens, 1);
-  frame.insert(frame.end(), area.begin(), area.end());
-  if (settings.sum_check) append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
-  if (settings.ends_with_cr_lf) frame.insert(frame.end(), {kCr, kLf});
-  return frame;
+  Bytes message(command.begin(), command.end());
+  append_hex(message, settings.wait_tens, 1);
+  message.insert(message.end(), area.begin(), area.end());
+  return mc::serial_request(frame_of(settings), 0, message);
 }
 
 Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& ways,
@@ -189,6 +184,14 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
 }
 
 }  // namespace
+
+mc::Dialect frame_of(const Settings& settings) {
+  return {.frame = mc::Frame::c1,
+          .code = mc::Code::ascii,
+          .station = static_cast<std::uint8_t>(settings.station),
+          .format = settings.ends_with_cr_lf ? 4U : 1U,
+          .sum_check = settings.sum_check};
+}
 
 std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
   std::vector<ReadWay> ways;

@@ -14,8 +14,9 @@ namespace fxagent::mc {
 /// The "communication data code" of a port.
 enum class Code : std::uint8_t { binary, ascii };
 
-enum class Frame : std::uint8_t { e3, e4, c3, c4 };
-constexpr bool is_serial(Frame frame) { return frame == Frame::c3 || frame == Frame::c4; }
+/// 1C is the frame of the computer link of an FX (fx/computer_link.h).
+enum class Frame : std::uint8_t { e3, e4, c1, c3, c4 };
+constexpr bool is_serial(Frame frame) { return frame >= Frame::c1; }
 
 /// Access route to the addressed station. The defaults address the connected station.
 struct Route {
@@ -30,12 +31,12 @@ struct Route {
 struct Dialect {
   Frame frame = Frame::e3;
   Model model = Model::unknown;
-  Code code = Code::binary;              ///< Mc derives that of 3C and 4C from the format
-  Route route{};                         ///< that of a 3C frame ends with the PC number
-  std::uint32_t timer = 16;              ///< 3E and 4E: monitoring timer in units of 250 ms
-  std::uint8_t station = 0;              ///< 3C and 4C
-  std::uint32_t format = 1;              ///< 3C and 4C
-  bool sum_check = true;                 ///< 3C and 4C
+  Code code = Code::binary;  ///< Mc derives that of 3C and 4C from the format
+  Route route{};             ///< that of a 3C frame ends with the PC number
+  std::uint32_t timer = 16;  ///< 3E and 4E: monitoring timer in units of 250 ms
+  std::uint8_t station = 0;  ///< 1C, 3C and 4C, as the next two
+  std::uint32_t format = 1;
+  bool sum_check = true;
   std::uint32_t max_block_bytes = 1920;  ///< of device memory in one frame; 960 words
 
   Series series() const { return series_of(model); }

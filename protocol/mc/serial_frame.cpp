@@ -12,8 +12,7 @@ constexpr std::uint8_t k3C = 0xF9;
 constexpr std::uint8_t k4C = 0xF8;
 constexpr std::size_t kBlock = 2;
 constexpr std::size_t kSum = 2;
-constexpr std::size_t kCode = 4;  // digits in an end code
-constexpr std::size_t kEnd = 2;   // CR LF
+constexpr std::size_t kEnd = 2;  // CR LF
 constexpr std::string_view kDone = "QACK";
 constexpr std::string_view kRefused = "QNAK";
 // Format 5: length, the mark FFFF of an answer, end code.
@@ -79,11 +78,11 @@ Bytes binary_request(const Dialect& dialect, ByteView message) {
 
 /// Returns why the two characters are not the sum of `bytes`; empty if they are.
 std::string why_wrong_sum(ByteView given, ByteView bytes) {
-  const auto sum = number_at(Code::ascii, given, 0, 1);
-  if (!sum) return "sum " + to_hex(given) + " is not two hex digits";
+  const int sum = hex_byte(given);
+  if (sum < 0) return "sum " + to_hex(given) + " is not two hex digits";
   const std::uint8_t computed = byte_sum(bytes);
-  if (*sum == computed) return {};
-  return "sum " + hex_text(*sum, 2) + " given, " + hex_text(computed, 2) + " computed";
+  if (sum == computed) return {};
+  return "sum " + as_text(given) + " given, " + hex_text(computed, 2) + " computed";
 }
 
 /// Searches the received bytes for an answer in formats 1 to 4.
@@ -114,8 +113,10 @@ class AsciiSearch final {
 
  private:
   using State = SerialAnswer::State;
+  bool is_1c() const { return dialect_.frame == Frame::c1; }
   bool is_3() const { return dialect_.format == 3; }
   std::size_t left() const { return rx_.size() - at_; }
+  SerialAnswer incomplete() const { return {.began = at_}; }
 
   /// If another STX cuts off a frame, continues at that STX.
   bool begins_anew() {
@@ -168,20 +169,23 @@ class AsciiSearch final {
   std::optional<SerialAnswer> finish(State state, std::size_t size, std::size_t etx,
                                      std::uint16_t code = 0) {
     const std::size_t whole = size + etx + tail_size(dialect_);
-    if (left() < whole) return SerialAnswer{};
+    if (left() < whole) return incomplete();
     if (etx != 0 && rx_[at_ + size] != kEtx)
       return garbled_answer("ETX is missing after the answer");
-    if (!has_tail(whole)) return no_tail();
+    if (!has_tail(whole)) return no_tail(is_1c() ? "ACK or NAK" : "the answer");
     return SerialAnswer{.state = state, .end_code = code, .began = at_, .end = at_ + whole};
   }
 
+  /// The codec of 1C reads its shorter code itself.
   std::optional<SerialAnswer> refused_at(std::size_t size, std::size_t etx) {
-    if (left() < size + kCode) return SerialAnswer{};
-    const auto code = number_at(Code::ascii, rx_, at_ + size, 2);
-    if (!code)
-      return garbled_answer("refused with the code " + to_hex(rx_.subspan(at_ + size, kCode)) +
+    const std::size_t digits = is_1c() ? 2 : 4;
+    if (left() < size + digits) return incomplete();
+    const ByteView given = rx_.subspan(at_ + size, digits);
+    const auto code = number_in(NumberForm::digits, given);
+    if (!code && !is_1c())
+      return garbled_answer("refused with the code " + to_hex(given) +
                             ", which is not four hex digits");
-    return finish(State::refused, size + kCode, etx, static_cast<std::uint16_t>(*code));
+    return finish(State::refused, size + digits, etx, static_cast<std::uint16_t>(code.value_or(0)));
   }
 
   /// Decodes an answer with data. `word` characters precede the data after the head.
@@ -199,12 +203,12 @@ class AsciiSearch final {
                             std::to_string(data_) + " expected");
     if (found != etx && frame.size() > etx)
       return garbled_answer("more data characters given, " + std::to_string(data_) + " expected");
-    if (frame.size() < whole) return SerialAnswer{};
+    if (frame.size() < whole) return incomplete();
     if (dialect_.sum_check)
       if (auto why = why_wrong_sum(frame.subspan(etx + 1, kSum), frame.subspan(1, etx));
           !why.empty())
         return garbled_answer(std::move(why));
-    if (!has_tail(whole)) return no_tail();
+    if (!has_tail(whole)) return no_tail(is_1c() ? "the data" : "the answer");
     const ByteView data = frame.subspan(begin, data_);
     return SerialAnswer{.state = State::data,
                         .data = Bytes(data.begin(), data.end()),
@@ -231,8 +235,9 @@ class AsciiSearch final {
   bool has_tail(std::size_t whole) const {
     return tail_size(dialect_) == 0 || (rx_[at_ + whole - 2] == kCr && rx_[at_ + whole - 1] == kLf);
   }
-  static SerialAnswer no_tail() {
-    return garbled_answer("CR LF is missing after the answer: format 4 ends with it");
+  static SerialAnswer no_tail(std::string_view after) {
+    return garbled_answer("CR LF is missing after " + std::string(after) +
+                          ": format 4 ends with it");
   }
 
   const Dialect& dialect_;
@@ -304,10 +309,12 @@ SerialAnswer binary_search(const Dialect& dialect, std::size_t data, ByteView rx
 Bytes serial_header(const Dialect& dialect) {
   Bytes header;
   const Code code = dialect.code;
-  append_number(code, header, dialect.frame == Frame::c4 ? k4C : k3C, 1);
+  const bool is_1c = dialect.frame == Frame::c1;
+  if (!is_1c) append_number(code, header, dialect.frame == Frame::c4 ? k4C : k3C, 1);
   append_number(code, header, dialect.station, 1);
-  append_number(code, header, dialect.route.network, 1);
+  if (!is_1c) append_number(code, header, dialect.route.network, 1);
   append_number(code, header, dialect.route.pc, 1);
+  if (is_1c) return header;
   if (dialect.frame == Frame::c4) {
     append_number(code, header, dialect.route.module_io, 2);
     append_number(code, header, dialect.route.module_station, 1);

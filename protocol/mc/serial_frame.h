@@ -1,4 +1,4 @@
-// 3C and 4C frames around a message, in formats 1 to 4 (ASCII) and 5 (binary, 4C only).
+// 1C, 3C and 4C frames around a message, in formats 1 to 4 (ASCII) and 5 (binary, 4C only).
 // Source: SH-080008, 4.2 and 4.3; protocol/README.md has the layout. Dialect::code must be binary
 // for format 5, and otherwise ascii.
 #pragma once
@@ -32,8 +32,8 @@ struct SerialAnswer {
     wrong,
   } state = State::incomplete;
   Bytes data{};
-  std::uint16_t end_code = 0;
-  std::size_t began = 0;
+  std::uint16_t end_code = 0;  ///< not of 1C
+  std::size_t began = 0;       ///< incomplete: of the answer so far; 0: none has begun
   std::size_t end = 0;
   std::string error{};  ///< wrong: the reason
 };
@@ -55,7 +55,7 @@ struct Undoubled {
 /// Requires that `rx[at]` and the next byte are DLE STX.
 Undoubled undoubled(ByteView rx, std::size_t at);
 
-/// Returns frame id and route: "F90000FF00", or eight bytes.
+/// Returns frame id and route: "F90000FF00", or eight bytes; for 1C station and PC, "00FF".
 Bytes serial_header(const Dialect& dialect);
 
 }  // namespace fxagent::mc
