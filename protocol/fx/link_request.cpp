@@ -4,8 +4,8 @@
 #include <string>
 #include <string_view>
 
-#include "protocol/encoding.h"
 #include "protocol/fx/computer_link.h"
+#include "protocol/mc/body.h"
 #include "protocol/mc/serial_frame.h"
 
 namespace fxagent::fx {
@@ -55,18 +55,6 @@ std::string_view read_command(const Read& read) {
 
 /// Appends the number of points; 256 is written as 00.
 void append_points(Bytes& out, std::uint32_t points) { append_hex(out, points & 0xFF, 2); }
-
-/// Appends the first `bits` bits of an image, one character each, lowest first.
-void append_bits(Bytes& out, ByteView image, std::uint32_t bits) {
-  for (std::uint32_t i = 0; i < bits; ++i)
-    out.push_back((image[i / 8] >> (i % 8) & 1) != 0 ? '1' : '0');
-}
-
-/// Appends an image as numbers of `width` bytes, most significant digit first.
-void append_numbers(Bytes& out, ByteView image, std::size_t width) {
-  for (std::size_t at = 0; at + width <= image.size(); at += width)
-    for (std::size_t i = width; i > 0; --i) append_hex(out, image[at + i - 1], 2);
-}
 
 /// True if WW and WT can carry the span of a bit device: whole words from a multiple of eight.
 bool is_bit_words(const Span& span) {
@@ -146,9 +134,9 @@ Result<Bytes> encode_write(const Settings& settings, const Write& write) {
   append_device(area, span.space, span.first_bit, name_chars(span.space));
   append_points(area, span.bits / unit);
   if (by_bits)
-    append_bits(area, write.image, span.bits);
+    mc::append_bits(mc::Code::ascii, area, write.image, span.bits);
   else
-    append_numbers(area, write.image, unit / 8);
+    mc::append_image(mc::Code::ascii, area, write.image, unit / 8);
   const bool extension = span.space == id(Space::r);
   return framed(settings, by_bits ? "BW" : (extension ? "QW" : "WW"), area);
 }
@@ -172,9 +160,9 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
       append_device(items, span.space, span.first_bit + done, long_names ? kLongName : kShortName);
       const Bytes value = extract_bits(part.image, done, step);
       if (*carrier == Carrier::bits)
-        append_bits(items, value, 1);
+        mc::append_bits(mc::Code::ascii, items, value, 1);
       else
-        append_numbers(items, value, 2);
+        mc::append_image(mc::Code::ascii, items, value, 2);
     }
   }
   Bytes area;

@@ -1,5 +1,5 @@
 // Builds the body of a request in either code, and extracts numbers from an answer. Only for the
-// files of this codec.
+// files of the MC codecs and of the computer link.
 #pragma once
 
 #include <optional>
