@@ -4,7 +4,7 @@
 #include <array>
 
 #include "protocol/encoding.h"
-#include "protocol/mc/one_e_frame.h"
+#include "protocol/mc/body.h"
 
 namespace fxagent::mc {
 
@@ -24,6 +24,59 @@ constexpr std::uint32_t kRandomBits = 80;
 constexpr std::uint32_t kRandomWords = 10;
 
 constexpr std::uint32_t kMonitoringUnitMs = 250;
+
+/// Command and end code of an answer.
+constexpr std::size_t kAnswerHead = 2;
+
+// Answer to 15, JY997D45801 7.6.3.
+constexpr int kFx3u = 0xF3;
+constexpr int kFx3g = 0xF4;
+
+/// End code that is followed by an abnormal code and 00.
+constexpr int kWithReason = 0x5B;
+
+/// Reason of a refusal and its meaning for a read and for any other request.
+struct Refusal {
+  int code;  ///< end code, with the abnormal code above it if that matters
+  RefusalMeaning for_read;
+  RefusalMeaning otherwise;
+  std::string_view text;
+};
+using Meaning = RefusalMeaning;
+// JY997D45801 9.3.2. The first row that fits counts.
+constexpr Refusal kRefusals[] = {
+    {0x50, Meaning::final, Meaning::final, "the PLC does not have this command"},
+    {0x54, Meaning::final, Meaning::final,
+     "the PLC is set to ASCII and cannot read this: `code` must be the communication data code "
+     "that is set in the PLC"},
+    {0x55, Meaning::final, Meaning::final,
+     "writing is not permitted while the PLC runs: set \"Enable online change\" in its Ethernet "
+     "settings (FX3U-ENET: \"Enable Write at RUN time\")"},
+    {0x56, Meaning::hole, Meaning::final, "no such device"},
+    {0x57, Meaning::hole, Meaning::final, "too many points, or beyond the last device"},
+    {0x58, Meaning::hole, Meaning::final,
+     "no such device number, or this command cannot begin with it"},
+    {0x105B, Meaning::unreachable, Meaning::final, "no PLC has this PC number (`pc`)"},
+    {0x185B, Meaning::final, Meaning::final, "remote RUN or STOP is not possible"},
+    {kWithReason, Meaning::unreachable, Meaning::unclear,
+     "the Ethernet module cannot reach the PLC"},
+    {0x60, Meaning::unreachable, Meaning::unclear,
+     "the PLC gave its Ethernet module no answer within the monitoring timer"},
+};
+constexpr Refusal kUnlisted = {0, Meaning::final, Meaning::unclear,
+                               "a reason that the manual does not list"};
+
+const Refusal& refusal_of(int device_code) {
+  const auto* found = std::ranges::find_if(kRefusals, [&](const Refusal& known) {
+    return known.code == device_code || known.code == (device_code & 0xFF);
+  });
+  return found == std::end(kRefusals) ? kUnlisted : *found;
+}
+
+/// Returns Reply::device_code.
+int device_code(int end_code, std::optional<int> abnormal_code) {
+  return end_code | abnormal_code.value_or(0) << 8;
+}
 
 bool is_fx3(Model model) { return series_of(model) == Series::fx3; }
 
@@ -321,6 +374,30 @@ Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const 
 
 // ---- answers -----------------------------------------------------------------------------------
 
+namespace one_e {
+
+std::optional<Bytes> from_ascii(ByteView frame) {
+  if (!is_hex(frame)) return std::nullopt;
+  Bytes bytes;
+  bytes.reserve(frame.size() / 2);
+  for (std::size_t i = 0; i + 1 < frame.size(); i += 2)
+    bytes.push_back(static_cast<std::uint8_t>(hex_byte(frame.subspan(i, 2))));
+  return bytes;
+}
+
+std::string_view model_coded(int model_code) {
+  if (model_code == kFx3u) return to_string(Model::fx3u);
+  return model_code == kFx3g ? to_string(Model::fx3g) : std::string_view{};
+}
+
+std::string refusal(int end_code, std::optional<int> abnormal_code) {
+  std::string text = hex_text(static_cast<std::uint32_t>(end_code), 2);
+  if (abnormal_code) text += " " + hex_text(static_cast<std::uint32_t>(*abnormal_code), 2);
+  return text.append(": ").append(refusal_of(device_code(end_code, abnormal_code)).text);
+}
+
+}  // namespace one_e
+
 namespace {
 
 /// Decodes the answer that begins at the front of `frame`. nullopt: more bytes are needed.
@@ -334,14 +411,14 @@ Decoded reply_in(Code data_code, const Request& request, std::uint8_t command, B
   if (bytes[0] != (command | one_e::kAnswer))
     return garbled("an answer that begins with " + hex_text(bytes[0], 2) + " where " +
                    hex_text(command | one_e::kAnswer, 2) + " is due" + std::string(mistake));
-  if (bytes.size() < one_e::kAnswerHead) return std::nullopt;
+  if (bytes.size() < kAnswerHead) return std::nullopt;
 
   Reply reply;
   const std::uint8_t end_code = bytes[1];
-  std::size_t length = one_e::kAnswerHead;
+  std::size_t length = kAnswerHead;
   if (end_code == 0) {
     length += data_bytes(request);
-  } else if (end_code == one_e::kWithReason || bytes.size() > length) {
+  } else if (end_code == kWithReason || bytes.size() > length) {
     length += 2;  // the abnormal code; an E71 may send it with other end codes, too
   }
   if (bytes.size() < length) return std::nullopt;
@@ -350,13 +427,13 @@ Decoded reply_in(Code data_code, const Request& request, std::uint8_t command, B
                    std::to_string(wire_size(data_code, length)) + " were due");
   reply.consumed = frame.size();
   if (end_code != 0) {
-    const auto abnormal = length > one_e::kAnswerHead ? std::optional<int>(bytes[2]) : std::nullopt;
+    const auto abnormal = length > kAnswerHead ? std::optional<int>(bytes[2]) : std::nullopt;
     reply.kind = Reply::Kind::nak;
-    reply.device_code = one_e::device_code(end_code, abnormal.value_or(0));
+    reply.device_code = device_code(end_code, abnormal);
     reply.text = "nak " + one_e::refusal(end_code, abnormal);
     return reply;
   }
-  const ByteView data = frame.subspan(wire_size(data_code, one_e::kAnswerHead));
+  const ByteView data = frame.subspan(wire_size(data_code, kAnswerHead));
   if (data.empty()) return reply;
   reply.kind = Reply::Kind::data;
   const auto* read = std::get_if<Read>(&request);
@@ -364,7 +441,7 @@ Decoded reply_in(Code data_code, const Request& request, std::uint8_t command, B
   auto image = by_bits ? bits_in(data_code, data, read->span.bits)
                        : image_in(data_code, data, read == nullptr ? 1 : 2);
   if (!image)
-    return garbled("data " + to_hex(ByteView(bytes).subspan(one_e::kAnswerHead)) + " are not bits");
+    return garbled("data " + to_hex(ByteView(bytes).subspan(kAnswerHead)) + " are not bits");
   reply.image = std::move(*image);
   return reply;
 }
@@ -419,8 +496,8 @@ LineLength OneE::line_length(const Request& request) const {
   LineLength length;
   if (const auto frame = encode(request, 0))
     length.request_chars = static_cast<std::uint32_t>(frame->size());
-  length.reply_chars = static_cast<std::uint32_t>(
-      wire_size(settings_.code, one_e::kAnswerHead + data_bytes(request)));
+  length.reply_chars =
+      static_cast<std::uint32_t>(wire_size(settings_.code, kAnswerHead + data_bytes(request)));
   return length;
 }
 
@@ -446,7 +523,8 @@ std::optional<Request> OneE::apart_from(const Request& request) const {
 }
 
 RefusalMeaning OneE::meaning_of(const Request& request, int device_code) const {
-  return one_e::meaning_of(device_code, brings_data(request));
+  const Refusal& reason = refusal_of(device_code);
+  return brings_data(request) ? reason.for_read : reason.otherwise;
 }
 
 // ---- model, RUN and STOP -----------------------------------------------------------------------

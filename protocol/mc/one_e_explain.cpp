@@ -4,7 +4,6 @@
 
 #include "protocol/device_walk.h"
 #include "protocol/mc/one_e.h"
-#include "protocol/mc/one_e_frame.h"
 
 namespace fxagent::mc {
 namespace one_e {
