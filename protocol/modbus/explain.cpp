@@ -41,7 +41,7 @@ class PduWalk final : public FrameWalk {
   }
   void exception(const Field& field) {
     const std::uint32_t code = number(field);
-    const std::string_view text = exception_text(static_cast<int>(code));
+    const std::string_view text = exception_coded(static_cast<int>(code)).text;
     out_.values.push_back(hex_text(code, 2));
     show(field.name,
          out_.values.back() + ": " + std::string(text.empty() ? "not in the specification" : text));

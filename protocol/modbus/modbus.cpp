@@ -348,26 +348,8 @@ LineLength Modbus::line_length(const Request& request) const {
 // ---- refusals, recovery and pauses --------------------------------------------------------------
 
 RefusalMeaning Modbus::meaning_of(const Request& request, int device_code) const {
-  const bool reads = std::holds_alternative<Read>(request);
-  switch (device_code) {
-    case 0x02:
-    case 0x03:
-      return reads ? RefusalMeaning::hole : RefusalMeaning::final;
-    case 0x05:
-      return reads ? RefusalMeaning::busy : RefusalMeaning::unclear;
-    case 0x06:
-      return RefusalMeaning::busy;
-    case 0x0A:
-      return reads ? RefusalMeaning::unreachable : RefusalMeaning::final;
-    case 0x0B:
-      return reads ? RefusalMeaning::unreachable : RefusalMeaning::unclear;
-    case 0x01:
-    case 0x07:
-    case 0x08:
-      return RefusalMeaning::final;
-    default:
-      return reads ? RefusalMeaning::final : RefusalMeaning::unclear;
-  }
+  const Exception& exception = exception_coded(device_code);
+  return std::holds_alternative<Read>(request) ? exception.for_read : exception.otherwise;
 }
 
 std::optional<Request> Modbus::instead_of(const Request& request, int device_code) const {

@@ -155,7 +155,7 @@ Decoded decode_identity(ByteView pdu) {
 }
 
 Reply refusal(int device_code) {
-  const auto text = exception_text(device_code);
+  const std::string_view text = exception_coded(device_code).text;
   return {.kind = Reply::Kind::nak,
           .device_code = device_code,
           .text = "exception " + hex_text(static_cast<std::uint32_t>(device_code), 2) + ": " +
@@ -242,15 +242,23 @@ Decoded decode_pdu(const Request& request, ByteView pdu) {
   return Reply{};
 }
 
-std::string_view exception_text(int device_code) {
-  constexpr auto kTexts = std::to_array<std::string_view>(  // by code; empty: none
-      {"", "illegal function", "illegal data address", "illegal data value", "device failure",
-       "acknowledged, but still in progress", "device busy", "negative acknowledgement",
-       "memory parity error", "", "the gateway has no path to the unit",
-       "the unit behind the gateway does not answer"});
-  return device_code >= 0 && device_code < std::ssize(kTexts)
-             ? kTexts[static_cast<std::size_t>(device_code)]
-             : std::string_view();
+const Exception& exception_coded(int device_code) {
+  using Meaning = RefusalMeaning;
+  static constexpr Exception kExceptions[] = {
+      {},
+      {"illegal function", Meaning::final, Meaning::final},
+      {"illegal data address", Meaning::hole, Meaning::final},
+      {"illegal data value", Meaning::hole, Meaning::final},
+      {"device failure"},
+      {"acknowledged, but still in progress", Meaning::busy, Meaning::unclear},
+      {"device busy", Meaning::busy, Meaning::busy},
+      {"negative acknowledgement", Meaning::final, Meaning::final},
+      {"memory parity error", Meaning::final, Meaning::final},
+      {},
+      {"the gateway has no path to the unit", Meaning::unreachable, Meaning::final},
+      {"the unit behind the gateway does not answer", Meaning::unreachable, Meaning::unclear},
+  };
+  return kExceptions[device_code > 0 && device_code < std::ssize(kExceptions) ? device_code : 0];
 }
 
 }  // namespace fxagent::modbus

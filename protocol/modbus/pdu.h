@@ -66,7 +66,12 @@ std::optional<std::size_t> answer_length(ByteView pdu);
 /// answer to any request.
 Decoded decode_pdu(const Request& request, ByteView pdu);
 
-/// Returns for example "illegal data address"; empty for a code that is not in the specification.
-std::string_view exception_text(int device_code);
+/// An exception and its meaning for a read and for any other request.
+struct Exception {
+  std::string_view text;  ///< "illegal data address"; empty: not in the specification
+  RefusalMeaning for_read = RefusalMeaning::final;
+  RefusalMeaning otherwise = RefusalMeaning::unclear;
+};
+const Exception& exception_coded(int device_code);
 
 }  // namespace fxagent::modbus

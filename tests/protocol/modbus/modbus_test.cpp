@@ -537,7 +537,7 @@ TEST(Modbus, ExceptionsMeanWhatTheyMeanToReadsAndToWrites) {
   for (const auto& c : cases) {
     EXPECT_EQ(meaning(kRead, c.code), c.read) << c.code;
     EXPECT_EQ(meaning(write, c.code), c.write) << c.code;
-    EXPECT_NE(exception_text(c.code).empty(), c.code != 0x7F) << c.code;
+    EXPECT_NE(exception_coded(c.code).text.empty(), c.code != 0x7F) << c.code;
   }
 }
 
