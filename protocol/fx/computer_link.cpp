@@ -112,41 +112,30 @@ Bytes acknowledge(const Settings& settings) {
 Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   if (const auto sent = encode(request, tag); !sent) return tl::make_unexpected(sent.error());
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "EOT is never answered");
-  const mc::SerialAnswer answer =
-      mc::serial_answer(frame_of(settings_), 0, data_chars(request), rx);
-  Reply reply{.began = answer.began, .consumed = answer.end};
-  switch (answer.state) {
-    case mc::SerialAnswer::State::incomplete: {
-      // Bytes before the echo of the request are older.
-      const auto echo = std::find(rx.rbegin(), rx.rend(), kEnq);
-      const auto size = static_cast<std::size_t>(echo - rx.rbegin());
-      if (answer.began == 0 && size > 2 * kLongestFrame)
-        return garbled(std::to_string(size) + " bytes without an answer; the longest has " +
-                       std::to_string(kLongestFrame));
-      return std::nullopt;
-    }
-    case mc::SerialAnswer::State::wrong:
-      return garbled(answer.error);
-    case mc::SerialAnswer::State::refused: {
-      const ByteView code = rx.subspan(answer.began + kLinkHeader, 2);
-      reply.kind = Reply::Kind::nak;
-      reply.device_code = hex_byte(code);
-      if (reply.device_code < 0) return garbled("NAK with the reason " + to_hex(code));
-      reply.text = "nak " + as_text(code) + ": " + std::string(link_refusal(reply.device_code));
-      break;
-    }
-    case mc::SerialAnswer::State::data: {
-      auto image = image_of(request, answer.data);
-      if (!image) return tl::make_unexpected(image.error());
-      reply.kind = Reply::Kind::data;
-      reply.image = std::move(*image);
-      if (settings_.acknowledge_data) reply.closing = acknowledge(settings_);
-      break;
-    }
-    case mc::SerialAnswer::State::done:
-      break;
+  auto answer = mc::serial_answer(frame_of(settings_), 0, data_chars(request), rx);
+  if (!answer.reply) return answer.reply;
+  if (!*answer.reply) {
+    // Bytes before the echo of the request are older.
+    const auto echo = std::find(rx.rbegin(), rx.rend(), kEnq);
+    const auto size = static_cast<std::size_t>(echo - rx.rbegin());
+    if (!answer.has_begun && size > 2 * kLongestFrame)
+      return garbled(std::to_string(size) + " bytes without an answer; the longest has " +
+                     std::to_string(kLongestFrame));
+    return std::nullopt;
   }
-  return reply;
+  Reply& reply = **answer.reply;
+  if (reply.kind == Reply::Kind::nak) {
+    const ByteView code = rx.subspan(reply.began + kLinkHeader, 2);
+    reply.device_code = hex_byte(code);
+    if (reply.device_code < 0) return garbled("NAK with the reason " + to_hex(code));
+    reply.text = "nak " + as_text(code) + ": " + std::string(link_refusal(reply.device_code));
+  } else if (reply.kind == Reply::Kind::data) {
+    auto image = image_of(request, reply.image);
+    if (!image) return tl::make_unexpected(image.error());
+    reply.image = std::move(*image);
+    if (settings_.acknowledge_data) reply.closing = acknowledge(settings_);
+  }
+  return answer.reply;
 }
 
 bool ComputerLink::expects_reply(const Request& request) const {

@@ -184,26 +184,21 @@ Decoded decode_ethernet(const Dialect& dialect, const Request& request, std::uin
 Decoded decode_serial(const Dialect& dialect, const Request& request, std::uint16_t tag,
                       ByteView rx) {
   const std::size_t size = answer_size(dialect, request);
-  const SerialAnswer answer = serial_answer(dialect, static_cast<std::uint8_t>(tag), size, rx);
-  Result<Reply> reply;
-  switch (answer.state) {
-    case SerialAnswer::State::incomplete:
-      if (rx.size() > kMostSearched)
-        return garbled(std::to_string(rx.size()) + " bytes without an answer");
-      return std::nullopt;
-    case SerialAnswer::State::wrong:
-      return garbled(answer.error);
-    case SerialAnswer::State::refused:
-      reply = refusal(answer.end_code, dialect.series());
-      break;
-    case SerialAnswer::State::data:
-    case SerialAnswer::State::done:
-      reply = data_reply(dialect, request, answer.data);
-      break;
+  Decoded found = serial_answer(dialect, static_cast<std::uint8_t>(tag), size, rx).reply;
+  if (!found) return found;
+  if (!*found) {
+    if (rx.size() > kMostSearched)
+      return garbled(std::to_string(rx.size()) + " bytes without an answer");
+    return std::nullopt;
   }
+  const Reply& answer = **found;
+  Result<Reply> reply =
+      answer.kind == Reply::Kind::nak
+          ? refusal(static_cast<std::uint16_t>(answer.device_code), dialect.series())
+          : data_reply(dialect, request, answer.image);
   if (!reply) return tl::make_unexpected(reply.error());
   reply->began = answer.began;
-  reply->consumed = answer.end;
+  reply->consumed = answer.consumed;
   return std::move(*reply);
 }
 

@@ -19,9 +19,7 @@ constexpr std::string_view kRefused = "QNAK";
 constexpr std::size_t kLength = 2;
 constexpr std::size_t kMark = 2;
 
-SerialAnswer garbled_answer(std::string error) {
-  return {.state = SerialAnswer::State::wrong, .error = std::move(error)};
-}
+SerialAnswer garbled_answer(std::string error) { return {.reply = garbled(std::move(error))}; }
 
 /// Returns block number, frame id and route: all that stands between the control character and the
 /// content of an answer.
@@ -112,11 +110,10 @@ class AsciiSearch final {
   }
 
  private:
-  using State = SerialAnswer::State;
   bool is_1c() const { return dialect_.frame == Frame::c1; }
   bool is_3() const { return dialect_.format == 3; }
   std::size_t left() const { return rx_.size() - at_; }
-  SerialAnswer incomplete() const { return {.began = at_}; }
+  static SerialAnswer incomplete() { return {.has_begun = true}; }
 
   /// If another STX cuts off a frame, continues at that STX.
   bool begins_anew() {
@@ -148,7 +145,7 @@ class AsciiSearch final {
       ++at_;
       return std::nullopt;
     }
-    return first == kAck ? finish(State::done, 1 + head_.size(), 0)
+    return first == kAck ? finish(Reply::Kind::ack, 1 + head_.size(), 0)
                          : refused_at(1 + head_.size(), 0);
   }
 
@@ -162,18 +159,21 @@ class AsciiSearch final {
     if (left() <= behind) return SerialAnswer{};
     const bool has_data = rx_[at_ + behind] != kEtx;
     if (has_data != (data_ != 0)) return pass_frame();
-    return has_data ? data_from(kDone.size()) : finish(State::done, behind, 1);
+    return has_data ? data_from(kDone.size()) : finish(Reply::Kind::ack, behind, 1);
   }
 
   /// Completes an answer without data: `size` characters, ETX if any, then CR LF.
-  std::optional<SerialAnswer> finish(State state, std::size_t size, std::size_t etx,
-                                     std::uint16_t code = 0) {
+  std::optional<SerialAnswer> finish(Reply::Kind kind, std::size_t size, std::size_t etx,
+                                     std::uint32_t code = 0) {
     const std::size_t whole = size + etx + tail_size(dialect_);
     if (left() < whole) return incomplete();
     if (etx != 0 && rx_[at_ + size] != kEtx)
       return garbled_answer("ETX is missing after the answer");
     if (!has_tail(whole)) return no_tail(is_1c() ? "ACK or NAK" : "the answer");
-    return SerialAnswer{.state = state, .end_code = code, .began = at_, .end = at_ + whole};
+    return SerialAnswer{Reply{.kind = kind,
+                              .device_code = static_cast<int>(code),
+                              .began = at_,
+                              .consumed = at_ + whole}};
   }
 
   /// The codec of 1C reads its shorter code itself.
@@ -185,7 +185,7 @@ class AsciiSearch final {
     if (!code && !is_1c())
       return garbled_answer("refused with the code " + to_hex(given) +
                             ", which is not four hex digits");
-    return finish(State::refused, size + digits, etx, static_cast<std::uint16_t>(code.value_or(0)));
+    return finish(Reply::Kind::nak, size + digits, etx, code.value_or(0));
   }
 
   /// Decodes an answer with data. `word` characters precede the data after the head.
@@ -210,10 +210,10 @@ class AsciiSearch final {
         return garbled_answer(std::move(why));
     if (!has_tail(whole)) return no_tail(is_1c() ? "the data" : "the answer");
     const ByteView data = frame.subspan(begin, data_);
-    return SerialAnswer{.state = State::data,
-                        .data = Bytes(data.begin(), data.end()),
-                        .began = at_,
-                        .end = at_ + whole};
+    return SerialAnswer{Reply{.kind = Reply::Kind::data,
+                              .image = Bytes(data.begin(), data.end()),
+                              .began = at_,
+                              .consumed = at_ + whole}};
   }
 
   /// Skips a frame with STX that is not the wanted answer. Incomplete if its end has not arrived.
@@ -263,17 +263,16 @@ std::optional<SerialAnswer> binary_answer(const Dialect& dialect, std::size_t da
   if (content.size() < mark + kMark || content[mark] != 0xFF || content[mark + 1] != 0xFF)
     return std::nullopt;  // echo of a request
   if (content.size() < least) return garbled_answer("an answer without end code");
-  const auto code =
-      static_cast<std::uint16_t>(*number_at(Code::binary, content, mark + kMark, kEndCode));
+  const auto code = static_cast<int>(*number_at(Code::binary, content, mark + kMark, kEndCode));
   const ByteView rest = content.subspan(least);
-  if (code != 0) return SerialAnswer{.state = SerialAnswer::State::refused, .end_code = code};
+  if (code != 0) return SerialAnswer{Reply{.kind = Reply::Kind::nak, .device_code = code}};
   if ((rest.empty()) != (data == 0))
     return std::nullopt;  // a late answer to a request of the other kind
   if (rest.size() != data)
     return garbled_answer(std::to_string(rest.size()) + " bytes of data given, " +
                           std::to_string(data) + " expected");
-  return SerialAnswer{.state = data == 0 ? SerialAnswer::State::done : SerialAnswer::State::data,
-                      .data = Bytes(rest.begin(), rest.end())};
+  return SerialAnswer{Reply{.kind = data == 0 ? Reply::Kind::ack : Reply::Kind::data,
+                            .image = Bytes(rest.begin(), rest.end())}};
 }
 
 SerialAnswer binary_search(const Dialect& dialect, std::size_t data, ByteView rx) {
@@ -295,8 +294,10 @@ SerialAnswer binary_search(const Dialect& dialect, std::size_t data, ByteView rx
       if (auto why = why_wrong_sum(rx.subspan(frame.end, kSum), frame.content); !why.empty())
         return garbled_answer(std::move(why));
     if (auto answer = binary_answer(dialect, data, frame.content)) {
-      answer->began = at;
-      answer->end = end;
+      if (Decoded& reply = answer->reply) {
+        (*reply)->began = at;
+        (*reply)->consumed = end;
+      }
       return *answer;
     }
     at = end;

@@ -24,18 +24,9 @@ std::size_t serial_doubles(const Dialect& dialect, ByteView request, std::size_t
 
 /// Result of a search for the answer to one request.
 struct SerialAnswer {
-  enum class State : std::uint8_t {
-    incomplete,
-    data,
-    done,
-    refused,
-    wrong,
-  } state = State::incomplete;
-  Bytes data{};
-  std::uint16_t end_code = 0;  ///< not of 1C
-  std::size_t began = 0;       ///< incomplete: of the answer so far; 0: none has begun
-  std::size_t end = 0;
-  std::string error{};  ///< wrong: the reason
+  /// The image are the data as they are on the wire. A refusal has no text, and no code in 1C.
+  Decoded reply{};
+  bool has_begun = false;  ///< part of the answer is there
 };
 /// Searches `rx` for the answer to a request with this block number. The answer has `data`
 /// characters of data; 0: none. Skips echoes, frames of other stations and answers of the other
