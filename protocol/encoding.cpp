@@ -20,6 +20,14 @@ bool is_hex(ByteView wire) {
   return std::ranges::all_of(wire, [](std::uint8_t c) { return hex_digit(c) >= 0; });
 }
 
+std::string why_wrong_sum(ByteView given, ByteView bytes) {
+  const int sum = hex_byte(given);
+  if (sum < 0) return "sum " + to_hex(given) + " is not two hex digits";
+  const std::uint8_t computed = byte_sum(bytes);
+  if (sum == computed) return {};
+  return "sum " + as_text(given) + " given, " + hex_text(computed, 2) + " computed";
+}
+
 Write write_of(const Force& force) {
   return {{force.space, force.bit, 1}, {static_cast<std::uint8_t>(force.on ? 1 : 0)}, force.way};
 }

@@ -32,6 +32,8 @@ enum class NumberForm : std::uint8_t { digits, high_first, low_first };
 std::optional<std::uint32_t> number_in(NumberForm form, ByteView wire);
 /// True if all of `wire` are hex digits.
 bool is_hex(ByteView wire);
+/// Returns why the two characters are not the hex digits of byte_sum(bytes); empty if they are.
+std::string why_wrong_sum(ByteView given, ByteView bytes);
 
 /// Returns the force as a write of its single bit, by the same way.
 Write write_of(const Force& force);

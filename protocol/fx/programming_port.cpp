@@ -80,12 +80,8 @@ Reply nak(std::size_t consumed) {
 Decoded data_reply(ByteView rx, FramePlace at, std::size_t bytes) {
   const ByteView frame = rx.subspan(at.begin, at.end - at.begin);
   const ByteView payload = frame.subspan(1, frame.size() - kEnvelope);
-  const ByteView given = frame.last(2);
-  const int sum = hex_byte(given);
-  const std::uint8_t computed = byte_sum(frame.subspan(1, frame.size() - 3));
-  if (sum < 0) return garbled("sum " + to_hex(given) + " is not two hex digits");
-  if (sum != computed)
-    return garbled("sum " + as_text(given) + " given, " + hex_text(computed, 2) + " computed");
+  auto why = why_wrong_sum(frame.last(2), frame.subspan(1, frame.size() - 3));
+  if (!why.empty()) return garbled(std::move(why));
   if (payload.size() != bytes * 2)
     return garbled(std::to_string(payload.size()) + " data digits given, " +
                    std::to_string(bytes * 2) + " expected");

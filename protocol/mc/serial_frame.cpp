@@ -74,15 +74,6 @@ Bytes binary_request(const Dialect& dialect, ByteView message) {
   return frame;
 }
 
-/// Returns why the two characters are not the sum of `bytes`; empty if they are.
-std::string why_wrong_sum(ByteView given, ByteView bytes) {
-  const int sum = hex_byte(given);
-  if (sum < 0) return "sum " + to_hex(given) + " is not two hex digits";
-  const std::uint8_t computed = byte_sum(bytes);
-  if (sum == computed) return {};
-  return "sum " + as_text(given) + " given, " + hex_text(computed, 2) + " computed";
-}
-
 /// Searches the received bytes for an answer in formats 1 to 4.
 class AsciiSearch final {
  public:
