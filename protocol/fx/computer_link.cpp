@@ -148,7 +148,8 @@ bool ComputerLink::may_pass_for_answer(ByteView bytes) const {
 
 LineLength ComputerLink::line_length(const Request& request) const {
   LineLength length;
-  length.request_chars = request_chars(request);
+  if (const auto frame = encode(request, 0))
+    length.request_chars = static_cast<std::uint32_t>(frame->size());
   if (!expects_reply(request)) return length;
   const auto reply_chars = [&](std::uint32_t data) {
     return static_cast<std::uint32_t>(mc::serial_answer_length(frame_of(settings_), data));

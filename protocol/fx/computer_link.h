@@ -31,10 +31,6 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
     bool acknowledge_data = true;  ///< answer data with ACK, as the manual requires
     /// Bytes of device memory in one frame; 128 bytes are the 64 words of the manual.
     std::uint32_t max_block_bytes = 128;
-
-    /// Characters of the sum and of the terminator of a frame.
-    std::uint32_t sum_chars() const { return sum_check ? 2U : 0U; }
-    std::uint32_t terminator_chars() const { return ends_with_cr_lf ? 2U : 0U; }
   };
   /// Read::way of the two units: BR returns one character for each bit, WR and QR four for each
   /// word.
@@ -91,9 +87,6 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   std::string run_hint() const override;
 
  private:
-  /// Returns the characters of a request. 0 if encode() fails, except for a read.
-  std::uint32_t request_chars(const Request& request) const;
-
   Settings settings_;
 };
 

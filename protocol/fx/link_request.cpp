@@ -13,9 +13,6 @@ namespace {
 
 using Settings = ComputerLink::Settings;
 
-// ENQ header, command, wait, number of points. The head device stands between the last two.
-constexpr std::uint32_t kReadRequest = kLinkHeader + 2 + 1 + 2;
-
 /// Points of one frame, JY992D69901 7.7.1.
 struct PointLimits {
   std::uint32_t br, wr, wr_of_bits, wr_of_dwords, bw, ww, ww_of_bits, ww_of_dwords, bt, wt;
@@ -250,14 +247,6 @@ Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/
     }
   }
   return fail(ErrorCode::unsupported, "the computer link has no enquiry of its own");
-}
-
-std::uint32_t ComputerLink::request_chars(const Request& request) const {
-  if (const auto* read = std::get_if<Read>(&request))
-    return kReadRequest + static_cast<std::uint32_t>(name_chars(read->span.space)) +
-           settings_.sum_chars() + settings_.terminator_chars();
-  const auto frame = encode(request, 0);
-  return frame ? static_cast<std::uint32_t>(frame->size()) : 0;
 }
 
 }  // namespace fxagent::fx
