@@ -15,10 +15,6 @@
 namespace fxagent {
 namespace {
 
-std::vector<std::string_view> names(std::span<const std::string_view> list) {
-  return {list.begin(), list.end()};
-}
-
 OptionSpec integer(std::string_view key, std::int64_t min, std::int64_t max, std::int64_t fallback,
                    std::string_view meaning) {
   return {key, OptionSpec::Kind::integer, min, max, {}, fallback, meaning};
@@ -78,8 +74,8 @@ ProtocolInfo fx_protocol(std::string_view name, std::string_view summary) {
   // Models other than these three reach 19200 baud.
   info.most_speed = 19200;
   info.fast_models = {"FX3S", "FX3G", "FX3U"};
-  info.models = names(fx::model_names());
-  info.kin = names(fx::kin_names());
+  info.models = fx::model_names();
+  info.kin = fx::kin_names();
   info.model_meaning = kFxModel;
   info.address_forms = kFxAddresses;
   return info;
@@ -216,8 +212,8 @@ ProtocolInfo mc_1e() {
   info.on_serial = false;
   info.on_udp = true;
   info.multidrop = true;
-  info.models = names(mc::one_e_model_names());
-  info.kin = names(mc::one_e_kin_names());
+  info.models = mc::one_e_model_names();
+  info.kin = mc::one_e_kin_names();
   info.address_forms = kMcAddresses;
   info.model_meaning =
       "Model of the PLC. `auto`: the agent asks an FX3, and `check` uses the ranges of the FX3U, "
@@ -258,8 +254,8 @@ ProtocolInfo mc_protocol(std::string_view name, std::string_view summary) {
   info.name = name;
   info.summary = summary;
   info.multidrop = true;
-  info.models = names(mc::model_names());
-  info.kin = names(mc::kin_names());
+  info.models = mc::model_names();
+  info.kin = mc::kin_names();
   info.address_forms = kMcAddresses;
   info.last_is_widest = false;
   info.model_meaning =

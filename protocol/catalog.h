@@ -58,13 +58,13 @@ struct ProtocolInfo {
   bool on_udp = false;      ///< a datagram holds one whole frame
   bool multidrop = false;   ///< frames carry a station or unit, so devices can share a line
   int least_data_bits = 0;  ///< of a serial line; 0: those of `line`
-  std::vector<std::string_view> models;  ///< values of `model` besides auto; empty: no models
+  std::span<const std::string_view> models;  ///< values of `model` besides auto; empty: no models
   /// True if the last of `models` has every device of the others. If false, addresses are checked
   /// against the codec without a model until the PLC has reported its own.
   bool last_is_widest = true;
   std::string_view model_meaning;  ///< human-readable; the schema and the README quote it
   AddressForms address_forms{};
-  std::vector<std::string_view> kin;  ///< further model names that `model` accepts
+  std::span<const std::string_view> kin;  ///< further model names that `model` accepts
   std::vector<OptionSpec> options;
   SettingHints hints;
   /// Hints that replace `hints` for models whose settings are found in another place.

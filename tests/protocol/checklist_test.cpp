@@ -128,7 +128,7 @@ TEST(Checklist, DeviceThatStoppedHasTheRightUnit) {
 TEST(Checklist, EveryProtocolHasOneThatFitsALogLine) {
   for (const ProtocolInfo& info : catalog()) {
     EXPECT_FALSE(info.hints.silent.empty()) << info.name;
-    std::vector<std::string_view> models = info.models;
+    std::vector<std::string_view> models(info.models.begin(), info.models.end());
     models.push_back(kAutoModel);
     for (const std::string_view model : models)
       for (const Wiring& wiring : {serial(), tcp()})
