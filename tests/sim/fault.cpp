@@ -37,6 +37,9 @@ constexpr std::array<std::string_view, kFaultKinds> kNames = {
     "asked_twice",
 };
 
+constexpr auto kMatches = std::to_array<std::string_view>(
+    {"any", "read", "write", "force", "enq", "control", "other"});  // by FaultMatch
+
 bool matches(FaultMatch match, RequestKind request) {
   switch (match) {
     case FaultMatch::any:
@@ -166,15 +169,12 @@ std::optional<FaultKind> find_fault(std::string_view name) {
 std::string fault_names() { return joined(kNames); }
 
 std::optional<FaultMatch> find_match(std::string_view name) {
-  if (name == "any") return FaultMatch::any;
-  if (name == "read") return FaultMatch::read;
-  if (name == "write") return FaultMatch::write;
-  if (name == "force") return FaultMatch::force;
-  if (name == "enq") return FaultMatch::enquire;
-  if (name == "control") return FaultMatch::control;
-  if (name == "other") return FaultMatch::other;
-  return std::nullopt;
+  const auto found = std::ranges::find(kMatches, name);
+  if (found == kMatches.end()) return std::nullopt;
+  return static_cast<FaultMatch>(found - kMatches.begin());
 }
+
+std::string match_names() { return joined(kMatches); }
 
 void Faults::add(const Fault& fault) {
   if (fault.count != 0) waiting_.push_back({fault, std::mt19937(fault.seed), 0});

@@ -52,7 +52,7 @@ std::string fault_names();
 
 enum class FaultMatch : std::uint8_t { any, read, write, force, enquire, control, other };
 std::optional<FaultMatch> find_match(std::string_view name);
-inline constexpr std::string_view kMatchNames = "any read write force enq control other";
+std::string match_names();
 
 struct Fault {
   FaultKind kind = FaultKind::nak;

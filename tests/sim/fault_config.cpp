@@ -77,8 +77,7 @@ Fault parse_fault(const json& object, Protocol protocol, const std::string& wher
     fail(where + "/kind", kind_name + " means nothing for " + std::string(protocol_name(protocol)));
   const auto match_name = text(object, "match", "any", where);
   const auto match = find_match(match_name);
-  if (!match)
-    fail(where + "/match", "no match " + match_name + "; known are: " + std::string(kMatchNames));
+  if (!match) fail(where + "/match", "no match " + match_name + "; known are: " + match_names());
   fault.match = *match;
   const bool dead = fault.kind == FaultKind::dead;
   fault.count = static_cast<int>(number(object, "count", dead ? -1 : 1, -1, 1'000'000'000, where));

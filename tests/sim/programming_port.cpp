@@ -1,5 +1,6 @@
 #include "tests/sim/programming_port.h"
 
+#include <algorithm>
 #include <array>
 #include <span>
 
@@ -19,15 +20,11 @@ constexpr std::chrono::milliseconds kHalfFrameLife{200};
 constexpr unsigned kMaxBytes = 0x40;        // per frame, all FX
 constexpr unsigned kMaxFx3ReadBytes = 254;  // E00 on an FX3U, as captured
 
+/// A row of devices in a map of byte addresses or, for forces, of bit addresses.
 struct Area {
   Kind kind;
-  std::uint32_t base;  // byte address of the row's first byte
-  std::uint32_t size;  // bytes
-};
-struct ForceArea {
-  Kind kind;
-  std::uint32_t base;  // bit address of the row's first bit
-  std::uint32_t size;  // bits
+  std::uint32_t base;  // address of the row's first byte or bit
+  std::uint32_t size;  // bytes or bits
 };
 
 constexpr auto kClassic = std::to_array<Area>({
@@ -46,7 +43,7 @@ constexpr auto kClassic = std::to_array<Area>({
     {Kind::special_d, 0x0E00, 0x200},
     {Kind::d, 0x1000, 0x800},  // D0 to D1023
 });
-constexpr auto kClassicForces = std::to_array<ForceArea>({
+constexpr auto kClassicForces = std::to_array<Area>({
     {Kind::s, 0x0000, 1024},
     {Kind::x, 0x0400, 256},
     {Kind::y, 0x0500, 256},
@@ -74,7 +71,7 @@ constexpr auto kFx1nFx2n = std::to_array<Area>({
     {Kind::t_value, 0x1000, 0x200},
     {Kind::d, 0x4000, 0x3E80},  // D0 to D7999
 });
-constexpr auto kFx1nFx2nForces = std::to_array<ForceArea>({
+constexpr auto kFx1nFx2nForces = std::to_array<Area>({
     {Kind::m, 0x0000, 3072},
     {Kind::y, 0x0C00, 256},
     {Kind::special_m, 0x0E00, 256},
@@ -102,7 +99,7 @@ constexpr auto kFx3 = std::to_array<Area>({
     {Kind::c_contact, 0x9340, 0x20},
     {Kind::t_contact, 0x9360, 0x40},
 });
-constexpr auto kFx3Forces = std::to_array<ForceArea>({
+constexpr auto kFx3Forces = std::to_array<Area>({
     {Kind::m, 0x4000, 7680},
     {Kind::y, 0x5E00, 256},
     {Kind::special_m, 0x6000, 512},
@@ -114,28 +111,25 @@ constexpr auto kFx3Forces = std::to_array<ForceArea>({
     {Kind::t_contact, 0x9B00, 512},
 });
 
-std::span<const Area> areas(CommandSet set) {
-  switch (set) {
-    case CommandSet::classic:
-      return kClassic;
-    case CommandSet::fx1n_fx2n:
-      return kFx1nFx2n;
-    case CommandSet::fx3:
-      return kFx3;
-  }
-  return {};
-}
+struct Maps {
+  std::span<const Area> bytes;
+  std::span<const Area> bits;
+};
+constexpr auto kMaps = std::to_array<Maps>({
+    // by CommandSet
+    {kClassic, kClassicForces},
+    {kFx1nFx2n, kFx1nFx2nForces},
+    {kFx3, kFx3Forces},
+});
 
-std::span<const ForceArea> force_areas(CommandSet set) {
-  switch (set) {
-    case CommandSet::classic:
-      return kClassicForces;
-    case CommandSet::fx1n_fx2n:
-      return kFx1nFx2nForces;
-    case CommandSet::fx3:
-      return kFx3Forces;
-  }
-  return {};
+const Maps& maps_of(CommandSet set) { return kMaps[static_cast<std::size_t>(set)]; }
+
+/// Returns the area that has the address, or null.
+const Area* area_at(std::span<const Area> map, std::uint32_t address) {
+  const auto found = std::ranges::find_if(map, [address](const Area& area) {
+    return address >= area.base && address < area.base + area.size;
+  });
+  return found == map.end() ? nullptr : &*found;
 }
 
 /// Returns the text of a whole frame between STX and ETX.
@@ -350,17 +344,15 @@ class ProgrammingPort final : public Personality {
 }  // namespace
 
 std::optional<ByteAt> byte_at(CommandSet set, std::uint32_t address) {
-  for (const auto& area : areas(set))
-    if (address >= area.base && address < area.base + area.size)
-      return ByteAt{area.kind, address - area.base};
-  return std::nullopt;
+  const auto* area = area_at(maps_of(set).bytes, address);
+  if (area == nullptr) return std::nullopt;
+  return ByteAt{area->kind, address - area->base};
 }
 
 std::optional<Device> bit_at(CommandSet set, std::uint32_t address) {
-  for (const auto& area : force_areas(set))
-    if (address >= area.base && address < area.base + area.size)
-      return Device{area.kind, address - area.base};
-  return std::nullopt;
+  const auto* area = area_at(maps_of(set).bits, address);
+  if (area == nullptr) return std::nullopt;
+  return Device{area->kind, address - area->base};
 }
 
 std::unique_ptr<Personality> make_programming_port() { return std::make_unique<ProgrammingPort>(); }
