@@ -11,8 +11,6 @@ namespace {
 constexpr unsigned kPointsPerWord = 16;
 constexpr std::uint32_t kAnswer = 0x80;
 constexpr std::uint32_t kHighestCommand = 0x1F;  // higher numbers are not 1E frames
-constexpr unsigned kFirst32BitCounter = 200;
-constexpr unsigned kSpecialBase = 8000;
 constexpr std::uint8_t kModelFx3u = 0xF3;
 constexpr std::uint8_t kModelFx3g = 0xF4;
 
@@ -77,13 +75,7 @@ std::optional<Device> device_of(std::uint32_t letters, std::uint32_t number) {
   });
   const auto row = std::ranges::find(kRows, letters, &Row::letters);
   if (row == kRows.end()) return std::nullopt;
-  if (row->kind == Kind::m && number >= kSpecialBase)
-    return Device{Kind::special_m, number - kSpecialBase};
-  if (row->kind == Kind::d && number >= kSpecialBase)
-    return Device{Kind::special_d, number - kSpecialBase};
-  if (row->kind == Kind::c_value && number >= kFirst32BitCounter)
-    return Device{Kind::c_value32, number - kFirst32BitCounter};
-  return Device{row->kind, number};
+  return fx_device(row->kind, number);
 }
 
 struct Item {

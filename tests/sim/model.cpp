@@ -172,6 +172,14 @@ std::string model_names() {
   return names;
 }
 
+Device fx_device(Kind kind, unsigned number) {
+  if (kind == Kind::c_value && number >= kFirst32BitCounter)
+    return {Kind::c_value32, number - kFirst32BitCounter};
+  if (kind == Kind::m && number >= kSpecialBase) return {Kind::special_m, number - kSpecialBase};
+  if (kind == Kind::d && number >= kSpecialBase) return {Kind::special_d, number - kSpecialBase};
+  return {kind, number};
+}
+
 std::optional<Device> parse_device(std::string_view text, Family family) {
   for (const auto& prefix : kPrefixes) {
     if (!text.starts_with(prefix.text) || counts_otherwise(prefix.kind, family)) continue;
@@ -180,14 +188,7 @@ std::optional<Device> parse_device(std::string_view text, Family family) {
     const auto* end = digits.data() + digits.size();
     const auto [rest, error] = std::from_chars(digits.data(), end, number, prefix.radix);
     if (digits.empty() || error != std::errc{} || rest != end) return std::nullopt;
-    if (family != Family::fx) return Device{prefix.kind, number};
-    if (prefix.kind == Kind::c_value && number >= kFirst32BitCounter)
-      return Device{Kind::c_value32, number - kFirst32BitCounter};
-    if (prefix.kind == Kind::m && number >= kSpecialBase)
-      return Device{Kind::special_m, number - kSpecialBase};
-    if (prefix.kind == Kind::d && number >= kSpecialBase)
-      return Device{Kind::special_d, number - kSpecialBase};
-    return Device{prefix.kind, number};
+    return family == Family::fx ? fx_device(prefix.kind, number) : Device{prefix.kind, number};
   }
   return std::nullopt;
 }

@@ -117,6 +117,9 @@ struct Device {
   bool operator==(const Device&) const = default;
 };
 
+/// Returns the device of an FX with this number in its name: M8000, D8000 and CN200 begin rows of
+/// their own.
+Device fx_device(Kind kind, unsigned number);
 /// Parses "X17" (octal), "M8013", "TN5", "TS5", "TC5" (coil), "CN200", "CS0", "CC0", "S20", "D100",
 /// "R0"; for a Modbus device "co:0", "di:0", "hr:0" and "ir:0", addresses as on the wire.
 /// Families number differently: X and Y are octal on fx and iq_f and hexadecimal elsewhere; M8000,
