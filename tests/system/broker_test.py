@@ -118,8 +118,7 @@ class BrokerLife(PlantTest):
         # 400 values of five digits per row: a hundred rows need several messages.
         tags = [{"name": "block", "address": "D1000", "type": "uint16", "count": 400,
                  "group": "fast"}]
-        self.start([device(tags=tags, groups=[{"name": "fast", "interval_ms": 20}])],
-                   [self.plc(memory={"D1000": [60000] * 400})])
+        self.start([device(tags=tags, interval_ms=20)], [self.plc(memory={"D1000": [60000] * 400})])
         first = self.data()["seq"]
         self.broker_away()
         self.sim.wait_reads(100 * 13 + 1)  # a hundred rows: 800 bytes take at most 13 reads of 64

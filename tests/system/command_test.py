@@ -44,7 +44,7 @@ class Commands(PlantTest):
         self.assertEqual(result["value"], 1.3)
 
     def test_a_write_to_a_tag_is_published_at_once_and_nothing_older_after_it(self):
-        self.start_press(plc={"baud": 9600}, groups=[{"name": "fast", "interval_ms": 100}])
+        self.start_press(plc={"baud": 9600}, interval_ms=100)
         for value in range(1, 21):
             since = self.watcher.mark()
             self.succeed(op="write", tag="setpoint", value=value)
@@ -592,8 +592,7 @@ class Commands(PlantTest):
 
     def test_the_computed_bound_holds_on_a_paced_line(self):
         tags = TAGS + [{"name": "block", "address": "D1000", "count": 20, "group": "fast"}]
-        self.start([device(tags=tags, groups=[{"name": "fast", "interval_ms": 300}])],
-                   [self.plc(baud=9600, turnaround_ms=10)])
+        self.start([device(tags=tags, interval_ms=300)], [self.plc(baud=9600, turnaround_ms=10)])
         self.state("press1", "online")
         for number in range(40):
             self.send({"id": f"b{number}", "op": "write", "tag": "setpoint", "value": number})

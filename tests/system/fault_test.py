@@ -13,9 +13,7 @@ class Faults(PlantTest):
     def test_every_wire_fault_is_survived_and_no_value_is_invented(self):
         tags = [{"name": "a", "address": "D10", "group": "fast"},
                 {"name": "b", "address": "D5000", "group": "fast"}]
-        groups = [{"name": "fast", "interval_ms": 50}]
-        self.start([device(tags=tags, groups=groups)],
-                   [self.plc(memory={"D10": 111, "D5000": 222})])
+        self.start([device(tags=tags, interval_ms=50)], [self.plc(memory={"D10": 111, "D5000": 222})])
         self.state("press1", "online")
         struck = 0
         for kind, more in [("nak", {}), ("wrong_sum", {}), ("truncated", {}), ("late", {"ms": 400}),
@@ -56,8 +54,7 @@ class Faults(PlantTest):
                 self.assertIn(message["values"], ({}, right))
 
     def test_a_silent_plc_goes_offline_and_its_neighbours_keep_their_beat(self):
-        groups = [{"name": "fast", "interval_ms": 100}]
-        self.start([device(groups=groups), device("press2", "line2", groups=groups)],
+        self.start([device(interval_ms=100), device("press2", "line2", interval_ms=100)],
                    [self.plc(), self.plc("press2")],
                    [self.serial(), self.serial("line2", "press2")])
         self.state("press1", "online")
@@ -82,9 +79,8 @@ class Faults(PlantTest):
     def test_each_fault_alone_has_the_state_and_the_recovery_of_the_contract(self):
         # Silence in one poll interval is a miss; retries + 1 consecutive misses make the device offline. A refusal or
         # garbage is retried within the interval, so fewer than retries + 1 of them have no visible effect.
-        groups = [{"name": "fast", "interval_ms": 100}]
         tags = [{"name": "a", "address": "D10", "group": "fast"}]
-        self.start([device(tags=tags, groups=groups, timeout_ms=120)], [self.plc(memory={"D10": 7})])
+        self.start([device(tags=tags, interval_ms=100, timeout_ms=120)], [self.plc(memory={"D10": 7})])
         self.ready()
         for kind, count, why, state in [
                 ("nak", 2, None, "online"), ("wrong_sum", 2, None, "online"),
@@ -120,8 +116,7 @@ class Faults(PlantTest):
     def test_a_late_reply_is_never_the_next_reads_value(self):
         # The memory changes while the old answer is on its way: no old value may follow the new one. The agent waits
         # 100 ms in addition to the 20 ms of 19 characters.
-        self.start([device(groups=[{"name": "fast", "interval_ms": 30}], timeout_ms=100)],
-                   [self.plc(memory={"D100": 0})])
+        self.start([device(interval_ms=30, timeout_ms=100)], [self.plc(memory={"D100": 0})])
         self.ready()
         for value, ms in enumerate((140, 150, 180, 220, 260, 300, 400, 160), 1):
             since = self.watcher.mark()
@@ -208,9 +203,7 @@ class Faults(PlantTest):
             self.assertEqual(message["values"], {"a": 7})
 
     def test_every_fault_of_one_line_leaves_the_neighbours_beat_alone(self):
-        groups = [{"name": "fast", "interval_ms": 100}]
-        self.start([device(groups=groups, timeout_ms=100),
-                    device("press2", "line2", groups=groups)],
+        self.start([device(interval_ms=100, timeout_ms=100), device("press2", "line2", interval_ms=100)],
                    [self.plc(), self.plc("press2", baud=9600)],
                    [self.serial(), self.serial("line2", "press2")])
         self.state("press2", "online")

@@ -64,7 +64,7 @@ class FleetLoad(PlantTest):
         conf = "log_type all"
         self.start(devices=[device(tags=[{"name": f"temp{n}", "address": f"D{100 + n}", "group": "fast"}
                                          for n in range(8)],
-                                   groups=[{"name": "fast", "interval_ms": 200}])],
+                                   interval_ms=200)],
                    broker_conf=conf, version=version)
         self.ready()
         self.broker.kill()

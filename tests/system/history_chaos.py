@@ -92,7 +92,7 @@ class Chaos:
             self.relays[0].port,
             [{"name": f"line-{name}", "serial": {"path": os.path.join(self.directory, name), "baud": 9600}}
              for name in DEVICES],
-            [device(name, f"line-{name}", groups=[{"name": "fast", "interval_ms": 50}]) for name in DEVICES],
+            [device(name, f"line-{name}", interval_ms=50) for name in DEVICES],
             brokers=[{"name": "second", "servers": [f"mqtt://127.0.0.1:{relay.port}"]} for relay in self.relays[1:]],
             profiles=[{"kind": "json"}] + [{"kind": "json", "broker": "second"} for _ in self.relays[1:]],
             store={"path": store, "sync": "always"}))

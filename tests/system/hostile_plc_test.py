@@ -235,14 +235,14 @@ class HostilePlc(PlantTest):
 
     def rtu_device(self, name, link, interval_ms=50, **more):
         return device(name, link, protocol="modbus-rtu", model=None, unit=UNIT, timeout_ms=200, retries=1,
-                      groups=[{"name": "fast", "interval_ms": interval_ms}],
+                      interval_ms=interval_ms,
                       tags=[{"name": "a", "address": "hr:10", "group": "fast"},
                             {"name": "b", "address": "hr:200", "group": "fast"}],
                       commands={"allow": []}, **more)
 
     def port_device(self, name, link, **more):
         return device(name, link, timeout_ms=200, retries=1, command_set="classic",
-                      groups=[{"name": "fast", "interval_ms": 50}],
+                      interval_ms=50,
                       tags=[{"name": "a", "address": "D10", "group": "fast"},
                             {"name": "b", "address": "D200", "group": "fast"}], **more)
 

@@ -56,8 +56,7 @@ class StopTest(PlantTest):
 
 class Commands(StopTest):
     def slow_press(self):
-        self.start([device(groups=[{"name": "fast", "interval_ms": 200}])],
-                   [self.plc(baud=9600, turnaround_ms=20)])
+        self.start([device(interval_ms=200)], [self.plc(baud=9600, turnaround_ms=20)])
         self.ready()
 
     def wait_for_writes(self, count):
@@ -109,8 +108,7 @@ class Commands(StopTest):
     def test_a_stop_ends_an_array_between_two_frames(self):
         tags = [{"name": "recipe", "address": "D1000", "count": 500, "access": "read_write",
                  "group": "fast"}]
-        self.start([device(tags=tags, groups=[{"name": "fast", "interval_ms": 60000}])],
-                   [self.plc(baud=9600, turnaround_ms=20)])
+        self.start([device(tags=tags, interval_ms=60000)], [self.plc(baud=9600, turnaround_ms=20)])
         self.ready()
         self.send({"id": "a", "op": "write", "tag": "recipe", "value": list(range(1, 501))})
         self.wait_for_writes(2)
@@ -133,8 +131,7 @@ class Commands(StopTest):
         self.assert_result(result, "UNKNOWN_OUTCOME", "shutting_down")
 
     def test_everything_at_once(self):
-        self.start([device(timeout_ms=LONGEST_MS, retries=10),
-                    device("press2", "line2", groups=[{"name": "fast", "interval_ms": 200}])],
+        self.start([device(timeout_ms=LONGEST_MS, retries=10), device("press2", "line2", interval_ms=200)],
                    [self.plc(), self.plc("press2", baud=9600, turnaround_ms=20)],
                    [self.serial(), self.serial("line2", "press2")],
                    store={"path": os.path.join(self.directory, "store"), "sync": "always"})

@@ -310,7 +310,7 @@ class HostileClients(PlantTest):
         self.start(metrics={"listen": f"127.0.0.1:{port}"},
                    links=[{"name": "net", "tcp": {"host": "127.0.0.1", "port": modbus}}],
                    devices=[device(link="net", protocol="modbus-tcp", model="auto", commands={},
-                                   groups=[{"name": "fast", "interval_ms": self.INTERVAL_MS}],
+                                   interval_ms=self.INTERVAL_MS,
                                    tags=[{"name": "temp", "address": "hr:0", "group": "fast"}])])
         self.state("press1", "online")
         self.agent.wait_logged("state=listening")

@@ -48,7 +48,7 @@ class Outcomes(PlantTest):
         self.assertEqual(result["verify"], {"read": False, "match": True})
 
     def test_a_read_back_that_fails_leaves_the_ack_as_it_is(self):
-        self.start_press(groups=[{"name": "fast", "interval_ms": 3600000}], retries=0)
+        self.start_press(interval_ms=3600000, retries=0)
         self.data()
         self.sim.fault("press1", "nak", match="read")
         result = self.write(5)
@@ -57,7 +57,7 @@ class Outcomes(PlantTest):
         self.assertIn("read back", result["detail"])
 
     def test_expect_that_cannot_be_read_writes_nothing(self):
-        self.start_press(groups=[{"name": "fast", "interval_ms": 3600000}], retries=1)
+        self.start_press(interval_ms=3600000, retries=1)
         self.data()
         self.sim.fault("press1", "nak", match="read", count=2)
         self.assert_result(self.write(5, expect=0), "FAILED", "nak", "NAK")
@@ -67,7 +67,7 @@ class Outcomes(PlantTest):
         self.assertEqual(self.writes(), [])
 
     def test_a_refused_read_fails_and_is_never_unknown(self):
-        self.start_press(groups=[{"name": "fast", "interval_ms": 3600000}], retries=0)
+        self.start_press(interval_ms=3600000, retries=0)
         self.data()
         for kind, reason, plc in [("nak", "nak", "NAK"), ("silent", "timeout", None),
                                   ("wrong_sum", "bad_frame", None)]:
@@ -132,7 +132,7 @@ class Outcomes(PlantTest):
 
     def test_a_refused_command_is_never_repeated_after_its_time(self):
         # The refusal comes 2.5 s after the command, which expired after 1.5 s.
-        self.start_press(groups=[{"name": "fast", "interval_ms": 3600000}], timeout_ms=5000)
+        self.start_press(interval_ms=3600000, timeout_ms=5000)
         self.data()
         self.sim.fault("press1", "late", match="write", ms=2500, count=2)
         self.sim.fault("press1", "nak", match="write", count=2)
@@ -258,8 +258,7 @@ class Latency(PlantTest):
         # Ten distant blocks: a cycle takes more than a second, and an exchange has at most 64 bytes.
         tags = TAGS + [{"name": f"block{i}", "address": f"D{500 + 100 * i}", "count": 30,
                         "group": "fast"} for i in range(10)]
-        self.start([device(tags=tags, turnaround_ms=self.TURNAROUND_MS,
-                           groups=[{"name": "fast", "interval_ms": interval_ms}])],
+        self.start([device(tags=tags, turnaround_ms=self.TURNAROUND_MS, interval_ms=interval_ms)],
                    [self.plc(baud=9600, turnaround_ms=self.TURNAROUND_MS)])
         self.assertGreater(self.data()["span_ms"], 1000)
 

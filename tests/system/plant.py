@@ -85,13 +85,19 @@ def text_of(path):
     return ""
 
 
-def device(name="press1", link="line1", tags=None, groups=None, **more):
-    """Returns a device of the config with sensible test values; `more` adds or replaces keys."""
+def tag(name, address, group="fast", **more):
+    """Returns a tag of the config."""
+    return {"name": name, "address": address, "group": group, **more}
+
+
+def device(name="press1", link="line1", tags=None, groups=None, interval_ms=100, **more):
+    """Returns a device of the config with sensible test values; `more` adds or replaces keys. The group `fast` has this
+    interval, unless there are other `groups`."""
     out = {
         "name": name, "link": link, "protocol": "fx-programming-port", "model": "FX3U",
         "timeout_ms": 300, "retries": 2,
-        "groups": groups or [{"name": "fast", "interval_ms": 100}],
-        "tags": tags if tags is not None else [{"name": "temp", "address": "D100", "group": "fast"}],
+        "groups": groups or [{"name": "fast", "interval_ms": interval_ms}],
+        "tags": tags if tags is not None else [tag("temp", "D100")],
         "commands": {"allow": ["M100-M199", "Y0-Y7", "D300-D399"]},
     }
     out.update(more)

@@ -26,8 +26,7 @@ MOST_TICKS = 20  # of 10 ms, in that time; a spinning thread has more than 100
 class QuietConnection(PlantTest):
     def test_no_silence_makes_a_command_wait(self):
         # Otherwise the broker would hold back the second of two messages for 40 ms.
-        self.start([device(groups=[{"name": "fast", "interval_ms": 3600000}])],
-                   broker_conf="set_tcp_nodelay true")
+        self.start([device(interval_ms=3600000)], broker_conf="set_tcp_nodelay true")
         self.ready()
         self.command(op="force_on", address="M150")
         late = []

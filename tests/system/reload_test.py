@@ -231,7 +231,7 @@ class Reload(ReloadTest):
 
     def slow_serial(self):
         """A serial device that takes 0.3 s for an answer, with commands queued behind it."""
-        self.start([device(groups=[{"name": "fast", "interval_ms": 2000}], timeout_ms=1000,
+        self.start([device(interval_ms=2000, timeout_ms=1000,
                            tags=[{"name": "temp", "address": "D100", "group": "fast"},
                                  {"name": "setpoint", "address": "D200", "group": "fast",
                                   "access": "read_write"}])],

@@ -65,8 +65,7 @@ class Scale(PlantTest):
         port = free_port()
         links = [self.serial()] + [{"name": f"l{i}", "tcp": {"host": "127.0.0.1", "port": port}}
                                    for i in range(200)]
-        devices = [device()] + [device(f"d{i}", f"l{i}", groups=[
-            {"name": "fast", "interval_ms": 2000}]) for i in range(200)]
+        devices = [device()] + [device(f"d{i}", f"l{i}", interval_ms=2000) for i in range(200)]
         self.start(devices, [self.plc(), self.plc("many", tcp=port)], links)
         for i in range(200):
             self.state(f"d{i}", "online")
@@ -94,7 +93,7 @@ class Scale(PlantTest):
             ports.add(free_port())
         names = [f"d{i}" for i in range(len(ports))]
         self.start(
-            [device(name, name, groups=[{"name": "fast", "interval_ms": 1000}],
+            [device(name, name, interval_ms=1000,
                     tags=[{"name": "block", "address": "D0", "count": 32, "group": "fast"}])
              for name in names],
             [self.plc(name, tcp=port) for name, port in zip(names, sorted(ports))],

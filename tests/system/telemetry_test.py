@@ -109,8 +109,7 @@ class Telemetry(PlantTest):
         self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/data/fast")), 3)
 
     def test_a_paced_line_keeps_its_interval_and_never_bursts(self):
-        groups = [{"name": "fast", "interval_ms": 200}]
-        self.start([device(groups=groups)], [self.plc(baud=9600)])
+        self.start([device(interval_ms=200)], [self.plc(baud=9600)])
         first = self.data()
         last = self.data(lambda m: m["seq"] >= first["seq"] + 20)
         stamps = [m["ts"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
@@ -285,8 +284,7 @@ class Telemetry(PlantTest):
         tags = [{"name": "same", "address": "D300", "group": "fast"},
                 {"name": "wide", "address": "D299", "type": "int32", "group": "fast"},
                 {"name": "bit", "address": "D300.0", "type": "bool", "group": "fast"}] + far
-        self.start([device(tags=tags, groups=[{"name": "fast", "interval_ms": 0}],
-                           max_block_bytes=16)], [self.plc(baud=38400)])
+        self.start([device(tags=tags, interval_ms=0, max_block_bytes=16)], [self.plc(baud=38400)])
         self.data()
         for value in range(1, 21):
             self.command(op="write", address="D300", value=value)
@@ -303,8 +301,7 @@ class Telemetry(PlantTest):
         self.start_sim([self.plc(memory={"D100": 9})])
         self.sim.fault("press1", "dead")
         self.watcher = Watcher(self.broker.port)
-        self.start_agent([device(groups=[{"name": "fast", "interval_ms": 600000}], retries=0,
-                                 timeout_ms=50)])
+        self.start_agent([device(interval_ms=600000, retries=0, timeout_ms=50)])
         self.assertEqual(self.data(lambda m: "bad" in m)["bad"]["temp"]["why"], "timeout")
         self.state("press1", "offline")
         self.sim.ask(cmd="clear_faults", plc="press1")
@@ -370,7 +367,7 @@ class Telemetry(PlantTest):
             self.assertLessEqual(abs(len(seen) - 3000 / interval), 1, (group, seen))
 
     def test_after_a_pause_the_beat_goes_on_without_a_burst(self):
-        self.start([device(groups=[{"name": "fast", "interval_ms": 50}])])
+        self.start([device(interval_ms=50)])
         self.data()
         before = self.watcher.mark()
         with self.agent.frozen():
@@ -382,7 +379,7 @@ class Telemetry(PlantTest):
         self.assertLessEqual(len(stamps), 500 / 50 + 2, stamps)
 
     def test_a_change_is_seen_at_the_next_beat(self):
-        self.start([device(groups=[{"name": "fast", "interval_ms": 100}])], [self.plc(baud=9600)])
+        self.start([device(interval_ms=100)], [self.plc(baud=9600)])
         self.data()
         delays = []
         for value in range(1, 11):
@@ -393,8 +390,7 @@ class Telemetry(PlantTest):
         self.assert_mostly_below(delays, 100 + 19 * 10 / 9600 * 1000 + 1 + SCHEDULING_MS)
 
     def test_with_interval_0_a_group_is_read_as_fast_as_the_line_allows(self):
-        groups = [{"name": "fast", "interval_ms": 0}]
-        self.start([device(groups=groups)], [self.plc(baud=9600, turnaround_ms=5)])
+        self.start([device(interval_ms=0)], [self.plc(baud=9600, turnaround_ms=5)])
         self.watcher.wait_count(f"{BASE}/press1/data/fast", 21)
         stamps = self.stamps()[:21]
         exchange = 19 * 10 / 9600 * 1000 + 5

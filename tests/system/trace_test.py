@@ -73,7 +73,7 @@ class Trace(TracedTest):
     def test_a_reader_of_the_log_that_stops_loses_traces_and_no_poll(self):
         reader, writer = os.pipe()
         self.addCleanup(os.close, reader)
-        self.start(devices=[device(groups=[{"name": "fast", "interval_ms": 0}])])
+        self.start(devices=[device(interval_ms=0)])
         self.ready()
         self.agent.stop()
         mark = self.watcher.mark()
