@@ -8,7 +8,7 @@ import threading
 import time
 import unittest
 
-from plant import BASE, PlantTest, wait_for
+from plant import BASE, PlantTest, tag, wait_for
 
 CHARACTER_MS = 10 / 9600 * 1000
 # The PLC's time before it answers: the simulator draws from TURNAROUND_MS - JITTER_MS up. The config names the
@@ -28,7 +28,7 @@ WORDS = 500
 def plain_tags(words):
     """Returns a tag for each word, in groups that ask for more than the line can carry."""
     share = words // GROUPS
-    return [{"name": f"d{i}", "address": f"D{i}", "group": f"g{i // share}"} for i in range(words)]
+    return [tag(f"d{i}", f"D{i}", f"g{i // share}") for i in range(words)]
 
 
 OPERATED = [

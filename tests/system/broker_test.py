@@ -11,7 +11,7 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import BASE, Broker, PlantTest, Watcher, device, free_port, text_of, wait_for, write_text
+from plant import BASE, Broker, PlantTest, Watcher, device, free_port, tag, text_of, wait_for, write_text
 
 
 def openssl(directory, *arguments):
@@ -116,8 +116,7 @@ class BrokerLife(PlantTest):
 
     def test_history_is_in_order_in_small_messages_and_beside_live_data(self):
         # 400 values of five digits per row: a hundred rows need several messages.
-        tags = [{"name": "block", "address": "D1000", "type": "uint16", "count": 400,
-                 "group": "fast"}]
+        tags = [tag("block", "D1000", type="uint16", count=400)]
         self.start([device(tags=tags, interval_ms=20)], [self.plc(memory={"D1000": [60000] * 400})])
         first = self.data()["seq"]
         self.broker_away()

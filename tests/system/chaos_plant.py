@@ -15,7 +15,7 @@ import paho.mqtt.client as mqtt
 
 from chaos_ledger import SCAN_S, Ramp
 from chaos_commands import DEMO_PLACES, FX_PLACES, MODBUS_PLACES
-from plant import BASE, FXAGENT, PATIENCE, Agent, Sim, memory_kib
+from plant import BASE, FXAGENT, PATIENCE, Agent, Sim, memory_kib, tag
 
 # The built peers/shifted_clock.cpp; without it the clock is not changed.
 CLOCK_LIBRARY = os.environ.get("CLOCK_LIBRARY", "")
@@ -210,12 +210,10 @@ class Plant:
         out = {"name": name, "protocol": self.PROTOCOLS[name], "timeout_ms": 300, "retries": 2,
                "groups": [{"name": "fast", "interval_ms": 100 if name == "meter1" else 300},
                           {"name": "slow", "interval_ms": 2000}],
-               "tags": [{"name": "a", "address": word.format(100), "type": "uint16", "group": "fast"},
-                        {"name": "b", "address": word.format(3000), "type": "uint16",
-                         "group": "fast"},
-                        {"name": "c", "address": word.format(200), "type": "uint16", "group": "slow"},
-                        {"name": "set", "address": self.places(name)["tag"], "group": "slow",
-                         "access": "read_write"}],
+               "tags": [tag("a", word.format(100), type="uint16"),
+                        tag("b", word.format(3000), type="uint16"),
+                        tag("c", word.format(200), "slow", type="uint16"),
+                        tag("set", self.places(name)["tag"], "slow", access="read_write")],
                "commands": {"allow": allow}, **own}
         if not modbus:
             out["model"] = "FX3U"

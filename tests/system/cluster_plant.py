@@ -19,7 +19,7 @@ import time
 import paho.mqtt.client as mqtt
 
 from ledger import Deeds
-from plant import Agent, Sim, free_port, wait_for
+from plant import Agent, Sim, free_port, tag, tcp_link, wait_for
 
 DEVICE = "press"
 PLACE = "D300"  # of all commands
@@ -202,11 +202,11 @@ class ClusterPlant:
                 "mqtt": {"servers": self.cluster.servers(0 if same_order else number), "version": "3.1.1",
                          "keep_alive_s": keep_alive},
                 "store": {"path": os.path.join(home, "store")},
-                "links": [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}],
+                "links": [tcp_link(port)],
                 "devices": [{"name": DEVICE, "link": "line1", "protocol": "fx-programming-port", "model": "FX3U",
                              "timeout_ms": 2000,
                              "groups": [{"name": "fast", "interval_ms": interval_ms}],
-                             "tags": [{"name": "temp", "address": "D100", "group": "fast"}],
+                             "tags": [tag("temp", "D100")],
                              "commands": {"allow": [PLACE]}}]})
             agent.start()
             self.stack.callback(agent.stop)

@@ -13,7 +13,7 @@ import time
 import unittest
 
 from ledger import Deeds, untruth_of, without_times
-from plant import BASE, PATIENCE, TEST_SEED, PlantTest, device, wait_for
+from plant import BASE, PATIENCE, TEST_SEED, PlantTest, device, tcp_link, wait_for
 
 COMMANDS = int(os.environ.get("FXAGENT_LEDGER_COMMANDS", 300))
 LIVES = max(6, COMMANDS // 60)  # lives of the agent
@@ -173,7 +173,7 @@ class CommandLedger(PlantTest):
                 del plc["model"]
         self.start_around(plcs)
         links = [self.serial("line1", "press1"), self.serial("line2", "oven"),
-                 {"name": "line3", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}]
+                 tcp_link(self.sim.ports["meter"], "line3")]
         devices = []
         for (name, protocol), link in zip(PROTOCOLS.items(), links):
             allow = (["M100-M999", "D1000-D1099"] if is_fx(name) else ["co:100-999", "hr:1000-1099"])

@@ -6,20 +6,17 @@ import signal
 import time
 import unittest
 
-from plant import BASE, SCHEDULING_MS, PlantTest, device, request_properties, wait_for
+from plant import BASE, SCHEDULING_MS, PlantTest, device, request_properties, tag, wait_for
 
 TAGS = [
-    {"name": "temp", "address": "D100", "group": "fast"},
-    {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write", "min": 0,
-     "max": 1000},
-    {"name": "speed", "address": "D210", "type": "float32", "group": "fast",
-     "access": "read_write"},
-    {"name": "scaled", "address": "D212", "group": "fast", "access": "read_write", "scale": 0.1},
-    {"name": "pair", "address": "D220", "type": "int32", "group": "fast", "access": "read_write"},
-    {"name": "list", "address": "D230", "count": 4, "group": "fast", "access": "read_write"},
-    {"name": "text", "address": "D240", "type": "string", "length": 8, "group": "fast",
-     "access": "read_write"},
-    {"name": "button", "address": "M100", "group": "fast", "access": "read_write"},
+    tag("temp", "D100"),
+    tag("setpoint", "D200", access="read_write", min=0, max=1000),
+    tag("speed", "D210", type="float32", access="read_write"),
+    tag("scaled", "D212", access="read_write", scale=0.1),
+    tag("pair", "D220", type="int32", access="read_write"),
+    tag("list", "D230", count=4, access="read_write"),
+    tag("text", "D240", type="string", length=8, access="read_write"),
+    tag("button", "M100", access="read_write"),
 ]
 
 
@@ -35,9 +32,9 @@ class Commands(PlantTest):
         self.assertEqual((result["tag"], result["address"], result["value"]), ("setpoint", "D200", 50))
         self.assertEqual(result["attempts"], 1)
         self.assertEqual(self.sim.get("press1", "D200"), 50)
-        for tag, value in [("speed", 1.5), ("pair", -70000), ("list", [1, 2, 3, 4]),
-                           ("text", "hello"), ("scaled", 12.3)]:
-            result = self.succeed(op="write", tag=tag, value=value)
+        for name, value in [("speed", 1.5), ("pair", -70000), ("list", [1, 2, 3, 4]),
+                            ("text", "hello"), ("scaled", 12.3)]:
+            result = self.succeed(op="write", tag=name, value=value)
             self.assertEqual(result["value"], value)
         self.assertEqual(self.sim.get("press1", "D212"), 123)
         result = self.command(op="write", tag="scaled", value=1.26)
@@ -591,7 +588,7 @@ class Commands(PlantTest):
                               if isinstance(p, dict) and "status" in p], [])
 
     def test_the_computed_bound_holds_on_a_paced_line(self):
-        tags = TAGS + [{"name": "block", "address": "D1000", "count": 20, "group": "fast"}]
+        tags = TAGS + [tag("block", "D1000", count=20)]
         self.start([device(tags=tags, interval_ms=300)], [self.plc(baud=9600, turnaround_ms=10)])
         self.state("press1", "online")
         for number in range(40):

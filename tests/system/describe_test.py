@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, config_file, device, write_text
+from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, config_file, device, tag, write_text
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 JUDGES = os.environ.get("DESCRIBE_JUDGES", "")
@@ -27,15 +27,15 @@ TOPICS = {"sample": "{base}/{device}/data/{group}", "history": "{base}/{device}/
           "yield": "{base}/{link}/command"}
 LINKS = [{"name": "line1", "serial": {"path": "/dev/ttyUSB0"}}]
 TAGS = [
-    {"name": "temp", "address": "D100", "group": "fast", "scale": 0.1, "unit": "°C"},
-    {"name": "mode", "address": "D102", "group": "fast", "states": {"0": "off", "1": "run"}},
-    {"name": "running", "address": "M0", "group": "fast", "states": {"0": "no", "1": "yes"}},
-    {"name": "flow", "address": "D104", "type": "float32", "group": "fast", "description": "Pump", "unit": "l/s"},
-    {"name": "setpoint", "address": "D200", "group": "slow", "access": "read_write", "min": 0, "max": 1000},
-    {"name": "total", "address": "D202", "type": "int64", "group": "slow", "access": "read_write"},
-    {"name": "recipe", "address": "D210", "count": 3, "group": "slow", "access": "read_write"},
-    {"name": "label", "address": "D220", "type": "string", "length": 8, "group": "slow", "access": "read_write"},
-    {"name": "start", "address": "M50", "group": "slow", "access": "read_write"},
+    tag("temp", "D100", scale=0.1, unit="°C"),
+    tag("mode", "D102", states={"0": "off", "1": "run"}),
+    tag("running", "M0", states={"0": "no", "1": "yes"}),
+    tag("flow", "D104", type="float32", description="Pump", unit="l/s"),
+    tag("setpoint", "D200", "slow", access="read_write", min=0, max=1000),
+    tag("total", "D202", "slow", type="int64", access="read_write"),
+    tag("recipe", "D210", "slow", count=3, access="read_write"),
+    tag("label", "D220", "slow", type="string", length=8, access="read_write"),
+    tag("start", "M50", "slow", access="read_write"),
 ]
 # Type and address, keys, right and wrong values of a sample, right and wrong values of a write.
 VALUES = [
@@ -233,12 +233,12 @@ class Documents(unittest.TestCase):
         self.assertEqual([what for (what, _, _), wrong in zip(spoiled, of_each) if not wrong], [])
 
     def test_values_have_the_range_of_their_type(self):
-        tags = [{"name": f"t{n}", "address": address, "type": kind, "group": f"g{n}", "access": "read_write", **more}
+        tags = [tag(f"t{n}", address, f"g{n}", type=kind, access="read_write", **more)
                 for n, (kind, address, more, *_) in enumerate(VALUES)]
         with tempfile.TemporaryDirectory() as directory:
             path = config_file(directory, [{"name": "line1", "tcp": {"host": "a", "port": 502}}],
                                [{"name": "d", "link": "line1", "protocol": "modbus-tcp", "tags": tags,
-                                 "groups": [{"name": tag["group"]} for tag in tags]}], agent={"id": "edge7"})
+                                 "groups": [{"name": each["group"]} for each in tags]}], agent={"id": "edge7"})
             schema = described(path, "--schema").stdout
         meta = json.loads(schema)["$defs"]["d.meta"]["allOf"][1]["properties"]["hash"]["const"]
         messages, wanted = [], []
@@ -286,7 +286,7 @@ class DescribedPlant(PlantTest):
     def start_plant(self):
         press = device(tags=TAGS, commands=RULES, groups=[
             {"name": "fast", "interval_ms": 100}, {"name": "slow", "interval_ms": 200, "publish": "on_change"}])
-        meter = device("meter1", "line2", tags=[{"name": "level", "address": "D0", "group": "fast"}])
+        meter = device("meter1", "line2", tags=[tag("level", "D0")])
         memory = {"D100": 234, "D102": 7, "D104": [0, 16256], "M0": 1, "D200": 50, "D202": [1, 0, 0, 16384]}
         self.start([press, meter], [self.plc(memory=memory), self.plc("press2")],
                    [self.serial() | {"allow_yield": True}, self.serial("line2", "press2")],
@@ -440,9 +440,9 @@ class DescribedPlant(PlantTest):
 
         sample = next(p for t, p in messages if t.endswith("press1/data/fast") and "bad" not in p)
         newest[f"{BASE}/press1/data/fast"] = sample
-        for tag, value in (("temp", "23.4"), ("temp", 99999), ("running", 1), ("mode", 1.5), ("flow", None),
-                           ("stranger", 1)):
-            add("press1/data/fast", lambda p, tag=tag, value=value: p["values"].update({tag: value}))
+        for name, value in (("temp", "23.4"), ("temp", 99999), ("running", 1), ("mode", 1.5), ("flow", None),
+                            ("stranger", 1)):
+            add("press1/data/fast", lambda p, name=name, value=value: p["values"].update({name: value}))
         for key in ("ts", "seq", "boot", "meta", "values"):
             add("press1/data/fast", lambda p, key=key: p.pop(key))
         add("press1/data/fast", lambda p: p["values"].pop("temp"))

@@ -8,7 +8,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import PlantTest, config_file, device, free_port, fxagent, text_of
+from plant import PlantTest, config_file, device, free_port, fxagent, tcp_link, text_of
 
 
 class Doctor(PlantTest):
@@ -172,7 +172,7 @@ class Doctor(PlantTest):
                                 connection.sendall(b"\xff" * 65536)
             threading.Thread(target=flood, daemon=True).start()
             path = config_file(
-                self.directory, [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}],
+                self.directory, [tcp_link(port)],
                 [self.meter(protocol="mc-3e", model="FX5U", tags=[{"name": "level", "address": "D0"}])])
             status, said, errors = fxagent("doctor", path)
             server.shutdown(socket.SHUT_RDWR)

@@ -6,13 +6,12 @@ import socket
 import threading
 import unittest
 
-from plant import BASE, SCHEDULING_MS, PlantTest, device, free_port, wait_for
+from plant import BASE, SCHEDULING_MS, PlantTest, device, free_port, tag, tcp_link, wait_for
 
 
 class Faults(PlantTest):
     def test_every_wire_fault_is_survived_and_no_value_is_invented(self):
-        tags = [{"name": "a", "address": "D10", "group": "fast"},
-                {"name": "b", "address": "D5000", "group": "fast"}]
+        tags = [tag("a", "D10"), tag("b", "D5000")]
         self.start([device(tags=tags, interval_ms=50)], [self.plc(memory={"D10": 111, "D5000": 222})])
         self.state("press1", "online")
         struck = 0
@@ -36,8 +35,7 @@ class Faults(PlantTest):
     def test_a_late_reply_never_answers_a_later_question(self):
         # Two groups of the same shape, so that the reply to one would fit the other.
         groups = [{"name": "fast", "interval_ms": 50}, {"name": "other", "interval_ms": 50}]
-        tags = [{"name": "a", "address": "D10", "group": "fast"},
-                {"name": "b", "address": "D20", "group": "other"}]
+        tags = [tag("a", "D10"), tag("b", "D20", "other")]
         self.start([device(tags=tags, groups=groups)],
                    [self.plc(memory={"D10": 111, "D20": 222})])
         self.ready()
@@ -79,7 +77,7 @@ class Faults(PlantTest):
     def test_each_fault_alone_has_the_state_and_the_recovery_of_the_contract(self):
         # Silence in one poll interval is a miss; retries + 1 consecutive misses make the device offline. A refusal or
         # garbage is retried within the interval, so fewer than retries + 1 of them have no visible effect.
-        tags = [{"name": "a", "address": "D10", "group": "fast"}]
+        tags = [tag("a", "D10")]
         self.start([device(tags=tags, interval_ms=100, timeout_ms=120)], [self.plc(memory={"D10": 7})])
         self.ready()
         for kind, count, why, state in [
@@ -139,8 +137,7 @@ class Faults(PlantTest):
         self.data(lambda m: "bad" not in m, since=self.watcher.mark())
 
     def test_a_line_that_echoes_is_no_hindrance(self):
-        tags = [{"name": "temp", "address": "D100", "group": "fast"},
-                {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}]
+        tags = [tag("temp", "D100"), tag("setpoint", "D200", access="read_write")]
         self.start([device(tags=tags, echo=True)],
                    [self.plc(memory={"D100": 5}, faults=[{"kind": "echo", "count": -1}])])
         self.data(lambda m: m["values"] == {"temp": 5, "setpoint": 0})
@@ -155,12 +152,12 @@ class Faults(PlantTest):
         word = {row: "hr:100" if row.startswith("modbus") else "D100" for row in rows}
         self.start_around([{"name": row, "protocol": row, "tcp": 0, "baud": 0, "memory": {word[row]: 5},
                             "faults": [{"kind": "echo", "count": -1}], **more} for row, more in rows.items()])
-        devices = [device(row, row, protocol=row, tags=[{"name": "a", "address": word[row], "group": "fast"}],
+        devices = [device(row, row, protocol=row, tags=[tag("a", word[row])],
                           commands={}, **more) for row, more in rows.items()]
         for each in devices:
             if each["name"].startswith("modbus"):
                 del each["model"]
-        self.start_agent(devices, [{"name": row, "tcp": {"host": "127.0.0.1", "port": self.sim.ports[row]}} for row in rows])
+        self.start_agent(devices, [tcp_link(self.sim.ports[row], row) for row in rows])
         for row in rows:
             with self.subTest(row):
                 self.data(lambda m: m["values"] == {"a": 5}, row)
@@ -190,9 +187,8 @@ class Faults(PlantTest):
 
     def test_two_devices_on_one_line_fail_alone(self):
         # Two names for one PLC: a refusal for one must not affect the other.
-        self.start([device("press1", tags=[{"name": "a", "address": "D10", "group": "fast"}]),
-                    device("press2", command_set="classic",
-                           tags=[{"name": "b", "address": "D900", "group": "fast"}])],
+        self.start([device("press1", tags=[tag("a", "D10")]),
+                    device("press2", command_set="classic", tags=[tag("b", "D900")])],
                    [self.plc(model="FX1S", memory={"D10": 7})],
                    [self.serial()])
         self.state("press1", "online")
@@ -257,7 +253,7 @@ class Faults(PlantTest):
 
 class OverTcp(PlantTest):
     def link(self, port):
-        return {"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}, "line_baud": 9600}
+        return tcp_link(port, line_baud=9600)
 
     def test_a_serial_server_that_comes_late_is_found(self):
         port = free_port()

@@ -7,7 +7,7 @@ import re
 import subprocess
 import unittest
 
-from plant import BROKER, Broker, PlantTest, device, text_of, wait_for
+from plant import BROKER, Broker, PlantTest, device, tag, text_of, wait_for
 
 FXFLEET = os.environ["FXFLEET"]
 CONNECTED = re.compile(r"New client connected from \S+ as fx-edge\d+ \((p\d, c\d, k\d+)\)")
@@ -62,9 +62,7 @@ class FleetLoad(PlantTest):
 
     def compare(self, version):
         conf = "log_type all"
-        self.start(devices=[device(tags=[{"name": f"temp{n}", "address": f"D{100 + n}", "group": "fast"}
-                                         for n in range(8)],
-                                   interval_ms=200)],
+        self.start(devices=[device(tags=[tag(f"temp{n}", f"D{100 + n}") for n in range(8)], interval_ms=200)],
                    broker_conf=conf, version=version)
         self.ready()
         self.broker.kill()

@@ -6,7 +6,7 @@ import os
 import subprocess
 import unittest
 
-from plant import Agent, PlantTest, Watcher, fxagent, write_json, write_text
+from plant import Agent, PlantTest, Watcher, fxagent, tcp_link, write_json, write_text
 
 ROOT = "fx/plant-a"
 ACL = """user ann
@@ -40,7 +40,7 @@ class Fleet(PlantTest):
                 "agent": {"id": name, "root": ROOT, "remote_config": True}, "mqtt": mqtt,
                 "store": {"path": os.path.join(place, "store")},
                 # edge2 has another line than the others.
-                "links": [{"name": "line2" if name == "edge2" else "line1", "tcp": {"host": "127.0.0.1", "port": 1}}],
+                "links": [tcp_link(1, "line2" if name == "edge2" else "line1")],
                 "devices": []})
             os.chmod(self.agents[name].path, 0o600)
             self.agents[name].start()

@@ -9,11 +9,9 @@ import time
 import unittest
 
 from history_plant import BROKER_CONF, CONFIG, CRASHING, FXHISTORY, Consumer, Postgres, rows_of, stored
-from plant import BASE, PlantTest, Watcher, device, wait_for
+from plant import BASE, PlantTest, Watcher, device, tag, wait_for
 
-TAGS = [{"name": "temp", "address": "D100", "group": "fast"},
-        {"name": "recipe", "address": "D210", "count": 3, "group": "fast"},
-        {"name": "running", "address": "M0", "group": "slow"}]
+TAGS = [tag("temp", "D100"), tag("recipe", "D210", count=3), tag("running", "M0", "slow")]
 GROUPS = [{"name": "fast", "interval_ms": 50}, {"name": "slow", "interval_ms": 200}]
 
 
@@ -266,7 +264,7 @@ class History(PlantTest):
 
     def test_what_the_agent_dropped_is_a_reported_drop(self):
         # A long text fills the smallest store soon.
-        text = [{"name": "text", "address": "D1000", "type": "string", "length": 100, "group": "fast"}]
+        text = [tag("text", "D1000", type="string", length=100)]
         self.begin(consumers=0, tags=text, groups=[{"name": "fast", "interval_ms": 20}], max_bytes=65536)
         self.consumer("history-all").start()
         self.consumers[0].ready()

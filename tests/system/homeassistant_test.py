@@ -14,25 +14,24 @@ import unittest
 
 import jinja2
 import jinja2.sandbox
-from plant import BASE, PlantTest, Watcher, device, wait_for
+from plant import BASE, PlantTest, Watcher, device, tag, wait_for
 
 PREFIX = "homeassistant"
 PRESS = "fx_plant-a_edge7_press1"
 
-TAGS = [{"name": "temp", "address": "D100", "group": "fast", "scale": 0.1, "unit": "°C"},
-        {"name": "speeds", "address": "D110", "count": 3, "group": "fast", "access": "read_write"},
-        {"name": "lamps", "address": "M110", "count": 2, "group": "fast"},
-        {"name": "running", "address": "M0", "group": "fast"},
-        {"name": "lamp", "address": "M100", "group": "fast", "access": "read_write"},
-        {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write", "min": 0, "max": 1000, "unit": "mm"},
-        {"name": "ratio_1", "address": "D201", "group": "fast", "access": "read_write", "scale": 0.5, "offset": 10},
-        {"name": "total", "address": "D202", "type": "int64", "group": "fast", "access": "read_write"},
-        {"name": "level", "address": "D210", "type": "float32", "group": "fast", "access": "read_write"},
-        {"name": "stage", "address": "D220", "group": "fast", "states": {"0": "idle", "-1": "fault"}},
-        {"name": "mode", "address": "D221", "group": "fast", "access": "read_write",
-         "states": {"0": "None", "1": "say \"go\" \\ {{ it's }} %}", "2": "Größe"}},
-        {"name": "label", "address": "D400", "type": "string", "length": 8, "group": "fast"},
-        {"name": "recipe", "address": "D410", "type": "string", "length": 12, "group": "fast", "access": "read_write"}]
+TAGS = [tag("temp", "D100", scale=0.1, unit="°C"),
+        tag("speeds", "D110", count=3, access="read_write"),
+        tag("lamps", "M110", count=2),
+        tag("running", "M0"),
+        tag("lamp", "M100", access="read_write"),
+        tag("setpoint", "D200", access="read_write", min=0, max=1000, unit="mm"),
+        tag("ratio_1", "D201", access="read_write", scale=0.5, offset=10),
+        tag("total", "D202", type="int64", access="read_write"),
+        tag("level", "D210", type="float32", access="read_write"),
+        tag("stage", "D220", states={"0": "idle", "-1": "fault"}),
+        tag("mode", "D221", access="read_write", states={"0": "None", "1": "say \"go\" \\ {{ it's }} %}", "2": "Größe"}),
+        tag("label", "D400", type="string", length=8),
+        tag("recipe", "D410", type="string", length=12, access="read_write")]
 
 PLATFORMS = {"temp": "sensor", "speeds/0": "sensor", "speeds/1": "sensor", "speeds/2": "sensor",
              "lamps/0": "binary_sensor", "lamps/1": "binary_sensor", "running": "binary_sensor", "lamp": "switch",

@@ -28,7 +28,7 @@ import threading
 import time
 import unittest
 
-from plant import BASE, MEMORY_FACTOR, PlantTest, Watcher, device, memory_kib, wait_for
+from plant import BASE, MEMORY_FACTOR, PlantTest, Watcher, device, memory_kib, tag, tcp_link, wait_for
 
 CLOSE = object()
 UNIT = 1
@@ -231,20 +231,16 @@ class HostilePlc(PlantTest):
         return made
 
     def link(self, name, peer):
-        return {"name": name, "tcp": {"host": "127.0.0.1", "port": peer.port}}
+        return tcp_link(peer.port, name)
 
     def rtu_device(self, name, link, interval_ms=50, **more):
         return device(name, link, protocol="modbus-rtu", model=None, unit=UNIT, timeout_ms=200, retries=1,
-                      interval_ms=interval_ms,
-                      tags=[{"name": "a", "address": "hr:10", "group": "fast"},
-                            {"name": "b", "address": "hr:200", "group": "fast"}],
-                      commands={"allow": []}, **more)
+                      interval_ms=interval_ms, tags=[tag("a", "hr:10"), tag("b", "hr:200")], commands={"allow": []},
+                      **more)
 
     def port_device(self, name, link, **more):
-        return device(name, link, timeout_ms=200, retries=1, command_set="classic",
-                      interval_ms=50,
-                      tags=[{"name": "a", "address": "D10", "group": "fast"},
-                            {"name": "b", "address": "D200", "group": "fast"}], **more)
+        return device(name, link, timeout_ms=200, retries=1, command_set="classic", interval_ms=50,
+                      tags=[tag("a", "D10"), tag("b", "D200")], **more)
 
     def plant(self, hostile, make_device, neighbours=1):
         """Starts the agent with a hostile link and healthy ones at 200 ms."""

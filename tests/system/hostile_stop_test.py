@@ -9,7 +9,7 @@ import subprocess
 import threading
 import time
 
-from plant import FXAGENT, Agent, PlantTest, config_of, device, free_port, wait_for
+from plant import FXAGENT, Agent, PlantTest, config_of, device, free_port, tag, tcp_link, wait_for
 
 LIMIT_S = 10.0
 LONGEST_MS = 600000
@@ -106,8 +106,7 @@ class Commands(StopTest):
         self.assert_result(behind, "FAILED", "shutting_down")
 
     def test_a_stop_ends_an_array_between_two_frames(self):
-        tags = [{"name": "recipe", "address": "D1000", "count": 500, "access": "read_write",
-                 "group": "fast"}]
+        tags = [tag("recipe", "D1000", count=500, access="read_write")]
         self.start([device(tags=tags, interval_ms=60000)], [self.plc(baud=9600, turnaround_ms=20)])
         self.ready()
         self.send({"id": "a", "op": "write", "tag": "recipe", "value": list(range(1, 501))})
@@ -171,7 +170,7 @@ class Waits(StopTest):
                 while True:
                     connection.sendall(b"\x55" * 4096)
         port = self.peer(babble)
-        self.start_alone([{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}])
+        self.start_alone([tcp_link(port)])
         self.agent.wait_logged("starting")
         time.sleep(1)  # no event shows that the agent is in the middle of it
         self.stopped()
@@ -185,7 +184,7 @@ class Waits(StopTest):
             filler.connect_ex(listener.getsockname())
             self.stack.callback(filler.close)
         port = listener.getsockname()[1]
-        self.start_alone([{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}])
+        self.start_alone([tcp_link(port)])
         self.agent.wait_logged("starting")
         self.stopped()
 

@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import PATIENCE, Sim, config_file, fxagent
+from plant import PATIENCE, Sim, config_file, fxagent, tcp_link
 
 PEERS = os.environ["NODE_PEERS"]
 MEMORY = {"D0": list(range(1000, 1140)), "D50": [0x5678, 0x1234], "D7990": [1, -1, 32767], "R100": [4, 5],
@@ -38,7 +38,7 @@ class Mcprotocol(unittest.TestCase):
         self.sim.start()
         self.frame, self.code = protocol[3:].upper(), code
         self.config = config_file(
-            self.directory, [{"name": "line", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["plc"]}}],
+            self.directory, [tcp_link(self.sim.ports["plc"], "line")],
             [{"name": "plc", "link": "line", "protocol": protocol, "model": model, "code": code, "tags": [],
               "commands": {"allow": ["D0-D999"]}}])
 

@@ -5,7 +5,7 @@ wrong settings."""
 import socket
 import unittest
 
-from plant import PlantTest, config_file, fxagent, wait_for
+from plant import PlantTest, config_file, fxagent, tag, wait_for
 
 # Name of a device: its protocol, model, extra keys for its PLC and for its device, and an input. The input is number
 # 31 in the series' own base, or one below 8 if the model is detected, because the base is unknown until then.
@@ -52,11 +52,11 @@ class McTest(PlantTest):
         return {"name": name, "link": name, "protocol": protocol, "timeout_ms": 2000,
                 "model": "auto" if name in MODELS else model,
                 "groups": [{"name": "fast", "interval_ms": 200}],
-                "tags": [{"name": "words", "address": "D100", "count": 3, "group": "fast"},
-                         {"name": "long", "address": "D100", "type": "int32", "group": "fast"},
-                         {"name": "bits", "address": "M10", "count": 3, "group": "fast"},
-                         *([{"name": "input", "address": bit, "group": "fast"}] if knows_inputs(name) else []),
-                         {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}],
+                "tags": [tag("words", "D100", count=3),
+                         tag("long", "D100", type="int32"),
+                         tag("bits", "M10", count=3),
+                         *([tag("input", bit)] if knows_inputs(name) else []),
+                         tag("setpoint", "D200", access="read_write")],
                 "commands": {"allow": ["D200-D299", "M100-M199", "Y0-Y7"], "allow_run_stop": True},
                 **keys, **more}
 
@@ -119,8 +119,8 @@ class GatheredReads(McTest):
 
     def device_of(self, name, **more):
         device = super().device_of(name, **more)
-        device["tags"] = [{"name": word.lower(), "address": word, "group": "fast"} for word in (*self.WORDS, self.HOLE)]
-        device["tags"].append({"name": "table", "address": "D1000", "count": 60, "group": "fast"})
+        device["tags"] = [tag(word.lower(), word) for word in (*self.WORDS, self.HOLE)]
+        device["tags"].append(tag("table", "D1000", count=60))
         return device
 
     def plc_of(self, name, **more):

@@ -10,7 +10,7 @@ import time
 import unittest
 
 from ledger import untruth_of_one
-from plant import BASE, PlantTest, device, wait_for
+from plant import BASE, PlantTest, device, tag, tcp_link, wait_for
 
 TIMEOUT_MS = 300
 # Blocks of equal length in which each word is its own number: a late answer to one would fit another.
@@ -103,9 +103,8 @@ class BadNetwork:
 
 class McOverUdp(PlantTest):
     def press(self, protocol, **more):
-        tags = [{"name": name, "address": f"D{first}", "count": WORDS, "group": name}
-                for name, first in BLOCKS.items()]
-        tags.append({"name": "setpoint", "address": "D900", "group": "a", "access": "read_write"})
+        tags = [tag(name, f"D{first}", name, count=WORDS) for name, first in BLOCKS.items()]
+        tags.append(tag("setpoint", "D900", "a", access="read_write"))
         return device(protocol=protocol, model="FX5U", timeout_ms=TIMEOUT_MS, tags=tags,
                       monitoring_timer_ms=250, commands={},
                       groups=[{"name": name, "interval_ms": 50} for name in BLOCKS], **more)
@@ -178,8 +177,7 @@ class McOverUdp(PlantTest):
                                     memory=self.memory())])
         port = self.sim.ports["press1"]
         with socket.create_connection(("127.0.0.1", port)):
-            self.start_agent([self.press("mc-4e")],
-                             [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}])
+            self.start_agent([self.press("mc-4e")], [tcp_link(port)])
             wait_for("two attempts", lambda: self.sim.ask(cmd="stats", plc="press1")["turned_away"] > 2)
         self.state("press1", "online")
         told = [line for line in self.agent.logged().splitlines() if "link=line1" in line]

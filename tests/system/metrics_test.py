@@ -14,7 +14,7 @@ import time
 import unittest
 import urllib.parse
 
-from plant import PATIENCE, PlantTest, device, free_port, http_ask, text_of, wait_for, write_text
+from plant import PATIENCE, PlantTest, device, free_port, http_ask, tag, tcp_link, text_of, wait_for, write_text
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 MONITORING = os.path.join(HERE, "..", "..", "config", "monitoring")
@@ -202,9 +202,7 @@ class Scraped(PlantTest):
         port = free_port()
         self.start(metrics={"listen": f"127.0.0.1:{port}"},
                    store={"path": os.path.join(self.directory, "store")},
-                   devices=[device(tags=[{"name": "temp", "address": "D100", "group": "fast"},
-                                         {"name": "set", "address": "D200", "group": "fast",
-                                          "access": "read_write"}])])
+                   devices=[device(tags=[tag("temp", "D100"), tag("set", "D200", access="read_write")])])
         self.ready()
         self.prometheus(port)
         wait_for("the first scrape", lambda: self.has_data('up{job="fxagent"} == 1'))
@@ -308,10 +306,10 @@ class HostileClients(PlantTest):
         modbus = int(clock.stdout.readline())
         port = free_port()
         self.start(metrics={"listen": f"127.0.0.1:{port}"},
-                   links=[{"name": "net", "tcp": {"host": "127.0.0.1", "port": modbus}}],
+                   links=[tcp_link(modbus, "net")],
                    devices=[device(link="net", protocol="modbus-tcp", model="auto", commands={},
                                    interval_ms=self.INTERVAL_MS,
-                                   tags=[{"name": "temp", "address": "hr:0", "group": "fast"}])])
+                                   tags=[tag("temp", "hr:0")])])
         self.state("press1", "online")
         self.agent.wait_logged("state=listening")
 

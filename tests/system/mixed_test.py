@@ -5,7 +5,7 @@ import json
 import statistics
 import unittest
 
-from plant import BASE, SCHEDULING_MS, PlantTest, wait_for
+from plant import BASE, SCHEDULING_MS, PlantTest, tag, tcp_link, wait_for
 
 INTERVAL_MS = 500
 TIMEOUT_MS = 150
@@ -49,7 +49,7 @@ class MixedPlant(PlantTest):
         for number, name in enumerate(UNITS, 1):
             devices.append(self.modbus(name, "rtu", "modbus-rtu", unit=number))
         for name in METERS:
-            links.append({"name": name, "tcp": {"host": "127.0.0.1", "port": self.sim.ports[name]}})
+            links.append(tcp_link(self.sim.ports[name], name))
             devices.append(self.modbus(name, name, "modbus-tcp", unit=1))
         self.start_agent(devices, links)
 
@@ -58,14 +58,11 @@ class MixedPlant(PlantTest):
         return {"name": name, "link": link, "protocol": protocol, "model": "FX3U",
                 "timeout_ms": TIMEOUT_MS, "retries": 1,
                 "groups": [{"name": "fast", "interval_ms": INTERVAL_MS}],
-                "tags": [{"name": "value", "address": "D100", "group": "fast"},
-                         {"name": "more", "address": "D130", "count": 8, "group": "fast"},
-                         {"name": "flag", "address": "M50", "group": "fast",
-                          "access": "read_write"},
-                         {"name": "setpoint", "address": "D300", "group": "fast",
-                          "access": "read_write"},
-                         {"name": "speed", "address": "D310", "group": "fast",
-                          "access": "read_write"}],
+                "tags": [tag("value", "D100"),
+                         tag("more", "D130", count=8),
+                         tag("flag", "M50", access="read_write"),
+                         tag("setpoint", "D300", access="read_write"),
+                         tag("speed", "D310", access="read_write")],
                 "commands": {"allow_run_stop": True}, **more}
 
     @staticmethod
@@ -73,13 +70,10 @@ class MixedPlant(PlantTest):
         return {"name": name, "link": link, "protocol": protocol,
                 "timeout_ms": TIMEOUT_MS, "retries": 1,
                 "groups": [{"name": "fast", "interval_ms": INTERVAL_MS}],
-                "tags": [{"name": "value", "address": "hr:100", "group": "fast"},
-                         {"name": "flag", "address": "co:5", "group": "fast",
-                          "access": "read_write"},
-                         {"name": "bit", "address": "hr:300.3", "group": "fast",
-                          "access": "read_write"},
-                         {"name": "setpoint", "address": "hr:300", "group": "fast",
-                          "access": "read_write"}], **more}
+                "tags": [tag("value", "hr:100"),
+                         tag("flag", "co:5", access="read_write"),
+                         tag("bit", "hr:300.3", access="read_write"),
+                         tag("setpoint", "hr:300", access="read_write")], **more}
 
     def everybody(self):
         return PORTS + STATIONS + UNITS + METERS

@@ -10,7 +10,7 @@ import unittest
 
 from browser import why_no_browser
 from node_red import CONTRIB, NodeRedTest, needs_node_red
-from plant import BASE, wait_for, write_text
+from plant import BASE, tag, wait_for, write_text
 
 TAB = "nodes0tab0000001"
 SERVER = "nodes0server0001"
@@ -59,8 +59,8 @@ def flow_of(port, seconds, version="5"):
 def writable_lot(config):
     """Adds a whole number and a bit that may be written."""
     config["devices"][0]["tags"] += [
-        {"name": "lot", "address": "D210", "group": "slow", "access": "read_write"},
-        {"name": "lamp", "address": "M100", "group": "slow", "access": "read_write"}]
+        tag("lot", "D210", "slow", access="read_write"),
+        tag("lamp", "M100", "slow", access="read_write")]
 
 
 @needs_node_red

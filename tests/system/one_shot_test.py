@@ -4,11 +4,11 @@ import json
 import os
 import unittest
 
-from plant import PlantTest, config_file, fxagent
+from plant import PlantTest, config_file, fxagent, tag, tcp_link
 
 
-def tag(name, address, kind, **more):
-    return {"name": name, "address": address, "type": kind, "group": "fast", "access": "read_write", **more}
+def writable(name, address, kind, **more):
+    return tag(name, address, type=kind, access="read_write", **more)
 
 
 class OneShots(PlantTest):
@@ -17,16 +17,16 @@ class OneShots(PlantTest):
         # hr:40 and on is 230.5 with the high word first; hr:60 is the end of this meter.
         self.start_sim([{"name": "meter", "protocol": "modbus-tcp", "tcp": 0, "holes": ["hr:60-hr:300"],
                          "memory": {"hr:40": [0x4366, 0x8000, 0, 7], "hr:58": [1, 2]}}])
-        self.write_config([tag("temp", "hr:0", "int32", scale=0.1, offset=-40, unit="°C"),
-                           tag("power", "hr:4", "float32", scale=10, offset=-40, unit="kW"),
-                           tag("energy", "hr:8", "int64", scale=0.1, offset=-40, unit="kWh"),
-                           tag("flow", "hr:12", "float64", scale=0.1),
-                           tag("pair", "hr:16", "int32", count=2, scale=10),
-                           tag("level", "hr:20", "int16", scale=0.1, unit="mm")])
+        self.write_config([writable("temp", "hr:0", "int32", scale=0.1, offset=-40, unit="°C"),
+                           writable("power", "hr:4", "float32", scale=10, offset=-40, unit="kW"),
+                           writable("energy", "hr:8", "int64", scale=0.1, offset=-40, unit="kWh"),
+                           writable("flow", "hr:12", "float64", scale=0.1),
+                           writable("pair", "hr:16", "int32", count=2, scale=10),
+                           writable("level", "hr:20", "int16", scale=0.1, unit="mm")])
 
     def write_config(self, tags, **sections):
         self.path = config_file(
-            self.directory, [{"name": "net", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}],
+            self.directory, [tcp_link(self.sim.ports["meter"], "net")],
             [{"name": "meter", "link": "net", "protocol": "modbus-tcp", "timeout_ms": 300,
               "groups": [{"name": "fast", "interval_ms": 1000}], "tags": tags,
               "commands": {"allow": ["hr:0-hr:99"]}}], **sections)

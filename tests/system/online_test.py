@@ -6,12 +6,11 @@ import shlex
 import subprocess
 import unittest
 
-from plant import BASE, Agent, PlantTest, Watcher, config_of, device, free_port, fxagent, write_json
+from plant import BASE, Agent, PlantTest, Watcher, config_of, device, free_port, fxagent, tag, tcp_link, write_json
 
 METER = {"name": "meter", "link": "line2", "protocol": "modbus-tcp", "timeout_ms": 300,
          "groups": [{"name": "fast", "interval_ms": 1000}],
-         "tags": [{"name": "level", "address": "hr:0", "group": "fast"},
-                  {"name": "beyond", "address": "hr:100", "group": "fast"}]}
+         "tags": [tag("level", "hr:0"), tag("beyond", "hr:100")]}
 
 
 class Online(PlantTest):
@@ -37,7 +36,7 @@ class Online(PlantTest):
         self.assertIn(f"Next: fxagent run {self.agent.path}\n", said)
 
         # Both answer, and one lacks a register: 4.
-        network = {"name": "line2", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}
+        network = tcp_link(self.sim.ports["meter"], "line2")
         self.write(links=[self.serial(), network], devices=[device(), METER])
         status, said, _ = self.check()
         self.assertEqual(status, 4, said)
@@ -47,8 +46,7 @@ class Online(PlantTest):
         # One PLC is silent and one port does not exist: 1, each with advice.
         self.sim.fault("press1", "dead")
         closed = free_port()
-        self.write(links=[self.serial(), {"name": "line2", "tcp": {"host": "127.0.0.1", "port": closed}}],
-                   devices=[device(), device("press2", "line2")])
+        self.write(links=[self.serial(), tcp_link(closed, "line2")], devices=[device(), device("press2", "line2")])
         status, said, _ = self.check()
         self.assertEqual(status, 1, said)
         self.assertIn("device press1 on line1: does not answer (timeout)\n", said)
@@ -100,7 +98,7 @@ class Online(PlantTest):
 
     def test_an_agent_that_runs_from_a_copy_of_the_config_is_left_alone_too(self):
         self.begin()
-        network = {"name": "line2", "tcp": {"host": "127.0.0.1", "port": self.sim.ports["meter"]}}
+        network = tcp_link(self.sim.ports["meter"], "line2")
         self.watcher = Watcher(self.broker.port)
         # The timeout is longer than any stall of a busy simulator.
         self.start_agent([device(timeout_ms=10000), METER], [self.serial(), network])
@@ -109,7 +107,7 @@ class Online(PlantTest):
         edited = os.path.join(self.directory, "edited.json")
 
         def edit(**agent):
-            tags = [{"name": "fresh", "address": "D101", "group": "fast"}]
+            tags = [tag("fresh", "D101")]
             write_json(edited, {**self.agent.config, "agent": {**self.agent.config["agent"], **agent},
                                 "links": [self.serial("wire"), {**network, "name": "net"}],
                                 "devices": [device("press9", "wire", tags), {**METER, "link": "net"}]})

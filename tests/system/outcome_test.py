@@ -6,13 +6,9 @@ import time
 import unittest
 
 from ledger import Deeds, untruth_of_one
-from plant import BASE, SCHEDULING_MS, PlantTest, device, free_port, wait_for
+from plant import BASE, SCHEDULING_MS, PlantTest, device, free_port, tag, tcp_link, wait_for
 
-TAGS = [
-    {"name": "temp", "address": "D100", "group": "fast"},
-    {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"},
-    {"name": "shadow", "address": "D110", "group": "fast", "access": "read_write"},
-]
+TAGS = [tag("temp", "D100"), tag("setpoint", "D200", access="read_write"), tag("shadow", "D110", access="read_write")]
 
 
 class Outcomes(PlantTest):
@@ -112,8 +108,7 @@ class Outcomes(PlantTest):
 
     def test_a_line_that_breaks_after_the_command_leaves_it_unknown_and_sends_it_once(self):
         port = free_port()
-        self.start([device(tags=TAGS)], [self.plc(tcp=port)],
-                   [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}}])
+        self.start([device(tags=TAGS)], [self.plc(tcp=port)], [tcp_link(port)])
         self.state("press1", "online")
         self.sim.fault("press1", "drop", match="write", ms=100)
         result = self.write(5)
@@ -171,8 +166,7 @@ class Outcomes(PlantTest):
         self.assertEqual(self.sim.commands("press1"), [])
 
     def test_a_tcp_port_where_nobody_listens_is_link_down_at_once(self):
-        self.start(plcs=[self.plc("other")], links=[
-            {"name": "line1", "tcp": {"host": "127.0.0.1", "port": free_port()}}])
+        self.start(plcs=[self.plc("other")], links=[tcp_link(free_port())])
         self.assertEqual(self.state("press1", "offline")["reason"], "link_down")
         result = self.command(op="force_on", address="M150")
         self.assert_result(result, "FAILED", "link_down")
@@ -256,8 +250,7 @@ class Latency(PlantTest):
 
     def start_busy_line(self, interval_ms=0):
         # Ten distant blocks: a cycle takes more than a second, and an exchange has at most 64 bytes.
-        tags = TAGS + [{"name": f"block{i}", "address": f"D{500 + 100 * i}", "count": 30,
-                        "group": "fast"} for i in range(10)]
+        tags = TAGS + [tag(f"block{i}", f"D{500 + 100 * i}", count=30) for i in range(10)]
         self.start([device(tags=tags, turnaround_ms=self.TURNAROUND_MS, interval_ms=interval_ms)],
                    [self.plc(baud=9600, turnaround_ms=self.TURNAROUND_MS)])
         self.assertGreater(self.data()["span_ms"], 1000)

@@ -7,7 +7,7 @@ import threading
 import unittest
 
 from browser import Browser, why_no_browser
-from plant import PATIENCE, PlantTest, device, free_port, fxagent, http_ask, wait_for, write_text
+from plant import PATIENCE, PlantTest, device, free_port, fxagent, http_ask, tcp_link, wait_for, write_text
 
 SCRIPT = "<img src=x onerror=alert(1)><script>alert(1)</script>"
 
@@ -25,7 +25,7 @@ class PagePlant(PlantTest):
         groups = [{"name": "default", "interval_ms": interval_ms}]
         devices = [device(tags=tags, groups=groups, timeout_ms=300),
                    device("press2", "line2", tags=tags[:3], groups=groups, timeout_ms=300)]
-        links = [self.serial() | {"allow_yield": yields}, {"name": "line2", "tcp": {"host": "127.0.0.1", "port": tcp}}]
+        links = [self.serial() | {"allow_yield": yields}, tcp_link(tcp, "line2")]
         self.start(devices=devices, links=links, plcs=[self.plc(baud=0), {"name": "press2", "tcp": tcp}],
                    http={"listen": f"127.0.0.1:{self.port}"} | (http_more or {}), **more)
         self.listening()

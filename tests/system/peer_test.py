@@ -15,7 +15,7 @@ import sys
 import tempfile
 import unittest
 
-from plant import PATIENCE, Sim, config_file, free_port, fxagent, has_failed, text_of, wait_for
+from plant import PATIENCE, Sim, config_file, free_port, fxagent, has_failed, tcp_link, text_of, wait_for
 from ports import is_open
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
@@ -59,7 +59,7 @@ class Peer(unittest.TestCase):
         return ends
 
     def tcp_link(self, port):
-        return {"name": "line", "tcp": {"host": "127.0.0.1", "port": port}}
+        return tcp_link(port, "line")
 
     def serial_link(self, path):
         return {"name": "line", "serial": {"path": path, "baud": 115200, "data_bits": 8,

@@ -104,6 +104,11 @@ def device(name="press1", link="line1", tags=None, groups=None, interval_ms=100,
     return out
 
 
+def tcp_link(port, name="line1", **more):
+    """Returns a link of the config to this port of the loopback."""
+    return {"name": name, "tcp": {"host": "127.0.0.1", "port": port}, **more}
+
+
 def config_of(port, links, devices, **sections):
     """Returns the config of the agent whose topics begin with BASE, with a broker on this port of the loopback."""
     return {"agent": {"id": "edge7", "root": "fx/plant-a"}, "mqtt": {"servers": [f"mqtt://127.0.0.1:{port}"]},

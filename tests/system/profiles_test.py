@@ -7,12 +7,12 @@ import time
 import unittest
 
 from json_peer import JsonPeer
-from plant import BASE, PATIENCE, PlantTest, Watcher, device, wait_for
+from plant import BASE, PATIENCE, PlantTest, Watcher, device, tag, wait_for
 
-TAGS = [{"name": "temp", "address": "D100", "group": "fast", "unit": "°C"},
-        {"name": "speeds", "address": "D110", "count": 3, "group": "fast"},
-        {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write", "min": 0, "max": 1000},
-        {"name": "lamp", "address": "M100", "group": "fast", "access": "read_write"}]
+TAGS = [tag("temp", "D100", unit="°C"),
+        tag("speeds", "D110", count=3),
+        tag("setpoint", "D200", access="read_write", min=0, max=1000),
+        tag("lamp", "M100", access="read_write")]
 
 
 class Profiles(PlantTest):
@@ -466,7 +466,7 @@ class TypedCommands(SparkplugPlant):
         self.assert_no_faults()
 
     def test_an_array_is_written_in_its_own_type_only(self):
-        tags = [{"name": "recipe", "address": "D300", "count": 3, "group": "fast", "access": "read_write"}]
+        tags = [tag("recipe", "D300", count=3, access="read_write")]
         self.begin_sparkplug(commands=True, devices=[device(tags=tags)])
         self.assertEqual(self.judge.wait("DBIRTH")["commands"]["Write/recipe"]["arguments"],
                          [{"name": "value", "type": "Int16Array"}])

@@ -5,7 +5,8 @@ import os
 import signal
 import unittest
 
-from plant import Agent, PlantTest, config_of, device, free_port, fxagent, wait_for, write_json, write_text
+from plant import (Agent, PlantTest, config_of, device, free_port, fxagent, tag, tcp_link, wait_for, write_json,
+                   write_text)
 
 
 class Programs(PlantTest):
@@ -197,8 +198,7 @@ class Programs(PlantTest):
     def small(self, **more):
         """One word every 100 ms on a programming port without response time."""
         return device(**{"turnaround_ms": 0, "groups": [{"name": "fast", "interval_ms": 100}],
-                         "tags": [{"name": "temp", "address": "D100", "group": "fast",
-                                   "access": "read_write"}], **more})
+                         "tags": [tag("temp", "D100", access="read_write")], **more})
 
     def test_plan_shows_the_reads_and_the_bound(self):
         path = self.config(devices=[self.small()])
@@ -227,8 +227,7 @@ class Programs(PlantTest):
         self.assertEqual(fxagent("plan", os.path.join(self.directory, "nothing"))[0], 2)
 
     def test_plan_of_100_words_and_64_bits_is_the_least_that_the_port_can_do(self):
-        tags = [{"name": "d", "address": "D0", "count": 100, "group": "fast"},
-                {"name": "m", "address": "M0", "count": 64, "group": "fast"}]
+        tags = [tag("d", "D0", count=100), tag("m", "M0", count=64)]
         (link,) = self.plan(self.config(devices=[self.small(tags=tags)]))["links"]
         self.assertEqual(link["groups"][0]["line_ms"], 511.5)
         self.assertEqual(link["warnings"], [
@@ -241,7 +240,7 @@ class Programs(PlantTest):
         self.assertLess(blocks[32]["command_bound_ms"], link["command_bound_ms"])
 
     def test_plan_of_a_line_of_unknown_speed_has_reads_and_no_times(self):
-        links = [{"name": "line1", "tcp": {"host": "127.0.0.1", "port": 1}}]
+        links = [tcp_link(1)]
         path = self.config(links=links, devices=[self.small()])
         (link,) = self.plan(path)["links"]
         self.assertEqual([link[key] for key in ("baud", "busy_percent", "command_bound_ms")],
@@ -308,9 +307,7 @@ class Programs(PlantTest):
         self.assertIn("FAILED", out)
 
     def test_commands_of_the_command_line_keep_the_configs_rules(self):
-        tags = [{"name": "temp", "address": "D100", "group": "fast"},
-                {"name": "setpoint", "address": "D200", "group": "fast", "scale": 0.1, "max": 100,
-                 "access": "read_write"}]
+        tags = [tag("temp", "D100"), tag("setpoint", "D200", scale=0.1, max=100, access="read_write")]
         self.start_sim([self.plc(memory={"D100": 321})])
         path = self.config(devices=[device(tags=tags)])
         for command, reason in [(["write", "press1", "temp", "1"], "not_writable"),
@@ -418,8 +415,7 @@ class Programs(PlantTest):
 
     def test_an_agent_that_cannot_open_anything_still_stops_cleanly(self):
         for sign in (signal.SIGTERM, signal.SIGINT):
-            self.agent = Agent(self.directory, self.configuration(links=[
-                {"name": "line1", "tcp": {"host": "127.0.0.1", "port": free_port()}}]))
+            self.agent = Agent(self.directory, self.configuration(links=[tcp_link(free_port())]))
             self.agent.start()
             self.agent.wait_logged("broker_unreachable")
             self.assertEqual(self.agent.stop(sign), 0)

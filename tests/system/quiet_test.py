@@ -8,7 +8,7 @@ import time
 import unittest
 
 from broker_test import certificates
-from plant import BASE, Broker, PlantTest, device, free_port, wait_for
+from plant import BASE, Broker, PlantTest, device, free_port, tag, tcp_link, wait_for
 from scripted_broker import PINGRESP, Script, ScriptedBroker, packet
 
 # From the last packet on the connection to the next.
@@ -134,10 +134,9 @@ class Reader(PlantTest):
         self.start_plant(
             [{"name": "meter1", "link": "net", "protocol": "modbus-tcp",
               "groups": [{"name": "flood", "interval_ms": 0}],
-              "tags": [{"name": f"{i:060}", "address": f"hr:{i}", "type": "uint16", "group": "flood"}
-                       for i in range(500)]}],
+              "tags": [tag(f"{i:060}", f"hr:{i}", "flood", type="uint16") for i in range(500)]}],
             [{"name": "meter1", "protocol": "modbus-tcp", "tcp": port}],
-            [{"name": "net", "tcp": {"host": "127.0.0.1", "port": port}}], qos=0)
+            [tcp_link(port, "net")], qos=0)
         session = self.broker.wait_online(BASE)
         session.stop_reading()
 

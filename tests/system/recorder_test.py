@@ -10,12 +10,12 @@ import subprocess
 import sys
 import unittest
 
-from plant import BASE, FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, wait_for, write_text
+from plant import (BASE, FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, tag, tcp_link, wait_for,
+                   write_text)
 
 LUA = os.path.join(os.path.dirname(__file__), "..", "..", "config", "wireshark", "fxagent.lua")
 FROM_RECORDING = os.path.join(os.path.dirname(__file__), "..", "frames", "from_recording.py")
-TAGS = [{"name": "temp", "address": "D100", "group": "fast"},
-        {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}]
+TAGS = [tag("temp", "D100"), tag("setpoint", "D200", access="read_write")]
 
 
 class Recorded(PlantTest):
@@ -203,11 +203,10 @@ class Played(Recorded):
         self.played_equals(
             {"name": "press1", "protocol": "modbus-tcp", "tcp": port, "baud": 0, "turnaround_ms": 1,
              "memory": {"hr:0": 5, "hr:7": 9}},
-            {"name": "line1", "tcp": {"host": "127.0.0.1", "port": port}},
+            tcp_link(port),
             {"name": "press1", "link": "line1", "protocol": "modbus-tcp", "timeout_ms": 500,
              "groups": [{"name": "fast", "interval_ms": 100}],
-             "tags": [{"name": "a", "address": "hr:0", "group": "fast"},
-                      {"name": "b", "address": "hr:7", "group": "fast"}]},
+             "tags": [tag("a", "hr:0"), tag("b", "hr:7")]},
             "b", "hr:7")
 
     def test_a_recording_becomes_a_transcript(self):

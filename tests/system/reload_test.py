@@ -17,7 +17,8 @@ import threading
 import time
 import unittest
 
-from plant import BASE, PATIENCE, TEST_SEED, Agent, PlantTest, Watcher, config_of, device, wait_for, write_text
+from plant import (BASE, PATIENCE, TEST_SEED, Agent, PlantTest, Watcher, config_of, device, tag, tcp_link, wait_for,
+                   write_text)
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "peers"))
 from modbus_recorder import Recorder
@@ -30,9 +31,8 @@ SETPOINT = 14
 def modbus(name, link, unit, interval_ms=INTERVAL_MS, register=10):
     return {"name": name, "link": link, "protocol": "modbus-tcp", "unit": unit, "timeout_ms": 2000,
             "groups": [{"name": "fast", "interval_ms": interval_ms}],
-            "tags": [{"name": "level", "address": f"hr:{register}", "type": "uint16", "group": "fast"},
-                     {"name": "setpoint", "address": f"hr:{SETPOINT}", "type": "uint16",
-                      "access": "read_write", "group": "fast"}]}
+            "tags": [tag("level", f"hr:{register}", type="uint16"),
+                     tag("setpoint", f"hr:{SETPOINT}", type="uint16", access="read_write")]}
 
 
 class Metronome:
@@ -74,7 +74,7 @@ class ReloadTest(PlantTest):
         return self.recorders[name]
 
     def link(self, name, recorder=None):
-        return {"name": name, "tcp": {"host": "127.0.0.1", "port": self.recorder(recorder or name).port}}
+        return tcp_link(self.recorder(recorder or name).port, name)
 
     def begin(self, links, devices, sync="offline", environment=None):
         self.start_broker()
@@ -232,9 +232,7 @@ class Reload(ReloadTest):
     def slow_serial(self):
         """A serial device that takes 0.3 s for an answer, with commands queued behind it."""
         self.start([device(interval_ms=2000, timeout_ms=1000,
-                           tags=[{"name": "temp", "address": "D100", "group": "fast"},
-                                 {"name": "setpoint", "address": "D200", "group": "fast",
-                                  "access": "read_write"}])],
+                           tags=[tag("temp", "D100"), tag("setpoint", "D200", access="read_write")])],
                    plcs=[self.plc(turnaround_ms=300)])
         self.ready()
         self.data()

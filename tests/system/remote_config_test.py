@@ -8,7 +8,7 @@ import signal
 import time
 import unittest
 
-from plant import BASE, MEMORY_FACTOR, PATIENCE, Watcher, fxagent, memory_kib, wait_for
+from plant import BASE, MEMORY_FACTOR, PATIENCE, Watcher, fxagent, memory_kib, tcp_link, wait_for
 from reload_test import ReloadTest, modbus
 
 FXAGENT_CRASHING = os.environ["FXAGENT_CRASHING"]
@@ -111,7 +111,7 @@ class RemoteConfig(ReloadTest):
         plants = {"values": ([{"name": f"t{i}", **array} for i in range(20)], ["1-10000"]),
                   "devices": ([{"name": "t", "address": "hr:0"}], ["1-9999"] * 20)}
         lost = [{"name": f"d{i}", "link": f"lost-{i}", "protocol": "modbus-tcp"} for i in range(3000)]
-        links = [{"name": f"link-{i}", "tcp": {"host": "127.0.0.1", "port": 1}} for i in range(3000)]
+        links = [tcp_link(1, f"link-{i}") for i in range(3000)]
         documents = {"links": {"links": links, "devices": lost}}
         for what, (tags, ranges) in plants.items():
             documents[what] = {

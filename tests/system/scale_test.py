@@ -6,8 +6,8 @@ import statistics
 import subprocess
 import unittest
 
-from plant import (BASE, FXAGENT, SCHEDULING_MS, PlantTest, config_of, device, free_port, text_of, wait_for,
-                   write_json)
+from plant import (BASE, FXAGENT, SCHEDULING_MS, PlantTest, config_of, device, free_port, tag, tcp_link, text_of,
+                   wait_for, write_json)
 
 
 class Scale(PlantTest):
@@ -19,7 +19,7 @@ class Scale(PlantTest):
                  for i in range(devices)]
         devices = [{"name": f"d{i}", "link": f"l{i}", "protocol": protocol,
                     "groups": [{"name": "g", "interval_ms": 1000}],
-                    "tags": [{"name": f"t{t}", "address": address + str(t), "group": "g"} for t in range(1000)]}
+                    "tags": [tag(f"t{t}", address + str(t), "g") for t in range(1000)]}
                    for i in range(devices)]
         return write_json(path, config_of(1, links, devices))
 
@@ -63,8 +63,7 @@ class Scale(PlantTest):
 
     def test_too_few_open_files_are_told_and_the_agent_works_on(self):
         port = free_port()
-        links = [self.serial()] + [{"name": f"l{i}", "tcp": {"host": "127.0.0.1", "port": port}}
-                                   for i in range(200)]
+        links = [self.serial()] + [tcp_link(port, f"l{i}") for i in range(200)]
         devices = [device()] + [device(f"d{i}", f"l{i}", interval_ms=2000) for i in range(200)]
         self.start(devices, [self.plc(), self.plc("many", tcp=port)], links)
         for i in range(200):
@@ -93,12 +92,9 @@ class Scale(PlantTest):
             ports.add(free_port())
         names = [f"d{i}" for i in range(len(ports))]
         self.start(
-            [device(name, name, interval_ms=1000,
-                    tags=[{"name": "block", "address": "D0", "count": 32, "group": "fast"}])
-             for name in names],
+            [device(name, name, interval_ms=1000, tags=[tag("block", "D0", count=32)]) for name in names],
             [self.plc(name, tcp=port) for name, port in zip(names, sorted(ports))],
-            [{"name": name, "tcp": {"host": "127.0.0.1", "port": port}}
-             for name, port in zip(names, sorted(ports))])
+            [tcp_link(port, name) for name, port in zip(names, sorted(ports))])
         for name in names:
             self.state(name, "online")
         since = self.watcher.mark()

@@ -7,7 +7,7 @@ import struct
 import time
 import unittest
 
-from plant import BASE, SCHEDULING_MS, PlantTest, Watcher, device
+from plant import BASE, SCHEDULING_MS, PlantTest, Watcher, device, tag
 
 
 def words_of_float(value):
@@ -36,7 +36,7 @@ class Telemetry(PlantTest):
         }
         tags, values = [], {}
         for number, ((address, kind), value) in enumerate(expected.items()):
-            tags.append({"name": f"t{number}", "address": address, "type": kind, "group": "fast"})
+            tags.append(tag(f"t{number}", address, type=kind))
             values[f"t{number}"] = value
         more = [
             ({"address": "D112", "type": "string", "length": 4}, "ABC"),
@@ -46,8 +46,8 @@ class Telemetry(PlantTest):
             ({"address": "D100", "scale": 0.1, "offset": 100}, 123.4),
             ({"address": "D100", "scale": 0.1}, 23.4),
         ]
-        for number, (tag, value) in enumerate(more):
-            tags.append({"name": f"m{number}", "group": "fast", **tag})
+        for number, (keys, value) in enumerate(more):
+            tags.append({"name": f"m{number}", "group": "fast", **keys})
             values[f"m{number}"] = value
         self.start([device(tags=tags)], [self.plc(memory=memory)])
         message = self.data()
@@ -68,9 +68,7 @@ class Telemetry(PlantTest):
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
 
     def test_what_cannot_be_a_value_is_bad_and_tells_the_last_one(self):
-        tags = [{"name": "bcd", "address": "D10", "type": "bcd16", "group": "fast"},
-                {"name": "real", "address": "D12", "type": "float32", "group": "fast"},
-                {"name": "good", "address": "D14", "group": "fast"}]
+        tags = [tag("bcd", "D10", type="bcd16"), tag("real", "D12", type="float32"), tag("good", "D14")]
         self.start([device(tags=tags)], [self.plc(memory={"D10": 0x0042, "D14": 5})])
         last = self.data()
         self.assertEqual(last["values"], {"bcd": 42, "real": 0, "good": 5})
@@ -94,9 +92,7 @@ class Telemetry(PlantTest):
     def test_on_change_speaks_when_a_value_has_moved_by_its_deadband(self):
         groups = [{"name": "fast", "interval_ms": 50, "publish": "on_change", "max_silent_s": 600},
                   {"name": "steady", "interval_ms": 50}]
-        tags = [{"name": "a", "address": "D10", "group": "fast", "deadband": 5},
-                {"name": "b", "address": "D11", "group": "fast"},
-                {"name": "c", "address": "D12", "group": "steady"}]
+        tags = [tag("a", "D10", deadband=5), tag("b", "D11"), tag("c", "D12", "steady")]
         self.start([device(tags=tags, groups=groups)])
         self.data(lambda m: m["values"] == {"a": 0, "b": 0})
         self.sim.set("press1", "D10", 4)
@@ -121,11 +117,11 @@ class Telemetry(PlantTest):
                 self.assertLess((last - first - 1) * 200, stamps[last] - stamps[first] + 50)
 
     def test_numbers_keep_their_kind(self):
-        tags = [{"name": "whole", "address": "D10", "group": "fast"},
-                {"name": "scaled", "address": "D10", "group": "fast", "scale": 0.5},
-                {"name": "wide", "address": "D12", "type": "uint32", "group": "fast"},
-                {"name": "real", "address": "D14", "type": "float32", "group": "fast"},
-                {"name": "tiny", "address": "D16", "type": "float32", "group": "fast"}]
+        tags = [tag("whole", "D10"),
+                tag("scaled", "D10", scale=0.5),
+                tag("wide", "D12", type="uint32"),
+                tag("real", "D14", type="float32"),
+                tag("tiny", "D16", type="float32")]
         memory = {"D10": 7, "D12": [0xFFFF, 0xFFFF], "D14": words_of_float(5.1),
                   "D16": words_of_float(1e-40)}
         self.start([device(tags=tags)], [self.plc(memory=memory)])
@@ -141,7 +137,7 @@ class Telemetry(PlantTest):
         self.assertEqual(words_of_float(tiny), words_of_float(1e-40))
 
     def test_text_of_any_bytes_is_valid_json(self):
-        tags = [{"name": "text", "address": "D10", "type": "string", "length": 8, "group": "fast"}]
+        tags = [tag("text", "D10", type="string", length=8)]
         self.start([device(tags=tags)], [self.plc(memory={"D10": [0x2241, 0x0A5C, 0xFFE9, 0x0142]})])
         # The PLC has no code page: each byte is the character with its number, up to the first NUL. For the watcher,
         # a payload that is not JSON or UTF-8 stays bytes and has no values.
@@ -194,9 +190,7 @@ class Telemetry(PlantTest):
 
     def test_span_is_told_where_there_was_more_than_one_exchange(self):
         groups = [{"name": "near", "interval_ms": 300}, {"name": "far", "interval_ms": 300}]
-        tags = [{"name": "a", "address": "D0", "group": "near"},
-                {"name": "b", "address": "D0", "group": "far"},
-                {"name": "c", "address": "D5000", "group": "far"}]
+        tags = [tag("a", "D0", "near"), tag("b", "D0", "far"), tag("c", "D5000", "far")]
         self.start([device(tags=tags, groups=groups)], [self.plc(baud=9600, turnaround_ms=10)])
         self.assertNotIn("span_ms", self.data(group="near"))
         spans = [m["span_ms"] for m in self.watcher.wait_count(f"{BASE}/press1/data/far", 5)]
@@ -207,8 +201,7 @@ class Telemetry(PlantTest):
 
     def test_numbers_run_over_all_groups_of_a_device(self):
         groups = [{"name": "fast", "interval_ms": 40}, {"name": "slow", "interval_ms": 110}]
-        tags = [{"name": "a", "address": "D0", "group": "fast"},
-                {"name": "b", "address": "D1", "group": "slow"}]
+        tags = [tag("a", "D0"), tag("b", "D1", "slow")]
         self.start([device(tags=tags, groups=groups)])
         first = self.data()
         self.data(lambda m: m["seq"] > first["seq"] + 30, group="slow")
@@ -217,11 +210,10 @@ class Telemetry(PlantTest):
         self.assertEqual(seen, list(range(seen[0], seen[0] + len(seen))))
 
     def test_meta_describes_every_tag(self):
-        tags = [{"name": "temp", "address": "D100", "group": "fast", "scale": 0.1, "unit": "°C",
-                 "deadband": 0.5, "min": -10, "max": 90, "access": "read_write"},
-                {"name": "list", "address": "D110", "type": "uint16", "count": 4, "group": "fast"},
-                {"name": "text", "address": "D120", "type": "string", "length": 6, "group": "fast"},
-                {"name": "bit", "address": "M7", "group": "fast"}]
+        tags = [tag("temp", "D100", scale=0.1, unit="°C", deadband=0.5, min=-10, max=90, access="read_write"),
+                tag("list", "D110", type="uint16", count=4),
+                tag("text", "D120", type="string", length=6),
+                tag("bit", "M7")]
         self.start([device(tags=tags)])
         meta = self.watcher.wait(f"{BASE}/press1/meta")
         plain = {"unit": "", "scale": 1, "offset": 0, "group": "fast", "access": "read"}
@@ -245,8 +237,7 @@ class Telemetry(PlantTest):
 
     def test_an_address_that_the_plc_refuses_is_bad_alone(self):
         # The config says FX3U, but the device is an FX1S: it has D0 and lacks D900.
-        tags = [{"name": "near", "address": "D0", "group": "fast"},
-                {"name": "far", "address": "D900", "group": "fast"}]
+        tags = [tag("near", "D0"), tag("far", "D900")]
         self.start([device(tags=tags, command_set="classic", retries=1)],
                    [self.plc(model="FX1S", memory={"D0": 5})])
         message = self.data(lambda m: "near" in m["values"])
@@ -260,8 +251,7 @@ class Telemetry(PlantTest):
     def test_on_change_compares_arrays_by_element_and_speaks_after_a_long_silence(self):
         groups = [{"name": "fast", "interval_ms": 40, "publish": "on_change", "max_silent_s": 1},
                   {"name": "steady", "interval_ms": 40}]
-        tags = [{"name": "a", "address": "D10", "count": 3, "group": "fast", "deadband": 10},
-                {"name": "c", "address": "D20", "group": "steady"}]
+        tags = [tag("a", "D10", count=3, deadband=10), tag("c", "D20", "steady")]
         self.start([device(tags=tags, groups=groups)], [self.plc(memory={"D10": [100, 200, 300]})])
         first = self.data()
         self.assertEqual(first["values"], {"a": [100, 200, 300]})
@@ -280,10 +270,8 @@ class Telemetry(PlantTest):
 
     def test_no_sample_after_a_result_shows_an_older_value_of_the_place(self):
         # Each cycle reads D300 first and then three distant blocks, so that most writes arrive during a cycle.
-        far = [{"name": f"far{at}", "address": f"D{at}", "group": "fast"} for at in (1000, 2000, 3000)]
-        tags = [{"name": "same", "address": "D300", "group": "fast"},
-                {"name": "wide", "address": "D299", "type": "int32", "group": "fast"},
-                {"name": "bit", "address": "D300.0", "type": "bool", "group": "fast"}] + far
+        far = [tag(f"far{at}", f"D{at}") for at in (1000, 2000, 3000)]
+        tags = [tag("same", "D300"), tag("wide", "D299", type="int32"), tag("bit", "D300.0", type="bool")] + far
         self.start([device(tags=tags, interval_ms=0, max_block_bytes=16)], [self.plc(baud=38400)])
         self.data()
         for value in range(1, 21):
@@ -326,7 +314,7 @@ class Telemetry(PlantTest):
 
     def test_on_change_speaks_when_a_value_turns_bad_and_good(self):
         groups = [{"name": "fast", "interval_ms": 40, "publish": "on_change", "max_silent_s": 600}]
-        tags = [{"name": "a", "address": "D10", "type": "bcd16", "group": "fast"}]
+        tags = [tag("a", "D10", type="bcd16")]
         self.start([device(tags=tags, groups=groups)])
         self.data(lambda m: m["values"] == {"a": 0})
         self.sim.set("press1", "D10", 0xFFFF)
@@ -354,8 +342,7 @@ class Telemetry(PlantTest):
 
     def test_as_many_messages_come_as_the_beat_says(self):
         groups = [{"name": "fast", "interval_ms": 100}, {"name": "slow", "interval_ms": 250}]
-        tags = [{"name": "a", "address": "D10", "group": "fast"},
-                {"name": "b", "address": "D11", "group": "slow"}]
+        tags = [tag("a", "D10"), tag("b", "D11", "slow")]
         self.start([device(tags=tags, groups=groups)], [self.plc(baud=9600)])
         # On a busy machine the first poll is late, and the second is not.
         begun = self.data()["ts"]
@@ -399,16 +386,14 @@ class Telemetry(PlantTest):
         self.assertLess(statistics.median(gaps), exchange + SCHEDULING_MS / 4)
 
     def test_a_model_is_asked_for_and_reaches_its_extended_devices(self):
-        tags = [{"name": "far", "address": "D7999", "group": "fast"},
-                {"name": "near", "address": "D0", "group": "fast"}]
+        tags = [tag("far", "D7999"), tag("near", "D0")]
         self.start([device(model="auto", tags=tags)],
                    [self.plc(model="FX2N", memory={"D7999": 99, "D0": 1})])
         self.assertEqual(self.data(lambda m: "far" in m["values"])["values"], {"far": 99, "near": 1})
         self.assertEqual(self.state("press1", "online")["model"], "FX2N")
 
     def test_what_the_found_model_lacks_is_unsupported(self):
-        tags = [{"name": "far", "address": "D7999", "group": "fast"},
-                {"name": "near", "address": "D0", "group": "fast"}]
+        tags = [tag("far", "D7999"), tag("near", "D0")]
         self.start([device(model="auto", tags=tags)], [self.plc(model="FX1S")])
         message = self.data(lambda m: "near" in m["values"])
         self.assertEqual(message["bad"]["far"]["why"], "unsupported")

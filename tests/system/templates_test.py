@@ -6,7 +6,7 @@ import subprocess
 import sys
 import unittest
 
-from plant import BASE, FXAGENT, Agent, PlantTest, Watcher, free_port, fxagent, write_json
+from plant import BASE, FXAGENT, Agent, PlantTest, Watcher, free_port, fxagent, tag, tcp_link, write_json
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
 UNITS = 200
@@ -19,16 +19,14 @@ class Templates(PlantTest):
     def meters(self, port, broker_port=1):
         return {"agent": {"id": "edge7", "root": "fx/plant-a"},
                 "mqtt": {"servers": [f"mqtt://127.0.0.1:{broker_port}"]},
-                "links": [{"name": "gw", "tcp": {"host": "127.0.0.1", "port": port}}],
+                "links": [tcp_link(port, "gw")],
                 "templates": {"meter": {
                     "protocol": "modbus-tcp", "link": "gw", "timeout_ms": 5000,
                     "groups": [{"name": "g", "interval_ms": 1000, "publish": "on_change"}],
-                    "tags": [{"name": "first", "address": "hr:0", "group": "g"},
-                             {"name": "own", "address": "hr:{n}", "group": "g"},
-                             {"name": "coil", "address": "co:3", "group": "g"}]}},
+                    "tags": [tag("first", "hr:0", "g"), tag("own", "hr:{n}", "g"), tag("coil", "co:3", "g")]}},
                 "devices": [{"template": "meter", "name": "meter{n}", "n": "1-99", "unit": "{n}"},
                             {"template": "meter", "name": "meter{n}", "n": f"100-{UNITS}", "unit": "{n}",
-                             "tags": [{"name": "own", "address": "hr:99", "group": "g"}]}]}
+                             "tags": [tag("own", "hr:99", "g")]}]}
 
     def test_two_hundred_units_of_one_template_are_polled(self):
         port = free_port()
@@ -82,8 +80,7 @@ class Templates(PlantTest):
         config = self.meters(free_port())
         address = config["links"][0]["tcp"]
         config["links"] = [{"name": f"gw{i}", "tcp": {**address, "host": f"127.1.0.{i}"}} for i in range(1, 5)]
-        config["templates"]["meter"]["tags"] = [{"name": f"t{t}", "address": f"hr:{t}", "group": "g"}
-                                                for t in range(100)]
+        config["templates"]["meter"]["tags"] = [tag(f"t{t}", f"hr:{t}", "g") for t in range(100)]
         config["devices"] = [{"template": "meter", "name": f"line{i}_{{n}}", "link": f"gw{i}", "n": "1-250",
                               "unit": "{n}"} for i in range(1, 5)]
         path = self.written(config)

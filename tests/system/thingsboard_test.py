@@ -5,15 +5,15 @@ import time
 import unittest
 
 from json_peer import JsonPeer
-from plant import BASE, PATIENCE, PlantTest, device, free_port, wait_for
+from plant import BASE, PATIENCE, PlantTest, device, free_port, tag, wait_for
 
 TOKEN = "A1_TEST_TOKEN"
 RPC = "v1/gateway/rpc"
-TAGS = [{"name": "temp", "address": "D100", "group": "fast", "unit": "°C"},
-        {"name": "speeds", "address": "D110", "count": 3, "group": "fast"},
-        {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write", "min": 0, "max": 1000},
-        {"name": "mode", "address": "D201", "group": "fast", "states": {"0": "manual", "1": "automatic"}},
-        {"name": "lamp", "address": "M100", "group": "fast", "access": "read_write"}]
+TAGS = [tag("temp", "D100", unit="°C"),
+        tag("speeds", "D110", count=3),
+        tag("setpoint", "D200", access="read_write", min=0, max=1000),
+        tag("mode", "D201", states={"0": "manual", "1": "automatic"}),
+        tag("lamp", "M100", access="read_write")]
 
 
 class Server(JsonPeer):

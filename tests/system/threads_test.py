@@ -8,10 +8,9 @@ import threading
 import unittest
 
 from broker_test import certificates
-from plant import BASE, Broker, PlantTest, Watcher, device, free_port, text_of, wait_for, write_text
+from plant import BASE, Broker, PlantTest, Watcher, device, free_port, tag, text_of, wait_for, write_text
 
-TAGS = [{"name": "temp", "address": "D100", "group": "fast"},
-        {"name": "setpoint", "address": "D200", "group": "fast", "access": "read_write"}]
+TAGS = [tag("temp", "D100"), tag("setpoint", "D200", access="read_write")]
 
 
 class Threads(PlantTest):

@@ -11,7 +11,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import FXAGENT, PATIENCE, PlantTest, config_file, device, fxagent, wait_for, write_json
+from plant import FXAGENT, PATIENCE, PlantTest, config_file, device, fxagent, tag, tcp_link, wait_for, write_json
 
 # D100 of an FX3U, two bytes, by the classic command.
 QUESTION = "02 30 31 30 43 38 30 32 03 37 31"
@@ -36,7 +36,7 @@ class TracedTest(PlantTest):
 class Trace(TracedTest):
     def test_polls_refusals_bad_frames_and_silence_are_explained(self):
         self.start(plcs=[self.plc(memory={"D100": 234})],
-                   devices=[device(tags=[{"name": "temp", "address": "D100", "group": "fast"}])],
+                   devices=[device(tags=[tag("temp", "D100")])],
                    arguments=["--trace", "line1"])
         self.data()
         asked = self.shown("a question", lambda f: f["way"] == "out" and f["says"] == "read D100 × 1")
@@ -141,8 +141,7 @@ class Garbage(PlantTest):
                 while True:
                     threading.Thread(target=talk, args=(listener.accept()[0],), daemon=True).start()
         threading.Thread(target=accept, daemon=True).start()
-        return {"name": "line1", "tcp": {"host": "127.0.0.1", "port": listener.getsockname()[1]},
-                "line_baud": 9600}
+        return tcp_link(listener.getsockname()[1], line_baud=9600)
 
     def test_its_first_bytes_and_what_they_look_like_are_told_once(self):
         link = self.serve()

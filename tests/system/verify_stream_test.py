@@ -8,7 +8,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import (BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, config_of, device, text_of, wait_for,
+from plant import (BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, config_of, device, tag, text_of, wait_for,
                    write_json, write_text)
 
 # A boot of an agent that the test simulates.
@@ -111,8 +111,7 @@ class VerifyStream(PlantTest):
 
     def test_what_the_agent_sends_is_whole_though_a_device_misses_an_answer(self):
         groups = [{"name": "fast", "interval_ms": 50}, {"name": "slow", "interval_ms": 200}]
-        tags = [{"name": "temp", "address": "D100", "group": "fast"},
-                {"name": "parts", "address": "D110", "group": "slow"}]
+        tags = [tag("temp", "D100"), tag("parts", "D110", "slow")]
         self.start([device(tags=tags, groups=groups)])
         self.data()
         run = Verification(self.agent.path, "--seconds", "4", "--json")
