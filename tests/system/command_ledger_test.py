@@ -165,24 +165,17 @@ class CommandLedger(PlantTest):
         self.judge()
 
     def start_plant(self):
-        plcs = [self.plc(name, protocol=protocol, memory={word(name, 90): FIXED},
-                         **({"tcp": 0} if name == "meter" else {}))
-                for name, protocol in PROTOCOLS.items()]
-        for plc in plcs:
-            if plc["protocol"] == "modbus-tcp":
-                del plc["model"]
-        self.start_around(plcs)
+        self.start_around([self.plc(name, protocol=protocol, memory={word(name, 90): FIXED},
+                                    **({} if is_fx(name) else {"tcp": 0, "model": None}))
+                           for name, protocol in PROTOCOLS.items()])
         links = [self.serial("line1", "press1"), self.serial("line2", "oven"),
                  tcp_link(self.sim.ports["meter"], "line3")]
         devices = []
         for (name, protocol), link in zip(PROTOCOLS.items(), links):
             allow = (["M100-M999", "D1000-D1099"] if is_fx(name) else ["co:100-999", "hr:1000-1099"])
-            made = device(name, link["name"], tags(name), [{"name": "default", "interval_ms": 500}],
-                          protocol=protocol, timeout_ms=200, retries=1,
-                          commands={"allow": allow, "default_expiry_s": 60})
-            if not is_fx(name):
-                del made["model"]
-            devices.append(made)
+            devices.append(device(name, link["name"], tags(name), [{"name": "default", "interval_ms": 500}],
+                                  protocol=protocol, model="FX3U" if is_fx(name) else None, timeout_ms=200, retries=1,
+                                  commands={"allow": allow, "default_expiry_s": 60}))
         self.start_agent(devices, links, store={"path": os.path.join(self.directory, "store")})
         for name in PROTOCOLS:
             self.state(name, "online")

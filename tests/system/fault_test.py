@@ -152,11 +152,8 @@ class Faults(PlantTest):
         word = {row: "hr:100" if row.startswith("modbus") else "D100" for row in rows}
         self.start_around([{"name": row, "protocol": row, "tcp": 0, "baud": 0, "memory": {word[row]: 5},
                             "faults": [{"kind": "echo", "count": -1}], **more} for row, more in rows.items()])
-        devices = [device(row, row, protocol=row, tags=[tag("a", word[row])],
-                          commands={}, **more) for row, more in rows.items()]
-        for each in devices:
-            if each["name"].startswith("modbus"):
-                del each["model"]
+        devices = [device(row, row, protocol=row, tags=[tag("a", word[row])], commands={}, **{"model": None, **more})
+                   for row, more in rows.items()]
         self.start_agent(devices, [tcp_link(self.sim.ports[row], row) for row in rows])
         for row in rows:
             with self.subTest(row):

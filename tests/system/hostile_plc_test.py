@@ -230,9 +230,6 @@ class HostilePlc(PlantTest):
         self.stack.callback(made.close)
         return made
 
-    def link(self, name, peer):
-        return tcp_link(peer.port, name)
-
     def rtu_device(self, name, link, interval_ms=50, **more):
         return device(name, link, protocol="modbus-rtu", model=None, unit=UNIT, timeout_ms=200, retries=1,
                       interval_ms=interval_ms, tags=[tag("a", "hr:10"), tag("b", "hr:200")], commands={"allow": []},
@@ -244,13 +241,10 @@ class HostilePlc(PlantTest):
 
     def plant(self, hostile, make_device, neighbours=1):
         """Starts the agent with a hostile link and healthy ones at 200 ms."""
-        links, devices = [self.link("bad", hostile)], [make_device("press1", "bad")]
+        links, devices = [tcp_link(hostile.port, "bad")], [make_device("press1", "bad")]
         for i in range(neighbours):
-            links.append(self.link(f"good{i}", self.peer(RtuPeer())))
+            links.append(tcp_link(self.peer(RtuPeer()).port, f"good{i}"))
             devices.append(self.rtu_device(f"good{i}", f"good{i}", interval_ms=200))
-        for made in devices:
-            if made.get("model") is None:
-                made.pop("model")
         self.start_broker()
         self.watcher = Watcher(self.broker.port)
         self.start_agent(devices, links)

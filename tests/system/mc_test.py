@@ -42,8 +42,7 @@ class McTest(PlantTest):
 
     def link_of(self, name):
         if is_serial(name):
-            return {"name": name, "serial": {"path": self.pty(name), "baud": 115200, "data_bits": 8,
-                                             "parity": "even", "stop_bits": 1}}
+            return self.serial(name, name, 115200, data_bits=8, parity="even", stop_bits=1)
         channel = "udp" if "udp" in KINDS[name][2] else "tcp"
         return {"name": name, channel: {"host": "127.0.0.1", "port": self.sim.ports[name]}}
 

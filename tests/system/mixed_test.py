@@ -5,7 +5,7 @@ import json
 import statistics
 import unittest
 
-from plant import BASE, SCHEDULING_MS, PlantTest, tag, tcp_link, wait_for
+from plant import BASE, SCHEDULING_MS, PlantTest, device, tag, tcp_link, wait_for
 
 INTERVAL_MS = 500
 TIMEOUT_MS = 150
@@ -39,13 +39,12 @@ class MixedPlant(PlantTest):
         self.start_around(plcs)
         links, devices = [], []
         for name in PORTS:
-            links.append({"name": name, "serial": {"path": self.pty(name), "baud": 9600}})
+            links.append(self.serial(name, name))
             devices.append(self.fx(name, name, "fx-programming-port"))
-        links.append({"name": "rs485", "serial": {"path": self.pty("rs485"), "baud": 38400}})
+        links.append(self.serial("rs485", "rs485", 38400))
         for number, name in enumerate(STATIONS):
             devices.append(self.fx(name, "rs485", "fx-computer-link", station=number))
-        links.append({"name": "rtu", "serial": {"path": self.pty("rtu"), "baud": 19200,
-                                                "data_bits": 8, "parity": "none"}})
+        links.append(self.serial("rtu", "rtu", 19200, data_bits=8, parity="none"))
         for number, name in enumerate(UNITS, 1):
             devices.append(self.modbus(name, "rtu", "modbus-rtu", unit=number))
         for name in METERS:
@@ -55,25 +54,19 @@ class MixedPlant(PlantTest):
 
     @staticmethod
     def fx(name, link, protocol, **more):
-        return {"name": name, "link": link, "protocol": protocol, "model": "FX3U",
-                "timeout_ms": TIMEOUT_MS, "retries": 1,
-                "groups": [{"name": "fast", "interval_ms": INTERVAL_MS}],
-                "tags": [tag("value", "D100"),
-                         tag("more", "D130", count=8),
-                         tag("flag", "M50", access="read_write"),
-                         tag("setpoint", "D300", access="read_write"),
-                         tag("speed", "D310", access="read_write")],
-                "commands": {"allow_run_stop": True}, **more}
+        return device(name, link, protocol=protocol, timeout_ms=TIMEOUT_MS, retries=1, interval_ms=INTERVAL_MS,
+                      tags=[tag("value", "D100"), tag("more", "D130", count=8),
+                            tag("flag", "M50", access="read_write"), tag("setpoint", "D300", access="read_write"),
+                            tag("speed", "D310", access="read_write")],
+                      commands={"allow_run_stop": True}, **more)
 
     @staticmethod
     def modbus(name, link, protocol, **more):
-        return {"name": name, "link": link, "protocol": protocol,
-                "timeout_ms": TIMEOUT_MS, "retries": 1,
-                "groups": [{"name": "fast", "interval_ms": INTERVAL_MS}],
-                "tags": [tag("value", "hr:100"),
-                         tag("flag", "co:5", access="read_write"),
-                         tag("bit", "hr:300.3", access="read_write"),
-                         tag("setpoint", "hr:300", access="read_write")], **more}
+        return device(name, link, protocol=protocol, model=None, timeout_ms=TIMEOUT_MS, retries=1,
+                      interval_ms=INTERVAL_MS,
+                      tags=[tag("value", "hr:100"), tag("flag", "co:5", access="read_write"),
+                            tag("bit", "hr:300.3", access="read_write"), tag("setpoint", "hr:300", access="read_write")],
+                      commands=None, **more)
 
     def everybody(self):
         return PORTS + STATIONS + UNITS + METERS

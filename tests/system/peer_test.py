@@ -58,9 +58,6 @@ class Peer(unittest.TestCase):
         wait_for("the serial line", lambda: all(os.path.exists(end) for end in ends))
         return ends
 
-    def tcp_link(self, port):
-        return tcp_link(port, "line")
-
     def serial_link(self, path):
         return {"name": "line", "serial": {"path": path, "baud": 115200, "data_bits": 8,
                                            "parity": "none", "stop_bits": 1}}
@@ -132,7 +129,7 @@ class Pymodbus(Peer):
         port = free_port()
         self.serve("tcp", port)
         wait_for("its port", lambda: is_open(port))
-        self.use("modbus-tcp", self.tcp_link(port))
+        self.use("modbus-tcp", tcp_link(port, "line"))
         self.exercise()
 
     def test_rtu(self):
@@ -149,7 +146,7 @@ class Libmodbus(Peer):
     def test_tcp(self):
         port = free_port()
         self.serve("tcp", port)
-        self.use("modbus-tcp", self.tcp_link(port))
+        self.use("modbus-tcp", tcp_link(port, "line"))
         self.exercise()
 
     def test_rtu(self):
@@ -165,7 +162,7 @@ class Jsmodbus(Peer):
         self.spawn(["node", os.path.join(peers, "server.js"), str(port)])
         # It does not answer function 22, and answers an address that it lacks with no data, although the
         # specification requires exceptions 01 and 02.
-        self.use("modbus-tcp", self.tcp_link(port))
+        self.use("modbus-tcp", tcp_link(port, "line"))
         self.exercise(mask_write=False, refuses=False)
 
 

@@ -91,17 +91,16 @@ def tag(name, address, group="fast", **more):
 
 
 def device(name="press1", link="line1", tags=None, groups=None, interval_ms=100, **more):
-    """Returns a device of the config with sensible test values; `more` adds or replaces keys. The group `fast` has this
-    interval, unless there are other `groups`."""
+    """Returns a device of the config with sensible test values; `more` adds or replaces keys, or removes those that are
+    None. The group `fast` has this interval, unless there are other `groups`."""
     out = {
         "name": name, "link": link, "protocol": "fx-programming-port", "model": "FX3U",
         "timeout_ms": 300, "retries": 2,
         "groups": groups or [{"name": "fast", "interval_ms": interval_ms}],
         "tags": tags if tags is not None else [tag("temp", "D100")],
-        "commands": {"allow": ["M100-M199", "Y0-Y7", "D300-D399"]},
+        "commands": {"allow": ["M100-M199", "Y0-Y7", "D300-D399"]}, **more,
     }
-    out.update(more)
-    return out
+    return {key: value for key, value in out.items() if value is not None}
 
 
 def tcp_link(port, name="line1", **more):
@@ -462,14 +461,13 @@ class PlantTest(unittest.TestCase):
         return os.path.join(self.directory, name)
 
     def plc(self, name="press1", **more):
-        out = {"name": name, "model": "FX3U", "pty": self.pty(name), "baud": 0, "turnaround_ms": 1}
-        out.update(more)
-        if "tcp" in out or "udp" in out:
-            del out["pty"]
-        return out
+        """Returns a PLC of the simulator; `more` adds or replaces keys, or removes those that are None."""
+        line = {} if "tcp" in more or "udp" in more else {"pty": self.pty(name)}
+        out = {"name": name, "model": "FX3U", "baud": 0, "turnaround_ms": 1, **line, **more}
+        return {key: value for key, value in out.items() if value is not None}
 
-    def serial(self, name="line1", plc="press1", baud=9600):
-        return {"name": name, "serial": {"path": self.pty(plc), "baud": baud}}
+    def serial(self, name="line1", plc="press1", baud=9600, **more):
+        return {"name": name, "serial": {"path": self.pty(plc), "baud": baud, **more}}
 
     def start(self, devices=None, plcs=None, links=None, broker_conf="", mqtt_config=None,
               version="5", store=None, arguments=(), **sections):

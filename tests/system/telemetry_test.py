@@ -300,8 +300,7 @@ class Telemetry(PlantTest):
     def test_devices_without_tags_are_online_where_they_answer_or_nobody_can(self):
         units = [{"name": name, "protocol": "modbus-rtu", "unit": 1, "baud": 19200, "pty": self.pty(name),
                   "data_bits": 8, "parity": "none", "memory": {"hr:100": 1}} for name in ("meter", "all")]
-        links = [{"name": name, "serial": {"path": self.pty(name), "baud": 19200, "data_bits": 8,
-                                           "parity": "none"}} for name in ("meter", "all")]
+        links = [self.serial(name, name, 19200, data_bits=8, parity="none") for name in ("meter", "all")]
         devices = [{"name": name, "link": name, "protocol": "modbus-rtu", "unit": unit, "timeout_ms": 100,
                     "retries": 0, "commands": {"allow": ["hr:100"]}}
                    for name, unit in (("meter", 1), ("all", 0))]
