@@ -113,8 +113,7 @@ class Audit(PlantTest):
         self.command(id="before", op="force_on", address="M150")
         self.sim.fault("press1", "silent", match="force", count=1)
         self.send({"id": "lost", "op": "force_on", "address": "M151"})
-        wait_for("the command on the wire",
-                 lambda: self.sim.ask(cmd="stats", plc="press1")["faults"].get("silent"))
+        wait_for("the command on the wire", lambda: self.sim.struck("silent"))
         self.agent.stop(signal.SIGKILL)
         self.assertEqual([line["status"] for line in self.lines()], ["SUCCEEDED", None])
         since = self.start_again()

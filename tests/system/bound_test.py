@@ -140,7 +140,7 @@ class Bound(PlantTest):
         for client, numbers in (self.watcher, range(50)), (self.other_client, range(50, 100)):
             client.publish_all(f"{BASE}/press1/command", [
                 {"id": f"f{number}", "op": "write", "tag": "list", "value": [number] * 8} for number in numbers])
-        all_sent = len(self.sim.ask(cmd="log", plc="press1", since=0)["log"])
+        all_sent = len(self.sim.log())
         wait_for("all results", lambda: len(self.watcher.payloads(topic)) >= 100, 90)
         results = self.watcher.payloads(topic)
         for result in results:
@@ -148,7 +148,7 @@ class Bound(PlantTest):
         self.assertEqual(len({r["id"] for r in results}), 100)
         self.judge(results)
 
-        deeds = self.sim.ask(cmd="log", plc="press1", since=0)["log"]
+        deeds = self.sim.log()
         last = max(i for i, d in enumerate(deeds) if d["kind"] == "write")
         # Before all were sent, the queue may have been empty on a slow machine, and polls had the line to themselves.
         during = deeds[all_sent:last]

@@ -11,7 +11,7 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import BASE, Broker, PlantTest, Watcher, device, free_port, tag, text_of, wait_for, write_text
+from plant import BASE, Broker, PlantTest, Watcher, device, free_port, frozen, tag, text_of, wait_for, write_text
 
 
 def openssl(directory, *arguments):
@@ -163,11 +163,8 @@ class BrokerLife(PlantTest):
     def test_a_broker_that_hangs_is_given_up_and_polling_goes_on(self):
         self.start(mqtt_config={"keep_alive_s": 2})
         first = self.data()["seq"]
-        self.broker.process.send_signal(signal.SIGSTOP)
-        try:
+        with frozen(self.broker.process):
             self.agent.wait_logged("broker_lost")
-        finally:
-            self.broker.process.send_signal(signal.SIGCONT)
         since = self.watcher.mark()
         live = self.data(lambda m: m["seq"] > first + 20, since=since)
         wait_for("every number", lambda: set(range(first, live["seq"] + 1)) <= set(

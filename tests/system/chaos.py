@@ -222,10 +222,10 @@ class Chaos:
         more = dict(act.more)
         plc = more.pop("plc")
         if act.kind == "late":  # two on the same reply would add up
-            self.plant.sim.ask(cmd="clear_faults", plc=plc)
+            self.plant.sim.clear_faults(plc=plc)
         self.plant.sim.fault(plc, act.kind, **more)
         if act.kind == "dead":
-            return lambda: self.plant.sim.ask(cmd="clear_faults", plc=plc)
+            return lambda: self.plant.sim.clear_faults(plc=plc)
         return None
 
     def do_disk(self, act):
@@ -268,7 +268,7 @@ class Chaos:
         for _, heal in sorted(self.pending, key=lambda e: e[0]):
             heal()
         self.pending.clear()
-        self.plant.sim.ask(cmd="clear_faults")
+        self.plant.sim.clear_faults()
         self.plant.sim.ask(cmd="run", plc=self.plant.PLAIN)
         for client in self.clients:
             client.clear_retained()
@@ -342,16 +342,20 @@ class Chaos:
         if left:
             self.ledger.fault(f"{left} samples are left in the store after a calm end")
 
+    def wire_faults(self):
+        """Returns how often each kind of fault has struck, on all devices."""
+        struck = collections.Counter()
+        for name in self.plant.PROTOCOLS:
+            struck.update(self.plant.sim.stats(name)["faults"])
+        return struck
+
     def evidence(self):
         """Returns the number of acts of each lane, by their observed effects instead of the plan."""
-        wire = collections.Counter()
-        for name in self.plant.PROTOCOLS:
-            wire.update(self.plant.sim.ask(cmd="stats", plc=name)["faults"])
         return {
             "kill": self.ledger.boots() - 1,
             "broker": sum(n for what, n in self.struck.items() if what.startswith("broker: ")),
             "network": sum(min(n, self.planned.get("network", 0)) for n in self.relay.struck.values()),
-            "wire": sum(wire.values()),
+            "wire": sum(self.wire_faults().values()),
             "disk": self.agent.disk_refusals(),
             "clock": self.ledger.counts["samples by a clock that was set"],
             "commands sent": sum(self.commands.sent.values()),
@@ -430,16 +434,13 @@ class Chaos:
 
     def report(self, out):
         ledger = self.ledger
-        stats = collections.Counter()
-        for name in self.plant.PROTOCOLS:
-            stats.update(self.plant.sim.ask(cmd="stats", plc=name)["faults"])
         def table(title, counts):
             print(f"\n{title}", file=out)
             for key, count in sorted(counts.items()):
                 print(f"  {count:8} {key}", file=out)
         table("faults", self.struck)
         table("what the cable did", self.relay.struck)
-        table("wire faults that struck", stats)
+        table("wire faults that struck", self.wire_faults())
         table("seen", ledger.counts)
         table("commands sent", self.commands.sent)
         table("results", ledger.statuses)

@@ -160,7 +160,7 @@ class CommandLedger(PlantTest):
                 self.end_and_start_agent()
             elif self.chance.random() < 0.3:
                 self.wait_for_a_result(number)
-        self.sim.ask(cmd="clear_faults")
+        self.sim.clear_faults()
         self.ask_again()
         self.judge()
 

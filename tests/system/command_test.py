@@ -520,7 +520,7 @@ class Commands(PlantTest):
         self.state("press1", "offline", self.watcher.mark())
         result = self.command(op="force_on", address="M150")
         self.assert_result(result, "FAILED", "device_offline")
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         since = self.watcher.mark()
         wait_for("the press to answer again", lambda: self.command(
             op="force_on", address="M150")["status"] == "SUCCEEDED")

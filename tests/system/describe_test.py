@@ -391,7 +391,7 @@ class DescribedPlant(PlantTest):
         self.state("press1", "offline", since)
         self.data(lambda m: "bad" in m, since=since)
         self.command(op="force_on", address="M150")
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         self.data(lambda m: "bad" not in m, since=self.watcher.mark())
         # An outage of the broker.
         self.broker_away()

@@ -23,8 +23,7 @@ class Faults(PlantTest):
             since = self.watcher.mark()
             self.sim.fault("press1", kind, **more)
             struck += more.get("count", 1)
-            wait_for("the fault to strike", lambda: sum(self.sim.ask(
-                cmd="stats", plc="press1")["faults"].values()) >= struck)
+            wait_for("the fault to strike", lambda: sum(self.sim.stats()["faults"].values()) >= struck)
             last = self.watcher.mark()
             self.data(lambda m: m["values"] == {"a": 111, "b": 222} and "bad" not in m, since=last)
             for message in self.watcher.payloads(f"{BASE}/press1/data/fast", since):
@@ -70,7 +69,7 @@ class Faults(PlantTest):
         self.assertEqual(len([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)
                               if "bad" in m]), 1)
         since = self.watcher.mark()
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         self.state("press1", "online", since)
         self.data(lambda m: "bad" not in m, since=since)
 
@@ -101,15 +100,14 @@ class Faults(PlantTest):
                     told = self.state("press1", state, since)
                     self.assertEqual(told["reason"], why)
                     self.assertIsNone(self.state_after("press1", "online", told, since)["reason"])
-                self.sim.ask(cmd="clear_faults", plc="press1")
+                self.sim.clear_faults(plc="press1")
                 self.data(lambda m: m["values"] == {"a": 7}, since=self.watcher.mark())
-                self.struck = dict(self.sim.ask(cmd="stats", plc="press1")["faults"])
+                self.struck = dict(self.sim.stats()["faults"])
 
     struck = {}
 
     def faults_left(self, kind, count):
-        now = self.sim.ask(cmd="stats", plc="press1")["faults"].get(kind, 0)
-        return now - self.struck.get(kind, 0) >= count
+        return self.sim.struck(kind) - self.struck.get(kind, 0) >= count
 
     def test_a_late_reply_is_never_the_next_reads_value(self):
         # The memory changes while the old answer is on its way: no old value may follow the new one. The agent waits
@@ -165,7 +163,7 @@ class Faults(PlantTest):
             {"kind": "split", "count": -1, "bytes": 1, "ms": 8}])])
         for _ in range(3):
             self.data(lambda m: m["values"] == {"temp": 5}, since=self.watcher.mark())
-        self.assertEqual(self.sim.ask(cmd="stats", plc="press1")["naks"], 0)
+        self.assertEqual(self.sim.stats()["naks"], 0)
         self.assertEqual([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
                           if "bad" in m], [])
 
@@ -177,7 +175,7 @@ class Faults(PlantTest):
             self.sim.fault("press1", "dead")
             self.state("press1", "offline", since)
             since = self.watcher.mark()
-            self.sim.ask(cmd="clear_faults", plc="press1")
+            self.sim.clear_faults(plc="press1")
             self.state("press1", "online", since)
         states = [s["state"] for s in self.watcher.payloads(f"{BASE}/press1/state")]
         self.assertNotIn(("offline", "offline"), list(zip(states, states[1:])))
@@ -206,7 +204,7 @@ class Faults(PlantTest):
             mark = self.watcher.mark()
             self.sim.fault("press1", kind, count=3)
             self.watcher.wait_count(f"{BASE}/press2/data/fast", 5, since=mark)
-            self.sim.ask(cmd="clear_faults", plc="press1")
+            self.sim.clear_faults(plc="press1")
             stamps = self.stamps("press2", since=mark)
             return max(b - a for a, b in zip(stamps, stamps[1:]))
 

@@ -6,7 +6,7 @@ import os
 import subprocess
 import unittest
 
-from plant import Agent, PlantTest, Watcher, fxagent, tcp_link, write_json, write_text
+from plant import Agent, PlantTest, Watcher, frozen, fxagent, tcp_link, write_json, write_text
 
 ROOT = "fx/plant-a"
 ACL = """user ann
@@ -111,7 +111,7 @@ class Fleet(PlantTest):
     def test_an_agent_that_does_not_answer_stops_it(self):
         self.begin()
         new = self.document("v2", "line1")
-        with self.agents["edge1"].frozen():
+        with frozen(self.agents["edge1"].process):
             status, out, _ = self.fleet("push", new, "--agents", "edge1,edge3", "--wait-s", "1", "--json")
         self.assertEqual((status, [a["outcome"] for a in json.loads(out)["agents"]]), (1, ["no_answer", "not_sent"]))
 

@@ -3,13 +3,12 @@
 import contextlib
 import fcntl
 import os
-import signal
 import socket
 import subprocess
 import threading
 import time
 
-from plant import FXAGENT, Agent, PlantTest, config_of, device, free_port, tag, tcp_link, wait_for
+from plant import FXAGENT, Agent, PlantTest, config_of, device, free_port, frozen, tag, tcp_link, wait_for
 
 LIMIT_S = 10.0
 LONGEST_MS = 600000
@@ -140,8 +139,7 @@ class Commands(StopTest):
         self.send({"id": "a", "op": "force_on", "address": "M150"})
         self.send({"id": "list", "op": "write", "targets": LIST}, "press2")
         wait_for("the list", lambda: self.sim.commands("press2"))
-        self.broker.process.send_signal(signal.SIGSTOP)
-        self.stack.callback(self.broker.process.send_signal, signal.SIGCONT)
+        self.stack.enter_context(frozen(self.broker.process))
         self.stopped()
 
 
@@ -149,8 +147,7 @@ class Waits(StopTest):
     def test_a_broker_that_stands_still(self):
         self.start()
         self.data()
-        self.broker.process.send_signal(signal.SIGSTOP)
-        self.stack.callback(self.broker.process.send_signal, signal.SIGCONT)
+        self.stack.enter_context(frozen(self.broker.process))
         self.stopped()
 
     def test_a_broker_that_never_answers(self):

@@ -21,7 +21,7 @@ class Deeds:
 
     def collect(self):
         for device, since in self.since.items():
-            for entry in self.sim.ask(cmd="log", plc=device, since=since)["log"]:
+            for entry in self.sim.log(device, since):
                 self.since[device] = entry["index"] + 1
                 if entry["kind"] in ("write", *FORCED):
                     values = entry["value"] if isinstance(entry["value"], list) else [entry["value"]]

@@ -88,7 +88,7 @@ class EveryFrame(McTest):
                 for op in ("stop", "run"):
                     done = self.command(name, op=op)
                     self.assertEqual((done["status"], done["plc"]), ("SUCCEEDED", "ACK"), done)
-                    self.assertEqual(self.sim.ask(cmd="stats", plc=name)["run"], op == "run")
+                    self.assertEqual(self.sim.stats(name)["run"], op == "run")
 
     def test_a_refused_write_tells_its_end_code_and_the_setting(self):
         self.start_plant(REFUSALS, **{name: {"write_in_run": False} for name in REFUSALS})
@@ -127,7 +127,7 @@ class GatheredReads(McTest):
         return {**super().plc_of(name, holes=[self.HOLE], **more), "memory": {**memory, "D1000": list(range(60))}}
 
     def counted(self, name):
-        return self.sim.ask(cmd="stats", plc=name)["commands"]
+        return self.sim.stats(name)["commands"]
 
     def test_a_hole_is_told_from_the_places_beside_it_and_the_frame_is_used_again(self):
         self.start_plant(self.GATHERS)

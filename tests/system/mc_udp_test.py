@@ -170,7 +170,7 @@ class McOverUdp(PlantTest):
             each for each in self.agent.logged().splitlines()
             if "device=press2" in each and "no answer" in each])[0]
         self.assertIn("SLMP", line)
-        self.assertGreater(self.sim.ask(cmd="stats", plc="press2")["strangers"], 0)
+        self.assertGreater(self.sim.stats("press2")["strangers"], 0)
 
     def test_a_connection_that_another_program_holds_is_told_once(self):
         self.start_around([self.plc(protocol="mc-4e", model="FX5U", tcp=0, connections=1,
@@ -178,7 +178,7 @@ class McOverUdp(PlantTest):
         port = self.sim.ports["press1"]
         with socket.create_connection(("127.0.0.1", port)):
             self.start_agent([self.press("mc-4e")], [tcp_link(port)])
-            wait_for("two attempts", lambda: self.sim.ask(cmd="stats", plc="press1")["turned_away"] > 2)
+            wait_for("two attempts", lambda: self.sim.stats()["turned_away"] > 2)
         self.state("press1", "online")
         told = [line for line in self.agent.logged().splitlines() if "link=line1" in line]
         self.assertEqual(len(told), 2, told)

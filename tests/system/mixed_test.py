@@ -119,7 +119,7 @@ class MixedPlant(PlantTest):
             self.assertAlmostEqual(statistics.median(gaps), INTERVAL_MS, delta=SCHEDULING_MS)
 
         since = self.watcher.mark()
-        self.sim.ask(cmd="clear_faults")
+        self.sim.clear_faults()
         for name in DEAD:  # a silent device of a shared line is retried at most every 30 s
             self.watcher.wait(f"{BASE}/{name}/state", lambda s: s["state"] == "online", since, 60)
 
@@ -165,7 +165,7 @@ class MixedPlant(PlantTest):
         self.assertIn("nak 18", refused["detail"])
         self.assertIn("STOP", refused["detail"])
         self.sim.ask(cmd="switch", plc="st0", position="stop")
-        wait_for("the PLC to stop", lambda: not self.sim.ask(cmd="stats", plc="st0")["run"])
+        wait_for("the PLC to stop", lambda: not self.sim.stats("st0")["run"])
         started = self.succeed("st0", op="run")
         self.assertEqual(started["verify"], {"read": "run", "match": True})
         again = self.command("st0", op="run")

@@ -6,12 +6,11 @@ import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import unittest
 
 from browser import Browser
-from plant import (BASE, PATIENCE, Agent, PlantTest, Sim, Watcher, free_port, http_ask, text_of, wait_for,
+from plant import (BASE, PATIENCE, Agent, PlantTest, Sim, Watcher, free_port, frozen, http_ask, text_of, wait_for,
                    write_json, write_text)
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -111,11 +110,8 @@ class NodeRedTest(Browser, PlantTest):
     def last_of_an_outage(self, mark):
         """Stops the broker until more samples of press1 wait than the window of 20 in flight. They become history, sent
         along with live samples. Returns the last `seq` of the first history message after `mark`."""
-        self.broker.process.send_signal(signal.SIGSTOP)
-        try:
+        with frozen(self.broker.process):
             wait_for("a backlog", lambda: self.stored() > 50)
-        finally:
-            self.broker.process.send_signal(signal.SIGCONT)
         return self.watcher.wait(f"{BASE}/press1/data/fast/history", since=mark)["rows"][-1]["seq"]
 
     def assert_no_trouble(self):

@@ -10,7 +10,7 @@ import unittest
 
 from browser import why_no_browser
 from node_red import CONTRIB, NodeRedTest, needs_node_red
-from plant import BASE, tag, wait_for, write_text
+from plant import BASE, frozen, tag, wait_for, write_text
 
 TAB = "nodes0tab0000001"
 SERVER = "nodes0server0001"
@@ -263,7 +263,7 @@ class Nodes(NodeRedTest):
             self.assertEqual((wire, msg["outcome"], msg["sent"], msg["command"]), ("refused", None, False, None))
             self.assertTrue(msg["payload"].startswith("nothing was sent: " + reason), msg["payload"])
         # What was sent before this command has arrived by now.
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         self.assertEqual(self.outcome(op="write", tag="lot", payload=8)[0], "succeeded")
         commands = self.commands(9)
         self.assertEqual((len(commands), len({command["id"] for command in commands})), (9, 9))
@@ -280,7 +280,7 @@ class Nodes(NodeRedTest):
         """Sends a command and kills the agent between the command's frame and its result. Returns its number."""
         self.sim.fault("press1", "silent", match=match, count=-1)
         number = self.inject(**command)
-        wait_for("the frame", lambda: self.sim.ask(cmd="stats", plc="press1")["faults"].get("silent"))
+        wait_for("the frame", lambda: self.sim.struck("silent"))
         self.agent.stop(signal.SIGKILL, None)
         return number
 
@@ -296,7 +296,7 @@ class Nodes(NodeRedTest):
         self.assertEqual((wire, msg["outcome"], msg["sent"], msg["result"]), ("unknown", None, True, None))
         self.assertRegex(msg["payload"], r"press1 write lot 9: no result within 6 s\. It may have been carried out")
         # The next run of the agent reports the command: only in the log, and once.
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         since = self.start_again()
         self.result(msg["command"]["id"], since=since)
         wait_for("the warning", lambda: "the result came late" in self.said())
@@ -312,7 +312,7 @@ class Nodes(NodeRedTest):
     def test_an_interrupted_command_has_the_result_of_the_next_run(self):
         self.start_all(seconds=60, change=self.patient)
         number = self.interrupt("force", op="force_on", tag="lamp")
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         self.agent.start()
         wire, msg = wait_for("the answer", lambda: self.outcomes(number))[0]
         self.assertEqual((wire, msg["outcome"], msg["reason"]), ("unknown", "UNKNOWN_OUTCOME", "interrupted"))
@@ -323,11 +323,8 @@ class Nodes(NodeRedTest):
     def test_a_command_while_the_broker_is_away(self):
         self.start_all(seconds=1)
         # The connection stands, but the broker does not answer: the command may still arrive.
-        self.broker.process.send_signal(signal.SIGSTOP)
-        try:
+        with frozen(self.broker.process):
             wire, msg = self.outcome(op="write", tag="lot", payload=9)
-        finally:
-            self.broker.process.send_signal(signal.SIGCONT)
         self.assertEqual((wire, msg["outcome"], msg["sent"]), ("unknown", None, True))
         self.assertIn("The broker did not acknowledge the command.", msg["payload"])
         # It arrives after its deadline.

@@ -134,7 +134,7 @@ class Outcomes(PlantTest):
         result = self.write(5, expires=int(time.time() * 1000) + 1500)
         self.assert_result(result, "FAILED", "nak", "NAK")
         self.assertEqual(result["attempts"], 1)
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         self.assertEqual(self.writes(), [])
 
     def test_run_and_stop_are_sent_once_whatever_the_answer(self):
@@ -180,7 +180,7 @@ class Outcomes(PlantTest):
         for _ in range(3):
             result = self.command(op="force_on", address="M150")
             self.assert_result(result, "FAILED", "device_offline")
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         # The next poll is seconds away by now; the command does not wait for it.
         result = self.succeed(op="force_on", address="M150")
         self.assertLess(result["t"]["total_ms"], 1000)
@@ -211,7 +211,7 @@ class Outcomes(PlantTest):
                 wait_for("the device", lambda: self.watcher.payloads(f"{BASE}/press1/state")[-1]["state"] == "online")
         count = sum(len(values) for values in sent.values())
         results = self.watcher.wait_count(f"{BASE}/press1/result", count, patience=120)
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         self.command(op="read", tag="temp")
         self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/result")), count + 1)
         done = Deeds(self.sim, ["press1"]).collect().count
@@ -285,7 +285,7 @@ class Latency(PlantTest):
         self.assert_mostly_below([r["t"]["wire_ms"] for r in results], least + 6 * self.CHARACTER_MS + SCHEDULING_MS)
         # Commands keep their order, and polls use the rest of the line.
         self.assertEqual([r["id"] for r in results], [f"b{number}" for number in range(50)])
-        deeds = self.sim.ask(cmd="log", plc="press1", since=0)["log"]
+        deeds = self.sim.log()
         writes = [d["index"] for d in deeds if d["kind"] == "write"]
         polls = [d for d in deeds if d["kind"] == "read" and d["count"] > 1 and
                  writes[0] < d["index"] < writes[-1]]

@@ -79,7 +79,7 @@ class PageData(PagePlant):
         self.assertGreater(problem["since"], 0)
         self.assertIn("1 of 2 devices answers", news["works"])
         self.assertTrue([event for event in news["events"] if event["event"] == "device" and "press2" in event["text"]])
-        self.sim.ask(cmd="clear_faults", plc="press2")
+        self.sim.clear_faults(plc="press2")
         self.until("the recovery", lambda news: not news["problems"])
 
     def test_a_lost_broker_is_named_and_what_works_is_told(self):
@@ -327,7 +327,7 @@ class InChromium(Browser, PagePlant):
         self.see("1 of 2 devices answers")
         self.do(fill="input[type=search]", text="press2 offline")
         self.do(until="[...document.querySelectorAll('td.text')].every((cell) => cell.innerText.includes('press2'))")
-        self.sim.ask(cmd="clear_faults", plc="press2")
+        self.sim.clear_faults(plc="press2")
         self.see("Every device answers")
 
     def test_an_agent_that_ends_is_missed(self):

@@ -10,7 +10,7 @@ import unittest
 from broker_test import certificates
 from chaos_plant import Disk
 from pair_plant import BASE, PairTest, QUIET_MS, SerialBus
-from plant import PATIENCE, free_port, fxagent, wait_for, write_text
+from plant import PATIENCE, free_port, frozen, fxagent, wait_for, write_text
 
 
 class Pair(PairTest):
@@ -53,7 +53,7 @@ class Pair(PairTest):
 
     def test_paused_gateway_wakes_as_the_standby_and_sends_nothing(self):
         self.start_pair()
-        with self.agents["a"].frozen():
+        with frozen(self.agents["a"].process):
             paused = time.monotonic()
             self.polls("b", paused)
             missed = [f"missed-{number}" for number in range(30)]

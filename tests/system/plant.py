@@ -77,6 +77,16 @@ def listens(pid, port):
     return False
 
 
+@contextlib.contextmanager
+def frozen(process):
+    """Stops all threads of a program inside the block, as on a suspended machine."""
+    process.send_signal(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGCONT)
+
+
 def text_of(path):
     """Returns a child's output, as far as it is text; "" if the child never ran."""
     with contextlib.suppress(FileNotFoundError):
@@ -133,11 +143,11 @@ class Broker:
         self.watched = []  # (watcher, its subscriptions so far) at the last kill()
 
     def start(self):
-        with contextlib.ExitStack() as frozen:
+        with contextlib.ExitStack() as stack:
             if self.watched:
                 for agent in list(Agent.running):
                     if agent.process is not None and agent.process.poll() is None:
-                        frozen.enter_context(agent.frozen())
+                        stack.enter_context(frozen(agent.process))
             self._start()
             for watcher, before in self.watched:
                 wait_for("a watcher to be back", lambda: watcher not in Watcher.open or watcher.subscriptions > before)
@@ -321,17 +331,29 @@ class Sim:
     def fault(self, plc, kind, **more):
         self.ask(cmd="fault", plc=plc, kind=kind, **more)
 
+    def clear_faults(self, **plc):
+        """Ends the faults of all PLCs, or of the one named by `plc`."""
+        self.ask(cmd="clear_faults", **plc)
+
+    def stats(self, plc="press1"):
+        return self.ask(cmd="stats", plc=plc)
+
+    def struck(self, kind, plc="press1"):
+        """Returns how often faults of this kind have struck."""
+        return self.stats(plc)["faults"].get(kind, 0)
+
     def wait_reads(self, count, plc="press1"):
         """Waits until the PLC has answered so many more reads."""
-        def reads():
-            return self.ask(cmd="stats", plc=plc)["accepted_reads"]
-        until = reads() + count
-        wait_for(f"{count} reads of {plc}", lambda: reads() >= until)
+        until = self.stats(plc)["accepted_reads"] + count
+        wait_for(f"{count} reads of {plc}", lambda: self.stats(plc)["accepted_reads"] >= until)
+
+    def log(self, plc="press1", since=0):
+        """Returns the requests that the PLC carried out, from this index on, oldest first."""
+        return self.ask(cmd="log", plc=plc, since=since)["log"]
 
     def commands(self, plc):
         """Returns the changes commanded to the PLC: accepted writes and forces, oldest first."""
-        entries = self.ask(cmd="log", plc=plc, since=0)["log"]
-        return [e for e in entries if e["kind"] in ("write", "force_on", "force_off")]
+        return [e for e in self.log(plc) if e["kind"] in ("write", "force_on", "force_off")]
 
     def stop(self):
         if self.process is not None:
@@ -384,16 +406,6 @@ class Agent:
         if sign == signal.SIGTERM and not ended_by_itself:
             self.clean_stops.append(0 if expected in (status, None) else status)
         return status
-
-    @contextlib.contextmanager
-    def frozen(self):
-        """Stops all threads of the agent inside the block, as on a suspended machine."""
-        process = self.process
-        process.send_signal(signal.SIGSTOP)
-        try:
-            yield
-        finally:
-            process.send_signal(signal.SIGCONT)
 
     def logged(self):
         with open(self.log_path) as text:

@@ -3,12 +3,11 @@ whatever happens to the broker. The library itself polls for 1 s and sleeps 100 
 (agent/uplink/paho/reading_thread.h)."""
 
 import os
-import signal
 import time
 import unittest
 
 from broker_test import certificates
-from plant import BASE, Broker, PlantTest, device, free_port, tag, tcp_link, wait_for
+from plant import BASE, Broker, PlantTest, device, free_port, frozen, tag, tcp_link, wait_for
 from scripted_broker import PINGRESP, Script, ScriptedBroker, packet
 
 # From the last packet on the connection to the next.
@@ -58,7 +57,7 @@ class Reader(PlantTest):
         self.start_agent([device(groups=groups), *devices], [self.serial(), *links], mqtt_config)
 
     def polls(self):
-        return self.sim.ask(cmd="stats", plc="press1")["requests"]["read"]
+        return self.sim.stats()["requests"]["read"]
 
     def wait_polls(self, count):
         polls = self.polls()
@@ -92,11 +91,10 @@ class Reader(PlantTest):
         self.start_plant(keep_alive_s=5)
         self.agent.wait_logged("broker_connected")
         self.assert_waits("nothing is said")
-        self.broker.process.send_signal(signal.SIGSTOP)
-        self.assert_waits("the broker hangs")
-        self.agent.wait_logged("broker_lost")
-        self.assert_waits("the broker takes the next connection and says nothing")
-        self.broker.process.send_signal(signal.SIGCONT)
+        with frozen(self.broker.process):
+            self.assert_waits("the broker hangs")
+            self.agent.wait_logged("broker_lost")
+            self.assert_waits("the broker takes the next connection and says nothing")
         self.broker.kill()
         self.assert_waits("nobody listens")
         self.broker.start()

@@ -55,7 +55,7 @@ class Chaos(Sparkplug):
                     self.sim.set(plc, "D100", number % 30000)
                 time.sleep(0.05)
         for plc in ("press1", "press2"):
-            self.sim.ask(cmd="clear_faults", plc=plc)
+            self.sim.clear_faults(plc=plc)
             self.sim.set(plc, "D100", 31000)
             self.judge.value(plc, "temp", 31000)
         self.adds_up("sparkplug", lambda samples: samples["stored"] == 0)

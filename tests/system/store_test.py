@@ -127,8 +127,7 @@ class StoreLife(PlantTest):
         self.state("press1", "online")
         self.sim.fault("press1", "silent", match="force", count=1)
         self.send({"id": "lost", "op": "force_on", "address": "M150"})
-        wait_for("the command on the wire",
-                 lambda: self.sim.ask(cmd="stats", plc="press1")["faults"].get("silent"))
+        wait_for("the command on the wire", lambda: self.sim.struck("silent"))
         self.kill()
         since = self.start_again()
         self.assert_result(self.result("lost", since=since), "UNKNOWN_OUTCOME", "interrupted")

@@ -7,7 +7,7 @@ import struct
 import time
 import unittest
 
-from plant import BASE, SCHEDULING_MS, PlantTest, Watcher, device, tag
+from plant import BASE, SCHEDULING_MS, PlantTest, Watcher, device, frozen, tag
 
 
 def words_of_float(value):
@@ -292,7 +292,7 @@ class Telemetry(PlantTest):
         self.start_agent([device(interval_ms=600000, retries=0, timeout_ms=50)])
         self.assertEqual(self.data(lambda m: "bad" in m)["bad"]["temp"]["why"], "timeout")
         self.state("press1", "offline")
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         # A request has to come first: the read of its RUN state, every 10 s.
         self.watcher.wait(f"{BASE}/press1/data/fast", lambda m: m["values"].get("temp") == 9, patience=30)
         self.state("press1", "online")
@@ -356,7 +356,7 @@ class Telemetry(PlantTest):
         self.start([device(interval_ms=50)])
         self.data()
         before = self.watcher.mark()
-        with self.agent.frozen():
+        with frozen(self.agent.process):
             time.sleep(1.0)  # the test needs a pause of this length
         paused = self.data(since=before)["ts"]
         self.data(lambda m: m["ts"] > paused + 500)

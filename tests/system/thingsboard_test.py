@@ -121,7 +121,7 @@ class ThingsBoard(PlantTest):
         self.sim.fault("press1", "nak", count=-1, match="read")
         wait_for("a bad tag", lambda: any(row["values"].get("temp_bad") not in (None, "")
                                           for e in self.server.seen("telemetry", mark) for row in e["rows"]))
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         self.server.value("temp_bad", "", since=mark)
         rows = [row["values"] for e in self.server.seen("telemetry", mark) for row in e["rows"]]
         self.assertEqual([row for row in rows if row.get("temp_bad") and "temp" in row], [])
@@ -134,7 +134,7 @@ class ThingsBoard(PlantTest):
         self.server.wait("disconnect", since=mark)
         self.assertNotEqual(self.server.attribute("state", "offline", since=mark)["values"]["reason"], "")
         lost = self.server.mark()
-        self.sim.ask(cmd="clear_faults", plc="press1")
+        self.sim.clear_faults(plc="press1")
         self.server.wait("connect", since=lost)
         self.server.attribute("state", "online", since=lost)
         self.sim.set("press1", "D100", 3)

@@ -50,7 +50,7 @@ class Trace(TracedTest):
                            ("silent", lambda f: re.match(r"no bytes within 3\d\d ms$", f["says"]))):
             self.sim.fault("press1", kind, match="read", count=-1)
             self.shown(kind, lambda f, accept=what: f["way"] == "in" and accept(f))
-            self.sim.ask(cmd="clear_faults")
+            self.sim.clear_faults()
         # The times are those on the wire: an answer is never shown as earlier than its request.
         times = [f["at"] for f in self.frames()]
         self.assertEqual(times, sorted(times))
