@@ -139,7 +139,7 @@ class BrokerLife(PlantTest):
         for row in rows:
             self.assertEqual(set(row), set(live))
             self.assertEqual(row["boot"], live["boot"])
-        seen = set(numbers) | {m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")}
+        seen = set(numbers) | {m["seq"] for m in self.messages()}
         # Messages that the broker acknowledged but had not forwarded when it died are the broker's loss, at most one
         # window. From the first row kept by the agent on, nothing may be missing.
         self.assertLessEqual(set(range(numbers[0], live["seq"])), seen)
@@ -216,7 +216,7 @@ class BrokerLife(PlantTest):
         self.start()
         boot = self.data()["boot"]
         self.agent.stop()
-        last = max(m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast"))
+        last = max(m["seq"] for m in self.messages())
         since = self.start_again()
         again = self.data(since=since)
         self.assertGreater(again["seq"], last)

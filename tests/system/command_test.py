@@ -47,8 +47,7 @@ class Commands(PlantTest):
             self.succeed(op="write", tag="setpoint", value=value)
             self.data(lambda m: m.get("partial") and m["values"] == {"setpoint": value}, since=since)
             self.data(lambda m: not m.get("partial"), since=since)
-        seen = [m["values"]["setpoint"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
-                if "setpoint" in m["values"]]
+        seen = [m["values"]["setpoint"] for m in self.messages() if "setpoint" in m["values"]]
         self.assertEqual(seen, sorted(seen))
 
     def test_forces_set_single_bits_and_leave_their_neighbours(self):
@@ -315,7 +314,7 @@ class Commands(PlantTest):
         self.assertNotIn("written", partial)
         # A sample like any other: no number is missing or duplicated.
         self.data(lambda m: m["seq"] > partial["seq"] + 1)
-        numbers = [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")]
+        numbers = [m["seq"] for m in self.messages()]
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
 
     def test_raw_addresses_publish_nothing(self):
@@ -323,8 +322,7 @@ class Commands(PlantTest):
         since = self.watcher.mark()
         self.command(op="write", address="D300", value=1)
         self.data(since=self.watcher.mark())
-        self.assertEqual([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)
-                          if m.get("partial")], [])
+        self.assertEqual([m for m in self.messages(since=since) if m.get("partial")], [])
 
     def test_commands_of_two_devices_have_ids_of_their_own(self):
         self.start([device(tags=TAGS), device("press2", "line2", tags=TAGS)],

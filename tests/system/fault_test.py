@@ -26,10 +26,9 @@ class Faults(PlantTest):
             wait_for("the fault to strike", lambda: sum(self.sim.stats()["faults"].values()) >= struck)
             last = self.watcher.mark()
             self.data(lambda m: m["values"] == {"a": 111, "b": 222} and "bad" not in m, since=last)
-            for message in self.watcher.payloads(f"{BASE}/press1/data/fast", since):
+            for message in self.messages(since=since):
                 self.assertLessEqual(set(message["values"].items()), {("a", 111), ("b", 222)})
-        wait_for("the press to be online at last", lambda: self.watcher.payloads(
-            f"{BASE}/press1/state")[-1]["state"] == "online")
+        wait_for("the press to be online at last", lambda: self.device_states()[-1]["state"] == "online")
 
     def test_a_late_reply_never_answers_a_later_question(self):
         # Two groups of the same shape, so that the reply to one would fit the other.
@@ -43,11 +42,11 @@ class Faults(PlantTest):
             self.sim.fault("press1", "late", ms=ms, match="read", count=2)
             wait_for("a group to turn bad", lambda: [
                 m for group in ("fast", "other")
-                for m in self.watcher.payloads(f"{BASE}/press1/data/{group}", since) if "bad" in m])
+                for m in self.messages(group=group, since=since) if "bad" in m])
             self.data(lambda m: m["values"] == {"a": 111}, since=self.watcher.mark())
             self.data(lambda m: m["values"] == {"b": 222}, group="other", since=self.watcher.mark())
         for group, right in (("fast", {"a": 111}), ("other", {"b": 222})):
-            for message in self.watcher.payloads(f"{BASE}/press1/data/{group}"):
+            for message in self.messages(group=group):
                 self.assertIn(message["values"], ({}, right))
 
     def test_a_silent_plc_goes_offline_and_its_neighbours_keep_their_beat(self):
@@ -62,12 +61,11 @@ class Faults(PlantTest):
         self.assertEqual(gone["reason"], "timeout")
         bad = self.data(lambda m: "bad" in m, since=since)
         self.assertEqual((bad["values"], bad["bad"]["temp"]["why"]), ({}, "timeout"))
-        stamps = [m["ts"] for m in self.watcher.payloads(f"{BASE}/press2/data/fast", since)]
+        stamps = [m["ts"] for m in self.messages("press2", since=since)]
         for earlier, later in zip(stamps, stamps[1:]):
             self.assertLess(later - earlier, 200)
         # One message when it turned bad; the failed attempts afterwards add nothing.
-        self.assertEqual(len([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast", since)
-                              if "bad" in m]), 1)
+        self.assertEqual(len([m for m in self.messages(since=since) if "bad" in m]), 1)
         since = self.watcher.mark()
         self.sim.clear_faults(plc="press1")
         self.state("press1", "online", since)
@@ -90,9 +88,8 @@ class Faults(PlantTest):
                 if why is None:
                     wait_for("the fault to have struck", lambda: self.faults_left(kind, count))
                     self.data(since=self.watcher.mark())
-                    self.assertEqual([m for m in self.watcher.payloads(
-                        f"{BASE}/press1/data/fast", since) if "bad" in m], [])
-                    self.assertEqual(self.watcher.payloads(f"{BASE}/press1/state", since), [])
+                    self.assertEqual([m for m in self.messages(since=since) if "bad" in m], [])
+                    self.assertEqual(self.device_states(since=since), [])
                 else:
                     bad = self.data(lambda m: "bad" in m, since=since)
                     self.assertEqual((bad["values"], bad["bad"]["a"]["why"], bad["bad"]["a"]["last"]),
@@ -121,8 +118,7 @@ class Faults(PlantTest):
             self.data(lambda m: "bad" in m, since=since)
             self.sim.set("press1", "D100", value)
             self.data(lambda m: m["values"].get("temp") == value, since=since)
-        seen = [m["values"]["temp"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
-                if "temp" in m["values"]]
+        seen = [m["values"]["temp"] for m in self.messages() if "temp" in m["values"]]
         self.assertEqual(seen, sorted(seen))
 
     def test_a_stopped_plc_is_online_and_not_running(self):
@@ -164,8 +160,7 @@ class Faults(PlantTest):
         for _ in range(3):
             self.data(lambda m: m["values"] == {"temp": 5}, since=self.watcher.mark())
         self.assertEqual(self.sim.stats()["naks"], 0)
-        self.assertEqual([m for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
-                          if "bad" in m], [])
+        self.assertEqual([m for m in self.messages() if "bad" in m], [])
 
     def test_a_dead_plc_is_back_within_its_back_off(self):
         self.start([device(timeout_ms=100)])
@@ -177,7 +172,7 @@ class Faults(PlantTest):
             since = self.watcher.mark()
             self.sim.clear_faults(plc="press1")
             self.state("press1", "online", since)
-        states = [s["state"] for s in self.watcher.payloads(f"{BASE}/press1/state")]
+        states = [s["state"] for s in self.device_states()]
         self.assertNotIn(("offline", "offline"), list(zip(states, states[1:])))
 
     def test_two_devices_on_one_line_fail_alone(self):
@@ -190,7 +185,7 @@ class Faults(PlantTest):
         self.assertEqual(self.state("press2", "degraded")["reason"], "nak")
         since = self.watcher.mark()
         self.watcher.wait_count(f"{BASE}/press2/data/fast", 10, lambda m: "bad" in m, since)
-        for message in self.watcher.payloads(f"{BASE}/press1/data/fast", since):
+        for message in self.messages(since=since):
             self.assertEqual(message["values"], {"a": 7})
 
     def test_every_fault_of_one_line_leaves_the_neighbours_beat_alone(self):

@@ -238,7 +238,7 @@ class HomeAssistant(PlantTest):
                   "stage": "fault", "mode": "say \"go\" \\ {{ it's }} %}", "label": "AB", "recipe": "ab"}
 
         def all_are_shown():  # the values were set one after the other, while the agent polled
-            self.feed(entities, self.watcher.payloads(f"{BASE}/press1/data/fast")[-1])
+            self.feed(entities, self.messages()[-1])
             return self.states(entities) == wanted
 
         self.data()

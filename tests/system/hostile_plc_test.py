@@ -287,7 +287,7 @@ class HostilePlc(PlantTest):
                 hostile.mode = Peer.polite
                 last = self.watcher.mark()
                 self.data(lambda m: m["values"] == {"a": 1010, "b": 1200} and "bad" not in m, since=last)
-                samples = self.watcher.payloads(f"{BASE}/press1/data/fast", since)
+                samples = self.messages(since=since)
                 if name == answers_twice:
                     self.assert_wrong_only_before_found(samples)
                 else:
@@ -310,7 +310,7 @@ class HostilePlc(PlantTest):
         self.plant(hostile, self.rtu_device)
         since = self.watcher.mark()
         wait_for("many questions", lambda: hostile.questions >= 40)
-        samples = self.watcher.payloads(f"{BASE}/press1/data/fast")
+        samples = self.messages()
         self.assert_wrong_only_before_found(samples)
         bad = [m for m in samples if "bad" in m]
         self.assertEqual(samples[-len(bad):], bad, "believed again while it goes on")

@@ -126,12 +126,12 @@ class McOverUdp(PlantTest):
         for identity, value in commands.items():
             self.send({"id": identity, "op": "write", "tag": "setpoint", "value": value})
         results = {each: self.result(each) for each in commands}
-        count = {name: len(self.watcher.payloads(f"{BASE}/press1/data/{name}")) for name in BLOCKS}
+        count = {name: len(self.messages(group=name)) for name in BLOCKS}
         for name in BLOCKS:
             self.watcher.wait_count(f"{BASE}/press1/data/{name}", count[name] + 10)
 
         def good(name):
-            messages = self.watcher.payloads(f"{BASE}/press1/data/{name}")
+            messages = self.messages(group=name)
             return [message["values"][name] for message in messages if name in message["values"]]
 
         for name, first in BLOCKS.items():

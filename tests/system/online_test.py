@@ -94,7 +94,7 @@ class Online(PlantTest):
         numbers = [sample["seq"] for sample in self.watcher.wait_count(f"{BASE}/press1/data/fast", 3, since=since)]
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
         self.assertNotIn("broker_lost", self.agent.logged())
-        self.assertEqual(self.watcher.payloads(f"{BASE}/press1/state", since), [])
+        self.assertEqual(self.device_states(since=since), [])
 
     def test_an_agent_that_runs_from_a_copy_of_the_config_is_left_alone_too(self):
         self.begin()
@@ -127,7 +127,7 @@ class Online(PlantTest):
             answer = subprocess.run(shlex.split(command), capture_output=True, text=True, timeout=30, check=False)
             result = json.loads(answer.stdout)
             self.assertEqual((result["status"], result["tag"]), ("SUCCEEDED", asked), answer.stderr)
-        self.assertEqual(self.watcher.payloads(f"{BASE}/press1/state", since), [])
+        self.assertEqual(self.device_states(since=since), [])
 
         # Another agent is not asked, but left alone all the same.
         edit(id="edge8")

@@ -208,7 +208,7 @@ class Outcomes(PlantTest):
             self.send(command)
             if chance.random() < 0.3:  # otherwise most would fail at once, because a fault takes the device away
                 self.result(identity)
-                wait_for("the device", lambda: self.watcher.payloads(f"{BASE}/press1/state")[-1]["state"] == "online")
+                wait_for("the device", lambda: self.device_states()[-1]["state"] == "online")
         count = sum(len(values) for values in sent.values())
         results = self.watcher.wait_count(f"{BASE}/press1/result", count, patience=120)
         self.sim.clear_faults(plc="press1")

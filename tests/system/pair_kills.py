@@ -105,7 +105,7 @@ class Kills(PairTest):
             if result and result["status"] != "DUPLICATE":
                 results[result["id"]].append(result["status"])
         asked = collections.Counter(("press1", "write", *deed) for deed in sent.values())
-        seqs = [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")]
+        seqs = [m["seq"] for m in self.messages()]
         gaps = self.masters.changes()
         double = [gap for gap in gaps if gap < self.FENCE_S]
         repeated = [each for each in results.items() if len(each[1]) > 1]

@@ -204,7 +204,7 @@ class PairTest(PlantTest):
         self.assertGreaterEqual(min(gaps, default=99), self.FENCE_S, gaps)
 
     def seqs(self):
-        return [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")]
+        return [m["seq"] for m in self.messages()]
 
     def faults(self, name):
         return [line for line in self.agents[name].logged().splitlines() if " pair fault=" in line]

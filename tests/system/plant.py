@@ -559,9 +559,17 @@ class PlantTest(unittest.TestCase):
     def data(self, accept=lambda m: True, name="press1", group="fast", since=0):
         return self.watcher.wait(f"{BASE}/{name}/data/{group}", accept, since)
 
+    def messages(self, name="press1", group="fast", since=0):
+        """Returns the live messages of a group so far."""
+        return self.watcher.payloads(f"{BASE}/{name}/data/{group}", since)
+
+    def device_states(self, name="press1", since=0):
+        """Returns the states of a device so far."""
+        return self.watcher.payloads(f"{BASE}/{name}/state", since)
+
     def stamps(self, name="press1", group="fast", since=0):
         """Returns `ts` of every complete message of a group, in ms."""
-        return [m["ts"] for m in self.watcher.payloads(f"{BASE}/{name}/data/{group}", since)
+        return [m["ts"] for m in self.messages(name, group, since=since)
                 if not m.get("partial")]
 
     def results(self, identity, name="press1"):

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import unittest
 
-from plant import (BASE, FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, tag, tcp_link, wait_for,
+from plant import (FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, tag, tcp_link, wait_for,
                    write_text)
 
 LUA = os.path.join(os.path.dirname(__file__), "..", "..", "config", "wireshark", "fxagent.lua")
@@ -172,7 +172,7 @@ class Played(Recorded):
         """Waits for so many different values in a row of a tag, and returns them in their order."""
         def look():
             values = []
-            for message in self.watcher.payloads(f"{BASE}/press1/data/fast", since):
+            for message in self.messages(since=since):
                 if message["values"][tag] is not None and message["values"][tag] not in values[-1:]:
                     values.append(message["values"][tag])
             return values[:length] if len(values) >= length else None

@@ -253,7 +253,7 @@ class Reload(ReloadTest):
         late = self.command(op="write", tag="setpoint", value=9)
         for result in [self.result(name) for name in names] + [late]:
             self.assertEqual((result["status"], result["reason"]), ("SUCCEEDED", None), result)
-        self.assertEqual(self.watcher.payloads(f"{BASE}/press1/state", since), [])
+        self.assertEqual(self.device_states(since=since), [])
         self.assertIn("other poll settings: 1 (press1)", self.agent.logged())
 
     def test_a_command_that_a_reload_leaves_undone_says_that(self):

@@ -88,7 +88,7 @@ class StoreLife(PlantTest):
         self.kill()
         last = max(self.seqs())
         since = self.start_again()
-        boot = self.watcher.payloads(f"{BASE}/press1/data/fast")[0]["boot"]
+        boot = self.messages()[0]["boot"]
         again = self.data(lambda message: message["boot"] != boot, since=since)
         self.assertGreater(again["seq"], last)
 

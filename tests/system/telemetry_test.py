@@ -64,7 +64,7 @@ class Telemetry(PlantTest):
         self.assertEqual(agent["boot"], first["boot"])
         self.assertLess(abs(first["ts"] - time.time() * 1000), 60000)
         self.data(lambda m: m["seq"] > first["seq"] + 5)
-        numbers = [m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")]
+        numbers = [m["seq"] for m in self.messages()]
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
 
     def test_what_cannot_be_a_value_is_bad_and_tells_the_last_one(self):
@@ -102,14 +102,13 @@ class Telemetry(PlantTest):
         self.data(lambda m: m["values"] == {"a": 5, "b": 0})
         self.sim.set("press1", "D11", 1)
         self.data(lambda m: m["values"] == {"a": 5, "b": 1})
-        self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/data/fast")), 3)
+        self.assertEqual(len(self.messages()), 3)
 
     def test_a_paced_line_keeps_its_interval_and_never_bursts(self):
         self.start([device(interval_ms=200)], [self.plc(baud=9600)])
         first = self.data()
         last = self.data(lambda m: m["seq"] >= first["seq"] + 20)
-        stamps = [m["ts"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")
-                  if m["seq"] <= last["seq"]]
+        stamps = [m["ts"] for m in self.messages() if m["seq"] <= last["seq"]]
         # A busy machine may delay or skip a poll, and nothing catches up. So no span has more polls than intervals,
         # give or take the time that a read answer waits for the agent.
         for first in range(len(stamps)):
@@ -205,8 +204,7 @@ class Telemetry(PlantTest):
         self.start([device(tags=tags, groups=groups)])
         first = self.data()
         self.data(lambda m: m["seq"] > first["seq"] + 30, group="slow")
-        seen = sorted(m["seq"] for group in ("fast", "slow")
-                      for m in self.watcher.payloads(f"{BASE}/press1/data/{group}"))
+        seen = sorted(m["seq"] for group in ("fast", "slow") for m in self.messages(group=group))
         self.assertEqual(seen, list(range(seen[0], seen[0] + len(seen))))
 
     def test_meta_describes_every_tag(self):
@@ -276,12 +274,12 @@ class Telemetry(PlantTest):
         self.data()
         for value in range(1, 21):
             self.command(op="write", address="D300", value=value)
-            last = max(m["seq"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast"))
+            last = max(m["seq"] for m in self.messages())
             shown = self.data(lambda m, last=last: m["seq"] > last)
             self.assertEqual(shown["values"]["same"], value)
             self.assertEqual(shown["values"]["wide"], value << 16)
             self.assertEqual(shown["values"]["bit"], value % 2 == 1)
-        numbers = [m["values"]["same"] for m in self.watcher.payloads(f"{BASE}/press1/data/fast")]
+        numbers = [m["values"]["same"] for m in self.messages()]
         self.assertEqual(numbers, sorted(numbers), "an older value never comes after a newer one")
 
     def test_a_device_that_is_back_is_read_at_once_whatever_its_interval(self):
@@ -321,7 +319,7 @@ class Telemetry(PlantTest):
         self.assertEqual(bad["values"], {})
         self.sim.set("press1", "D10", 0)
         self.data(lambda m: m["values"] == {"a": 0} and m["seq"] > bad["seq"])
-        self.assertEqual(len(self.watcher.payloads(f"{BASE}/press1/data/fast")), 3)
+        self.assertEqual(len(self.messages()), 3)
 
     def test_a_silent_device_speaks_once_and_then_rarely(self):
         groups = [{"name": "fast", "interval_ms": 40, "max_silent_s": 1}]
