@@ -4,9 +4,7 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
-import threading
 import unittest
 
 import paho.mqtt.client as mqtt
@@ -378,21 +376,11 @@ class Secrets(PlantTest):
         self.agent.stop()
         return found[1]
 
-    def closing(self):
-        """Returns the port of a server that reads all input and then closes without a word."""
-        server = socket.create_server(("127.0.0.1", 0))
-        self.addCleanup(server.close)
-
-        def serve():
-            while True:
-                try:
-                    client, _ = server.accept()
-                except OSError:
-                    return
-                with client:
-                    client.recv(65536)
-        threading.Thread(target=serve, daemon=True).start()
-        return server.getsockname()[1]
+    @staticmethod
+    def read_and_close(client):
+        """Reads what the client sends at first, and closes without a word."""
+        with client:
+            client.recv(65536)
 
     def test_each_way_not_to_get_through_has_its_own_text_with_the_cure(self):
         users, rules = self.password_file(), os.path.join(self.directory, "acl")
@@ -412,7 +400,7 @@ class Secrets(PlantTest):
             ("broker_unreachable", "mqtt://no-such-host.invalid", {}, "the host name is not known"),
             ("broker_unreachable", f"mqtt://127.0.0.1:{tls}", {}, "try mqtts://"),
             ("broker_unreachable", f"mqtts://127.0.0.1:{plain}", {"tls": {"ca_file": "ca.pem"}}, "try mqtt://"),
-            ("broker_unreachable", f"mqtt://127.0.0.1:{self.closing()}", {}, "without an answer"),
+            ("broker_unreachable", f"mqtt://127.0.0.1:{self.tcp_server(self.read_and_close)}", {}, "without an answer"),
             ("broker_unreachable", f"mqtt://127.0.0.1:{guarded.port}",
              {"username": "edge7", "password_file": secret}, "compare both with the broker's password file"),
             ("broker_unreachable", f"mqtt://127.0.0.1:{guarded.port}", {},

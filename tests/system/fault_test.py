@@ -2,8 +2,6 @@
 
 import fcntl
 import os
-import socket
-import threading
 import unittest
 
 from plant import BASE, SCHEDULING_MS, PlantTest, device, free_port, tag, tcp_link, wait_for
@@ -242,12 +240,9 @@ class Faults(PlantTest):
 
 
 class OverTcp(PlantTest):
-    def link(self, port):
-        return tcp_link(port, line_baud=9600)
-
     def test_a_serial_server_that_comes_late_is_found(self):
         port = free_port()
-        self.start(plcs=[self.plc("other")], links=[self.link(port)])
+        self.start(plcs=[self.plc("other")], links=[tcp_link(port, line_baud=9600)])
         self.state("press1", "offline")
         self.agent.wait_logged("refused")
         self.sim.stop()
@@ -260,26 +255,14 @@ class OverTcp(PlantTest):
 
     def test_a_peer_that_says_nothing_is_given_up_and_connected_anew(self):
         accepted = []
-        server = socket.create_server(("127.0.0.1", 0))
-        def accept():
-            while True:
-                try:
-                    accepted.append(server.accept()[0])
-                except OSError:
-                    return
-        thread = threading.Thread(target=accept, daemon=True)
-        thread.start()
-        self.start(plcs=[self.plc("other")], links=[self.link(server.getsockname()[1])],
+        self.start(plcs=[self.plc("other")], links=[tcp_link(self.tcp_server(accepted.append), line_baud=9600)],
                    devices=[device(timeout_ms=100)])
         wait_for("a second connection", lambda: len(accepted) >= 2)
         self.assertIn("no answers on this connection", self.agent.logged())
-        server.close()
-        for connection in accepted:
-            connection.close()
 
     def test_commands_work_over_tcp_and_have_a_bound_where_the_speed_is_known(self):
         port = free_port()
-        self.start(plcs=[self.plc(tcp=port)], links=[self.link(port)])
+        self.start(plcs=[self.plc(tcp=port)], links=[tcp_link(port, line_baud=9600)])
         self.state("press1", "online")
         result = self.succeed(op="force_on", address="M150")
         self.assertGreater(result["t"]["bound_ms"], 0)

@@ -38,20 +38,6 @@ class StopTest(PlantTest):
             self.skipTest("a sanitizer must be the first library of a program: use a build without FXAGENT_SANITIZE")
         return dict(what, LD_PRELOAD=os.environ["SLOW_MACHINE"])
 
-    def peer(self, serve):
-        """A TCP server on the loopback: runs `serve(connection)` for each client on its own thread."""
-        listener = socket.create_server(("127.0.0.1", 0))
-        self.stack.callback(listener.close)
-
-        def accept():
-            with contextlib.suppress(OSError):
-                while True:
-                    connection, _ = listener.accept()
-                    self.stack.callback(connection.close)
-                    threading.Thread(target=serve, args=(connection,), daemon=True).start()
-        threading.Thread(target=accept, daemon=True).start()
-        return listener.getsockname()[1]
-
 
 class Commands(StopTest):
     def slow_press(self):
@@ -156,7 +142,7 @@ class Waits(StopTest):
         def deaf(connection):
             connection.recv(4096)
             asked.set()
-        port = self.peer(deaf)
+        port = self.tcp_server(deaf)
         self.start_alone([self.serial()], server=f"127.0.0.1:{port}")
         self.assertTrue(asked.wait(30))
         self.stopped()
@@ -166,7 +152,7 @@ class Waits(StopTest):
             with contextlib.suppress(OSError):
                 while True:
                     connection.sendall(b"\x55" * 4096)
-        port = self.peer(babble)
+        port = self.tcp_server(babble)
         self.start_alone([tcp_link(port)])
         self.agent.wait_logged("starting")
         time.sleep(1)  # no event shows that the agent is in the middle of it

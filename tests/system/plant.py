@@ -522,6 +522,20 @@ class PlantTest(unittest.TestCase):
         self.stack.callback(watcher.close)
         return watcher
 
+    def tcp_server(self, serve):
+        """Starts a server that calls serve(connection) on a thread of its own for each client, and ends it with the test.
+        Returns its port."""
+        listener = self.stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+
+        def accept():
+            with contextlib.suppress(OSError):
+                while True:
+                    connection, _ = listener.accept()
+                    self.stack.callback(connection.close)
+                    threading.Thread(target=serve, args=(connection,), daemon=True).start()
+        threading.Thread(target=accept, daemon=True).start()
+        return listener.getsockname()[1]
+
     def start_again(self, sign=signal.SIGTERM):
         """Stops the agent if it runs, and starts it. Returns the watcher's mark between the two."""
         self.agent.stop(sign)

@@ -6,9 +6,7 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
-import threading
 import unittest
 
 from plant import FXAGENT, PATIENCE, PlantTest, config_file, device, fxagent, tag, tcp_link, wait_for, write_json
@@ -125,28 +123,17 @@ class Garbage(PlantTest):
 
     WORD = "82 41 42 b1 35 03 c5 c3"  # a reply of one word
 
-    def serve(self):
-        listener = socket.create_server(("127.0.0.1", 0))
-        self.addCleanup(listener.close)
-        self.asked = 0
-
-        def talk(peer):
-            with contextlib.suppress(OSError), peer:
-                while asked := peer.recv(64):
-                    self.asked += 1
-                    peer.sendall(b"\x06" if asked == b"\x05" else bytes.fromhex(self.WORD))
-
-        def accept():
-            with contextlib.suppress(OSError):
-                while True:
-                    threading.Thread(target=talk, args=(listener.accept()[0],), daemon=True).start()
-        threading.Thread(target=accept, daemon=True).start()
-        return tcp_link(listener.getsockname()[1], line_baud=9600)
+    def talk(self, peer):
+        with contextlib.suppress(OSError):
+            while asked := peer.recv(64):
+                self.asked += 1
+                peer.sendall(b"\x06" if asked == b"\x05" else bytes.fromhex(self.WORD))
 
     def test_its_first_bytes_and_what_they_look_like_are_told_once(self):
-        link = self.serve()
+        self.asked = 0
         self.start_broker()
-        self.start_agent(links=[link], devices=[device(timeout_ms=100, retries=0)])
+        self.start_agent(links=[tcp_link(self.tcp_server(self.talk), line_baud=9600)],
+                         devices=[device(timeout_ms=100, retries=0)])
         wait_for("some polls", lambda: self.asked > 12)
         lines = [line for line in self.agent.logged().splitlines() if "looks_like" in line]
         self.assertEqual(len(lines), 1, lines)
