@@ -96,7 +96,7 @@ class BrokerAcl(PlantTest):
                 config = self.config(name, name)
                 config["agent"].update(agent)
                 if pair:
-                    config |= {"pair": pair, "store": {"path": os.path.join(self.directory, "store")}}
+                    config |= {"pair": pair, "store": self.store_section()}
                 status, text, errors = self.acl(config, "--operator", "anna", "--viewer", "viktor", *roles)
                 self.assertEqual((status, errors), (0, ""))
                 out.write(text)
@@ -216,7 +216,7 @@ class BrokerAcl(PlantTest):
         self.start_sim()
         config = self.config()
         config["agent"]["remote_config"] = True
-        config["store"] = {"path": os.path.join(self.directory, "store")}
+        config["store"] = self.store_section()
         self.agent = Agent(self.directory, config)
         self.agent.start()
         desired, reported = f"{BASE}/config/desired", f"{BASE}/config/reported"

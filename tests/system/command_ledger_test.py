@@ -176,7 +176,7 @@ class CommandLedger(PlantTest):
             devices.append(device(name, link["name"], tags(name), [{"name": "default", "interval_ms": 500}],
                                   protocol=protocol, model="FX3U" if is_fx(name) else None, timeout_ms=200, retries=1,
                                   commands={"allow": allow, "default_expiry_s": 60}))
-        self.start_agent(devices, links, store={"path": os.path.join(self.directory, "store")})
+        self.start_agent(devices, links, store=self.store_section())
         for name in PROTOCOLS:
             self.state(name, "online")
 

@@ -28,8 +28,7 @@ COMMAND = {
 class Crashes(PlantTest):
     def start_plant(self, point, sync="offline"):
         allowed = dict(device()["commands"], allow_run_stop=True)
-        self.start(devices=[device(commands=allowed)],
-                   store={"path": os.path.join(self.directory, "store"), "sync": sync})
+        self.start(devices=[device(commands=allowed)], store=self.store_section(sync=sync))
         self.ready()
         self.agent.stop()
         since = self.watcher.mark()

@@ -290,7 +290,7 @@ class DescribedPlant(PlantTest):
         memory = {"D100": 234, "D102": 7, "D104": [0, 16256], "M0": 1, "D200": 50, "D202": [1, 0, 0, 16384]}
         self.start([press, meter], [self.plc(memory=memory), self.plc("press2")],
                    [self.serial() | {"allow_yield": True}, self.serial("line2", "press2")],
-                   store={"path": os.path.join(self.directory, "store")},
+                   store=self.store_section(),
                    agent={"id": "edge7", "root": "fx/plant-a", "remote_config": True})
 
     def documents(self):

@@ -56,7 +56,7 @@ class History(PlantTest):
         os.mkdir(os.path.join(self.directory, "store"))
         self.start([device(tags=TAGS if tags is None else tags, groups=GROUPS if groups is None else groups)],
                    broker_conf=BROKER_CONF.format(directory=os.path.join(self.directory, "broker")),
-                   store={"path": os.path.join(self.directory, "store"), "sync": "always", **more})
+                   store=self.store_section(sync="always", **more))
         self.watchers = [self.watcher]
         for number in range(consumers):
             self.consumer(f"history-{number}", "--group", "history").start()

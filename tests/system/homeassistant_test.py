@@ -6,7 +6,6 @@ each platform: the keys, the environment of templates, and what becomes of a ren
 
 import json
 import math
-import os
 import random
 import signal
 import time
@@ -129,7 +128,7 @@ class Entity:
 class HomeAssistant(PlantTest):
     def begin(self, devices=None, profile=None, **more):
         self.config = {"profiles": [{"kind": "json"}, {"kind": "homeassistant", **(profile or {})}],
-                       "store": {"path": os.path.join(self.directory, "store")}, **more}
+                       "store": self.store_section(), **more}
         self.start(devices or [self.press()], **self.config)
         self.ready()
 

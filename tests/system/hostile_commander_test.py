@@ -2,7 +2,6 @@
 the memory."""
 
 import json
-import os
 import socket
 import struct
 import subprocess
@@ -60,7 +59,7 @@ class Publisher(threading.Thread):
 
 class HostileCommander(PlantTest):
     def begin(self, **settings):
-        self.start(store={"path": os.path.join(self.directory, "store")}, **settings)
+        self.start(store=self.store_section(), **settings)
         self.ready()
         # Without the commands: the broker would drop messages for a watcher that is too slow.
         self.watcher.client.subscribe([(f"{BASE}/+/result", 1), (f"{BASE}/+/data/#", 1),

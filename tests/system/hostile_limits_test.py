@@ -192,7 +192,7 @@ class Log(PlantTest):
 
 class Disk(PlantTest):
     def test_a_limit_of_file_sizes_is_a_disk_that_refuses(self):
-        self.start(store={"path": os.path.join(self.directory, "store"), "sync": "always"})
+        self.start(store=self.store_section(sync="always"))
         self.data()
         self.agent.stop()
         since = self.watcher.mark()

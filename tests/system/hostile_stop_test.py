@@ -118,7 +118,7 @@ class Commands(StopTest):
         self.start([device(timeout_ms=LONGEST_MS, retries=10), device("press2", "line2", interval_ms=200)],
                    [self.plc(), self.plc("press2", baud=9600, turnaround_ms=20)],
                    [self.serial(), self.serial("line2", "press2")],
-                   store={"path": os.path.join(self.directory, "store"), "sync": "always"})
+                   store=self.store_section(sync="always"))
         self.state("press1", "online")
         self.ready("press2")
         self.sim.fault("press1", "silent", count=-1)
@@ -198,7 +198,7 @@ class Waits(StopTest):
         self.broker = None
         slow = os.path.join(self.directory, "slow")
         self.start_sim()
-        store = {"path": os.path.join(self.directory, "store"), "sync": "always"}
+        store = self.store_section(sync="always")
         self.start_alone([self.serial()], [device()], config={"store": store},
                          environment=self.slow_machine(SLOW_SYNC=slow))
         self.agent.wait_logged("state=online")
@@ -210,7 +210,7 @@ class Waits(StopTest):
     def test_a_store_that_does_not_open(self):
         slow = os.path.join(self.directory, "slow")
         open(slow, "w").close()
-        store = {"path": os.path.join(self.directory, "store"), "sync": "always"}
+        store = self.store_section(sync="always")
         self.start_alone([self.serial()], config={"store": store},
                          environment=self.slow_machine(SLOW_SYNC=slow))
         wait_for("the store's file", lambda: os.path.exists(store["path"]))

@@ -138,7 +138,7 @@ class Identity(PlantTest):
             self.assertNotIn(word, self.agent.logged())
 
     def test_first_of_a_duplicate_is_the_result_that_was_published(self):
-        store = {"path": os.path.join(self.directory, "store")}
+        store = self.store_section()
         self.start_plant(store=store)
         self.send(dict(FORCE, id="again"))
         first = self.result("again")

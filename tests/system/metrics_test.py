@@ -201,7 +201,7 @@ class Scraped(PlantTest):
     def test_every_query_of_the_dashboard_and_every_alert_finds_its_metrics(self):
         port = free_port()
         self.start(metrics={"listen": f"127.0.0.1:{port}"},
-                   store={"path": os.path.join(self.directory, "store")},
+                   store=self.store_section(),
                    devices=[device(tags=[tag("temp", "D100"), tag("set", "D200", access="read_write")])])
         self.ready()
         self.prometheus(port)

@@ -1,7 +1,6 @@
 """`read`, `write` and the forces of the command line against a meter: 32- and 64-bit tags with scale, and what is printed."""
 
 import json
-import os
 import unittest
 
 from plant import PlantTest, config_file, fxagent, tag, tcp_link
@@ -113,7 +112,7 @@ class OneShots(PlantTest):
         status, out, err = self.call("write", "hr:30", "5", "--json")
         self.assertEqual((status, json.loads(out)["status"], err.count(note)), (0, "SUCCEEDED", 1), err)
         self.assertNotIn(note, self.call("read", "hr:30")[2])
-        self.write_config([], store={"path": os.path.join(self.directory, "store")})
+        self.write_config([], store=self.store_section())
         status, _, err = self.call("write", "hr:30", "6")
         self.assertEqual((status, err), (0, ""))
 

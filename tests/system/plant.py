@@ -478,6 +478,10 @@ class PlantTest(unittest.TestCase):
         out = {"name": name, "model": "FX3U", "baud": 0, "turnaround_ms": 1, **line, **more}
         return {key: value for key, value in out.items() if value is not None}
 
+    def store_section(self, **more):
+        """Returns a `store` of the config in the directory of the test."""
+        return {"path": os.path.join(self.directory, "store"), **more}
+
     def serial(self, name="line1", plc="press1", baud=9600, **more):
         return {"name": name, "serial": {"path": self.pty(plc), "baud": baud, **more}}
 

@@ -21,7 +21,7 @@ class Profiles(PlantTest):
         if brokers:
             sections["brokers"] = brokers
         self.start(devices or [device(tags=TAGS)], broker_conf=broker_conf,
-                   store={"path": os.path.join(self.directory, "store")}, **sections, **more)
+                   store=self.store_section(), **sections, **more)
         self.ready()
 
     def broker_away_for_19_values(self):
@@ -166,7 +166,7 @@ class SparkplugPlant(Profiles):
         self.judge = self.spawn_host(script="sparkplug_c_host.js" if commands else "sparkplug_host.js")
         self.start_sim(more.pop("plcs", None))
         self.watcher = Watcher(self.broker.port, topics=f"{BASE}/#")
-        self.start_agent(devices or [device(tags=TAGS)], store={"path": os.path.join(self.directory, "store")},
+        self.start_agent(devices or [device(tags=TAGS)], store=self.store_section(),
                          profiles=[{"kind": "json"}, profile], **more)
 
     def spawn_host(self, *more, broker=None, script="sparkplug_host.js"):

@@ -11,7 +11,7 @@ from plant import BASE, PlantTest, device, wait_for
 
 class StoreLife(PlantTest):
     def start_stored(self, sync="offline", devices=None):
-        self.store = {"path": os.path.join(self.directory, "store"), "sync": sync}
+        self.store = self.store_section(sync=sync)
         self.start(devices, store=self.store)
 
     def rows(self):
@@ -181,7 +181,7 @@ class StoreLife(PlantTest):
 
 class Speed(PlantTest):
     def test_commands_are_as_quick_with_the_journal(self):
-        self.start(store={"path": os.path.join(self.directory, "store"), "sync": "offline"})
+        self.start(store=self.store_section(sync="offline"))
         self.ready()
         queued = sorted(self.command(op="force_on", address="M150")["t"]["queue_ms"]
                         for _ in range(20))

@@ -70,7 +70,7 @@ class ThingsBoard(PlantTest):
         self.server = Server(self.directory)
         self.stack.callback(self.server.close)
         self.server.start()
-        self.start(devices or [device(tags=TAGS)], store={"path": os.path.join(self.directory, "store")},
+        self.start(devices or [device(tags=TAGS)], store=self.store_section(),
                    brokers=[{"name": "cloud", "servers": [f"mqtt://127.0.0.1:{self.server.port}"], "version": "3.1.1",
                              "username": TOKEN, "commands": commands}],
                    profiles=[{"kind": "json"}, {"kind": "thingsboard", "broker": "cloud", "deadline_s": deadline_s}],

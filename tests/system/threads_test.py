@@ -34,8 +34,7 @@ class Threads(PlantTest):
 
     def test_samples_commands_and_a_broker_that_comes_and_goes(self):
         devices, plcs, links = self.devices()
-        self.start(devices, plcs, links,
-                   store={"path": os.path.join(self.directory, "store"), "sync": "always"})
+        self.start(devices, plcs, links, store=self.store_section(sync="always"))
         self.ready()
         self.commands(20, "first")
         for sign in (signal.SIGTERM, signal.SIGKILL):
@@ -54,8 +53,7 @@ class Threads(PlantTest):
     def test_commands_until_the_very_end(self):
         """A stop in the middle of activity."""
         devices, plcs, links = self.devices()
-        self.start(devices, plcs, links, version="3.1.1",
-                   store={"path": os.path.join(self.directory, "store")})
+        self.start(devices, plcs, links, version="3.1.1", store=self.store_section())
         self.ready()
         stopping = threading.Event()
 

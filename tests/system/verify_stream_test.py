@@ -158,8 +158,7 @@ class VerifyStream(PlantTest):
         self.assertEqual(report["devices"][0]["history"], 2)
 
     def test_a_restart_of_the_broker_is_listened_over(self):
-        self.start([device()], broker_conf=self.logging_conf(self.KEEPS_SESSIONS),
-                   store={"path": os.path.join(self.directory, "store")})
+        self.start([device()], broker_conf=self.logging_conf(self.KEEPS_SESSIONS), store=self.store_section())
         self.data()
         run = Verification(self.agent.path, "--seconds", "10", "--json")
         wait_for("verify-stream to listen", lambda: self.subscriptions("edge7") == 2)
