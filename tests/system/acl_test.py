@@ -3,15 +3,14 @@
 import json
 import os
 import signal
-import subprocess
 import threading
 import time
 import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import (BASE, PATIENCE, Agent, Broker, PlantTest, config_of, device, fxagent, request_properties, wait_for,
-                   write_json, write_text)
+from plant import (BASE, PATIENCE, Agent, Broker, PlantTest, config_of, device, fxagent, password_file,
+                   request_properties, wait_for, write_json, write_text)
 
 NOT_AUTHORISED = 0x87
 PASSWORD = "s3cret"
@@ -83,11 +82,7 @@ class BrokerAcl(PlantTest):
 
     def start_secured(self, *roles, pair=None, **agent):
         """Starts a broker with the concatenated files of two agents. `agent` and `pair` are added to their configs."""
-        os.chmod(self.directory, 0o755)
-        passwords = write_text(os.path.join(self.directory, "passwords"),
-                               "".join(f"{user}:{PASSWORD}\n" for user in self.USERS))
-        subprocess.run(["mosquitto_passwd", "-U", passwords], check=True)
-        os.chmod(passwords, 0o644)
+        passwords = password_file(self.directory, **dict.fromkeys(self.USERS, PASSWORD))
         acl = os.path.join(self.directory, "acl")
         self.broker = Broker(self.directory, f"password_file {passwords}\nacl_file {acl}\n"
                                              "allow_anonymous false")

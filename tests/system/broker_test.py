@@ -9,7 +9,8 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import BASE, Broker, PlantTest, Watcher, device, free_port, frozen, tag, text_of, wait_for, write_text
+from plant import (BASE, Broker, PlantTest, Watcher, device, free_port, frozen, password_file, tag, text_of, wait_for,
+                   write_text)
 
 
 def openssl(directory, *arguments):
@@ -277,17 +278,8 @@ class BrokerLife(PlantTest):
 
 
 class Secrets(PlantTest):
-    def password_file(self):
-        path = os.path.join(self.directory, "passwd")
-        tool = "mosquitto_passwd"
-        subprocess.run([tool, "-b", "-c", path, "edge7", "right"], check=True,
-                       stderr=subprocess.DEVNULL)
-        os.chmod(path, 0o644)
-        os.chmod(self.directory, 0o755)
-        return path
-
     def test_a_wrong_password_is_told_and_a_mended_one_is_taken_up(self):
-        self.start_broker(f"password_file {self.password_file()}")
+        self.start_broker(f"password_file {password_file(self.directory, edge7='right')}")
         self.start_sim()
         secret = write_text(os.path.join(self.directory, "secret"), "wrong\n")
         self.start_agent(mqtt_config={"username": "edge7", "password_file": secret})
@@ -383,7 +375,7 @@ class Secrets(PlantTest):
             client.recv(65536)
 
     def test_each_way_not_to_get_through_has_its_own_text_with_the_cure(self):
-        users, rules = self.password_file(), os.path.join(self.directory, "acl")
+        users, rules = password_file(self.directory, edge7="right"), os.path.join(self.directory, "acl")
         # The broker checks the last will against its rules at CONNECT.
         write_text(rules, f"topic read #\ntopic readwrite {BASE}/state\n", 0o644)
         secret = write_text(os.path.join(self.directory, "secret"), "left\n")

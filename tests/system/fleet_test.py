@@ -3,10 +3,9 @@ at the first refusal."""
 
 import json
 import os
-import subprocess
 import unittest
 
-from plant import Agent, PlantTest, Watcher, frozen, fxagent, tcp_link, write_json, write_text
+from plant import Agent, PlantTest, Watcher, frozen, fxagent, password_file, tcp_link, write_json, write_text
 
 ROOT = "fx/plant-a"
 ACL = """user ann
@@ -133,12 +132,8 @@ class Fleet(PlantTest):
         self.assertEqual((status, agents["edge9"]["state"]), (1, "unknown"))
 
     def test_a_user_with_rights_for_configs_only_reads_all_and_pushes(self):
-        acl, passwords = (os.path.join(self.directory, name) for name in ("acl", "passwords"))
-        write_text(acl, ACL)
-        subprocess.run(["mosquitto_passwd", "-c", "-b", passwords, "ann", "x"], check=True, capture_output=True)
-        subprocess.run(["mosquitto_passwd", "-b", passwords, "agents", "x"], check=True, capture_output=True)
-        for path in (self.directory, acl, passwords):
-            os.chmod(path, 0o755 if path == self.directory else 0o644)
+        passwords = password_file(self.directory, ann="x", agents="x")
+        acl = write_text(os.path.join(self.directory, "acl"), ACL, 0o644)
         self.begin(f"allow_anonymous false\npassword_file {passwords}\nacl_file {acl}\n", "agents")
         secret = write_text(os.path.join(self.directory, "secret"), "x\n", 0o600)
         ann = ("--user", "ann", "--password-file", secret)

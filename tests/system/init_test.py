@@ -10,7 +10,7 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import FXAGENT, Agent, Broker, PlantTest, Watcher, config_file, write_text
+from plant import FXAGENT, Agent, Broker, PlantTest, Watcher, config_file, password_file, write_text
 
 
 class Init(PlantTest):
@@ -23,10 +23,9 @@ class Init(PlantTest):
 
     def test_the_files_work_together(self):
         place = self.place()
-        os.chmod(self.directory, 0o755)  # mosquitto reads its files as its own user
+        passwords = password_file(self.directory, edge7="pw", nodered="pw")
         secret = write_text(os.path.join(self.directory, "secret"), "pw")
-        self.broker = Broker(self.directory, f"password_file {self.directory}/users\n"
-                                             f"acl_file {place}/fxagent.acl")
+        self.broker = Broker(self.directory, f"password_file {passwords}\nacl_file {place}/fxagent.acl")
         done = self.run_init(place, "--id", "edge7", "--broker", f"mqtt://127.0.0.1:{self.broker.port}",
                              "--protocol", "fx-programming-port", "--model", "FX3U",
                              "--port", self.pty("press1"), "--read", "temp=D100", "--write", "D200",
@@ -34,11 +33,6 @@ class Init(PlantTest):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(sorted(os.listdir(place)),
                          ["agent.json", "fxagent.acl", "fxagent.service.d.conf", "node-red-flow.json"])
-        passwords = os.path.join(self.directory, "users")
-        for user in ("edge7", "nodered"):
-            subprocess.run(["mosquitto_passwd", *([] if os.path.exists(passwords) else ["-c"]), "-b", passwords,
-                            user, "pw"], check=True, capture_output=True)
-        os.chmod(passwords, 0o644)
         self.start_sim([self.plc(memory={"D100": 23})])
         self.broker.start()
         with open(os.path.join(place, "agent.json")) as config:

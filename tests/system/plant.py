@@ -423,6 +423,16 @@ def http_ask(port, path, method="GET", body=None, headers=None, host="127.0.0.1"
         return answer.status, answer.read().decode()
 
 
+def password_file(directory, **users):
+    """Writes a password file of a broker, which reads it as another user: it gets access. Returns its path."""
+    path = write_text(os.path.join(directory, "passwords"),
+                      "".join(f"{user}:{password}\n" for user, password in users.items()))
+    subprocess.run(["mosquitto_passwd", "-U", path], check=True)
+    os.chmod(path, 0o644)
+    os.chmod(directory, 0o755)
+    return path
+
+
 def fxagent(*arguments, environment=None):
     """Runs a subcommand to its end. Returns exit status, output and errors."""
     done = subprocess.run([FXAGENT, *arguments], capture_output=True, text=True, timeout=4 * PATIENCE, check=False,
@@ -485,10 +495,10 @@ class PlantTest(unittest.TestCase):
     def serial(self, name="line1", plc="press1", baud=9600, **more):
         return {"name": name, "serial": {"path": self.pty(plc), "baud": baud, **more}}
 
-    def start(self, devices=None, plcs=None, links=None, broker_conf="", mqtt_config=None,
-              version="5", store=None, arguments=(), **sections):
+    def start(self, devices=None, plcs=None, links=None, broker_conf="", **agent):
+        """Starts all; `agent` as for start_agent()."""
         self.start_around(plcs, broker_conf)
-        self.start_agent(devices, links, mqtt_config, version, store, arguments, **sections)
+        self.start_agent(devices, links, **agent)
 
     def start_around(self, plcs=None, broker_conf=""):
         """Starts all but the agent."""
@@ -504,11 +514,8 @@ class PlantTest(unittest.TestCase):
         self.sim = Sim(self.directory, plcs or [self.plc()])
         self.sim.start()
 
-    def start_agent(self, devices=None, links=None, mqtt_config=None, version="5", store=None,
-                    arguments=(), **sections):
+    def start_agent(self, devices=None, links=None, mqtt_config=None, version="5", arguments=(), **sections):
         config = config_of(self.broker.port, links or [self.serial()], devices or [device()], **sections)
-        if store:
-            config["store"] = store
         config["mqtt"].update({"version": version, **(mqtt_config or {})})
         self.agent = Agent(self.directory, config, arguments)
         self.agent.start()

@@ -8,8 +8,8 @@ import subprocess
 import threading
 import unittest
 
-from plant import (BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, config_of, device, tag, text_of, wait_for,
-                   write_json, write_text)
+from plant import (BASE, FXAGENT, PATIENCE, Broker, PlantTest, Watcher, config_of, device, password_file, tag, text_of,
+                   wait_for, write_json, write_text)
 
 # A boot of an agent that the test simulates.
 FAKE = "fx/plant-a/fake"
@@ -292,12 +292,7 @@ class VerifyStream(PlantTest):
         self.assertEqual(report["interruptions"]["count"], 1)
 
     def test_the_next_server_is_tried_and_other_credentials_can_be_given(self):
-        passwords = os.path.join(self.directory, "passwd")
-        subprocess.run(["mosquitto_passwd", "-b", "-c", passwords, "anna", "right"], check=True,
-                       stderr=subprocess.DEVNULL)
-        os.chmod(passwords, 0o644)
-        os.chmod(self.directory, 0o755)
-        self.start_broker(f"password_file {passwords}")
+        self.start_broker(f"password_file {password_file(self.directory, anna='right')}")
         secret = write_text(os.path.join(self.directory, "secret"), "right\n")
         path = self.config_of(servers=["mqtt://127.0.0.1:1",
                                        f"mqtt://127.0.0.1:{self.broker.port}"])
