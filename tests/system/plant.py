@@ -440,6 +440,12 @@ def fxagent(*arguments, environment=None):
     return done.returncode, done.stdout, done.stderr
 
 
+def fxagent_json(*arguments):
+    """Runs a subcommand with --json. Returns exit status and answer."""
+    status, out, _ = fxagent(*arguments, "--json")
+    return status, json.loads(out)
+
+
 class PlantTest(unittest.TestCase):
     """A test with a broker, a simulator, an agent and a watcher, all ended with the test."""
 

@@ -5,8 +5,8 @@ import os
 import signal
 import unittest
 
-from plant import (Agent, PlantTest, config_of, device, free_port, fxagent, tag, tcp_link, wait_for, write_json,
-                   write_text)
+from plant import (Agent, PlantTest, config_of, device, free_port, fxagent, fxagent_json, tag, tcp_link, wait_for,
+                   write_json, write_text)
 
 
 class Programs(PlantTest):
@@ -20,8 +20,7 @@ class Programs(PlantTest):
     def test_read_write_and_force_go_straight_to_the_device(self):
         self.start_sim([self.plc(memory={"D100": [1, 2, 3]})])
         path = self.config()
-        status, out, _ = fxagent("read", path, "press1", "D100", "--count", "3", "--json")
-        answer = json.loads(out)
+        status, answer = fxagent_json("read", path, "press1", "D100", "--count", "3")
         self.assertEqual((status, answer["ok"], answer["address"], answer["values"]),
                          (0, True, "D100", [1, 2, 3]))
         self.assertEqual(fxagent("read", path, "press1", "temp")[0], 0)
@@ -29,8 +28,8 @@ class Programs(PlantTest):
             status, _, err = fxagent("read", path, "press1", "temp", *option)
             self.assertEqual(status, 2)
             self.assertIn(option[0], err)
-        status, out, _ = fxagent("force-on", path, "press1", "M150", "--json")
-        self.assertEqual((status, json.loads(out)["plc"]), (0, "ACK"))
+        status, answer = fxagent_json("force-on", path, "press1", "M150")
+        self.assertEqual((status, answer["plc"]), (0, "ACK"))
         self.assertEqual(self.sim.get("press1", "M150"), 1)
         self.assertEqual(fxagent("force-off", path, "press1", "M150")[0], 0)
         self.assertEqual(fxagent("write", path, "press1", "D300", "7")[0], 0)
@@ -39,10 +38,10 @@ class Programs(PlantTest):
         self.assertEqual(fxagent("read", path, "press1", "X8")[0], 2)
         self.assertEqual(fxagent("read", path, "nobody", "D1")[0], 2)
         self.sim.fault("press1", "nak", count=-1)
-        status, out, _ = fxagent("write", path, "press1", "D300", "8", "--json")
-        self.assertEqual((status, json.loads(out)["plc"]), (1, "NAK"))
-        status, out, _ = fxagent("read", path, "press1", "D100", "--json")
-        self.assertEqual((status, json.loads(out)["reason"]), (1, "nak"))
+        status, answer = fxagent_json("write", path, "press1", "D300", "8")
+        self.assertEqual((status, answer["plc"]), (1, "NAK"))
+        status, answer = fxagent_json("read", path, "press1", "D100")
+        self.assertEqual((status, answer["reason"]), (1, "nak"))
 
     def test_what_the_agent_writes_is_its_users_alone(self):
         before = os.umask(0o022)
@@ -84,8 +83,7 @@ class Programs(PlantTest):
 
     def test_decode_explains_frames_and_judges_their_sums(self):
         def decode(*arguments):
-            status, out, _ = fxagent("decode", "fx-programming-port", *arguments, "--json")
-            return status, json.loads(out)
+            return fxagent_json("decode", "fx-programming-port", *arguments)
         status, frame = decode("02 30 31 30 46 36 30 34 03 37 34")
         self.assertEqual(status, 0)
         self.assertEqual((frame["operation"], frame["command"], frame["command_set"],
@@ -290,16 +288,13 @@ class Programs(PlantTest):
 
     def test_a_device_that_does_not_answer_is_exit_1(self):
         path = self.config()  # the pty is not in use
-        status, out, _ = fxagent("read", path, "press1", "D100", "--json")
-        answer = json.loads(out)
+        status, answer = fxagent_json("read", path, "press1", "D100")
         self.assertEqual((status, answer["ok"], answer["reason"]), (1, False, "link_down"))
         self.start_sim()
         self.sim.fault("press1", "dead")
-        status, out, _ = fxagent("read", path, "press1", "D100", "--json")
-        answer = json.loads(out)
+        status, answer = fxagent_json("read", path, "press1", "D100")
         self.assertEqual((status, answer["ok"], answer["reason"]), (1, False, "device_offline"))
-        status, out, _ = fxagent("force-on", path, "press1", "M150", "--json")
-        answer = json.loads(out)
+        status, answer = fxagent_json("force-on", path, "press1", "M150")
         self.assertEqual((status, answer["status"], answer["reason"]),
                          (1, "FAILED", "device_offline"))
         status, out, _ = fxagent("force-on", path, "press1", "M150")
@@ -324,8 +319,7 @@ class Programs(PlantTest):
                 result = json.loads(out)
                 self.assertEqual((result["status"], result["reason"]), ("REJECTED", reason))
         self.assertEqual(self.sim.commands("press1"), [])
-        status, out, _ = fxagent("write", path, "press1", "setpoint", "55.5", "--json")
-        result = json.loads(out)
+        status, result = fxagent_json("write", path, "press1", "setpoint", "55.5")
         self.assertEqual((status, result["status"], result["plc"], result["verify"]),
                          (0, "SUCCEEDED", "ACK", {"read": 55.5, "match": True}))
         self.assertEqual(self.sim.get("press1", "D200"), 555)
@@ -335,8 +329,8 @@ class Programs(PlantTest):
                              values)
         status, out, _ = fxagent("write", path, "press1", "D300", "1.5", "--type", "float32")
         self.assertEqual(status, 0)
-        status, out, _ = fxagent("read", path, "press1", "D300", "--type", "float32", "--json")
-        self.assertEqual((status, json.loads(out)["values"]), (0, [1.5]))
+        status, answer = fxagent_json("read", path, "press1", "D300", "--type", "float32")
+        self.assertEqual((status, answer["values"]), (0, [1.5]))
         # Reads are not restricted: the engineer at the machine may read places that no tag names.
         status, out, _ = fxagent("read", path, "press1", "D7000")
         self.assertEqual(status, 0)
@@ -359,8 +353,8 @@ class Programs(PlantTest):
             self.assertEqual(status, 2)
             self.assertIn("unknown_tag: device press1 has no tag tepm; did you mean temp?", out)
             self.assertNotIn("FX device", out)
-        status, out, _ = fxagent("read", path, "press1", "tepm", "--json")
-        self.assertEqual((status, json.loads(out)["reason"]), (2, "unknown_tag"))
+        status, answer = fxagent_json("read", path, "press1", "tepm")
+        self.assertEqual((status, answer["reason"]), (2, "unknown_tag"))
         status, out, _ = fxagent("read", path, "press1", "Q100")
         self.assertIn("'Q100' is not an FX device", out)
         status, _, errors = fxagent("read", path, "pres1", "temp")
@@ -393,21 +387,17 @@ class Programs(PlantTest):
              {"operation": "read", "device": "D8001", "count": 1}),
         ]
         for frame, arguments, expected in table:
-            status, out, _ = fxagent("decode", "fx-programming-port", *frame.split(),
-                                     *arguments, "--json")
-            answer = json.loads(out)
+            status, answer = fxagent_json("decode", "fx-programming-port", *frame.split(), *arguments)
             self.assertEqual((status, answer["ok"], answer["error"]), (0, True, None), frame)
             self.assertEqual({key: answer.get(key) for key in expected}, expected, frame)
-        status, out, _ = fxagent("decode", "fx-programming-port",
-                                 "02 33 35 38 34 03 44 37", "--reply", "--json")
-        answer = json.loads(out)
+        status, answer = fxagent_json("decode", "fx-programming-port", "02 33 35 38 34 03 44 37", "--reply")
         self.assertEqual((status, answer["operation"], answer["direction"], answer["checksum"]),
                          (0, "data", "reply", {"given": "D7", "computed": "D7"}))
         # Truncated, with a wrong sum, with an unknown command: reported as bad, without a crash.
         for frame in ("02 30 31", "02 37 30 30 30 35 03 46 45", "03", "02 03 30 33", "FF"):
-            status, out, _ = fxagent("decode", "fx-programming-port", frame, "--json")
-            self.assertEqual((status, json.loads(out)["ok"]), (1, False), frame)
-            self.assertTrue(json.loads(out)["error"])
+            status, answer = fxagent_json("decode", "fx-programming-port", frame)
+            self.assertEqual((status, answer["ok"]), (1, False), frame)
+            self.assertTrue(answer["error"])
         self.assertEqual(fxagent("decode", "fx-programming-port", "05", "--request",
                                  "--reply")[0], 2)
         self.assertEqual(fxagent("decode", "fx-programming-port", "05", "--model", "FX9")[0],
