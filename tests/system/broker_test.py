@@ -40,6 +40,14 @@ def certificates(directory):
         os.chmod(os.path.join(directory, name), 0o644)
 
 
+def tls_conf(directory, name="server"):
+    """Creates certificates() and returns the settings of a listener with the one of this name. The broker reads them as
+    another user."""
+    certificates(directory)
+    os.chmod(directory, 0o755)
+    return f"cafile {directory}/ca.pem\ncertfile {directory}/{name}.pem\nkeyfile {directory}/{name}.key\n"
+
+
 class BrokerLife(PlantTest):
     def test_states_and_meta_are_retained_and_a_clean_stop_says_so(self):
         self.start()
@@ -290,14 +298,10 @@ class Secrets(PlantTest):
         self.state("press1", "online")
 
     def tls(self, extra="", listener=None):
-        certificates(self.directory)
-        os.chmod(self.directory, 0o755)
-        path = self.directory
         if listener == "plain":
             self.plain_port = free_port()
             extra += f"\nlistener {self.plain_port} 127.0.0.1\n"
-        self.start_broker(f"cafile {path}/ca.pem\ncertfile {path}/server.pem\n"
-                          f"keyfile {path}/server.key\n{extra}")
+        self.start_broker(tls_conf(self.directory) + extra)
         self.start_sim()
 
     def start_tls(self, **tls):

@@ -7,7 +7,7 @@ import struct
 import time
 import unittest
 
-from broker_test import certificates
+from broker_test import tls_conf
 from chaos_plant import Disk
 from pair_plant import BASE, PairTest, QUIET_MS, SerialBus
 from plant import PATIENCE, free_port, frozen, fxagent, wait_for, write_text
@@ -193,15 +193,10 @@ class Pair(PairTest):
         self.assertEqual(self.sim.get("press1", "D300"), 7)
 
     def test_serial_adapters_on_one_bus_and_a_broker_with_tls(self):
-        certificates(self.directory)
-        os.chmod(self.directory, 0o755)  # mosquitto runs as another user
         port = free_port()
-        files = {key: os.path.join(self.directory, name) for key, name in
-                 (("cafile", "ca.pem"), ("certfile", "server.pem"), ("keyfile", "server.key"))}
-        self.start_pair(masters=SerialBus,
-                        broker_conf=f"listener {port} 127.0.0.1\n" + "".join(f"{k} {v}\n" for k, v in files.items()),
+        self.start_pair(masters=SerialBus, broker_conf=f"listener {port} 127.0.0.1\n{tls_conf(self.directory)}",
                         both=lambda: {"mqtt": {"servers": [f"mqtts://127.0.0.1:{port}"],
-                                               "tls": {"ca_file": files["cafile"]}}})
+                                               "tls": {"ca_file": os.path.join(self.directory, "ca.pem")}}})
         self.assertIsNone(self.masters.last("b"))
         for active, standby in (("a", "b"), ("b", "a")):
             self.agents[active].stop(signal.SIGKILL, expected=None)

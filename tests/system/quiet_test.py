@@ -6,8 +6,8 @@ import os
 import time
 import unittest
 
-from broker_test import certificates
-from plant import BASE, Broker, PlantTest, device, free_port, frozen, tag, tcp_link, wait_for
+from broker_test import tls_conf
+from plant import BASE, PlantTest, device, free_port, frozen, tag, tcp_link, wait_for
 from scripted_broker import PINGRESP, Script, ScriptedBroker, packet
 
 # From the last packet on the connection to the next.
@@ -102,14 +102,9 @@ class Reader(PlantTest):
         self.assert_waits("nothing is said again")
 
     def test_it_waits_over_tls(self):
-        certificates(self.directory)
-        os.chmod(self.directory, 0o755)
-        here = self.directory
-        self.broker = Broker(here, f"cafile {here}/ca.pem\ncertfile {here}/server.pem\n"
-                                   f"keyfile {here}/server.key\n")
-        self.broker.start()
+        self.start_broker(tls_conf(self.directory))
         self.start_plant(servers=[f"mqtts://127.0.0.1:{self.broker.port}"],
-                         tls={"ca_file": os.path.join(here, "ca.pem")})
+                         tls={"ca_file": os.path.join(self.directory, "ca.pem")})
         self.agent.wait_logged("broker_connected")
         self.assert_waits("nothing is said")
         self.broker_away()

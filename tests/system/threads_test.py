@@ -7,8 +7,8 @@ import signal
 import threading
 import unittest
 
-from broker_test import certificates
-from plant import BASE, Broker, PlantTest, Watcher, device, free_port, tag, text_of, wait_for, write_text
+from broker_test import tls_conf
+from plant import BASE, PlantTest, Watcher, device, free_port, tag, text_of, wait_for, write_text
 
 TAGS = [tag("temp", "D100"), tag("setpoint", "D200", access="read_write")]
 
@@ -74,18 +74,13 @@ class Threads(PlantTest):
         self.watcher.wait(f"{BASE}/state", lambda s: s.get("reason") == "stopped")
 
     def test_tls_that_is_refused_and_then_works(self):
-        certificates(self.directory)
-        os.chmod(self.directory, 0o755)
         plain = free_port()
-        here = self.directory
-        self.broker = Broker(here, f"cafile {here}/ca.pem\ncertfile {here}/other.pem\n"
-                                   f"keyfile {here}/other.key\n\nlistener {plain} 127.0.0.1\n")
-        self.broker.start()
+        self.start_broker(f"{tls_conf(self.directory, 'other')}\nlistener {plain} 127.0.0.1\n")
         devices, plcs, links = self.devices()
         self.start_sim(plcs)
         self.start_agent(devices, links, mqtt_config={
             "servers": [f"mqtts://127.0.0.1:{self.broker.port}"],
-            "tls": {"ca_file": os.path.join(here, "ca.pem")}})
+            "tls": {"ca_file": os.path.join(self.directory, "ca.pem")}})
         self.agent.wait_logged("broker_unreachable")
         self.broker.kill()
         write_text(self.broker.conf, text_of(self.broker.conf).replace("/other.", "/server."))
