@@ -4,6 +4,15 @@ import json
 import os
 
 
+def read_text(path):
+    with open(path, encoding="utf-8") as text:
+        return text.read()
+
+
+def read_json(path):
+    return json.loads(read_text(path))
+
+
 def write_text(path, text, mode=None):
     """Writes a file, with these permissions if they are given, and returns its path."""
     with open(path, "w", encoding="utf-8") as out:

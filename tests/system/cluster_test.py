@@ -9,7 +9,7 @@ import unittest
 
 import rabbit_cluster
 from cluster_plant import ClusterPlant
-from plant import has_failed, text_of, wait_for
+from plant import has_failed, read_text, text_of, wait_for
 
 AGENTS = 4
 # Seconds. On a busy machine RabbitMQ closes connections with a shorter one.
@@ -84,8 +84,7 @@ class Cluster(unittest.TestCase):
 
 class ClusterPage(unittest.TestCase):
     def test_the_page_shows_the_config_that_is_tested(self):
-        with open(rabbit_cluster.PAGE) as text:
-            page = text.read()
+        page = read_text(rabbit_cluster.PAGE)
         for line in rabbit_cluster.CONFIG.splitlines():
             if not line.startswith("#") and "{" not in line:
                 self.assertIn("\n" + line + "\n", page)

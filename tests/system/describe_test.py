@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, config_file, device, tag, write_text
+from plant import BASE, FXAGENT, PATIENCE, PlantTest, Watcher, config_file, device, read_text, tag, write_text
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 JUDGES = os.environ.get("DESCRIBE_JUDGES", "")
@@ -81,8 +81,8 @@ def judged(kind, document, messages=(), strict=False):
 
 def examples():
     """Returns the examples of the contract by name."""
-    with open(os.path.join(ROOT, "docs", "interface.md"), encoding="utf-8") as page:
-        blocks = re.findall(r"<!-- example: (\w+) -->\n```json\n(.*?)\n```", page.read(), re.DOTALL)
+    page = read_text(os.path.join(ROOT, "docs", "interface.md"))
+    blocks = re.findall(r"<!-- example: (\w+) -->\n```json\n(.*?)\n```", page, re.DOTALL)
     return {name: json.loads(text) for name, text in blocks}
 
 
@@ -142,8 +142,7 @@ class Call(unittest.TestCase):
         self.assertNotIn("press1.temp", thing["actions"])
 
     def test_topics_are_those_of_the_contract(self):
-        with open(os.path.join(ROOT, "docs", "interface.md"), encoding="utf-8") as page:
-            section = page.read().split("\n## 4. ")[0]
+        section = read_text(os.path.join(ROOT, "docs", "interface.md")).split("\n## 4. ")[0]
         rows = re.findall(r"^\| `(\{base\}[^`]*)` \|", section, re.MULTILINE)
         self.assertEqual(list(json.loads(described("--schema").stdout)["properties"]), rows)
 
@@ -205,8 +204,7 @@ class Documents(unittest.TestCase):
             self.assertNotEqual(judged(kind, json.dumps(document))[0], [], kind)
 
     def test_examples_of_the_contract_match_the_published_schema(self):
-        with open(os.path.join(ROOT, "docs", "payloads.schema.json"), encoding="utf-8") as file:
-            schema = file.read()
+        schema = read_text(os.path.join(ROOT, "docs", "payloads.schema.json"))
         found = examples()
         self.assertGreater(len(found), 20)
         messages = [(topic_of(name), payload) for name, payload in found.items()]

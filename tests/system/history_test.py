@@ -9,7 +9,7 @@ import time
 import unittest
 
 from history_plant import BROKER_CONF, CONFIG, CRASHING, FXHISTORY, Consumer, Postgres, rows_of, stored
-from plant import BASE, PlantTest, Watcher, device, tag, wait_for
+from plant import BASE, PlantTest, Watcher, device, read_json, read_text, tag, wait_for
 
 TAGS = [tag("temp", "D100"), tag("recipe", "D210", count=3), tag("running", "M0", "slow")]
 GROUPS = [{"name": "fast", "interval_ms": 50}, {"name": "slow", "interval_ms": 200}]
@@ -17,8 +17,7 @@ GROUPS = [{"name": "fast", "interval_ms": 50}, {"name": "slow", "interval_ms": 2
 
 def dashboard_queries():
     """Returns (title, SQL) of every query of the dashboard, with its macros and variables replaced."""
-    with open(os.path.join(CONFIG, "grafana-dashboard.json")) as file:
-        board = json.load(file)
+    board = read_json(os.path.join(CONFIG, "grafana-dashboard.json"))
     queries = [(p["title"], t["rawSql"]) for p in board["panels"] for t in p["targets"]]
     queries += [(v["name"], v["query"]) for v in board["templating"]["list"] if v["type"] == "query"]
     for old, new in [("$__timeFilter(ts)", "ts BETWEEN now() - interval '1 hour' AND now()"),
@@ -363,8 +362,7 @@ class Schema(unittest.TestCase):
         self.database.psql(f"SELECT history.put('{json.dumps({'samples': rows, 'health': [], 'refused': []})}')")
         newest = [("a", 0, "timeout"), ("a", 1, "timeout"), ("a", 2, "timeout"), ("b", 0, "nak")]
         queries = dict(dashboard_queries())
-        with open(os.path.join(CONFIG, "examples.sql")) as file:
-            examples = file.read().split(";")
+        examples = read_text(os.path.join(CONFIG, "examples.sql")).split(";")
         for query in (queries["Newest values"], examples[0]):
             self.assertEqual([(r["name"], r["element"], r["quality"]) for r in self.database.rows(query)], newest)
         means = [r["mean"] for r in self.database.rows(examples[1].replace("'temp'", "'a'"))]
@@ -412,8 +410,7 @@ class Calls(unittest.TestCase):
 
     def test_the_manual_page_has_every_option(self):
         text = subprocess.run([FXHISTORY, "--help"], capture_output=True, text=True, check=True).stdout
-        with open(os.path.join(CONFIG, "..", "..", "debian", "fxhistory.1")) as file:
-            page = file.read().replace("\\-", "-")
+        page = read_text(os.path.join(CONFIG, "..", "..", "debian", "fxhistory.1")).replace("\\-", "-")
         options = re.findall(r"--[a-z-]+", text)
         self.assertIn("--version", options)
         for option in set(options):

@@ -7,7 +7,7 @@ import re
 import tempfile
 import unittest
 
-from plant import fxagent
+from plant import fxagent, read_json, read_text
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 
@@ -69,15 +69,13 @@ class Import(unittest.TestCase):
                  if "schema" not in path]
         self.assertGreater(len(paths), 2)
         for path in paths:
-            with open(path) as text:
-                variables = {name: "1883" for name in re.findall(r"\$\{(\w+)\}", text.read())}
+            variables = {name: "1883" for name in re.findall(r"\$\{(\w+)\}", read_text(path))}
             variables["PLANT_BROKER"] = "mqtt://127.0.0.1"
             status, csv, err = fxagent("export", "--csv", path, environment=variables)
             self.assertEqual(status, 0, err)
             status, out, err = fxagent("import", "csv", self.file("e.csv", csv), environment=variables)
             self.assertEqual(status, 0, err)
-            with open(path) as before:
-                self.assertEqual(json.loads(out), json.load(before), path)
+            self.assertEqual(json.loads(out), read_json(path), path)
 
     def test_a_wrong_config_is_not_exported(self):
         self.assertEqual(fxagent("export", "--csv", self.file("w.json", "{}"))[0], 2)

@@ -10,7 +10,8 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import FXAGENT, Agent, Broker, PlantTest, Watcher, config_file, password_file, write_text
+from plant import (FXAGENT, Agent, Broker, PlantTest, Watcher, config_file, password_file, read_json, read_text,
+                   write_text)
 
 
 class Init(PlantTest):
@@ -35,14 +36,12 @@ class Init(PlantTest):
                          ["agent.json", "fxagent.acl", "fxagent.service.d.conf", "node-red-flow.json"])
         self.start_sim([self.plc(memory={"D100": 23})])
         self.broker.start()
-        with open(os.path.join(place, "agent.json")) as config:
-            made = json.load(config)
+        made = read_json(os.path.join(place, "agent.json"))
         made["store"]["path"] = os.path.join(self.directory, "store")
         self.agent = Agent(self.directory, made)
         self.agent.start()
         self.watcher = Watcher(self.broker.port, username="nodered", password="pw")
-        with open(os.path.join(place, "node-red-flow.json")) as flow:
-            nodes = json.load(flow)
+        nodes = read_json(os.path.join(place, "node-red-flow.json"))
         topics = {node["name"]: node["topic"] for node in nodes if node["type"].startswith("mqtt ")}
         base = "fx/edge7/plc1"
         for name, topic in (("samples", f"{base}/data/fast"), ("states", f"{base}/state"),
@@ -62,8 +61,7 @@ class Init(PlantTest):
                              "--port", self.pty("press1"), "--read", "temp=D100")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertNotIn("password", done.stdout)
-        with open(os.path.join(self.place(), "agent.json")) as config:
-            made = json.load(config)
+        made = read_json(os.path.join(self.place(), "agent.json"))
         made["store"]["path"] = os.path.join(self.directory, "store")
         self.agent = Agent(self.directory, made)
         self.agent.start()
@@ -94,8 +92,7 @@ class Init(PlantTest):
         done = self.run_init(self.place(), *answers)
         self.assertEqual(done.returncode, 1)
         self.assertIn("--force", done.stderr)
-        with open(path) as kept:
-            self.assertEqual(kept.read(), "mine")
+        self.assertEqual(read_text(path), "mine")
         self.assertEqual(self.run_init(self.place(), *answers, "--force").returncode, 0)
 
     def test_what_is_no_plain_file_is_refused_by_name(self):
@@ -159,8 +156,7 @@ class Init(PlantTest):
         return status, talk
 
     def made(self):
-        with open(os.path.join(self.place(), "agent.json")) as config:
-            return json.load(config)
+        return read_json(os.path.join(self.place(), "agent.json"))
 
     def test_on_a_terminal_it_asks(self):
         status, said = self.talk(["--broker", "mqtt://a"], [
@@ -174,8 +170,7 @@ class Init(PlantTest):
         self.assertEqual(made["links"][0]["serial"]["path"], "/dev/ttyUSB7")
         self.assertEqual((made["devices"][0]["name"], made["devices"][0]["unit"]), ("meter3", 17))
         self.assertEqual([tag["name"] for tag in made["devices"][0]["tags"]], ["a", "hr_2"])
-        with open(os.path.join(self.place(), "mqtt_password")) as secret:
-            self.assertEqual(secret.read(), "secret\n")
+        self.assertEqual(read_text(os.path.join(self.place(), "mqtt_password")), "secret\n")
         self.assertNotIn("secret", said)
 
     def test_a_menu_takes_numbers(self):

@@ -14,7 +14,8 @@ import time
 import unittest
 import urllib.parse
 
-from plant import PATIENCE, PlantTest, device, free_port, http_ask, tag, tcp_link, text_of, wait_for, write_text
+from plant import (PATIENCE, PlantTest, device, free_port, http_ask, read_json, read_text, tag, tcp_link, text_of,
+                   wait_for, write_text)
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 MONITORING = os.path.join(HERE, "..", "..", "config", "monitoring")
@@ -53,8 +54,7 @@ class Metrics(PlantTest):
     def test_without_the_key_there_is_no_server_and_no_library_of_one(self):
         self.start()
         self.ready()
-        with open(f"/proc/{self.agent.process.pid}/maps") as maps:
-            self.assertNotIn("microhttpd", maps.read())
+        self.assertNotIn("microhttpd", read_text(f"/proc/{self.agent.process.pid}/maps"))
         self.assertNotIn("metrics", self.agent.logged())
 
     def test_probes_say_what_is_missing(self):
@@ -192,8 +192,7 @@ class Scraped(PlantTest):
         return any(series["value"][1] != "NaN" for series in self.query(expression))
 
     def dashboard_queries(self):
-        with open(os.path.join(MONITORING, "grafana-dashboard.json")) as file:
-            dashboard = json.load(file)
+        dashboard = read_json(os.path.join(MONITORING, "grafana-dashboard.json"))
         for panel in dashboard["panels"]:
             for target in panel["targets"]:
                 yield panel["title"], target["expr"].replace("$__rate_interval", "1m").replace("$instance", ".*")

@@ -10,8 +10,8 @@ import subprocess
 import unittest
 
 from browser import Browser
-from plant import (BASE, PATIENCE, Agent, PlantTest, Sim, Watcher, free_port, frozen, http_ask, text_of, wait_for,
-                   write_json, write_text)
+from plant import (BASE, PATIENCE, Agent, PlantTest, Sim, Watcher, free_port, frozen, http_ask, read_text, text_of,
+                   wait_for, write_json, write_text)
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 CONFIG = os.path.join(HERE, "..", "..", "config")
@@ -36,9 +36,9 @@ class NodeRedTest(Browser, PlantTest):
         self.sim = Sim(self.directory, [self.plc(), self.plc("press2", protocol="fx-computer-link")][:devices])
         self.sim.start()
         self.watcher = Watcher(self.broker.port)
-        with open(os.path.join(CONFIG, "demo", "agent.json")) as text:
-            config = json.loads(text.read().replace("${DEMO_PORT}", str(self.broker.port))
-                                .replace("${DEMO_DIR}", self.directory).replace("${DEMO_HTTP}", "0"))
+        text = read_text(os.path.join(CONFIG, "demo", "agent.json"))
+        config = json.loads(text.replace("${DEMO_PORT}", str(self.broker.port))
+                            .replace("${DEMO_DIR}", self.directory).replace("${DEMO_HTTP}", "0"))
         for part in ("links", "devices"):
             config[part] = config[part][:devices]
         config["devices"][0]["groups"][0]["interval_ms"] = interval_ms

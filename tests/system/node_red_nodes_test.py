@@ -10,7 +10,7 @@ import unittest
 
 from browser import why_no_browser
 from node_red import CONTRIB, NodeRedTest, needs_node_red
-from plant import BASE, frozen, tag, wait_for, write_text
+from plant import BASE, frozen, read_json, tag, wait_for, write_text
 
 TAB = "nodes0tab0000001"
 SERVER = "nodes0server0001"
@@ -409,8 +409,7 @@ class Nodes(NodeRedTest):
         folder = os.path.join(CONTRIB, "examples")
         nodes = []
         for name in sorted(os.listdir(folder)):
-            with open(os.path.join(folder, name)) as text:
-                nodes += json.load(text)
+            nodes += read_json(os.path.join(folder, name))
         self.assertEqual(len({node["id"] for node in nodes}), len(nodes))
         self.start_demo()
         self.start_node_red(json.dumps(nodes).replace('"port": "1883"', f'"port": "{self.broker.port}"'), contrib=True)

@@ -27,7 +27,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-from files import write_json, write_text
+from files import read_json, read_text, write_json, write_text
 from ports import free_port
 from waiting import PATIENCE, wait_for
 
@@ -65,8 +65,7 @@ def memory_kib(pid, what):
 
 def listens(pid, port):
     """True if this process itself listens on this IPv4 port."""
-    with open("/proc/net/tcp") as table:
-        rows = [line.split() for line in table][1:]
+    rows = [line.split() for line in read_text("/proc/net/tcp").splitlines()[1:]]
     sockets = {f"socket:[{row[9]}]" for row in rows
                if row[3] == "0A" and int(row[1].split(":")[1], 16) == port}
     files = f"/proc/{pid}/fd"
@@ -408,8 +407,7 @@ class Agent:
         return status
 
     def logged(self):
-        with open(self.log_path) as text:
-            return text.read()
+        return read_text(self.log_path)
 
     def wait_logged(self, words, times=1):
         wait_for(f"{words} in the agent's log", lambda: self.logged().count(words) >= times)

@@ -7,7 +7,7 @@ import time
 import unittest
 
 from broker_test import tls_conf
-from plant import BASE, PlantTest, device, free_port, frozen, tag, tcp_link, wait_for
+from plant import BASE, PlantTest, device, free_port, frozen, read_text, tag, tcp_link, wait_for
 from scripted_broker import PINGRESP, Script, ScriptedBroker, packet
 
 # From the last packet on the connection to the next.
@@ -66,8 +66,7 @@ class Reader(PlantTest):
     def ticks(self):
         """Returns utime and stime of proc(5)."""
         for number in os.listdir(f"/proc/{self.agent.process.pid}/task"):
-            with open(f"/proc/{self.agent.process.pid}/task/{number}/stat") as stat:
-                name, fields = stat.read().rsplit(")", 1)
+            name, fields = read_text(f"/proc/{self.agent.process.pid}/task/{number}/stat").rsplit(")", 1)
             if name.endswith("(MQTTAsync_rcv"):
                 return int(fields.split()[11]) + int(fields.split()[12])
         raise AssertionError("no thread reads")

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import unittest
 
-from plant import (FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, tag, tcp_link, wait_for,
+from plant import (FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, read_text, tag, tcp_link, wait_for,
                    write_text)
 
 LUA = os.path.join(os.path.dirname(__file__), "..", "..", "config", "wireshark", "fxagent.lua")
@@ -144,8 +144,7 @@ class Recorder(Recorded):
         self.agent.start()
         wait_for("the recorder", lambda: "state=up" in self.agent.logged().split("state=stopped")[-1])
         for path in self.asked():
-            with open(path) as text:
-                self.assertNotIn("s3cret-word", text.read())
+            self.assertNotIn("s3cret-word", read_text(path))
 
     def test_a_directory_that_is_gone_disturbs_no_poll(self):
         self.begin()
