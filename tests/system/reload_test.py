@@ -60,6 +60,11 @@ class Metronome:
         return max((until - since for since, until in self.stood_still), default=0)
 
 
+def is_whole(seqs):
+    """True if no number between the first and the last is missing."""
+    return not seqs or max(seqs) - min(seqs) + 1 == len(set(seqs))
+
+
 class ReloadTest(PlantTest):
     def setUp(self):
         super().setUp()
@@ -281,11 +286,8 @@ class Reload(ReloadTest):
         self.watcher.wait(f"{BASE}/state", lambda s: s["state"] == "offline")
         elsewhere.wait(f"{BASE}/health", lambda h: h["config"]["last_reload"]["state"] == "applied")
         elsewhere.wait(f"{BASE}/m1/data/fast", lambda m: m["seq"] > seq)
-
-        def whole():
-            seen = set(self.seqs("m1") + self.seqs("m1", elsewhere))
-            return max(seen) - min(seen) + 1 == len(seen)
-        wait_for("what was on its way, at the one broker or as history at the other", whole)
+        wait_for("what was on its way, at the one broker or as history at the other",
+                 lambda: is_whole(self.seqs("m1") + self.seqs("m1", elsewhere)))
         self.assertEqual(self.recorder("a").connections, 1)
 
 
@@ -373,10 +375,7 @@ class RandomReloads(ReloadTest):
         for name in self.names():
             self.data(name=name, since=self.watcher.mark())
         for name in self.names():
-            def whole():
-                seqs = set(self.seqs(name))
-                return max(seqs) - min(seqs) + 1 == len(seqs)
-            wait_for(f"the samples of {name} to be whole", whole)
+            wait_for(f"the samples of {name} to be whole", lambda: is_whole(self.seqs(name)))
         self.judge_outcomes()
 
     def judge_outcomes(self):
@@ -459,8 +458,7 @@ class RandomReloads(ReloadTest):
         for name in self.names():
             def whole():
                 seqs = self.seqs(name)
-                return len(seqs) == len(set(seqs)) and (
-                    not seqs or max(seqs) - min(seqs) + 1 == len(seqs))
+                return len(seqs) == len(set(seqs)) and is_whole(seqs)
             wait_for(f"the samples of {name} to be whole", whole)
         self.assertNotIn("samples_miscounted", self.agent.logged())
         self.assertNotIn("samples_unbalanced", self.agent.logged())
