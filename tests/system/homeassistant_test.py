@@ -28,7 +28,8 @@ TAGS = [tag("temp", "D100", scale=0.1, unit="°C"),
         tag("total", "D202", type="int64", access="read_write"),
         tag("level", "D210", type="float32", access="read_write"),
         tag("stage", "D220", states={"0": "idle", "-1": "fault"}),
-        tag("mode", "D221", access="read_write", states={"0": "None", "1": "say \"go\" \\ {{ it's }} %}", "2": "Größe"}),
+        tag("mode", "D221", access="read_write",
+            states={"0": "None", "1": "say \"go\" \\ {{ it's }} %}", "2": "Größe"}),
         tag("label", "D400", type="string", length=8),
         tag("recipe", "D410", type="string", length=12, access="read_write")]
 

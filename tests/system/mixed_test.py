@@ -65,7 +65,8 @@ class MixedPlant(PlantTest):
         return device(name, link, protocol=protocol, model=None, timeout_ms=TIMEOUT_MS, retries=1,
                       interval_ms=INTERVAL_MS,
                       tags=[tag("value", "hr:100"), tag("flag", "co:5", access="read_write"),
-                            tag("bit", "hr:300.3", access="read_write"), tag("setpoint", "hr:300", access="read_write")],
+                            tag("bit", "hr:300.3", access="read_write"),
+                            tag("setpoint", "hr:300", access="read_write")],
                       commands=None, **more)
 
     def everybody(self):

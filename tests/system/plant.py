@@ -538,7 +538,7 @@ class PlantTest(unittest.TestCase):
         return watcher
 
     def tcp_server(self, serve):
-        """Starts a server that calls serve(connection) on a thread of its own for each client, and ends it with the test.
+        """Starts a server that calls serve(connection) on a thread of its own for each client. It ends with the test.
         Returns its port."""
         listener = self.stack.enter_context(socket.create_server(("127.0.0.1", 0)))
 
