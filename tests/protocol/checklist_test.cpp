@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-#include <string_view>
-
 #include "protocol/catalog.h"
 #include "protocol/fx/d8120.h"
 

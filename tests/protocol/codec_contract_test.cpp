@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <map>
 
 #include "protocol/catalog.h"
 #include "protocol/mc/device.h"

@@ -2,10 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <optional>
-#include <string>
-#include <string_view>
-
 #include "protocol/catalog.h"
 #include "protocol/value/bytes.h"
 

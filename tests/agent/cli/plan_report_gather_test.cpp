@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
-#include <string>
-
 #include "agent/cli/report/plan_report.h"
 #include "agent/config/loader.h"
 #include "tests/protocol/gathering_codec.h"

@@ -2,14 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
-#include <limits>
-#include <set>
-#include <string>
-#include <utility>
-#include <variant>
-#include <vector>
-
 #include "agent/commands/parse/parse.h"
 #include "agent/commands/pending_budget.h"
 #include "agent/commands/result.h"

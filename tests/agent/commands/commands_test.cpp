@@ -2,12 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
 #include <nlohmann/json.hpp>
 #include <span>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "tests/agent/uplink/plant.h"
 

@@ -5,9 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <random>
-#include <string>
-#include <utility>
-#include <vector>
 
 namespace fxagent {
 namespace {

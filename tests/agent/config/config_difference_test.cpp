@@ -3,12 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <random>
-#include <set>
-#include <string>
-#include <vector>
 
 #include "tests/agent/config/small_plant.h"
 

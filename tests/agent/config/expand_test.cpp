@@ -6,8 +6,6 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
-#include <string>
 
 #include "tests/agent/config/small_plant.h"
 #include "tests/support/says.h"

@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <fstream>
 #include <future>
-#include <string>
 
 #include "agent/config/loader.h"
 #include "agent/config/machine.h"

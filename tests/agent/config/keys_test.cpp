@@ -5,9 +5,6 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <set>
-#include <string>
-#include <vector>
 
 #include "protocol/catalog.h"
 #include "tests/agent/config/small_plant.h"

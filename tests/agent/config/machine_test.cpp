@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "tests/support/other_program.h"
 #include "tests/support/says.h"
 #include "tests/support/scratch.h"

@@ -1,9 +1,6 @@
 // The config's findings about MC devices: lines without enough data bits, pauses on UDP.
 #include <gtest/gtest.h>
 
-#include <optional>
-#include <string>
-
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {

@@ -1,9 +1,6 @@
 // The config's findings about Modbus devices: addresses, byte orders, units, links.
 #include <gtest/gtest.h>
 
-#include <string>
-#include <vector>
-
 #include "protocol/modbus/pdu.h"
 #include "tests/agent/config/small_plant.h"
 

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
-#include <string>
 
 #include "agent/config/config_difference.h"
 #include "tests/agent/config/small_plant.h"

@@ -3,13 +3,11 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <string>
 #include <valijson/adapters/nlohmann_json_adapter.hpp>
 #include <valijson/schema.hpp>
 #include <valijson/schema_parser.hpp>
 #include <valijson/validation_results.hpp>
 #include <valijson/validator.hpp>
-#include <vector>
 
 #include "tests/agent/config/small_plant.h"
 

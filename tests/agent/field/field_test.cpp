@@ -2,14 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
-#include <map>
-#include <memory>
 #include <random>
-#include <string>
 #include <thread>
-#include <utility>
-#include <vector>
 
 #include "agent/commands/admission.h"
 #include "agent/handover/outbox.h"

@@ -4,11 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <optional>
-#include <string>
 #include <thread>
-#include <utility>
-#include <vector>
 
 #include "tests/agent/http/http_client.h"
 #include "tests/support/scratch.h"

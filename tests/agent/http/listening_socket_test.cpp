@@ -6,7 +6,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <string>
 
 #include "tests/support/says.h"
 #include "tests/support/scratch.h"

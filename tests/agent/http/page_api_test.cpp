@@ -2,9 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
 #include <nlohmann/json.hpp>
-#include <string>
 
 #include "protocol/catalog.h"
 #include "tests/agent/http/made_up_status.h"

@@ -3,9 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "tests/support/scratch.h"
 

@@ -3,9 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
 #include <nlohmann/json.hpp>
-#include <string>
 
 namespace fxagent {
 namespace {

@@ -1,8 +1,6 @@
 // The tag CSV of KEPServerEX.
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "tests/agent/import/outcome.h"
 
 namespace fxagent {

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <iterator>
-#include <string>
 
 #include "tests/agent/import/outcome.h"
 #include "tests/support/says.h"

@@ -3,9 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <set>
-#include <sstream>
-#include <string>
 
 #include "agent/config/keys.h"
 #include "agent/import/csv.h"

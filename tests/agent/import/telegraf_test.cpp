@@ -1,8 +1,6 @@
 // Telegraf's inputs.modbus.
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "tests/agent/import/outcome.h"
 #include "tests/support/says.h"
 

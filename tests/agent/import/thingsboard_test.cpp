@@ -1,8 +1,6 @@
 // modbus.json of the ThingsBoard gateway.
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "tests/agent/import/outcome.h"
 
 namespace fxagent {

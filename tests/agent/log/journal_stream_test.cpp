@@ -5,8 +5,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <string>
-
 #include "tests/support/notify_inbox.h"
 
 namespace fxagent::log {

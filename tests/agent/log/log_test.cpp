@@ -7,8 +7,6 @@
 #include <chrono>
 #include <cstdlib>
 #include <exception>
-#include <optional>
-#include <string>
 
 namespace fxagent {
 namespace {

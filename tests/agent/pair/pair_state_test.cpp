@@ -5,12 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cstdint>
-#include <optional>
 #include <random>
-#include <string>
-#include <utility>
-#include <vector>
 
 namespace fxagent {
 namespace {

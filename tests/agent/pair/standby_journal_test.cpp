@@ -3,10 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <map>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "agent/commands/audit_records.h"
 #include "agent/pair/pair_messages.h"

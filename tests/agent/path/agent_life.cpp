@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <asio/co_spawn.hpp>
-#include <utility>
 
 #include "agent/commands/recovery.h"
 #include "agent/commands/result.h"

@@ -10,10 +10,6 @@
 #include <array>
 #include <cstdlib>
 #include <iostream>
-#include <map>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "agent/config/loader.h"
 #include "agent/log/log.h"

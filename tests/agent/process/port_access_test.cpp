@@ -12,7 +12,6 @@
 #include <cerrno>
 #include <filesystem>
 #include <fstream>
-#include <string>
 
 #include "tests/support/other_program.h"
 #include "tests/support/says.h"

@@ -4,12 +4,9 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <cstddef>
 #include <cstdlib>
 #include <ctime>
 #include <future>
-#include <optional>
-#include <string>
 
 #include "tests/support/notify_inbox.h"
 

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
 #include <thread>
 
 #include "agent/process/service_reports.h"

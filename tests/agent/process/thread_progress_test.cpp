@@ -8,7 +8,6 @@
 #include <chrono>
 #include <fstream>
 #include <semaphore>
-#include <string>
 #include <thread>
 
 namespace fxagent {

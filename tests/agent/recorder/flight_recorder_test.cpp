@@ -4,12 +4,7 @@
 
 #include <filesystem>
 #include <fstream>
-#include <memory>
-#include <optional>
-#include <sstream>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include "tests/support/scratch.h"
 

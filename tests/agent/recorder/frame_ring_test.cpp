@@ -6,7 +6,6 @@
 #include <cstdlib>
 #include <deque>
 #include <random>
-#include <string>
 #include <thread>
 
 namespace fxagent {

@@ -7,8 +7,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <set>
-#include <string>
 
 #include "tests/support/scratch.h"
 

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "tests/agent/remote/remote_plant.h"
 #include "tests/support/says.h"
 

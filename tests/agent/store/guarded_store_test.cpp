@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <optional>
 #include <semaphore>
 
 #include "tests/agent/store/power_cut.h"

@@ -7,7 +7,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <memory>
 
 #include "agent/store/store.h"
 #include "tests/support/scratch.h"

@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-#include <vector>
-
 #include "tests/agent/uplink/fake_broker.h"
 
 namespace fxagent {

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <set>
 
 #include "agent/cli/audit/audit_report.h"
 #include "agent/commands/recovery.h"

@@ -1,10 +1,6 @@
 // A remote config in the uplink: accepted only if permitted, answered after each connect.
 #include <gtest/gtest.h>
 
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {

@@ -2,8 +2,6 @@
 // double-counts nothing when the disk works again.
 #include <gtest/gtest.h>
 
-#include <optional>
-
 #include "tests/agent/store/power_cut.h"
 #include "tests/agent/uplink/publisher_bench.h"
 

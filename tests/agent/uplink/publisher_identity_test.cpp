@@ -1,8 +1,6 @@
 // Two agents with one id, and other clients' texts on the agent's retained topics.
 #include <gtest/gtest.h>
 
-#include <map>
-
 #include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {

@@ -1,10 +1,6 @@
 #include <gtest/gtest.h>
 
-#include <map>
-#include <optional>
 #include <random>
-#include <set>
-#include <tuple>
 
 #include "tests/agent/store/power_cut.h"
 #include "tests/agent/uplink/publisher_bench.h"

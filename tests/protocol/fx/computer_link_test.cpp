@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <sstream>
-
 #include "protocol/plan/plan.h"
 #include "tests/protocol/answers.h"
 

@@ -1,8 +1,6 @@
 // Every exchange of tests/frames/mc_3e.txt, mc_4e.txt, mc_3c.txt and mc_4c.txt, in both directions.
 #include <gtest/gtest.h>
 
-#include <sstream>
-
 #include "protocol/mc/mc.h"
 #include "tests/support/transcripts.h"
 

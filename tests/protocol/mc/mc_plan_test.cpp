@@ -4,8 +4,6 @@
 
 #include <chrono>
 #include <random>
-#include <string>
-#include <vector>
 
 #include "protocol/mc/mc.h"
 #include "protocol/plan/plan.h"

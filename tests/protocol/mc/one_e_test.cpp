@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <set>
-#include <sstream>
 
 #include "protocol/plan/plan.h"
 #include "tests/protocol/answers.h"

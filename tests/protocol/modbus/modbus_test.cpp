@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <random>
-#include <string>
-#include <vector>
 
 #include "protocol/catalog.h"
 #include "protocol/plan/plan.h"

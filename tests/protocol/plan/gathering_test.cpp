@@ -4,11 +4,7 @@
 
 #include <algorithm>
 #include <ctime>
-#include <functional>
-#include <limits>
 #include <random>
-#include <string>
-#include <utility>
 
 #include "protocol/plan/plan.h"
 #include "tests/protocol/checked_plan.h"

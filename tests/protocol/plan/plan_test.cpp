@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
-#include <map>
 #include <random>
 
 #include "protocol/fx/programming_port.h"

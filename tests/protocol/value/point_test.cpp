@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 
 #include "protocol/value/pack.h"
 #include "protocol/value/value.h"

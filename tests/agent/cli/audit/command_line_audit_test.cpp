@@ -2,9 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <vector>
 
 #include "agent/commands/result.h"
 #include "agent/store/store.h"

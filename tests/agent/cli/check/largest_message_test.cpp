@@ -4,11 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdint>
-#include <limits>
-#include <string>
-#include <utility>
-
 namespace fxagent {
 namespace {
 

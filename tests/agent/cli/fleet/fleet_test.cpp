@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "agent/text/sha256.h"
 
 namespace fxagent {

@@ -7,8 +7,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <set>
-#include <string>
 
 #include "agent/cli/manual/schema.h"
 

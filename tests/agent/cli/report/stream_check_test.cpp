@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <random>
-#include <set>
 
 #include "tests/support/effort.h"
 

@@ -3,12 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
 #include <nlohmann/json.hpp>
 #include <regex>
-#include <set>
-#include <string>
-#include <tuple>
 
 #include "agent/config/loader.h"
 #include "tests/support/says.h"

@@ -5,8 +5,6 @@
 #include <cstdio>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
-#include <string>
-#include <string_view>
 
 #include "agent/config/json/tree.h"
 #include "tests/agent/config/small_plant.h"

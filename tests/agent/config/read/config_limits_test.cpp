@@ -3,10 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-#include <string_view>
-#include <vector>
-
 #include "agent/config/json/tree.h"
 #include "agent/config/suggestions.h"
 #include "tests/agent/config/small_plant.h"

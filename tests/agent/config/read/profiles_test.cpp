@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {

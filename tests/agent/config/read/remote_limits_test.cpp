@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-#include <vector>
-
 #include "agent/config/config_difference.h"
 #include "tests/agent/config/small_plant.h"
 

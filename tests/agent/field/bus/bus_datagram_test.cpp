@@ -1,11 +1,6 @@
 // The bus on UDP: a datagram is exactly one frame or invalid.
 #include <gtest/gtest.h>
 
-#include <memory>
-#include <set>
-#include <string>
-#include <utility>
-
 #include "agent/field/bus/bus.h"
 #include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"

@@ -3,9 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <asio/post.hpp>
-#include <memory>
-#include <string>
-#include <utility>
 
 #include "protocol/catalog.h"
 #include "protocol/fx/computer_link.h"

@@ -4,7 +4,6 @@
 
 #include <asio/io_context.hpp>
 #include <chrono>
-#include <memory>
 
 #include "tests/agent/field/on_io.h"
 

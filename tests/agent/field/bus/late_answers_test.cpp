@@ -8,11 +8,6 @@
 #include <gtest/gtest.h>
 
 #include <asio/io_context.hpp>
-#include <functional>
-#include <memory>
-#include <ostream>
-#include <string>
-#include <vector>
 
 #include "agent/field/bus/bus.h"
 #include "protocol/catalog.h"

@@ -4,11 +4,6 @@
 
 #include <bit>
 #include <cmath>
-#include <memory>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
 
 #include "protocol/catalog.h"
 #include "protocol/value/bytes.h"

@@ -2,10 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
-#include <string>
-#include <utility>
-
 #include "agent/commands/result.h"
 #include "protocol/catalog.h"
 #include "protocol/plan/plan.h"

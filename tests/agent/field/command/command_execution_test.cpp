@@ -2,11 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
-#include <string>
-#include <utility>
-#include <variant>
-
 #include "agent/commands/admission.h"
 #include "agent/commands/result.h"
 #include "agent/field/command/command_line_time.h"

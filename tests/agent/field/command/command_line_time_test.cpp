@@ -2,12 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdint>
-#include <optional>
-#include <string>
-#include <utility>
-#include <variant>
-
 #include "agent/commands/admission.h"
 #include "tests/agent/field/field_plant.h"
 

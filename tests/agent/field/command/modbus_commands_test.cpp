@@ -2,11 +2,6 @@
 // broadcasts, several writes in one frame. The frames come from the specifications.
 #include <gtest/gtest.h>
 
-#include <memory>
-#include <string>
-#include <utility>
-#include <variant>
-
 #include "agent/commands/admission.h"
 #include "agent/field/command/command_execution.h"
 #include "tests/agent/field/field_plant.h"

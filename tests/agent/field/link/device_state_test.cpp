@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <optional>
-
 #include "tests/agent/field/field_plant.h"
 
 namespace fxagent::test {

@@ -4,9 +4,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <memory>
-#include <sstream>
-#include <string>
 
 #include "tests/support/scratch.h"
 

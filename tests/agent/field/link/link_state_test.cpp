@@ -3,10 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <functional>
-#include <memory>
-#include <utility>
-#include <vector>
 
 #include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"

@@ -12,10 +12,6 @@
 #include <map>
 #include <memory>
 #include <numeric>
-#include <set>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "agent/commands/admission.h"
 #include "tests/agent/field/fake_port.h"

@@ -3,12 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <map>
-#include <memory>
 #include <random>
-#include <set>
-#include <string>
-#include <vector>
 
 #include "tests/agent/field/poller_plant.h"
 #include "tests/protocol/gathering_codec.h"

@@ -4,13 +4,6 @@
 
 #include <algorithm>
 #include <asio/io_context.hpp>
-#include <functional>
-#include <map>
-#include <memory>
-#include <set>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "agent/commands/result.h"
 #include "tests/agent/field/fake_port.h"

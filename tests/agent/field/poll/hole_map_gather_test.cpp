@@ -4,9 +4,6 @@
 
 #include <algorithm>
 #include <random>
-#include <set>
-#include <string>
-#include <vector>
 
 #include "agent/field/poll/hole_map.h"
 #include "tests/protocol/gathering_codec.h"

@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <random>
-#include <set>
-#include <vector>
 
 #include "tests/agent/field/field_plant.h"
 

@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <utility>
-#include <vector>
-
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
 

@@ -4,10 +4,7 @@
 
 #include <algorithm>
 #include <deque>
-#include <optional>
 #include <random>
-#include <string>
-#include <vector>
 
 #include "agent/field/poll/poll_scheduler.h"
 

@@ -2,11 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <optional>
-#include <string>
-#include <variant>
-#include <vector>
-
 #include "tests/agent/field/field_plant.h"
 
 namespace fxagent::test {

@@ -9,7 +9,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <string>
 
 namespace fxagent::test {
 namespace {

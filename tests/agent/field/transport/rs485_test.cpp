@@ -6,8 +6,6 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include <string>
-
 #include "tests/support/says.h"
 
 namespace fxagent::test {

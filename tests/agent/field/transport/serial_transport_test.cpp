@@ -12,9 +12,6 @@
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <filesystem>
-#include <memory>
-#include <string>
-#include <utility>
 
 #include "tests/agent/field/on_io.h"
 #include "tests/support/says.h"

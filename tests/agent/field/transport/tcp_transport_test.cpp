@@ -8,8 +8,6 @@
 #include <asio/post.hpp>
 #include <asio/read.hpp>
 #include <asio/write.hpp>
-#include <memory>
-#include <string>
 
 #include "agent/field/transport/host_lookup.h"
 #include "tests/agent/field/on_io.h"

@@ -7,8 +7,6 @@
 #include <asio/io_context.hpp>
 #include <asio/ip/udp.hpp>
 #include <asio/post.hpp>
-#include <memory>
-#include <string>
 
 #include "tests/agent/field/on_io.h"
 #include "tests/agent/field/transport/open_files.h"

@@ -8,8 +8,6 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
-#include <optional>
-#include <string>
 
 #include "tests/agent/store/synced_files.h"
 #include "tests/support/scratch.h"

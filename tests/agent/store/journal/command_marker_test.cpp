@@ -4,7 +4,6 @@
 
 #include <semaphore>
 #include <thread>
-#include <vector>
 
 namespace fxagent {
 namespace {

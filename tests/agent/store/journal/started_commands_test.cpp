@@ -6,9 +6,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <map>
-#include <string>
-#include <vector>
 
 #include "tests/agent/store/shelf.h"
 

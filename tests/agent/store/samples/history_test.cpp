@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "tests/agent/store/json_history.h"
 
 namespace fxagent {

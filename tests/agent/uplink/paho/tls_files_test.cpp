@@ -4,7 +4,6 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <string>
 
 #include "tests/agent/uplink/mosquitto.h"
 #include "tests/support/says.h"

@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "tests/agent/uplink/plant.h"
 #include "tests/agent/uplink/sample_text.h"

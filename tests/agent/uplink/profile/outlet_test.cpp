@@ -3,10 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
 #include <random>
-#include <string>
-#include <vector>
 
 #include "agent/store/store.h"
 #include "agent/uplink/profile/json_profile.h"

@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <string>
-#include <vector>
 
 namespace fxagent {
 namespace {

@@ -2,10 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "agent/store/samples/sample_record.h"
 #include "agent/uplink/sparkplug/edge_node.h"
 #include "tests/agent/uplink/plant.h"

@@ -2,13 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
-#include <optional>
-#include <set>
-#include <string>
-#include <string_view>
-#include <vector>
-
 #include "tests/agent/uplink/plant.h"
 #include "tests/agent/uplink/sparkplug/bytes.h"
 #include "tests/support/says.h"

@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-#include <vector>
-
 #include "tests/agent/uplink/sparkplug/bytes.h"
 
 namespace fxagent::sparkplug {

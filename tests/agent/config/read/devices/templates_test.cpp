@@ -4,12 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <set>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "agent/config/config_difference.h"
 #include "agent/config/keys.h"

@@ -1,0 +1,53 @@
+#include "agent/config/shared_vector.h"
+
+#include <gtest/gtest.h>
+
+namespace fxagent {
+namespace {
+
+TEST(SharedVector, CopiesShareAllUntilOneIsChanged) {
+  SharedVector<std::string> one{"a", "b"};
+  SharedVector<std::string> other = one;
+  EXPECT_TRUE(one.shares(other));
+  other[0] = "c";
+  EXPECT_FALSE(one.shares(other));
+  EXPECT_EQ(std::as_const(one)[0], "a");
+  EXPECT_EQ(std::as_const(other)[0], "c");
+  EXPECT_EQ(std::as_const(other)[1], "b");
+}
+
+TEST(SharedVector, ReadingSharesOn) {
+  const SharedVector<std::string> one{"a", "b"};
+  const SharedVector<std::string> other = one;
+  std::string text;
+  for (const std::string& each : other) text += each;
+  EXPECT_EQ(text, "ab");
+  EXPECT_EQ(&one[1], &other[1]);
+}
+
+TEST(SharedVector, ReferencesOutliveTheCopiesThatGo) {
+  auto one = std::make_unique<SharedVector<std::string>>(SharedVector<std::string>{"a"});
+  const SharedVector<std::string> other = *one;
+  const std::string& element = std::as_const(*one)[0];
+  one.reset();
+  EXPECT_EQ(&element, &other[0]);
+}
+
+TEST(SharedVector, LoopThatChangesMakesAllItsOwn) {
+  SharedVector<std::string> one{"a", "b"};
+  const SharedVector<std::string> other = one;
+  for (std::string& each : one) each += "!";
+  one.push_back("c");
+  EXPECT_EQ(one, (SharedVector<std::string>{"a!", "b!", "c"}));
+  EXPECT_EQ(other, (SharedVector<std::string>{"a", "b"}));
+}
+
+TEST(SharedVector, OneWithoutElementsIsAnEmptyOne) {
+  const SharedVector<std::string> none;
+  EXPECT_TRUE(none.empty());
+  EXPECT_EQ(none.begin(), none.end());
+  EXPECT_EQ(none, SharedVector<std::string>({}));
+}
+
+}  // namespace
+}  // namespace fxagent
