@@ -77,6 +77,15 @@ class CommandsTest : public ::testing::Test {
   void write(const std::string& id) {
     receive(R"({"id":")" + id + R"(","op":"write","tag":"setpoint","value":50})");
   }
+  /// Delivers a write and hands what waits to the field.
+  void order(const std::string& id) {
+    write(id);
+    commands().hand_over(kNow);
+  }
+  void carry_out(const std::string& id) {
+    order(id);
+    finish(id);
+  }
   void finish(const std::string& id) {
     CommandResult result = test::succeeded(id);
     for (const AdmittedCommand& each : admitted)
@@ -148,8 +157,7 @@ TEST_F(CommandsTest, EachIsCarriedOutOnce) {
   commands().hand_over(kNow);
   write("a");
   finish("a");
-  write("a");
-  commands().hand_over(kNow);
+  order("a");
   EXPECT_EQ(admitted.size(), 1U);
   const auto taken = results();
   ASSERT_EQ(taken.size(), 4U);
@@ -165,8 +173,7 @@ TEST_F(CommandsTest, WhatCannotBeJournaledIsRefusedAndNeverCarriedOut) {
   journal.disk_hangs = true;
   write("a");
   receive(R"({"id":"look","op":"read","tag":"setpoint"})");
-  write("b");
-  commands().hand_over(kNow);
+  order("b");
   ASSERT_EQ(admitted.size(), 1U) << "a read changes nothing";
   EXPECT_EQ(admitted[0].command.id, "look");
   const auto taken = results();
@@ -181,15 +188,12 @@ TEST_F(CommandsTest, WhatCannotBeJournaledIsRefusedAndNeverCarriedOut) {
   EXPECT_EQ(admitted.size(), 1U);
   write("a");
   ASSERT_EQ(results().size(), 1U) << "a DUPLICATE, at once";
-  write("c");
-  commands().hand_over(kNow);
+  order("c");
   EXPECT_EQ(admitted.back().command.id, "c") << "the queue has room again";
 }
 
 TEST_F(CommandsTest, FirstResultThatTheDiskDoesNotGiveIsNotSaidToBeLost) {
-  write("a");
-  commands().hand_over(kNow);
-  finish("a");
+  carry_out("a");
   results();
   journal.entries.clear();
   journal.disk_hangs = true;
@@ -204,9 +208,7 @@ TEST_F(CommandsTest, FirstResultThatTheDiskDoesNotGiveIsNotSaidToBeLost) {
 
 TEST_F(CommandsTest, WithoutAJournalFirstResultsAreRememberedHere) {
   journaling = false;
-  write("a");
-  commands().hand_over(kNow);
-  finish("a");
+  carry_out("a");
   write("a");
   const auto taken = results();
   ASSERT_EQ(taken.size(), 2U);
@@ -224,9 +226,7 @@ TEST_F(CommandsTest, RefusedOneIsTheFirstOfItsRepeatInTheSameStep) {
 }
 
 TEST_F(CommandsTest, FirstResultThatIsLostIsSaidToBeLost) {
-  write("a");
-  commands().hand_over(kNow);
-  finish("a");
+  carry_out("a");
   EXPECT_EQ(results().size(), 1U);
   journal.entries.at("press1/a").number = 9;  // belongs to another command
   write("a");
@@ -250,8 +250,7 @@ TEST_F(CommandsTest, QueueIsPerDeviceAndAnswersWhenFull) {
   ASSERT_EQ(taken.size(), 2U);
   for (const json& result : taken) EXPECT_EQ(result["reason"], "queue_full");
   finish("c0");
-  write("next");
-  commands().hand_over(kNow);
+  order("next");
   EXPECT_EQ(admitted.size(), 6U);
 }
 
@@ -300,8 +299,7 @@ TEST_F(CommandsTest, KnownIdOfATooLargeCommandIsADuplicate) {
 }
 
 TEST_F(CommandsTest, FieldIsToldWhoKnowsWhichCommandsHaveStarted) {
-  write("a");
-  commands().hand_over(kNow);
+  order("a");
   ASSERT_EQ(admitted.size(), 1U);
   EXPECT_EQ(admitted[0].starts, &journal.started);
 }
@@ -333,9 +331,7 @@ TEST_F(CommandsTest, EachTargetOfAnInterruptedListIsUnknownWhereAReadDoesNotTell
 }
 
 TEST_F(CommandsTest, DeliveryIsNotedForWhatTheJournalHas) {
-  write("a");
-  commands().hand_over(kNow);
-  finish("a");
+  carry_out("a");
   receive("{}");
   const auto taken = commands().take_results();
   ASSERT_EQ(taken.size(), 2U);
@@ -365,8 +361,7 @@ TEST_F(CommandsTest, ResultOfAnEarlierRunIsPublishedAsItWas) {
 }
 
 TEST_F(CommandsTest, NothingIsAdmittedAfterTheEndWasAskedFor) {
-  write("before");
-  commands().hand_over(kNow);
+  order("before");
   commands().close();
   write("before");
   write("after");
@@ -411,9 +406,7 @@ TEST_F(CommandsTest, TotalOfAnEarlierResultIsKnownToItsDuplicate) {
 
 TEST_F(CommandsTest, EachResultIsCounted) {
   write("a");
-  write("a");
-  commands().hand_over(kNow);
-  finish("a");
+  carry_out("a");
   EXPECT_EQ(commands().counts().at(CommandStatus::succeeded), 1U);
   EXPECT_EQ(commands().counts().at(CommandStatus::duplicate), 1U);
 }
@@ -469,9 +462,7 @@ class CommandsChangeTest : public CommandsTest {
 };
 
 TEST_F(CommandsChangeTest, DeviceOfTheSameNameKnowsItsIdsAndObeysItsNewRules) {
-  write("a");
-  commands().hand_over(kNow);
-  finish("a");
+  carry_out("a");
   results();
   Config wanted = config;
   wanted.devices[0].tags[test::setpoint].writable = false;
@@ -495,8 +486,7 @@ TEST_F(CommandsChangeTest, NeighbourOfADeviceThatChangesIsNotConcerned) {
   Config wanted = config;
   wanted.devices[1].retries = 7;
   begin_change(std::move(wanted));
-  write("a");
-  commands().hand_over(kNow);
+  order("a");
   EXPECT_EQ(admitted.size(), 1U);
   end_change();
   finish("a");
@@ -511,8 +501,7 @@ TEST_F(CommandsChangeTest, DeviceOfAnotherIntervalAdmitsAllTheTime) {
   write("b");
   EXPECT_TRUE(end_change().empty());
   change = {};  // the config of before is gone
-  write("c");
-  commands().hand_over(kNow);
+  order("c");
   EXPECT_EQ(admitted.size(), 3U);
   EXPECT_TRUE(results().empty());
   commands().close();
@@ -529,9 +518,7 @@ TEST_F(CommandsChangeTest, DeviceThatComesBackKnowsTheIdsOfBefore) {
     admitted.clear();
     config = test::plant();
     journaling = with_journal;
-    write("a");
-    commands().hand_over(kNow);
-    finish("a");
+    carry_out("a");
     results();
     const Config both = config;
     Config one = config;
@@ -548,9 +535,7 @@ TEST_F(CommandsChangeTest, DeviceThatComesBackKnowsTheIdsOfBefore) {
 }
 
 TEST_F(CommandsChangeTest, DeviceThatIsGoneIsForgottenWithItsLastId) {
-  write("a");
-  commands().hand_over(kNow);
-  finish("a");
+  carry_out("a");
   results();
   const Config both = config;
   Config one = config;
@@ -566,9 +551,7 @@ TEST_F(CommandsChangeTest, DeviceThatIsGoneIsForgottenWithItsLastId) {
 }
 
 TEST_F(CommandsChangeTest, IdThatIsFoundLateIsKnownToADeviceThatIsGone) {
-  write("a");
-  commands().hand_over(kNow);
-  finish("a");
+  carry_out("a");
   results();
   const Config both = config;
   Config one = config;
@@ -597,8 +580,7 @@ TEST_F(CommandsChangeTest, DeviceThatIsNewIsNamedSoThatEarlierRunsAreAsked) {
 }
 
 TEST_F(CommandsChangeTest, ResultOfADeviceThatIsGoneIsStillAcknowledged) {
-  write("a");
-  commands().hand_over(kNow);
+  order("a");
   Config wanted = config;
   wanted.devices = {config.devices[1]};
   begin_change(std::move(wanted));

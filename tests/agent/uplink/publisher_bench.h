@@ -112,9 +112,7 @@ struct PublisherBench {
     broker.order.clear();
   }
   void command(const std::string& payload, const std::string& topic = kBase + "/press1/command") {
-    Message message;
-    message.topic = topic;
-    message.payload = payload;
+    Message message = message_on(topic, payload);
     message.received = now;
     message.received_ms = 1790000000500;
     message.response_topic = response_topic;

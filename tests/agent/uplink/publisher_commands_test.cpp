@@ -409,9 +409,8 @@ TEST_F(PublisherTest, ResultComesWithoutItsCorrelationWhereTheBrokerDoesNotTakeB
 }
 
 TEST_F(PublisherOnlineTest, CommandReachesTheFieldWithItsTimes) {
-  Message message;
-  message.topic = kBase + "/press2/command";
-  message.payload = R"({"id":"a","op":"write","tag":"setpoint","value":50})";
+  Message message = test::message_on(kBase + "/press2/command",
+                                     R"({"id":"a","op":"write","tag":"setpoint","value":50})");
   message.response_topic = "r";
   message.correlation = {9};
   message.message_expiry = 5s;
@@ -432,10 +431,9 @@ TEST_F(PublisherOnlineTest, CommandReachesTheFieldWithItsTimes) {
 }
 
 TEST_F(PublisherOnlineTest, RetainedCommandIsRefused) {
-  Message message;
-  message.topic = kBase + "/press1/command";
-  message.payload = R"({"id":"a","op":"write","tag":"setpoint","value":50})";
-  message.retained = true;
+  Message message = test::message_on(kBase + "/press1/command",
+                                     R"({"id":"a","op":"write","tag":"setpoint","value":50})",
+                                     /*retained=*/true);
   message.received = bench.now;
   bench.broker.send(message);
   bench.settle();
@@ -495,10 +493,9 @@ TEST_F(PublisherTest, CommandIsJudgedByTheModelThatTheFieldHasFound) {
   bench.online();
   const std::string far = R"("op":"read","address":"D5000"})";
   bench.command(R"({"id":"a",)" + far);
-  fx::ProgrammingPort::Settings small;
-  small.model = fx::Model::fx1s;
   DeviceStatus status = test::offline(0, "starting");
-  status.codec = std::make_shared<const fx::ProgrammingPort>(small);
+  status.codec = std::make_shared<const fx::ProgrammingPort>(
+      fx::ProgrammingPort::Settings{.model = fx::Model::fx1s});
   bench.outbox.push(status);
   bench.step();
   bench.command(R"({"id":"b",)" + far);
@@ -548,9 +545,7 @@ CommandResult refused(std::string id) {
 }
 
 Message message(std::size_t number, std::string payload, int qos = 1) {
-  Message made;
-  made.topic = kBase + "/press1/command";
-  made.payload = std::move(payload);
+  Message made = test::message_on(kBase + "/press1/command", std::move(payload));
   made.qos = qos;
   made.received = kStart;
   made.received_ms = 1790000000500 + static_cast<std::int64_t>(number);
@@ -567,6 +562,13 @@ Message large_message() {
 
 void push_refused(Bench& bench, int results) {
   for (int i = 0; i < results; ++i) bench.outbox.push(refused(std::to_string(i)));
+}
+
+/// Results that the broker does not acknowledge.
+void flood(Bench& bench, int results) {
+  bench.broker.acknowledges = false;
+  push_refused(bench, results);
+  bench.step();
 }
 
 void send_runs(Bench& bench, std::size_t messages) {
@@ -614,9 +616,7 @@ TEST_F(PublisherFloodOnlineTest, SamplesGoOutBetweenCommands) {
 }
 
 TEST_F(PublisherFloodOnlineTest, ResultsLeaveAPartOfTheWindowToSamples) {
-  bench.broker.acknowledges = false;
-  push_refused(bench, 100);
-  bench.step();
+  flood(bench, 100);
   EXPECT_EQ(bench.broker.open(), 15U);
   bench.outbox.push(test::sample(1));
   bench.step();
@@ -682,9 +682,7 @@ TEST_F(PublisherFloodOnlineTest, WaitingResultsHoldMessagesBackAndLetSomeInForWh
 void acknowledge_behind(Bench& bench, std::size_t messages,
                         const Message& each = message(0, R"({"id":"x","op":"run"})")) {
   bench.settle();
-  bench.broker.acknowledges = false;
-  push_refused(bench, 1000);
-  bench.step();
+  flood(bench, 1000);
   bench.broker.acknowledge_all();
   bench.step();
   ASSERT_TRUE(bench.broker.held);
@@ -757,9 +755,7 @@ TEST_F(PublisherFloodTest, MessagesWithQosZeroAreNotFarAhead) {
 
 TEST_F(PublisherFloodTest, WhatCameBeforeMessagesWereHeldBackDoesNotCount) {
   bench.settle();
-  bench.broker.acknowledges = false;
-  push_refused(bench, 1000);
-  bench.step();
+  flood(bench, 1000);
   send_runs(bench, 1000);
   bench.step();
   bench.broker.acknowledge_next();
@@ -787,9 +783,7 @@ TEST_F(PublisherFloodTest, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOf
   bench.settings.result_bytes = 100000;
   bench.online();
   const std::string commands = kBase + "/+/command";
-  bench.broker.acknowledges = false;
-  push_refused(bench, 1000);
-  bench.step();
+  flood(bench, 1000);
   EXPECT_FALSE(bench.broker.filters.contains(commands));
   bench.advance(10s);
   EXPECT_FALSE(bench.broker.filters.contains(commands)) << "nobody has taken any";
@@ -816,9 +810,7 @@ TEST_F(PublisherFloodTest, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOf
 TEST_F(PublisherFloodTest, PauseEndsWithItsConnection) {
   bench.settings.result_bytes = 100000;
   bench.online();
-  bench.broker.acknowledges = false;
-  push_refused(bench, 1000);
-  bench.step();
+  flood(bench, 1000);
   ASSERT_FALSE(bench.broker.filters.contains(kBase + "/+/command"));
   bench.broker.lose();
   bench.step();
@@ -830,9 +822,7 @@ TEST_F(PublisherFloodTest, PauseEndsWithItsConnection) {
 }
 
 TEST_F(PublisherFloodOnlineTest, ResultsThatAreRefusedKeepNobodyAwake) {
-  bench.broker.acknowledges = false;
-  push_refused(bench, 300);
-  bench.step();
+  flood(bench, 300);
   while (bench.broker.open() != 0) {
     bench.broker.refuse_next(0x97);
     bench.step();
@@ -851,9 +841,7 @@ TEST_F(PublisherFloodOnlineTest, OfQosZeroOnlyAsMuchIsTakenAsCanBeAnswered) {
 }
 
 TEST_F(PublisherFloodOnlineTest, OfQosZeroNothingIsTakenWhileResultsAreFull) {
-  bench.broker.acknowledges = false;
-  push_refused(bench, 300);
-  bench.step();
+  flood(bench, 300);
   for (std::size_t i = 0; i < 10; ++i) bench.broker.send(message(i, R"({"id":"x","op":"run"})", 0));
   bench.step();
   bench.broker.acknowledges = true;
@@ -862,9 +850,7 @@ TEST_F(PublisherFloodOnlineTest, OfQosZeroNothingIsTakenWhileResultsAreFull) {
 }
 
 TEST_F(PublisherFloodOnlineTest, NothingIsHeldBackAtTheEnd) {
-  bench.broker.acknowledges = false;
-  push_refused(bench, 1000);
-  bench.step();
+  flood(bench, 1000);
   ASSERT_TRUE(bench.broker.held);
   bench.made().stop(bench.now);
   bench.step();

@@ -116,6 +116,16 @@ class LinkCommandsTest : public ScriptedBusTest {
     for (auto& message : batch.telemetry) telemetry.push_back(std::move(message));
   }
 
+  using Ids = std::vector<std::string>;
+  /// Runs the next command. Returns the ids of all results so far.
+  Ids ended() {
+    run_next();
+    collect();
+    Ids ids;
+    for (const CommandResult& result : results) ids.push_back(result.id);
+    return ids;
+  }
+
   Config config;
   Outbox outbox{1000};
   PollScheduler scheduler;
@@ -169,31 +179,21 @@ TEST_F(LinkCommandsTest, BoundCountsWhatIsAhead) {
 TEST_F(LinkCommandsTest, ShortOneGoesBetweenTheTargetsOfAList) {
   add("list", {0, 1, 2});
   add("short", {3});
-  run_next();
-  collect();
-  ASSERT_EQ(results.size(), 2U);
-  EXPECT_EQ(results[0].id, "short");
-  EXPECT_EQ(results[1].id, "list");
+  EXPECT_EQ(ended(), (Ids{"short", "list"}));
   EXPECT_EQ(scheduler.share().commands_waiting(), 0U);
 }
 
 TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListWaitsForItsEnd) {
   add("list", {0, 1, 2});
   add("same", {2});
-  run_next();
-  collect();
-  ASSERT_EQ(results.size(), 1U);
-  EXPECT_EQ(results[0].id, "list");
+  EXPECT_EQ(ended(), Ids{"list"});
   EXPECT_EQ(scheduler.share().commands_waiting(), 1U);
 }
 
 TEST_F(LinkCommandsTest, OneThatMeetsAPlaceOfTheListInPartWaitsForItsEndToo) {
   add("list", {0, 1, 2, 3});
   add_wide("D201 and D202");
-  run_next();
-  collect();
-  ASSERT_EQ(results.size(), 1U);
-  EXPECT_EQ(results[0].id, "list");
+  EXPECT_EQ(ended(), Ids{"list"});
   EXPECT_EQ(scheduler.share().commands_waiting(), 1U);
 }
 
@@ -201,14 +201,8 @@ TEST_F(LinkCommandsTest, NobodyGoesPastOneThatWaitsForTheEndOfTheList) {
   add("list", {2, 3, 0, 1});
   add("waits", {0, 1});
   add("short", {3});
-  run_next();
-  collect();
-  ASSERT_EQ(results.size(), 1U);
-  EXPECT_EQ(results[0].id, "list");
-  run_next();
-  collect();
-  ASSERT_EQ(results.size(), 3U);
-  EXPECT_EQ(results[1].id, "short") << "between the targets of the other list";
+  EXPECT_EQ(ended(), Ids{"list"});
+  EXPECT_EQ(ended(), (Ids{"list", "short", "waits"})) << "between the targets of the other list";
 }
 
 TEST_F(LinkCommandsTest, StopGoesBetweenTheTargetsOfALongList) {
@@ -216,10 +210,7 @@ TEST_F(LinkCommandsTest, StopGoesBetweenTheTargetsOfALongList) {
   plc.set(kM8000, {1});
   add("list", std::vector<int>(60, 0));
   add("stop", Op::stop);
-  run_next();
-  collect();
-  ASSERT_EQ(results.size(), 2U);
-  EXPECT_EQ(results[0].id, "stop");
+  ASSERT_EQ(ended(), (Ids{"stop", "list"}));
   EXPECT_EQ(results[0].status, CommandStatus::succeeded);
 }
 
@@ -227,10 +218,7 @@ TEST_F(LinkCommandsTest, RunWaitsForTheEndOfTheListBeforeIt) {
   answer_run_and_stop();
   add("list", std::vector<int>(60, 0));
   add("run", Op::run);
-  run_next();
-  collect();
-  ASSERT_EQ(results.size(), 1U);
-  EXPECT_EQ(results[0].id, "list");
+  EXPECT_EQ(ended(), Ids{"list"});
 }
 
 TEST_F(LinkCommandsTest, RunStateIsWhatTheCommandHasMadeOfIt) {
@@ -249,10 +237,7 @@ TEST_F(LinkCommandsTest, DeviceThatHasAcknowledgedIsNotSilentThoughItsReadBackIs
     if (acknowledged) wire->give(kAck).expect(read_frame(kD200, 2));
     wire->silence();
     plc.silent = true;
-    Command command;
-    command.id = "write";
-    command.op = Op::write;
-    command.op_text = "write";
+    Command command = command_of("write", Op::write);
     command.verify = true;
     command.targets.push_back({"x0", "", std::nullopt, number(50)});
     submit(std::move(command));

@@ -301,11 +301,9 @@ TEST_F(TypedCommandsTest, HostileMessagesAreNoCommands) {
   hear("DCMD/edge7/press1", many.c_str());
   hear("REBIRTH/edge7", "FF");
   hear("REBIRTH/edge7", "", /*retained=*/true);
-  Message long_one;
-  long_one.topic = "spCv1.0/plant-a/DCMD/edge7/press1";
-  long_one.payload = std::string("\x12\x02\x62\x00", 4);
-  long_one.payload += std::string("\x2A\x80\x80\x04", 4) + std::string(65536, 'x');
-  profile_->hear(long_one);
+  profile_->hear(test::message_on(
+      "spCv1.0/plant-a/DCMD/edge7/press1",
+      std::string("\x12\x02\x62\x00\x2A\x80\x80\x04", 8) + std::string(65536, 'x')));
   EXPECT_TRUE(orders_.empty());
   EXPECT_TRUE(due().empty());
   // This one has nothing but a command, and is answered.
@@ -321,10 +319,8 @@ TEST_F(TypedCommandsTest, WhileItsHostIsOfflineTheNodeDoesNothing) {
   hear("DCMD/edge7/press1", kRequest);
   EXPECT_TRUE(orders_.empty());
   EXPECT_TRUE(due().empty());
-  Message state;
-  state.topic = "spCv1.0/STATE/scada";
-  state.payload = R"({"online": true, "timestamp": 1790000000000000000})";
-  profile_->hear(state);
+  profile_->hear(test::message_on("spCv1.0/STATE/scada",
+                                  R"({"online": true, "timestamp": 1790000000000000000})"));
   hear("DCMD/edge7/press1", kRequest);
   EXPECT_EQ(orders_.size(), 1U);
   EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1"}));
@@ -345,11 +341,10 @@ class TypedRequest : public TypedCommandsTest {
                       const std::string& argument = {}) {
     std::string parts = field('\x1A', id);
     if (!argument.empty()) parts = field('\x0A', argument) + parts;
-    Message message;
-    message.topic = "spCv1.0/plant-a/DCMD/edge7/press1";
-    message.payload = field('\x2A', source) +
-                      field('\x12', field('\x0A', "Write/setpoint") + field('\x62', parts));
-    profile_->hear(message);
+    profile_->hear(test::message_on(
+        "spCv1.0/plant-a/DCMD/edge7/press1",
+        field('\x2A', source) +
+            field('\x12', field('\x0A', "Write/setpoint") + field('\x62', parts))));
     return orders_.empty() ? "" : orders_.back().payload;
   }
   /// Returns the value that the command would write.
