@@ -13,138 +13,89 @@ namespace {
 using namespace test;
 
 /// Returns the errors if `changes` (JSON by pointer) to the local plant are set remotely.
-std::string said_of(const json& local, const std::vector<std::pair<const char*, json>>& changes) {
+std::string said_of(const json& local, const json& changes) {
   json wanted = local;
-  for (const auto& [pointer, value] : changes) wanted[json::json_pointer(pointer)] = value;
+  for (const auto& [pointer, value] : changes.items()) wanted[json::json_pointer(pointer)] = value;
   return listed(beyond_limits(good(local.dump()), good(wanted.dump())));
 }
 
-struct Case {
-  const char* name;
-  json remote_allow;
-  std::vector<std::pair<const char*, json>> changes;
-  const char* said;  ///< empty: allowed
-};
+/// Each case of the table has a name, changes to the local plant, and parts of the error that they
+/// must have; without any they are allowed.
+void expect_limits(const json& local, const char* table) {
+  const json cases = json::parse(table);
+  for (const json& each : cases) {
+    const std::string said = said_of(local, each[1]);
+    EXPECT_EQ(said.empty(), each.size() == 2) << each[0] << ": " << said;
+    for (std::size_t i = 2; i < each.size(); ++i)
+      EXPECT_NE(said.find(each[i].get<std::string>()), std::string::npos)
+          << each[0] << ": " << said;
+  }
+}
 
 TEST(BeyondLimits, CommandsMayNeverTouchMore) {
-  const json basic{"links", "devices"};
-  const json tag = {{"name", "x"}, {"address", "D300"}, {"access", "read_write"}};
-  const json setpoint = {{"name", "setpoint"}, {"address", "D200"}, {"access", "read_write"}};
-  json limited = setpoint;
-  limited["max"] = 100;
-  json scaled = limited;
-  scaled["scale"] = 0.5;
-  json renamed = limited;
-  renamed["name"] = "running_speed";
-  for (const Case& each : std::vector<Case>{
-           {"the same", basic, {}, ""},
-           {"less", basic, {{"/devices/0/commands/allow", {"M100-M120"}}}, ""},
-           {"none", basic, {{"/devices/0/commands/allow", json::array()}}, ""},
-           {"more",
-            basic,
-            {{"/devices/0/commands/allow", {"M100-M200"}}},
-            "press1: commands.allow with M100 to M200 goes beyond"},
-           {"beside a device of that name",
-            basic,
-            {{"/devices/1/commands", {{"allow", {"M100"}}}}},
-            "mixer: commands.allow with M100 goes beyond"},
-           {"named",
-            {"devices", "commands.allow: D300-D399"},
-            {{"/devices/0/commands/allow", {"M100-M199", "D310"}}},
-            ""},
-           {"named for all",
-            {"devices", "commands.allow: D300-D399"},
-            {{"/devices/1/commands", {{"allow", {"D300-D399"}}}}},
-            ""},
-           {"beyond what is named",
-            {"devices", "commands.allow: D300-D399"},
-            {{"/devices/0/commands/allow", {"D300-D400"}}},
-            "D300 to D400 goes beyond"},
-           {"a tag that is new",
-            basic,
-            {{"/devices/0/tags/3", tag}},
-            "under this name: it does not have this tag"},
-           {"a tag that is named",
-            {"devices", "commands.allow: D300-D399"},
-            {{"/devices/0/tags/3", tag}},
-            ""},
-           {"a tag that was read",
-            basic,
-            {{"/devices/0/tags/0/access", "read_write"}},
-            "the tag temp may be written, but the local file does not let commands write there: "
-            "its access there is read"},
-           {"a tag within allow",
-            basic,
-            {{"/devices/0/tags/3", {{"name", "x"}, {"address", "M150"}, {"access", "read_write"}}}},
-            ""},
-           {"the tag as it is", basic, {{"/devices/0/tags/2", limited}}, ""},
-           {"without its limit",
-            basic,
-            {{"/devices/0/tags/2", setpoint}},
-            "the tag setpoint may be written, but the local file does not let commands write there "
-            "in this way: different max\n"},
-           {"with another scale", basic, {{"/devices/0/tags/2", scaled}}, "way: different scale\n"},
-           {"with much that is another",
-            basic,
-            {{"/devices/0/tags/2",
-              {{"name", "setpoint"},
-               {"address", "D201"},
-               {"type", "uint32"},
-               {"access", "read_write"},
-               {"min", 1},
-               {"max", 200}}}},
-            "way: different address, type, min, max\n"},
-           {"on a device that is new",
-            basic,
-            {{"/devices/1/tags", json::array({limited})}},
-            "mixer: the tag setpoint may be written, but the local file does not let commands "
-            "write there under this name"},
-           {"on a device that is another one",
-            basic,
-            {{"/devices/0/name", "press2"}},
-            "it has no device of this name with this protocol, these options and this port or "
-            "host"},
-           {"by another name", basic, {{"/devices/0/tags/2", renamed}}, "the tag running_speed"},
-           {"run and stop",
-            basic,
-            {{"/devices/0/commands/allow_run_stop", true}},
-            "allow_run_stop is set"},
-           {"run and stop, named",
-            {"devices", "commands.allow_run_stop"},
-            {{"/devices/0/commands/allow_run_stop", true}},
-            ""},
-           {"longer expiry",
-            basic,
-            {{"/devices/0/commands/max_expiry_s", 7200}},
-            "max_expiry_s is longer than the local file's 3600"},
-           {"unverified", basic, {{"/devices/0/commands/verify", false}}, "verify is off"},
-       }) {
-    const std::string said = said_of(local_plant(each.remote_allow), each.changes);
-    if (each.said[0] == '\0')
-      EXPECT_EQ(said, "") << each.name;
-    else
-      EXPECT_NE(said.find(each.said), std::string::npos) << each.name << ": " << said;
-  }
+  expect_limits(local_plant(json{"links", "devices"}), R"([
+    ["the same", {}],
+    ["less", {"/devices/0/commands/allow": ["M100-M120"]}],
+    ["none", {"/devices/0/commands/allow": []}],
+    ["more", {"/devices/0/commands/allow": ["M100-M200"]},
+     "press1: commands.allow with M100 to M200 goes beyond"],
+    ["beside a device of that name", {"/devices/1/commands": {"allow": ["M100"]}},
+     "mixer: commands.allow with M100 goes beyond"],
+    ["a tag that is new",
+     {"/devices/0/tags/3": {"name": "x", "address": "D300", "access": "read_write"}},
+     "under this name: it does not have this tag"],
+    ["a tag that was read", {"/devices/0/tags/0/access": "read_write"},
+     "the tag temp may be written, but the local file does not let commands write there: ",
+     "let commands write there: its access there is read"],
+    ["a tag within allow",
+     {"/devices/0/tags/3": {"name": "x", "address": "M150", "access": "read_write"}}],
+    ["the tag as it is", {"/devices/0/tags/2":
+      {"name": "setpoint", "address": "D200", "access": "read_write", "max": 100}}],
+    ["without its limit",
+     {"/devices/0/tags/2": {"name": "setpoint", "address": "D200", "access": "read_write"}},
+     "the tag setpoint may be written, but the local file does not let commands write there ",
+     "let commands write there in this way: different max\n"],
+    ["with another scale", {"/devices/0/tags/2":
+      {"name": "setpoint", "address": "D200", "access": "read_write", "max": 100, "scale": 0.5}},
+     "way: different scale\n"],
+    ["with much that is another", {"/devices/0/tags/2":
+      {"name": "setpoint", "address": "D201", "type": "uint32", "access": "read_write",
+       "min": 1, "max": 200}},
+     "way: different address, type, min, max\n"],
+    ["on a device that is new", {"/devices/1/tags":
+      [{"name": "setpoint", "address": "D200", "access": "read_write", "max": 100}]},
+     "mixer: the tag setpoint may be written, but the local file does not let commands ",
+     "does not let commands write there under this name"],
+    ["on a device that is another one", {"/devices/0/name": "press2"},
+     "it has no device of this name with this protocol, these options and this port or host"],
+    ["by another name", {"/devices/0/tags/2":
+      {"name": "running_speed", "address": "D200", "access": "read_write", "max": 100}},
+     "the tag running_speed"],
+    ["run and stop", {"/devices/0/commands/allow_run_stop": true}, "allow_run_stop is set"],
+    ["longer expiry", {"/devices/0/commands/max_expiry_s": 7200},
+     "max_expiry_s is longer than the local file's 3600"],
+    ["unverified", {"/devices/0/commands/verify": false}, "verify is off"]])");
+  expect_limits(local_plant(json{"devices", "commands.allow: D300-D399"}), R"([
+    ["named", {"/devices/0/commands/allow": ["M100-M199", "D310"]}],
+    ["named for all", {"/devices/1/commands": {"allow": ["D300-D399"]}}],
+    ["beyond what is named", {"/devices/0/commands/allow": ["D300-D400"]},
+     "D300 to D400 goes beyond"],
+    ["a tag that is named",
+     {"/devices/0/tags/3": {"name": "x", "address": "D300", "access": "read_write"}}]])");
+  expect_limits(local_plant(json{"devices", "commands.allow_run_stop"}), R"([
+    ["run and stop, named", {"/devices/0/commands/allow_run_stop": true}]])");
 }
 
 /// A device name must not carry its rights to another machine.
 TEST(BeyondLimits, RightsStayWithTheMachine) {
-  for (const Case& each : std::vector<Case>{
-           {"another port", {}, {{"/links/0/serial/path", "/dev/ttyUSB1"}}, "press1: "},
-           {"another link", {}, {{"/devices/0/link", "gw1"}}, "press1: "},
-           {"another model", {}, {{"/devices/0/model", "FX3G"}}, "press1: "},
-           {"a new baud rate is the same machine", {}, {{"/links/0/serial/baud", 19200}}, ""},
-           {"as is another order of links",
-            {},
-            {{"/links/0", local_plant()["links"][1]}, {"/links/1", local_plant()["links"][0]}},
-            ""},
-       }) {
-    const std::string said = said_of(local_plant(), each.changes);
-    if (each.said[0] == '\0')
-      EXPECT_EQ(said, "") << each.name;
-    else
-      EXPECT_NE(said.find(each.said), std::string::npos) << each.name << ": " << said;
-  }
+  expect_limits(local_plant(), R"([
+    ["another port", {"/links/0/serial/path": "/dev/ttyUSB1"}, "press1: "],
+    ["another link", {"/devices/0/link": "gw1"}, "press1: "],
+    ["another model", {"/devices/0/model": "FX3G"}, "press1: "],
+    ["a new baud rate is the same machine", {"/links/0/serial/baud": 19200}]])");
+  const json links = local_plant()["links"];
+  EXPECT_EQ(said_of(local_plant(), {{"/links/0", links[1]}, {"/links/1", links[0]}}), "")
+      << "another order of links is the same machine too";
   json bus = local_plant();
   bus["links"][1] = {{"name", "gw1"}, {"tcp", {{"host", "192.0.2.10"}, {"port", 502}}}};
   bus["devices"][1] = {{"name", "mixer"},
