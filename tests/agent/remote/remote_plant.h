@@ -55,12 +55,4 @@ inline ConfigErrors errors_of(const json& local, const DesiredConfig& desired) {
   return config ? ConfigErrors{} : config.error();
 }
 
-/// Expects exactly one error, at `pointer` and containing `text`.
-inline void expect_one_error(const ConfigErrors& errors, const std::string& pointer,
-                             const std::string& text) {
-  ASSERT_EQ(errors.size(), 1u) << listed(errors);
-  EXPECT_EQ(errors[0].pointer, pointer);
-  EXPECT_NE(errors[0].text.find(text), std::string::npos) << errors[0].text;
-}
-
 }  // namespace fxagent::test

@@ -100,8 +100,7 @@ TEST(ConfigLimits, WhatEntriesWouldBeWrittenOutIsAddedUp) {
   const auto config =
       parse_config(plant_of({4, 4}, more).dump(), environment(), FilePrivacy::shared, {limits});
   ASSERT_FALSE(config.has_value());
-  EXPECT_NE(listed(config.error()).find("without templates, the devices up to this one"),
-            std::string::npos);
+  expect_says(listed(config.error()), "without templates, the devices up to this one");
 }
 
 TEST(ConfigLimits, RemoteConfigMayBeAsLargeAsTheLocalFile) {

@@ -15,6 +15,12 @@ using std::chrono::seconds;
 
 const TagConfig& first_tag(const Config& config) { return config.devices.at(0).tags.at(0); }
 
+/// Expects exactly one error, at `key` of a tag that has these members besides its name.
+void expect_tag_error(const std::string& members, const std::string& key,
+                      const std::vector<std::string>& words) {
+  expect_error(with_tag(R"({"name": "t", )" + members + "}"), "/devices/0/tags/0/" + key, words);
+}
+
 std::string with_commands(const std::string& commands) {
   return changed("/devices/0/commands", commands);
 }
@@ -331,8 +337,8 @@ TEST(ConfigDevice, StatesAreNamedByWholeNumbers) {
   expect_error(with("int16", R"({"1": ""})"), place + "/1", {"empty"});
   expect_error(with("int16", R"({"1": 1})"), place + "/1", {"string"});
   expect_error(with("int16", R"("idle")"), place, {"object"});
-  expect_error(with_tag(R"({"name": "t", "address": "D100", "description": "two\nlines"})"),
-               "/devices/0/tags/0/description", {"control characters"});
+  expect_tag_error(R"("address": "D100", "description": "two\nlines")", "description",
+                   {"control characters"});
   expect_error(with_tag(R"({"name": "t", "address": "M0", "states": {"2": "x"}})"), place + "/2",
                {"bool", "\"0\" and \"1\""});
   expect_error(with_tag(R"({"name": "t", "address": "D0", "type": "string", "length": 4,
@@ -421,10 +427,8 @@ TEST(ConfigDevice, TypeDefaultsToWhatTheAddressIs) {
 TEST(ConfigDevice, AddressThatIsNoneIsRefused) {
   for (const auto* address : {"X8", "Y19", "Q5", "D", "D-1", "M0.1", "K9M0", "D100.G", "40001",
                               "hr:0", "D 5", "D99999999999"})
-    expect_error(with_tag(R"({"name": "t", "address": ")" + std::string(address) + "\"}"),
-                 "/devices/0/tags/0/address", {});
-  expect_error(with_tag(R"({"name": "t", "address": "X8"})"), "/devices/0/tags/0/address",
-               {"X8", "octal"});
+    expect_tag_error(R"("address": ")" + std::string(address) + "\"", "address", {});
+  expect_tag_error(R"("address": "X8")", "address", {"X8", "octal"});
 }
 
 TEST(ConfigDevice, AddressThatTheModelLacksIsRefusedWithTheRange) {
@@ -448,17 +452,15 @@ TEST(ConfigDevice, TypeThatDoesNotFitTheAddressIsRefused) {
   };
   for (const Case& c :
        {Case{"M0", "int16"}, Case{"CN200", "int16"}, Case{"D0", "bool"}, Case{"D100.F", "int16"}}) {
-    expect_error(with_tag(R"({"name": "t", "address": ")" + std::string(c.address) +
-                          R"(", "type": ")" + c.type + "\"}"),
-                 "/devices/0/tags/0/type", {c.address});
+    expect_tag_error(R"("address": ")" + std::string(c.address) + R"(", "type": ")" + c.type + "\"",
+                     "type", {c.address});
   }
 }
 
 TEST(ConfigDevice, UnknownTypeNamesTheNearest) {
-  expect_error(with_tag(R"({"name": "t", "address": "D0", "type": "Int16"})"),
-               "/devices/0/tags/0/type", {"did you mean int16"});
-  expect_error(with_tag(R"({"name": "t", "address": "D0", "type": "sting", "length": 4})"),
-               "/devices/0/tags/0/type", {"did you mean string"});
+  expect_tag_error(R"("address": "D0", "type": "Int16")", "type", {"did you mean int16"});
+  expect_tag_error(R"("address": "D0", "type": "sting", "length": 4)", "type",
+                   {"did you mean string"});
 }
 
 TEST(ConfigDevice, WrongTypeDoesNotHideAWrongAddress) {
@@ -479,15 +481,11 @@ TEST(ConfigDevice, NumberOverTheEndOfItsRangeSaysSo) {
 
 TEST(ConfigDevice, ArrayMustEndInsideTheModel) {
   good(with_tag(R"({"name": "t", "address": "D7990", "count": 10})"));
-  expect_error(with_tag(R"({"name": "t", "address": "D7990", "count": 11})"),
-               "/devices/0/tags/0/address", {"D8000"});
-  expect_error(with_tag(R"({"name": "t", "address": "D7999", "type": "float32"})"),
-               "/devices/0/tags/0/address", {"D8000"});
-  expect_error(with_tag(R"({"name": "t", "address": "M7679", "count": 2})"),
-               "/devices/0/tags/0/address", {"M7680"});
+  expect_tag_error(R"("address": "D7990", "count": 11)", "address", {"D8000"});
+  expect_tag_error(R"("address": "D7999", "type": "float32")", "address", {"D8000"});
+  expect_tag_error(R"("address": "M7679", "count": 2)", "address", {"M7680"});
   good(with_tag(R"({"name": "t", "address": "CN250", "count": 6})"));
-  expect_error(with_tag(R"({"name": "t", "address": "CN250", "count": 7})"),
-               "/devices/0/tags/0/address", {"CN256"});
+  expect_tag_error(R"("address": "CN250", "count": 7)", "address", {"CN256"});
 }
 
 TEST(ConfigDevice, AddressOutOfReachOfTheCommandSetIsRefused) {
@@ -505,41 +503,32 @@ TEST(ConfigDevice, LengthIsForStringsAndStringsNeedIt) {
   EXPECT_EQ(first_tag(config).point.length, 5);
   expect_error(with_tag(R"({"name": "t", "address": "D0", "type": "string"})"), "/devices/0/tags/0",
                {"length"});
-  expect_error(with_tag(R"({"name": "t", "address": "D0", "length": 5})"),
-               "/devices/0/tags/0/length", {"count"});
-  expect_error(with_tag(R"({"name": "t", "address": "D0", "type": "string", "length": 0})"),
-               "/devices/0/tags/0/length", {"1 to"});
+  expect_tag_error(R"("address": "D0", "length": 5)", "length", {"count"});
+  expect_tag_error(R"("address": "D0", "type": "string", "length": 0)", "length", {"1 to"});
 }
 
 TEST(ConfigDevice, WordOrderIsOneThatThisProtocolHas) {
-  expect_error(with_tag(R"({"name": "t", "address": "D0", "type": "int32", "word_order": "BADC"})"),
-               "/devices/0/tags/0/word_order", {"low_first or high_first"});
-  expect_error(with_tag(R"({"name": "t", "address": "M0", "word_order": "low_first"})"),
-               "/devices/0/tags/0/word_order", {"bool"});
+  expect_tag_error(R"("address": "D0", "type": "int32", "word_order": "BADC")", "word_order",
+                   {"low_first or high_first"});
+  expect_tag_error(R"("address": "M0", "word_order": "low_first")", "word_order", {"bool"});
 }
 
 TEST(ConfigDevice, ScaleIsANumberOtherThanZero) {
-  expect_error(with_tag(R"({"name": "t", "address": "D0", "scale": 0})"), "/devices/0/tags/0/scale",
-               {"0"});
-  expect_error(with_tag(R"({"name": "t", "address": "D0", "scale": "0.1"})"),
-               "/devices/0/tags/0/scale", {"a number"});
+  expect_tag_error(R"("address": "D0", "scale": 0)", "scale", {"0"});
+  expect_tag_error(R"("address": "D0", "scale": "0.1")", "scale", {"a number"});
 }
 
 TEST(ConfigDevice, NumbersAreNotForBoolsAndStrings) {
-  for (const auto* key : {"scale", "offset", "min", "max", "deadband"}) {
-    expect_error(with_tag(R"({"name": "t", "address": "M0", ")" + std::string(key) + "\": 2}"),
-                 "/devices/0/tags/0/" + std::string(key), {"bool"});
-    expect_error(with_tag(R"({"name": "t", "address": "D0", "type": "string", "length": 2, ")" +
-                          std::string(key) + "\": 2}"),
-                 "/devices/0/tags/0/" + std::string(key), {"string"});
+  for (const std::string key : {"scale", "offset", "min", "max", "deadband"}) {
+    const std::string two = "\"" + key + "\": 2";
+    expect_tag_error(R"("address": "M0", )" + two, key, {"bool"});
+    expect_tag_error(R"("address": "D0", "type": "string", "length": 2, )" + two, key, {"string"});
   }
 }
 
 TEST(ConfigDevice, LimitsAreInOrder) {
-  expect_error(with_tag(R"({"name": "t", "address": "D0", "min": 2, "max": 1})"),
-               "/devices/0/tags/0/min", {"max"});
-  expect_error(with_tag(R"({"name": "t", "address": "D0", "deadband": -1})"),
-               "/devices/0/tags/0/deadband", {"negative"});
+  expect_tag_error(R"("address": "D0", "min": 2, "max": 1)", "min", {"max"});
+  expect_tag_error(R"("address": "D0", "deadband": -1)", "deadband", {"negative"});
   good(with_tag(R"({"name": "t", "address": "D0", "min": 1, "max": 1, "deadband": 0})"));
 }
 
