@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "agent/commands/journal.h"
@@ -20,6 +18,7 @@
 #include "agent/uplink/payload/json_payload.h"
 #include "tests/agent/uplink/plant.h"
 #include "tests/agent/uplink/sample_text.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -34,10 +33,7 @@ constexpr std::int64_t kNow = 1790000000000;
 // ---- the document -------------------------------------------------------------------------------
 
 const std::string& document() {
-  static const std::string text = [] {
-    std::ifstream file(FXAGENT_CONTRACT);
-    return std::string(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
-  }();
+  static const std::string text = test::content_of(FXAGENT_CONTRACT);
   return text;
 }
 

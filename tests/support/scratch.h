@@ -1,16 +1,23 @@
-// A directory that is deleted with the test.
+// A directory that is deleted with the test, and the content of files.
 #pragma once
 
 #include <stdlib.h>
 
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 #include <system_error>
 
 namespace fxagent::test {
+
+/// Returns the bytes of a file; none if it cannot be read.
+inline std::string content_of(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
 
 class Scratch final {
  public:

@@ -4,11 +4,10 @@
 
 #include <algorithm>
 #include <ctime>
-#include <fstream>
-#include <iterator>
 
 #include "tests/agent/config/small_plant.h"
 #include "tests/support/effort.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -16,10 +15,7 @@ namespace {
 using namespace test;
 using std::chrono::nanoseconds;
 
-std::string example() {
-  std::ifstream file(FXAGENT_CONFIG_DIR "/agent.example.json");
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+std::string example() { return content_of(FXAGENT_CONFIG_DIR "/agent.example.json"); }
 
 // ---- valid configs -----------------------------------------------------------------------------
 

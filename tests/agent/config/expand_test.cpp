@@ -4,11 +4,11 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "tests/agent/config/small_plant.h"
 #include "tests/support/says.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -92,10 +92,8 @@ TEST(ExpandedConfig, DropsComments) {
 
 TEST(ExpandedConfig, WithoutTemplatesItIsTheFile) {
   for (const char* name : {"agent.example.json", "demo/agent.json"}) {
-    std::ifstream file(std::string(FXAGENT_CONFIG_DIR "/") + name);
-    std::stringstream text;
-    text << file.rdbuf();
-    EXPECT_EQ(json::parse(expanded_config(text.str(), environment())), json::parse(text.str()));
+    const std::string text = content_of(std::string(FXAGENT_CONFIG_DIR "/") + name);
+    EXPECT_EQ(json::parse(expanded_config(text, environment())), json::parse(text));
   }
 }
 

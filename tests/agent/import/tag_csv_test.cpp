@@ -2,12 +2,11 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "agent/config/keys.h"
 #include "agent/import/csv.h"
 #include "tests/agent/config/small_plant.h"
 #include "tests/agent/import/outcome.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent {
 namespace {
@@ -16,11 +15,9 @@ using namespace test;
 using nlohmann::json;
 
 std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  std::stringstream text;
-  text << file.rdbuf();
-  EXPECT_FALSE(text.str().empty()) << path;
-  return text.str();
+  std::string text = content_of(path);
+  EXPECT_FALSE(text.empty()) << path;
+  return text;
 }
 
 /// Returns the re-imported config as JSON.

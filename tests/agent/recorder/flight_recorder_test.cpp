@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <thread>
 
 #include "tests/support/scratch.h"
@@ -17,13 +16,12 @@ using std::chrono::milliseconds;
 class FlightRecorderTest : public testing::Test {
  protected:
   void begin(std::size_t most_files = 10) {
-    FlightRecorder::Settings settings;
-    settings.directory = directory;
-    settings.ring_bytes = FrameRing::kLeastBytes;
-    settings.most_files = most_files;
-    settings.most_bytes = 1 << 20;
-    settings.agent = "edge7";
-    settings.version = "0.1.0";
+    FlightRecorder::Settings settings{.directory = directory,
+                                      .ring_bytes = FrameRing::kLeastBytes,
+                                      .most_files = most_files,
+                                      .most_bytes = 1 << 20,
+                                      .agent = "edge7",
+                                      .version = "0.1.0"};
     settings.follows = std::chrono::hours(1);  // until the end, which does not wait
     recorder.emplace(settings);
   }
@@ -40,9 +38,7 @@ class FlightRecorderTest : public testing::Test {
     std::vector<Recording> read;
     for (const auto& entry : fs::directory_iterator(directory)) {
       if (entry.path().extension() != kRecordingSuffix) continue;
-      std::ostringstream text;
-      text << std::ifstream(entry.path()).rdbuf();
-      auto recording = parse_recording(text.str());
+      auto recording = parse_recording(test::content_of(entry.path()));
       EXPECT_TRUE(recording) << recording.error();
       if (recording) read.push_back(std::move(*recording));
     }

@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <iterator>
 #include <optional>
 #include <string>
 #include <utility>
@@ -65,10 +64,7 @@ class Plant {
     std::filesystem::remove(store());
     std::filesystem::rename(store() + ".away", store());
   }
-  std::string kept_text() const {
-    std::ifstream kept(kept_path());
-    return {std::istreambuf_iterator<char>(kept), {}};
-  }
+  std::string kept_text() const { return content_of(kept_path()); }
 
   /// Returns false if nothing was applied.
   bool hear(const json& document) { return hear_text(document.dump()); }

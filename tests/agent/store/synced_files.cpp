@@ -5,10 +5,9 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <utility>
+
+#include "tests/support/scratch.h"
 
 namespace fxagent::test {
 namespace {
@@ -39,8 +38,7 @@ void SyncedFiles::synchronised(int handle) {
       if (each.is_regular_file())
         names[each.path().filename()] = identity_of(AT_FDCWD, each.path().c_str());
   } else {
-    std::ifstream in(path, std::ios::binary);
-    contents_[own] = std::string(std::istreambuf_iterator<char>(in), {});
+    contents_[own] = content_of(path);
   }
 }
 

@@ -11,9 +11,6 @@
 
 #include <chrono>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
 #include <thread>
 
@@ -38,11 +35,6 @@ bool is_listening(std::uint16_t port) {
   return open;
 }
 
-std::string content(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
-
 }  // namespace
 
 pid_t spawn(const std::vector<std::string>& arguments, const std::string& log) {
@@ -64,7 +56,7 @@ pid_t spawn(const std::vector<std::string>& arguments, const std::string& log) {
 void run(const std::vector<std::string>& arguments, const std::string& log) {
   int status = 0;
   waitpid(spawn(arguments, log), &status, 0);
-  if (status != 0) throw std::runtime_error(arguments.front() + " failed:\n" + content(log));
+  if (status != 0) throw std::runtime_error(arguments.front() + " failed:\n" + content_of(log));
 }
 
 std::uint16_t free_port() {
@@ -117,12 +109,12 @@ Mosquitto::Mosquitto(const Scratch& directory, const std::string& settings, std:
     if (is_listening(port_)) return;
     if (waitpid(pid_, nullptr, WNOHANG) == pid_) {
       pid_ = 0;
-      throw std::runtime_error("mosquitto ended:\n" + content(log));
+      throw std::runtime_error("mosquitto ended:\n" + content_of(log));
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   kill();
-  throw std::runtime_error("mosquitto does not listen:\n" + content(log));
+  throw std::runtime_error("mosquitto does not listen:\n" + content_of(log));
 }
 
 void Mosquitto::kill() {

@@ -15,10 +15,7 @@ namespace {
 
 class PasswordFiles : public testing::Test {
  protected:
-  std::string text() const {
-    std::ifstream in(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
+  std::string text() const { return test::content_of(path); }
 
  private:
   const test::Scratch scratch_;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 
 #include "tests/support/scratch.h"
 
@@ -16,11 +15,10 @@ using std::chrono::seconds;
 class LinkRecorderTest : public testing::Test {
  protected:
   LinkRecorderTest() {
-    FlightRecorder::Settings settings;
-    settings.directory = scratch.path("recordings");
-    settings.ring_bytes = FrameRing::kLeastBytes;
-    settings.most_files = 10;
-    settings.most_bytes = 1 << 20;
+    FlightRecorder::Settings settings{.directory = scratch.path("recordings"),
+                                      .ring_bytes = FrameRing::kLeastBytes,
+                                      .most_files = 10,
+                                      .most_bytes = 1 << 20};
     settings.follows = std::chrono::hours(1);  // until the end, which does not wait
     recorder = std::make_unique<FlightRecorder>(settings);
     config.name = "line1";
@@ -34,9 +32,7 @@ class LinkRecorderTest : public testing::Test {
     testing::internal::GetCapturedStderr();
     for (const auto& entry : std::filesystem::directory_iterator(scratch.path("recordings"))) {
       if (entry.path().extension() != kRecordingSuffix) continue;
-      std::ostringstream text;
-      text << std::ifstream(entry.path()).rdbuf();
-      const auto recording = parse_recording(text.str());
+      const auto recording = parse_recording(test::content_of(entry.path()));
       EXPECT_EQ(recording->head.wire, "serial /dev/ttyUSB0 9600 7E1");
       return recording->head.reason;
     }

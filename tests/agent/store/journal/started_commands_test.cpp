@@ -37,6 +37,10 @@ struct StartedCommandsTest : ::testing::Test {
     journal("waiting");
   }
   void kill() { shelf.store.reset(); }
+  void start_one_of_two_and_kill() {
+    journal_two_and_start_one();
+    kill();
+  }
   /// After a restart: the ids without a result, and true for each that was certainly not sent.
   std::map<std::string, bool> left() {
     std::map<std::string, bool> all;
@@ -45,16 +49,12 @@ struct StartedCommandsTest : ::testing::Test {
     return all;
   }
   std::string path() const { return shelf.config.path + "/fxagent.db.started"; }
-  std::string content() const {
-    std::ifstream in(path(), std::ios::binary);
-    return std::string(std::istreambuf_iterator<char>(in), {});
-  }
   void overwrite(const std::string& bytes) const {
     std::fstream(path(), std::ios::binary | std::ios::in | std::ios::out) << bytes;
   }
   /// Sets the times in the marks, but not that of the file.
   void move_marks(std::int64_t by_ns) const {
-    std::string bytes = content();
+    std::string bytes = content_of(path());
     for (const std::size_t at : {kHeadWrittenAt, kRecords + kRecordWrittenAt}) {
       std::int64_t written = 0;
       std::memcpy(&written, bytes.data() + at, sizeof written);
@@ -72,8 +72,7 @@ struct StartedCommandsTest : ::testing::Test {
 };
 
 TEST_F(StartedCommandsTest, CommandThatWaitedSurelyWasNotSent) {
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   EXPECT_EQ(left(), kProven);
 }
 
@@ -86,8 +85,7 @@ TEST_F(StartedCommandsTest, RunThatIsKilledBeforeItsRecoveryLosesNothing) {
 }
 
 TEST_F(StartedCommandsTest, MarksOfSeveralRunsAreOne) {
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   left();
   start(journal("started later"));
   journal("waiting later");
@@ -105,8 +103,7 @@ TEST_F(StartedCommandsTest, CommandsOfTheRunThatAsksMayHaveLeft) {
 }
 
 TEST_F(StartedCommandsTest, CommandsOfTheRunThatAsksMayHaveLeftWhateverEarlierRunsProve) {
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   EXPECT_EQ(left(), kProven);
   journal("mine");
   Left all;
@@ -116,9 +113,8 @@ TEST_F(StartedCommandsTest, CommandsOfTheRunThatAsksMayHaveLeftWhateverEarlierRu
 }
 
 TEST_F(StartedCommandsTest, NothingIsProvenAfterAStartOfTheMachine) {
-  journal_two_and_start_one();
-  kill();
-  std::string bytes = content();
+  start_one_of_two_and_kill();
+  std::string bytes = content_of(path());
   bytes[kBootAt] = bytes[kBootAt] == '0' ? '1' : '0';
   overwrite(bytes);
   EXPECT_EQ(left(), kNothing);
@@ -126,8 +122,7 @@ TEST_F(StartedCommandsTest, NothingIsProvenAfterAStartOfTheMachine) {
 
 TEST_F(StartedCommandsTest, NothingIsProvenWithoutTheFileOrByAnother) {
   for (const std::string& there : {std::string(), std::string("x"), std::string(65664, '\0')}) {
-    journal_two_and_start_one();
-    kill();
+    start_one_of_two_and_kill();
     fs::remove(path());
     if (!there.empty()) std::ofstream(path(), std::ios::binary) << there;
     EXPECT_EQ(left(), kNothing) << there.size();
@@ -138,8 +133,7 @@ TEST_F(StartedCommandsTest, NothingIsProvenWithoutTheFileOrByAnother) {
 }
 
 TEST_F(StartedCommandsTest, NothingIsProvenOfACopyOfTheStore) {
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   const std::string copy = shelf.scratch.path("copy");
   fs::copy(shelf.config.path, copy, fs::copy_options::recursive);
   shelf.config.path = copy;
@@ -147,8 +141,7 @@ TEST_F(StartedCommandsTest, NothingIsProvenOfACopyOfTheStore) {
 }
 
 TEST_F(StartedCommandsTest, NothingIsProvenWhereTheDatabaseIsAnother) {
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   fs::copy(shelf.file(), shelf.scratch.path("other"));
   fs::rename(shelf.scratch.path("other"), shelf.file());
   EXPECT_EQ(left(), kNothing);
@@ -156,15 +149,13 @@ TEST_F(StartedCommandsTest, NothingIsProvenWhereTheDatabaseIsAnother) {
 
 // As if a backup of the whole directory had been restored: its marks are older than the file.
 TEST_F(StartedCommandsTest, NothingIsProvenByAnOldCopyInThePlaceOfTheFile) {
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   move_marks(-10'000'000'000);
   EXPECT_EQ(left(), kNothing);
 }
 
 TEST_F(StartedCommandsTest, NothingIsProvenByMarksThatAreYoungerThanTheFile) {
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   move_marks(10'000'000'000);
   EXPECT_EQ(left(), kNothing);
 }
@@ -207,8 +198,7 @@ TEST_F(StartedCommandsTest, FileThatCannotBeMadeHoldsNothingUpAndProvesNothing) 
   fs::create_directories(path() + "/full");
   shelf.open();
   EXPECT_EQ(shelf.store->state(), "disk");
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   fs::remove_all(path());
   EXPECT_EQ(left(), kNothing);
 }
@@ -220,8 +210,7 @@ TEST_F(StartedCommandsTest, LinkInThePlaceOfTheFileIsNotFollowed) {
   std::ofstream(victim) << "mine";
   fs::create_symlink(victim, path());
   shelf.open();
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   EXPECT_EQ(left(), kProven);
   EXPECT_EQ(fs::file_size(victim), 4U);
 }
@@ -255,8 +244,7 @@ TEST_F(StartedCommandsTest, OldestMarkIsKnownUntilThereIsNoRoomForIt) {
 
 /// The store opens when this run has already sent commands.
 TEST_F(StartedCommandsTest, StoreThatOpensLateKnowsWhatWaitedAndNothingOfThisRun) {
-  journal_two_and_start_one();
-  kill();
+  start_one_of_two_and_kill();
   const std::string aside = shelf.scratch.path("aside");
   fs::rename(shelf.config.path, aside);
   shelf.block();
