@@ -17,11 +17,7 @@ constexpr std::uint16_t kD = id(Space::d);
 constexpr std::uint16_t kM = id(Space::m);
 
 Mc codec(Frame frame, Model model = Model::fx5u, Code code = Code::binary) {
-  Mc::Settings settings;
-  settings.frame = frame;
-  settings.model = model;
-  settings.code = code;
-  return Mc(settings);
+  return Mc({.frame = frame, .model = model, .code = code});
 }
 
 std::string sent(const Mc& mc, const Request& request, std::uint16_t tag = 1) {
@@ -491,20 +487,12 @@ TEST(McRefusals, OutputsOfAnIqRThatMayBeAnFx5AreNotWrittenByOtherCodes) {
 // ---- the PLC itself ----------------------------------------------------------------------------
 
 TEST(McPlc, TheTypeNameTellsTheModel) {
-  const std::array<std::pair<const char*, const char*>, 14> kTypes = {{{"FX5U-32MT/ES", "FX5U"},
-                                                                       {"FX5UC-32MT/D", "FX5U"},
-                                                                       {"FX5UJ-24MT/ES", "FX5UJ"},
-                                                                       {"FX5S-30MT/ES", "FX5S"},
-                                                                       {"Q02UCPU", "Q"},
-                                                                       {"QS001CPU", "Q"},
-                                                                       {"L26CPU-BT", "L"},
-                                                                       {"L02SCPU", "L"},
-                                                                       {"L16HCPU", "iQ-R"},
-                                                                       {"R120PCPU", "iQ-R"},
-                                                                       {"R08CPU", "iQ-R"},
-                                                                       {"RJ71EN71", ""},
-                                                                       {"LJ71E71-100", ""},
-                                                                       {"KV-8000", ""}}};
+  constexpr std::pair<const char*, const char*> kTypes[] = {
+      {"FX5U-32MT/ES", "FX5U"}, {"FX5UC-32MT/D", "FX5U"}, {"FX5UJ-24MT/ES", "FX5UJ"},
+      {"FX5S-30MT/ES", "FX5S"}, {"Q02UCPU", "Q"},         {"QS001CPU", "Q"},
+      {"L26CPU-BT", "L"},       {"L02SCPU", "L"},         {"L16HCPU", "iQ-R"},
+      {"R120PCPU", "iQ-R"},     {"R08CPU", "iQ-R"},       {"RJ71EN71", ""},
+      {"LJ71E71-100", ""},      {"KV-8000", ""}};
   const Mc mc = codec(Frame::e3, Model::unknown);
   // Other devices that use 3E answer with more or fewer bytes than in the manual.
   const Request asked = mc.identify().front();

@@ -115,11 +115,7 @@ class Client final {
 };
 
 Publication publication(std::uint64_t id, std::string topic, std::string payload) {
-  Publication made;
-  made.id = id;
-  made.topic = std::move(topic);
-  made.payload = std::move(payload);
-  return made;
+  return {.id = id, .topic = std::move(topic), .payload = std::move(payload)};
 }
 
 int option(int fd, int level, int name) {
@@ -356,33 +352,11 @@ TEST(PahoBroker, PropertiesOfMqtt5AndTheRetainFlagArrive) {
   Client client(settings(mosquitto.url()));
   client.connect();
   client.subscribe("fx/e/+/command");
-  test::run({"mosquitto_pub",
-             "-V",
-             "5",
-             "-h",
-             "127.0.0.1",
-             "-p",
-             std::to_string(mosquitto.port()),
-             "-q",
-             "1",
-             "-r",
-             "-t",
-             "fx/e/p/command",
-             "-m",
-             "{}",
-             "-D",
-             "publish",
-             "response-topic",
-             "hmi/r",
-             "-D",
-             "publish",
-             "correlation-data",
-             "c1",
-             "-D",
-             "publish",
-             "message-expiry-interval",
-             "30"},
-            directory.path("log"));
+  std::istringstream words("mosquitto_pub -V 5 -h 127.0.0.1 -p " +
+                           std::to_string(mosquitto.port()) +
+                           " -q 1 -r -t fx/e/p/command -m {} -D publish response-topic hmi/r "
+                           "-D publish correlation-data c1 -D publish message-expiry-interval 30");
+  test::run({std::istream_iterator<std::string>(words), {}}, directory.path("log"));
   const auto message = client.next<Message>();
   EXPECT_TRUE(message.retained);  // Retain As Published: it was delivered live
   EXPECT_EQ(message.response_topic, "hmi/r");
@@ -940,9 +914,7 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
     result.received = admitted.command.received;
     outbox.push(std::move(result));
   });
-  PublisherSettings described;
-  described.boot = "9f3c21aa";
-  described.version = "0.1.0";
+  const PublisherSettings described{.boot = "9f3c21aa", .version = "0.1.0"};
   Publisher publisher(config, described, payload, outbox, broker, commands,
                       [] { return utc_ms(std::chrono::system_clock::now()); });
   std::stop_source stop;
