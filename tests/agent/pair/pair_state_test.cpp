@@ -42,10 +42,15 @@ struct Gateway {
   PairState state;
   std::uint64_t id = 0;
 };
+struct JoinedGateway : Gateway {
+  explicit JoinedGateway(const std::string& member = "a", const std::string& boot = "boot-a")
+      : Gateway(member, boot) {
+    state.joined(at(0));
+  }
+};
 
 TEST(PairState, StatusThatIsRepeatedIsNotAnswered) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   EXPECT_TRUE(a.steps(0, Order::publish_status));
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
   EXPECT_TRUE(a.steps(10, Order::publish_status)) << "the first one: it may have missed ours";
@@ -54,8 +59,7 @@ TEST(PairState, StatusThatIsRepeatedIsNotAnswered) {
 }
 
 TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
   a.state.heard({.member = "b", .boot = "boot-b", .role = "offline"}, at(20));
   EXPECT_EQ(a.state.peer(), "");
@@ -84,8 +88,7 @@ TEST(PairState, GatewayAloneClaimsAfterHalfTheSilence) {
 }
 
 TEST(PairState, FirstRequestComesAfterTheSilence) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   a.claim(1000);
   EXPECT_EQ(a.state.role(), PairRole::claiming);
   EXPECT_EQ(a.state.opens_at(), at(2200));
@@ -97,8 +100,7 @@ TEST(PairState, FirstRequestComesAfterTheSilence) {
 }
 
 TEST(PairState, PermissionCountsFromTheSendingOfAHeartbeatAndNotFromItsAcknowledgement) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   a.claim(1000);
   EXPECT_EQ(a.state.holds_until(), at(1600));
   a.state.heartbeat_sent(7, at(1200));
@@ -108,8 +110,7 @@ TEST(PairState, PermissionCountsFromTheSendingOfAHeartbeatAndNotFromItsAcknowled
 }
 
 TEST(PairState, OnlyAHeartbeatAfterTheClaimPermitsRequests) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   a.claim(0);
   a.state.heartbeat_sent(++a.id, at(1000));
   a.state.has_claimed();
@@ -121,8 +122,7 @@ TEST(PairState, OnlyAHeartbeatAfterTheClaimPermitsRequests) {
 }
 
 TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
-  Gateway b("b", "boot-b");
-  b.state.joined(at(0));
+  JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "active", false, 2 * kQuiet}, at(0));
   EXPECT_EQ(b.state.take_fault(),
             "quiet_ms of member a is 2400, and of member b 1200: make them equal; until then both "
@@ -137,8 +137,7 @@ TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
 }
 
 TEST(PairState, SettingOfAGatewayThatHasEndedCounts) {
-  Gateway b("b", "boot-b");
-  b.state.joined(at(0));
+  JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "offline", false, 2 * kQuiet}, at(0));
   EXPECT_EQ(b.state.take_fault(), "") << "its file may be right by now";
   b.claim(1300);
@@ -146,8 +145,7 @@ TEST(PairState, SettingOfAGatewayThatHasEndedCounts) {
 }
 
 TEST(PairState, StandbyWaitsWhileTheHolderIsHeard) {
-  Gateway b("b", "boot-b");
-  b.state.joined(at(0));
+  JoinedGateway b("b", "boot-b");
   for (int ms = 0; ms < 5000; ms += 200) {
     b.state.heard_heartbeat("boot-a", 5, at(ms));
     EXPECT_FALSE(b.steps(ms + 199, Order::connect_lease)) << ms;
@@ -157,8 +155,7 @@ TEST(PairState, StandbyWaitsWhileTheHolderIsHeard) {
 }
 
 TEST(PairState, StandbyClaimsAtOnceWhenTheHolderHasEnded) {
-  Gateway b("b", "boot-b");
-  b.state.joined(at(0));
+  JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "active"}, at(0));
   b.state.heard_heartbeat("boot-a", 0, at(5000));
   b.state.heard({"a", "boot-a", "offline"}, at(5010));
@@ -169,8 +166,7 @@ TEST(PairState, StandbyClaimsAtOnceWhenTheHolderHasEnded) {
 }
 
 TEST(PairState, LoserIsStandbyAndDoesNotThrash) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   a.claim(1000);
   a.beat(2200);
   a.state.step(at(2200));
@@ -185,8 +181,7 @@ TEST(PairState, LoserIsStandbyAndDoesNotThrash) {
 }
 
 TEST(PairState, BrokerThatAcknowledgesNothingIsLeft) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   a.claim(1000);
   a.beat(2200);
   EXPECT_FALSE(a.steps(2800 + 2399, Order::drop_lease));
@@ -195,8 +190,7 @@ TEST(PairState, BrokerThatAcknowledgesNothingIsLeft) {
 }
 
 TEST(PairState, FailedClaimsGrowApart) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   ASSERT_TRUE(a.steps(600, Order::connect_lease));
   int now = 600;
   for (const int wait : {600, 1200, 2400, 4800, 9600, 9600}) {
@@ -208,8 +202,7 @@ TEST(PairState, FailedClaimsGrowApart) {
 }
 
 TEST(PairState, WithoutItsMemberSessionAGatewayClaimsNothing) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   a.state.left(false);
   EXPECT_FALSE(a.steps(100000, Order::connect_lease));
   EXPECT_EQ(a.state.take_fault(), "");
@@ -227,8 +220,7 @@ TEST(PairState, LowerNameClaimsFirstIfBothStart) {
 }
 
 TEST(PairState, ThirdGatewayIsNamedAndNeverClaims) {
-  Gateway c("c", "boot-c");
-  c.state.joined(at(0));
+  JoinedGateway c("c", "boot-c");
   c.state.heard({"a", "boot-a", "active"}, at(1));
   c.state.heard({"b", "boot-b", "standby"}, at(2));
   EXPECT_TRUE(c.state.is_third());
@@ -241,8 +233,7 @@ TEST(PairState, ThirdGatewayIsNamedAndNeverClaims) {
 }
 
 TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
-  Gateway b("b", "boot-b");
-  b.state.joined(at(0));
+  JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "active"}, at(1));
   b.state.heard({"b", "boot-b", "standby"}, at(2));  // its own, which it published when it joined
   b.state.heard_heartbeat("boot-a", 0, at(9990));
@@ -255,22 +246,19 @@ TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
 }
 
 TEST(PairState, TwoGatewaysOfOneNameAreNamed) {
-  Gateway a("a", "boot-1");
-  a.state.joined(at(0));
+  JoinedGateway a("a", "boot-1");
   a.state.heard({"a", "boot-0", "active"}, at(1));
   EXPECT_EQ(a.state.take_fault(), "") << "an earlier process may have left it";
   a.state.heard({"a", "boot-1", "standby"}, at(2));
   a.state.heard({"a", "boot-2", "standby"}, at(3));
   EXPECT_NE(a.state.take_fault().find("pair.member"), std::string::npos);
-  Gateway other("a", "boot-2");
-  other.state.joined(at(0));
+  JoinedGateway other("a", "boot-2");
   other.state.left(true);
   EXPECT_NE(other.state.take_fault().find("pair.member"), std::string::npos);
 }
 
 TEST(PairState, KnowsTheBootsOfThePair) {
-  Gateway a;
-  a.state.joined(at(0));
+  JoinedGateway a;
   a.state.heard({"b", "boot-b", "offline"}, at(1));
   a.state.heard_heartbeat("boot-old", 0, at(1));
   EXPECT_TRUE(a.state.knows("boot-b"));

@@ -33,6 +33,11 @@ class UdpTransportTest : public ::testing::Test {
     const auto opened = open(transport);
     ASSERT_TRUE(opened) << opened.error().text;
   }
+  std::unique_ptr<Transport> opened() {
+    auto made = channel();
+    open_well(*made);
+    return made;
+  }
   Transport::Written write(Transport& transport, const std::string& text) {
     const Bytes bytes(text.begin(), text.end());
     return run_on(io, transport.write(bytes, Clock::now() + kLimit));
@@ -126,8 +131,7 @@ TEST_F(UdpTransportTest, NoMoreOpenFilesNamesTheCure) {
 }
 
 TEST_F(UdpTransportTest, AnswersOfOthersAreNotTaken) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   const udp::endpoint agent = asked(*transport);
   udp::socket same_host(device_io, udp::endpoint(asio::ip::address_v4::loopback(), 0));
   udp::socket other_host(device_io, udp::endpoint(asio::ip::make_address("127.0.0.2"),
@@ -141,8 +145,7 @@ TEST_F(UdpTransportTest, AnswersOfOthersAreNotTaken) {
 }
 
 TEST_F(UdpTransportTest, DatagramLongerThanTheBufferComesInPartsAndNothingOfTheNextWithIt) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   const udp::endpoint agent = asked(*transport);
   say(agent, "0123456789");
   say(agent, "next");
@@ -156,8 +159,7 @@ TEST_F(UdpTransportTest, DatagramLongerThanTheBufferComesInPartsAndNothingOfTheN
 }
 
 TEST_F(UdpTransportTest, LongAnswersAreWhole) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   const udp::endpoint agent = asked(*transport);
   say(agent, std::string(8192, 'x'));
   EXPECT_EQ(read(*transport, kLimit, 10000).size(), 8192U);
@@ -166,8 +168,7 @@ TEST_F(UdpTransportTest, LongAnswersAreWhole) {
 }
 
 TEST_F(UdpTransportTest, DatagramWithoutAByteIsPassedOver) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   const udp::endpoint agent = asked(*transport);
   say(agent, "");
   say(agent, "answer");
@@ -180,8 +181,7 @@ TEST_F(UdpTransportTest, DatagramWithoutAByteIsPassedOver) {
 }
 
 TEST_F(UdpTransportTest, DatagramsWithoutAByteDoNotHoldUpItsDeadline) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   const udp::endpoint agent = asked(*transport);
   for (int i = 0; i < 3; ++i) say(agent, "");
   say(agent, "too late");
@@ -190,8 +190,7 @@ TEST_F(UdpTransportTest, DatagramsWithoutAByteDoNotHoldUpItsDeadline) {
 }
 
 TEST_F(UdpTransportTest, EachPortIsAnotherThanTheOneBefore) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   unsigned short before = 0;
   for (int i = 0; i < 20; ++i) {
     const auto port = asked(*transport).port();
@@ -202,8 +201,7 @@ TEST_F(UdpTransportTest, EachPortIsAnotherThanTheOneBefore) {
 }
 
 TEST_F(UdpTransportTest, ReadEndsAtItsDeadline) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   const auto began = Clock::now();
   EXPECT_EQ(read(*transport, milliseconds(30)), "timeout");
   EXPECT_GE(Clock::now() - began, milliseconds(30));
@@ -263,8 +261,7 @@ TEST_F(UdpTransportTest, FixedPortThatAnotherHasIsNamedWithTheCure) {
 }
 
 TEST_F(UdpTransportTest, WhatCameToAFixedPortBeforeItWasOpenIsGone) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   const udp::endpoint agent = asked(*transport);
   transport->close();
   const auto again = channel("127.0.0.1", agent.port());
@@ -292,8 +289,7 @@ TEST_F(UdpTransportTest, AfterItIsRenewedNoAnswerToAnEarlierQuestionComes) {
 }
 
 TEST_F(UdpTransportTest, PortThatWasNotAskedFromIsKept) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   const int unused = 3;
   for (int i = 0; i < unused; ++i) ASSERT_TRUE(transport->renew());
   const udp::endpoint agent = asked(*transport);
@@ -302,8 +298,7 @@ TEST_F(UdpTransportTest, PortThatWasNotAskedFromIsKept) {
 }
 
 TEST_F(UdpTransportTest, DiscardThrowsAwayWhatHasArrived) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   EXPECT_EQ(transport->discard_input().value_or(Bytes(99)).size(), 0U);
   const udp::endpoint agent = asked(*transport);
   say(agent, "stale");
@@ -321,8 +316,7 @@ TEST_F(UdpTransportTest, DiscardThrowsAwayWhatHasArrived) {
 }
 
 TEST_F(UdpTransportTest, ClosingEndsAWaitingRead) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   asio::post(io, [&] { asio::post(io, [&] { transport->close(); }); });
   const std::string told = read(*transport, std::chrono::hours(1));
   EXPECT_EQ(told.find("127.0.0.1:"), 0U) << told;
@@ -331,8 +325,7 @@ TEST_F(UdpTransportTest, ClosingEndsAWaitingRead) {
 }
 
 TEST_F(UdpTransportTest, NothingKeepsTheThreadAfterClosing) {
-  const auto transport = channel();
-  open_well(*transport);
+  const auto transport = opened();
   say(asked(*transport), "x");
   EXPECT_EQ(read(*transport, std::chrono::hours(1)), "x");
   transport->close();
