@@ -3,11 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <random>
 
 #include "protocol/mc/mc.h"
 #include "protocol/plan/plan.h"
 #include "tests/protocol/every_plan.h"
+#include "tests/support/pick.h"
 
 namespace fxagent::mc {
 namespace {
@@ -72,10 +72,7 @@ TEST(McPlan, MoreThanAFrameHoldsIsSharedOut) {
 }
 
 TEST(McPlan, OverASerialLineNoOtherMixTakesLessLineTime) {
-  std::mt19937 random(4031);
-  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
-    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
-  };
+  test::Pick pick(4031);
   std::size_t mixed = 0;
   std::size_t alone = 0;
   for (int round = 0; round < 60; ++round) {

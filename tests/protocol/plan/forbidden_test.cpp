@@ -3,16 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
+
+#include "tests/support/pick.h"
 
 namespace fxagent {
 namespace {
 
-ReadWay gathered() {
-  ReadWay way;
-  way.gather = 1;
-  return way;
-}
+ReadWay gathered() { return {.gather = 1}; }
 
 TEST(Forbidden, WhatIsKnownOfAnotherSpaceForbidsNothing) {
   Holes holes;
@@ -32,10 +29,7 @@ TEST(Forbidden, NoReadCrossesABorderOfItsSpace) {
 }
 
 TEST(Forbidden, SaysOfAnyReadWhatOneLookAtAllHolesWouldSay) {
-  std::mt19937 random(500);
-  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
-    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
-  };
+  test::Pick pick(500);
   std::size_t allowed = 0;
   std::size_t held = 0;
   std::size_t apart = 0;

@@ -10,6 +10,7 @@
 #include "tests/protocol/checked_plan.h"
 #include "tests/protocol/every_plan.h"
 #include "tests/protocol/gathering_codec.h"
+#include "tests/support/pick.h"
 
 namespace fxagent::test {
 namespace {
@@ -20,8 +21,7 @@ const LineCost kCost{1ms, 30ms};
 const LineCost kNoSpeed{0ns, 2ms};
 
 Point point(const Codec& codec, const std::string& address, std::uint16_t count = 1) {
-  Point out;
-  out.address = *codec.addresses().parse_address(address, std::nullopt);
+  Point out{.address = *codec.addresses().parse_address(address, std::nullopt)};
   out.type = default_type(out.address);
   out.count = count;
   out.is_array = count > 1;
@@ -170,9 +170,6 @@ bool is_block(const PlannedRead& planned) { return planned.read.gather == 2; }
 
 class GatheringPlans : public ::testing::Test {
  protected:
-  std::uint32_t pick(std::uint32_t least, std::uint32_t most) {
-    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
-  }
   GatheringCodec any_codec() {
     GatheringCodec codec;
     for (std::uint16_t space = 0; space < 2; ++space) {
@@ -213,7 +210,7 @@ class GatheringPlans : public ::testing::Test {
     return counted;
   }
 
-  std::mt19937 random{20261123};
+  Pick pick{20261123};
 };
 
 TEST_F(GatheringPlans, NoOtherMixOfBatchAndRandomReadsTakesLessLineTime) {

@@ -8,6 +8,7 @@
 #include "protocol/plan/cheapest_reads.h"
 #include "tests/protocol/checked_plan.h"
 #include "tests/protocol/gathering_codec.h"
+#include "tests/support/pick.h"
 #include "tests/support/says.h"
 
 namespace fxagent {
@@ -40,31 +41,25 @@ class PaperCodec final : public test::GatheringCodec {
 const LineCost kCost{1ms, 30ms};
 
 Point words(std::uint32_t number, std::uint16_t count = 1, DataType type = DataType::int16) {
-  Point point;
-  point.address = {"W" + std::to_string(number), {0, number * 16, 16}, Unit::word, true};
-  point.type = type;
-  point.count = count;
-  point.is_array = count > 1;
-  return point;
+  return {.address = {"W" + std::to_string(number), {0, number * 16, 16}, Unit::word, true},
+          .type = type,
+          .count = count,
+          .is_array = count > 1};
 }
 
 Point bits(std::uint32_t number, std::uint16_t count = 1) {
-  Point point;
-  point.address = {"B" + std::to_string(number), {0, number, 1}, Unit::bit, true};
-  point.type = DataType::boolean;
-  point.count = count;
-  point.is_array = count > 1;
-  return point;
+  return {.address = {"B" + std::to_string(number), {0, number, 1}, Unit::bit, true},
+          .type = DataType::boolean,
+          .count = count,
+          .is_array = count > 1};
 }
 
 Point device(const Codec& codec, std::string_view address, DataType type = DataType::int16,
              std::uint16_t count = 1) {
-  Point point;
-  point.address = *codec.addresses().parse_address(address, type);
-  point.type = type;
-  point.count = count;
-  point.is_array = count > 1;
-  return point;
+  return {.address = *codec.addresses().parse_address(address, type),
+          .type = type,
+          .count = count,
+          .is_array = count > 1};
 }
 
 ReadWay way(std::uint32_t end, std::uint32_t align, std::uint32_t unit, std::uint32_t max,
@@ -419,10 +414,7 @@ std::int64_t brute_force(const Codec& codec, const std::vector<Point>& points, c
 }
 
 TEST(Plan, NoOtherSharingOfThePointsTakesLessLineTime) {
-  std::mt19937 random(20240607);
-  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
-    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
-  };
+  test::Pick pick(20240607);
   for (int round = 0; round < 400; ++round) {
     const bool of_bits = round % 2 == 0;
     std::vector<ReadWay> ways;
@@ -449,10 +441,7 @@ TEST(Plan, NoOtherSharingOfThePointsTakesLessLineTime) {
 }
 
 TEST(Plan, NoOtherSharingOfThePointsAroundTheHolesTakesLessLineTime) {
-  std::mt19937 random(20240608);
-  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
-    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
-  };
+  test::Pick pick(20240608);
   std::size_t refused = 0;
   for (int round = 0; round < 400; ++round) {
     const bool of_bits = round % 2 == 0;
@@ -532,10 +521,7 @@ TEST(Plan, APointAcrossM1536IsReadInTwoPartsAndPutTogether) {
 }
 
 TEST(Plan, ReadsOfManyBitsAroundM1536TakeTheLeastLineTimeThatTheBorderLeaves) {
-  std::mt19937 random(1536);
-  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
-    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
-  };
+  test::Pick pick(1536);
   const ProgrammingPort codec({Model::fx2n, ProgrammingPort::Commands::extended, 16});
   const std::uint16_t space = fx::id(fx::Space::m);
   for (int round = 0; round < 200; ++round) {
@@ -699,10 +685,8 @@ TEST(PlanWrite, WhatCannotBeWrittenIsRefused) {
 }
 
 TEST(PlanWrite, ElementsThatAreNotWholeBytesAreCutAtTheFrame) {
-  Point groups;
-  groups.address = {"K1", {0, 0, 4}, Unit::bit_group, true};
-  groups.count = 64;
-  groups.is_array = true;
+  const Point groups{
+      .address = {"K1", {0, 0, 4}, Unit::bit_group, true}, .count = 64, .is_array = true};
   EXPECT_EQ(plan_write(PaperCodec({}), groups, Bytes(32)).value().size(), 2U);
 }
 

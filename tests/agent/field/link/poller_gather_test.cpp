@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
 
 #include "tests/agent/field/poller_plant.h"
 #include "tests/protocol/gathering_codec.h"
+#include "tests/support/pick.h"
 
 namespace fxagent::test {
 namespace {
@@ -235,10 +235,7 @@ TEST_F(GatherPolls, AMissingPlaceMakesNoOtherBad) {
 }
 
 TEST_F(GatherPolls, WhateverIsMissingNoOtherPlaceIsBad) {
-  std::mt19937 random(20261123);
-  const auto pick = [&](unsigned least, unsigned most) {
-    return std::uniform_int_distribution<unsigned>(least, most)(random);
-  };
+  Pick pick(20261123);
   for (int round = 0; round < 100; ++round) {
     SCOPED_TRACE(round);
     begin_anew();

@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
 
 #include "agent/field/poll/hole_map.h"
 #include "tests/protocol/gathering_codec.h"
+#include "tests/support/pick.h"
 
 namespace fxagent::test {
 namespace {
@@ -27,8 +27,7 @@ struct Refuser {
   Refuser() { codec.commands = {{1, 24}}; }
   void add(std::uint32_t number) { add("W" + std::to_string(number)); }
   void add(const std::string& address) {
-    Point point;
-    point.address = *codec.parse_address(address, std::nullopt);
+    Point point{.address = *codec.parse_address(address, std::nullopt)};
     point.type = default_type(point.address);
     points.push_back(point);
   }
@@ -284,10 +283,7 @@ TEST(HoleMapGather, NobodyLooksIntoHundredsOfSuspects) {
 }
 
 TEST(HoleMapGather, WhateverIsMissingTheRestIsReadInTheEnd) {
-  std::mt19937 random(20261123);
-  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
-    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
-  };
+  Pick pick(20261123);
   for (int round = 0; round < 150; ++round) {
     Refuser device;
     for (std::uint32_t n = pick(1, 40); n > 0; --n) device.add(pick(0, 3) * 700 + pick(0, 60));

@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
 
 #include "tests/agent/field/field_plant.h"
+#include "tests/support/pick.h"
 
 namespace fxagent::test {
 namespace {
@@ -179,10 +179,7 @@ TEST(HoleMap, WhatIsMissingIsAskedForAgainWithoutHarmToItsNeighbours) {
 }
 
 TEST(HoleMap, AnyDeviceIsKnownInTheEnd) {
-  std::mt19937 random(77);
-  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
-    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
-  };
+  Pick pick(77);
   for (int round = 0; round < 200; ++round) {
     Refuser device;
     for (std::uint32_t n = pick(1, 40); n > 0; --n)
