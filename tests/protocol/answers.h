@@ -7,6 +7,8 @@
 #include <sstream>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "protocol/codec.h"
 #include "protocol/encoding.h"
@@ -61,9 +63,28 @@ inline std::string fault(const Codec& codec, const Request& request, ByteView rx
   return reply.error().text;
 }
 
+/// The exchanges of a file that this product can have, with their requests. `request_of` returns
+/// nullopt for those that it never sends.
+template <class RequestOf>
+std::vector<std::pair<Exchange, Request>> spoken_in(const std::string& file, RequestOf request_of) {
+  std::vector<std::pair<Exchange, Request>> all;
+  for (Exchange& e : read_frames(file))
+    if (auto request = request_of(e)) all.emplace_back(std::move(e), std::move(*request));
+  return all;
+}
+/// Of these exchanges those with an answer.
+template <class RequestOf>
+std::vector<std::pair<Exchange, Request>> answered_in(const std::string& file,
+                                                      RequestOf request_of) {
+  auto all = spoken_in(file, request_of);
+  std::erase_if(all, [](const auto& each) { return each.first.reply.empty(); });
+  return all;
+}
+
 /// Expects the request of an exchange as `codec` encodes it.
 inline void expect_spoken(const Codec& codec, const Request& request, const Exchange& e,
                           std::uint16_t tag = 0) {
+  SCOPED_TRACE(e.where());
   const auto frame = codec.encode(request, tag);
   ASSERT_TRUE(frame) << frame.error().text;
   EXPECT_EQ(to_hex(*frame), to_hex(e.request));
@@ -73,6 +94,7 @@ inline void expect_spoken(const Codec& codec, const Request& request, const Exch
 /// Expects that `codec` understands the answer of an exchange, which is a refusal if `refused`.
 inline Reply expect_understood(const Codec& codec, const Request& request, const Exchange& e,
                                bool refused, std::uint16_t tag = 0) {
+  SCOPED_TRACE(e.where());
   Reply reply = answer(codec, request, e.reply, tag);
   EXPECT_EQ(reply.consumed, e.reply.size());
   if (refused) {

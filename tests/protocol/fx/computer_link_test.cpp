@@ -11,11 +11,7 @@ namespace {
 using namespace test;
 using Settings = ComputerLink::Settings;
 
-ComputerLink station(Model model = Model::fx3u) {
-  Settings settings;
-  settings.model = model;
-  return ComputerLink(settings);
-}
+ComputerLink station(Model model = Model::fx3u) { return ComputerLink({.model = model}); }
 
 /// `points` bits or words starting at `address`.
 Span span(std::string_view address, std::uint32_t points) {
@@ -35,8 +31,7 @@ std::string sent(const ComputerLink& codec, const Request& request) {
 // ---- transcripts ------------------------------------------------------------------------------
 
 ComputerLink codec_of(const test::Exchange& e) {
-  Settings settings;
-  settings.model = *model_named(e.model);
+  Settings settings{.model = *model_named(e.model)};
   std::istringstream words(e.command_set);
   std::string word;
   std::getline(words, word, '.');
@@ -69,33 +64,23 @@ std::optional<Request> request_of(const test::Exchange& e) {
 }
 
 TEST(ComputerLink, SpeaksEveryFrameOfTheTranscripts) {
-  int spoken = 0;
-  for (const test::Exchange& e : test::read_frames("fx_computer_link.txt")) {
-    const auto request = request_of(e);
-    if (!request) continue;
-    SCOPED_TRACE(e.where());
-    expect_spoken(codec_of(e), *request, e);
-    ++spoken;
-  }
-  EXPECT_EQ(spoken, 41);
+  const auto all = spoken_in("fx_computer_link.txt", request_of);
+  for (const auto& [e, request] : all) expect_spoken(codec_of(e), request, e);
+  EXPECT_EQ(all.size(), 41U);
 }
 
 TEST(ComputerLink, UnderstandsEveryAnswerOfTheTranscripts) {
-  int understood = 0;
-  for (const test::Exchange& e : test::read_frames("fx_computer_link.txt")) {
-    const auto request = request_of(e);
+  const auto all = answered_in("fx_computer_link.txt", request_of);
+  for (const auto& [e, request] : all) {
     const auto codec = codec_of(e);
-    if (!request || e.reply.empty()) continue;
-    SCOPED_TRACE(e.where());
     const bool refused = e.operation == "nak";
-    const Reply reply = expect_understood(codec, *request, e, refused);
-    EXPECT_EQ(reply.closing.size(), codec.line_length(*request).closing_chars);
+    const Reply reply = expect_understood(codec, request, e, refused);
+    EXPECT_EQ(reply.closing.size(), codec.line_length(request).closing_chars) << e.where();
     if (refused) {
       EXPECT_TRUE(reply.text.starts_with("nak " + e.device + ": ")) << reply.text;
     }
-    ++understood;
   }
-  EXPECT_EQ(understood, 39);
+  EXPECT_EQ(all.size(), 39U);
 }
 
 TEST(ComputerLink, TheSumOfTheManualsExampleIsBd) {
@@ -172,16 +157,13 @@ TEST(ComputerLink, AnUnknownModelIsAskedForNothingThatSomeModelLacks) {
 }
 
 TEST(ComputerLink, ABlockLimitLowersReadsAndWrites) {
-  Settings settings;
-  settings.model = Model::fx3u;
-  settings.max_block_bytes = 5;
-  const ComputerLink codec(settings);
+  const ComputerLink codec({.model = Model::fx3u, .max_block_bytes = 5});
   EXPECT_EQ(codec.read_ways(id(Space::d))[0].max_bits, 32U);
   EXPECT_EQ(codec.read_ways(id(Space::m))[0].max_bits, 40U);
   EXPECT_EQ(codec.read_ways(id(Space::m))[1].max_bits, 32U);
   EXPECT_EQ(codec.max_write_bits(id(Space::d)), 32U);
-  settings.max_block_bytes = 2;
-  EXPECT_EQ(ComputerLink(settings).read_ways(id(Space::cn32))[0].max_bits, 32U);
+  const ComputerLink least({.model = Model::fx3u, .max_block_bytes = 2});
+  EXPECT_EQ(least.read_ways(id(Space::cn32))[0].max_bits, 32U);
 }
 
 TEST(ComputerLink, WritesAreAsLongAsTheModelAllows) {
@@ -279,10 +261,7 @@ TEST(ComputerLink, ExtensionRegistersGoByTheQCommands) {
             "00FFQR0R00000502");
   EXPECT_EQ(sent(codec, Write{span("R32767", 1), {0x34, 0x12}}).substr(0, 20),
             "00FFQW0R032767011234");
-  ComputerLink::Settings settings;
-  settings.model = Model::fx3u;
-  settings.station = 5;
-  const ComputerLink five(settings);
+  const ComputerLink five({.model = Model::fx3u, .station = 5});
   const auto both =
       five.combine({Write{span("R12000", 1), {0x34, 0x12}}, Write{span("Y100", 16), {0xA9, 0xBC}}});
   ASSERT_TRUE(both);
@@ -326,8 +305,7 @@ TEST(ComputerLink, APlanMixesBitsAndWordsWhereThatIsLeastLineTime) {
   const auto codec = station();
   std::vector<Point> points;
   const auto add = [&](std::string_view text) {
-    Point point;
-    point.address = *codec.parse_address(text, std::nullopt);
+    Point point{.address = *codec.parse_address(text, std::nullopt)};
     point.type = default_type(point.address);
     points.push_back(point);
   };
@@ -380,8 +358,7 @@ const Bytes kImage{0x34, 0x12, 0xCD, 0xAB};
 TEST(ComputerLink, DataAreAcknowledgedWhereTheManualAsksForIt) {
   EXPECT_EQ(good(kAnswer).image, kImage);
   EXPECT_EQ(good(kAnswer).closing, ascii(kAckFrame));
-  Settings settings;
-  settings.acknowledge_data = false;
+  Settings settings{.acknowledge_data = false};
   const ComputerLink silent(settings);
   EXPECT_TRUE(good(kAnswer, kWords, silent).closing.empty());
   EXPECT_EQ(silent.line_length(kWords).closing_chars, 0U);
@@ -480,9 +457,7 @@ TEST(ComputerLink, BitsComeLowestFirst) {
 }
 
 TEST(ComputerLink, Format4IsCompleteWithCrLfAndNotBefore) {
-  Settings settings;
-  settings.ends_with_cr_lf = true;
-  const ComputerLink codec(settings);
+  const ComputerLink codec({.ends_with_cr_lf = true});
   EXPECT_TRUE(needs_more(kAnswer, kWords, codec));
   EXPECT_TRUE(needs_more(kAnswer + "\r", kWords, codec));
   EXPECT_EQ(good(kAnswer + "\r\n", kWords, codec).consumed, kAnswer.size() + 2);
@@ -530,10 +505,7 @@ TEST(ComputerLink, TheModelIsToldByItsCode) {
 }
 
 TEST(ComputerLink, AFoundModelKeepsTheOtherSettings) {
-  Settings settings;
-  settings.station = 7;
-  settings.wait_tens = 15;
-  const auto found = ComputerLink(settings).with_model("FX1N");
+  const auto found = ComputerLink({.station = 7, .wait_tens = 15}).with_model("FX1N");
   ASSERT_NE(found, nullptr);
   EXPECT_EQ(model_of(*found), "FX1N");
   EXPECT_EQ(text_of(*found->encode(*found->resync(), 0)), "\x04");

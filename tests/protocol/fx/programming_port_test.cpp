@@ -53,27 +53,15 @@ TEST(ProgrammingPort, ExtensionRegistersAreRefusedWithTheProtocolThatReachesThem
 }
 
 TEST(ProgrammingPort, SpeaksEveryFrameOfTheTranscripts) {
-  int spoken = 0;
-  for (const test::Exchange& e : test::read_frames("fx_programming_port.txt")) {
-    const auto request = request_of(e);
-    if (!request) continue;
-    SCOPED_TRACE(e.where());
-    expect_spoken(port_of(e), *request, e);
-    ++spoken;
-  }
-  EXPECT_EQ(spoken, 184);
+  const auto all = spoken_in("fx_programming_port.txt", request_of);
+  for (const auto& [e, request] : all) expect_spoken(port_of(e), request, e);
+  EXPECT_EQ(all.size(), 184U);
 }
 
 TEST(ProgrammingPort, UnderstandsEveryAnswerOfTheTranscripts) {
-  int understood = 0;
-  for (const test::Exchange& e : test::read_frames("fx_programming_port.txt")) {
-    const auto request = request_of(e);
-    if (!request || e.reply.empty()) continue;
-    SCOPED_TRACE(e.where());
-    expect_understood(port_of(e), *request, e, false);
-    ++understood;
-  }
-  EXPECT_GT(understood, 100);
+  const auto all = answered_in("fx_programming_port.txt", request_of);
+  for (const auto& [e, request] : all) expect_understood(port_of(e), request, e, false);
+  EXPECT_GT(all.size(), 100U);
 }
 
 TEST(ProgrammingPort, TheWordThatWasPrintedAs3584Is33845) {
@@ -82,9 +70,8 @@ TEST(ProgrammingPort, TheWordThatWasPrintedAs3584Is33845) {
   EXPECT_EQ(error_of(port().decode(read, 0, hex("02 33 35 38 34 03 44 36"))).text,
             "sum D6 given, D7 computed");
   const auto right = port().decode(read, 0, hex("02 33 35 38 34 03 44 37"));
-  Point point;
-  point.address = *parse_address(Model::fx3u, "D123", std::nullopt);
-  point.type = DataType::uint16;
+  const Point point{.address = *parse_address(Model::fx3u, "D123", std::nullopt),
+                    .type = DataType::uint16};
   EXPECT_EQ(unpack(point, (*right)->image, read.span.first_bit), Value(std::int64_t{33845}));
 }
 

@@ -14,11 +14,7 @@ using namespace test;
 using Settings = OneE::Settings;
 
 OneE plc(Model model = Model::fx3u, Code code = Code::binary) {
-  Settings settings;
-  settings.model = model;
-  settings.code = code;
-  settings.monitoring_timer = 10;
-  return OneE(settings);
+  return OneE({.model = model, .code = code, .monitoring_timer = 10});
 }
 
 const OneE kBinary = plc();
@@ -40,8 +36,7 @@ std::string sent(const OneE& codec, const Request& request) {
 // ---- transcripts ------------------------------------------------------------------------------
 
 OneE codec_of(const test::Exchange& e) {
-  Settings settings;
-  settings.model = *model_named(e.model);
+  Settings settings{.model = *model_named(e.model)};
   std::istringstream words(e.command_set);
   std::string word;
   std::getline(words, word, '.');
@@ -69,27 +64,16 @@ std::optional<Request> request_of(const test::Exchange& e) {
 }
 
 TEST(OneE, SpeaksEveryFrameOfTheTranscripts) {
-  int spoken = 0;
-  for (const test::Exchange& e : test::read_frames("mc_1e.txt")) {
-    const auto request = request_of(e);
-    if (!request) continue;
-    SCOPED_TRACE(e.where());
-    expect_spoken(codec_of(e), *request, e);
-    ++spoken;
-  }
-  EXPECT_EQ(spoken, 24);
+  const auto all = spoken_in("mc_1e.txt", request_of);
+  for (const auto& [e, request] : all) expect_spoken(codec_of(e), request, e);
+  EXPECT_EQ(all.size(), 24U);
 }
 
 TEST(OneE, UnderstandsEveryAnswerOfTheTranscripts) {
-  int understood = 0;
-  for (const test::Exchange& e : test::read_frames("mc_1e.txt")) {
-    const auto request = request_of(e);
-    if (!request || e.reply.empty()) continue;
-    SCOPED_TRACE(e.where());
-    expect_understood(codec_of(e), *request, e, e.operation == "nak");
-    ++understood;
-  }
-  EXPECT_EQ(understood, 22);
+  const auto all = answered_in("mc_1e.txt", request_of);
+  for (const auto& [e, request] : all)
+    expect_understood(codec_of(e), request, e, e.operation == "nak");
+  EXPECT_EQ(all.size(), 22U);
 }
 
 // ---- names and limits ---------------------------------------------------------------------------

@@ -2,12 +2,11 @@
 
 #include <gtest/gtest.h>
 
-#include <random>
-
 #include "protocol/catalog.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "tests/protocol/answers.h"
+#include "tests/support/pick.h"
 
 namespace fxagent::modbus {
 namespace {
@@ -22,10 +21,7 @@ constexpr std::uint16_t kInputRegister = id(Space::input_register);
 constexpr std::uint16_t kHolding = id(Space::holding_register);
 
 Modbus unit(std::uint8_t number = 1, Framing framing = Framing::rtu) {
-  Settings settings;
-  settings.framing = framing;
-  settings.unit = number;
-  return Modbus(settings);
+  return Modbus({.framing = framing, .unit = number});
 }
 
 Explanation explained(Framing framing, ByteView frame, std::optional<Direction> direction) {
@@ -78,28 +74,21 @@ std::optional<Request> request_of(const test::Exchange& e) {
 }
 
 TEST(Modbus, SpeaksEveryFrameOfTheTranscripts) {
-  int spoken = 0;
-  for (const test::Exchange& e : test::read_frames("modbus.txt")) {
-    const auto request = request_of(e);
-    if (!request) continue;
-    SCOPED_TRACE(e.where());
+  const auto all = spoken_in("modbus.txt", request_of);
+  for (const auto& [e, request] : all) {
     const Modbus codec = codec_of(e);
-    expect_spoken(codec, *request, e, transaction_of(e));
-    EXPECT_EQ(codec.expects_reply(*request), !e.reply.empty());
-    ++spoken;
+    expect_spoken(codec, request, e, transaction_of(e));
+    EXPECT_EQ(codec.expects_reply(request), !e.reply.empty()) << e.where();
   }
-  EXPECT_EQ(spoken, 83);
+  EXPECT_EQ(all.size(), 83U);
 }
 
 TEST(Modbus, UnderstandsEveryAnswerOfTheTranscripts) {
-  int understood = 0;
-  for (const test::Exchange& e : test::read_frames("modbus.txt")) {
-    const auto request = request_of(e);
-    if (!request || e.reply.empty()) continue;
+  const auto all = answered_in("modbus.txt", request_of);
+  for (const auto& [e, request] : all) {
     SCOPED_TRACE(e.where());
-    ++understood;
     const Reply reply =
-        expect_understood(codec_of(e), *request, e, is_refused(e), transaction_of(e));
+        expect_understood(codec_of(e), request, e, is_refused(e), transaction_of(e));
     if (is_refused(e)) {
       EXPECT_FALSE(reply.text.empty());
     }
@@ -107,7 +96,7 @@ TEST(Modbus, UnderstandsEveryAnswerOfTheTranscripts) {
       EXPECT_EQ(reply.device_code, e.image[0]);
     }
   }
-  EXPECT_EQ(understood, 82);
+  EXPECT_EQ(all.size(), 82U);
 }
 
 TEST(Modbus, ExplainsEveryFrameOfTheTranscripts) {
@@ -172,9 +161,7 @@ TEST(Modbus, NamesAreTablesAndNumbersOrDigitsAlone) {
 }
 
 TEST(Modbus, TheBaseIsThatOfTheFirstNumberAndOfNamesWithATableOnly) {
-  Settings settings;
-  settings.address_base = 1;
-  const Modbus codec(settings);
+  const Modbus codec({.address_base = 1});
   EXPECT_EQ(address("hr:1", codec).span.first_bit, 0U);
   EXPECT_EQ(address("hr:65536", codec).text, "hr:65536");
   EXPECT_EQ(address("40001", codec).text, "hr:1");
@@ -242,10 +229,7 @@ TEST(Modbus, LimitsAreThoseOfTheSpecificationAndOfTheConfig) {
   EXPECT_EQ(codec.max_write_bits(kCoil), 1968U);
   EXPECT_EQ(codec.max_write_bits(kInput), 0U);
   EXPECT_TRUE(codec.read_ways(4).empty());
-  Settings settings;
-  settings.max_read = 50;
-  settings.max_gap = 0;
-  const Modbus narrow(settings);
+  const Modbus narrow({.max_read = 50, .max_gap = 0});
   EXPECT_EQ(narrow.read_ways(kInputRegister)[0].max_bits, 800U);
   EXPECT_EQ(narrow.read_ways(kInputRegister)[0].max_gap_bits, 0U);
   EXPECT_FALSE(narrow.encode(Read{{kHolding, 0, 51 * 16}}, 0));
@@ -281,9 +265,7 @@ TEST(Modbus, ABitOfARegisterGoesByTheMaskWrite) {
 TEST(Modbus, WhereTheMaskWriteIsMissingTheRegisterIsReadFirstIfThatIsAllowed) {
   const Force force{kHolding, 4 * 16 + 11, true};
   EXPECT_EQ(unit().instead_of(force, 1), std::nullopt);
-  Settings settings;
-  settings.allow_read_modify_write = true;
-  const Modbus codec(settings);
+  const Modbus codec({.allow_read_modify_write = true});
   EXPECT_EQ(codec.read_before(force), std::nullopt);
   const auto other = codec.instead_of(force, 1).value();
   EXPECT_EQ(codec.instead_of(other, 1), std::nullopt);
@@ -594,13 +576,10 @@ TEST(Modbus, IsMadeFromItsOptions) {
 }
 
 TEST(Modbus, APlanKeepsToTheGap) {
-  Settings settings;
-  settings.max_gap = 2;
-  const Modbus codec(settings);
+  const Modbus codec({.max_gap = 2});
   std::vector<Point> points;
   for (const char* text : {"hr:0", "hr:3", "hr:7", "co:0", "co:20"}) {
-    Point point;
-    point.address = address(text, codec);
+    Point point{.address = address(text, codec)};
     point.type = default_type(point.address);
     points.push_back(point);
   }
@@ -612,22 +591,16 @@ TEST(Modbus, APlanKeepsToTheGap) {
 }
 
 TEST(Modbus, EveryPlanIsSendableBringsEveryPointAndKeepsToGapAndLength) {
-  std::mt19937 random(20261121);
-  const auto pick = [&](std::uint32_t least, std::uint32_t most) {
-    return std::uniform_int_distribution<std::uint32_t>(least, most)(random);
-  };
+  Pick pick(20261121);
   for (int round = 0; round < 60; ++round) {
-    Settings settings;
-    settings.max_read = pick(2, 125);
-    settings.max_gap = pick(0, 20);
+    const Settings settings{.max_read = pick(2, 125), .max_gap = pick(0, 20)};
     const Modbus codec(settings);
     std::vector<Point> points;
     for (int i = 0; i < 40; ++i) {
       const auto space = static_cast<Space>(pick(0, 3));
       // Half of them are at the end of the table, where there is no room to round up.
       const std::uint32_t number = pick(0, 1) == 0 ? pick(0, 600) : pick(65000, 65534);
-      Point point;
-      point.address = address(name_of(space, number, 0), codec);
+      Point point{.address = address(name_of(space, number, 0), codec)};
       point.type = default_type(point.address);
       if (width_of(space) == 16 && pick(0, 2) == 0) point.type = DataType::float32;
       points.push_back(point);
