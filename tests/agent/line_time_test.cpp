@@ -26,8 +26,7 @@ DeviceConfig device_of(const std::string& protocol) {
 }
 
 Point point_of(const DeviceConfig& device, const std::string& address) {
-  Point point;
-  point.address = *device.codec->addresses().parse_address(address, std::nullopt);
+  Point point{.address = *device.codec->addresses().parse_address(address, std::nullopt)};
   point.type = default_type(point.address);
   point.order = device.codec->addresses().default_order();
   return point;

@@ -129,9 +129,7 @@ class GatheringCodec : public Codec, public AddressSpace {
 
 /// A way that reads words at even places, at most `most` of them.
 inline ReadWay word_way(std::uint8_t way, std::uint32_t most, std::uint8_t gather = 0) {
-  ReadWay out;
-  out.way = way;
-  out.end_bit = 64'000;
+  ReadWay out{.way = way, .end_bit = 64'000};
   out.align_bits = out.unit_bits = 16;
   out.max_bits = most * 16;
   out.gather = gather;

@@ -14,10 +14,8 @@ using test::OtherProgram;
 Config config_with(const std::string& path) {
   Config config;
   config.links.resize(2);
-  SerialSettings serial;
-  serial.path = path;
   config.links[0].channel = TcpSettings{};
-  config.links[1].channel = serial;
+  config.links[1].channel = SerialSettings{.path = path};
   return config;
 }
 

@@ -18,9 +18,7 @@
 namespace fxagent::test {
 
 inline std::shared_ptr<const Codec> port_codec(fx::Model model = fx::Model::fx3u) {
-  fx::ProgrammingPort::Settings settings;
-  settings.model = model;
-  return std::make_shared<const fx::ProgrammingPort>(settings);
+  return std::make_shared<const fx::ProgrammingPort>(fx::ProgrammingPort::Settings{.model = model});
 }
 
 inline TagConfig tag(const Codec& codec, std::string name, std::string_view address,
@@ -56,10 +54,7 @@ inline TagConfig scaled(TagConfig tag, double scale, double offset = 0.0) {
 }
 
 inline GroupConfig group(std::string name, std::chrono::milliseconds interval) {
-  GroupConfig out;
-  out.name = std::move(name);
-  out.interval = interval;
-  return out;
+  return {.name = std::move(name), .interval = interval};
 }
 
 /// A device without tags, with one group that is polled as fast as the line allows.

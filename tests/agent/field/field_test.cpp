@@ -19,9 +19,8 @@ using Clock = std::chrono::steady_clock;
 Config plant() {
   Config config;
   for (const char* name : {"line1", "line2"}) {
-    SerialSettings settings;
-    settings.path = "/dev/ttyNone0";
-    config.links.push_back({name, settings, std::chrono::nanoseconds(0)});
+    config.links.push_back(
+        {name, SerialSettings{.path = "/dev/ttyNone0"}, std::chrono::nanoseconds(0)});
     DeviceConfig device = port_device(name);
     device.link = static_cast<std::uint32_t>(config.links.size() - 1);
     device.tags.push_back(writable(tag(*device.codec, "setpoint", "D200")));

@@ -11,8 +11,7 @@ using namespace std::chrono_literals;
 namespace messages = pair_messages;
 
 TEST(PairMessages, AnnouncementKeepsWhatTheOtherGatewayMustAnswer) {
-  messages::Announcement sent;
-  sent.boot = "9f3c21aa";
+  messages::Announcement sent{.boot = "9f3c21aa"};
   sent.entry.device = "press1";
   sent.entry.id = "order \"7\"";
   sent.entry.op = "write";

@@ -16,8 +16,8 @@ RecordedDevice device(const std::string& name, const std::string& protocol) {
 }
 
 RecordedFrames some_frames() {
-  RecordedFrames frames;
-  frames.devices = {device("press1", "fx-programming-port"), device("meter1", "modbus-tcp")};
+  RecordedFrames frames{
+      .devices = {device("press1", "fx-programming-port"), device("meter1", "modbus-tcp")}};
   const std::int64_t at = 1'795'716'000'123'456;
   frames.frames = {
       {Way::out, at, {}, 0, {0x05}, ""},

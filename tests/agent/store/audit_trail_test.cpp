@@ -119,11 +119,7 @@ struct TrailBench {
   StoreDisk disk{config, kNow};
   AuditTrail trail{config, disk};
 
-  static StoreConfig in(const std::string& directory) {
-    StoreConfig made;
-    made.path = directory;
-    return made;
-  }
+  static StoreConfig in(const std::string& directory) { return {.path = directory}; }
   TrailBench() {
     disk.set_parts({&trail});
     disk.open();

@@ -16,9 +16,8 @@ namespace fxagent::test {
 enum PressTag : std::uint32_t { temp, running, pressure, setpoint, level, label };
 
 inline std::shared_ptr<const Codec> codec() {
-  fx::ProgrammingPort::Settings settings;
-  settings.model = fx::Model::fx3u;
-  static const auto made = std::make_shared<const fx::ProgrammingPort>(settings);
+  static const auto made = std::make_shared<const fx::ProgrammingPort>(
+      fx::ProgrammingPort::Settings{.model = fx::Model::fx3u});
   return made;
 }
 
@@ -65,10 +64,7 @@ inline Config plant() {
   config.root = "fx/plant-a";
   config.mqtt.servers = {"mqtt://one:1883", "mqtt://two:1883"};
   config.mqtt.client_id = "fx-edge7";
-  LinkConfig line;
-  line.name = "line1";
-  line.channel = SerialSettings{};
-  config.links = {line};
+  config.links = {{.name = "line1", .channel = SerialSettings{}}};
   config.devices = {press("press1"), press("press2")};
   return config;
 }

@@ -46,10 +46,7 @@ int run() {
   bool came = await<Connected>(broker, 1);
   constexpr int kPublications = 50;
   for (int id = 1; id <= kPublications; ++id) {
-    Publication publication;
-    publication.id = static_cast<std::uint64_t>(id);
-    publication.topic = "a";
-    broker.publish(publication);
+    broker.publish({.id = static_cast<std::uint64_t>(id), .topic = "a"});
   }
   came = came && await<Delivered>(broker, kPublications);
   if (!came) std::fprintf(stderr, "the broker did not answer\n");

@@ -15,9 +15,9 @@ const std::string kReported = kBase + "/config/reported";
 class PublisherConfig : public ::testing::Test, public test::PublisherBench {
  protected:
   void listen() {
-    OwnTopics::ConfigListener listener;
-    listener.desired = [this](std::string payload) { heard.push_back(std::move(payload)); };
-    listener.connection = [this](bool is_up, SteadyTime) { connections.push_back(is_up); };
+    OwnTopics::ConfigListener listener{
+        .desired = [this](std::string payload) { heard.push_back(std::move(payload)); },
+        .connection = [this](bool is_up, SteadyTime) { connections.push_back(is_up); }};
     made().own_topics().set_config_listener(std::move(listener));
   }
   void desire(const std::string& payload) {

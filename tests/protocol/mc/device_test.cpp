@@ -120,8 +120,7 @@ TEST(McDevice, TimersAndCountersAreTheContactAsBoolAndTheValueOtherwise) {
 
 TEST(McDevice, LongCountersAndTimersCountFrom0WhereNoTypeIsNamed) {
   const auto types = [](Model model, std::string_view text) {
-    Point point;
-    point.address = address(model, text);
+    Point point{.address = address(model, text)};
     std::string words(to_string(default_type(point.address)));
     for (const DataType type : {DataType::int32, DataType::uint32, DataType::float32}) {
       point.type = type;
@@ -137,9 +136,7 @@ TEST(McDevice, LongCountersAndTimersCountFrom0WhereNoTypeIsNamed) {
 }
 
 TEST(McDevice, ARefusedTypeOfALongCounterNamesThoseThatItHas) {
-  Point point;
-  point.address = address(Model::fx5u, "LCN5");
-  point.type = DataType::float32;
+  Point point{.address = address(Model::fx5u, "LCN5"), .type = DataType::float32};
   EXPECT_EQ(span_of(point).error().text,
             "LCN5 cannot be read as float32; its type must be uint32 or int32");
   point.address = address(Model::fx5u, "LZ0");

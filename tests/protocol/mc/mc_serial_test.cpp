@@ -184,8 +184,7 @@ TEST(McSerial, TheLineLengthIsWhatGoesOverTheLineInEveryFormat) {
       hex("10 02 10 10 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 10 10 10 10 10 10 10 10 03 34 37");
   EXPECT_EQ(five.reply_chars + five.more_reply_chars, doubled.size());
   EXPECT_EQ(answer(codec(5), kTwoWords, doubled).image, hex("10 10 10 10"));
-  LineTiming timing;
-  timing.char_time = std::chrono::milliseconds(1);
+  const LineTiming timing{.char_time = std::chrono::milliseconds(1)};
   EXPECT_EQ(exchange_time(codec(5), kTwoWords, timing),
             std::chrono::milliseconds(five.request_chars + doubled.size()));
   const LineCost cost{std::chrono::milliseconds(1), {}};

@@ -15,19 +15,16 @@ namespace {
 using test::hex;
 
 Point word_point(DataType type, std::uint16_t count = 1) {
-  Point point;
-  point.address = {"D0", {1, 0, 16}, Unit::word, true};
-  point.type = type;
-  point.count = count;
-  point.is_array = count > 1;
-  return point;
+  return {.address = {"D0", {1, 0, 16}, Unit::word, true},
+          .type = type,
+          .count = count,
+          .is_array = count > 1};
 }
 
 Point group_point(std::uint32_t digits, DataType type) {
-  Point point;
-  point.address = {"K" + std::to_string(digits) + "M0", {2, 0, digits * 4}, Unit::bit_group, true};
-  point.type = type;
-  return point;
+  return {
+      .address = {"K" + std::to_string(digits) + "M0", {2, 0, digits * 4}, Unit::bit_group, true},
+      .type = type};
 }
 
 Point scaled_point(DataType type, double scale, double offset) {
@@ -102,10 +99,7 @@ TEST(Point, TakesOnlyTheTypesOfItsUnit) {
   const auto fitting = [&](Unit unit, std::uint32_t bits) {
     std::string words;
     for (const DataType type : all) {
-      Point point;
-      point.address = {"A", {0, 0, bits}, unit, true};
-      point.type = type;
-      point.length = 4;
+      const Point point{.address = {"A", {0, 0, bits}, unit, true}, .type = type, .length = 4};
       if (span_of(point)) words += std::string(to_string(type)) + " ";
     }
     return words;
@@ -317,9 +311,7 @@ TEST(Unpack, GroupsAreUnsignedUntilTheyFillTheirType) {
 }
 
 TEST(Unpack, BitsAreTakenFromWhereTheyLie) {
-  Point point;
-  point.address = {"M101", {2, 101, 1}, Unit::bit, true};
-  point.type = DataType::boolean;
+  Point point{.address = {"M101", {2, 101, 1}, Unit::bit, true}, .type = DataType::boolean};
   EXPECT_EQ(*unpack(point, hex("20"), 96), flag(true));
   EXPECT_EQ(*unpack(point, hex("DF"), 96), flag(false));
   point.count = 5;
@@ -538,9 +530,7 @@ TEST(Pack, AWrongKindAnywhereComesBeforeARangeAnywhere) {
 }
 
 TEST(Pack, ABoolIsAlsoZeroOrOne) {
-  Point point;
-  point.address = {"M0", {2, 0, 1}, Unit::bit, true};
-  point.type = DataType::boolean;
+  const Point point{.address = {"M0", {2, 0, 1}, Unit::bit, true}, .type = DataType::boolean};
   for (const Value& on : {flag(true), whole(1), real(1.0)}) EXPECT_EQ(written(point, on), "01");
   for (const Value& off : {flag(false), whole(0), real(0.0)}) EXPECT_EQ(written(point, off), "00");
   for (const Value& wrong : {whole(2), whole(-1), real(0.5), text("true")})

@@ -11,13 +11,11 @@ namespace {
 using test::hex;
 
 Point float_point(DataType type, ByteOrder order, std::uint16_t count = 1) {
-  Point point;
-  point.address = {"hr:0", {1, 0, 16}, Unit::word, true};
-  point.type = type;
-  point.order = order;
-  point.count = count;
-  point.is_array = count > 1;
-  return point;
+  return {.address = {"hr:0", {1, 0, 16}, Unit::word, true},
+          .type = type,
+          .order = order,
+          .count = count,
+          .is_array = count > 1};
 }
 
 /// `image` has the words in their order, each low byte first.

@@ -14,11 +14,10 @@ namespace {
 constexpr std::int64_t kNow = 1790000000000;
 
 Receipt receipt(std::uint64_t number) {
-  Receipt made;
-  made.number = number;
-  made.device = "press1";
-  made.topic = "fx/plant-a/edge7/press1/command";
-  made.payload = R"({"id":"b7e1"})";
+  Receipt made{.number = number,
+               .device = "press1",
+               .topic = "fx/plant-a/edge7/press1/command",
+               .payload = R"({"id":"b7e1"})"};
   made.payload_bytes = made.payload.size();
   made.by = "anna";
   made.received_ms = kNow + static_cast<std::int64_t>(number);
@@ -266,13 +265,12 @@ TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
 TEST(AuditReport, RemoteConfigHasALine) {
   Report report;
   Head head;
-  ConfigReceipt receipt;
-  receipt.version = "v7\x1b";
-  receipt.by = "ann";
-  receipt.state = "rejected";
-  receipt.desired_hash = "2dabccfd753b3d60";
-  receipt.hash = "0f3a";
-  receipt.errors = {"/links: differs", "two", "three"};
+  ConfigReceipt receipt{.version = "v7\x1b",
+                        .by = "ann",
+                        .state = "rejected",
+                        .desired_hash = "2dabccfd753b3d60",
+                        .hash = "0f3a",
+                        .errors = {"/links: differs", "two", "three"}};
   report.add(seal(head, config(receipt, "fx/edge7/config/desired", kNow)));
   report.add(seal(head, config({"", "", "applied", "", "0f3b", {}}, "t", kNow + 1)));
   const auto lines = report.take();

@@ -39,12 +39,7 @@ ReadReport mode() {
 }
 
 ReadReport refused() {
-  ReadReport report;
-  report.name = "level";
-  report.address = "hr:900";
-  report.reason = "nak";
-  report.detail = "illegal data address";
-  return report;
+  return {.name = "level", .address = "hr:900", .reason = "nak", .detail = "illegal data address"};
 }
 
 TEST(ReadReport, AValueHasItsUnitAndLabel) {

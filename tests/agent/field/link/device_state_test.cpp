@@ -105,9 +105,7 @@ TEST(DeviceState, ReasonsHaveTheirOrder) {
   DeviceState state(0, *port_codec(fx::Model::unknown), 1000);
   state.answered();
   state.set_model(std::nullopt);
-  DeviceState::Facts facts;
-  facts.silent = true;
-  facts.first_bad = BadReason::nak;
+  DeviceState::Facts facts{.silent = true, .first_bad = BadReason::nak};
   EXPECT_EQ(state.update(facts, 1100)->status.reason, "link_down");
   facts.bus_open = true;
   EXPECT_EQ(state.update(facts, 1100)->status.reason, "timeout");

@@ -65,9 +65,7 @@ class Pty final {
 class SerialTransportTest : public ::testing::Test {
  protected:
   std::unique_ptr<Transport> port(const std::string& path) {
-    SerialSettings settings;
-    settings.path = path;
-    return make_serial_transport(io.get_executor(), settings);
+    return make_serial_transport(io.get_executor(), {.path = path});
   }
   Result<void> open(Transport& transport) {
     return run_on(io, transport.open(Clock::now() + milliseconds(1000)));
@@ -117,10 +115,8 @@ TEST_F(SerialTransportTest, PathThatIsNoPortIsLinkDown) {
 
 TEST_F(SerialTransportTest, PortThatCannotSwitchTheDirectionIsLinkDownAndNamed) {
   const Pty pty;
-  SerialSettings settings;
-  settings.path = pty.path();
-  settings.rs485 = Rs485{};
-  const auto transport = make_serial_transport(io.get_executor(), settings);
+  const auto transport =
+      make_serial_transport(io.get_executor(), {.path = pty.path(), .rs485 = Rs485{}});
   const auto error = error_of(open(*transport));
   EXPECT_EQ(error.code, ErrorCode::link_down);
   EXPECT_TRUE(error.text.starts_with(pty.path() + " cannot switch")) << error.text;
