@@ -37,8 +37,7 @@ DeviceConfig press() {
 }
 
 /// Admission, its device, and a manually advanced clock.
-class CommandAdmissionTest : public ::testing::Test {
- protected:
+struct CommandAdmissionTest : ::testing::Test {
   /// A valid command.
   Command write(std::string id, double value = 50) {
     Command command;
@@ -114,8 +113,7 @@ class CommandAdmissionTest : public ::testing::Test {
 // ---- the table of checks -----------------------------------------------------------------------
 
 /// Each check of the contract, in its order, with a change that fails this check and no other.
-class CommandAdmissionFaults : public CommandAdmissionTest {
- protected:
+struct CommandAdmissionFaults : CommandAdmissionTest {
   using Spoil = std::function<void(Command&)>;
   struct Case {
     Reason reason;

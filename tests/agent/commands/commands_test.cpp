@@ -65,8 +65,7 @@ class FakeJournal final : public CommandJournal {
   Starts started;
 };
 
-class CommandsTest : public ::testing::Test {
- protected:
+struct CommandsTest : ::testing::Test {
   /// Delivers a message for press1 and handles its immediate effects.
   void receive(const std::string& payload, std::uint32_t device = 0) {
     MessageProperties properties;
@@ -447,8 +446,7 @@ TEST_F(CommandsTest, ResultThatAnEarlierRunGaveIsNoLastOne) {
 
 // ---- a changed config ---------------------------------------------------------------------------
 
-class CommandsChangeTest : public CommandsTest {
- protected:
+struct CommandsChangeTest : CommandsTest {
   /// Begins a change as the publisher does; the config is switched later.
   void begin_change(Config wanted) {
     change = change_between(config, std::move(wanted));

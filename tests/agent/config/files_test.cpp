@@ -23,8 +23,7 @@ using namespace test;
 namespace fs = std::filesystem;
 
 /// Each test has its own directory, deleted afterwards.
-class ConfigFiles : public testing::Test {
- protected:
+struct ConfigFiles : testing::Test {
   std::string write(const std::string& name, std::string_view text) const {
     return scratch_.write(name, text);
   }

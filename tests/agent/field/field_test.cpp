@@ -89,8 +89,7 @@ TEST(Field, FieldThatNeverStartedMayGo) {
 
 /// A field and the uplink's side of a change. Its ports do not exist, so every poll gives a bad
 /// sample.
-class FieldChangeTest : public ::testing::Test {
- protected:
+struct FieldChangeTest : ::testing::Test {
   FieldChangeTest() {
     now = plant();
     for (DeviceConfig& device : now.devices) {

@@ -20,8 +20,7 @@ namespace fxagent::test {
 
 /// The polls of one link without its loop: a test runs every step. Nothing waits: if no poll is
 /// due, the test advances the scheduler's time.
-class PollerTest : public ::testing::Test {
- protected:
+struct PollerTest : ::testing::Test {
   /// Call after the devices are configured and the script is written. Opens the bus.
   void start() {
     script();

@@ -36,8 +36,7 @@ class Others final : public BusSharing {
 };
 
 /// One bus, one station, and the script of what they exchange.
-class ScriptedBusTest : public ::testing::Test {
- protected:
+struct ScriptedBusTest : ::testing::Test {
   ~ScriptedBusTest() override {
     if (wire == nullptr) return;
     EXPECT_EQ(wire->steps_left(), 0U) << "the script was not played out";

@@ -15,8 +15,7 @@ namespace {
 using namespace test;
 using namespace std::chrono_literals;
 
-class HttpServerTest : public testing::Test {
- protected:
+struct HttpServerTest : testing::Test {
   void SetUp() override {
     HttpConfig config;
     config.unix_path = scratch_.path("http");
@@ -222,8 +221,7 @@ TEST_F(HttpServerTest, OneBodyIsSharedByAllWhoAreSentIt) {
 
 // ---- POST ---------------------------------------------------------------------------------------
 
-class HttpPostTest : public testing::Test {
- protected:
+struct HttpPostTest : testing::Test {
   static constexpr std::size_t kMostBody = 100;
 
   void SetUp() override {

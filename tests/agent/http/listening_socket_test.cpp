@@ -20,8 +20,7 @@ HttpConfig tcp(const std::string& address, std::uint16_t port) {
   return config;
 }
 
-class UnixSocket : public testing::Test {
- protected:
+struct UnixSocket : testing::Test {
   void SetUp() override { config_.unix_path = scratch_.path("metrics"); }
 
   const test::Scratch scratch_;

@@ -30,8 +30,7 @@ LastValue number(std::int64_t value, std::int64_t ts_ms) {
   return last;
 }
 
-class PageApiTest : public testing::Test {
- protected:
+struct PageApiTest : testing::Test {
   PageApiTest() : status_(made_up_status()) {
     Config config = plant_with_store();
     for (DeviceConfig& device : config.devices)

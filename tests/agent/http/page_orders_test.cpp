@@ -14,8 +14,7 @@ using namespace test;
 constexpr std::string_view kCommand =
     R"({"device":"press1","id":"a","op":"read","tag":"temp","by":"eve"})";
 
-class PageOrdersTest : public testing::Test {
- protected:
+struct PageOrdersTest : testing::Test {
   PageOrdersTest() {
     std::ofstream file(scratch_.path("token"));
     file << "# people\n\nanna  0123456789abcdef\nsecret-without-name\r\n";

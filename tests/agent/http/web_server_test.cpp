@@ -19,8 +19,7 @@ using namespace std::chrono_literals;
 using nlohmann::json;
 using Clock = std::chrono::steady_clock;
 
-class WebServerTest : public testing::Test {
- protected:
+struct WebServerTest : testing::Test {
   void SetUp() override { config_.unix_path = scratch_.path("metrics"); }
 
   void publish(AgentStatus status) {

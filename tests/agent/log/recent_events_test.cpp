@@ -12,8 +12,7 @@ std::uint64_t newest() {
   return events.empty() ? 0 : events.back().number;
 }
 
-class RecentEvents : public testing::Test {
- protected:
+struct RecentEvents : testing::Test {
   void SetUp() override {
     log::keep_events();
     log::set_level(log::Level::error);  // events are kept whatever is written

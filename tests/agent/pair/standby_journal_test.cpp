@@ -27,8 +27,7 @@ JournalEntry command(const std::string& id, const char* op = "write") {
   return made;
 }
 
-class StandbyJournalTest : public ::testing::Test {
- protected:
+struct StandbyJournalTest : ::testing::Test {
   StandbyJournalTest() { config_.path = scratch_.path("store"); }
 
   void stand_by() { journal_ = std::make_unique<StandbyJournal>(config_); }

@@ -24,8 +24,7 @@ namespace fs = std::filesystem;
 using test::OtherProgram;
 
 /// A file in its own directory, as a port with a user's access rights and a holder.
-class PortAccess : public testing::Test {
- protected:
+struct PortAccess : testing::Test {
   PortAccess() { ::close(::open(port.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0660)); }
 
   const fs::path& directory() const { return scratch_.directory(); }

@@ -21,8 +21,7 @@ using Texts = std::vector<std::string>;
 constexpr ServiceReports::Time kStart{1h};
 
 /// An agent whose two threads respond while `field` and `uplink` are true.
-class ServiceReportsTest : public ::testing::Test {
- protected:
+struct ServiceReportsTest : ::testing::Test {
   ServiceReportsTest() {
     ::unsetenv("WATCHDOG_USEC");  // of the environment of the test run
     ::unsetenv("WATCHDOG_PID");

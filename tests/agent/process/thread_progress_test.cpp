@@ -61,8 +61,7 @@ class Worker {
   std::jthread thread_;
 };
 
-class ThreadProgressTest : public testing::Test {
- protected:
+struct ThreadProgressTest : testing::Test {
   /// Looks this many times, ten seconds apart.
   std::string after(int looks, bool excused = false) {
     for (int i = 0; i < looks; ++i) {

@@ -13,8 +13,7 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 
-class FlightRecorderTest : public testing::Test {
- protected:
+struct FlightRecorderTest : testing::Test {
   void begin(std::size_t most_files = 10) {
     FlightRecorder::Settings settings{.directory = directory,
                                       .ring_bytes = FrameRing::kLeastBytes,

@@ -15,8 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class RecordingFilesTest : public testing::Test {
- protected:
+struct RecordingFilesTest : testing::Test {
   const test::Scratch scratch;
   const std::string directory = scratch.path("recordings");
 

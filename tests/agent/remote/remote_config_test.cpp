@@ -14,18 +14,15 @@ using namespace test;
 using namespace std::chrono_literals;
 using Why = RemoteConfig::Next::Why;
 
-class RemoteConfigTest : public ::testing::Test {
- protected:
+struct RemoteConfigTest : ::testing::Test {
   Plant plant;
 };
 
-class RemoteConfigAfterV1 : public RemoteConfigTest {
- protected:
+struct RemoteConfigAfterV1 : RemoteConfigTest {
   RemoteConfigAfterV1() { plant.hear(plant.with_retries("v1", 7)); }
 };
 
-class RemoteConfigAfterGoodV1 : public RemoteConfigAfterV1 {
- protected:
+struct RemoteConfigAfterGoodV1 : RemoteConfigAfterV1 {
   RemoteConfigAfterGoodV1() { plant.pass(kTrial); }
 };
 

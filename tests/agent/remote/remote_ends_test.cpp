@@ -11,14 +11,12 @@ using namespace test;
 constexpr const char* kEndedTwice =
     "the process ended twice within an hour of its start while the config was in force";
 
-class RemoteEndsTest : public ::testing::Test {
- protected:
+struct RemoteEndsTest : ::testing::Test {
   Plant plant;
 };
 
 /// Two configs are good: v1 with 7 retries, then v2 with 8.
-class RemoteEndsAfterTwoGood : public RemoteEndsTest {
- protected:
+struct RemoteEndsAfterTwoGood : RemoteEndsTest {
   void SetUp() override {
     plant.hear(plant.with_retries("v1", 7));
     plant.pass(kTrial);

@@ -18,8 +18,7 @@ using test::kNow;
 using test::kStart;
 using test::rows;
 
-class GuardedStoreTest : public ::testing::Test {
- protected:
+struct GuardedStoreTest : ::testing::Test {
   GuardedStoreTest() { store.set_patience(1h); }
 
   Store& inside() { return *shelf.store; }

@@ -15,8 +15,7 @@ namespace {
 using namespace test;
 namespace fs = std::filesystem;
 
-class StoreDamage : public testing::Test {
- protected:
+struct StoreDamage : testing::Test {
   static std::vector<SampleRow> rows(std::uint64_t count) {
     std::vector<SampleRow> made(count);
     for (std::uint64_t i = 0; i < count; ++i) {

@@ -12,8 +12,7 @@ namespace {
 using namespace std::chrono_literals;
 using namespace test;
 
-class StorePower : public ::testing::Test {
- protected:
+struct StorePower : ::testing::Test {
   /// Cuts the power and opens what the disk has kept.
   Store& power_cut(std::int64_t utc_ms = kNow) {
     const std::string before = shelf.config.path;

@@ -14,8 +14,7 @@ using Json = nlohmann::json;
 const std::string kPress1 = "homeassistant/device/fx_plant-a_edge7_press1/config";
 const std::string kPress2 = "homeassistant/device/fx_plant-a_edge7_press2/config";
 
-class HomeAssistant : public testing::Test {
- protected:
+struct HomeAssistant : testing::Test {
   void begin(HearsCommands hears = HearsCommands::yes) {
     ProfileConfig settings;
     settings.kind = ProfileConfig::Kind::homeassistant;

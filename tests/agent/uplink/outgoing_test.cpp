@@ -11,8 +11,7 @@ using test::FakeBroker;
 
 Publication to(std::string topic, int qos = 1) { return {.topic = std::move(topic), .qos = qos}; }
 
-class OutgoingTest : public testing::Test, public Outgoing::Sender {
- protected:
+struct OutgoingTest : testing::Test, Outgoing::Sender {
   explicit OutgoingTest(std::string marker = {}) : outgoing_(broker_, std::move(marker)) {}
   void begin(std::uint32_t window = 20) {
     broker_.acknowledges = false;
@@ -104,8 +103,7 @@ TEST_F(OutgoingTest, WithoutMarkersQos0IsDeliveredWithItsHandOver) {
   EXPECT_EQ(delivered_, Ids{id});
 }
 
-class OutgoingWithMarker : public OutgoingTest {
- protected:
+struct OutgoingWithMarker : OutgoingTest {
   OutgoingWithMarker() : OutgoingTest("mark") {}
 };
 

@@ -13,8 +13,7 @@ using nlohmann::json;
 using test::kBase;
 using namespace std::chrono_literals;
 
-class PublisherChange : public ::testing::Test, public test::PublisherBench {
- protected:
+struct PublisherChange : ::testing::Test, test::PublisherBench {
   /// Applies a change as agent/reload.cpp does, with a field that ends at once. The field's last
   /// output is already in the outbox.
   std::vector<std::uint64_t> change_to(Config wanted) {
@@ -271,8 +270,7 @@ TEST_F(PublisherChange, StatusNamesTheConfigThatItsIndicesAreOf) {
   EXPECT_TRUE(health["devices"].contains("press2"));
 }
 
-class PublisherChangeWithStore : public PublisherChange {
- protected:
+struct PublisherChangeWithStore : PublisherChange {
   PublisherChangeWithStore() { config.store.path = directory.path("store"); }
   test::Scratch directory;
 };

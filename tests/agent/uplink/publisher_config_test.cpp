@@ -12,8 +12,7 @@ using namespace std::chrono_literals;
 const std::string kDesired = kBase + "/config/desired";
 const std::string kReported = kBase + "/config/reported";
 
-class PublisherConfig : public ::testing::Test, public test::PublisherBench {
- protected:
+struct PublisherConfig : ::testing::Test, test::PublisherBench {
   void listen() {
     OwnTopics::ConfigListener listener{
         .desired = [this](std::string payload) { heard.push_back(std::move(payload)); },

@@ -14,8 +14,7 @@ using test::seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
-class PublisherHang : public ::testing::Test {
- protected:
+struct PublisherHang : ::testing::Test {
   void freeze() {
     frost.emplace(disk);
     bench.guarded->set_patience(1ms);

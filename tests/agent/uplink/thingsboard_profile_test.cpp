@@ -42,8 +42,7 @@ struct Row {
   SampleRecord record;
 };
 
-class ThingsBoardProfileTest : public testing::Test {
- protected:
+struct ThingsBoardProfileTest : testing::Test {
   explicit ThingsBoardProfileTest(bool commands = true) : plant(test::plant()) {
     ProfileConfig what;
     what.kind = ProfileConfig::Kind::thingsboard;
@@ -97,8 +96,7 @@ class ThingsBoardProfileTest : public testing::Test {
   std::unique_ptr<ThingsBoardProfile> profile;
 };
 
-class WithoutCommands : public ThingsBoardProfileTest {
- protected:
+struct WithoutCommands : ThingsBoardProfileTest {
   WithoutCommands() : ThingsBoardProfileTest(false) {}
 };
 

@@ -168,8 +168,7 @@ bool is_cut(const Plan& plan) {
 bool is_part(const PlannedRead& planned) { return planned.read.gather != 0; }
 bool is_block(const PlannedRead& planned) { return planned.read.gather == 2; }
 
-class GatheringPlans : public ::testing::Test {
- protected:
+struct GatheringPlans : ::testing::Test {
   GatheringCodec any_codec() {
     GatheringCodec codec;
     for (std::uint16_t space = 0; space < 2; ++space) {

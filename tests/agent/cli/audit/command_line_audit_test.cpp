@@ -15,8 +15,7 @@ using nlohmann::json;
 
 constexpr std::int64_t kNow = 1790000000000;
 
-class CommandLineAuditTest : public ::testing::Test {
- protected:
+struct CommandLineAuditTest : ::testing::Test {
   CommandLineAuditTest() {
     config.path = scratch.path("store");
     command.id = "command-line";

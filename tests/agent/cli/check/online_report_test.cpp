@@ -31,8 +31,7 @@ constexpr const char* kConfig = R"({
      "groups": [{"name": "fast"}], "tags": [{"name": "power", "address": "ir:0", "group": "fast"}]}
   ]})";
 
-class OnlineReport : public testing::Test {
- protected:
+struct OnlineReport : testing::Test {
   OnlineReport() : config(*parse_config(kConfig)) {
     findings.path = "agent.json";
     for (const LinkConfig& link : config.links) findings.links.push_back({link.name, "place"});

@@ -11,8 +11,7 @@ using namespace std::chrono_literals;
 using Outcome = Push::Outcome;
 using Indexes = std::vector<std::size_t>;
 
-class RolloutTest : public ::testing::Test {
- protected:
+struct RolloutTest : ::testing::Test {
   /// Makes a rollout to a, b, c, d, which are online.
   Rollout rollout(RolloutRules rules) {
     std::vector<Push> pushes;

@@ -14,8 +14,7 @@ namespace fxagent::test {
 namespace {
 
 /// A command line with two subcommands and one option of each kind.
-class CommandPagesTest : public ::testing::Test {
- protected:
+struct CommandPagesTest : ::testing::Test {
   CommandPagesTest() {
     app.set_version_flag("--version", "9");
     CLI::App* read = app.add_subcommand("read-it", "Read a device");

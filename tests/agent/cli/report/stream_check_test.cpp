@@ -45,8 +45,7 @@ struct Bench {
   StreamCheck check;
 };
 
-class StreamCheckTest : public ::testing::Test {
- protected:
+struct StreamCheckTest : ::testing::Test {
   Bench bench;
 };
 

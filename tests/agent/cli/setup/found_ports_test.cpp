@@ -12,8 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class FoundPorts : public testing::Test {
- protected:
+struct FoundPorts : testing::Test {
   /// Adds a port to /dev and /sys; `kind` is Linux's name for a PC's built-in ports.
   void add(const std::string& name, const std::string& kind = {}, bool hardware = true) {
     fs::create_directories(root() / "sys/class/tty" / name);

@@ -13,8 +13,7 @@
 namespace fxagent {
 namespace {
 
-class PasswordFiles : public testing::Test {
- protected:
+struct PasswordFiles : testing::Test {
   std::string text() const { return test::content_of(path); }
 
  private:

@@ -6,8 +6,7 @@ namespace fxagent {
 namespace {
 
 /// A template on line 1, two entries on lines 2 and 3.
-class FindingsTest : public testing::Test {
- protected:
+struct FindingsTest : testing::Test {
   ConfigTree tree_ = *ConfigTree::parse(
       "{\"templates\": {\"m\": {\"unit\": 1}}, \"devices\": [\n{\"name\": \"a\"},\n{\"name\": "
       "\"b\"}]}");

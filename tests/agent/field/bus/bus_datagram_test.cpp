@@ -14,8 +14,7 @@ using std::chrono::milliseconds;
 using Outcome = Exchange::Outcome;
 using Port = ScriptedTransport::Port;
 
-class DatagramBus : public ScriptedBusTest {
- protected:
+struct DatagramBus : ScriptedBusTest {
   void use(std::string_view protocol, Port port) {
     make_bus({}, {}, port);
     station.codec = codec_of(protocol);
@@ -25,8 +24,7 @@ class DatagramBus : public ScriptedBusTest {
 };
 
 /// A protocol with numbered answers; every request reads hr:0 under its own number.
-class NumberedDatagrams : public DatagramBus {
- protected:
+struct NumberedDatagrams : DatagramBus {
   NumberedDatagrams() { use("modbus-tcp", Port::renewed); }
   static Bytes question(unsigned number) {
     return *from_hex("00 0" + std::to_string(number) + " 00 00 00 06 01 03 00 00 00 01");
@@ -124,8 +122,7 @@ TEST_F(NumberedDatagrams, NonsenseLeavesThePortOpenAndTheNextQuestionGoesAtOnce)
 }
 
 /// A protocol whose answers have no numbers.
-class DatagramsWithoutNumbers : public DatagramBus {
- protected:
+struct DatagramsWithoutNumbers : DatagramBus {
   const Bytes kRead = read_frame(kD100, 2);
 };
 

@@ -30,8 +30,7 @@ const Bytes kNextProbe = read_frame(kM8000, 2);
 const Bytes kNextProbeAnswer = data_frame({0x01, 0x00});
 
 /// One line with one PLC on the programming port.
-class BusTest : public ScriptedBusTest {
- protected:
+struct BusTest : ScriptedBusTest {
   BusTest() {
     make_bus();
     station.codec = codec;

@@ -187,8 +187,7 @@ class Agents final {
   int believed_ = 0;
 };
 
-class LateAnswersOn : public ::testing::TestWithParam<Line> {
- protected:
+struct LateAnswersOn : ::testing::TestWithParam<Line> {
   static constexpr int kQuestions = 60;
 
   int wrong_in(int seed, Limit limit) {

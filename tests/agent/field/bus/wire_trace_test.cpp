@@ -22,8 +22,7 @@ const std::string kAsked =
     kFrame + "out bytes=\"" + to_hex(kReadD100) + "\" says=\"read D100 × 1\"";
 
 /// A line whose log the test reads.
-class WireTraceTest : public ScriptedBusTest {
- protected:
+struct WireTraceTest : ScriptedBusTest {
   WireTraceTest() {
     make_bus();
     station.codec = port_codec();
@@ -138,8 +137,7 @@ TEST_F(WireTraceTest, WhatWaitsToBeExplainedKeepsItsCodecAndNothingLonger) {
   EXPECT_TRUE(kept.expired());
 }
 
-class RingTest : public WireTraceTest {
- protected:
+struct RingTest : WireTraceTest {
   using Frames = std::vector<std::pair<RecordedFrame::Way, Bytes>>;
 
   RingTest() {

@@ -21,8 +21,7 @@ const Bytes kWrite50 = write_frame(kD200, word(50));
 const Bytes kReadBack = read_frame(kD200, 2);
 
 /// One line with a PLC that needs no enquiry, and one word, D200.
-class CommandExchangesTest : public ScriptedBusTest {
- protected:
+struct CommandExchangesTest : ScriptedBusTest {
   CommandExchangesTest() {
     device.retries = 1;
     make_bus();
@@ -157,8 +156,7 @@ TEST_F(CommandExchangesTest, UnitBehindAGatewayThatDoesNotAnswerIsToldWithWhatTo
 }
 
 /// The same with a protocol that hints where to look for the cause.
-class HintingExchangesTest : public CommandExchangesTest {
- protected:
+struct HintingExchangesTest : CommandExchangesTest {
   HintingExchangesTest() {
     hinting.hints.silent = "is it switched on";
     hinting.hints.closed = "is another program using this connection?";

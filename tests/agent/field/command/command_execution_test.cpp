@@ -33,8 +33,7 @@ const Bytes kStop = force_frame(kForceM8037, true);
 const Bytes kRun = force_frame(kForceM8037, false);
 
 /// One open line with a PLC that has answered its enquiry; commands pass through real admission.
-class CommandExecutionTest : public ScriptedBusTest {
- protected:
+struct CommandExecutionTest : ScriptedBusTest {
   CommandExecutionTest() {
     const Codec& codec = *device.codec;
     device.tags.push_back(writable(tag(codec, "setpoint", "D200")));
@@ -280,8 +279,7 @@ class Marks final : public CommandStarts {
   const ScriptedTransport& wire_;
 };
 
-class CommandExecutionMarks : public CommandExecutionTest {
- protected:
+struct CommandExecutionMarks : CommandExecutionTest {
   CommandExecutionMarks() {
     before_sending = [this](AdmittedCommand& admitted) {
       admitted.command.number = 7;
@@ -438,8 +436,7 @@ Bytes words_up_from(unsigned first, unsigned count) {
   return out;
 }
 
-class RecipeTest : public CommandExecutionTest {
- protected:
+struct RecipeTest : CommandExecutionTest {
   /// D300 … D349 become 1 … 50, in two frames.
   Command recipe() {
     Scalars items;
@@ -555,8 +552,7 @@ TEST_F(CommandExecutionTest, ClosedLinkIsOpenedForTheCommand) {
   EXPECT_EQ(wire->opened(), 1U);
 }
 
-class CommandExecutionWithoutLink : public CommandExecutionTest {
- protected:
+struct CommandExecutionWithoutLink : CommandExecutionTest {
   CommandExecutionWithoutLink() {
     wire->discard_input();
     make_bus();
@@ -839,8 +835,7 @@ TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfACommand) {
 
 // ---- lists -------------------------------------------------------------------------------------
 
-class CommandExecutionOfAList : public CommandExecutionTest {
- protected:
+struct CommandExecutionOfAList : CommandExecutionTest {
   Command list() {
     Command out = write_50();
     out.is_list = true;

@@ -13,8 +13,7 @@ using std::chrono::nanoseconds;
 using std::chrono::seconds;
 
 /// A writable word and a writable array of 50.
-class CommandLineTime : public ::testing::Test {
- protected:
+struct CommandLineTime : ::testing::Test {
   CommandLineTime() {
     device.tags.push_back(writable(tag(*device.codec, "setpoint", "D200")));
     device.tags.push_back(writable(array_of(tag(*device.codec, "recipe", "D300"), 50)));

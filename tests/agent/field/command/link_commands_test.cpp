@@ -21,8 +21,7 @@ using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
 /// One link without its loop, at 1 ms per character: the test decides when the next command runs.
-class LinkCommandsTest : public ScriptedBusTest {
- protected:
+struct LinkCommandsTest : ScriptedBusTest {
   using Change = std::function<void(DeviceConfig&)>;
   explicit LinkCommandsTest(nanoseconds char_time = milliseconds(1), const Change& change = {}) {
     config.links.push_back({"line1", SerialSettings{}, char_time});
@@ -247,8 +246,7 @@ TEST_F(LinkCommandsTest, DeviceThatHasAcknowledgedIsNotSilentThoughItsReadBackIs
   }
 }
 
-class TwoGroups : public LinkCommandsTest {
- protected:
+struct TwoGroups : LinkCommandsTest {
   TwoGroups()
       : LinkCommandsTest(milliseconds(1), [](DeviceConfig& device) {
           device.groups = {group("a", milliseconds(0)), group("b", milliseconds(0))};
@@ -281,8 +279,7 @@ TEST_F(TwoGroups, NoCycleIsPublishedTwiceWhereAListOpensTheLineAgain) {
       }
 }
 
-class CycleOfTwoReads : public LinkCommandsTest {
- protected:
+struct CycleOfTwoReads : LinkCommandsTest {
   CycleOfTwoReads()
       : LinkCommandsTest(milliseconds(1), [](DeviceConfig& device) {
           device.groups[0].interval = milliseconds(0);
@@ -320,8 +317,7 @@ TEST_F(CycleOfTwoReads, FaultInACommandTakesTheOldValueWithIt) {
   EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
 }
 
-class CycleWithTheRunSwitch : public LinkCommandsTest {
- protected:
+struct CycleWithTheRunSwitch : LinkCommandsTest {
   CycleWithTheRunSwitch()
       : LinkCommandsTest(milliseconds(1), [](DeviceConfig& device) {
           device.groups[0].interval = milliseconds(0);
@@ -375,8 +371,7 @@ TEST_F(LinkCommandsTest, StopEndsAListAndNothingGoesBetween) {
   EXPECT_TRUE(plc.asked().empty());
 }
 
-class LineOfUnknownSpeed : public LinkCommandsTest {
- protected:
+struct LineOfUnknownSpeed : LinkCommandsTest {
   LineOfUnknownSpeed() : LinkCommandsTest(nanoseconds(0)) {}
 };
 

@@ -16,8 +16,7 @@ using Clock = std::chrono::steady_clock;
 Bytes hex(std::string_view text) { return *from_hex(text); }
 
 /// One open line with one device; commands pass through real admission.
-class CommandOnTheBusTest : public ScriptedBusTest {
- protected:
+struct CommandOnTheBusTest : ScriptedBusTest {
   void use(std::string_view protocol, std::shared_ptr<const Codec> codec) {
     device = device_on(protocol, std::move(codec));
     station.codec = device.codec;

@@ -12,8 +12,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-class LinkRecorderTest : public testing::Test {
- protected:
+struct LinkRecorderTest : testing::Test {
   LinkRecorderTest() {
     FlightRecorder::Settings settings{.directory = scratch.path("recordings"),
                                       .ring_bytes = FrameRing::kLeastBytes,

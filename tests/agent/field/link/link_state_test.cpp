@@ -19,8 +19,7 @@ using Clock = std::chrono::steady_clock;
 using State = DeviceStatus::State;
 
 /// One link with one device that is silent after three unanswered exchanges.
-class LinkStateTest : public ScriptedBusTest {
- protected:
+struct LinkStateTest : ScriptedBusTest {
   void use(decltype(LinkConfig::channel) channel) {
     config.links.push_back({"line1", std::move(channel), nanoseconds(0)});
     config.devices.push_back(port_device());

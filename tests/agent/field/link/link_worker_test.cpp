@@ -33,8 +33,7 @@ const Bytes kReadD100 = read_frame(kD100, 2);
 const Bytes kWrite50 = write_frame(kD200, word(50));
 
 /// One link with its worker, whose output is collected here. After the script, `plc` answers.
-class LinkWorkerTest : public ::testing::Test {
- protected:
+struct LinkWorkerTest : ::testing::Test {
   LinkWorkerTest() {
     config.links.push_back({"line1", SerialSettings{}, nanoseconds(0)});
     config.devices.push_back(press());
@@ -598,8 +597,7 @@ TEST_F(LinkWorkerTest, StoppingWhileItListensIsNoLoss) {
 // ---- a stream that needs a new connection after each silence -----------------------------------
 
 /// MC protocol in 3E frames over TCP, without numbers.
-class StreamWithoutNumbers : public LinkWorkerTest {
- protected:
+struct StreamWithoutNumbers : LinkWorkerTest {
   StreamWithoutNumbers() {
     config.links[0].channel = TcpSettings{"192.0.2.10", 5007};
     config.devices.clear();
@@ -684,8 +682,7 @@ TEST_F(StreamWithoutNumbers, NeighbourOfASilentDeviceStaysOnline) {
 
 // ---- models ------------------------------------------------------------------------------------
 
-class LinkWorkerModelTest : public LinkWorkerTest {
- protected:
+struct LinkWorkerModelTest : LinkWorkerTest {
   LinkWorkerModelTest() {
     config.devices[0] = press("press1", port_codec(fx::Model::unknown));
     config.devices[0].groups[0].interval = milliseconds(5);
@@ -808,8 +805,7 @@ TEST_F(LinkWorkerTest, PollThatWasUnderWayCarriesTheWrittenValue) {
 }
 
 /// Tags that show D200 in all shapes, and "clock", which a cycle reads after them.
-class LinkWorkerStaleTest : public LinkWorkerTest {
- protected:
+struct LinkWorkerStaleTest : LinkWorkerTest {
   LinkWorkerStaleTest() {
     DeviceConfig& device = config.devices[0];
     const Codec& codec = *device.codec;
@@ -1284,8 +1280,7 @@ TEST_F(LinkWorkerTest, GapBeforeARequestDoesNotHoldTheStop) {
 // ---- a changed config ---------------------------------------------------------------------------
 
 /// press1 and press2 on one link.
-class LinkWorkerChangeTest : public LinkWorkerTest {
- protected:
+struct LinkWorkerChangeTest : LinkWorkerTest {
   LinkWorkerChangeTest() {
     config.devices.push_back(port_device("press2"));
     config.devices[1].tags.push_back(writable(tag(*config.devices[1].codec, "setpoint", "D200")));

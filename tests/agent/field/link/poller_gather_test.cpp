@@ -85,8 +85,7 @@ class FakeGatherer final {
 };
 
 /// Two gather commands: 24 words or double words, and 12 blocks.
-class GatherPolls : public PollerTest {
- protected:
+struct GatherPolls : PollerTest {
   GatherPolls() {
     config.links.push_back({"line1", SerialSettings{}, nanoseconds(0)});
     add_device("plc");

@@ -25,8 +25,7 @@ const Bytes kReadD100 = read_frame(kD100, 2);
 // ---- a PLC on the programming port --------------------------------------------------------------
 
 /// D100 in a group without an interval.
-class PortPolls : public PollerTest {
- protected:
+struct PortPolls : PollerTest {
   explicit PortPolls(fx::Model model = fx::Model::fx3u) {
     config.links.push_back({"line1", SerialSettings{}, nanoseconds(0)});
     config.devices.push_back(port_device("press1", port_codec(model)));
@@ -238,8 +237,7 @@ TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
 
 // ---- a PLC without a configured model ----------------------------------------------------------
 
-class ModelPolls : public PortPolls {
- protected:
+struct ModelPolls : PortPolls {
   ModelPolls() : PortPolls(fx::Model::unknown) {
     add_tag("far", "D7000");
     plc.set(kD8001, word(24310));
@@ -364,8 +362,7 @@ class FakeModbus final {
 };
 
 /// One TCP connection with units behind it.
-class ModbusPolls : public PollerTest {
- protected:
+struct ModbusPolls : PollerTest {
   ModbusPolls() { config.links.push_back({"gw", TcpSettings{"127.0.0.1", 502}, nanoseconds(0)}); }
   DeviceConfig& add_unit(std::int64_t unit, milliseconds interval = milliseconds(0)) {
     config.devices.push_back(device_on("modbus-tcp", codec_of("modbus-tcp", {{"unit", unit}}),

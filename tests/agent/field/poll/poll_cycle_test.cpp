@@ -12,8 +12,7 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 /// D100, D200 and D300 in one group, each in a separate read.
-class PollCycleTest : public ::testing::Test {
- protected:
+struct PollCycleTest : ::testing::Test {
   PollCycleTest() : device(port_device()) {
     device.retries = 2;
     for (const char* address : {"D100", "D200", "D300"})

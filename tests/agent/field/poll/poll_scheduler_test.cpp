@@ -26,8 +26,7 @@ std::optional<PollScheduler::GroupId> poll(PollScheduler& scheduler, SteadyTime 
 }
 
 /// A scheduler with one device.
-class PollSchedulerTest : public ::testing::Test {
- protected:
+struct PollSchedulerTest : ::testing::Test {
   PollScheduler scheduler;
   const PollScheduler::DeviceId device = scheduler.add_device(3, kBackOff);
 };

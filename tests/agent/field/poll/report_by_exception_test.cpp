@@ -57,8 +57,7 @@ std::vector<TagReading> good(double temp, bool running = true,
 }
 std::vector<TagReading> all(BadReason why) { return brought({why, why, why}); }
 
-class ReportByExceptionTest : public ::testing::Test {
- protected:
+struct ReportByExceptionTest : ::testing::Test {
   const DeviceConfig device = press();
   ReportByException report{device, 0};
 };

@@ -16,8 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// A pty, which has no adapter, and a directory instead of sysfs.
-class LowLatencyTest : public ::testing::Test {
- protected:
+struct LowLatencyTest : ::testing::Test {
   LowLatencyTest() : port(posix_openpt(O_RDWR | O_NOCTTY)) {
     EXPECT_GE(port, 0);
     devices = fs::temp_directory_path() / ("fxagent-sysfs-" + std::to_string(::getpid()));

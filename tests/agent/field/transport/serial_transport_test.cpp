@@ -62,8 +62,7 @@ class Pty final {
   std::string path_;
 };
 
-class SerialTransportTest : public ::testing::Test {
- protected:
+struct SerialTransportTest : ::testing::Test {
   std::unique_ptr<Transport> port(const std::string& path) {
     return make_serial_transport(io.get_executor(), {.path = path});
   }

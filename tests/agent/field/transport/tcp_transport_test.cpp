@@ -22,8 +22,7 @@ using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
 /// A serial server on the loopback with blocking calls: it runs between calls of the transport.
-class TcpTransportTest : public ::testing::Test {
- protected:
+struct TcpTransportTest : ::testing::Test {
   std::unique_ptr<Transport> stream(std::string host = "127.0.0.1") {
     const auto port = server.local_endpoint().port();
     return make_tcp_transport(io.get_executor(), {std::move(host), port});

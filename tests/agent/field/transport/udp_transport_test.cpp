@@ -20,8 +20,7 @@ using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
 /// A device on the loopback with blocking calls: it runs between calls of the transport.
-class UdpTransportTest : public ::testing::Test {
- protected:
+struct UdpTransportTest : ::testing::Test {
   std::unique_ptr<Transport> channel(std::string host = "127.0.0.1", std::uint16_t own = 0) {
     const auto port = device.local_endpoint().port();
     return make_udp_transport(io.get_executor(), {std::move(host), port, own});

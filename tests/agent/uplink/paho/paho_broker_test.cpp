@@ -718,8 +718,7 @@ TEST_P(PahoBrokerVersion, LongestPacketArrivesAndOneByteMoreEndsTheConnection) {
 
 // ---- TLS ----------------------------------------------------------------------------------------
 
-class PahoBrokerTls : public testing::Test {
- protected:
+struct PahoBrokerTls : testing::Test {
   static void SetUpTestSuite() {
     directory_ = std::make_unique<Scratch>();
     test::make_certificates(*directory_, "", "DNS:localhost");

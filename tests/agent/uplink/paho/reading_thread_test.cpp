@@ -33,8 +33,7 @@ auto as_paho(What what) {
   });
 }
 
-class ConnectNotice : public ::testing::Test {
- protected:
+struct ConnectNotice : ::testing::Test {
   void SetUp() override {
     listener_ = socket(AF_INET, SOCK_STREAM, 0);
     address_.sin_family = AF_INET;

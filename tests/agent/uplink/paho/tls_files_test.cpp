@@ -12,8 +12,7 @@
 namespace fxagent {
 namespace {
 
-class TlsFiles : public testing::Test {
- protected:
+struct TlsFiles : testing::Test {
   static void SetUpTestSuite() {
     directory_ = new test::Scratch;
     test::make_certificates(*directory_, "", "DNS:localhost");

@@ -27,8 +27,7 @@ DeviceStatus status(std::uint32_t device, DeviceStatus::State state) {
   return made;
 }
 
-class OutletTest : public testing::TestWithParam<ProfileConfig::Kind> {
- protected:
+struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
   OutletTest() {
     config_.store.path = scratch_.path("store");
     ProfileConfig what;

@@ -17,8 +17,7 @@ using namespace std::chrono_literals;
 
 constexpr std::int64_t kUtc = 1790000000000;
 
-class SampleBalance : public testing::Test {
- protected:
+struct SampleBalance : testing::Test {
   SampleBalance() { settle(); }
 
   void settle() {

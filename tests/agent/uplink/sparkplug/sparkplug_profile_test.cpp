@@ -25,8 +25,7 @@ constexpr const char* kWrite =
     "08 c0 b8 d8 9e 8e 31 12 0f 10 9a ef 02 18 c0 b8 d8 9e 8e 31 20 03 50 0f 18 ff ff ff ff ff ff "
     "ff ff ff 01";
 
-class SparkplugTest : public testing::Test {
- protected:
+struct SparkplugTest : testing::Test {
   SparkplugTest() {
     ProfileConfig what;
     what.kind = ProfileConfig::Kind::sparkplug;

@@ -56,8 +56,7 @@ std::map<unsigned, std::string> fields(std::string_view bytes) {
   return found;
 }
 
-class TypedCommandsTest : public testing::Test {
- protected:
+struct TypedCommandsTest : testing::Test {
   TypedCommandsTest() { begin(""); }
   void begin(const std::string& host) {
     ProfileConfig what;
@@ -328,8 +327,7 @@ TEST_F(TypedCommandsTest, WhileItsHostIsOfflineTheNodeDoesNothing) {
 
 /// Returns the JSON of the command that a request of this source and correlation id makes; the
 /// argument is bytes.
-class TypedRequest : public TypedCommandsTest {
- protected:
+struct TypedRequest : TypedCommandsTest {
   TypedRequest() {
     profile_->connection_began(Connected{});
     due();

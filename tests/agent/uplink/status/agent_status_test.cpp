@@ -51,12 +51,10 @@ Telemetry written(std::uint64_t seq, std::int64_t ts_ms, double temp) {
   return message;
 }
 
-class AgentStatusTest : public ::testing::Test {
- protected:
+struct AgentStatusTest : ::testing::Test {
   StatusBench bench;
 };
-class AgentStatusOnlineTest : public AgentStatusTest {
- protected:
+struct AgentStatusOnlineTest : AgentStatusTest {
   AgentStatusOnlineTest() { bench.online(); }
 };
 
