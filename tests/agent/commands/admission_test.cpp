@@ -40,12 +40,8 @@ DeviceConfig press() {
 struct CommandAdmissionTest : ::testing::Test {
   /// A valid command.
   Command write(std::string id, double value = 50) {
-    Command command;
-    command.id = std::move(id);
-    command.op = Op::write;
-    command.op_text = "write";
-    command.targets.push_back({"setpoint", "", std::nullopt, real(value)});
-    return stamped(command);
+    return stamped(
+        command_of(std::move(id), Op::write, {{"setpoint", "", std::nullopt, real(value)}}));
   }
   Command stamped(Command command) const {
     command.received = now;
@@ -59,25 +55,14 @@ struct CommandAdmissionTest : ::testing::Test {
     return command;
   }
   Command read(std::string id, std::string tag, std::string address = "") {
-    Command command = write(std::move(id));
-    command.op = Op::read;
-    command.op_text = "read";
-    command.targets[0] = {std::move(tag), std::move(address), std::nullopt, std::nullopt};
-    return command;
+    return stamped(command_of(std::move(id), Op::read,
+                              {{std::move(tag), std::move(address), std::nullopt, std::nullopt}}));
   }
   Command force(std::string id, std::string address) {
-    Command command = read(std::move(id), "", std::move(address));
-    command.op = Op::force_on;
-    command.op_text = "force_on";
-    return command;
+    return stamped(command_of(std::move(id), Op::force_on,
+                              {{"", std::move(address), std::nullopt, std::nullopt}}));
   }
-  Command command(std::string id, Op op) {
-    Command command = write(std::move(id));
-    command.op = op;
-    command.op_text = to_string(op);
-    command.targets.clear();
-    return command;
-  }
+  Command command(std::string id, Op op) { return stamped(command_of(std::move(id), op)); }
 
   CommandAdmission::Decision decide(Command command, std::size_t waiting = 0) {
     return admission.admit(std::move(command), device.codec, waiting, now);

@@ -88,6 +88,15 @@ inline DeviceConfig device_on(std::string_view protocol, std::shared_ptr<const C
   return device;
 }
 
+inline Command command_of(std::string id, Op op, std::vector<CommandTarget> targets = {}) {
+  Command command;
+  command.id = std::move(id);
+  command.op = op;
+  command.op_text = to_string(op);
+  command.targets = std::move(targets);
+  return command;
+}
+
 inline Value number(std::int64_t value) { return Value(Scalar(value)); }
 inline Value real(double value) { return Value(Scalar(value)); }
 inline Value flag(bool value) { return Value(Scalar(value)); }

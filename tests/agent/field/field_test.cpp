@@ -30,12 +30,9 @@ Config plant() {
 }
 
 AdmittedCommand write_setpoint(const Config& config, std::uint32_t device, std::string id) {
-  Command command;
+  Command command =
+      command_of(std::move(id), Op::write, {{"setpoint", "", std::nullopt, number(50)}});
   command.device = device;
-  command.id = std::move(id);
-  command.op = Op::write;
-  command.op_text = "write";
-  command.targets.push_back({"setpoint", "", std::nullopt, number(50)});
   command.received = Clock::now();
   command.received_ms = 1790000000000;
   CommandAdmission admission(config.devices[device]);

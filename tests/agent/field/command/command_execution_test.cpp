@@ -51,10 +51,7 @@ struct CommandExecutionTest : ScriptedBusTest {
   }
 
   Command command(Op op, CommandTarget target) {
-    Command out;
-    out.id = "b7e1";
-    out.op = op;
-    out.op_text = to_string(op);
+    Command out = command_of("b7e1", op);
     if (!target.tag.empty()) out.targets.push_back(std::move(target));
     out.received = Clock::now();
     out.received_ms = 1790000000000;

@@ -48,6 +48,7 @@ struct LinkCommandsTest : ScriptedBusTest {
   /// Adds a command that writes 50, 51 … to x0, x1 …
   void add(std::string id, std::vector<int> tags) {
     Command command = command_of(std::move(id), Op::write);
+    command.verify = false;
     command.is_list = tags.size() > 1;
     for (const int i : tags)
       command.targets.push_back({"x" + std::to_string(i), "", std::nullopt, number(50 + i)});
@@ -55,18 +56,11 @@ struct LinkCommandsTest : ScriptedBusTest {
   }
   void add_wide(std::string id) {
     Command command = command_of(std::move(id), Op::write);
+    command.verify = false;
     command.targets.push_back({"wide", "", std::nullopt, number(9)});
     submit(std::move(command));
   }
   void add(std::string id, Op op) { submit(command_of(std::move(id), op)); }
-  static Command command_of(std::string id, Op op) {
-    Command command;
-    command.id = std::move(id);
-    command.op = op;
-    command.op_text = to_string(op);
-    if (op == Op::write) command.verify = false;
-    return command;
-  }
   void submit(Command command) {
     command.received = Clock::now();
     LinkDevice& device = *devices[0];

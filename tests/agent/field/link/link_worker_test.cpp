@@ -128,12 +128,9 @@ struct LinkWorkerTest : ::testing::Test {
   }
 
   Command write_setpoint(std::string id, std::int64_t value = 50, std::uint32_t device = 0) {
-    Command command;
+    Command command =
+        command_of(std::move(id), Op::write, {{"setpoint", "", std::nullopt, number(value)}});
     command.device = device;
-    command.id = std::move(id);
-    command.op = Op::write;
-    command.op_text = "write";
-    command.targets.push_back({"setpoint", "", std::nullopt, number(value)});
     command.verify = false;
     command.received = Clock::now();
     command.received_ms = utc_ms(std::chrono::system_clock::now());
