@@ -49,16 +49,13 @@ TEST(ConfigDifference, TextThatMeansTheSameChangesNothingButTheHash) {
 }
 
 TEST(ConfigDifference, ChangedDeviceBeginsAnewAtItsPlaceAndItsLinkGoesOn) {
-  for (const auto& [pointer, value] :
-       std::map<std::string, std::string>{{"/devices/0/timeout_ms", "900"},
-                                          {"/devices/0/tags/0/address", "\"D101\""},
-                                          {"/devices/0/tags/0/unit", "\"bar\""},
-                                          {"/devices/0/tags/0/max", "7"},
-                                          {"/devices/0/retries", "1"},
-                                          {"/devices/0/model", "\"FX2N\""},
-                                          {"/devices/0/enquire", "\"never\""},
-                                          {"/devices/0/commands/allow", "[\"M100\"]"}}) {
-    const ConfigChange change = after_change(pointer, value);
+  const json changes = json::parse(R"({
+    "/devices/0/timeout_ms": 900, "/devices/0/tags/0/address": "D101",
+    "/devices/0/tags/0/unit": "bar", "/devices/0/tags/0/max": 7, "/devices/0/retries": 1,
+    "/devices/0/model": "FX2N", "/devices/0/enquire": "never",
+    "/devices/0/commands/allow": ["M100"]})");
+  for (const auto& [pointer, value] : changes.items()) {
+    const ConfigChange change = after_change(pointer, value.dump());
     EXPECT_EQ(change.devices_end, Indices{0}) << pointer;
     EXPECT_EQ(change.devices_begin, Indices{0}) << pointer;
     EXPECT_TRUE(change.links_end.empty() && change.links_begin.empty()) << pointer;
@@ -191,17 +188,13 @@ TEST(ConfigDifference, OtherBrokerIsAChangeOfMqttAlone) {
 }
 
 TEST(ConfigDifference, IdentityAndStoreNeedARestartAndAreNamed) {
-  for (const auto& [pointer, value] :
-       std::map<std::string, std::string>{{"/agent/id", "\"edge8\""},
-                                          {"/agent/root", "\"fx/plant-b\""},
-                                          {"/store/path", "\"/tmp\""},
-                                          {"/store/max_bytes", "1048576"},
-                                          {"/store/max_age_h", "5"},
-                                          {"/store/sync", "\"always\""},
-                                          {"/store/audit_max_bytes", "1048576"},
-                                          {"/store/audit_max_age_h", "9"}}) {
+  const json changes = json::parse(R"({
+    "/agent/id": "edge8", "/agent/root": "fx/plant-b", "/store/path": "/tmp",
+    "/store/max_bytes": 1048576, "/store/max_age_h": 5, "/store/sync": "always",
+    "/store/audit_max_bytes": 1048576, "/store/audit_max_age_h": 9})");
+  for (const auto& [pointer, value] : changes.items()) {
     // The client id depends on the agent's id; a change would be a second finding.
-    const auto errors = needs_restart(running(), good(changed(pointer, value)));
+    const auto errors = needs_restart(running(), good(changed(pointer, value.dump())));
     expect_error(errors, pointer, {"restart", "until then it is"});
   }
   expect_error(needs_restart(running(), good(changed("/metrics", R"({"listen": "[::1]:9465"})"))),
