@@ -84,6 +84,11 @@ struct PublisherBench {
   void settle() {
     for (int i = 0; i < 200; ++i) step();
   }
+  /// The field has something to tell: a sample, a device's state, its counters, a result.
+  void report(auto message) {
+    outbox.push(std::move(message));
+    settle();
+  }
   /// The field has made the samples `first` to `last`.
   void take_samples(std::uint64_t first, std::uint64_t last) {
     for (std::uint64_t seq = first; seq <= last; ++seq) outbox.push(sample(seq));

@@ -52,8 +52,7 @@ TEST(PublisherStore, FieldGetsACommandAtOnceWhereTheDiskRefuses) {
 
 TEST_F(PublisherStoreOnlineTest, KnownIdDuringTheEndIsADuplicate) {
   bench.write("done");
-  bench.outbox.push(bench.succeeded("done"));
-  bench.settle();
+  bench.report(bench.succeeded("done"));
   bench.broker.log.clear();
   bench.broker.acknowledges = false;
   bench.made().stop(bench.now);
@@ -315,8 +314,7 @@ TEST(PublisherAudit, CommandThatACrashInterruptedGetsItsOutcomeAndItsAcknowledge
   EXPECT_EQ(command.response_topic, kBase + "/press1/result/hmi");
   CommandResult result = again.succeeded("left");
   result.status = CommandStatus::unknown_outcome;
-  again.outbox.push(result);
-  again.settle();
+  again.report(result);
   again.advance(1s);
   ASSERT_EQ(again.results().size(), 1U);
   EXPECT_TRUE(again.results()[0]["t"]["total_ms"].is_null()) << "it came to an earlier run";
@@ -346,14 +344,12 @@ TEST_F(PublisherAuditStoredOnlineTest, HealthPublishesTheHeadOfTheChain) {
 }
 
 TEST_F(PublisherOnlineTest, ResultComesOnceAndAgainUntilItIsAcknowledged) {
-  bench.outbox.push(test::succeeded("a"));
-  bench.settle();
+  bench.report(test::succeeded("a"));
   bench.advance(2h);
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1U);
 
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::succeeded("b"));
-  bench.settle();
+  bench.report(test::succeeded("b"));
   bench.lose_connection();
   bench.broker.acknowledges = true;
   bench.broker.log.clear();
@@ -384,8 +380,7 @@ TEST_F(PublisherOnlineTest, ResultGoesToTheResponseTopicTooAndItsCorrelationToBo
   result.correlation = {1, 2, 3};
   bench.outbox.push(result);
   result.response_topic = kBase + "/press2/state";  // would overwrite a state
-  bench.outbox.push(result);
-  bench.settle();
+  bench.report(result);
   ASSERT_EQ(bench.broker.taken.size(), 3U);
   EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
   EXPECT_EQ(bench.broker.taken[0].correlation, (Bytes{1, 2, 3}));
@@ -400,8 +395,7 @@ TEST_F(PublisherTest, ResultComesWithoutItsCorrelationWhereTheBrokerDoesNotTakeB
   bench.online();
   CommandResult result = test::succeeded("a");
   result.correlation = Bytes(1900, 7);
-  bench.outbox.push(result);
-  bench.settle();
+  bench.report(result);
   ASSERT_EQ(bench.broker.taken.size(), 1U);
   EXPECT_EQ(bench.broker.taken[0].topic, kBase + "/press1/result");
   EXPECT_TRUE(bench.broker.taken[0].correlation.empty());

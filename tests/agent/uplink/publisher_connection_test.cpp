@@ -94,8 +94,7 @@ TEST_F(PublisherConnectionOnlineTest, FailedPublishesAreNoSignOfLife) {
 TEST_F(PublisherConnectionOnlineTest, RefusalsByTheBrokerAreASignOfLife) {
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 100; ++seq) {
-    bench.outbox.push(test::sample(seq, seq % 2));
-    bench.settle();
+    bench.report(test::sample(seq, seq % 2));
     while (bench.broker.open() > 0) bench.broker.refuse_next(0x87);
     bench.advance(1s);
   }

@@ -278,8 +278,7 @@ TEST_F(PublisherIdentityTest, OverwrittenStateIsRepairedEvenIfOursNeverCameBack)
 TEST_F(PublisherIdentityOnlineTest, OwnOlderTextsThatComeBackLateAreNotRepaired) {
   std::vector<std::string> texts;
   for (const char* reason : {"timeout", "link_down", "timeout", "link_down"}) {
-    bench.outbox.push(test::offline(0, reason));
-    bench.settle();
+    bench.report(test::offline(0, reason));
     texts.push_back(bench.broker.on(kBase + "/press1/state").back());
     bench.advance(200ms);
   }
@@ -374,8 +373,7 @@ TEST_F(PublisherIdentityTest, HealthWaitsForTheCountersOfThisMoment) {
   field.links.resize(bench.config.links.size());
   field.devices.resize(bench.config.devices.size());
   field.links.at(0).exchanges = 4;
-  bench.outbox.push(field);
-  bench.settle();
+  bench.report(field);
   const auto health = bench.broker.on(kBase + "/health");
   ASSERT_EQ(health.size(), 1U);
   EXPECT_EQ(json::parse(health[0])["links"].begin().value()["exchanges"], 4);
@@ -394,8 +392,7 @@ TEST(PublisherIdentity, FirstOfADuplicateHasTheTotalThatWasPublished) {
       bench.online();
       bench.write("a");
       bench.now += 700ms;
-      bench.outbox.push(bench.succeeded("a"));
-      bench.settle();
+      bench.report(bench.succeeded("a"));
       first = bench.results().at(0);
       EXPECT_EQ(first["t"]["total_ms"], 700);
       bench.write("a");

@@ -33,8 +33,7 @@ TEST(PublisherStore, SamplesOfAnOutageOutliveTheProcess) {
     EXPECT_EQ(bench.made().samples().stored, 3U);
   }  // no goodbye
   Bench again(scratch.path("store"));
-  again.outbox.push(test::sample(4));
-  again.settle();
+  again.report(test::sample(4));
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
             (std::vector<std::uint64_t>{1, 2, 3}));
   EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{4});
@@ -429,8 +428,7 @@ TEST(PublisherStore, RowsOfADeviceThatIsGoneStillArrive) {
   {
     Bench bench(scratch.path("store"));
     bench.broker.reachable = false;
-    bench.outbox.push(test::sample(1, 1));
-    bench.settle();
+    bench.report(test::sample(1, 1));
     bench.advance(1s);
   }
   Bench again(scratch.path("store"));

@@ -20,8 +20,7 @@ using PublisherOnlineTest = test::OnBenchOnline;
 using PublisherTest = test::OnBench;
 
 TEST_F(PublisherTest, ConnectSubscribesThenPublishesEverythingRetained) {
-  bench.outbox.push(test::offline(0, "timeout"));
-  bench.settle();
+  bench.report(test::offline(0, "timeout"));
   const std::vector<std::string> expected{"subscribe " + kBase + "/state",
                                           "subscribe " + kBase + "/+/command",
                                           "subscribe " + kBase + "/+/state",
@@ -93,8 +92,7 @@ TEST_F(PublisherTest, SamplesGatherForAHundredthOfTheirIntervalWhileTheyStream) 
 TEST_F(PublisherTest, SampleGoesOutLiveAtTheDataQos) {
   bench.config.mqtt.qos = 0;
   bench.online();
-  bench.outbox.push(test::sample(7, 1, 1));
-  bench.settle();
+  bench.report(test::sample(7, 1, 1));
   ASSERT_EQ(bench.broker.taken.size(), 1U);
   const Publication& live = bench.broker.taken[0];
   EXPECT_EQ(live.topic, kBase + "/press2/data/slow");
@@ -109,8 +107,7 @@ TEST_F(PublisherOnlineTest, WindowIsKeptAndResultsStillFindRoom) {
   bench.broker.acknowledges = false;
   bench.take_samples(1, 100);
   EXPECT_EQ(bench.broker.open(), 18U);
-  bench.outbox.push(test::succeeded("a"));
-  bench.settle();
+  bench.report(test::succeeded("a"));
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1U);
   for (const char* id : {"b", "c", "d"}) bench.outbox.push(test::succeeded(id));
   bench.settle();
@@ -317,8 +314,7 @@ TEST_F(PublisherTest, LibraryThatNeverAnswersIsGivenUp) {
 TEST_F(PublisherOnlineTest, SampleThatNoRepeatCanCureIsDroppedAndCounted) {
   bench.broker.acknowledges = false;
   for (const int code : {0x90, 0x95, 0x99}) {
-    bench.outbox.push(test::sample(static_cast<std::uint64_t>(code)));
-    bench.settle();
+    bench.report(test::sample(static_cast<std::uint64_t>(code)));
     bench.broker.refuse_next(code);
     bench.settle();
   }
@@ -330,8 +326,7 @@ TEST_F(PublisherOnlineTest, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
   bench.broker.acknowledges = false;
   for (const int code : {0x87, 0x97}) {
     bench.broker.log.clear();
-    bench.outbox.push(test::sample(1, 0));
-    bench.settle();
+    bench.report(test::sample(1, 0));
     bench.broker.refuse_next(code);
     bench.settle();
     EXPECT_EQ(bench.made().samples().dropped, 0U);
@@ -351,8 +346,7 @@ TEST_F(PublisherOnlineTest, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
 
 TEST_F(PublisherOnlineTest, HealthNamesTheCodeOfARefusalUntilItIsOver) {
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::sample(1, 0));
-  bench.settle();
+  bench.report(test::sample(1, 0));
   bench.broker.refuse_next(0x97);
   bench.settle();
   const auto refused = [&] {
@@ -380,8 +374,7 @@ TEST_F(PublisherTest, HistoryThatIsTooLargeIsCutInsteadOfDropped) {
 
 TEST_F(PublisherOnlineTest, RefusedStateComesAgainWithItsNewestValue) {
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::offline(0, "timeout"));
-  bench.settle();
+  bench.report(test::offline(0, "timeout"));
   bench.broker.refuse_next(0x97);
   bench.settle();
   bench.outbox.push(test::offline(0, "link_down"));

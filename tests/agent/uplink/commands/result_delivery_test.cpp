@@ -44,8 +44,7 @@ TEST_F(ResultDeliveryOnlineTest, RefusedResponseTopicIsGivenUpAtOnce) {
   bench.broker.acknowledges = false;
   CommandResult result = test::succeeded("a");
   result.response_topic = kResponse;
-  bench.outbox.push(result);
-  bench.settle();
+  bench.report(result);
   bench.broker.acknowledge_next();
   refuse(bench);
   bench.broker.acknowledges = true;
@@ -71,23 +70,20 @@ TEST_F(ResultDeliveryTest, ResponseTopicLongerThanAPacketGetsNothing) {
   bench.online();
   CommandResult result = test::succeeded("a");
   result.response_topic = kOwn + "/" + std::string(1900, 't');
-  bench.outbox.push(result);
-  bench.settle();
+  bench.report(result);
   EXPECT_EQ(bench.broker.on(kOwn).size(), 1U);
   EXPECT_TRUE(bench.broker.on(result.response_topic).empty());
 }
 
 TEST_F(ResultDeliveryOnlineTest, PauseBetweenRefusalsGrows) {
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::succeeded("a"));
-  bench.settle();
+  bench.report(test::succeeded("a"));
   expect_growing_pauses(bench, [&] { return bench.broker.on(kOwn).size(); });
 }
 
 TEST_F(ResultDeliveryOnlineTest, NewConnectionEndsThePauseAndTheNextOneIsShortAgain) {
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::succeeded("a"));
-  bench.settle();
+  bench.report(test::succeeded("a"));
   refuse(bench);
   bench.advance(1250ms);
   refuse(bench);
@@ -122,8 +118,7 @@ TEST_F(ResultDeliveryOnlineTest, EightMebibytesOfResultsHoldCommandsBack) {
 
 TEST_F(RetainedStateOnlineTest, PauseBetweenRefusalsGrows) {
   bench.broker.acknowledges = false;
-  bench.outbox.push(test::offline(0, "timeout"));
-  bench.settle();
+  bench.report(test::offline(0, "timeout"));
   expect_growing_pauses(bench, [&] { return bench.broker.on(kBase + "/press1/state").size(); });
 }
 

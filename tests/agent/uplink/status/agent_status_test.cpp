@@ -144,8 +144,7 @@ TEST_F(AgentStatusOnlineTest, DoesNotKnowHowLongTheStoreLastsBeforeTheFirstSampl
 TEST_F(AgentStatusTest, IsMadeWithoutABrokerToo) {
   bench.broker.reachable = false;
   bench.made().board().want_values();
-  bench.outbox.push(fast(1, 1000, 23.5, off()));
-  bench.settle();
+  bench.report(fast(1, 1000, 23.5, off()));
   bench.advance(60s);
   const Status status = bench.made().board().read(bench.now, 0ms);
   ASSERT_NE(status, nullptr);
@@ -158,16 +157,14 @@ TEST_F(AgentStatusOnlineTest, ReaderKeepsItsOwnWhileTheUplinkGoesOn) {
   bench.outbox.push(test::offline(0, "timeout"));
   bench.outbox.push(test::counted(1, 0));
   bench.write("a");
-  bench.outbox.push(bench.succeeded("a"));
-  bench.settle();
+  bench.report(bench.succeeded("a"));
   const Status kept = bench.asked();
   bench.outbox.push(written(2, 2000, 99));
   bench.outbox.push(fast(3, 3000, 12.5, off()));
   bench.outbox.push(test::offline(0, "link_down"));
   bench.outbox.push(test::counted(10, 7));
   bench.write("b");
-  bench.outbox.push(bench.succeeded("b"));
-  bench.settle();
+  bench.report(bench.succeeded("b"));
   const Status next = bench.asked();
   EXPECT_EQ(bench.values(kept).at("temp").value, Value(23.5));
   EXPECT_EQ(bench.values(next).at("temp").value, Value(12.5));
@@ -180,13 +177,11 @@ TEST_F(AgentStatusOnlineTest, ReaderKeepsItsOwnWhileTheUplinkGoesOn) {
 }
 
 TEST_F(AgentStatusOnlineTest, ValuesAreKeptOnceAReaderWantsThem) {
-  bench.outbox.push(fast(1, 1000, 23.5, off()));
-  bench.settle();
+  bench.report(fast(1, 1000, 23.5, off()));
   EXPECT_TRUE(bench.asked()->values.empty());
   bench.made().board().want_values();
   EXPECT_TRUE(bench.asked()->values.empty()) << "nothing was reported since";
-  bench.outbox.push(fast(2, 2000, 24.5, off()));
-  bench.settle();
+  bench.report(fast(2, 2000, 24.5, off()));
   const Status status = bench.asked();
   EXPECT_EQ(bench.values(status).at("temp").value, Value(24.5));
   EXPECT_TRUE(bench.values(status, 0, 1).empty()) << "another group";
@@ -195,8 +190,7 @@ TEST_F(AgentStatusOnlineTest, ValuesAreKeptOnceAReaderWantsThem) {
 
 TEST_F(AgentStatusTest, GoodValueIsAsOldAsItsSample) {
   bench.made().board().want_values();
-  bench.outbox.push(fast(1, bench.utc() - 500, 23.5, off()));
-  bench.settle();
+  bench.report(fast(1, bench.utc() - 500, 23.5, off()));
   const Status status = bench.asked();
   const LastValue temp = bench.values(status).at("temp");
   EXPECT_EQ(temp.value, Value(23.5));
@@ -219,8 +213,7 @@ TEST_F(AgentStatusTest, BadValueIsTheLastGoodOneAndSaysSinceWhenAndWhy) {
   never.bad_since_ms = 600;
   Telemetry message = fast(1, 1000, 23.5, stale);
   message.readings.push_back(never);
-  bench.outbox.push(message);
-  bench.settle();
+  bench.report(message);
   const Values values = bench.values(bench.asked());
   EXPECT_EQ(values.at("running").value, Value(false));
   EXPECT_EQ(values.at("running").bad, BadReason::nak);
@@ -244,8 +237,7 @@ TEST_F(AgentStatusTest, PartialSampleChangesItsTagUntilTheNextWholeOne) {
   EXPECT_EQ(values.at("temp").ts_ms, 3000);
   EXPECT_TRUE(values.at("temp").written);
   EXPECT_EQ(values.at("running").ts_ms, 1000);
-  bench.outbox.push(fast(4, 4000, 61, off()));
-  bench.settle();
+  bench.report(fast(4, 4000, 61, off()));
   values = bench.values(bench.asked());
   EXPECT_EQ(values.at("temp").value, Value(61.0));
   EXPECT_EQ(values.at("temp").ts_ms, 4000);
@@ -254,8 +246,7 @@ TEST_F(AgentStatusTest, PartialSampleChangesItsTagUntilTheNextWholeOne) {
 
 TEST_F(AgentStatusTest, PartialSampleBeforeAnyWholeOneIsAllThatIsKnown) {
   bench.made().board().want_values();
-  bench.outbox.push(written(1, 2000, 50));
-  bench.settle();
+  bench.report(written(1, 2000, 50));
   const Values values = bench.values(bench.asked());
   EXPECT_EQ(values.size(), 1U);
   EXPECT_EQ(values.at("temp").value, Value(50.0));
@@ -266,8 +257,7 @@ TEST(AgentStatus, WhatAnEarlierRunReadIsNoLastValue) {
   {
     StatusBench bench(scratch.path("store"));
     bench.broker.reachable = false;
-    bench.outbox.push(fast(1, 1000, 23.5, off()));
-    bench.settle();
+    bench.report(fast(1, 1000, 23.5, off()));
     bench.made().stop(bench.now);
     bench.advance(10s);
   }
@@ -277,16 +267,14 @@ TEST(AgentStatus, WhatAnEarlierRunReadIsNoLastValue) {
   const Status status = again.asked();
   EXPECT_EQ(status->samples.recovered, 1U);
   EXPECT_TRUE(status->values.empty());
-  again.outbox.push(fast(2, 2000, 24.5, off()));
-  again.settle();
+  again.report(fast(2, 2000, 24.5, off()));
   EXPECT_EQ(again.values(again.asked()).at("temp").ts_ms, 2000);
 }
 
 TEST_F(AgentStatusOnlineTest, DeviceIsAsItsRetainedStateAndHasNoCodec) {
   DeviceStatus state = test::offline(1, "timeout", 77);
   state.codec = test::codec();
-  bench.outbox.push(state);
-  bench.settle();
+  bench.report(state);
   const Status status = bench.asked();
   EXPECT_EQ(status->devices.at(0), nullptr) << "it has not said yet";
   ASSERT_NE(status->devices.at(1), nullptr);
@@ -319,8 +307,7 @@ TEST_F(AgentStatusTest, SaysHowItStandsWithTheBroker) {
 
 TEST_F(AgentStatusOnlineTest, SaysWhenTheFieldHasToldItsCounters) {
   EXPECT_FALSE(bench.asked()->field_heard);
-  bench.outbox.push(test::counted(0, 0));
-  bench.settle();
+  bench.report(test::counted(0, 0));
   const SteadyTime told = bench.now;
   bench.advance(3s);
   const Status status = bench.asked();
@@ -331,8 +318,7 @@ TEST_F(AgentStatusOnlineTest, SaysWhenTheFieldHasToldItsCounters) {
 TEST_F(AgentStatusOnlineTest, CountsHowLongCommandsTookThatWereSent) {
   bench.write("a");
   bench.now += 40ms;
-  bench.outbox.push(bench.succeeded("a"));
-  bench.settle();
+  bench.report(bench.succeeded("a"));
   bench.write("a");
   bench.command(R"({"id":"b","op":"write","tag":"no_such_tag","value":50})");
   bench.settle();
