@@ -1,14 +1,11 @@
 // Polls the devices of one link, one exchange at a time as the PollScheduler offers them. Sends the
 // reads of GroupPlans, takes the answers, and publishes the sample of a group at the end of its
-// cycle. Also asks the devices about themselves: the RUN state, or without tags only for a sign of
-// life, and the model. Field thread.
+// cycle. ModelQuestions are steps as well. Field thread.
 #pragma once
 
 #include <asio/awaitable.hpp>
 #include <chrono>
 #include <cstdint>
-#include <optional>
-#include <string>
 #include <vector>
 
 #include "agent/config/model.h"
@@ -16,6 +13,7 @@
 #include "agent/field/link/group_plans.h"
 #include "agent/field/link/link_device.h"
 #include "agent/field/link/link_state.h"
+#include "agent/field/link/model_questions.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/handover/outbox.h"
 #include "agent/handover/telemetry.h"
@@ -45,7 +43,7 @@ class Poller final {
   /// the bus is closed, ends the cycle without an exchange.
   asio::awaitable<void> run(PollScheduler::PollStep step);
   /// True while run() is in progress.
-  bool is_polling() const { return polling_; }
+  bool is_polling() const { return polling_ || questions_.is_asking(); }
 
   /// Records that a command has written `span`, or may have; see PollCycle::overwritten().
   /// Afterwards no group of the device reports an older value.
@@ -87,24 +85,6 @@ class Poller final {
   void publish(LinkDevice& device, Telemetry message);
   void note_load();
 
-  /// Carries out one step of LinkDevice::question_group. The first asks the background_question(),
-  /// after the questions about the model if that is unknown; each further one compares the model
-  /// with the config. While the bus is closed, ends the cycle without an exchange.
-  asio::awaitable<void> ask_in_background(LinkDevice& device, PollScheduler::PollStep step);
-  /// Handles the exchange of the background_question(). True: the device has answered.
-  bool take_answer(LinkDevice& device, const PollScheduler::PollStep& step,
-                   const Exchange& exchange);
-  /// Asks one question of PlcServices::identify() of a PLC with a configured model. After the last
-  /// one, reports a difference.
-  asio::awaitable<void> compare_model(LinkDevice& device, PollScheduler::PollStep step);
-  enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
-  /// Asks for the model that the config leaves open. `failure` says why it went unanswered.
-  asio::awaitable<Knowledge> ask_model(LinkDevice& device, BadReason& failure);
-  /// Asks one question of PlcServices::identify(), and a second time if the refusal may pass.
-  asio::awaitable<Exchange> ask_of_model(LinkDevice& device, const Request& question);
-  /// Uses the codec of the model; nullopt: the answers do not identify it.
-  Knowledge use_model(LinkDevice& device, const std::optional<std::string>& model);
-
   const LinkConfig& link_;
   Bus& bus_;
   PollScheduler& scheduler_;
@@ -112,6 +92,7 @@ class Poller final {
   LinkState& state_;
   Outbox& outbox_;
   GroupPlans plans_;
+  ModelQuestions questions_;
   bool polling_ = false;
   bool overloaded_ = false;
 };

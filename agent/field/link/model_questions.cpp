@@ -1,0 +1,180 @@
+#include "agent/field/link/model_questions.h"
+
+#include <chrono>
+#include <vector>
+
+#include "agent/line_time.h"
+#include "agent/log/log.h"
+#include "protocol/plc.h"
+
+namespace fxagent {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// True if the device does not have what was asked.
+bool is_lack(RefusalMeaning meaning) {
+  return meaning == RefusalMeaning::final || meaning == RefusalMeaning::hole;
+}
+
+}  // namespace
+
+asio::awaitable<void> ModelQuestions::run(LinkDevice& device, PollScheduler::PollStep step) {
+  const Raised asking(asking_);
+  if (step.exchange > 0) co_return co_await compare_model(device, step);
+  bool is_answered = false;
+  Knowledge knowledge = Knowledge::known;
+  BadReason failure = BadReason::link_down;
+  if (bus_.is_open() && !device.state.is_model_known())
+    knowledge = co_await ask_model(device, failure);
+  if (knowledge != Knowledge::unanswered && bus_.is_open()) {
+    const Request question = *background_question(*device.codec, !device.config.tags.empty());
+    const Exchange exchange = co_await bus_.exchange(device.station, question);
+    if (state_.is_stopping()) co_return;
+    is_answered = take_answer(device, step, exchange);
+  }
+  if (is_answered && device.state.compares_model()) {
+    const auto questions = static_cast<std::uint32_t>(device.codec->plc()->identify().size());
+    device.model_images.clear();
+    scheduler_.group(step.group)
+        .extend_cycle(1 + questions, std::chrono::nanoseconds(0), Clock::now());
+  }
+  scheduler_.step_done(step);
+  state_.update(device);
+}
+
+bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollStep& step,
+                                 const Exchange& exchange) {
+  device.log_foreign_bytes(exchange);
+  scheduler_.step_used(step, exchange.line_time());
+  if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
+  if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
+  const bool by_gateway =
+      exchange.is_nak() && device.codec->is_from_gateway(exchange.reply.device_code);
+  if (by_gateway) state_.unreachable(device, exchange.reply.text);
+  const bool is_answered = exchange.has_answer() && !by_gateway;
+  if (is_answered) state_.answered(device);
+  const PlcServices* plc = device.codec->plc();
+  std::optional<bool> run;
+  if (plc != nullptr && exchange.is_data() && !exchange.doubted)
+    run = plc->run_state_from(exchange.reply.image);
+  device.state.set_run(run);
+  return is_answered;
+}
+
+asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
+                                                    PollScheduler::PollStep step) {
+  const auto end_cycle = [&] {
+    scheduler_.group(step.group).abandon_cycle(Clock::now());
+    scheduler_.group(step.group).set_exchanges(1);
+  };
+  if (!bus_.is_open()) co_return end_cycle();
+  const PlcServices& plc = *device.codec->plc();
+  const std::vector<Request> questions = plc.identify();
+  const Request& question = questions[step.exchange - 1];
+  const Exchange exchange = co_await bus_.exchange(device.station, question);
+  if (state_.is_stopping()) co_return;
+  device.log_foreign_bytes(exchange);
+  scheduler_.step_used(step, exchange.line_time());
+  if (exchange.outcome == Exchange::Outcome::link_down) {
+    end_cycle();
+    co_return state_.lost(exchange.error);
+  }
+  // A device that lacks only this question stays online: its silence does not count here.
+  const bool is_final =
+      exchange.is_nak() && is_lack(device.codec->meaning_of(question, exchange.reply.device_code));
+  const bool is_answer = !exchange.doubted && (exchange.is_data() || is_final);
+  if (is_answer) device.model_images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
+  if (is_answer && !scheduler_.step_done(step)) co_return;
+  end_cycle();
+  const auto model = is_answer ? plc.model_from(device.model_images) : std::nullopt;
+  device.state.compare_model(model);
+  if (model && *model != model_of(*device.codec))
+    log::warn(
+        "device",
+        {{"device", device.config.name},
+         {"model", *model},
+         {"model_configured", model_of(*device.codec)},
+         {"note", "the PLC is not the model of the config: correct model, or set it to auto"}});
+  state_.update(device);
+}
+
+asio::awaitable<Exchange> ModelQuestions::ask_of_model(LinkDevice& device,
+                                                       const Request& question) {
+  Exchange exchange;
+  // A refusal may identify the model, but a request spoilt by noise is refused as well.
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    exchange = co_await bus_.exchange(device.station, question);
+    if (state_.is_stopping()) co_return exchange;
+    device.log_foreign_bytes(exchange);
+    scheduler_.share().poll_used(exchange.line_time());
+    const bool may_pass =
+        exchange.is_nak() &&
+        device.codec->meaning_of(question, exchange.reply.device_code) == RefusalMeaning::curable;
+    if (!may_pass || exchange.doubted) break;
+  }
+  co_return exchange;
+}
+
+asio::awaitable<ModelQuestions::Knowledge> ModelQuestions::ask_model(LinkDevice& device,
+                                                                     BadReason& failure) {
+  const PlcServices& asking = *device.config.codec->plc();  // null only if the model is known
+  const std::vector<Request> questions = asking.identify();
+  std::vector<Bytes> images;
+  bool passing = false;  // a refusal that may not recur
+  for (const Request& question : questions) {
+    const Exchange exchange = co_await ask_of_model(device, question);
+    if (state_.is_stopping()) co_return Knowledge::unanswered;
+    if (exchange.doubted) {
+      state_.answered(device);
+      failure = BadReason::bad_frame;
+      co_return Knowledge::unanswered;
+    }
+    if (exchange.is_nak()) {
+      const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
+      if (meaning == RefusalMeaning::unreachable) {
+        state_.unreachable(device, exchange.reply.text);
+        co_return Knowledge::unanswered;
+      }
+      passing |= !is_lack(meaning);
+    }
+    if (exchange.has_answer()) {
+      state_.answered(device);
+      images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
+      continue;
+    }
+    if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
+    if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
+    failure = bad_reason(exchange);
+    co_return Knowledge::unanswered;
+  }
+  const auto model = asking.model_from(images);
+  if (!model && passing) {
+    failure = BadReason::nak;
+    co_return Knowledge::unanswered;
+  }
+  co_return use_model(device, model);
+}
+
+ModelQuestions::Knowledge ModelQuestions::use_model(LinkDevice& device,
+                                                    const std::optional<std::string>& model) {
+  device.state.set_model(model);
+  if (!model) {
+    log::warn("device",
+              {{"device", device.config.name},
+               {"model", "unknown"},
+               {"note", "the agent uses only what every model has; set model in the config"}});
+  } else if (*model != model_of(*device.codec)) {
+    log::info("device", {{"device", device.config.name}, {"model", *model}});
+  }
+  const bool changed = model.value_or("") != model_of(*device.codec);
+  if (changed) {
+    device.codec = model ? device.config.codec->plc()->with_model(*model) : device.config.codec;
+    device.station.codec = device.codec;
+    plans_.make_all(device);
+  }
+  state_.update(device);
+  return changed ? Knowledge::plan_changed : Knowledge::known;
+}
+
+}  // namespace fxagent

@@ -1,0 +1,57 @@
+// Asks the devices of one link about themselves: the RUN state, or without tags only for a sign of
+// life, and the model. Field thread.
+#pragma once
+
+#include <asio/awaitable.hpp>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "agent/field/bus/bus.h"
+#include "agent/field/link/group_plans.h"
+#include "agent/field/link/link_device.h"
+#include "agent/field/link/link_state.h"
+#include "agent/field/poll/poll_scheduler.h"
+#include "agent/handover/telemetry.h"
+#include "protocol/codec.h"
+
+namespace fxagent {
+
+/// A device that is passed to a coroutine must outlive it.
+class ModelQuestions final {
+ public:
+  /// All arguments must outlive it.
+  ModelQuestions(Bus& bus, PollScheduler& scheduler, LinkState& state, GroupPlans& plans)
+      : bus_(bus), scheduler_(scheduler), state_(state), plans_(plans) {}
+
+  /// Carries out one step of LinkDevice::question_group. The first asks the background_question(),
+  /// after the questions about the model if that is unknown; each further one compares the model
+  /// with the config. While the bus is closed, ends the cycle without an exchange.
+  asio::awaitable<void> run(LinkDevice& device, PollScheduler::PollStep step);
+  /// True while run() is in progress.
+  bool is_asking() const { return asking_; }
+
+  enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
+  /// Asks for the model that the config leaves open. `failure` says why it went unanswered.
+  asio::awaitable<Knowledge> ask_model(LinkDevice& device, BadReason& failure);
+
+ private:
+  /// Handles the exchange of the background_question(). True: the device has answered.
+  bool take_answer(LinkDevice& device, const PollScheduler::PollStep& step,
+                   const Exchange& exchange);
+  /// Asks one question of PlcServices::identify() of a PLC with a configured model. After the last
+  /// one, reports a difference.
+  asio::awaitable<void> compare_model(LinkDevice& device, PollScheduler::PollStep step);
+  /// Asks one question of PlcServices::identify(), and a second time if the refusal may pass.
+  asio::awaitable<Exchange> ask_of_model(LinkDevice& device, const Request& question);
+  /// Uses the codec of the model; nullopt: the answers do not identify it.
+  Knowledge use_model(LinkDevice& device, const std::optional<std::string>& model);
+
+  Bus& bus_;
+  PollScheduler& scheduler_;
+  LinkState& state_;
+  GroupPlans& plans_;
+  bool asking_ = false;
+};
+
+}  // namespace fxagent
