@@ -76,7 +76,7 @@ class Field final {
   std::string unfinished() const;
 
  private:
-  class Thread;
+  struct Thread;
   std::unique_ptr<Thread> field_;
 };
 
