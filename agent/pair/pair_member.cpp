@@ -28,7 +28,6 @@ constexpr milliseconds kReconnect{500};
 constexpr seconds kLongestPause{60};
 constexpr int kMostDoublings = 6;
 constexpr seconds kSteady{10};  // a session that lasts so long is not being taken over
-constexpr seconds kAnnounceAgain{5};
 constexpr milliseconds kFarewell{1000};
 constexpr milliseconds kShortestWait{2};
 constexpr milliseconds kLongestWait{200};
@@ -113,7 +112,7 @@ void PairMember::agent_began(Agent agent) {
 }
 
 void PairMember::announce(AdmittedCommand command, const std::string& device,
-                          const Submit& submit) {
+                          const Announcements::Submit& submit) {
   if (command.command.op == Op::read) return submit(std::move(command));
   const Command& what = command.command;
   pair_messages::Announcement announcement{.boot = boot_, .id_is_number = what.id_is_number};
@@ -126,16 +125,9 @@ void PairMember::announce(AdmittedCommand command, const std::string& device,
       what.received_ms + std::chrono::ceil<milliseconds>(command.deadline - what.received).count();
   entry.response_topic = what.response_topic;
   entry.correlation = what.correlation;
-  Waiting waiting{std::move(command), pair_messages::announcement(announcement), submit};
-  {
-    const std::lock_guard lock(mutex_);
-    if (!released_) {
-      to_announce_.push_back(std::move(waiting));
-      wake();
-      return;
-    }
-  }
-  submit(std::move(waiting.command));
+  announcements_.add({std::move(command), pair_messages::announcement(announcement), submit});
+  const std::lock_guard lock(mutex_);
+  wake();
 }
 
 void PairMember::reply(JournalEntry answered) {
@@ -145,8 +137,8 @@ void PairMember::reply(JournalEntry answered) {
 }
 
 void PairMember::release() {
+  announcements_.release();
   const std::lock_guard lock(mutex_);
-  released_ = true;
   wake();
 }
 
@@ -254,18 +246,13 @@ void PairMember::send_replies() {
 
 /// Announces what earlier processes of this gateway left, one command after the other.
 void PairMember::announce_unanswered(BootTime now) {
-  if (!journal_) return unanswered_.clear();  // the agent publishes the results itself
-  if (!member_up_ || announcing_ != 0) return;
-  if (unanswered_.empty() && now >= announce_at_) {
-    unanswered_ = journal_->unanswered();
-    announce_at_ = now + announce_pause_;
-    announce_pause_ = std::min<BootTime>(2 * announce_pause_, kLongestPause);
-  }
-  if (unanswered_.empty()) return;
+  // An active agent publishes the results itself.
+  if (!journal_ || !member_up_ || announcing_ != 0) return;
+  auto left = journal_->next_unanswered(now);
+  if (!left) return;
   pair_messages::Announcement announcement{
-      .boot = boot_, .unanswered = true, .entry = unanswered_.front()};
+      .boot = boot_, .unanswered = true, .entry = std::move(*left)};
   announcement.id_is_number = parse_command(announcement.entry.payload).id_is_number;
-  unanswered_.pop_front();
   announcing_ = next_id_++;
   member_->publish({.id = announcing_,
                     .topic = topic("/journal"),
@@ -284,8 +271,7 @@ void PairMember::take_member_events(BootTime now) {
       member_up_ = true;
       member_since_ = now;
       announcing_ = 0;
-      announce_at_ = now;
-      announce_pause_ = kAnnounceAgain;
+      if (journal_) journal_->connection_began();
       heard_all_ = heard_all_ && event.session_present;
       if (!event.session_present)
         log::warn("pair", {{"session", "new"},
@@ -394,15 +380,11 @@ void PairMember::take_lease_events(BootTime now) {
     } else if constexpr (std::is_same_v<Event, Disconnected>) {
       lease_ended(false, now);
     } else if constexpr (std::is_same_v<Event, Delivered>) {
-      if (auto announced = announced_.extract(event.id))
-        announced.mapped().submit(std::move(announced.mapped().command));
-      else
-        state_.heartbeat_acknowledged(event.id);
+      if (!announcements_.delivered(event.id)) state_.heartbeat_acknowledged(event.id);
     } else if constexpr (std::is_same_v<Event, DeliveryFailed>) {
       log::error("pair", {{"fault", "the broker refuses what this gateway publishes below " +
                                         topic() + ": " + event.text + "; see fxagent acl"}});
-      if (auto announced = announced_.extract(event.id))
-        refused_.push_back(std::move(announced.mapped()));
+      announcements_.refused(event.id);
     }
   };
   for (const BrokerEvent& event : lease_->take_events()) std::visit(take, event);
@@ -550,32 +532,12 @@ void PairMember::publish_status() {
 }
 
 void PairMember::send_announcements() {
-  std::deque<Waiting> waiting;
-  bool released = false;
-  {
-    const std::lock_guard lock(mutex_);
-    released = released_;
-    if (released || lease_up_) waiting = std::exchange(to_announce_, {});
-  }
-  if (released) {
-    for (auto& [id, each] : std::exchange(announced_, {})) each.submit(std::move(each.command));
-    for (Waiting& each : std::exchange(refused_, {})) each.submit(std::move(each.command));
-    for (Waiting& each : waiting) each.submit(std::move(each.command));
-    return;
-  }
-  // The field answers them as expired.
-  const SteadyTime now = std::chrono::steady_clock::now();
-  std::erase_if(refused_, [&](Waiting& each) {
-    if (now <= each.command.deadline) return false;
-    each.submit(std::move(each.command));
-    return true;
-  });
-  for (Waiting& each : waiting) {
+  const auto publish = [this](std::string text) {
     const std::uint64_t id = next_id_++;
-    Publication publication{.id = id, .topic = topic("/journal"), .payload = each.text};
-    announced_.emplace(id, std::move(each));
-    lease_->publish(std::move(publication));
-  }
+    lease_->publish({.id = id, .topic = topic("/journal"), .payload = std::move(text)});
+    return id;
+  };
+  announcements_.step(lease_up_, publish, std::chrono::steady_clock::now());
 }
 
 void PairMember::log_role() {

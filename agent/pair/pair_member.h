@@ -16,7 +16,6 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -28,6 +27,7 @@
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"
 #include "agent/handover/line_permit.h"
+#include "agent/pair/announcements.h"
 #include "agent/pair/pair_state.h"
 #include "agent/pair/standby_journal.h"
 #include "agent/store/store.h"
@@ -37,7 +37,6 @@ namespace fxagent {
 
 class PairMember final {
  public:
-  using Submit = std::function<void(AdmittedCommand)>;
   /// What the agent gives to the pair. All are called on the pair's thread.
   struct Agent {
     std::function<std::uint64_t()> highest_seq;  ///< in use
@@ -68,7 +67,8 @@ class PairMember final {
 
   /// Announces the command to the other gateway, then passes it to `submit` on the pair's thread. A
   /// read is passed at once. Uplink thread.
-  void announce(AdmittedCommand command, const std::string& device, const Submit& submit);
+  void announce(AdmittedCommand command, const std::string& device,
+                const Announcements::Submit& submit);
   /// Tells the other gateway that the result of this command is published. Any thread.
   void reply(JournalEntry answered);
   /// Passes everything that waits to `submit`, without an announcement, and later commands too. The
@@ -81,11 +81,6 @@ class PairMember final {
   bool knows(const std::string& boot) const;
 
  private:
-  struct Waiting {
-    AdmittedCommand command;
-    std::string text;
-    Submit submit;
-  };
   /// Steps of a claim, in order.
   enum class Claim : std::uint8_t { none, evicting, marking, claimed };
 
@@ -143,26 +138,20 @@ class PairMember final {
   std::uint64_t other_seq_ = 0;  ///< of the last heartbeat of the other gateway
   std::uint64_t mark_ = 0;
   bool mark_came_ = false;
-  std::uint64_t farewell_ = 0;  ///< publication of the last status
-  std::map<std::uint64_t, Waiting> announced_;
-  std::vector<Waiting> refused_;         ///< by the broker; they end at their deadlines
-  std::deque<JournalEntry> unanswered_;  ///< by earlier processes of this gateway, to be announced
-  std::uint64_t announcing_ = 0;         ///< publication of one of them; 0: none
-  BootTime announce_at_{};               ///< those without a reply again
-  BootTime announce_pause_{};
+  std::uint64_t farewell_ = 0;    ///< publication of the last status
+  std::uint64_t announcing_ = 0;  ///< publication of an unanswered command; 0: none
+  Announcements announcements_;
 
   mutable std::mutex mutex_;
   std::condition_variable news_;
   bool woken_ = false;                   ///< under mutex_
   bool claimed_ = false;                 ///< under mutex_
-  bool released_ = false;                ///< under mutex_
   bool leaving_ = false;                 ///< under mutex_
   bool left_ = false;                    ///< under mutex_
   std::uint64_t rounds_ = 0;             ///< under mutex_
   std::uint64_t floor_ = 0;              ///< under mutex_
   std::optional<Agent> agent_;           ///< under mutex_; nullopt: it does not run yet
   std::vector<JournalEntry> unwritten_;  ///< under mutex_
-  std::deque<Waiting> to_announce_;      ///< under mutex_
   std::deque<JournalEntry> answered_;    ///< under mutex_
   std::jthread thread_;
 };

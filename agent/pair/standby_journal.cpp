@@ -21,9 +21,16 @@ namespace {
 using std::chrono::seconds;
 
 constexpr seconds kUpkeep{1};
+constexpr seconds kUnansweredAgain{5};
+constexpr seconds kLongestUnanswered{60};
 
 /// Each line has a topic or a device, a tab, and a text, which has no line feed.
 std::string file_of_heard(const StoreConfig& config) { return config.path + "/fxagent.heard"; }
+
+/// True if the other gateway may have forgotten the command.
+bool is_old(const JournalEntry& entry) {
+  return entry.received_ms <= utc_now_ms() - std::chrono::milliseconds(kRememberedFor).count();
+}
 
 }  // namespace
 
@@ -38,7 +45,6 @@ bool StandbyJournal::save_heard(const StoreConfig& config, const std::string& wh
 
 void StandbyJournal::keep_heard(const StoreConfig& config) {
   std::ifstream file(file_of_heard(config));
-  const std::int64_t oldest = utc_now_ms() - std::chrono::milliseconds(kRememberedFor).count();
   for (std::string line; std::getline(file, line);) {
     const std::size_t tab = std::min(line.find('\t'), line.size());
     const std::string where = line.substr(0, tab);
@@ -47,7 +53,7 @@ void StandbyJournal::keep_heard(const StoreConfig& config) {
       keep_result(where, text);
     } else if (auto announcement = pair_messages::announcement_from(text)) {
       const JournalEntry& entry = announcement->entry;
-      if (entry.received_ms <= oldest) continue;
+      if (is_old(entry)) continue;
       keep_announced(entry, where);
       // Its result may not have come either.
       if (const auto kept = store_.journal().find(entry.device, entry.id);
@@ -139,11 +145,26 @@ void StandbyJournal::acknowledge(const JournalEntry& known) {
 std::deque<JournalEntry> StandbyJournal::unanswered() {
   std::deque<JournalEntry> entries;
   if (own_.empty()) return entries;
-  const std::int64_t oldest = utc_now_ms() - std::chrono::milliseconds(kRememberedFor).count();
   for (JournalEntry& entry : store_.journal().unacknowledged({}))
-    if (own_.contains(entry.number) && entry.received_ms > oldest)
-      entries.push_back(std::move(entry));
+    if (own_.contains(entry.number) && !is_old(entry)) entries.push_back(std::move(entry));
   return entries;
+}
+
+std::optional<JournalEntry> StandbyJournal::next_unanswered(BootTime now) {
+  if (unanswered_.empty() && (!unanswered_at_ || now >= *unanswered_at_)) {
+    unanswered_ = unanswered();
+    unanswered_at_ = now + unanswered_pause_;
+    unanswered_pause_ = std::min<BootTime>(2 * unanswered_pause_, kLongestUnanswered);
+  }
+  if (unanswered_.empty()) return std::nullopt;
+  JournalEntry next = std::move(unanswered_.front());
+  unanswered_.pop_front();
+  return next;
+}
+
+void StandbyJournal::connection_began() {
+  unanswered_at_.reset();
+  unanswered_pause_ = kUnansweredAgain;
 }
 
 // The other gateway knew each from its announcement. Reads and refusals have none before they are

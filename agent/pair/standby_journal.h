@@ -11,6 +11,7 @@
 
 #include "agent/commands/journal.h"
 #include "agent/config/model.h"
+#include "agent/handover/line_permit.h"
 #include "agent/steady_time.h"
 #include "agent/store/store.h"
 
@@ -40,9 +41,12 @@ class StandbyJournal final {
   void keep_result(const std::string& device, const std::string& text);
   /// Keeps the reply to an unanswered command.
   void keep_answered(const JournalEntry& entry);
-  /// Returns the commands of earlier processes of this gateway whose results it has not heard,
-  /// oldest first; none that the other gateway may have forgotten.
-  std::deque<JournalEntry> unanswered();
+  /// Returns the next command of earlier processes of this gateway whose result it has not heard,
+  /// oldest first; none that the other gateway may have forgotten. Begins anew after 5 s, then
+  /// after pauses that double up to 60 s. nullopt: none is due now.
+  std::optional<JournalEntry> next_unanswered(BootTime now);
+  /// next_unanswered() begins anew at once, and with its shortest pause.
+  void connection_began();
   /// Acknowledges the commands of an earlier process of this gateway. Call if the results that the
   /// other gateway published may not have come here.
   void acknowledge_own_commands();
@@ -51,6 +55,7 @@ class StandbyJournal final {
   std::vector<JournalEntry> close();
 
  private:
+  std::deque<JournalEntry> unanswered();
   void keep_heard(const StoreConfig& config);
   /// Keeps a command under a new number.
   void keep(JournalEntry entry, const std::string& topic);
@@ -60,6 +65,9 @@ class StandbyJournal final {
   /// Journal numbers of commands of an earlier process that had no acknowledged result at the
   /// start.
   std::set<std::uint64_t> own_;
+  std::deque<JournalEntry> unanswered_;    ///< the rest of those that next_unanswered() returns
+  std::optional<BootTime> unanswered_at_;  ///< when it begins anew; nullopt: at once
+  BootTime unanswered_pause_{};
   SteadyTime upkeep_at_{};
 };
 

@@ -1,0 +1,52 @@
+// The commands of the active gateway on their way to the other one. A command is sent to its PLC
+// only when the broker has its announcement, so that the other gateway never repeats it.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "agent/commands/admitted_command.h"
+#include "agent/steady_time.h"
+
+namespace fxagent {
+
+class Announcements final {
+ public:
+  using Submit = std::function<void(AdmittedCommand)>;
+  /// A command, the text that announces it, and what takes it afterwards.
+  struct Waiting {
+    AdmittedCommand command;
+    std::string text;
+    Submit submit;
+  };
+  /// Publishes a text to the other gateway. Returns the id of the publication.
+  using Publish = std::function<std::uint64_t(std::string text)>;
+
+  /// Takes a command to announce. After release() it is submitted at once. Any thread.
+  void add(Waiting waiting);
+  /// From now on commands are submitted without an announcement. Any thread.
+  void release();
+
+  // The pair's thread.
+  /// Announces what waits if it `can_publish`. Submits what has been released, and commands whose
+  /// announcement was refused, at their deadlines: the field answers them as expired.
+  void step(bool can_publish, const Publish& publish, SteadyTime now);
+  /// The broker has this publication. Submits its command; returns false if it is no announcement.
+  bool delivered(std::uint64_t id);
+  /// The broker refuses this publication.
+  void refused(std::uint64_t id);
+
+ private:
+  std::map<std::uint64_t, Waiting> on_the_way_;  ///< by publication id
+  std::vector<Waiting> refused_;
+
+  std::mutex mutex_;
+  std::vector<Waiting> added_;  ///< under mutex_
+  bool released_ = false;       ///< under mutex_
+};
+
+}  // namespace fxagent

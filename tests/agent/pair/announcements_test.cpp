@@ -1,0 +1,89 @@
+#include "agent/pair/announcements.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+namespace fxagent {
+namespace {
+
+using namespace std::chrono_literals;
+using Texts = std::vector<std::string>;
+
+struct AnnouncementsTest : ::testing::Test {
+  void add(const std::string& id, SteadyTime::duration allowed = 10s) {
+    AdmittedCommand command;
+    command.command.id = id;
+    command.deadline = now + allowed;
+    announcements.add({std::move(command), "announces " + id,
+                       [this](AdmittedCommand c) { submitted.push_back(c.command.id); }});
+  }
+  void step(bool can_publish = true) {
+    announcements.step(
+        can_publish,
+        [this](std::string text) {
+          published.push_back(std::move(text));
+          return published.size();
+        },
+        now);
+  }
+
+  SteadyTime now{1h};
+  Announcements announcements;
+  Texts published;  ///< with the ids 1, 2, ...
+  Texts submitted;
+};
+
+TEST_F(AnnouncementsTest, CommandIsSubmittedWhenTheBrokerHasItsAnnouncement) {
+  add("a");
+  add("b");
+  step();
+  EXPECT_EQ(published, (Texts{"announces a", "announces b"}));
+  EXPECT_EQ(submitted, Texts{});
+  EXPECT_TRUE(announcements.delivered(2));
+  EXPECT_FALSE(announcements.delivered(2));
+  EXPECT_FALSE(announcements.delivered(3)) << "that is no announcement";
+  EXPECT_EQ(submitted, Texts{"b"});
+  EXPECT_TRUE(announcements.delivered(1));
+  EXPECT_EQ(submitted, (Texts{"b", "a"}));
+}
+
+TEST_F(AnnouncementsTest, NothingIsAnnouncedWithoutTheLease) {
+  add("a");
+  step(false);
+  EXPECT_EQ(published, Texts{});
+  step();
+  EXPECT_EQ(published, Texts{"announces a"});
+}
+
+TEST_F(AnnouncementsTest, CommandThatTheBrokerRefusesIsSubmittedAfterItsDeadline) {
+  add("a", 5s);
+  step();
+  announcements.refused(1);
+  announcements.refused(7);  // no announcement
+  now += 5s;
+  step();
+  EXPECT_EQ(submitted, Texts{});
+  now += 1ms;
+  step();
+  EXPECT_EQ(submitted, Texts{"a"});
+}
+
+TEST_F(AnnouncementsTest, ReleaseSubmitsAllThatWaitsAndLaterCommandsAtOnce) {
+  add("refused");
+  add("on the way");
+  step();
+  announcements.refused(1);
+  add("added");
+  announcements.release();
+  EXPECT_EQ(submitted, Texts{});
+  add("later");
+  EXPECT_EQ(submitted, Texts{"later"});
+  step(false);
+  EXPECT_EQ(submitted, (Texts{"later", "on the way", "refused", "added"}));
+  EXPECT_FALSE(announcements.delivered(2));
+  EXPECT_EQ(published.size(), 2U);
+}
+
+}  // namespace
+}  // namespace fxagent
