@@ -15,6 +15,7 @@
 #include "agent/field/bus/unexpected_bytes.h"
 #include "agent/field/link/device_state.h"
 #include "agent/field/poll/hole_map.h"
+#include "agent/field/poll/measured_turnaround.h"
 #include "agent/field/poll/poll_cycle.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/handover/field_health.h"

@@ -1,6 +1,6 @@
-#include <gtest/gtest.h>
+#include "agent/field/poll/measured_turnaround.h"
 
-#include "agent/field/poll/hole_map.h"
+#include <gtest/gtest.h>
 
 namespace fxagent::test {
 namespace {
