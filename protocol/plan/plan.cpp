@@ -148,6 +148,7 @@ std::vector<std::vector<std::uint32_t>> in_order(std::uint32_t reads,
   std::vector<bool> gathered(reads);
   for (const auto& parts : together)
     for (const std::uint32_t read : parts) gathered[read] = true;
+  together.reserve(together.size() + static_cast<std::size_t>(std::ranges::count(gathered, false)));
   for (std::uint32_t read = 0; read < reads; ++read)
     if (!gathered[read]) together.push_back({read});
   std::ranges::sort(together, {}, [](const auto& parts) { return parts.front(); });

@@ -66,6 +66,7 @@ class LinkWorker final {
   void adjust(const LinkConfig& link);
   /// Applies interval, publish and max_silent of the groups of `device`, which has this index.
   void adjust(std::uint32_t index, const DeviceConfig& device);
+  /// Final once run() has ended.
   const LinkDevices& devices() const { return devices_; }
 
   /// Says what has become of a yield() or take_back(): Reason::none if it was done.
@@ -110,7 +111,7 @@ class LinkWorker final {
   asio::awaitable<void> idle_until(SteadyTime until);
   asio::awaitable<void> open_line();
 
-  LinkConfig config_;
+  const LinkConfig config_;  ///< as at its beginning: adjust() does not change it
   const std::uint32_t link_;
   const Polling polling_;
   Outbox& outbox_;

@@ -69,6 +69,7 @@ TEST(Gathering, OneReadIsNotSentAsAGather) {
     const auto points = points_at(codec, {"W7", "W8"});
     const Plan plan = make_plan(codec, points, cost, 0);
     ASSERT_EQ(plan.reads.size(), 1U);
+    EXPECT_EQ(plan.exchange_count(), 1U);
     EXPECT_EQ(plan.reads[0].read.gather, 0);
   }
 }
@@ -79,7 +80,7 @@ TEST(Gathering, WhatHasNoOtherWayGoesInAGatherOfOnePart) {
   const auto points = points_at(codec, {"V7"});
   const Plan plan = checked_plan(codec, points, kCost);
   ASSERT_EQ(plan.exchange_count(), 1U);
-  EXPECT_EQ(std::get<Gather>(plan.request(plan.exchanges[0])).parts.size(), 1U);
+  EXPECT_EQ(std::get<Gather>(plan.request(std::vector{0U})).parts.size(), 1U);
   Holes lacks;
   lacks.gather_limits.push_back({1, 0});
   EXPECT_EQ(make_plan(codec, points, kCost, 0, lacks).refused, std::vector<std::uint32_t>{0});

@@ -211,8 +211,14 @@ TEST(HoleMapGather, ACommandThatTheDeviceLacksIsNotUsed) {
   const std::uint32_t before = device.map.version();
   EXPECT_TRUE(device.map.lacks(1, device.now));
   EXPECT_GT(device.map.version(), before);
+  const auto is_used = [&device] {
+    return std::ranges::any_of(device.plan().reads,
+                               [](const PlannedRead& each) { return each.read.gather != 0; });
+  };
+  EXPECT_FALSE(is_used());
   EXPECT_EQ(device.plan().exchange_count(), 5U);
   device.map.retry(device.now + 599s);
+  EXPECT_FALSE(is_used());
   EXPECT_EQ(device.plan().exchange_count(), 5U);
   device.map.retry(device.now + 600s);
   EXPECT_EQ(device.plan().exchange_count(), 1U) << "it may have been a password";
