@@ -87,6 +87,17 @@ std::optional<Refusal> check_expiry(const Command& command, const CommandRules& 
                     " s) ahead of this agent's clock: one of the clocks is wrong");
 }
 
+std::string why_expired(const Command& command) {
+  constexpr std::int64_t in_1973_ms = 100'000'000'000;  // the number of a year to come, in seconds
+  std::string text = "the command had expired when it arrived";
+  if (command.expires_ms && *command.expires_ms < in_1973_ms)
+    text += "; expires is in milliseconds since 1970";
+  else if (command.expires_ms && *command.expires_ms < command.received_ms)
+    text += ", " + std::to_string(command.received_ms - *command.expires_ms) +
+            " ms ago by this agent's clock";
+  return text;
+}
+
 /// Prepares a result for the memory of ids, if there is no journal. Whoever asked has it then, and
 /// topic and correlation can be 64 KiB of the sender's data.
 std::shared_ptr<const CommandResult> kept(CommandResult result) {
@@ -175,8 +186,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   if (!why) {
     admitted.deadline = deadline_of(cmd, rules);
     if (now > admitted.deadline) {
-      set_outcome(result, CommandStatus::expired, Reason::expired,
-                  "the command had expired when it arrived");
+      set_outcome(result, CommandStatus::expired, Reason::expired, why_expired(cmd));
       remember_refused(cmd, result, now);
       return result;
     }

@@ -40,7 +40,7 @@ bool is_remembered(const CommandResult& result) {
 
 /// Returns for whom the port is free, and until when.
 std::string yield_text(const Command& command, std::chrono::minutes time, std::int64_t utc_ms) {
-  if (time.count() == 0) return "the agent has the port again";
+  if (time.count() == 0) return "the agent opens the port again";
   const std::string& by = sender_of(command);
   return "the port is free for another program until " +
          utc_text(utc_ms + milliseconds(time).count()) +

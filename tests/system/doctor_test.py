@@ -69,6 +69,15 @@ class Doctor(PlantTest):
         tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]
         self.assert_finds(self.write(self.meter(tags=tags)), "blocks above 100 bytes are refused", "/devices/0/max_block_bytes = 100")
 
+    def test_a_tag_that_the_device_lacks(self):
+        self.start_sim([self.rtu(holes=["hr:7"])])
+        tags = [{"name": name, "address": f"hr:{at}", "type": "uint16"}
+                for name, at in (("good", 5), ("gone", 7))]
+        status, said, errors = fxagent("doctor", self.write(self.meter(tags=tags)))
+        self.assertEqual(status, 4, said + errors)
+        self.assertIn("FAULT: tag gone: the device does not return hr:7; correct the address", said)
+        self.assertNotIn("tag good", said)
+
     def test_who_made_the_device(self):
         self.start_sim([self.rtu(identity=["Sunny Meters", "M2\u001b[31m", "V1.7"])])
         status, said, errors = fxagent("doctor", self.write(self.meter()))

@@ -4,6 +4,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
+#include "agent/cli/audit/command_line_audit.h"
 #include "agent/text/json.h"
 #include "agent/text/text.h"
 
@@ -77,7 +78,7 @@ std::string line_text(const Json& line) {
   if (!frames.empty()) out += " | " + frames;
   if (const std::int64_t told = time_at(line, "acknowledged"); told != 0)
     out += " | acknowledged " + utc_text(told);
-  else
+  else if (plain(member(line, "topic")) != kCommandLine)
     out += " | the broker has not acknowledged it";
   return out;
 }

@@ -436,8 +436,12 @@ class Doctor final {
     std::uint32_t limit_bits = 0;  // 0: none was found
     for (std::size_t g = 0; g < device.groups.size(); ++g) {
       std::vector<Point> points;
-      for (const TagConfig& tag : device.tags)
-        if (tag.group == g) points.push_back(tag.point);
+      std::vector<std::string> names;
+      for (const TagConfig& tag : device.tags) {
+        if (tag.group != g) continue;
+        points.push_back(tag.point);
+        names.emplace_back(std::string_view(tag.name));
+      }
       const Plan plan =
           make_plan(*patient.codec, points, cost_of(device, char_time, device.turnaround),
                     device.max_block_bytes);
@@ -451,15 +455,31 @@ class Doctor final {
         const std::uint32_t fits = patient.answered_in_parts(whole);
         const std::string place =
             patient.codec->addresses().name_of({whole.span.space, whole.span.first_bit, 1});
-        note("a read of " + bytes_text(whole.span.bits) + " at " + place + " is refused: " +
-             answer.text + (fits == 0 ? "; the agent finds out which part does not exist" : ""));
-        if (fits != 0) limit_bits = limit_bits == 0 ? fits : std::min(limit_bits, fits);
+        note("a read of " + bytes_text(whole.span.bits) + " at " + place +
+             " is refused: " + answer.text);
+        if (fits == 0)
+          for (const std::uint32_t each : planned.points)
+            judge_point(patient, whole, names[each], points[each]);
+        else
+          limit_bits = limit_bits == 0 ? fits : std::min(limit_bits, fits);
       }
     }
     if (longest_bits != 0) note("reads blocks of " + bytes_text(longest_bits));
     if (limit_bits == 0) return;
     fault(kDiffers, "blocks above " + bytes_text(limit_bits) + " are refused");
     change({"devices", device.name, "", "max_block_bytes", std::to_string(limit_bits / kByteBits)});
+  }
+
+  /// Reads a point of a refused read by itself.
+  void judge_point(const Patient& patient, const Read& refused, const std::string& tag,
+                   const Point& point) {
+    const auto span = span_of(point);
+    const bool is_inside = span && span->first_bit >= refused.span.first_bit &&
+                           span->end_bit() <= refused.span.end_bit();
+    if (!is_inside || patient.read(*span)) return;
+    fault(kDiffers, "tag " + tag + ": the device does not return " +
+                        patient.codec->addresses().name_of({span->space, span->first_bit, 1}) +
+                        "; correct the address, or remove the tag");
   }
 
   static std::string bytes_text(std::uint32_t bits) {

@@ -254,7 +254,9 @@ void read_op(const Json& object, Command& command, Faults& faults) {
   command.op_text = text->substr(0, kMaxOpKept);
   command.op = op_from(*text);
   if (!command.op)
-    faults.add(Reason::bad_op, "op " + in_quotes(*text) + " is not one of " + std::string(words));
+    faults.add(Reason::bad_op,
+               "op " + in_quotes(*text) + " is not one of " + std::string(words) +
+                   (text->find('-') != std::string::npos ? " (with _, not -)" : ""));
 }
 
 void read_type(const Json& type, CommandTarget& target, Faults& faults) {

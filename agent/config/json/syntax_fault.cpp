@@ -83,7 +83,8 @@ SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, st
                        : std::string("there is a comma before this ") + c + ": remove the comma"};
   if (bracket == '{' && !is_key) {
     if (is_letter(c)) return {at, "the key has no quotes: write \"key\""};
-    if (is_digit(c) || is_sign(c)) return {at, "a key needs double quotes (\")"};
+    if (is_digit(c) || is_sign(c))
+      return {at, "a key needs double quotes (\"); a number has a decimal point, not a comma"};
   } else if (is_letter(c)) {
     return {at,
             "an unknown word. JSON has only true, false and null: a text needs double quotes (\")"};

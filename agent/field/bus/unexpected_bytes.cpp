@@ -199,7 +199,10 @@ UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteV
     return {Cause::echo,
             "the request itself, which the line returns (a two-wire adapter?): set echo for its "
             "devices"};
-  if (auto frame = own_frame(device, codec, heard)) return *std::move(frame);
+  // A device that stood still may send several answers of one byte at once.
+  const bool repeats = std::ranges::count(heard, heard.front()) == std::ssize(heard);
+  if (auto frame = own_frame(device, codec, repeats ? heard.first(1) : heard))
+    return *std::move(frame);
   if (auto other = frame_of_another(device, heard)) return *std::move(other);
   const bool is_text_line = is_on_line && codec.is_text();
   if (is_text_line) {

@@ -591,6 +591,14 @@ TEST_F(CommandAdmissionTest, AbsurdExpiriesAreNeitherFreshNorACrash) {
     command.expires_ms = long_past;
     EXPECT_EQ(answered(command).status, CommandStatus::expired) << long_past;
   }
+  Command in_seconds = write("in seconds");
+  in_seconds.expires_ms = in_seconds.received_ms / 1000 + 5;
+  EXPECT_EQ(answered(in_seconds).detail,
+            "the command had expired when it arrived; expires is in milliseconds since 1970");
+  Command late = write("late");
+  late.expires_ms = late.received_ms - 40;
+  EXPECT_EQ(answered(late).detail,
+            "the command had expired when it arrived, 40 ms ago by this agent's clock");
   Command never = write("never");
   never.expires_ms = kMax;
   EXPECT_EQ(answered(never).reason, Reason::bad_value);

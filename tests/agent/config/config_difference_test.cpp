@@ -195,7 +195,7 @@ TEST(ConfigDifference, IdentityAndStoreNeedARestartAndAreNamed) {
   for (const auto& [pointer, value] : changes.items()) {
     // The client id depends on the agent's id; a change would be a second finding.
     const auto errors = needs_restart(running(), good(changed(pointer, value.dump())));
-    expect_error(errors, pointer, {"restart", "until then it is"});
+    expect_error(errors, pointer, {"restart", "or put back"});
   }
   expect_error(needs_restart(running(), good(changed("/metrics", R"({"listen": "[::1]:9465"})"))),
                "/metrics/listen", {"restart", "the address at the start"});

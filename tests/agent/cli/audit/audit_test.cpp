@@ -250,9 +250,12 @@ TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
   report.add(seal(head, result(1, "press1", kSucceeded, {}, kNow)));
   report.add(seal(head, delivery(9, "press1", "z", false, kNow)));
   report.add(seal(head, admitted(receipt(10), "open", "write", kNow)));
+  Receipt by_hand = receipt(11);
+  by_hand.topic = "command line";
+  report.add(seal(head, admitted(by_hand, "by hand", "write", kNow)));
   report.add(seal(head, pruned(3, Bytes(32, 0), kNow)));
   const auto lines = report.take();
-  ASSERT_EQ(lines.size(), 4U);
+  ASSERT_EQ(lines.size(), 5U);
   EXPECT_EQ(lines[0].text,
             "before the records press1 z: (no op): no result is recorded | the "
             "broker has not acknowledged it");
@@ -260,6 +263,7 @@ TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
   test::expect_says(lines[1].text, "records up to 3 were removed");
   EXPECT_EQ(nlohmann::json::parse(lines[2].json)["received"], kNow + 1);
   EXPECT_EQ(nlohmann::json::parse(lines[3].json)["status"], nullptr);
+  EXPECT_TRUE(lines[4].text.ends_with("no result is recorded")) << "no broker has to know it";
 }
 
 TEST(AuditReport, RemoteConfigHasALine) {

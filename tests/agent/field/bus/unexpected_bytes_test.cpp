@@ -130,6 +130,12 @@ TEST(UnexpectedBytes, AQuestionOfAnotherIsAnotherMaster) {
   expect_says(found.text, "of station 5, \"read X40 × 5\": another master");
 }
 
+TEST(UnexpectedBytes, SeveralAnswersOfOneByteAreLateAnswersAndNoWrongSpeed) {
+  const auto found = guess(device_of("fx-programming-port"), hex("06 06 06 06"), kReadD123);
+  EXPECT_EQ(found.cause, Cause::another_master);
+  expect_says(found.text, "late answer (timeout_ms)");
+}
+
 TEST(UnexpectedBytes, AnAnswerOfAnotherStationNamesIt) {
   const auto found = guess(device_of("modbus-rtu"), kRtuReply, hex("01 01 00 13 00 13 8D C2"));
   EXPECT_EQ(found.cause, Cause::another_master);
