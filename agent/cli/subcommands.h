@@ -161,8 +161,9 @@ int run_scan(const std::string& port);
 
 // ---- record, replay, decode: recordings of the running agent, and the meaning of frames
 
-/// Asks the running agent for recordings of these links, or of all if it is empty, and prints the
-/// path of each. Returns 1 if no agent answers, 2 if the config has no recorder or no such link.
+/// Asks the running agent for recordings of these links, or of all if `links` is empty, and prints
+/// the path of each. Returns 1 if no agent answers, 2 if the config has no recorder or no such
+/// link.
 int run_record(const Config& config, const std::vector<std::string>& links);
 
 struct ReplayQuestion {

@@ -22,7 +22,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
-constexpr int kNotProvable = 3;  // nothing is known to be missing
+constexpr int kNotProvable = 3;       // nothing is known to be missing
+constexpr int kNotListened = kWrong;  // no broker, or messages were dropped
 
 constexpr std::chrono::milliseconds kPause{500};  // before the servers are tried again
 // Longest time that the broker keeps messages for a listener that is away, or was killed.
@@ -339,14 +340,14 @@ int run_verify_stream(const Config& config, const VerifyStream& what) {
                     what.listen);
   const std::string fault = listener.run();
   if (!fault.empty()) std::cerr << "verify-stream: " << fault << '\n';
-  if (!listener.has_listened()) return kWrong;
+  if (!listener.has_listened()) return kNotListened;
 
   const auto streams = listener.report();
   if (what.as_json)
     print_json(listener, config.base_topic(), fault, streams);
   else
     print_text(listener, config.base_topic(), streams);
-  return fault.empty() ? status_of(streams) : kWrong;
+  return fault.empty() ? status_of(streams) : kNotListened;
 }
 
 }  // namespace fxagent

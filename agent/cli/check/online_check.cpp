@@ -19,6 +19,7 @@
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
 #include "agent/text/text.h"
+#include "agent/uplink/paho/paho_broker.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {

@@ -167,6 +167,7 @@ class Doctor final {
 
   int run() {
     for (std::uint32_t i = 0; i < config_.links.size(); ++i) examine_link(i);
+    static_assert(kFailed < kHeld && kHeld < kDiffers);
     return statuses_.empty() ? kDone : *statuses_.begin();
   }
   const std::vector<KeyChange>& changes() const { return changes_; }
@@ -512,7 +513,7 @@ class Doctor final {
   const Config& config_;
   const std::string text_;
   LinkConfig link_;             ///< the one that is examined
-  bool line_is_right_ = false;  ///< a device answers at its speed, which is right for all then
+  bool line_is_right_ = false;  ///< a device answers at the speed of link_
   std::set<int> statuses_;      ///< the lowest is the one that counts most
   std::vector<KeyChange> changes_;
   std::size_t written_ = 0;

@@ -161,7 +161,7 @@ class FleetSession final {
     else if (rollout_ != nullptr)
       rollout_->not_accepted(event.id, "the broker did not accept the message: " + event.text);
   }
-  void on(const auto&) {}
+  void on(const Disconnected&) {}
   void on(const Delivered& event) {
     if (event.id == kMarkerId) quiet_since_ = Clock::now();
   }

@@ -27,6 +27,7 @@ struct ReadReport {
 };
 
 inline constexpr std::uint32_t kWordBits = 16;
+
 /// True if the values of the point depend on the word order: numbers of two or four words.
 bool has_word_order(const Point& point);
 

@@ -104,7 +104,7 @@ class TreeBuilder {
     const std::string_view what = fault.what();
     std::size_t end = what.find(": ");
     if (end == what.npos) end = what.find("] ");
-    fault_ = what.substr(end + 2);
+    fault_ = end == what.npos ? what : what.substr(end + 2);
     // The last token may be a password.
     fault_.resize(std::min(fault_.size(), fault_.find("; last read: ")));
     return false;

@@ -108,8 +108,8 @@ class StoreDisk final {
   /// Name of the damaged file that was set aside in this run; empty if there is none.
   const std::string& set_aside() const { return set_aside_; }
 
-  /// Records the current time of both clocks. If the calendar was set, shifts by the same amount
-  /// the times that this run has written, those in memory at once. A gateway without a real-time
+  /// Records the current time of both clocks. If the calendar was set, shifts the times that this
+  /// run has written by the same amount, those in memory at once. A gateway without a real-time
   /// clock starts in the past and gets its time over the same network as the broker, after the
   /// outage.
   void note_time(SteadyTime now, std::int64_t utc_ms);

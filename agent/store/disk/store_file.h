@@ -14,7 +14,7 @@
 namespace fxagent {
 
 /// Device and inode of a file. identity_of() does not follow a link; it returns nullopt if there is
-/// no file at `path`, or no open one of this handle.
+/// no file at `path`, or the handle is not open.
 struct FileIdentity {
   dev_t device = 0;
   ino_t number = 0;

@@ -1,7 +1,6 @@
 // Device comments in the formats of GX Developer, GX Works2 and GX Works3.
 #include <gtest/gtest.h>
 
-#include <string>
 #include "tests/agent/import/outcome.h"
 #include "tests/support/says.h"
 

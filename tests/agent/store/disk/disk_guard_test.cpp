@@ -21,7 +21,6 @@ TEST(DiskGuard, WorkIsDoneOnAnotherThreadBeforeRunReturns) {
     ASSERT_TRUE(disk.run([&] { worker = std::this_thread::get_id(); }));
     EXPECT_NE(worker, std::thread::id());
     EXPECT_NE(worker, std::this_thread::get_id());
-    EXPECT_FALSE(disk.hangs());
   }
 }
 
