@@ -4,6 +4,7 @@
 #include <array>
 
 #include "protocol/encoding.h"
+#include "protocol/mc/dialect.h"
 #include "protocol/mc/serial_frame.h"
 
 namespace fxagent::fx {
@@ -113,7 +114,7 @@ Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView
   if (const auto sent = encode(request, tag); !sent) return tl::make_unexpected(sent.error());
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "EOT is never answered");
   auto answer = mc::serial_answer(frame_of(settings_), 0, data_chars(request), rx);
-  if (!answer.reply) return answer.reply;
+  if (!answer.reply) return std::move(answer.reply);
   if (!*answer.reply) {
     // Bytes before the echo of the request are older.
     const auto echo = std::find(rx.rbegin(), rx.rend(), kEnq);
@@ -135,7 +136,7 @@ Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView
     reply.image = std::move(*image);
     if (settings_.acknowledge_data) reply.closing = acknowledge(settings_);
   }
-  return answer.reply;
+  return std::move(answer.reply);
 }
 
 bool ComputerLink::expects_reply(const Request& request) const {

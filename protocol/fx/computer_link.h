@@ -13,9 +13,12 @@
 
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
-#include "protocol/mc/dialect.h"
 #include "protocol/options.h"
 #include "protocol/plc.h"
+
+namespace fxagent::mc {
+struct Dialect;
+}
 
 namespace fxagent::fx {
 

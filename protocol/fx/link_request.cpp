@@ -6,6 +6,7 @@
 
 #include "protocol/fx/computer_link.h"
 #include "protocol/mc/body.h"
+#include "protocol/mc/dialect.h"
 #include "protocol/mc/serial_frame.h"
 
 namespace fxagent::fx {

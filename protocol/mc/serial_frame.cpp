@@ -167,7 +167,7 @@ class AsciiSearch final {
                               .consumed = at_ + whole}};
   }
 
-  /// The codec of 1C reads its shorter code itself.
+  /// The codec of 1C reads its code of two digits again.
   std::optional<SerialAnswer> refused_at(std::size_t size, std::size_t etx) {
     const std::size_t digits = is_1c() ? 2 : 4;
     if (left() < size + digits) return incomplete();

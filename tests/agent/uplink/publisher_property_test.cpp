@@ -14,9 +14,6 @@ using test::seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
-// Invariants under any behaviour of broker and disk: every sample is in exactly one place at every
-// step, the window is respected, and after recovery every missing sample was counted.
-enum class Keeping : std::uint8_t { memory, offline, always, offline_frozen, always_frozen };
 /// Each connection sends the history of a stream by rising numbers.
 void expect_history_in_order(const test::FakeBroker& broker) {
   for (std::size_t i = 0; i < broker.log_at_connect.size(); ++i) {
@@ -33,6 +30,9 @@ void expect_history_in_order(const test::FakeBroker& broker) {
   }
 }
 
+// Invariants under any behaviour of broker and disk: every sample is in exactly one place at every
+// step, the window is respected, and after recovery every missing sample was counted.
+enum class Keeping : std::uint8_t { memory, offline, always, offline_frozen, always_frozen };
 class PublisherProperty : public testing::TestWithParam<std::tuple<unsigned, Keeping>> {};
 
 TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
