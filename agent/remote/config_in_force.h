@@ -13,8 +13,8 @@
 
 namespace fxagent {
 
-/// A config on trial is good if the agent is connected to the broker at the end of the trial. It is
-/// lost if the broker is away for the length of a trial without a break.
+/// The config in force. On trial, it is good if the agent is connected to the broker at the end of
+/// the trial. It is lost if the broker is away for the length of a trial without a break.
 class ConfigInForce final {
  public:
   enum class Outcome { pending, good, lost };

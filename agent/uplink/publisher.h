@@ -121,7 +121,7 @@ class Publisher final {
   /// asks again.
   void take_unanswered(Unanswered command) { unanswered_.push_back(std::move(command)); }
 
-  /// Of remote configs; valid for the publisher's lifetime.
+  /// Takes the listener and the reports of remote configs. Valid for the publisher's lifetime.
   OwnTopics& own_topics() { return own_topics_; }
 
   /// Returns the samples counted by location, as of the last step().

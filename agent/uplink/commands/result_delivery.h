@@ -54,6 +54,7 @@ class ResultDelivery final : public Outgoing::Sender {
   SteadyTime next_wake(SteadyTime now) const;
 
  private:
+  /// In this order: from acknowledged on, a copy is done.
   enum class State : std::uint8_t { waiting, in_flight, acknowledged, refused };
   struct Copy {
     std::string topic{};

@@ -50,8 +50,8 @@ class RetainedState final : public Outgoing::Sender {
   void connection_ended();
   /// The same within a connection, because another agent may have overwritten the topics.
   void everything_is_due();
-  /// Sets the text of {base}/config/reported, without which there is none. Empty: the topic is
-  /// cleared once. config_report_is_due() publishes it in this connection.
+  /// Sets the text of {base}/config/reported. Until then nothing is published there. Empty: the
+  /// topic is cleared once. config_report_is_due() publishes it in this connection.
   void set_config_report(std::string text) { config_report_ = std::move(text); }
   // These, and change(), have an effect only while connected: a connection begins with everything.
   void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }

@@ -185,7 +185,6 @@ void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   }
   refused_.refused(row.device, event, now);
   spool_.add(std::move(live));
-  spool_.commit_by(now);  // as in connection_ended()
 }
 
 bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }

@@ -97,37 +97,40 @@ void Session::end(SteadyTime now) {
   listener_.connection_ended(now);
 }
 
-void Session::leave(SteadyTime retry_at, SteadyTime now) {
-  broker_.disconnect(with_will_);
-  end(now);
-  link_ = Link::leaving;
-  retry_at_ = retry_at;
-}
-
 void Session::connect_anew(SteadyTime now) {
   log::warn(
       "broker_sends_too_far_ahead",
       {{"server", connects_.server()},
        {"note", "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1"}});
   receive_maximum_ = 1;
-  leave(now + kGoodbye, now);
+  broker_.disconnect(with_will_);
   broker_.hold_messages(true);  // the broker sends them again on the next connection
+  end(now);
+  link_ = Link::leaving;
+  retry_at_ = now + kGoodbye;
 }
 
 void Session::begin_anew(SteadyTime now) {
+  const bool was_connected = link_ == Link::connected;
   connects_.restart();
   last_failure_.clear();
   receive_maximum_ = kReceiveMaximum;
-  if (link_ == Link::connected) return leave(now + kGoodbye, now);
-  // An attempt without an answer gets no DISCONNECT: connect() abandons it.
+  if (was_connected) {
+    broker_.disconnect(with_will_);
+    end(now);
+  }
   if (link_ == Link::connecting) listener_.attempt_failed();
-  link_ = Link::waiting;
-  retry_at_ = now;
+  // An attempt without an answer gets no DISCONNECT: connect() abandons it.
+  link_ = was_connected ? Link::leaving : Link::waiting;
+  retry_at_ = was_connected ? now + kGoodbye : now;
 }
 
 void Session::go_to_next(SteadyTime now) {
-  not_before_ = std::max(connects_.after_failure(now), now + kGoodbye);
-  leave(not_before_, now);
+  const SteadyTime next = connects_.after_failure(now);
+  broker_.disconnect(with_will_);
+  end(now);
+  link_ = Link::leaving;
+  retry_at_ = not_before_ = std::max(next, now + kGoodbye);
 }
 
 void Session::begin_end(SteadyTime now) {

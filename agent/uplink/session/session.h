@@ -83,8 +83,6 @@ class Session final {
 
   void connect(SteadyTime now);
   void end(SteadyTime now);
-  /// Ends the connection with a DISCONNECT, and connects again at `retry_at`.
-  void leave(SteadyTime retry_at, SteadyTime now);
   void watch(SteadyTime now);
   /// Returns the server for the log.
   std::string server() const;

@@ -214,8 +214,8 @@ Publication TypedCommandsProfile::node_death(std::int64_t) const {
 std::vector<Publication> TypedCommandsProfile::due(SteadyTime now, std::int64_t utc_ms) {
   std::vector<Publication> messages = EdgeNode::due(now, utc_ms);
   if (!messages.empty() || !is_open()) return messages;
-  if (is_asked_ && now >= born_at_ + kRebirthEvery) {
-    born_at_ = now;
+  if (is_asked_ && now >= last_births_at_ + kRebirthEvery) {
+    last_births_at_ = now;
     return repeated_births(utc_ms);
   }
   // One at a time: what is handed over is lost with the connection.
@@ -238,13 +238,13 @@ bool TypedCommandsProfile::is_open() const {
 
 SteadyTime TypedCommandsProfile::next_wake() const {
   if (!is_asked_ || !is_open()) return EdgeNode::next_wake();
-  return std::min(EdgeNode::next_wake(), born_at_ + kRebirthEvery);
+  return std::min(EdgeNode::next_wake(), last_births_at_ + kRebirthEvery);
 }
 
 Publication TypedCommandsProfile::node_birth(SteadyTime now, std::int64_t utc_ms) {
   seq_ = 0;
   is_asked_ = false;
-  born_at_ = now;
+  last_births_at_ = now;
   return message("NBIRTH", "", node_packet(utc_ms), seq_++);
 }
 

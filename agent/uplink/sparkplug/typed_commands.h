@@ -72,9 +72,9 @@ class TypedCommandsProfile final : public sparkplug::EdgeNode {
   void reject(const Message& message, const Request& request, const std::string& why);
   void send(const Request& request, sparkplug_c::Metric answer);
 
-  std::uint64_t seq_ = 0;  ///< of the next message
-  bool is_asked_ = false;  ///< a host has asked for the births again
-  SteadyTime born_at_{};   ///< the last births, also repeated ones
+  std::uint64_t seq_ = 0;        ///< of the next message
+  bool is_asked_ = false;        ///< a host has asked for the births again
+  SteadyTime last_births_at_{};  ///< the last births, also repeated ones
   std::deque<Publication> answers_;
 };
 

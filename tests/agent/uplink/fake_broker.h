@@ -22,7 +22,6 @@ class FakeBroker final : public Broker {
   void use(const MqttConfig& mqtt) override { used.push_back(mqtt); }
   void connect(std::size_t index, std::uint16_t may_send_ahead) override {
     connects.push_back(index);
-    log_at_connect.push_back(log.size());
     sends_ahead = may_send_ahead;
     events_.clear();
     open_.clear();
@@ -139,10 +138,9 @@ class FakeBroker final : public Broker {
   int disconnects = 0;
   bool left_with_will = false;  ///< the last disconnect asked for the last will
   std::vector<MqttConfig> used;
-  std::vector<Publication> log;             ///< everything published, in order
-  std::vector<std::size_t> log_at_connect;  ///< size of `log` at each connect
-  std::vector<Publication> taken;           ///< acknowledged ones
-  std::vector<std::string> order;           ///< subscriptions, and topics of acknowledged publishes
+  std::vector<Publication> log;    ///< everything published, in order
+  std::vector<Publication> taken;  ///< acknowledged ones
+  std::vector<std::string> order;  ///< subscriptions, and topics of acknowledged publishes
   std::set<std::string> filters;
   std::size_t most_open = 0;
 
