@@ -85,8 +85,8 @@ struct Holes {
   std::uint32_t most_others = 0xFFFFFFFF;
 };
 
-/// Reads that one exchange returns, by their index in Plan::reads. Valid as long as the plan, or the
-/// index, that it views.
+/// Reads that one exchange returns, by their index in Plan::reads. Valid as long as the plan, or
+/// the index, that it views.
 using ReadIndices = std::span<const std::uint32_t>;
 
 struct Plan {
