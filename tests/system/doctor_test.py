@@ -75,7 +75,7 @@ class Doctor(PlantTest):
                 for name, at in (("good", 5), ("gone", 7))]
         status, said, errors = fxagent("doctor", self.write(self.meter(tags=tags)))
         self.assertEqual(status, 4, said + errors)
-        self.assertIn("FAULT: tag gone: the device does not return hr:7; correct the address", said)
+        self.assertIn("FAULT: tag gone: the device does not return 2 bytes at hr:7; correct the address", said)
         self.assertNotIn("tag good", said)
 
     def test_who_made_the_device(self):
@@ -118,8 +118,9 @@ class Doctor(PlantTest):
         self.start_sim([self.rtu(holes=["hr:40-hr:41"])])
         tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]
         status, said, errors = fxagent("doctor", self.write(self.meter(tags=tags)))
-        self.assertEqual(status, 0, said + errors)
-        self.assertIn("does not exist", said)
+        self.assertEqual(status, 4, said + errors)
+        self.assertIn("FAULT: tag all: the device does not return 200 bytes at hr:0", said)
+        self.assertNotIn("max_block_bytes", said)
 
     def test_port_of_another_program(self):
         self.start_sim([self.plc()])

@@ -478,7 +478,8 @@ class Doctor final {
     const bool is_inside = span && span->first_bit >= refused.span.first_bit &&
                            span->end_bit() <= refused.span.end_bit();
     if (!is_inside || patient.read(*span)) return;
-    fault(kDiffers, "tag " + tag + ": the device does not return " +
+    fault(kDiffers, "tag " + tag + ": the device does not return " + bytes_text(span->bits) +
+                        " at " +
                         patient.codec->addresses().name_of({span->space, span->first_bit, 1}) +
                         "; correct the address, or remove the tag");
   }
