@@ -145,9 +145,8 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
   std::vector<ConfigError> errors;
   const auto must_stay = [&errors](std::string pointer, bool same, const std::string& in_force) {
     if (!same)
-      errors.push_back(
-          {std::move(pointer), 0,
-           "takes effect only at a restart: restart the agent, or put back " + in_force});
+      errors.push_back({std::move(pointer), 0,
+                        "needs a restart of the agent: restart it, or put back " + in_force});
   };
   must_stay("/agent/id", running.id == wanted.id, shown(running.id));
   must_stay("/agent/root", running.root == wanted.root, shown(running.root));
