@@ -146,7 +146,14 @@ std::string utc_text(std::int64_t utc_ms) {
 
 std::optional<std::int64_t> utc_ms_from(std::string_view text) {
   if (text.ends_with('Z')) text.remove_suffix(1);
-  for (const char* form : {"%FT%T", "%FT%R", "%F"}) {
+  // With %T the library computes with seconds that it has not read, unless all of it is there.
+  constexpr std::string_view shape = "T00:00:00";
+  const auto fits = [](char c, char in_shape) {
+    return in_shape == '0' ? c >= '0' && c <= '9' : c == in_shape;
+  };
+  const bool has_seconds =
+      std::ranges::equal(text.substr(std::min(text.find('T'), text.size())), shape, fits);
+  for (const char* form : {has_seconds ? "%FT%T" : "%FT%R", "%F"}) {
     std::istringstream in{std::string(text)};
     in.imbue(std::locale::classic());
     date::sys_seconds time;
