@@ -12,6 +12,9 @@
 
 namespace fxagent::audit {
 
+/// Topic in the receipt of a command that came from the command line: no broker knows of it.
+inline constexpr std::string_view kCommandLine = "command line";
+
 /// Receipt of a command. `number` is its command number, which rises across restarts.
 struct Receipt {
   std::uint64_t number = 0;

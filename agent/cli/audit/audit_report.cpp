@@ -4,7 +4,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "agent/cli/audit/command_line_audit.h"
+#include "agent/commands/audit_records.h"
 #include "agent/text/json.h"
 #include "agent/text/text.h"
 

@@ -31,7 +31,7 @@ audit::Receipt receipt_of(const Command& command, std::uint64_t number, const st
                           const std::string& text) {
   return {.number = number,
           .device = device,
-          .topic = std::string(kCommandLine),
+          .topic = std::string(audit::kCommandLine),
           .payload = text,
           .payload_bytes = text.size(),
           .by = command_line_user(),

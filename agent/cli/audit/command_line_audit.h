@@ -5,7 +5,6 @@
 
 #include <cstdint>
 #include <string>
-#include <string_view>
 
 #include "agent/config/model.h"
 #include "agent/handover/command_message.h"
@@ -13,9 +12,6 @@
 #include "agent/store/disk/store_disk.h"
 
 namespace fxagent {
-
-/// Stands for the topic in the receipts of its commands.
-inline constexpr std::string_view kCommandLine = "command line";
 
 class CommandLineAudit final {
  public:

@@ -437,11 +437,11 @@ class Doctor final {
     std::uint32_t limit_bits = 0;  // 0: none was found
     for (std::size_t g = 0; g < device.groups.size(); ++g) {
       std::vector<Point> points;
-      std::vector<std::string> names;
+      std::vector<const TagConfig*> tags;  // of `points`
       for (const TagConfig& tag : device.tags) {
         if (tag.group != g) continue;
         points.push_back(tag.point);
-        names.emplace_back(std::string_view(tag.name));
+        tags.push_back(&tag);
       }
       const Plan plan =
           make_plan(*patient.codec, points, cost_of(device, char_time, device.turnaround),
@@ -459,8 +459,7 @@ class Doctor final {
         note("a read of " + bytes_text(whole.span.bits) + " at " + place +
              " is refused: " + answer.text);
         if (fits == 0)
-          for (const std::uint32_t each : planned.points)
-            judge_point(patient, whole, names[each], points[each]);
+          for (const std::uint32_t each : planned.points) judge_tag(patient, whole, *tags[each]);
         else
           limit_bits = limit_bits == 0 ? fits : std::min(limit_bits, fits);
       }
@@ -471,15 +470,14 @@ class Doctor final {
     change({"devices", device.name, "", "max_block_bytes", std::to_string(limit_bits / kByteBits)});
   }
 
-  /// Reads a point of a refused read by itself.
-  void judge_point(const Patient& patient, const Read& refused, const std::string& tag,
-                   const Point& point) {
-    const auto span = span_of(point);
+  /// Reads a tag of a refused read by itself.
+  void judge_tag(const Patient& patient, const Read& refused, const TagConfig& tag) {
+    const auto span = span_of(tag.point);
     const bool is_inside = span && span->first_bit >= refused.span.first_bit &&
                            span->end_bit() <= refused.span.end_bit();
     if (!is_inside || patient.read(*span)) return;
-    fault(kDiffers, "tag " + tag + ": the device does not return " + bytes_text(span->bits) +
-                        " at " +
+    fault(kDiffers, "tag " + std::string(std::string_view(tag.name)) +
+                        ": the device does not return " + bytes_text(span->bits) + " at " +
                         patient.codec->addresses().name_of({span->space, span->first_bit, 1}) +
                         "; correct the address, or remove the tag");
   }
