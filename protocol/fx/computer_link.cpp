@@ -111,7 +111,7 @@ Bytes acknowledge(const Settings& settings) {
 }  // namespace
 
 Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
-  if (const auto sent = encode(request, tag); !sent) return tl::make_unexpected(sent.error());
+  if (const auto sent = encode(request, tag); !sent) return fail(sent);
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "EOT is never answered");
   auto answer = mc::serial_answer(frame_of(settings_), 0, data_chars(request), rx);
   if (!answer.reply) return std::move(answer.reply);
@@ -132,7 +132,7 @@ Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView
     reply.text = "nak " + as_text(code) + ": " + std::string(link_refusal(reply.device_code));
   } else if (reply.kind == Reply::Kind::data) {
     auto image = image_of(request, reply.image);
-    if (!image) return tl::make_unexpected(image.error());
+    if (!image) return fail(image);
     reply.image = std::move(*image);
     if (settings_.acknowledge_data) reply.closing = acknowledge(settings_);
   }

@@ -140,7 +140,7 @@ Result<Parts> take_apart(std::string_view text) {
   while (digits < rest.size() && is_digit(rest[digits])) ++digits;
   if (digits == 0) return refuse("'" + name + "' has no device number");
   const auto number = parse_number(name, parts.letters, rest.substr(0, digits));
-  if (!number) return tl::make_unexpected(number.error());
+  if (!number) return fail(number);
   parts.number = *number;
   rest.remove_prefix(digits);
   if (rest.empty()) return parts;
@@ -247,7 +247,7 @@ std::string device_name(const Span& span) {
 
 Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type) {
   auto taken = take_apart(text);
-  if (!taken) return tl::make_unexpected(taken.error());
+  if (!taken) return fail(taken);
   Parts& parts = *taken;
   if (parts.letters == "T" || parts.letters == "C")
     parts.letters += type == DataType::boolean ? 'S' : 'N';
@@ -267,8 +267,7 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
     address.text = "K" + std::to_string(parts.group) + address.text;
   }
   address.span = span_of(space, numbers);
-  if (const auto present = check_range(model, address.span); !present)
-    return tl::make_unexpected(present.error());
+  if (const auto present = check_range(model, address.span); !present) return fail(present);
   if (parts.word_bit) {
     address.unit = Unit::word_bit;
     address.writable = false;
@@ -290,7 +289,7 @@ Result<Span> parse_range(Model model, std::string_view text) {
   std::optional<Space> space;
   for (const std::string_view end : {ends.first, std::string_view(last)}) {
     const auto parts = take_apart(end);
-    if (!parts) return tl::make_unexpected(parts.error());
+    if (!parts) return fail(parts);
     if (parts->group != 0 || parts->word_bit)
       return refuse(std::string(text) +
                     ": a range goes from one plain device to another, as M100-M199");
@@ -300,7 +299,7 @@ Result<Span> parse_range(Model model, std::string_view text) {
     const Space here = space_of(parts->letters, parts->number);
     if (const auto present = check_range(model, span_of(here, {parts->number, parts->number}));
         !present)
-      return tl::make_unexpected(present.error());
+      return fail(present);
     if (!space) {
       space = here;
       numbers.first = parts->number;
@@ -314,10 +313,8 @@ Result<Span> parse_range(Model model, std::string_view text) {
   if (numbers.last < numbers.first)
     return refuse(std::string(text) + ": the range ends before it begins");
   const Span span = span_of(*space, numbers);
-  if (const auto allowed = check_range(model, span); !allowed)
-    return tl::make_unexpected(allowed.error());
-  if (const auto allowed = check_forbidden(span); !allowed)
-    return tl::make_unexpected(allowed.error());
+  if (const auto allowed = check_range(model, span); !allowed) return fail(allowed);
+  if (const auto allowed = check_forbidden(span); !allowed) return fail(allowed);
   return span;
 }
 

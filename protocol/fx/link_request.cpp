@@ -105,7 +105,7 @@ Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& 
   const std::string_view command = read_command(read);
   const auto way = way_for(
       ways, read.way, span, [&] { return device_name(span); }, "read by " + std::string(command));
-  if (!way) return tl::make_unexpected(way.error());
+  if (!way) return fail(way);
   Bytes area;
   append_device(area, span.space, span.first_bit, name_chars(span.space));
   append_points(area, span.bits / way->unit_bits);
@@ -114,8 +114,7 @@ Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& 
 
 Result<Bytes> encode_write(const Settings& settings, const Write& write) {
   const Span& span = write.span;
-  if (const auto allowed = check_exact(settings.model, span); !allowed)
-    return tl::make_unexpected(allowed.error());
+  if (const auto allowed = check_exact(settings.model, span); !allowed) return fail(allowed);
   const PointLimits& limits = limits_of(settings.model);
   const std::uint32_t bits = kind_of(static_cast<Space>(span.space)).bits;
   const bool by_bits = bits == 1 && !is_bit_words(span);
@@ -148,8 +147,7 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
       scatter.parts, [](const Write& part) { return part.span.space == id(Space::r); });
   for (const Write& part : scatter.parts) {
     const Span& span = part.span;
-    if (const auto allowed = check_exact(settings.model, span); !allowed)
-      return tl::make_unexpected(allowed.error());
+    if (const auto allowed = check_exact(settings.model, span); !allowed) return fail(allowed);
     if (part.image.size() != (span.bits + 7) / 8)
       return refuse(device_name(span) + ": " + std::to_string(part.image.size()) + " bytes for " +
                     std::to_string(span.bits) + " bits");

@@ -276,7 +276,7 @@ Result<Bytes> encode_read(const Settings& settings, const Read& read) {
   const auto way = way_for(
       ways_of(settings, space, set), way_of(set), read.span, [&] { return device_name(read.span); },
       classic ? "reached with the classic command set" : "reached with the extended command set");
-  if (!way) return tl::make_unexpected(way.error());
+  if (!way) return fail(way);
   const std::uint32_t address =
       area_of(map_of(settings.model, set), space)->address + read.span.first_bit / 8;
   return framed(classic ? "0" : "E00", {{address, 4}, {read.span.bits / 8, 2}}, {});
@@ -285,14 +285,13 @@ Result<Bytes> encode_read(const Settings& settings, const Read& read) {
 /// `most` is the largest number of bits in one write.
 Result<Bytes> encode_write(const Settings& settings, std::uint32_t most, const Write& write) {
   const Span& span = write.span;
-  if (const auto allowed = fx::check_write(settings.model, span); !allowed)
-    return tl::make_unexpected(allowed.error());
+  if (const auto allowed = fx::check_write(settings.model, span); !allowed) return fail(allowed);
   if (span.bits % 8 != 0 || span.bits > most || write.image.size() != span.bits / 8)
     return refuse("write of " + std::to_string(span.bits) + " bits with " +
                   std::to_string(write.image.size()) + " bytes to " + device_name(span) +
                   ": whole bytes, at most " + std::to_string(most) + " bits");
   const auto set = set_for(settings, span);
-  if (!set) return tl::make_unexpected(set.error());
+  if (!set) return fail(set);
   const PortArea* area = area_of(map_of(settings.model, *set), static_cast<Space>(span.space));
   return framed(*set == CommandSet::classic ? "1" : "E10",
                 {{area->address + span.first_bit / 8, 4}, {span.bits / 8, 2}}, write.image);
@@ -302,11 +301,10 @@ Result<Bytes> encode_force(const Settings& settings, const Force& force) {
   const Span span{force.space, force.bit, 1};
   // RUN and STOP are forces of M8037. check_write() protects it from all other requests.
   if (!switches_run(force)) {
-    if (const auto allowed = fx::check_write(settings.model, span); !allowed)
-      return tl::make_unexpected(allowed.error());
+    if (const auto allowed = fx::check_write(settings.model, span); !allowed) return fail(allowed);
   }
   const auto set = set_for(settings, span);
-  if (!set) return tl::make_unexpected(set.error());
+  if (!set) return fail(set);
   const PortArea* area = area_of(map_of(settings.model, *set), static_cast<Space>(force.space));
   if (!area->force) return refuse(device_name(span) + " is a word: only bits can be forced");
   const std::uint32_t address = (*area->force + force.bit) & 0xFFFF;
@@ -330,7 +328,7 @@ Result<Bytes> ProgrammingPort::encode(const Request& request, std::uint16_t /*ta
 
 Decoded ProgrammingPort::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   const auto sent = encode(request, tag);
-  if (!sent) return tl::make_unexpected(sent.error());
+  if (!sent) return fail(sent);
   if (const auto* read = std::get_if<Read>(&request))
     return decode_data(rx, *sent, read->span.bits / 8);
   return decode_acknowledge(rx);

@@ -472,10 +472,10 @@ std::string device_name(Model model, const Span& span) {
 
 Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type) {
   auto taken = take_apart(text);
-  if (!taken) return tl::make_unexpected(taken.error());
+  if (!taken) return fail(taken);
   Parts& parts = *taken;
   const auto number = number_in(model, parts);
-  if (!number) return tl::make_unexpected(number.error());
+  if (!number) return fail(number);
   if (is_among(kBare, parts.letters)) {
     const bool contact = type == DataType::boolean;
     if (contact && !is_among(kWithContact, parts.letters))
@@ -483,8 +483,7 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
     parts.letters += contact ? 'S' : 'N';
   }
   const Space space = space_of(model, parts.letters, *number);
-  if (const auto present = check_number(model, space, *number); !present)
-    return tl::make_unexpected(present.error());
+  if (const auto present = check_number(model, space, *number); !present) return fail(present);
 
   Address address;
   address.text = device_name(model, space, *number);
@@ -498,8 +497,7 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
     address.text = "K" + std::to_string(parts.group) + address.text;
   }
   address.span = span_of(space, numbers);
-  if (const auto present = check_range(model, address.span); !present)
-    return tl::make_unexpected(present.error());
+  if (const auto present = check_range(model, address.span); !present) return fail(present);
   if (parts.word_bit) {
     address.unit = Unit::word_bit;
     address.writable = false;
@@ -521,7 +519,7 @@ Result<Span> parse_range(Model model, std::string_view text) {
   std::optional<Space> space;
   for (const std::string_view end : {ends.first, std::string_view(last)}) {
     const auto parts = take_apart(end);
-    if (!parts) return tl::make_unexpected(parts.error());
+    if (!parts) return fail(parts);
     if (parts->group != 0 || parts->word_bit)
       return refuse(std::string(text) +
                     ": a range goes from one plain device to another, as M100-M199");
@@ -531,7 +529,7 @@ Result<Span> parse_range(Model model, std::string_view text) {
           (is_among(kWithContact, parts->letters) ? ", " + parts->letters + "S for the contacts"
                                                   : std::string()));
     const auto number = number_in(model, *parts);
-    if (!number) return tl::make_unexpected(number.error());
+    if (!number) return fail(number);
     const Space found = space_of(model, parts->letters, *number);
     if (space && *space != found)
       return refuse(std::string(text) + ": both ends must be of one kind");
@@ -542,12 +540,10 @@ Result<Span> parse_range(Model model, std::string_view text) {
   if (numbers.last < numbers.first)
     return refuse(std::string(text) + ": the range ends before it begins");
   if (const auto present = check_number(model, *space, numbers.last); !present)
-    return tl::make_unexpected(present.error());
+    return fail(present);
   const Span span = span_of(*space, numbers);
-  if (const auto allowed = check_range(model, span); !allowed)
-    return tl::make_unexpected(allowed.error());
-  if (const auto allowed = check_forbidden(span); !allowed)
-    return tl::make_unexpected(allowed.error());
+  if (const auto allowed = check_range(model, span); !allowed) return fail(allowed);
+  if (const auto allowed = check_forbidden(span); !allowed) return fail(allowed);
   return span;
 }
 

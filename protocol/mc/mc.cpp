@@ -88,8 +88,7 @@ Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& option
 Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
   auto address = mc::parse_address(settings_.model, text, type);
   if (!address) return address;
-  if (const auto named = check_named(settings_, address->span); !named)
-    return tl::make_unexpected(named.error());
+  if (const auto named = check_named(settings_, address->span); !named) return fail(named);
   return address;
 }
 
@@ -109,7 +108,7 @@ Result<void> Mc::check_write(const Span& span) const {
 
 Result<Bytes> Mc::encode(const Request& request, std::uint16_t tag) const {
   const auto message = encode_message(settings_, request);
-  if (!message) return tl::make_unexpected(message.error());
+  if (!message) return fail(message);
   if (is_serial(settings_.frame))
     return serial_request(settings_, static_cast<std::uint8_t>(tag), *message);
   return ethernet_request(settings_, tag, *message);
@@ -130,7 +129,7 @@ Result<Reply> data_reply(const Dialect& dialect, const Request& request, ByteVie
                    std::to_string(expected) + " expected");
   if (!brings_data(request)) return Reply{};
   auto image = decode_answer(dialect, request, data);
-  if (!image) return tl::make_unexpected(image.error());
+  if (!image) return fail(image);
   return Reply{.kind = Reply::Kind::data, .image = std::move(*image)};
 }
 
@@ -148,7 +147,7 @@ Result<Reply> reply_in(const Dialect& dialect, const Request& request, ByteView 
     const std::size_t at = wire_size(code, kErrorRoute);
     const auto refused = number_at(code, rest, at, kCommand);
     const auto message = encode_message(dialect, request);
-    if (!message) return tl::make_unexpected(message.error());
+    if (!message) return fail(message);
     const auto asked = number_at(code, *message, 0, kCommand);
     if (refused != asked)
       return garbled(
@@ -173,7 +172,7 @@ Decoded decode_ethernet(const Dialect& dialect, const Request& request, std::uin
       return garbled("an answer for " + to_string(frame.route) + ", where " +
                      to_string(dialect.route) + " was asked");
     auto reply = reply_in(dialect, request, frame.content);
-    if (!reply) return tl::make_unexpected(reply.error());
+    if (!reply) return fail(reply);
     reply->began = began;
     reply->consumed = frame.end;
     return std::move(*reply);
@@ -196,7 +195,7 @@ Decoded decode_serial(const Dialect& dialect, const Request& request, std::uint1
       answer.kind == Reply::Kind::nak
           ? refusal(static_cast<std::uint16_t>(answer.device_code), dialect.series())
           : data_reply(dialect, request, answer.image);
-  if (!reply) return tl::make_unexpected(reply.error());
+  if (!reply) return fail(reply);
   reply->began = answer.began;
   reply->consumed = answer.consumed;
   return std::move(*reply);

@@ -48,7 +48,7 @@ Result<void> check_gather(const Dialect& dialect, const Gather& gather) {
   std::uint32_t bits = 0;
   for (const Read& part : gather.parts) {
     const auto way = way_of(dialect, part);
-    if (!way) return tl::make_unexpected(way.error());
+    if (!way) return fail(way);
     if (part.gather == 0 || part.gather != way->gather ||
         part.gather != gather.parts.front().gather)
       return refuse("these places do not fit in one frame");
@@ -93,8 +93,7 @@ Result<Bytes> encode_bits(const Dialect& dialect, const Scatter& scatter, bool l
 /// Encodes a Gather by 0403 or 0406, according to its parts. Error: bad_request if it exceeds the
 /// limits or mixes parts of both.
 Result<Bytes> encode_gather(const Dialect& dialect, const Gather& gather) {
-  if (const auto checked = check_gather(dialect, gather); !checked)
-    return tl::make_unexpected(checked.error());
+  if (const auto checked = check_gather(dialect, gather); !checked) return fail(checked);
   const bool blocks = is_block_read(gather);
   Body body(dialect, has_long_codes(dialect, gather.parts.front().way),
             id(blocks ? Command::block_read : Command::random_read), kWords);
@@ -146,8 +145,7 @@ Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter) {
   bool all_words = all_bits;
   std::uint64_t bits = 0;
   for (const Write& part : scatter.parts) {
-    if (const auto allowed = check_write(dialect.model, part.span); !allowed)
-      return tl::make_unexpected(allowed.error());
+    if (const auto allowed = check_write(dialect.model, part.span); !allowed) return fail(allowed);
     if (part.image.size() != (part.span.bits + 7) / 8)
       return refuse(device_name(dialect.model, part.span) + ": " +
                     std::to_string(part.image.size()) + " bytes for " +
@@ -194,7 +192,7 @@ Gather parts_of(const Read& read, const ReadWay& by) {
 
 Result<Bytes> encode_read(const Dialect& dialect, const Read& read) {
   const auto way = way_of(dialect, read);
-  if (!way) return tl::make_unexpected(way.error());
+  if (!way) return fail(way);
   if (way->gather != 0 || way->way == kDwordWay)
     return encode_gather(dialect, parts_of(read, *way));
   Body body(dialect, has_long_codes(dialect, read.way), id(Command::read),
@@ -206,8 +204,7 @@ Result<Bytes> encode_read(const Dialect& dialect, const Read& read) {
 
 Result<Bytes> encode_write(const Dialect& dialect, const Write& write) {
   const Span& span = write.span;
-  if (const auto allowed = check_write(dialect.model, span); !allowed)
-    return tl::make_unexpected(allowed.error());
+  if (const auto allowed = check_write(dialect.model, span); !allowed) return fail(allowed);
   const bool long_codes = has_long_codes(dialect, write.way);
   const std::uint32_t width = width_of(span.space);
   if (write.image.size() != (span.bits + 7) / 8)

@@ -195,8 +195,7 @@ Result<void> check_reached_write(Model model, const Span& span) {
 template <class T>
 Result<T> reachable(Model model, Result<T> parsed, const Span& span) {
   const auto reached = check_reach(model, span);
-  if (!reached && reached.error().code == ErrorCode::bad_request)
-    return tl::make_unexpected(reached.error());
+  if (!reached && reached.error().code == ErrorCode::bad_request) return fail(reached);
   return parsed;
 }
 
@@ -273,8 +272,7 @@ void append_points(Code data_code, Bytes& out, std::uint32_t points) {
 Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& ways,
                           const Read& read) {
   const Span& span = read.span;
-  if (const auto reached = check_reach(settings.model, span); !reached)
-    return tl::make_unexpected(reached.error());
+  if (const auto reached = check_reach(settings.model, span); !reached) return fail(reached);
   const auto way = std::ranges::find(ways, read.way, &ReadWay::way);
   if (way == ways.end())
     return refuse(device_name(settings.model, span) + " is not read " +
@@ -296,7 +294,7 @@ Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& 
 Result<Bytes> encode_write(const Settings& settings, std::uint32_t most, const Write& write) {
   const Span& span = write.span;
   if (const auto allowed = check_reached_write(settings.model, span); !allowed)
-    return tl::make_unexpected(allowed.error());
+    return fail(allowed);
   const bool bits = width_of(span.space) == 1 && !is_bit_words(span);
   if (span.bits > most || write.image.size() != (span.bits + 7) / 8)
     return refuse("write of " + std::to_string(span.bits) + " bits with " +
@@ -322,7 +320,7 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
   std::uint32_t points = 0;
   for (const Write& part : scatter.parts) {
     if (const auto allowed = check_reached_write(settings.model, part.span); !allowed)
-      return tl::make_unexpected(allowed.error());
+      return fail(allowed);
     if (part.image.size() != (part.span.bits + 7) / 8)
       return refuse(device_name(settings.model, part.span) + ": " +
                     std::to_string(part.image.size()) + " bytes for " +
@@ -450,7 +448,7 @@ Decoded reply_in(Code data_code, const Request& request, std::uint8_t command, B
 
 Decoded OneE::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   const auto sent = encode(request, tag);
-  if (!sent) return tl::make_unexpected(sent.error());
+  if (!sent) return fail(sent);
   const auto command = static_cast<std::uint8_t>(*number_at(settings_.code, *sent, 0, 1));
   std::size_t at = 0;
   while (at < rx.size()) {

@@ -132,7 +132,7 @@ Result<std::shared_ptr<const Codec>> Modbus::make(Framing framing, const Options
   take_option(settings.address_base, options, "address_base", 0, 1);
   if (const auto* word = option<std::string>(options, "byte_order")) {
     const auto order = byte_order_from(*word);
-    if (!order) return tl::make_unexpected(order.error());
+    if (!order) return fail(order);
     settings.order = *order;
   }
   take_option(settings.allow_read_modify_write, options, "allow_read_modify_write");
@@ -147,7 +147,7 @@ Result<std::shared_ptr<const Codec>> Modbus::make(Framing framing, const Options
 Result<Address> Modbus::parse_address(std::string_view text,
                                       std::optional<DataType> /*type*/) const {
   const auto place = parse_place(text, settings_.address_base);
-  if (!place) return tl::make_unexpected(place.error());
+  if (!place) return fail(place);
   Address address;
   address.span = span_of_place(*place);
   const std::string name = modbus::name_of(place->space, place->number, settings_.address_base);
@@ -160,7 +160,7 @@ Result<Address> Modbus::parse_address(std::string_view text,
 Result<Span> Modbus::parse_range(std::string_view text) const {
   const RangeEnds ends = range_ends(text);
   const auto first = parse_place(ends.first, settings_.address_base);
-  if (!first) return tl::make_unexpected(first.error());
+  if (!first) return fail(first);
   auto last = first;
   if (ends.last) {
     std::string end(*ends.last);
@@ -173,7 +173,7 @@ Result<Span> Modbus::parse_range(std::string_view text) const {
       end.insert(0, std::string(letters_of(first->space)) + ":");
     }
     last = parse_place(end, settings_.address_base);
-    if (!last) return tl::make_unexpected(last.error());
+    if (!last) return fail(last);
   }
   const std::string name(text);
   if (first->bit || last->bit)
@@ -322,13 +322,13 @@ Result<Bytes> Modbus::encode(const Request& request, std::uint16_t tag) const {
                     " registers");
   }
   const auto pdu = encode_pdu(request);
-  if (!pdu) return tl::make_unexpected(pdu.error());
+  if (!pdu) return fail(pdu);
   return framed(settings_.framing, settings_.unit, *pdu, tag);
 }
 
 Decoded Modbus::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   const auto pdu = encode_pdu(request);
-  if (!pdu) return tl::make_unexpected(pdu.error());
+  if (!pdu) return fail(pdu);
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "no unit answers a broadcast");
   if (settings_.framing == Framing::rtu) return decode_rtu(settings_.unit, request, *pdu, rx);
   return decode_delimited(settings_, request, *pdu, tag, rx);

@@ -50,7 +50,7 @@ Bytes swapped(ByteView bytes) {
 
 Result<Bytes> encode_read(const Read& read) {
   const auto place = place_of(read.span);
-  if (!place) return tl::make_unexpected(place.error());
+  if (!place) return fail(place);
   const std::uint32_t most = is_bit_table(read.span.space) ? kMaxReadBits : kMaxReadRegisters;
   if (read.way != 0 || place->count > most)
     return refuse("a read takes at most " + std::to_string(most));
@@ -62,7 +62,7 @@ Result<Bytes> encode_read(const Read& read) {
 
 Result<Bytes> encode_write(const Write& write) {
   const auto place = place_of(write.span);
-  if (!place) return tl::make_unexpected(place.error());
+  if (!place) return fail(place);
   const auto space = static_cast<Space>(write.span.space);
   if (space != Space::coil && space != Space::holding_register)
     return refuse(std::string(letters_of(space)) + " cannot be written");
@@ -214,7 +214,7 @@ std::optional<std::size_t> answer_length(ByteView pdu) {
 
 Decoded decode_pdu(const Request& request, ByteView pdu) {
   const auto sent = encode_pdu(request);
-  if (!sent) return tl::make_unexpected(sent.error());
+  if (!sent) return fail(sent);
   if (pdu.empty()) return garbled("an answer without a function code");
   const std::uint8_t function = sent->front();
   if (pdu[0] == (function | kException)) {

@@ -352,16 +352,15 @@ Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Po
     return unpack(point, images[source.first_read],
                   plan.reads[source.first_read].read.span.first_bit);
   const auto image = image_of(plan, images, point, index);
-  if (!image) return tl::make_unexpected(image.error());
+  if (!image) return fail(image);
   return unpack(point, *image, span_of(point)->first_bit);
 }
 
 Result<std::vector<Request>> plan_write(const Codec& codec, const Point& point, ByteView image) {
   const auto span = span_of(point);
-  if (!span) return tl::make_unexpected(span.error());
+  if (!span) return fail(span);
   if (!point.address.writable) return refuse(point.address.text + " cannot be written");
-  if (const auto allowed = codec.addresses().check_write(*span); !allowed)
-    return tl::make_unexpected(allowed.error());
+  if (const auto allowed = codec.addresses().check_write(*span); !allowed) return fail(allowed);
   if (image.size() != (span->bits + 7) / 8)
     return refuse(point.address.text + " takes " + std::to_string((span->bits + 7) / 8) +
                   " bytes, not " + std::to_string(image.size()));

@@ -305,7 +305,7 @@ Result<Scalar> element_from(const Point& point, ByteView image, std::size_t bit,
 
 Result<Value> unpack(const Point& point, ByteView image, std::uint32_t image_first_bit) {
   const auto span = span_of(point);
-  if (!span) return tl::make_unexpected(span.error());
+  if (!span) return fail(span);
   const std::uint64_t image_end = image_first_bit + std::uint64_t{image.size()} * 8;
   if (span->first_bit < image_first_bit || span->end_bit() > image_end)
     return fail(ErrorCode::unsupported, point.address.text + " is not in what was read");

@@ -29,6 +29,12 @@ inline tl::unexpected<Error> fail(ErrorCode code, std::string text) {
   return tl::unexpected<Error>(Error{code, std::move(text)});
 }
 
+/// Passes on the error of a result of another type.
+template <class T>
+tl::unexpected<Error> fail(const Result<T>& failed) {
+  return tl::unexpected<Error>(failed.error());
+}
+
 /// A request that cannot be sent.
 inline tl::unexpected<Error> refuse(std::string text) {
   return fail(ErrorCode::bad_request, std::move(text));

@@ -40,7 +40,7 @@ class TcpTransport final : public Transport {
   asio::awaitable<Result<void>> open(SteadyTime at) override {
     close();
     const auto found = co_await lookup_.find(socket_.get_executor(), settings_.host, name_, at);
-    if (!found) co_return tl::unexpected<Error>(found.error());
+    if (!found) co_return fail(found);
     Result<void> outcome;
     for (const asio::ip::address& address : *found) {
       outcome = co_await connect({address, settings_.port}, at);

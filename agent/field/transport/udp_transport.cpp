@@ -32,7 +32,7 @@ class UdpTransport final : public Transport {
   asio::awaitable<Result<void>> open(SteadyTime at) override {
     close();
     const auto found = co_await lookup_.find(socket_.get_executor(), settings_.host, name_, at);
-    if (!found) co_return tl::unexpected<Error>(found.error());
+    if (!found) co_return fail(found);
     endpoint_ = {address_of(*found), settings_.port};
     answered_ = false;
     co_return take_port();
