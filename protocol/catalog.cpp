@@ -5,7 +5,6 @@
 
 #include "protocol/encoding.h"
 #include "protocol/fx/computer_link.h"
-#include "protocol/fx/d8120.h"
 #include "protocol/fx/programming_port.h"
 #include "protocol/mc/mc.h"
 #include "protocol/mc/one_e.h"

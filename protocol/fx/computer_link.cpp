@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "protocol/checklist.h"
 #include "protocol/encoding.h"
 #include "protocol/mc/dialect.h"
 #include "protocol/mc/serial_frame.h"
@@ -225,6 +226,32 @@ std::string_view link_model(int code) {
   for (const TypeCode& known : kTypeCodes)
     if (known.code == code) return to_string(known.model);
   return {};
+}
+
+// ---- D8120 --------------------------------------------------------------------------------------
+
+std::optional<std::uint16_t> d8120(const Options& options, const LineDefaults& line) {
+  // Bits 4 to 7 are 3 for the first speed, 4 for the next, and so on.
+  constexpr std::array kSpeeds{300, 600, 1200, 2400, 4800, 9600, 19200, 38400};
+  constexpr std::uint32_t kFirstSpeed = 3;
+  const auto* speed = std::ranges::find(kSpeeds, line.baud);
+  if (speed == kSpeeds.end()) return std::nullopt;
+  std::uint32_t word = 1U << 14U;  // computer link
+  word |= (kFirstSpeed + static_cast<std::uint32_t>(speed - kSpeeds.begin())) << 4U;
+  if (line.data_bits == 8) word |= 1U << 0U;
+  if (line.parity == Parity::odd) word |= 1U << 1U;
+  if (line.parity == Parity::even) word |= 3U << 1U;
+  if (line.stop_bits == 2) word |= 1U << 3U;
+  if (const auto* sum = option<bool>(options, "sum_check"); !sum || *sum) word |= 1U << 13U;
+  if (const auto* format = option<std::int64_t>(options, "format"); format && *format == 4)
+    word |= 1U << 15U;
+  return static_cast<std::uint16_t>(word);
+}
+
+std::string d8120_for(const Options& options, const LineDefaults& line) {
+  const auto word = d8120(options, line);
+  if (!word) return "does D8120 have the speed, data bits and parity of this port";
+  return "is D8120 H" + hex_text(*word, 4) + " (" + to_string(line) + ", RS-485)";
 }
 
 }  // namespace fxagent::fx

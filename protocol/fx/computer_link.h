@@ -5,6 +5,7 @@
 // protocol/README.md has the frames.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,6 +17,9 @@
 #include "protocol/options.h"
 #include "protocol/plc.h"
 
+namespace fxagent {
+struct LineDefaults;
+}
 namespace fxagent::mc {
 struct Dialect;
 }
@@ -104,5 +108,11 @@ mc::Dialect frame_of(const ComputerLink::Settings& settings);
 std::string_view link_refusal(int code);
 /// Returns the model for an answer to PC: "FX2N". Empty if it is not a model of the catalogue.
 std::string_view link_model(int code);
+
+/// Returns the word D8120 of a PLC whose link on RS-485 has these settings; nullopt: no FX has this
+/// line. Sources as above; 38400 baud from JY997D16901.
+std::optional<std::uint16_t> d8120(const Options& options, const LineDefaults& line);
+/// Returns a question for a checklist: "is D8120 H6086 (9600 baud 7E1, RS-485)".
+std::string d8120_for(const Options& options, const LineDefaults& line);
 
 }  // namespace fxagent::fx

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/catalog.h"
-#include "protocol/fx/d8120.h"
+#include "protocol/fx/computer_link.h"
 
 namespace fxagent {
 namespace {
