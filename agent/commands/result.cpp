@@ -1,6 +1,10 @@
 #include "agent/commands/result.h"
 
+#include <nlohmann/json.hpp>
 #include <utility>
+
+#include "agent/text/json.h"
+#include "agent/text/json_writer.h"
 
 namespace fxagent {
 
@@ -81,6 +85,177 @@ void set_interrupted_unsent(CommandResult& result) {
   set_outcome(result, CommandStatus::failed, Reason::interrupted,
               op_from(result.op) == Op::read ? "the agent ended before the device was read"
                                              : "the agent ended before anything was written");
+}
+
+// ---- the text of a result ----------------------------------------------------------------------
+
+namespace {
+
+using json::Writer;
+
+void write_verification(Writer& out, const std::optional<Verification>& verify) {
+  if (!verify) {
+    out.null();
+    return;
+  }
+  out.begin_object().key("read");
+  json::write_optional(out, verify->read);
+  out.key("match").boolean(verify->match).end_object();
+}
+
+void write_outcome(Writer& out, CommandStatus status, Reason reason, std::string_view detail,
+                   PlcAnswer plc, const std::optional<Progress>& progress) {
+  out.key("status").string(to_string(status));
+  out.key("reason").word(to_string(reason));
+  out.key("detail").word(detail);
+  out.key("plc").word(to_string(plc));
+  if (!progress) return;
+  out.key("done").integer(std::int64_t{progress->done});
+  out.key("of").integer(std::int64_t{progress->of});
+}
+
+/// `target` null: the command has none, or none could be parsed.
+void write_target(Writer& out, const TargetResult* target) {
+  out.key("tag").word(target ? target->tag : "");
+  out.key("address").word(target ? target->address : "");
+  out.key("value");
+  json::write_optional(out, target ? target->value : std::nullopt);
+}
+
+void write_result(Writer& out, const CommandResult& result) {
+  if (!result.recorded.empty()) {
+    out.raw(result.recorded);
+    return;
+  }
+  out.begin_object();
+  out.key("id");
+  result.id_is_number ? out.raw(result.id) : out.word(result.id);
+  write_outcome(out, result.status, result.reason, result.detail, result.plc, result.progress);
+  out.key("op").word(result.op);
+  if (result.is_list) {
+    out.key("targets").begin_array();
+    for (const TargetResult& target : result.targets) {
+      out.begin_object();
+      write_target(out, &target);
+      write_outcome(out, target.status, target.reason, target.detail, target.plc, target.progress);
+      out.key("verify");
+      write_verification(out, target.verify);
+      out.end_object();
+    }
+    out.end_array();
+    if (result.one_frame) out.key("one_frame").boolean(true);
+  } else {
+    const TargetResult* target = result.targets.empty() ? nullptr : &result.targets.front();
+    write_target(out, target);
+    out.key("verify");
+    write_verification(out, target ? target->verify : std::nullopt);
+  }
+  if (result.dry_run) out.key("dry_run").boolean(true);
+  if (result.status == CommandStatus::duplicate) {
+    out.key("first");
+    if (result.first)
+      write_result(out, *result.first);
+    else
+      out.null();
+  }
+  out.key("t").begin_object();
+  out.key("received").integer(result.received_ms);
+  out.key("queue_ms").milliseconds(result.queue);
+  out.key("wire_ms").milliseconds(result.wire);
+  out.key("total_ms");
+  result.total ? out.milliseconds(*result.total) : out.null();
+  out.key("bound_ms");
+  result.bound ? out.milliseconds(*result.bound) : out.null();
+  out.end_object();
+  out.key("attempts").integer(std::int64_t{result.attempts});
+  out.end_object();
+}
+
+void leave_out_details(CommandResult& result) {
+  for (TargetResult& target : result.targets) target.detail.clear();
+}
+
+void leave_out_values(CommandResult& result) {
+  result.detail += std::string(result.detail.empty() ? "" : "; ") +
+                   "the values are left out: the result would be larger than 64 KiB";
+  for (TargetResult& target : result.targets) {
+    target.value.reset();
+    if (target.verify) target.verify->read.reset();
+  }
+}
+
+/// The targets of a DUPLICATE only repeat the command.
+void leave_out_targets(CommandResult& result) {
+  result.detail += "; so are the targets";
+  result.targets.clear();
+}
+
+/// Same as leave_out_values(), for a result that is already text.
+std::string without_values(std::string_view recorded) {
+  auto json = parsed_ordered_json(recorded);
+  for (const char* key : {"value", "verify", "targets"})
+    if (json.is_object() && json.contains(key)) json[key] = nullptr;
+  return dumped(json);
+}
+
+}  // namespace
+
+std::string result_text(const CommandResult& result) {
+  constexpr std::size_t kMost = kMaxResultBytes - 24;  // room for total_ms
+  const auto written = [](const CommandResult& what) {
+    Writer out;
+    write_result(out, what);
+    return out.take();
+  };
+  std::string text = written(result);
+  if (text.size() <= kMost || !result.recorded.empty()) return text;
+  CommandResult shorter = result;
+  if (result.first) {
+    CommandResult first = *result.first;
+    if (!first.recorded.empty()) first.recorded = without_values(first.recorded);
+    leave_out_details(first);
+    leave_out_values(first);
+    shorter.first = std::make_shared<const CommandResult>(std::move(first));
+  }
+  leave_out_details(shorter);
+  text = written(shorter);
+  if (text.size() <= kMost) return text;
+  leave_out_values(shorter);
+  text = written(shorter);
+  if (text.size() <= kMost) return text;
+  leave_out_targets(shorter);
+  return written(shorter);
+}
+
+std::string total_text(std::chrono::nanoseconds total) {
+  Writer number;
+  number.milliseconds(total);
+  return number.take();
+}
+
+std::string with_total(std::string text, std::chrono::nanoseconds total) {
+  // Inside a string its quotes would be escaped. In a DUPLICATE, the one in `first` comes before.
+  constexpr std::string_view kOpen = R"("total_ms":null)";
+  const auto found = text.rfind(kOpen);
+  if (found == std::string::npos) return text;
+  const std::string_view null = "null";
+  return text.replace(found + kOpen.size() - null.size(), null.size(), total_text(total));
+}
+
+CommandResult recorded_result(std::string text) {
+  CommandResult result;
+  result.status = CommandStatus::unknown_outcome;
+  const auto json = parsed_json(text);
+  if (!json.is_object() || !json::may_stand_inside(text)) {
+    result.detail = "the record of the result is damaged";
+    return result;
+  }
+  for (const CommandStatus status : kCommandStatuses)
+    if (text_at(json, "status") == to_string(status)) result.status = status;
+  for (const PlcAnswer answer : {PlcAnswer::ack, PlcAnswer::nak})
+    if (text_at(json, "plc") == to_string(answer)) result.plc = answer;
+  result.recorded = std::move(text);
+  return result;
 }
 
 }  // namespace fxagent

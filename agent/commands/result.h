@@ -40,7 +40,7 @@ std::string why_not_sent(Reason reason);
 /// run may have sent it.
 CommandResult not_sent(const AdmittedCommand& admitted, Reason why = Reason::shutting_down);
 
-// The text of a result, in result_text.cpp.
+// The text of a result.
 
 /// Largest result. Above this the details of targets are left out, then the values, then the
 /// targets.
