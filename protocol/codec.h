@@ -101,9 +101,9 @@ class Codec {
   virtual std::optional<Request> identity() const { return std::nullopt; }
   /// Returns a read of less than `request`, with a shorter answer, so that the two answers cannot
   /// be confused. nullopt if `request` is not a read or cannot be shorter.
-  virtual std::optional<Request> apart_from(const Request& /*request*/) const {
-    return std::nullopt;
-  }
+  std::optional<Request> apart_from(const Request& request) const;
+  /// Returns how many bits less give a read a shorter answer; 0: apart_from() is not needed.
+  virtual std::uint32_t shorter_by(const Read& /*read*/) const { return 0; }
 
   // Refusals.
 

@@ -48,6 +48,17 @@ Result<ReadWay> way_for(const std::vector<ReadWay>& ways, std::uint8_t number, c
                                           " bits cannot be " + std::string(how) + " on this model");
 }
 
+std::optional<Request> Codec::apart_from(const Request& request) const {
+  const auto* gather = std::get_if<Gather>(&request);
+  if (gather != nullptr && gather->parts.size() > 1) return Gather{{gather->parts.front()}};
+  const auto* read = std::get_if<Read>(&request);
+  const std::uint32_t less = read == nullptr ? 0 : shorter_by(*read);
+  if (less == 0 || read->span.bits <= less) return std::nullopt;
+  Read shorter = *read;
+  shorter.span.bits -= less;
+  return shorter;
+}
+
 std::optional<Request> Codec::combine(const std::vector<Request>& requests) const {
   if (requests.size() < 2) return std::nullopt;
   Scatter scatter;

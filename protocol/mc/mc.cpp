@@ -267,19 +267,9 @@ std::optional<Request> Mc::probe(std::uint32_t number) const {
   return Read{{id(Space::sm), kAlwaysOn, 1 + 2 * (number % kProbes)}, kBitWay};
 }
 
-std::optional<Request> Mc::apart_from(const Request& request) const {
-  if (const auto* gather = std::get_if<Gather>(&request); gather != nullptr) {
-    if (gather->parts.size() < 2) return std::nullopt;
-    return Gather{{gather->parts.front()}};
-  }
-  const auto* read = std::get_if<Read>(&request);
-  if (read == nullptr) return std::nullopt;
-  const std::uint8_t way = plain_way(read->way);
-  const std::uint32_t less = way == kBitWay ? 2 : (way == kWordWay ? 16 : 32);
-  if (read->span.bits <= less) return std::nullopt;
-  Read shorter = *read;
-  shorter.span.bits -= less;
-  return shorter;
+std::uint32_t Mc::shorter_by(const Read& read) const {
+  const std::uint8_t way = plain_way(read.way);
+  return way == kBitWay ? 2 : (way == kWordWay ? 16 : 32);
 }
 
 RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {

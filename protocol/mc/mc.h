@@ -65,7 +65,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   Recovery after_silence() const override;
   Recovery after_nonsense() const override;
   std::optional<Request> probe(std::uint32_t number) const override;
-  std::optional<Request> apart_from(const Request& request) const override;
+  std::uint32_t shorter_by(const Read& read) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
   /// Returns the request with the device codes of Q and L in place of those of iQ-R. Excludes X and
   /// Y, which are octal on an FX5.

@@ -508,16 +508,9 @@ std::optional<Request> OneE::probe(std::uint32_t number) const {
   return Read{span_of(Space::m, {0, 2 * (number % kProbes)}), kBitWay};
 }
 
-std::optional<Request> OneE::apart_from(const Request& request) const {
-  const auto* read = std::get_if<Read>(&request);
-  if (read == nullptr) return std::nullopt;
+std::uint32_t OneE::shorter_by(const Read& read) const {
   // Two bits take one byte of an answer.
-  const std::uint32_t less =
-      read->way == kBitWay ? 2 : std::max<std::uint32_t>(16, width_of(read->span.space));
-  if (read->span.bits <= less) return std::nullopt;
-  Read shorter = *read;
-  shorter.span.bits -= less;
-  return shorter;
+  return read.way == kBitWay ? 2 : std::max<std::uint32_t>(16, width_of(read.span.space));
 }
 
 RefusalMeaning OneE::meaning_of(const Request& request, int device_code) const {

@@ -69,7 +69,7 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   Recovery after_silence() const override { return Recovery::reconnect; }
   Recovery after_nonsense() const override { return Recovery::reconnect; }
   std::optional<Request> probe(std::uint32_t number) const override;
-  std::optional<Request> apart_from(const Request& request) const override;
+  std::uint32_t shorter_by(const Read& read) const override;
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
 
   // PlcServices

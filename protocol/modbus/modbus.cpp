@@ -414,15 +414,9 @@ bool Modbus::may_pass_for_answer(ByteView bytes) const {
   return false;
 }
 
-std::optional<Request> Modbus::apart_from(const Request& request) const {
-  const auto* read = std::get_if<Read>(&request);
-  if (read == nullptr) return std::nullopt;
+std::uint32_t Modbus::shorter_by(const Read& read) const {
   // Eight coils take one byte of an answer, a register takes two.
-  const std::uint32_t less = width_of(static_cast<Space>(read->span.space)) == 1 ? 8 : 16;
-  if (read->span.bits <= less) return std::nullopt;
-  Read shorter = *read;
-  shorter.span.bits -= less;
-  return shorter;
+  return width_of(static_cast<Space>(read.span.space)) == 1 ? 8 : 16;
 }
 
 std::optional<Request> Modbus::presence() const {

@@ -67,7 +67,7 @@ class Modbus final : public Codec, public AddressSpace {
   std::chrono::nanoseconds quiet_before(std::chrono::nanoseconds char_time) const override;
   std::chrono::milliseconds pause_after(const Request& request) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
-  std::optional<Request> apart_from(const Request& request) const override;
+  std::uint32_t shorter_by(const Read& read) const override;
   /// Returns a read of one holding register, the function of the simplest devices. A coil would be
   /// one byte shorter, but some devices do not answer functions that they lack.
   std::optional<Request> presence() const override;
