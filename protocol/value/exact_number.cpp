@@ -6,6 +6,7 @@
 #include <compare>
 #include <limits>
 #include <string>
+#include <utility>
 
 namespace fxagent {
 namespace {
@@ -20,8 +21,9 @@ Whole power_of_ten(int exponent) {
   return boost::multiprecision::pow(Whole(10), static_cast<unsigned>(exponent));
 }
 
-/// Returns the shortest decimal spelling of a finite number.
-Decimal decimal_of(double number) {
+/// Returns the digits, with a minus if it is negative, and the exponent of the shortest decimal
+/// spelling of a finite number.
+std::pair<std::string, int> spelling_of(double number) {
   std::array<char, 64> text{};
   const auto end =
       std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::scientific)
@@ -29,16 +31,20 @@ Decimal decimal_of(double number) {
   const std::string_view spelling(text.data(), static_cast<std::size_t>(end - text.data()));
   const auto e = spelling.find('e');
   std::string digits(spelling.substr(0, e));
-  Decimal out;
-  const char* exponent = spelling.data() + e + (spelling[e + 1] == '+' ? 2 : 1);
-  std::from_chars(exponent, end, out.exponent);
+  int exponent = 0;
+  std::from_chars(spelling.data() + e + (spelling[e + 1] == '+' ? 2 : 1), end, exponent);
   if (const auto point = digits.find('.'); point != digits.npos) {
-    out.exponent -= static_cast<int>(digits.size() - point - 1);
+    exponent -= static_cast<int>(digits.size() - point - 1);
     digits.erase(point, 1);
   }
-  out.digits = Whole(digits.front() == '-' ? digits.substr(1) : digits);
-  if (digits.front() == '-') out.digits = -out.digits;
-  return out;
+  return {std::move(digits), exponent};
+}
+
+Decimal decimal_of(double number) {
+  const auto [digits, exponent] = spelling_of(number);
+  const bool is_negative = digits.front() == '-';
+  const Whole magnitude(is_negative ? digits.substr(1) : digits);
+  return {is_negative ? Whole(-magnitude) : magnitude, exponent};
 }
 
 Decimal decimal_of(const Scalar& scalar) {
@@ -64,6 +70,8 @@ Whole divided(const Whole& number, const Whole& by) {
 }
 
 }  // namespace
+
+int decimals_of(double number) { return std::max(0, -spelling_of(number).second); }
 
 std::optional<Whole> whole_from(std::string_view text) {
   constexpr std::size_t kMostDigits = 40;

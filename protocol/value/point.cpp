@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <string>
+
+#include "protocol/value/exact_number.h"
 
 namespace fxagent {
 namespace {
@@ -109,21 +110,6 @@ std::uint32_t element_bits(const Point& point) {
     }
   }
   return 0;
-}
-
-int decimals_of(double number) {
-  std::array<char, 64> text{};
-  const auto end =
-      std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::scientific)
-          .ptr;
-  const std::string_view digits(text.data(), static_cast<std::size_t>(end - text.data()));
-  const auto e = digits.find('e');
-  const auto point = digits.find('.');
-  const int mantissa = point == std::string_view::npos ? 0 : static_cast<int>(e - point - 1);
-  int exponent = 0;
-  const std::size_t sign = digits[e + 1] == '+' ? 2 : 1;
-  std::from_chars(digits.data() + e + sign, digits.data() + digits.size(), exponent);
-  return std::max(0, mantissa - exponent);
 }
 
 Result<Span> span_of(const Point& point) {

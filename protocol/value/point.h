@@ -100,8 +100,5 @@ Result<Span> span_of(const Point& point);
 std::uint32_t bits_of_type(DataType type);
 /// Returns the bits of one element; 0 if the type does not fit the address unit.
 std::uint32_t element_bits(const Point& point);
-/// Returns the decimal places in the shortest spelling of `number`: 2 for 0.05, 7 for 1e-7, 0 for
-/// 3.
-int decimals_of(double number);
 
 }  // namespace fxagent
