@@ -225,15 +225,9 @@ asio::awaitable<void> CommandExecution::read_target(const AdmittedTarget& target
                                                     TargetResult& out) {
   CommandExchanges::ReadBack got = co_await wire_.read_point(target, wire_.latest_start());
   if (wire_.first_byte()) ++result_.attempts;
-  if (!got.image) {
-    set_without_effect(out, got.last);
-    co_return;
-  }
+  if (!got.image) co_return set_without_effect(out, got.last);
   auto value = unpack(target.point, *got.image, span_of(target.point)->first_bit);
-  if (!value) {
-    set(out, CommandStatus::failed, Reason::bad_value, value.error().text);
-    co_return;
-  }
+  if (!value) co_return set(out, CommandStatus::failed, Reason::bad_value, value.error().text);
   out.plc = PlcAnswer::ack;
   out.value = std::move(*value);
   set(out, CommandStatus::succeeded, Reason::none, "");
@@ -358,22 +352,23 @@ asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, Tar
   }
   out.verify = verification(target, *got.image);
   if (out.verify->match) co_return;
-  if (wire_.findings() != findings) {
-    set_doubtful_ack(out, "the value read back differs");
-    co_return;
-  }
+  if (wire_.findings() != findings) co_return set_doubtful_ack(out, "the value read back differs");
   set(out, CommandStatus::failed, Reason::verify_mismatch,
       elsewhere_text(target, out.verify->read.value_or(Value())));
 }
 
-asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& target,
-                                                       const Exchange& lost, TargetResult& out) {
+void CommandExecution::set_unknown(TargetResult& out, const Exchange& lost) const {
   if (wire_.was_cut_off())
     set(out, CommandStatus::unknown_outcome, sharing_.why_stopping(),
         why_not_sent(sharing_.why_stopping()) + "; there was no answer until then");
   else
     set(out, CommandStatus::unknown_outcome, reason_of(lost),
         lost.is_nak() ? nak_text(lost) : lost.error);
+}
+
+asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& target,
+                                                       const Exchange& lost, TargetResult& out) {
+  set_unknown(out, lost);
   // If the channel was lost, the outcome stays unknown. A channel closed to put it in order is
   // reopened.
   if (lost.outcome == Exchange::Outcome::link_down) co_return;
@@ -421,10 +416,7 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   const Exchange exchange = co_await wire_.ask(*admitted_.run_request, wire_.latest_start(),
                                                CommandExchanges::Effect::change);
   if (exchange.sent) ++result_.attempts;
-  if (!exchange.sent) {
-    set_without_effect(out, exchange);
-    co_return;
-  }
+  if (!exchange.sent) co_return set_without_effect(out, exchange);
   if (exchange.is_ack()) out.plc = PlcAnswer::ack;
   if (exchange.is_nak()) out.plc = PlcAnswer::nak;
   const std::uint64_t findings = wire_.findings();
@@ -448,11 +440,8 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
             hint);
   } else if (exchange.is_ack()) {
     set(out, CommandStatus::succeeded, Reason::none, "acknowledged; the run state cannot be read");
-  } else if (wire_.was_cut_off()) {
-    set(out, CommandStatus::unknown_outcome, sharing_.why_stopping(),
-        why_not_sent(sharing_.why_stopping()) + "; there was no answer until then");
   } else {
-    set(out, CommandStatus::unknown_outcome, reason_of(exchange), exchange.error);
+    set_unknown(out, exchange);
   }
 }
 

@@ -45,6 +45,8 @@ class CommandExecution final {
                                   TargetResult& out);
   /// Sets the outcome of a command that surely had no effect: refused, never sent, or too late.
   void set_without_effect(TargetResult& out, const Exchange& exchange) const;
+  /// Sets the outcome of a command that may have had an effect.
+  void set_unknown(TargetResult& out, const Exchange& lost) const;
   /// Sets the outcome of one target from the command's last exchange, then verifies it.
   asio::awaitable<void> conclude(const AdmittedTarget& target, Exchange exchange,
                                  TargetResult& out);

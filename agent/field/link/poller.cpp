@@ -113,10 +113,7 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
                                          PollScheduler::PollStep step) {
   const Raised polling(polling_);
   if (step.starts_cycle && !begin_cycle(device, group, step)) co_return;
-  if (!bus_.is_open()) {
-    fail_cycle(device, group, BadReason::link_down);
-    co_return;
-  }
+  if (!bus_.is_open()) co_return fail_cycle(device, group, BadReason::link_down);
   if (!device.state.is_model_known()) {
     BadReason failure = BadReason::timeout;
     const Knowledge knowledge = co_await questions_.ask_model(device, failure);
@@ -131,10 +128,8 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
   // Data that a command may have changed is read first; then the same step is offered again.
   const Plan& plan = group.cycle.reads().plan();
   const auto outdated = group.cycle.reads().outdated();
-  if (!outdated && group.cycle.reads().has_images(plan.exchanges[step.exchange])) {
-    end_step(device, group, step);
-    co_return;
-  }
+  if (!outdated && group.cycle.reads().has_images(plan.exchanges[step.exchange]))
+    co_return end_step(device, group, step);
   const ReadIndices reads = outdated ? ReadIndices(&*outdated, 1) : plan.exchanges[step.exchange];
   const Asked asked{reads, plan.request(reads), outdated.has_value()};
   Exchange exchange = co_await bus_.exchange(device.station, asked.request);
