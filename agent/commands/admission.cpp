@@ -195,7 +195,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
                    std::to_string(waiting) + " commands are waiting for this device");
     else if (!(admitted.place = room_->take(cmd.device, kAdmittedToCommand * memory_of(cmd))))
       why = refuse(Reason::queue_full, "the waiting commands already take " +
-                                           std::to_string(room_->bytes() >> 20) + " MiB already");
+                                           std::to_string(room_->bytes() >> 20) + " MiB");
     else if (!ids_.make_room(now))
       why = refuse(Reason::queue_full,
                    "the memory of command ids is full, and no id in it has expired");
