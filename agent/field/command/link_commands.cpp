@@ -46,17 +46,12 @@ bool without_effect(const TargetResult& outcome) {
 
 }  // namespace
 
-LinkCommands::LinkCommands(asio::any_io_executor executor, const LinkConfig& link, Bus& bus,
-                           PollScheduler& scheduler, const LinkDevices& devices, LinkState& state,
-                           Poller& poller, Outbox& outbox, LinkRecorder& recorder)
+LinkCommands::LinkCommands(asio::any_io_executor executor, const LinkParts& link, LinkState& state,
+                           Poller& poller, LinkRecorder& recorder)
     : executor_(std::move(executor)),
       link_(link),
-      bus_(bus),
-      scheduler_(scheduler),
-      devices_(devices),
       state_(state),
       poller_(poller),
-      outbox_(outbox),
       recorder_(recorder) {}
 
 void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
@@ -64,24 +59,24 @@ void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
   command.admitted = std::move(admitted);
   command.admitted.queued = Clock::now();
   command.device = &device;
-  command.line_time =
-      set_line_times(*command.admitted.codec, device.config, link_.char_time, command.admitted);
+  command.line_time = set_line_times(*command.admitted.codec, device.config, link_.config.char_time,
+                                     command.admitted);
   command.admitted.bound = bound_of(command);
   waiting_.push_back(std::move(command));
-  scheduler_.share().command_waits();
+  link_.scheduler.share().command_waits();
 }
 
 void LinkCommands::refuse_waiting(Reason why, const LinkDevice* device) {
   std::erase_if(waiting_, [&](const WaitingCommand& waiting) {
     if (device != nullptr && waiting.device != device) return false;
-    scheduler_.share().command_taken();
-    outbox_.push(not_sent(waiting.admitted, why));
+    link_.scheduler.share().command_taken();
+    link_.outbox.push(not_sent(waiting.admitted, why));
     return true;
   });
 }
 
 void LinkCommands::answer_running() {
-  scheduler_.share().commands_are(static_cast<std::uint32_t>(waiting_.size()));
+  link_.scheduler.share().commands_are(static_cast<std::uint32_t>(waiting_.size()));
   for (const WaitingCommand& running : running_) {
     CommandResult result = result_of(running.admitted.command);
     set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down,
@@ -90,33 +85,34 @@ void LinkCommands::answer_running() {
       if (!target.requests.empty())
         poller_.overwritten(*running.device, *span_of(target.point), nullptr, BadReason::link_down);
     recorder_.ended(result, running.device->config.name);
-    outbox_.push(std::move(result));
+    link_.outbox.push(std::move(result));
   }
   running_.clear();
 }
 
 nanoseconds LinkCommands::handshakes() const {
   nanoseconds total{0};
-  for (const auto& device : devices_) {
+  for (const auto& device : link_.devices) {
     const auto enquiry = device->codec->resync();
     if (!enquiry || device->config.enquire != EnquirePolicy::open) continue;
-    if (bus_.is_open() && device->station.handshake_in == bus_.channel().session()) continue;
-    const LineTiming timing = timing_of(device->config, link_.char_time);
+    if (link_.bus.is_open() && device->station.handshake_in == link_.bus.channel().session())
+      continue;
+    const LineTiming timing = timing_of(device->config, link_.config.char_time);
     total += exchange_time(*device->codec, *enquiry, timing);
   }
   return total;
 }
 
 std::optional<nanoseconds> LinkCommands::bound_of(const WaitingCommand& command) const {
-  if (link_.char_time.count() == 0) return std::nullopt;
+  if (link_.config.char_time.count() == 0) return std::nullopt;
   nanoseconds ahead{0};
   for (const WaitingCommand& running : running_) ahead += running.line_time;
   for (const WaitingCommand& waiting : waiting_) ahead += waiting.line_time;
   const nanoseconds own = command.line_time;
   return handshakes() +
          (gives_way(command.admitted)
-              ? scheduler_.share().bound_giving_way(own, ahead, poller_.longest_poll())
-              : scheduler_.share().bound(own, ahead, poller_.longest_poll()));
+              ? link_.scheduler.share().bound_giving_way(own, ahead, poller_.longest_poll())
+              : link_.scheduler.share().bound(own, ahead, poller_.longest_poll()));
 }
 
 // ---- on the wire --------------------------------------------------------------------------------
@@ -138,17 +134,17 @@ class LinkCommands::Sharing final : public BusSharing {
   asio::awaitable<void> give_way(nanoseconds used) override {
     if (!at_a_target_) within_ += used;
     at_a_target_ = false;
-    PollScheduler& scheduler = commands_.scheduler_;
+    PollScheduler& scheduler = commands_.link_.scheduler;
     scheduler.share().command_waits();  // the rest of this one
     scheduler.command_used(used, Clock::now());
     // While the channel is closed, nothing is asked of the scheduler, because next() would begin a
     // cycle. The command itself opens the channel again.
-    while (!is_stopping() && commands_.bus_.is_open()) {
+    while (!is_stopping() && commands_.link_.bus.is_open()) {
       const PollScheduler::Job job = scheduler.next(Clock::now());
       if (job.kind == PollScheduler::Job::Kind::poll) {
-        const std::uint64_t before = commands_.bus_.counters().exchanges;
+        const std::uint64_t before = commands_.link_.bus.counters().exchanges;
         co_await commands_.poller_.run(job.poll);
-        if (commands_.bus_.counters().exchanges == before) break;  // the poll sent nothing
+        if (commands_.link_.bus.counters().exchanges == before) break;  // the poll sent nothing
       } else if (commands_.may_go_between(credit())) {
         give(commands_.waiting_.front().line_time);
         co_await commands_.run_next();
@@ -217,7 +213,7 @@ bool LinkCommands::may_go_between(nanoseconds credit) const {
 asio::awaitable<void> LinkCommands::run_next() {
   running_.push_back(std::move(waiting_.front()));
   waiting_.pop_front();
-  scheduler_.share().command_taken();
+  link_.scheduler.share().command_taken();
   const WaitingCommand& running = running_.back();
   const AdmittedCommand& admitted = running.admitted;
   LinkDevice& device = *running.device;
@@ -227,7 +223,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   FrameTrace trace;
   station.trace = &trace;
   Sharing sharing(*this, running);
-  CommandExecution execution(executor_, bus_, station, device.config, admitted, sharing);
+  CommandExecution execution(executor_, link_.bus, station, device.config, admitted, sharing);
   CommandResult result = co_await execution.run();
   failpoint("command_answered");
   // RUN and STOP may be a force, too. No older value of M8037 is reported after it was sent.
@@ -238,7 +234,7 @@ asio::awaitable<void> LinkCommands::run_next() {
 
   device.station.handshake_in = station.handshake_in;
   state_.opened();
-  scheduler_.command_used(execution.exchanges().used(), Clock::now());
+  link_.scheduler.command_used(execution.exchanges().used(), Clock::now());
   if (execution.exchanges().was_answered()) state_.answered(device);
   if (execution.exchanges().was_unanswered() && !execution.exchanges().was_answered())
     state_.unanswered(device, PolledDevice::AskedBy::command);
@@ -247,7 +243,7 @@ asio::awaitable<void> LinkCommands::run_next() {
     device.state.set_run(admitted.command.op == Op::run);
   result.frames = std::move(trace);
   recorder_.ended(result, device.config.name);
-  outbox_.push(std::move(result));
+  link_.outbox.push(std::move(result));
   running_.pop_back();
   state_.update(device);
 }

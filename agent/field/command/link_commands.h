@@ -10,15 +10,11 @@
 #include <optional>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/config/model.h"
-#include "agent/field/bus/bus.h"
 #include "agent/field/link/link_device.h"
 #include "agent/field/link/link_recorder.h"
 #include "agent/field/link/link_state.h"
 #include "agent/field/link/poller.h"
-#include "agent/field/poll/poll_scheduler.h"
 #include "agent/handover/command_message.h"
-#include "agent/handover/outbox.h"
 
 namespace fxagent {
 
@@ -32,9 +28,8 @@ struct WaitingCommand {
 class LinkCommands final {
  public:
   /// All arguments must outlive it.
-  LinkCommands(asio::any_io_executor executor, const LinkConfig& link, Bus& bus,
-               PollScheduler& scheduler, const LinkDevices& devices, LinkState& state,
-               Poller& poller, Outbox& outbox, LinkRecorder& recorder);
+  LinkCommands(asio::any_io_executor executor, const LinkParts& link, LinkState& state,
+               Poller& poller, LinkRecorder& recorder);
   LinkCommands(const LinkCommands&) = delete;
   LinkCommands& operator=(const LinkCommands&) = delete;
 
@@ -67,13 +62,9 @@ class LinkCommands final {
   void after_write(LinkDevice& device, const AdmittedTarget& target, const TargetResult& outcome);
 
   asio::any_io_executor executor_;
-  const LinkConfig& link_;
-  Bus& bus_;
-  PollScheduler& scheduler_;
-  const LinkDevices& devices_;
+  const LinkParts link_;
   LinkState& state_;
   Poller& poller_;
-  Outbox& outbox_;
   LinkRecorder& recorder_;
   std::list<WaitingCommand> waiting_;
   /// The running command, then the command between two of its parts, and so on.

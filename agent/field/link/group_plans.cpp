@@ -36,7 +36,7 @@ std::uint32_t holes_version(const LinkDevice& device) {
 
 Plan GroupPlans::plan_of(const LinkDevice& device, const GroupPoll& group,
                          const std::vector<Point>& points) const {
-  const LineCost cost = cost_of(device.config, link_.char_time, group.turnaround);
+  const LineCost cost = cost_of(device.config, link_.config.char_time, group.turnaround);
   return make_plan(*device.codec, points, cost, device.config.max_block_bytes,
                    device.holes ? device.holes->holes() : Holes{});
 }
@@ -44,8 +44,8 @@ Plan GroupPlans::plan_of(const LinkDevice& device, const GroupPoll& group,
 void GroupPlans::make(LinkDevice& device, GroupPoll& group) {
   group.turnaround = device.turnaround.value();
   group.holes_version = holes_version(device);
-  group.cycle.use(plan_of(device, group, group.cycle.points()), bus_.doubt().findings());
-  scheduler_.group(group.id).set_exchanges(group.cycle.reads().plan().exchange_count());
+  group.cycle.use(plan_of(device, group, group.cycle.points()), link_.bus.doubt().findings());
+  link_.scheduler.group(group.id).set_exchanges(group.cycle.reads().plan().exchange_count());
 }
 
 void GroupPlans::make_all(LinkDevice& device) {
@@ -61,14 +61,14 @@ void GroupPlans::refresh(LinkDevice& device, GroupPoll& group) {
                          {"turnaround_ms", whole_ms(device.turnaround.value())},
                          {"planned_with_ms", whole_ms(planned_with)}});
   // Without a line speed, a plan has the fewest exchanges, whatever their line time.
-  if (link_.char_time.count() > 0) stale |= group.turnaround != device.turnaround.value();
+  if (link_.config.char_time.count() > 0) stale |= group.turnaround != device.turnaround.value();
   if (stale) make(device, group);
 }
 
 nanoseconds GroupPlans::longest_poll() const {
   nanoseconds longest{0};
-  for (const auto& device : devices_) {
-    const LineTiming timing = timing_of(device->config, link_.char_time);
+  for (const auto& device : link_.devices) {
+    const LineTiming timing = timing_of(device->config, link_.config.char_time);
     std::vector<const Plan*> plans;
     for (const auto& group : device->groups) plans.push_back(&group->cycle.reads().plan());
     nanoseconds of_device = fxagent::longest_poll(*device->codec, plans, timing);
@@ -113,8 +113,8 @@ void GroupPlans::read_in_parts(LinkDevice& device, GroupPoll& group, ReadIndices
     cycle.reads().read_halves(reads);
   else if (!read_by_other_ways(device, group, cycle.reads().points_of(reads)))
     return;
-  scheduler_.group(group.id).extend_cycle(cycle.reads().plan().exchange_count(), line_time,
-                                          Clock::now());
+  link_.scheduler.group(group.id).extend_cycle(cycle.reads().plan().exchange_count(), line_time,
+                                               Clock::now());
 }
 
 bool GroupPlans::read_by_other_ways(LinkDevice& device, GroupPoll& group,
@@ -126,9 +126,9 @@ bool GroupPlans::read_by_other_ways(LinkDevice& device, GroupPoll& group,
   Plan part = plan_of(device, group, refused);
   // Waiting commands have a bound that relies on longest_poll().
   const Plan* only = &part;
-  if (scheduler_.share().commands_waiting() > 0 &&
+  if (link_.scheduler.share().commands_waiting() > 0 &&
       fxagent::longest_poll(*device.codec, std::span(&only, 1),
-                            timing_of(device.config, link_.char_time)) > longest_poll())
+                            timing_of(device.config, link_.config.char_time)) > longest_poll())
     return false;
   group.cycle.reads().read_instead(points, std::move(part));
   return true;

@@ -7,10 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "agent/config/model.h"
 #include "agent/field/bus/bus.h"
 #include "agent/field/link/link_device.h"
-#include "agent/field/poll/poll_scheduler.h"
 #include "protocol/codec.h"
 #include "protocol/plan/plan.h"
 
@@ -18,10 +16,7 @@ namespace fxagent {
 
 class GroupPlans final {
  public:
-  /// All arguments must outlive it; `devices` may be filled later.
-  GroupPlans(const LinkConfig& link, const Bus& bus, PollScheduler& scheduler,
-             const LinkDevices& devices)
-      : link_(link), bus_(bus), scheduler_(scheduler), devices_(devices) {}
+  explicit GroupPlans(const LinkParts& link) : link_(link) {}
 
   /// Makes a new plan. A running cycle begins anew.
   void make(LinkDevice& device, GroupPoll& group);
@@ -56,10 +51,7 @@ class GroupPlans final {
   bool read_by_other_ways(LinkDevice& device, GroupPoll& group,
                           const std::vector<std::uint32_t>& points);
 
-  const LinkConfig& link_;
-  const Bus& bus_;
-  PollScheduler& scheduler_;
-  const LinkDevices& devices_;
+  const LinkParts link_;
 };
 
 }  // namespace fxagent

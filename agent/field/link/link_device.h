@@ -19,6 +19,7 @@
 #include "agent/field/poll/poll_cycle.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/handover/field_health.h"
+#include "agent/handover/outbox.h"
 #include "agent/steady_time.h"
 
 namespace fxagent {
@@ -144,5 +145,15 @@ struct LinkDevice {
   }
 };
 using LinkDevices = std::vector<std::unique_ptr<LinkDevice>>;
+
+/// What the parts of one link share. All of it must outlive them.
+struct LinkParts {
+  const LinkConfig& config;
+  std::uint32_t index;  ///< in Config::links
+  Bus& bus;
+  PollScheduler& scheduler;
+  const LinkDevices& devices;  ///< may be filled later
+  Outbox& outbox;
+};
 
 }  // namespace fxagent

@@ -83,15 +83,10 @@ std::string what_nobody_asked_for(const LinkDevices& devices, const Bus& bus) {
 
 }  // namespace
 
-LinkState::LinkState(const LinkConfig& link, std::uint32_t number, std::size_t links, Bus& bus,
-                     PollScheduler& scheduler, const LinkDevices& devices, Outbox& outbox)
-    : config_(link),
+LinkState::LinkState(const LinkParts& link, std::size_t links)
+    : link_(link),
       links_(links),
-      bus_(bus),
-      scheduler_(scheduler),
-      devices_(devices),
-      outbox_(outbox),
-      reconnect_policy_(opening_rules(link), jitter_seed(number)) {}
+      reconnect_policy_(opening_rules(link.config), jitter_seed(link.index)) {}
 
 nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
   const LinkStart start = reconnect_policy_.start(links_, spread);
@@ -100,14 +95,14 @@ nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
 }
 
 void LinkState::opened() {
-  if (!bus_.is_open() || was_open_) return;
+  if (!link_.bus.is_open() || was_open_) return;
   // A peer that babbles, or closes what it accepts, accepts every connection. It is back when it
   // has answered.
-  if (!bus_.channel().never_silent() && !was_refused_) reconnect_policy_.opened();
+  if (!link_.bus.channel().never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
   if (!is_vain_) log_up_once();
   SteadyTime from = Clock::now();
-  for (const auto& device : devices_) {
+  for (const auto& device : link_.devices) {
     if (was_down_) from = read_at_once(*device, from);
     if (device->codec->is_broadcast()) update(*device);  // it has no answers that would do this
   }
@@ -115,18 +110,19 @@ void LinkState::opened() {
 
 void LinkState::log_up_once() {
   logged_up_ = true;
-  log::info("link", {{"link", config_.name}, {"state", "up"}});
+  log::info("link", {{"link", link_.config.name}, {"state", "up"}});
 }
 
 bool LinkState::is_refused() const {
-  return !is_serial(config_) && bus_.channel().closed_unanswered() && is_asked(devices_);
+  return !is_serial(link_.config) && link_.bus.channel().closed_unanswered() &&
+         is_asked(link_.devices);
 }
 
 /// A device that has never answered is reported at once: its settings may be wrong, and on MC
 /// `retries` + 1 timeouts are 15 s.
 bool LinkState::is_silent(const LinkDevice& device) const {
   const bool never_answered = device.asked_in_vain && !device.state.has_answered();
-  return never_answered || scheduler_.device(device.id).is_silent();
+  return never_answered || link_.scheduler.device(device.id).is_silent();
 }
 
 std::string LinkState::why_silent(const LinkDevice& device) const {
@@ -136,8 +132,8 @@ std::string LinkState::why_silent(const LinkDevice& device) const {
   if (!device.gateway_says.empty())
     return "\"" + device.gateway_says + "\": " + why(Answers::of_gateway);
   if (device.state.has_answered()) return why(Answers::until_now);
-  const bool others_answer =
-      std::ranges::any_of(devices_, [](const auto& other) { return other->state.has_answered(); });
+  const bool others_answer = std::ranges::any_of(
+      link_.devices, [](const auto& other) { return other->state.has_answered(); });
   return why(others_answer ? Answers::from_others : Answers::none);
 }
 
@@ -154,11 +150,12 @@ void LinkState::lost(const std::string& why) {
   if (was_open_ && was_refused_)
     next_open_ = Clock::now() + reconnect_policy_.after_failure(kAfterRefusal);
   else if (was_open_)
-    next_open_ = Clock::now() + (bus_.channel().never_silent() ? reconnect_policy_.after_failure()
-                                                               : reconnect_policy_.after_loss());
-  const bool is_closed = was_refused_ && !bus_.channel().transport().has_datagrams();
+    next_open_ =
+        Clock::now() + (link_.bus.channel().never_silent() ? reconnect_policy_.after_failure()
+                                                           : reconnect_policy_.after_loss());
+  const bool is_closed = was_refused_ && !link_.bus.channel().transport().has_datagrams();
   if (is_closed)
-    go_down(why + " before its first answer", checklist_of_closed(devices_));
+    go_down(why + " before its first answer", checklist_of_closed(link_.devices));
   else
     go_down(why, {});
 }
@@ -166,20 +163,21 @@ void LinkState::lost(const std::string& why) {
 void LinkState::go_down(std::string why, std::string_view note) {
   if (logged_up_ || why != why_down_) {
     if (note.empty())
-      log::warn("link", {{"link", config_.name}, {"state", "down"}, {"reason", why}});
+      log::warn("link", {{"link", link_.config.name}, {"state", "down"}, {"reason", why}});
     else
-      log::warn("link", {{"link", config_.name},
+      log::warn("link", {{"link", link_.config.name},
                          {"state", "down"},
                          {"reason", why},
                          {"note", std::string(note)}});
   }
-  is_vain_ = !is_serial(config_) &&
-             (was_refused_ || (was_open_ && !bus_.channel().was_answered() && is_asked(devices_)));
+  is_vain_ = !is_serial(link_.config) &&
+             (was_refused_ ||
+              (was_open_ && !link_.bus.channel().was_answered() && is_asked(link_.devices)));
   logged_up_ = was_open_ = false;
   was_down_ = true;
   why_down_text_ = note.empty() ? why : why + ": " + std::string(note);
   why_down_ = std::move(why);
-  for (const auto& device : devices_) {
+  for (const auto& device : link_.devices) {
     device->state.fell_silent();
     update(*device);
   }
@@ -188,8 +186,8 @@ void LinkState::go_down(std::string why, std::string_view note) {
 void LinkState::yielded(const std::string& text) {
   if (std::exchange(yielded_, text) == text) return;
   was_open_ = is_left_ = false;
-  log::info("link", {{"link", config_.name}, {"state", "yielded"}, {"note", text}});
-  for (const auto& device : devices_) {
+  log::info("link", {{"link", link_.config.name}, {"state", "yielded"}, {"note", text}});
+  for (const auto& device : link_.devices) {
     device->state.fell_silent();
     update(*device);
   }
@@ -199,59 +197,59 @@ void LinkState::taken_back() {
   yielded_.clear();
   was_down_ = true;  // all is read at once when it is open
   next_open_ = Clock::now();
-  log::info("link", {{"link", config_.name}, {"state", "taken_back"}});
+  log::info("link", {{"link", link_.config.name}, {"state", "taken_back"}});
 }
 
 void LinkState::look() {
-  if (bus_.channel().closed_after_silence() && was_open_)
+  if (link_.bus.channel().closed_after_silence() && was_open_)
     next_open_ = Clock::now();
-  else if (!bus_.is_open() && was_open_)
-    lost(std::string(bus_.channel().why_lost()));
+  else if (!link_.bus.is_open() && was_open_)
+    lost(std::string(link_.bus.channel().why_lost()));
   log_findings();
 }
 
 void LinkState::log_findings() {
-  if (bus_.echo_found() && !echo_logged_) {
+  if (link_.bus.echo_found() && !echo_logged_) {
     echo_logged_ = true;
-    log::warn("link", {{"link", config_.name},
+    log::warn("link", {{"link", link_.config.name},
                        {"echo", "found"},
                        {"note",
                         "set echo for its devices: until three reads have shown the echo, the echo "
                         "of a command may pass for its answer"}});
   }
-  if (!unexpected_logged_ && !bus_.last_unexpected().empty()) {
+  if (!unexpected_logged_ && !link_.bus.last_unexpected().empty()) {
     unexpected_logged_ = true;
-    log::warn("link", {{"link", config_.name},
-                       {"unexpected", first_bytes(bus_.last_unexpected())},
+    log::warn("link", {{"link", link_.config.name},
+                       {"unexpected", first_bytes(link_.bus.last_unexpected())},
                        {"note", "unexpected bytes; health counts them from now on" +
-                                    what_nobody_asked_for(devices_, bus_)}});
+                                    what_nobody_asked_for(link_.devices, link_.bus)}});
   }
-  const bool doubted = bus_.doubt().is_doubted();
+  const bool doubted = link_.bus.doubt().is_doubted();
   if (doubted == doubt_logged_) return;
   const auto now = Clock::now();
   if (doubted && doubt_logged_at_ && now - *doubt_logged_at_ < kDoubtLoggedEvery) return;
   doubt_logged_ = doubted;
   if (doubted) {
     doubt_logged_at_ = now;
-    log::warn("link", {{"link", config_.name},
+    log::warn("link", {{"link", link_.config.name},
                        {"state", "doubted"},
-                       {"unexpected", first_bytes(bus_.last_unexpected())},
+                       {"unexpected", first_bytes(link_.bus.last_unexpected())},
                        {"note",
                         "another master, or late answers? Until several exchanges in a row are "
                         "clean, values are bad_frame and no ACK counts"}});
   } else {
-    log::info("link", {{"link", config_.name}, {"state", "believed again"}});
+    log::info("link", {{"link", link_.config.name}, {"state", "believed again"}});
   }
 }
 
 void LinkState::answered(LinkDevice& device) {
   unanswered_in_a_row_ = 0;
   if (std::exchange(is_vain_, false) && was_open_) log_up_once();
-  if (!bus_.channel().never_silent()) reconnect_policy_.opened();
+  if (!link_.bus.channel().never_silent()) reconnect_policy_.opened();
   device.state.answered();
   device.asked_in_vain = false;
   device.gateway_says.clear();
-  PolledDevice& polled = scheduler_.device(device.id);
+  PolledDevice& polled = link_.scheduler.device(device.id);
   const bool is_back = polled.is_silent();
   polled.answered();
   if (!is_back) return;
@@ -266,7 +264,7 @@ SteadyTime LinkState::read_at_once(LinkDevice& device, SteadyTime from) {
   if (is_planned) return from;
   from = std::max(from, device.at_once_from);
   device.at_once_from = from + kAtOnceEvery;
-  return scheduler_.read_at_once(device.id, from);
+  return link_.scheduler.read_at_once(device.id, from);
 }
 
 void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
@@ -274,22 +272,22 @@ void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
   unanswered_in_a_row_ = 0;
   device.gateway_says = reason;
   device.asked_in_vain = true;
-  scheduler_.device(device.id).unanswered(Clock::now());
+  link_.scheduler.device(device.id).unanswered(Clock::now());
 }
 
 void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
   device.gateway_says.clear();
   device.asked_in_vain = true;
-  const bool silent = scheduler_.device(device.id).unanswered(Clock::now(), by);
+  const bool silent = link_.scheduler.device(device.id).unanswered(Clock::now(), by);
   if (silent) device.state.fell_silent();
-  const int limit = std::max(kDeadPeerAfter, static_cast<int>(devices_.size()) + 1);
-  if (is_serial(config_) || ++unanswered_in_a_row_ < limit || !was_open_) return;
-  bus_.close();
+  const int limit = std::max(kDeadPeerAfter, static_cast<int>(link_.devices.size()) + 1);
+  if (is_serial(link_.config) || ++unanswered_in_a_row_ < limit || !was_open_) return;
+  link_.bus.close();
   was_refused_ = false;
   is_left_ = true;
   next_open_ = Clock::now() + reconnect_policy_.after_loss();
-  go_down(bus_.channel().transport().has_datagrams() ? "no answers on this UDP port"
-                                                     : "no answers on this connection",
+  go_down(link_.bus.channel().transport().has_datagrams() ? "no answers on this UDP port"
+                                                          : "no answers on this connection",
           {});
 }
 
@@ -297,9 +295,9 @@ void LinkState::update(LinkDevice& device) {
   DeviceState::Facts facts;
   facts.yielded = yielded_;
   facts.silent = is_silent(device);
-  const bool opens_again = was_open_ && bus_.channel().closed_after_silence();
-  facts.bus_open = bus_.is_open() || opens_again || (is_left_ && facts.silent);
-  facts.never_silent = bus_.channel().never_silent();
+  const bool opens_again = was_open_ && link_.bus.channel().closed_after_silence();
+  facts.bus_open = link_.bus.is_open() || opens_again || (is_left_ && facts.silent);
+  facts.never_silent = link_.bus.channel().never_silent();
   if (!facts.bus_open)
     facts.why_offline = why_down_text_;
   else if (facts.silent)
@@ -313,7 +311,7 @@ void LinkState::update(LinkDevice& device) {
   if (change->other_state) log_state(device.config.name, change->status);
   DeviceStatus status = change->status;
   status.codec = device.codec;
-  outbox_.push(std::move(status));
+  link_.outbox.push(std::move(status));
 }
 
 }  // namespace fxagent

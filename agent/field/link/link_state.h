@@ -9,23 +9,18 @@
 #include <string>
 #include <string_view>
 
-#include "agent/config/model.h"
-#include "agent/field/bus/bus.h"
 #include "agent/field/link/link_device.h"
 #include "agent/field/link/reconnect_policy.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/handover/command_message.h"
-#include "agent/handover/outbox.h"
 #include "agent/steady_time.h"
 
 namespace fxagent {
 
 class LinkState final {
  public:
-  /// All references must outlive it. `number` is the link's index, `links` the number of links. The
-  /// bus must be closed; `devices` may be filled later.
-  LinkState(const LinkConfig& link, std::uint32_t number, std::size_t links, Bus& bus,
-            PollScheduler& scheduler, const LinkDevices& devices, Outbox& outbox);
+  /// The bus must be closed; `links` is the number of links.
+  LinkState(const LinkParts& link, std::size_t links);
 
   /// Sets the time of the first open. Returns how long after it the polls begin, spread over
   /// `spread` with those of the other links.
@@ -86,12 +81,8 @@ class LinkState final {
   /// the beginning and end of a doubt at most once a minute.
   void log_findings();
 
-  const LinkConfig& config_;
+  const LinkParts link_;
   const std::size_t links_;
-  Bus& bus_;
-  PollScheduler& scheduler_;
-  const LinkDevices& devices_;
-  Outbox& outbox_;
   ReconnectPolicy reconnect_policy_;
   SteadyTime next_open_{};
   std::string why_down_ = "not opened yet";

@@ -61,9 +61,9 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
       bus_(executor, std::move(transport), config_.char_time, config_.listening),
       recorder_(recorder, config_),
       scheduler_(config_.poll_share),
-      state_(config_, link, config.links.size(), bus_, scheduler_, devices_, outbox),
-      poller_(config_, bus_, scheduler_, devices_, state_, outbox),
-      commands_(executor, config_, bus_, scheduler_, devices_, state_, poller_, outbox, recorder_),
+      state_(parts_, config.links.size()),
+      poller_(parts_, state_),
+      commands_(executor, parts_, state_, poller_, recorder_),
       idle_(executor),
       counting_since_(Clock::now()) {
   trace(false);

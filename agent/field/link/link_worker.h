@@ -119,6 +119,7 @@ class LinkWorker final {
   LinkRecorder recorder_;
   PollScheduler scheduler_;
   LinkDevices devices_;
+  const LinkParts parts_{config_, link_, bus_, scheduler_, devices_, outbox_};
   LinkState state_;
   Poller poller_;
   LinkCommands commands_;

@@ -25,28 +25,28 @@ asio::awaitable<void> ModelQuestions::run(LinkDevice& device, PollScheduler::Pol
   bool is_answered = false;
   Knowledge knowledge = Knowledge::known;
   BadReason failure = BadReason::link_down;
-  if (bus_.is_open() && !device.state.is_model_known())
+  if (link_.bus.is_open() && !device.state.is_model_known())
     knowledge = co_await ask_model(device, failure);
-  if (knowledge != Knowledge::unanswered && bus_.is_open()) {
+  if (knowledge != Knowledge::unanswered && link_.bus.is_open()) {
     const Request question = *background_question(*device.codec, !device.config.tags.empty());
-    const Exchange exchange = co_await bus_.exchange(device.station, question);
+    const Exchange exchange = co_await link_.bus.exchange(device.station, question);
     if (state_.is_stopping()) co_return;
     is_answered = take_answer(device, step, exchange);
   }
   if (is_answered && device.state.compares_model()) {
     const auto questions = static_cast<std::uint32_t>(device.codec->plc()->identify().size());
     device.model_images.clear();
-    scheduler_.group(step.group)
+    link_.scheduler.group(step.group)
         .extend_cycle(1 + questions, std::chrono::nanoseconds(0), Clock::now());
   }
-  scheduler_.step_done(step);
+  link_.scheduler.step_done(step);
   state_.update(device);
 }
 
 bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollStep& step,
                                  const Exchange& exchange) {
   device.log_foreign_bytes(exchange);
-  scheduler_.step_used(step, exchange.line_time());
+  link_.scheduler.step_used(step, exchange.line_time());
   if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
   if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
   const bool by_gateway =
@@ -65,17 +65,17 @@ bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollSt
 asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
                                                     PollScheduler::PollStep step) {
   const auto end_cycle = [&] {
-    scheduler_.group(step.group).abandon_cycle(Clock::now());
-    scheduler_.group(step.group).set_exchanges(1);
+    link_.scheduler.group(step.group).abandon_cycle(Clock::now());
+    link_.scheduler.group(step.group).set_exchanges(1);
   };
-  if (!bus_.is_open()) co_return end_cycle();
+  if (!link_.bus.is_open()) co_return end_cycle();
   const PlcServices& plc = *device.codec->plc();
   const std::vector<Request> questions = plc.identify();
   const Request& question = questions[step.exchange - 1];
-  const Exchange exchange = co_await bus_.exchange(device.station, question);
+  const Exchange exchange = co_await link_.bus.exchange(device.station, question);
   if (state_.is_stopping()) co_return;
   device.log_foreign_bytes(exchange);
-  scheduler_.step_used(step, exchange.line_time());
+  link_.scheduler.step_used(step, exchange.line_time());
   if (exchange.outcome == Exchange::Outcome::link_down) {
     end_cycle();
     co_return state_.lost(exchange.error);
@@ -85,7 +85,7 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
       exchange.is_nak() && is_lack(device.codec->meaning_of(question, exchange.reply.device_code));
   const bool is_answer = !exchange.doubted && (exchange.is_data() || is_final);
   if (is_answer) device.model_images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
-  if (is_answer && !scheduler_.step_done(step)) co_return;
+  if (is_answer && !link_.scheduler.step_done(step)) co_return;
   end_cycle();
   const auto model = is_answer ? plc.model_from(device.model_images) : std::nullopt;
   device.state.compare_model(model);
@@ -104,10 +104,10 @@ asio::awaitable<Exchange> ModelQuestions::ask_of_model(LinkDevice& device,
   Exchange exchange;
   // A refusal may identify the model, but a request spoilt by noise is refused as well.
   for (int attempt = 0; attempt < 2; ++attempt) {
-    exchange = co_await bus_.exchange(device.station, question);
+    exchange = co_await link_.bus.exchange(device.station, question);
     if (state_.is_stopping()) co_return exchange;
     device.log_foreign_bytes(exchange);
-    scheduler_.share().poll_used(exchange.line_time());
+    link_.scheduler.share().poll_used(exchange.line_time());
     const bool may_pass =
         exchange.is_nak() &&
         device.codec->meaning_of(question, exchange.reply.device_code) == RefusalMeaning::curable;

@@ -20,9 +20,9 @@ namespace fxagent {
 /// A device that is passed to a coroutine must outlive it.
 class ModelQuestions final {
  public:
-  /// All arguments must outlive it.
-  ModelQuestions(Bus& bus, PollScheduler& scheduler, LinkState& state, GroupPlans& plans)
-      : bus_(bus), scheduler_(scheduler), state_(state), plans_(plans) {}
+  /// `state` and `plans` must outlive it.
+  ModelQuestions(const LinkParts& link, LinkState& state, GroupPlans& plans)
+      : link_(link), state_(state), plans_(plans) {}
 
   /// Carries out one step of LinkDevice::question_group. The first asks the background_question(),
   /// after the questions about the model if that is unknown; each further one compares the model
@@ -47,8 +47,7 @@ class ModelQuestions final {
   /// Uses the codec of the model; nullopt: the answers do not identify it.
   Knowledge use_model(LinkDevice& device, const std::optional<std::string>& model);
 
-  Bus& bus_;
-  PollScheduler& scheduler_;
+  const LinkParts link_;
   LinkState& state_;
   GroupPlans& plans_;
   bool asking_ = false;

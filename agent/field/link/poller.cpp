@@ -32,16 +32,8 @@ asio::awaitable<void> nothing() { co_return; }
 
 }  // namespace
 
-Poller::Poller(const LinkConfig& link, Bus& bus, PollScheduler& scheduler,
-               const LinkDevices& devices, LinkState& state, Outbox& outbox)
-    : link_(link),
-      bus_(bus),
-      scheduler_(scheduler),
-      devices_(devices),
-      state_(state),
-      outbox_(outbox),
-      plans_(link, bus, scheduler, devices),
-      questions_(bus, scheduler, state, plans_) {}
+Poller::Poller(const LinkParts& link, LinkState& state)
+    : link_(link), state_(state), plans_(link), questions_(link, state, plans_) {}
 
 // ---- groups -------------------------------------------------------------------------------------
 
@@ -55,7 +47,7 @@ nanoseconds Poller::add_groups(LinkDevice& device, nanoseconds after) {
     // each other, it meets them there again and again.
     const milliseconds interval = device.config.groups[g].interval;
     const nanoseconds begins = (after + total) % nanoseconds(std::max(interval, milliseconds(1)));
-    group->id = scheduler_.add_group(device.id, interval, 1, on_grid(from + begins, interval));
+    group->id = link_.scheduler.add_group(device.id, interval, 1, on_grid(from + begins, interval));
     plans_.make(device, *group);
     total += group->cycle.reads().plan().line_time;
     device.groups.push_back(std::move(group));
@@ -67,14 +59,14 @@ void Poller::adjust_groups(LinkDevice& device, const std::vector<GroupConfig>& g
   for (const auto& group : device.groups) {
     const GroupConfig& next = groups.at(group->cycle.group());
     if (next.interval != group->cycle.settings().interval)
-      scheduler_.set_interval(group->id, next.interval, Clock::now());
+      link_.scheduler.set_interval(group->id, next.interval, Clock::now());
     group->cycle.adjust(next);
   }
 }
 
 void Poller::add_question(LinkDevice& device) {
   if (!background_question(*device.codec, !device.config.tags.empty())) return;
-  device.question_group = scheduler_.add_group(
+  device.question_group = link_.scheduler.add_group(
       device.id, kQuestionInterval, 1, on_grid(first_time(), kQuestionInterval), kQuestionWithin);
 }
 
@@ -85,7 +77,7 @@ SteadyTime Poller::first_time() const { return std::max(Clock::now(), state_.nex
 
 // Not a coroutine: a poll has one frame less that way.
 asio::awaitable<void> Poller::run(PollScheduler::PollStep step) {
-  for (const auto& device : devices_) {
+  for (const auto& device : link_.devices) {
     if (device->question_group == step.group) return questions_.run(*device, step);
     for (const auto& group : device->groups)
       if (group->id == step.group) return read_group(*device, *group, step);
@@ -96,16 +88,16 @@ asio::awaitable<void> Poller::run(PollScheduler::PollStep step) {
 bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
                          const PollScheduler::PollStep& step) {
   const bool free_running = group.cycle.settings().interval.count() == 0;
-  if (free_running && outbox_.is_backed_up()) {
-    scheduler_.group(group.id).abandon_cycle(Clock::now() + kUplinkRest);
+  if (free_running && link_.outbox.is_backed_up()) {
+    link_.scheduler.group(group.id).abandon_cycle(Clock::now() + kUplinkRest);
     return false;
   }
   plans_.refresh(device, group);
-  group.cycle.begin(bus_.doubt().findings());
+  group.cycle.begin(link_.bus.doubt().findings());
   group.refusals = 0;
   group.refused_time = {};
   device.late_ms.add(step.late);
-  if (const auto& durations = bus_.counters().durations) durations->lateness.add(step.late);
+  if (const auto& durations = link_.bus.counters().durations) durations->lateness.add(step.late);
   return true;
 }
 
@@ -113,7 +105,7 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
                                          PollScheduler::PollStep step) {
   const Raised polling(polling_);
   if (step.starts_cycle && !begin_cycle(device, group, step)) co_return;
-  if (!bus_.is_open()) co_return fail_cycle(device, group, BadReason::link_down);
+  if (!link_.bus.is_open()) co_return fail_cycle(device, group, BadReason::link_down);
   if (!device.state.is_model_known()) {
     BadReason failure = BadReason::timeout;
     const Knowledge knowledge = co_await questions_.ask_model(device, failure);
@@ -121,7 +113,7 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
     if (knowledge != Knowledge::known) co_return;  // a new plan: the cycle is offered again
   }
   if (group.cycle.reads().plan().reads.empty()) {
-    scheduler_.group(group.id).abandon_cycle(Clock::now() + kNothingToRead);
+    link_.scheduler.group(group.id).abandon_cycle(Clock::now() + kNothingToRead);
     finish_cycle(device, group);
     co_return;
   }
@@ -132,7 +124,7 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
     co_return end_step(device, group, step);
   const ReadIndices reads = outdated ? ReadIndices(&*outdated, 1) : plan.exchanges[step.exchange];
   const Asked asked{reads, plan.request(reads), outdated.has_value()};
-  Exchange exchange = co_await bus_.exchange(device.station, asked.request);
+  Exchange exchange = co_await link_.bus.exchange(device.station, asked.request);
   take_reading(device, group, step, asked, std::move(exchange));
 }
 
@@ -140,14 +132,14 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
                           const Asked& asked, Exchange exchange) {
   if (state_.is_stopping()) return;
   device.log_foreign_bytes(exchange);
-  scheduler_.step_used(step, exchange.line_time());
+  link_.scheduler.step_used(step, exchange.line_time());
   if (exchange.doubted) {  // the device is there, but its data is not trusted
     state_.answered(device);
     exchange.outcome = Exchange::Outcome::garbled;
   }
   if (exchange.is_data()) device.turnaround.add(exchange.turnaround);
   if (exchange.is_ack() || exchange.is_data()) state_.answered(device);
-  if (!exchange.doubted && !bus_.doubt().is_doubted() &&
+  if (!exchange.doubted && !link_.bus.doubt().is_doubted() &&
       (exchange.outcome == Exchange::Outcome::unanswered ||
        exchange.outcome == Exchange::Outcome::garbled))
     plans_.doubt_command(device, asked.request);
@@ -164,7 +156,8 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   }
   // While the bus is doubted, each exchange takes its silences, and a repeat would be doubted as
   // well.
-  bool repeatable = exchange.outcome == Exchange::Outcome::garbled && !bus_.doubt().is_doubted();
+  bool repeatable =
+      exchange.outcome == Exchange::Outcome::garbled && !link_.bus.doubt().is_doubted();
   bool is_hole = false;
   if (exchange.is_nak()) {
     const Refusal refusal = take_refusal(device, group, step, asked, exchange);
@@ -183,25 +176,25 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
 }
 
 void Poller::end_step(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step) {
-  if (!scheduler_.step_done(step)) return;
+  if (!link_.scheduler.step_done(step)) return;
   note_load();
   finish_cycle(device, group);
 }
 
 void Poller::note_load() {
-  const double load = scheduler_.load();
+  const double load = link_.scheduler.load();
   if (overloaded_ ? load > kOverloadOver : load <= 1.0) return;
   overloaded_ = !overloaded_;
   const std::string percent = std::to_string(static_cast<int>(100 * load + 0.5));
   if (overloaded_)
     log::warn("link",
-              {{"link", link_.name},
+              {{"link", link_.config.name},
                {"load_percent", percent},
                {"note",
                 "the groups ask for more than the line carries; the agent polls all of them "
                 "less often, in proportion: see fxagent plan"}});
   else
-    log::info("link", {{"link", link_.name}, {"load_percent", percent}});
+    log::info("link", {{"link", link_.config.name}, {"load_percent", percent}});
 }
 
 Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
@@ -225,7 +218,7 @@ Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
   state_.answered(device);
   switch (meaning) {
     case RefusalMeaning::busy:
-      scheduler_.group(step.group).postpone(exchange.ended + kBusyDevicePause);
+      link_.scheduler.group(step.group).postpone(exchange.ended + kBusyDevicePause);
       return Refusal::may_pass;
     case RefusalMeaning::curable:
       return Refusal::may_pass;
@@ -239,15 +232,16 @@ Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
 
 void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {
   group.cycle.reads().give_up(why);
-  scheduler_.group(group.id).abandon_cycle(bus_.is_open() ? Clock::now() : state_.next_open());
+  link_.scheduler.group(group.id).abandon_cycle(link_.bus.is_open() ? Clock::now()
+                                                                    : state_.next_open());
   finish_cycle(device, group);
 }
 
 void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   ++device.collected;
   auto message =
-      group.cycle.finish(bus_.doubt().is_doubted(), bus_.doubt().findings(), utc_now_ms(),
-                         Clock::now(), scheduler_.group(group.id).next_due());
+      group.cycle.finish(link_.bus.doubt().is_doubted(), link_.bus.doubt().findings(), utc_now_ms(),
+                         Clock::now(), link_.scheduler.group(group.id).next_due());
   for (const NoValue& none : group.cycle.take_no_values()) {
     const TagConfig& tag = device.config.tags[none.tag];
     log::warn("tag", {{"device", device.config.name},
@@ -267,7 +261,7 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
 void Poller::publish(LinkDevice& device, Telemetry message) {
   message.device = device.index;
   message.seq = ++device.seq;
-  outbox_.push(std::move(message));
+  link_.outbox.push(std::move(message));
 }
 
 void Poller::overwritten(LinkDevice& device, const Span& span, const Bytes* image, BadReason why) {

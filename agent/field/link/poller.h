@@ -15,7 +15,6 @@
 #include "agent/field/link/link_state.h"
 #include "agent/field/link/model_questions.h"
 #include "agent/field/poll/poll_scheduler.h"
-#include "agent/handover/outbox.h"
 #include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
 #include "protocol/codec.h"
@@ -24,9 +23,8 @@ namespace fxagent {
 
 class Poller final {
  public:
-  /// All arguments must outlive it; `devices` may be filled later.
-  Poller(const LinkConfig& link, Bus& bus, PollScheduler& scheduler, const LinkDevices& devices,
-         LinkState& state, Outbox& outbox);
+  /// `state` must outlive it.
+  Poller(const LinkParts& link, LinkState& state);
   Poller(const Poller&) = delete;
   Poller& operator=(const Poller&) = delete;
 
@@ -85,12 +83,8 @@ class Poller final {
   void publish(LinkDevice& device, Telemetry message);
   void note_load();
 
-  const LinkConfig& link_;
-  Bus& bus_;
-  PollScheduler& scheduler_;
-  const LinkDevices& devices_;
+  const LinkParts link_;
   LinkState& state_;
-  Outbox& outbox_;
   GroupPlans plans_;
   ModelQuestions questions_;
   bool polling_ = false;

@@ -25,8 +25,9 @@ struct PollerTest : ::testing::Test {
   void start() {
     script();
     bus = std::make_unique<Bus>(io.get_executor(), std::move(transport), config.links[0].char_time);
-    state = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
-    poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
+    const LinkParts link{config.links[0], 0, *bus, scheduler, devices, outbox};
+    state = std::make_unique<LinkState>(link, 1);
+    poller = std::make_unique<Poller>(link, *state);
     std::chrono::nanoseconds after = state->begin(now, std::chrono::milliseconds(0));
     for (std::uint32_t i = 0; i < config.devices.size(); ++i) {
       devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(i), i));

@@ -36,10 +36,10 @@ struct LinkCommandsTest : ScriptedBusTest {
     config.devices.push_back(std::move(press));
     make_bus(char_time);
     wire->then([this](ByteView request) { return plc.answer(request); });
-    state = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
-    poller = std::make_unique<Poller>(config.links[0], *bus, scheduler, devices, *state, outbox);
-    commands = std::make_unique<LinkCommands>(io.get_executor(), config.links[0], *bus, scheduler,
-                                              devices, *state, *poller, outbox, recorder);
+    const LinkParts link{config.links[0], 0, *bus, scheduler, devices, outbox};
+    state = std::make_unique<LinkState>(link, 1);
+    poller = std::make_unique<Poller>(link, *state);
+    commands = std::make_unique<LinkCommands>(io.get_executor(), link, *state, *poller, recorder);
     devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(0), 0));
     devices[0]->id = scheduler.add_device(3, {});
     poller->add_groups(*devices[0], nanoseconds(0));

@@ -32,7 +32,8 @@ struct LinkStateTest : ScriptedBusTest {
     devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(0), 0));
     devices[0]->id = scheduler.add_device(3, {});
     devices[0]->station.wiring = wiring_of(config.links[0], config.devices[0]);
-    link = std::make_unique<LinkState>(config.links[0], 0, 1, *bus, scheduler, devices, outbox);
+    const LinkParts parts{config.links[0], 0, *bus, scheduler, devices, outbox};
+    link = std::make_unique<LinkState>(parts, 1);
   }
   void open() {
     ScriptedBusTest::open();
