@@ -199,16 +199,17 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     else if (!ids_.make_room(now))
       why = refuse(Reason::queue_full,
                    "the memory of command ids is full, and no id in it has expired");
-    else if (!conflict_.empty())
-      why = refusal_of_conflict(conflict_);
+    else if (!room_->conflict.empty())
+      why = refusal_of_conflict(room_->conflict);
   }
   if (why) return rejected(cmd, *why);
   if (cmd.dry_run) {
     set_outcome(result, CommandStatus::succeeded, Reason::none, {});
     return result;
   }
-  if (why_closed_ != Reason::none) {
-    set_outcome(result, CommandStatus::rejected, why_closed_, why_not_sent(why_closed_));
+  if (room_->is_closed || is_closed_) {
+    const Reason closed = room_->is_closed ? Reason::shutting_down : Reason::reloading;
+    set_outcome(result, CommandStatus::rejected, closed, why_not_sent(closed));
     remember_refused(cmd, result, now);
     return result;
   }
@@ -364,13 +365,13 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
 void CommandAdmission::remember_refused(const Command& command, const CommandResult& result,
                                         SteadyTime now) {
   if (command.dry_run || command.id.empty()) return;
-  ids_.add_refused({command.id, command.number, now, now, true,
-                    journaling_ == Journaling::on ? nullptr : kept(result)},
-                   now);
+  ids_.add_refused(
+      {command.id, command.number, now, now, true, room_->is_journaled ? nullptr : kept(result)},
+      now);
 }
 
 void CommandAdmission::finished(const CommandResult& result) {
-  ids_.finish(result.id, journaling_ == Journaling::on ? nullptr : kept(result));
+  ids_.finish(result.id, room_->is_journaled ? nullptr : kept(result));
 }
 
 void CommandAdmission::restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms) {

@@ -12,31 +12,24 @@
 #include <vector>
 
 #include "agent/commands/admitted_command.h"
+#include "agent/commands/command_room.h"
 #include "agent/commands/id_memory.h"
 #include "agent/commands/journal.h"
-#include "agent/commands/pending_budget.h"
 #include "agent/config/model.h"
 #include "agent/handover/command_message.h"
 #include "protocol/codec.h"
 
 namespace fxagent {
 
-/// `on`: the journal keeps first results. `off`: there is no journal.
-enum class Journaling : std::uint8_t { off, on };
-
 class CommandAdmission final {
  public:
   using Decision = std::variant<CommandResult, AdmittedCommand>;
 
-  /// `device` outlives admission, or the next use(). With a journal, first results are kept there
-  /// and not here. `room` is shared with the admission of the other devices and with pending
-  /// commands.
-  explicit CommandAdmission(const DeviceConfig& device, Journaling journaling = Journaling::off,
-                            std::shared_ptr<PendingBudget> room = std::make_shared<PendingBudget>())
-      : device_(&device),
-        journaling_(journaling),
-        room_(std::move(room)),
-        ids_(room_, device.name) {}
+  /// `device` outlives admission, or the next use(). `room` is shared with the admission of the
+  /// other devices and with pending commands.
+  explicit CommandAdmission(const DeviceConfig& device,
+                            std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>())
+      : device_(&device), room_(std::move(room)), ids_(room_, device.name) {}
 
   /// Decides on `command`, by the checks of the contract in their order. `codec` is the device's
   /// current one (its model may have been identified). `waiting` is the number of commands that
@@ -52,18 +45,14 @@ class CommandAdmission final {
     ids_.note_total(id, total);
   }
 
-  /// Rejects every later command that would be admitted, with `why`: shutting_down or reloading.
-  void close(Reason why) { why_closed_ = why; }
+  /// Rejects every later command that would be admitted, with `reloading`.
+  void close() { is_closed_ = true; }
   /// Continues with another device, or config, of the same name: admits again, and keeps the known
   /// ids.
   void use(const DeviceConfig& device) {
     device_ = &device;
-    why_closed_ = Reason::none;
+    is_closed_ = false;
   }
-
-  /// Rejects every later command that would be admitted, with `conflict`: another agent, of boot
-  /// `other_boot`, has our id. Empty: there is none.
-  void set_conflict(std::string other_boot) { conflict_ = std::move(other_boot); }
 
   /// Restores an id of an earlier run. `utc_ms` is the calendar time of `now`.
   void restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms);
@@ -95,11 +84,9 @@ class CommandAdmission final {
                                      const CommandTarget& target, AdmittedTarget& out) const;
 
   const DeviceConfig* device_;  ///< never null
-  const Journaling journaling_;
-  const std::shared_ptr<PendingBudget> room_;
+  const std::shared_ptr<CommandRoom> room_;
   IdMemory ids_;
-  Reason why_closed_ = Reason::none;  ///< none: open
-  std::string conflict_;              ///< boot id of another agent with our id
+  bool is_closed_ = false;
 };
 
 }  // namespace fxagent

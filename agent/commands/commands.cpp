@@ -76,6 +76,7 @@ audit::Receipt receipt_of(const Command& command, const std::string& device, std
 
 Commands::Commands(const Config& config, Submit submit, CommandJournal* journal, Yield yield)
     : config_(config), submit_(std::move(submit)), yield_(std::move(yield)), journal_(journal) {
+  room_->is_journaled = journal != nullptr;
   devices_.resize(config.devices.size());
   for (std::uint32_t i = 0; i < devices_.size(); ++i)
     if (!config.devices[i].is_vacant()) open(i);
@@ -83,14 +84,11 @@ Commands::Commands(const Config& config, Submit submit, CommandJournal* journal,
 }
 
 void Commands::open(std::uint32_t index) {
-  const Journaling journaling = journal_ == nullptr ? Journaling::off : Journaling::on;
   auto& device = devices_[index];
   if (device)
     device->admission.use(config_.devices[index]);
   else
-    device = std::make_unique<Device>(config_.devices[index], journaling, room_);
-  device->admission.set_conflict(conflict_);
-  if (closed_) device->admission.close(Reason::shutting_down);
+    device = std::make_unique<Device>(config_.devices[index], room_);
 }
 
 void Commands::list_names() {
@@ -113,8 +111,7 @@ Commands::Device* Commands::known_device(const std::string& name) {
 // ---- a changed config ---------------------------------------------------------------------------
 
 void Commands::begin_change(const ConfigChange& change) {
-  for (const std::uint32_t index : change.devices_end)
-    device_at(index).admission.close(Reason::reloading);
+  for (const std::uint32_t index : change.devices_end) device_at(index).admission.close();
 }
 
 std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime now) {
@@ -194,8 +191,8 @@ std::optional<Refusal> Commands::refusal_for_link(const LinkConfig& link, const 
   const bool is_late = command.message_expiry && now - command.received >= *command.message_expiry;
   if (is_late || (command.expires_ms && utc_ms >= *command.expires_ms))
     return Refusal{Reason::expired, "it came too late"};
-  if (!conflict_.empty()) return refusal_of_conflict(conflict_);
-  if (closed_) return Refusal{Reason::shutting_down, why_not_sent(Reason::shutting_down)};
+  if (!room_->conflict.empty()) return refusal_of_conflict(room_->conflict);
+  if (room_->is_closed) return Refusal{Reason::shutting_down, why_not_sent(Reason::shutting_down)};
   return std::nullopt;
 }
 
@@ -297,18 +294,6 @@ void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
 
 void Commands::set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec) {
   device_at(device).codec = std::move(codec);
-}
-
-void Commands::close() {
-  closed_ = true;
-  for (const auto& device : devices_)
-    if (device) device->admission.close(Reason::shutting_down);
-}
-
-void Commands::set_conflict(const std::string& other_boot) {
-  conflict_ = other_boot;
-  for (const auto& device : devices_)
-    if (device) device->admission.set_conflict(other_boot);
 }
 
 // ---- from the field to the broker ---------------------------------------------------------------

@@ -35,7 +35,7 @@ struct IdMemory::Ids {
   Entries refused;   ///< same
 };
 
-IdMemory::IdMemory(std::shared_ptr<PendingBudget> room, std::string device)
+IdMemory::IdMemory(std::shared_ptr<CommandRoom> room, std::string device)
     : room_(std::move(room)), device_(std::move(device)) {}
 IdMemory::~IdMemory() = default;
 

@@ -14,8 +14,8 @@
 #include <string>
 #include <utility>
 
+#include "agent/commands/command_room.h"
 #include "agent/commands/journal.h"
-#include "agent/commands/pending_budget.h"
 #include "agent/handover/command_message.h"
 
 namespace fxagent {
@@ -39,7 +39,7 @@ class IdMemory final {
   };
 
   /// `room` is shared with the other devices; `device` is the name of this one.
-  IdMemory(std::shared_ptr<PendingBudget> room, std::string device);
+  IdMemory(std::shared_ptr<CommandRoom> room, std::string device);
   ~IdMemory();
 
   /// Returns nullopt if the id was never seen, or need not be known any more.
@@ -71,7 +71,7 @@ class IdMemory final {
   /// True if refused ids take more than their share.
   bool has_too_many_refused() const;
 
-  std::shared_ptr<PendingBudget> room_;
+  std::shared_ptr<CommandRoom> room_;
   std::string device_;
   std::unique_ptr<Ids> ids_;  ///< null: none so far, as with most devices
 };

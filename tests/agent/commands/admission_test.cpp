@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "agent/commands/command_room.h"
 #include "agent/commands/parse/parse.h"
-#include "agent/commands/pending_budget.h"
 #include "agent/commands/result.h"
 #include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"
@@ -273,7 +273,9 @@ TEST_F(CommandAdmissionTest, ResponseTopicOfAResultIsNotRemembered) {
 }
 
 TEST_F(CommandAdmissionTest, WithAJournalOnlyTheIdsAreKeptHere) {
-  CommandAdmission beside_journal(device, Journaling::on);
+  const auto room = std::make_shared<CommandRoom>();
+  room->is_journaled = true;
+  CommandAdmission beside_journal(device, room);
   const auto judge = [&](const char* id) {
     return std::get<CommandResult>(beside_journal.admit(write(id), device.codec, 0, now));
   };
@@ -529,10 +531,10 @@ TEST_F(CommandAdmissionTest, WaitingCommandsAreBoundedInBytesToo) {
   admit(large);
 }
 
-TEST(PendingBudget, EachDeviceHasAShareWhateverTheOthersHold) {
-  const auto room = std::make_shared<PendingBudget>();
-  constexpr std::size_t kShare = PendingBudget::kBytesOfADevice;
-  const auto all = room->take(0, PendingBudget::kMostBytes);
+TEST(CommandRoom, EachDeviceHasAShareWhateverTheOthersHold) {
+  const auto room = std::make_shared<CommandRoom>();
+  constexpr std::size_t kShare = CommandRoom::kBytesOfADevice;
+  const auto all = room->take(0, CommandRoom::kMostBytes);
   ASSERT_TRUE(all);
   EXPECT_FALSE(room->take(0, 1));
   const auto share = room->take(1, kShare);

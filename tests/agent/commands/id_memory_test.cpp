@@ -87,7 +87,7 @@ struct PlainMemory {
 };
 
 struct Memory {
-  std::shared_ptr<PendingBudget> room = std::make_shared<PendingBudget>();
+  std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>();
   IdMemory ids{room, "press1"};
 };
 

@@ -1,11 +1,12 @@
-// Room that all devices of an agent share for their commands: bytes of pending commands, and
-// fingerprints of old ids. Pure: time is an argument.
+// What all devices of an agent share for their commands: bytes of pending ones, fingerprints of old
+// ids, and why none is admitted. Pure: time is an argument.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <string_view>
 #include <unordered_map>
 
@@ -45,7 +46,7 @@ class IdFingerprints final {
 };
 
 /// Shared by the admission of all devices and by each command that has a place here.
-class PendingBudget final : public std::enable_shared_from_this<PendingBudget> {
+class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
  public:
   /// Limit for all pending commands, and the share that each device has in any case.
   static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
@@ -58,6 +59,9 @@ class PendingBudget final : public std::enable_shared_from_this<PendingBudget> {
   std::size_t bytes() const { return bytes_; }
 
   IdFingerprints fingerprints;
+  bool is_journaled = false;  ///< the journal keeps first results
+  bool is_closed = false;     ///< the agent is stopping: what would be admitted is rejected
+  std::string conflict;       ///< same: boot of another agent that has our id; empty: there is none
 
  private:
   std::size_t bytes_ = 0;
