@@ -399,10 +399,10 @@ std::optional<AdmittedCommand> CommandAdmission::interrupted(
   admitted.interrupted = true;
   admitted.deadline = now;
   if (codec->is_broadcast() || resolve(*codec, admitted, names)) return std::nullopt;
-  const bool tells = std::none_of(
-      admitted.targets.begin(), admitted.targets.end(),
-      [](const AdmittedTarget& target) { return target.point.type == DataType::boolean; });
-  if (!tells) return std::nullopt;
+  if (std::ranges::any_of(admitted.targets, [](const AdmittedTarget& target) {
+        return target.point.type == DataType::boolean;
+      }))
+    return std::nullopt;
   return admitted;
 }
 

@@ -1,6 +1,7 @@
 #include "agent/field/poll/cycle_reads.h"
 
 #include <algorithm>
+#include <set>
 #include <span>
 #include <utility>
 
@@ -41,14 +42,10 @@ void CycleReads::give_up(BadReason why) {
 void CycleReads::discard_images() { images_.assign(images_.size(), {}); }
 
 std::vector<std::uint32_t> CycleReads::points_of(ReadIndices reads) const {
-  std::vector<std::uint32_t> points;
-  for (const std::uint32_t read : reads) {
-    const auto& brought = plan_.reads[read].points;
-    points.insert(points.end(), brought.begin(), brought.end());
-  }
-  std::sort(points.begin(), points.end());
-  points.erase(std::unique(points.begin(), points.end()), points.end());
-  return points;
+  std::set<std::uint32_t> points;
+  for (const std::uint32_t read : reads)
+    points.insert(plan_.reads[read].points.begin(), plan_.reads[read].points.end());
+  return {points.begin(), points.end()};
 }
 
 bool CycleReads::has_images(ReadIndices reads) const {

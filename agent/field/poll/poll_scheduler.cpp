@@ -67,8 +67,7 @@ SteadyTime PollScheduler::next_wake() const {
 PollScheduler::Job PollScheduler::next(SteadyTime now) {
   Job job;
   Group* group = most_urgent(now);
-  const auto polls = group == nullptr ? LineShare::Polls::none_due : LineShare::Polls::due;
-  if (share_.command_goes_first(polls)) {
+  if (share_.command_goes_first(group != nullptr)) {
     job.kind = Job::Kind::command;
     return job;
   }

@@ -27,13 +27,11 @@ class LineShare final {
   /// Sets the number of waiting commands after a fault.
   void commands_are(std::uint32_t waiting) { commands_ = waiting; }
 
-  enum class Polls : std::uint8_t { none_due, due };
   /// True if a command waits and goes before the polls. If none waits, the polls' claim on line
   /// time ends.
-  bool command_goes_first(Polls polls) {
+  bool command_goes_first(bool is_poll_due) {
     if (commands_ == 0) owed_to_polls_ = {};
-    const bool polls_turn = polls == Polls::due && owed_to_polls_.count() > 0;
-    return commands_ > 0 && !polls_turn;
+    return commands_ > 0 && !(is_poll_due && owed_to_polls_.count() > 0);
   }
 
   /// Records line time used by a command while a poll was due: the polls may claim their share.
