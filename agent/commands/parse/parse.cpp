@@ -37,33 +37,24 @@ std::string in_quotes(std::string_view foreign) {
 }
 
 /// Finds faults that the parser accepts: duplicate keys and deep nesting.
-class Watch final {
- public:
-  bool operator()(int /*depth*/, Json::parse_event_t event, const Json& parsed) {
-    switch (event) {
-      case Json::parse_event_t::object_start:
-      case Json::parse_event_t::array_start:
-        open_.emplace_back();
-        if (open_.size() > kMaxDepth + 1 && fault_.empty()) fault_ = "nested too deeply";
-        break;
-      case Json::parse_event_t::object_end:
-      case Json::parse_event_t::array_end:
-        open_.pop_back();
-        break;
-      case Json::parse_event_t::key:
-        if (!open_.back().insert(parsed.get_ref<const std::string&>()).second && fault_.empty())
-          fault_ = "key " + in_quotes(parsed.get_ref<const std::string&>()) + " occurs twice";
-        break;
-      case Json::parse_event_t::value:
-        break;
+struct Watch {
+  bool operator()(int depth, Json::parse_event_t event, const Json& parsed) {
+    using Event = Json::parse_event_t;
+    const auto inside = static_cast<std::size_t>(depth);  // this many objects and arrays
+    if (event == Event::object_start || event == Event::array_start) {
+      keys.resize(inside);
+      keys.emplace_back();
+      if (inside > kMaxDepth && fault.empty()) fault = "nested too deeply";
+    } else if (event == Event::key) {
+      const auto& key = parsed.get_ref<const std::string&>();
+      if (!keys[inside - 1].insert(key).second && fault.empty())
+        fault = "key " + in_quotes(key) + " occurs twice";
     }
     return true;
   }
-  const std::string& fault() const { return fault_; }
 
- private:
-  std::vector<std::set<std::string>> open_;
-  std::string fault_;
+  std::vector<std::set<std::string>> keys;  ///< of the open objects
+  std::string fault;                        ///< the first one
 };
 
 /// Counts objects and arrays in a text, as far as it is JSON.
@@ -418,7 +409,7 @@ std::optional<Json> read_object(std::string_view payload, Command& command, Faul
   if (payload.find('\0') != std::string_view::npos)
     faults.add(Reason::bad_json,
                "a NUL byte is not JSON: send the text without its terminating zero");
-  if (!watch.fault().empty()) faults.add(Reason::bad_json, watch.fault());
+  if (!watch.fault.empty()) faults.add(Reason::bad_json, watch.fault);
   if (too_many) faults.add(Reason::bad_json, "more objects and arrays than a command may have");
   if (json.contains("status"))
     faults.add(Reason::bad_json, "key 'status' belongs to a result: this is not a command");
