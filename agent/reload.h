@@ -13,7 +13,6 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "agent/config/config_difference.h"
 #include "agent/config/config_error.h"

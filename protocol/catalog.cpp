@@ -1,7 +1,6 @@
 #include "protocol/catalog.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "protocol/encoding.h"
 #include "protocol/fx/computer_link.h"

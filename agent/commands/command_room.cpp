@@ -14,7 +14,6 @@
 #include <random>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 namespace fxagent {
 namespace {

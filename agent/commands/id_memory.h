@@ -12,7 +12,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "agent/commands/command_room.h"
 #include "agent/commands/journal.h"

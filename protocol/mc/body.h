@@ -4,7 +4,6 @@
 
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "protocol/encoding.h"
 #include "protocol/mc/dialect.h"

@@ -1,7 +1,6 @@
 #include "protocol/mc/message.h"
 
 #include <algorithm>
-#include <string_view>
 #include <utility>
 
 #include "protocol/encoding.h"

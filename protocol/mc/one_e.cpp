@@ -1,7 +1,6 @@
 #include "protocol/mc/one_e.h"
 
 #include <algorithm>
-#include <array>
 
 #include "protocol/encoding.h"
 #include "protocol/mc/body.h"

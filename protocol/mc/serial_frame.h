@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 
 #include "protocol/mc/ethernet_frame.h"
 #include "protocol/value/bytes.h"

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <utility>
 
 #include "protocol/letter_case.h"
 #include "protocol/range_ends.h"

@@ -4,7 +4,6 @@
 
 #include <asio/awaitable.hpp>
 #include <chrono>
-#include <cstdint>
 #include <memory>
 #include <utility>
 

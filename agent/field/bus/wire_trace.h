@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <memory>
 #include <string>
-#include <string_view>
 
 #include "agent/field/bus/exchange.h"
 #include "agent/recorder/frame_ring.h"

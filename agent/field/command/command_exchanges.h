@@ -8,7 +8,6 @@
 #include <chrono>
 #include <cstddef>
 #include <optional>
-#include <string_view>
 
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"

@@ -1,7 +1,6 @@
 #include "agent/field/command/link_commands.h"
 
 #include <algorithm>
-#include <string>
 #include <utility>
 
 #include "agent/commands/result.h"

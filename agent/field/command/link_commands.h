@@ -6,7 +6,6 @@
 #include <asio/awaitable.hpp>
 #include <chrono>
 #include <list>
-#include <memory>
 #include <optional>
 
 #include "agent/commands/admitted_command.h"

@@ -1,7 +1,6 @@
 #include "agent/field/link/group_plans.h"
 
 #include <algorithm>
-#include <optional>
 #include <span>
 #include <utility>
 #include <variant>

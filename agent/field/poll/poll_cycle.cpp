@@ -5,7 +5,6 @@
 #include <functional>
 #include <utility>
 
-#include "protocol/value/pack.h"
 #include "protocol/value/word_order.h"
 
 namespace fxagent {

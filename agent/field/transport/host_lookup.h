@@ -6,7 +6,6 @@
 #include <asio/awaitable.hpp>
 #include <asio/error.hpp>
 #include <asio/ip/address.hpp>
-#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
