@@ -41,10 +41,10 @@ bool is_pty(int fd) {
   }();
 }
 
-class SerialTransport final : public Transport {
+class SerialTransport final : public StreamTransport<asio::posix::stream_descriptor> {
  public:
-  SerialTransport(asio::any_io_executor executor, SerialSettings settings)
-      : settings_(std::move(settings)), stream_(executor), deadline_(executor, stream_) {}
+  SerialTransport(const asio::any_io_executor& executor, SerialSettings settings)
+      : StreamTransport(executor, settings.path), settings_(std::move(settings)) {}
 
   asio::awaitable<Result<void>> open(SteadyTime /*deadline*/) override {
     close();
@@ -61,16 +61,6 @@ class SerialTransport final : public Transport {
     co_return Result<void>{};
   }
 
-  bool is_open() const override { return stream_.is_open(); }
-
-  asio::awaitable<Written> write(ByteView bytes, SteadyTime at) override {
-    return write_all(stream_, deadline_, bytes, at, settings_.path);
-  }
-
-  asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime at) override {
-    return fxagent::read_some(stream_, deadline_, into, at, settings_.path);
-  }
-
   Result<Bytes> discard_input() override {
     if (!stream_.is_open()) return failed("is closed", ENODEV);
     Bytes found;
@@ -78,12 +68,6 @@ class SerialTransport final : public Transport {
     if (number == 0) return found;
     close();
     return failed("has disappeared", number);
-  }
-
-  void close() noexcept override {
-    deadline_.cancel();
-    asio::error_code ignored;
-    if (stream_.is_open()) stream_.close(ignored);
   }
 
  private:
@@ -159,8 +143,6 @@ class SerialTransport final : public Transport {
   }
 
   const SerialSettings settings_;
-  asio::posix::stream_descriptor stream_;
-  Deadline<asio::posix::stream_descriptor> deadline_;
   bool told_of_pty_ = false;
   int fault_ = 0;     ///< errno of the last failure; 0 while the port is open
   std::string cure_;  ///< remedy of that failure

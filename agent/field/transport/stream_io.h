@@ -1,4 +1,4 @@
-// Reads and writes that serial ports and sockets share: asio streams under a Deadline.
+// What serial ports and sockets share: reads and writes under a Deadline.
 #pragma once
 
 #include <unistd.h>
@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <string>
 #include <tuple>
+#include <utility>
 
 #include "agent/field/transport/transport.h"
 #include "agent/steady_time.h"
@@ -79,46 +80,62 @@ inline int read_waiting(int fd, Bytes& found) {
 
 inline constexpr auto use_result = asio::experimental::as_tuple(asio::use_awaitable);
 
-/// Same as Transport::read_some(). `name` is for the error text.
+/// A transport over an asio stream: what serial ports and TCP have in common. open() must set the
+/// stream to non-blocking mode.
 template <class Stream>
-asio::awaitable<Result<std::size_t>> read_some(Stream& stream, Deadline<Stream>& deadline,
-                                               MutableBytes into, SteadyTime at,
-                                               const std::string& name) {
-  deadline.arm(at);
-  const auto [error, count] =
-      co_await stream.async_read_some(asio::buffer(into.data(), into.size()), use_result);
-  deadline.disarm();
-  if (!error && count > 0) co_return count;
-  if (error == asio::error::operation_aborted && deadline.passed())
-    co_return fail(ErrorCode::timeout, "no answer on " + name);
-  const bool by_peer = !error || error == asio::error::eof;
-  co_return fail(ErrorCode::link_down,
-                 name + ": " + (by_peer ? "the peer closed the connection" : error.message()));
-}
+class StreamTransport : public Transport {
+ public:
+  /// `name` is for error texts.
+  StreamTransport(const asio::any_io_executor& executor, std::string name)
+      : name_(std::move(name)), stream_(executor), deadline_(executor, stream_) {}
 
-/// Same as Transport::write(). The stream must be in non-blocking mode.
-template <class Stream>
-asio::awaitable<Transport::Written> write_all(Stream& stream, Deadline<Stream>& deadline,
-                                              ByteView bytes, SteadyTime at,
-                                              const std::string& name) {
-  Transport::Written written;
-  deadline.arm(at);
-  while (written.sent < bytes.size()) {
-    const ByteView rest = bytes.subspan(written.sent);
-    // The stream nearly always has room, and then no turn of the event loop is needed.
-    asio::error_code error;
-    std::size_t count = stream.write_some(asio::buffer(rest.data(), rest.size()), error);
-    if (error == asio::error::would_block)
-      std::tie(error, count) =
-          co_await stream.async_write_some(asio::buffer(rest.data(), rest.size()), use_result);
-    written.sent += count;
-    if (!error) continue;
-    const std::string why = deadline.passed() ? "the line accepts no more bytes" : error.message();
-    written.error = Error{ErrorCode::link_down, name + ": " + why};
-    break;
+  bool is_open() const override { return stream_.is_open(); }
+
+  asio::awaitable<Written> write(ByteView bytes, SteadyTime at) override {
+    Written written;
+    deadline_.arm(at);
+    while (written.sent < bytes.size()) {
+      const ByteView rest = bytes.subspan(written.sent);
+      // The stream nearly always has room, and then no turn of the event loop is needed.
+      asio::error_code error;
+      std::size_t count = stream_.write_some(asio::buffer(rest.data(), rest.size()), error);
+      if (error == asio::error::would_block)
+        std::tie(error, count) =
+            co_await stream_.async_write_some(asio::buffer(rest.data(), rest.size()), use_result);
+      written.sent += count;
+      if (!error) continue;
+      const std::string why =
+          deadline_.passed() ? "the line accepts no more bytes" : error.message();
+      written.error = Error{ErrorCode::link_down, name_ + ": " + why};
+      break;
+    }
+    deadline_.disarm();
+    co_return written;
   }
-  deadline.disarm();
-  co_return written;
-}
+
+  asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime at) override {
+    deadline_.arm(at);
+    const auto [error, count] =
+        co_await stream_.async_read_some(asio::buffer(into.data(), into.size()), use_result);
+    deadline_.disarm();
+    if (!error && count > 0) co_return count;
+    if (error == asio::error::operation_aborted && deadline_.passed())
+      co_return fail(ErrorCode::timeout, "no answer on " + name_);
+    const bool by_peer = !error || error == asio::error::eof;
+    co_return fail(ErrorCode::link_down,
+                   name_ + ": " + (by_peer ? "the peer closed the connection" : error.message()));
+  }
+
+  void close() noexcept override {
+    deadline_.cancel();
+    asio::error_code ignored;
+    if (stream_.is_open()) stream_.close(ignored);
+  }
+
+ protected:
+  const std::string name_;
+  Stream stream_;
+  Deadline<Stream> deadline_;
+};
 
 }  // namespace fxagent

@@ -29,17 +29,15 @@ std::string why_not_connected(const asio::error_code& error, bool is_late) {
   return why_failed(error);
 }
 
-class TcpTransport final : public Transport {
+class TcpTransport final : public StreamTransport<tcp::socket> {
  public:
-  TcpTransport(asio::any_io_executor executor, TcpSettings settings)
-      : settings_(std::move(settings)),
-        name_(settings_.host + ":" + std::to_string(settings_.port)),
-        socket_(executor),
-        deadline_(executor, socket_) {}
+  TcpTransport(const asio::any_io_executor& executor, TcpSettings settings)
+      : StreamTransport(executor, settings.host + ":" + std::to_string(settings.port)),
+        settings_(std::move(settings)) {}
 
   asio::awaitable<Result<void>> open(SteadyTime at) override {
     close();
-    const auto found = co_await lookup_.find(socket_.get_executor(), settings_.host, name_, at);
+    const auto found = co_await lookup_.find(stream_.get_executor(), settings_.host, name_, at);
     if (!found) co_return fail(found);
     Result<void> outcome;
     for (const asio::ip::address& address : *found) {
@@ -49,29 +47,17 @@ class TcpTransport final : public Transport {
     co_return outcome;
   }
 
-  bool is_open() const override { return socket_.is_open(); }
-
-  asio::awaitable<Written> write(ByteView bytes, SteadyTime at) override {
-    return write_all(socket_, deadline_, bytes, at, name_);
-  }
-
-  asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime at) override {
-    return fxagent::read_some(socket_, deadline_, into, at, name_);
-  }
-
   Result<Bytes> discard_input() override {
-    if (!socket_.is_open()) return fail(ErrorCode::link_down, name_ + ": not connected");
+    if (!stream_.is_open()) return fail(ErrorCode::link_down, name_ + ": not connected");
     Bytes found;
-    if (read_waiting(socket_.native_handle(), found) == 0) return found;
+    if (read_waiting(stream_.native_handle(), found) == 0) return found;
     close();
     return fail(ErrorCode::link_down, name_ + ": the peer closed the connection");
   }
 
   void close() noexcept override {
     lookup_.cancel();
-    deadline_.cancel();
-    asio::error_code ignored;
-    if (socket_.is_open()) socket_.close(ignored);
+    StreamTransport::close();
   }
 
  private:
@@ -79,10 +65,10 @@ class TcpTransport final : public Transport {
     close();
     deadline_.arm(at);
     asio::error_code error;
-    socket_.open(endpoint.protocol(), error);
-    if (!error && takes_from_others(socket_.native_handle())) error = asio::error::no_descriptors;
+    stream_.open(endpoint.protocol(), error);
+    if (!error && takes_from_others(stream_.native_handle())) error = asio::error::no_descriptors;
     if (!error) {
-      const auto [failed] = co_await socket_.async_connect(endpoint, use_result);
+      const auto [failed] = co_await stream_.async_connect(endpoint, use_result);
       error = failed;
     }
     deadline_.disarm();
@@ -92,10 +78,10 @@ class TcpTransport final : public Transport {
       co_return fail(ErrorCode::link_down, name_ + ": " + why);
     }
     asio::error_code ignored;
-    socket_.non_blocking(true, ignored);
-    socket_.set_option(tcp::no_delay(true), ignored);
-    socket_.set_option(asio::socket_base::keep_alive(true), ignored);
-    const int fd = socket_.native_handle();
+    stream_.non_blocking(true, ignored);
+    stream_.set_option(tcp::no_delay(true), ignored);
+    stream_.set_option(asio::socket_base::keep_alive(true), ignored);
+    const int fd = stream_.native_handle();
     setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &kKeepAliveIdleSeconds, sizeof(int));
     setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &kKeepAliveIntervalSeconds, sizeof(int));
     setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &kKeepAliveProbes, sizeof(int));
@@ -103,10 +89,7 @@ class TcpTransport final : public Transport {
   }
 
   const TcpSettings settings_;
-  const std::string name_;
   HostLookup lookup_;
-  tcp::socket socket_;
-  Deadline<tcp::socket> deadline_;
 };
 
 }  // namespace
