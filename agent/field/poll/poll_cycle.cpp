@@ -49,8 +49,6 @@ void PollCycle::begin(std::uint64_t findings) {
   findings_ = findings;
   reads_.begin();
   newer_.clear();
-  first_reply_.reset();
-  last_reply_ms_ = 0;
   replies_ = 0;
   repeats_ = 0;
 }
@@ -65,10 +63,9 @@ void PollCycle::take(ReadIndices reads, Exchange exchange) {
   repeats_ = 0;
   reads_.take(reads, exchange);
   if (exchange.has_answer()) {
-    if (!first_reply_) first_reply_ = exchange.ended;
+    if (replies_++ == 0) first_reply_ = exchange.ended;
     last_reply_ = exchange.ended;
     last_reply_ms_ = exchange.ended_ms;
-    ++replies_;
   }
   for (const std::uint32_t read : reads) forget_older(read);
 }
@@ -165,8 +162,7 @@ std::optional<Telemetry> PollCycle::finish(bool doubted, std::uint64_t findings,
   message.group = group_;
   message.ts_ms = replies_ > 0 ? last_reply_ms_ : now_ms;
   if (replies_ > 1)
-    message.span_ms =
-        std::chrono::duration<double, std::milli>(last_reply_ - *first_reply_).count();
+    message.span_ms = std::chrono::duration<double, std::milli>(last_reply_ - first_reply_).count();
   auto readings = report_.cycle(std::move(fresh), message.ts_ms, now, next);
   if (!readings) return std::nullopt;
   message.readings = std::move(*readings);

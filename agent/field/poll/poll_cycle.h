@@ -104,10 +104,10 @@ class PollCycle final {
   std::vector<NoValue> no_values_;
   std::unordered_map<std::uint32_t, SteadyTime> none_at_;  ///< tag → when it last held no value
   std::unordered_set<std::uint32_t> odd_orders_;  ///< tags found with a likelier word order
-  std::optional<SteadyTime> first_reply_;
+  std::uint32_t replies_ = 0;
+  SteadyTime first_reply_{};
   SteadyTime last_reply_{};
   std::int64_t last_reply_ms_ = 0;
-  std::uint32_t replies_ = 0;
   std::uint64_t findings_ = 0;
   int repeats_ = 0;
 };
