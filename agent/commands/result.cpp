@@ -217,14 +217,12 @@ std::string result_text(const CommandResult& result) {
     leave_out_values(first);
     shorter.first = std::make_shared<const CommandResult>(std::move(first));
   }
-  leave_out_details(shorter);
-  text = written(shorter);
-  if (text.size() <= kMost) return text;
-  leave_out_values(shorter);
-  text = written(shorter);
-  if (text.size() <= kMost) return text;
-  leave_out_targets(shorter);
-  return written(shorter);
+  for (const auto leave_out : {leave_out_details, leave_out_values, leave_out_targets}) {
+    leave_out(shorter);
+    text = written(shorter);
+    if (text.size() <= kMost) break;
+  }
+  return text;
 }
 
 std::string total_text(std::chrono::nanoseconds total) {
