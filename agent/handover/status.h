@@ -4,7 +4,6 @@
 // never changes.
 #pragma once
 
-#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -52,15 +51,6 @@ struct LastValue {
   std::optional<std::int64_t> ts_ms;  ///< when `value` was read; nullopt: never
   std::optional<BadReason> bad;       ///< nullopt: good
   std::int64_t bad_since_ms = 0;      ///< bad only
-  bool written = false;               ///< a command wrote `value` and it was not read back
-
-  /// Time since `value` was read and reported, or nullopt if it was never read. With publish:
-  /// on_change this can be much longer ago than the last poll, because cycles without a change are
-  /// not reported. Returns 0 if `now_ms` is before ts_ms (the clock was set back).
-  std::optional<std::chrono::milliseconds> age(std::int64_t now_ms) const {
-    if (!ts_ms) return std::nullopt;
-    return std::chrono::milliseconds(std::max<std::int64_t>(0, now_ms - *ts_ms));
-  }
 };
 
 /// Last values of one group of one device, stored compactly and decoded on request. Any thread.

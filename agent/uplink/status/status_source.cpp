@@ -55,7 +55,6 @@ class RecordedValues final : public GroupValues {
       value.scaled = reading.scaled;
       value.value = std::move(reading.value);
       value.bad = reading.bad;
-      value.written = record.written;
       if (!reading.bad)
         value.ts_ms = record.ts_ms;
       else if (reading.last_ms != 0)

@@ -63,13 +63,5 @@ TEST(StatusBoard, StatusInSomebodysHandsStaysAsItWas) {
   EXPECT_EQ(board.read(kStart, 0ms)->ts_ms, 2);
 }
 
-TEST(LastValue, AgeIsThatOfTheValueAndNeverNegative) {
-  LastValue value;
-  EXPECT_EQ(value.age(1000), std::nullopt);
-  value.ts_ms = 400;
-  EXPECT_EQ(value.age(1000), 600ms);
-  EXPECT_EQ(value.age(300), 0ms) << "the clock was set back";
-}
-
 }  // namespace
 }  // namespace fxagent
