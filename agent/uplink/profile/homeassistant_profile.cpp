@@ -11,6 +11,7 @@
 #include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
+#include "protocol/letter_case.h"
 #include "protocol/value/value_range.h"
 
 namespace fxagent {
@@ -81,13 +82,9 @@ TagStates options_of(const TagStates& states) {
   TagStates options;
   std::set<std::string> seen;
   for (const auto& [value, label] : states) {
-    const std::size_t first = label.find_first_not_of(" \t\r\n");
-    std::string option = first == label.npos
-                             ? std::to_string(value)
-                             : label.substr(first, label.find_last_not_of(" \t\r\n") - first + 1);
-    std::string small = option;
-    for (char& c : small) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-    if (small == "none") option = "(" + option + ")";
+    std::string option(trimmed(label));
+    if (option.empty()) option = std::to_string(value);
+    if (equal_but_for_case(option, "none")) option = "(" + option + ")";
     if (!seen.insert(option).second) option += " (" + std::to_string(value) + ")";
     seen.insert(option);
     options.emplace_back(value, std::move(option));
@@ -310,9 +307,7 @@ void HomeAssistantProfile::hear(const Message& message) {
 }
 
 void HomeAssistantProfile::device_state(const DeviceStatus& status) {
-  const auto [place, is_first] = models_.try_emplace(status.device, status.model);
-  if (!is_first && std::exchange(place->second, status.model) == status.model) return;
-  if (is_first && status.model.empty()) return;
+  if (std::exchange(models_[status.device], status.model) == status.model) return;
   const auto id = id_of(config_.base_topic() + "/" + config_.devices.at(status.device).name);
   if (devices_.contains(id)) due_.insert(status.device);
 }
