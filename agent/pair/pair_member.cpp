@@ -171,7 +171,6 @@ void PairMember::run(const std::stop_token& stop) {
   log_role();
   std::optional<BootTime> leave_by;
   while (!stop.stop_requested()) {
-    bool leaving = false;
     {
       std::unique_lock lock(mutex_);
       const auto wait =
@@ -183,10 +182,9 @@ void PairMember::run(const std::stop_token& stop) {
         agent_->goes_on();
         state_.agent_began();
       }
-      leaving = leaving_;
     }
     const BootTime now = boot_time_now();
-    if (leaving && !leave_by) {
+    if (leaving_ && !leave_by) {
       leave_by = now + kFarewell;
       lease_->disconnect();
       Publication last = offline_status();
@@ -208,12 +206,7 @@ void PairMember::keep(BootTime now) {
   take_evicting_events(now);
   take_lease_events(now);
   if (permit_.opens_at() != state_.opens_at()) permit_.open_at(state_.opens_at());
-  bool leaving = false;
-  {
-    const std::lock_guard lock(mutex_);
-    leaving = leaving_;
-  }
-  if (leaving || over_) return send_announcements();
+  if (leaving_ || over_) return send_announcements();
   permit_.extend(state_.holds_until());
   for (const PairState::Order order : state_.step(now)) carry_out(order, now);
   go_on_with_claim(now);

@@ -11,7 +11,7 @@
 // that is over can be left, and the new process recovers as after a crash.
 #pragma once
 
-#include <chrono>
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -21,7 +21,6 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include "agent/commands/admitted_command.h"
@@ -142,11 +141,11 @@ class PairMember final {
   std::uint64_t announcing_ = 0;  ///< publication of an unanswered command; 0: none
   Announcements announcements_;
 
+  std::atomic<bool> leaving_ = false;
   mutable std::mutex mutex_;
   std::condition_variable news_;
   bool woken_ = false;                   ///< under mutex_
   bool claimed_ = false;                 ///< under mutex_
-  bool leaving_ = false;                 ///< under mutex_
   bool left_ = false;                    ///< under mutex_
   std::uint64_t rounds_ = 0;             ///< under mutex_
   std::uint64_t floor_ = 0;              ///< under mutex_
