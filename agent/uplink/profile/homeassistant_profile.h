@@ -1,6 +1,7 @@
 // The profile `homeassistant`: a retained device discovery message of Home Assistant for each
 // device. Home Assistant then reads the values on the topics of docs/interface.md, and sends its
-// commands to {base}/{device}/command. So the profile has neither samples nor commands of its own.
+// commands to {base}/{device}/command. So the profile has neither samples nor commands of its own,
+// and no last will: the availability of the devices is the state of the session with the values.
 // Source: home-assistant.io/integrations/mqtt, "Device discovery payload".
 #pragma once
 
@@ -24,8 +25,6 @@ class HomeAssistantProfile final : public Profile {
   HomeAssistantProfile(const Config& config, const ProfileConfig& profile, std::string version,
                        HearsCommands hears_commands);
 
-  /// None: the availability of the devices is the state of the session with the values.
-  Publication last_will() override { return {}; }
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override { due_.clear(); }
@@ -33,12 +32,7 @@ class HomeAssistantProfile final : public Profile {
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
-  std::vector<Publication> farewell(std::int64_t) override { return {}; }
-
   bool wants_samples() const override { return false; }
-  std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
-  std::unique_ptr<HistoryMessage> begin_history(std::size_t) override { return nullptr; }
-  std::vector<Publication> history(const HistoryBatch&) override { return {}; }
 
  private:
   /// Platform by component key.

@@ -30,7 +30,6 @@ class PlainProfile final : public Profile {
   void connection_ended() override;
   void saw(const Telemetry& sample) override;
   void hear(const Message& message) override;
-  void device_state(const DeviceStatus&) override {}
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   std::vector<Publication> farewell(std::int64_t utc_ms) override;

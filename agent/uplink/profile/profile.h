@@ -26,7 +26,7 @@ class Profile : public SamplePayload {
  public:
   /// Returns the message that the broker publishes if the connection ends without a clean end.
   /// Called before each attempt to connect. An empty topic: no last will.
-  virtual Publication last_will() = 0;
+  virtual Publication last_will() { return {}; }
   /// Returns what to subscribe to in each connection.
   virtual std::vector<Subscription> subscriptions() const = 0;
   virtual void connection_began(const Connected& connected) = 0;
@@ -36,7 +36,10 @@ class Profile : public SamplePayload {
 
   /// False: the profile has no samples. No function of SamplePayload is called then.
   virtual bool wants_samples() const { return true; }
-  virtual void device_state(const DeviceStatus& status) = 0;
+  std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
+  std::unique_ptr<HistoryMessage> begin_history(std::size_t) override { return nullptr; }
+  std::vector<Publication> history(const HistoryBatch&) override { return {}; }
+  virtual void device_state(const DeviceStatus& /*status*/) {}
   /// A sample has come from the field. It follows by sample(), or later as history.
   virtual void saw(const Telemetry& /*sample*/) {}
   /// Adapts to a config change, which the config already contains.
@@ -52,7 +55,7 @@ class Profile : public SamplePayload {
   /// Returns the time by which due() has something.
   virtual SteadyTime next_wake() const { return SteadyTime::max(); }
   /// Returns the last messages before the connection is closed on purpose.
-  virtual std::vector<Publication> farewell(std::int64_t utc_ms) = 0;
+  virtual std::vector<Publication> farewell(std::int64_t /*utc_ms*/) { return {}; }
   /// True if the broker shall publish the last will even though the connection is closed on
   /// purpose.
   virtual bool leaves_with_will() const { return false; }

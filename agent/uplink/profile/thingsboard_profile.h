@@ -1,7 +1,8 @@
 // The profile `thingsboard`: the agent as a ThingsBoard gateway. Each device of the config is a
 // device of ThingsBoard; RPC requests are commands. Section 12 of docs/interface.md has the topics.
 // Source: ThingsBoard, MQTT Gateway API reference. All topics are below v1/gateway. ThingsBoard
-// closes the session of a gateway whose message it cannot read, so no value is ever null.
+// closes the session of a gateway whose message it cannot read, so no value is ever null. If the
+// connection of a gateway ends, it disconnects the devices itself: there are no last messages.
 #pragma once
 
 #include <chrono>
@@ -35,8 +36,6 @@ class ThingsBoardProfile final : public Profile {
   ThingsBoardProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
                      std::function<std::string()> new_id);
 
-  /// The API has none: ThingsBoard itself notices that the connection ended.
-  Publication last_will() override { return {}; }
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected& connected) override;
   void connection_ended() override;
@@ -44,8 +43,6 @@ class ThingsBoardProfile final : public Profile {
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
-  /// ThingsBoard disconnects the devices of a gateway whose connection ends.
-  std::vector<Publication> farewell(std::int64_t) override { return {}; }
 
   bool may_send(const std::string& device) const override;
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;

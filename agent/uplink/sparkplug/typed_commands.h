@@ -40,11 +40,7 @@ class TypedCommandsProfile final : public sparkplug::EdgeNode {
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   bool is_ready() const override { return is_born(); }
   SteadyTime next_wake() const override;
-
   bool wants_samples() const override { return false; }
-  std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
-  std::unique_ptr<HistoryMessage> begin_history(std::size_t) override { return nullptr; }
-  std::vector<Publication> history(const HistoryBatch&) override { return {}; }
 
  private:
   struct Request {
