@@ -26,13 +26,10 @@ FrameRing::FrameRing(std::size_t bytes)
 
 std::uint16_t FrameRing::number(const RecordedDevice& device) {
   const std::lock_guard lock(mutex_);
-  const auto known = std::ranges::find(devices_, device);
-  if (known == devices_.end()) {
-    if (devices_.size() >= kNoDevice) return kNoDevice;
-    devices_.push_back(device);
-    return static_cast<std::uint16_t>(devices_.size() - 1);
-  }
-  return static_cast<std::uint16_t>(known - devices_.begin());
+  const auto index =
+      static_cast<std::uint16_t>(std::ranges::find(devices_, device) - devices_.begin());
+  if (index == devices_.size() && index != kNoDevice) devices_.push_back(device);
+  return index;
 }
 
 void FrameRing::put(const void* from, std::size_t size) noexcept {
