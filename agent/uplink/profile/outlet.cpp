@@ -53,10 +53,8 @@ void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
 void Outlet::change(const ConfigChange& change, SteadyTime now) {
   samples_.change(change);
   profile_.change(change);
-  if (change.mqtt && settings_.mqtt_of) use(settings_.mqtt_of(config_), now);
-}
-
-void Outlet::use(MqttConfig mqtt, SteadyTime now) {
+  if (!change.mqtt || !settings_.mqtt_of) return;
+  MqttConfig mqtt = settings_.mqtt_of(config_);
   if (mqtt == settings_.mqtt) return;
   if (session_.is_connected()) say_goodbye();
   settings_.mqtt = std::move(mqtt);

@@ -50,7 +50,8 @@ class Outlet final : private Outgoing::Sender {
 
   /// Takes states and samples from the field. Call before the states of the batch are moved from.
   void take(const Outbox::Batch& batch, SteadyTime now);
-  /// Adapts to a config change, which the config already contains.
+  /// Adapts to a config change, which the config already contains. Connects anew if it changes the
+  /// settings of the broker.
   void change(const ConfigChange& change, SteadyTime now);
   /// Does all that is due. Returns the time by which it must be called again.
   SteadyTime step(SteadyTime now);
@@ -64,8 +65,6 @@ class Outlet final : private Outgoing::Sender {
  private:
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
 
-  /// Connects anew with other settings of the broker.
-  void use(MqttConfig mqtt, SteadyTime now);
   void take_broker_events(SteadyTime now);
   /// Sends the profile's last messages. Returns their id; nullopt: it has none.
   std::optional<std::uint64_t> say_goodbye();
