@@ -67,12 +67,8 @@ EdgeNode::EdgeNode(const Config& config, const ProfileConfig& profile, const std
       broker_(profile.broker),
       host_(std::move(host)),
       lives_(config.devices.size()) {
-  for (std::uint32_t i = 0; i < lives_.size(); ++i) note_name(i);
-}
-
-void EdgeNode::note_name(std::uint32_t index) {
-  const DeviceConfig& device = config_.devices.at(index);
-  if (!device.is_vacant()) index_[device.name] = index;
+  for (std::uint32_t i = 0; i < lives_.size(); ++i)
+    if (!config.devices[i].is_vacant()) index_[config.devices[i].name] = i;
 }
 
 std::optional<std::uint32_t> EdgeNode::index_of(std::string_view device) const {
@@ -143,7 +139,7 @@ void EdgeNode::change(const ConfigChange& change) {
     lives_[i] = Life{};
   }
   lives_.resize(config_.devices.size());
-  for (const std::uint32_t i : change.devices_begin) note_name(i);
+  for (const std::uint32_t i : change.devices_begin) index_[config_.devices[i].name] = i;
 }
 
 std::vector<Publication> EdgeNode::due(SteadyTime now, std::int64_t utc_ms) {

@@ -123,8 +123,6 @@ class EdgeNode : public Profile {
     bool is_too_large = false;  ///< its birth, for the broker of this session
   };
 
-  void note_name(std::uint32_t index);
-
   const std::string broker_;
   PrimaryHost host_;
   std::vector<Life> lives_;  ///< of the devices, as Config::devices
