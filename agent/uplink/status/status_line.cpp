@@ -23,10 +23,6 @@ std::string counted(const std::string& what, std::size_t of, const std::string& 
   return others.empty() ? text : text + ")";
 }
 
-bool is_yielded(const AgentStatus& status, std::size_t link) {
-  return link < status.field->links.size() && status.field->links[link].yielded;
-}
-
 std::string links(const AgentStatus& status) {
   const auto& links = status.config->links;
   std::size_t all = 0;
@@ -34,10 +30,9 @@ std::string links(const AgentStatus& status) {
   for (std::size_t i = 0; i < links.size(); ++i) {
     if (links[i].is_vacant()) continue;
     ++all;
-    if (is_yielded(status, i))
-      down.push_back(links[i].name + " yielded");
-    else if (i >= status.field->links.size() || !status.field->links[i].open)
-      down.push_back(links[i].name + " down");
+    const LinkHealth link = i < status.field->links.size() ? status.field->links[i] : LinkHealth{};
+    if (link.yielded || !link.open)
+      down.push_back(links[i].name + (link.yielded ? " yielded" : " down"));
   }
   return counted("links", all, "up", down);
 }
