@@ -78,7 +78,9 @@ SteadyTime Publisher::step(SteadyTime now) {
     return outlets_wake_;
   }
   take_broker_events(now);
-  keep_store(now);   // what it recovers is older than all that follows
+  spool_.upkeep(now, utc_ms_());
+  take_found_late(now);  // older than all that follows
+  spool_.move_memory_to_disk();
   take_outbox(now);  // before commands: its results make room for them, its states set the model
   take_commands(now);
   keep_outlets(now);  // their results are known; their commands are taken in the next step
@@ -124,12 +126,6 @@ void Publisher::take_broker_events(SteadyTime now) {
   };
   for (const BrokerEvent& event : broker_.take_events()) std::visit(take, event);
   own_topics_.follow_conflict(now);
-}
-
-void Publisher::keep_store(SteadyTime now) {
-  spool_.upkeep(now, utc_ms_());
-  take_found_late(now);
-  spool_.move_memory_to_disk();
 }
 
 void Publisher::take_found_late(SteadyTime now) {
@@ -371,8 +367,6 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   if (!outgoing_.empty()) at(now + Outgoing::kAcknowledgedWithin);
   return wake;
 }
-
-SampleCounts Publisher::samples() const { return status_.samples(); }
 
 void run_uplink(Publisher& publisher, Outbox& outbox, std::stop_token stop,
                 const std::function<void()>& stepped) {

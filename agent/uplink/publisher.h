@@ -125,14 +125,13 @@ class Publisher final {
   OwnTopics& own_topics() { return own_topics_; }
 
   /// Returns the samples counted by location, as of the last step().
-  SampleCounts samples() const;
+  SampleCounts samples() const { return status_.samples(); }
   /// The board on which the agent's status is published; valid for the publisher's lifetime.
   StatusBoard& board() { return status_.board(); }
 
  private:
-  // The phases of step(), in their order. StatusSource and Shutdown have one each.
+  // The phases of step(), in their order. SampleSpool, StatusSource and Shutdown have the others.
   void take_broker_events(SteadyTime now);
-  void keep_store(SteadyTime now);
   void take_outbox(SteadyTime now);
   void take_commands(SteadyTime now);
   /// Recovers what earlier runs left in a store that has opened late.
