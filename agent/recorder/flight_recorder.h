@@ -12,7 +12,6 @@
 #include <stop_token>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "agent/recorder/frame_ring.h"
 #include "agent/recorder/recording.h"

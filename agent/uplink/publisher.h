@@ -6,7 +6,6 @@
 // and the backlog in between.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <optional>

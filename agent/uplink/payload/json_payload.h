@@ -2,13 +2,9 @@
 // payload format made of them, described in docs/interface.md. The functions are pure; any thread.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
-#include <map>
 #include <optional>
-#include <span>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "agent/config/model.h"

@@ -8,7 +8,6 @@
 // may take.
 #pragma once
 
-#include <cstddef>
 #include <functional>
 #include <map>
 #include <optional>

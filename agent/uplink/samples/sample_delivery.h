@@ -3,8 +3,6 @@
 // is an argument.
 #pragma once
 
-#include <chrono>
-#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>

@@ -3,7 +3,6 @@
 // an argument.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <optional>

@@ -1,7 +1,6 @@
 #include "agent/uplink/sparkplug/edge_node.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "agent/log/log.h"

@@ -8,11 +8,9 @@
 // (64-bit numbers of sessions and messages, times in ns, rebirth as a verb).
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
