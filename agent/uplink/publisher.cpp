@@ -60,8 +60,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
            settings_.boot, settings_.version},
           utc_ms_, [this] { outbox_.notify(); }, std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
-      shutdown_({broker, session_, farewell_, outgoing_, intake_, results_, retained_, samples_out_,
-                 spool_, status_}),
+      shutdown_(broker, session_, farewell_),
       own_topics_({config, commands, session_, subscriptions_, shutdown_, farewell_, results_,
                    intake_, retained_, status_, store},
                   settings_.boot, settings_.is_ours) {
@@ -89,7 +88,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   send(now);
   press_back(now);  // by what has found no room
   const bool failed = outgoing_.fail_unsendable(now);
-  if (shutdown_.has_begun()) shutdown_.step(now);
+  if (shutdown_.has_begun()) keep_shutdown(now);
   spool_.commit(now, !shutdown_.has_begun());
   if (shutdown_.finished()) return outlets_wake_;
   return failed ? now : next_wake(now);
@@ -295,6 +294,17 @@ void Publisher::send(SteadyTime now) {
     if (!samples_out_.has_live() && (running || store_ == nullptr)) history_.pump(running, now);
   }
   outgoing_.note_sent(now);
+}
+
+void Publisher::keep_shutdown(SteadyTime now) {
+  shutdown_.step(intake_.empty() && outgoing_.empty() && results_.empty() && retained_.empty() &&
+                     !samples_out_.has_live() && spool_.empty(),
+                 now);
+  if (!shutdown_.finished()) return;
+  session_.give_up(now);
+  spool_.close();
+  log::info("uplink_stopped", {{"samples_left", std::to_string(samples().waiting())},
+                               {"results_left", std::to_string(results_.size())}});
 }
 
 // ---- config change ------------------------------------------------------------------------------

@@ -129,7 +129,7 @@ class Publisher final {
   StatusBoard& board() { return status_.board(); }
 
  private:
-  // The phases of step(), in their order. SampleSpool, StatusSource and Shutdown have the others.
+  // The phases of step(), in their order. SampleSpool and StatusSource have the others.
   void take_broker_events(SteadyTime now);
   void take_outbox(SteadyTime now);
   void take_commands(SteadyTime now);
@@ -144,6 +144,9 @@ class Publisher final {
   void send(SteadyTime now);
   /// Holds back what arrives faster than it can be sent.
   void press_back(SteadyTime now);
+  /// Takes the next step of the shutdown. After the last one, what the broker has not acknowledged
+  /// is on disk, for the next boot, and the store is closed.
+  void keep_shutdown(SteadyTime now);
   SteadyTime next_wake(SteadyTime now) const;
 
   void connection_began(SteadyTime now);

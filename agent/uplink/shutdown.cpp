@@ -1,11 +1,7 @@
 #include "agent/uplink/shutdown.h"
 
 #include <chrono>
-#include <string>
 #include <utility>
-
-#include "agent/handover/status.h"
-#include "agent/log/log.h"
 
 namespace fxagent {
 namespace {
@@ -32,30 +28,30 @@ void Farewell::failed(const DeliveryFailed& event, SteadyTime now) { delivered(e
 void Shutdown::begin(SteadyTime now) {
   phase_ = Phase::draining;
   deadline_ = now + kDrainFor;
-  parts_.farewell.withdraw();  // one for a broker that we leave, if any
-  parts_.session.begin_end(now);
+  farewell_.withdraw();  // one for a broker that we leave, if any
+  session_.begin_end(now);
 }
 
-void Shutdown::step(SteadyTime now) {
-  const bool over = now >= next_wake() || parts_.session.is_waiting();
+void Shutdown::step(bool drained, SteadyTime now) {
+  const bool over = now >= next_wake() || session_.is_waiting();
   switch (phase_) {
     case Phase::running:
     case Phase::finished:
       return;
     case Phase::draining:
-      if (parts_.session.is_connected() && (over || drained())) {
+      if (session_.is_connected() && (over || drained)) {
         phase_ = Phase::farewell;
-        return parts_.farewell.say(now);
+        return farewell_.say(now);
       }
-      if (over) finish(now);
+      if (over) phase_ = Phase::finished;
       return;
     case Phase::farewell:
       if (!over) return;
       phase_ = Phase::closing;
       deadline_ = now + kCloseFor;
-      return parts_.broker.disconnect();
+      return broker_.disconnect();
     case Phase::closing:
-      if (over) finish(now);
+      if (over) phase_ = Phase::finished;
       return;
   }
 }
@@ -65,21 +61,7 @@ void Shutdown::disconnected(SteadyTime now) {
 }
 
 SteadyTime Shutdown::next_wake() const {
-  return phase_ == Phase::farewell ? parts_.farewell.by().value_or(deadline_) : deadline_;
-}
-
-bool Shutdown::drained() const {
-  return parts_.intake.empty() && parts_.outgoing.empty() && parts_.results.empty() &&
-         parts_.retained.empty() && !parts_.samples.has_live() && parts_.spool.empty();
-}
-
-void Shutdown::finish(SteadyTime now) {
-  phase_ = Phase::finished;
-  parts_.session.give_up(now);
-  parts_.spool.close();
-  const SampleCounts left = parts_.status.samples();
-  log::info("uplink_stopped", {{"samples_left", std::to_string(left.waiting())},
-                               {"results_left", std::to_string(parts_.results.size())}});
+  return phase_ == Phase::farewell ? farewell_.by().value_or(deadline_) : deadline_;
 }
 
 }  // namespace fxagent

@@ -2,8 +2,7 @@
 // argument.
 //
 // Draining: what is waiting is published for up to 3 s. Farewell: the agent's state becomes
-// offline. Closing: the connection is closed. Finished: what the broker has not acknowledged is on
-// disk, for the next boot, and the store is closed.
+// offline. Closing: the connection is closed. Finished: nothing more is sent.
 #pragma once
 
 #include <chrono>
@@ -13,15 +12,9 @@
 
 #include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
-#include "agent/uplink/commands/command_intake.h"
-#include "agent/uplink/commands/result_delivery.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/json_payload.h"
-#include "agent/uplink/retained/retained_state.h"
-#include "agent/uplink/samples/sample_delivery.h"
-#include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/session.h"
-#include "agent/uplink/status/status_source.h"
 
 namespace fxagent {
 
@@ -55,25 +48,15 @@ class Farewell final : private Outgoing::Sender {
 
 class Shutdown final {
  public:
-  /// Everything that is drained or closed; all outlive the object.
-  struct Parts {
-    Broker& broker;
-    Session& session;
-    Farewell& farewell;
-    const Outgoing& outgoing;
-    const CommandIntake& intake;
-    const ResultDelivery& results;
-    const RetainedState& retained;
-    const SampleDelivery& samples;
-    SampleSpool& spool;
-    const StatusSource& status;
-  };
-  explicit Shutdown(Parts parts) : parts_(parts) {}
+  /// All references outlive the object.
+  Shutdown(Broker& broker, Session& session, Farewell& farewell)
+      : broker_(broker), session_(session), farewell_(farewell) {}
 
   /// Begins. Call once.
   void begin(SteadyTime now);
-  /// Takes the next step if it is due. Call at the end of each step of the uplink.
-  void step(SteadyTime now);
+  /// Takes the next step if it is due. Call at the end of each step of the uplink. `drained`:
+  /// nothing waits any more.
+  void step(bool drained, SteadyTime now);
   /// The broker has received our DISCONNECT.
   void disconnected(SteadyTime now);
 
@@ -87,10 +70,9 @@ class Shutdown final {
  private:
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
 
-  bool drained() const;
-  void finish(SteadyTime now);
-
-  const Parts parts_;
+  Broker& broker_;
+  Session& session_;
+  Farewell& farewell_;
   Phase phase_ = Phase::running;
   SteadyTime deadline_{};  ///< of draining and closing
 };
