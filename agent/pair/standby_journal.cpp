@@ -142,17 +142,11 @@ void StandbyJournal::acknowledge(const JournalEntry& known) {
   store_.journal().acknowledge(known.device, known.id, known.number, {});
 }
 
-std::deque<JournalEntry> StandbyJournal::unanswered() {
-  std::deque<JournalEntry> entries;
-  if (own_.empty()) return entries;
-  for (JournalEntry& entry : store_.journal().unacknowledged({}))
-    if (own_.contains(entry.number) && !is_old(entry)) entries.push_back(std::move(entry));
-  return entries;
-}
-
 std::optional<JournalEntry> StandbyJournal::next_unanswered(BootTime now) {
   if (unanswered_.empty() && (!unanswered_at_ || now >= *unanswered_at_)) {
-    unanswered_ = unanswered();
+    if (!own_.empty())
+      for (JournalEntry& entry : store_.journal().unacknowledged({}))
+        if (own_.contains(entry.number) && !is_old(entry)) unanswered_.push_back(std::move(entry));
     unanswered_at_ = now + unanswered_pause_;
     unanswered_pause_ = std::min<BootTime>(2 * unanswered_pause_, kLongestUnanswered);
   }

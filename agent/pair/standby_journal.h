@@ -55,7 +55,6 @@ class StandbyJournal final {
   std::vector<JournalEntry> close();
 
  private:
-  std::deque<JournalEntry> unanswered();
   void keep_heard(const StoreConfig& config);
   /// Keeps a command under a new number.
   void keep(JournalEntry entry, const std::string& topic);
