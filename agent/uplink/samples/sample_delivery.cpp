@@ -39,14 +39,6 @@ void SampleDelivery::change(const ConfigChange& change) {
   meta_hashes_.resize(config_.devices.size());
 }
 
-/// Computed with the first sample of each device: computing those of many devices at once would
-/// take too long.
-const std::string& SampleDelivery::meta_hash(std::uint32_t device) {
-  std::string& hash = meta_hashes_.at(device);
-  if (hash.empty()) hash = json::device_meta(config_.devices.at(device)).hash;
-  return hash;
-}
-
 void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, SteadyTime now) {
   if (messages.empty()) return;
   microseconds patience = kGatherMost;  // zero for groups without an interval
@@ -60,7 +52,10 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.device = device.name;
     row.group = group.name;
     row.seq = message.seq;
-    row.content = encode_sample(message, device, boot_, meta_hash(message.device));
+    // With the first sample of each device: for many devices at once it would take too long.
+    std::string& meta = meta_hashes_.at(message.device);
+    if (meta.empty()) meta = json::device_meta(device).hash;
+    row.content = encode_sample(message, device, boot_, meta);
     row_bytes_ += row.cost();
     spool_.used(row.device, row.seq);
     if (can_go && may_send(row.device, now))
@@ -80,23 +75,19 @@ bool SampleDelivery::may_send(const std::string& device, SteadyTime now) const {
   return refused_.may_send(device, now) && payload_.may_send(device);
 }
 
+/// Samples that found no room for 1 s become history, and with them those that would follow within
+/// kCommitWithin: a commit costs the same for all.
 void SampleDelivery::settle(SteadyTime now) {
-  overflow(now);
+  if (!live_.empty() && live_.front().since + kLiveFor <= now)
+    while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
+      spool_.add(std::move(live_.front()));
+      live_.pop_front();
+    }
   hold_on_disk(now);
 }
 
-/// Moves samples that found no room for 1 s to history. Includes those that would follow within
-/// kCommitWithin: a commit costs the same for all.
-void SampleDelivery::overflow(SteadyTime now) {
-  if (live_.empty() || live_.front().since + kLiveFor > now) return;
-  while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
-    spool_.add(std::move(live_.front()));
-    live_.pop_front();
-  }
-}
-
 /// Writes samples that have been in flight for 1 s to disk; they stay in flight. Includes those
-/// that would follow soon, like overflow().
+/// that would follow soon, too.
 void SampleDelivery::hold_on_disk(SteadyTime now) {
   if (!spool_.can_hold()) return;
   std::vector<SampleRow> rows;

@@ -67,8 +67,6 @@ class SampleDelivery final : public Outgoing::Sender {
     SteadyTime since{};
   };
 
-  const std::string& meta_hash(std::uint32_t device);
-  void overflow(SteadyTime now);
   void hold_on_disk(SteadyTime now);
   bool may_send(const std::string& device, SteadyTime now) const;
   /// Releases a sample that needs no more messages.
