@@ -14,18 +14,14 @@ std::string text_of(SteadyTime::duration age) {
   return std::to_string(std::chrono::duration_cast<seconds>(age).count()) + " s";
 }
 
-/// Returns the time since the field's last report, or since the start if there was none.
-SteadyTime::duration field_silence(const AgentStatus& status, SteadyTime now) {
-  return now - status.field_heard.value_or(status.made_at - status.uptime);
-}
-
 Reasons faults(const AgentStatus* status, SteadyTime now) {
   if (status == nullptr) return {"uplink: no sign of life since the start"};
   // The uplink reports on the field: while it hangs, nothing is known of the field.
   if (is_stale(status, now))
     return {"uplink: no sign of life for " + text_of(now - status->made_at)};
-  if (const auto silence = field_silence(*status, now); silence > kFieldWithin)
-    return {"field: no sign of life for " + text_of(silence)};
+  // Since the field's last report, or since the start if there was none.
+  const auto silence = now - status->field_heard.value_or(status->made_at - status->uptime);
+  if (silence > kFieldWithin) return {"field: no sign of life for " + text_of(silence)};
   return {};
 }
 
