@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/steady_time.h"
+
 namespace fxagent {
 namespace {
 
@@ -15,10 +17,6 @@ constexpr std::size_t kMostSent = 64;
 // The wait between claims that fail doubles up to this many times quiet / 2.
 constexpr int kMostFailures = 5;
 constexpr BootTime kNever = BootTime::max();
-
-std::string in_ms(nanoseconds time) {
-  return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count());
-}
 
 }  // namespace
 
@@ -75,8 +73,8 @@ void PairState::heard(const PairStatus& status, BootTime now) {
     quiet_ += longer;
     if (role_ == PairRole::claiming) opens_at_ += longer;
     if (status.role != "offline")
-      fault("quiet_ms of member " + status.member + " is " + in_ms(status.quiet) +
-            ", and of member " + settings_.member + " " + in_ms(settings_.quiet) +
+      fault("quiet_ms of member " + status.member + " is " + whole_ms(status.quiet) +
+            ", and of member " + settings_.member + " " + whole_ms(settings_.quiet) +
             ": make them equal; until then both wait for the longer one");
   }
   if (status.role == "offline") {
