@@ -14,10 +14,6 @@
 namespace fxagent {
 namespace {
 
-struct FreeContext {
-  void operator()(SSL_CTX* context) const { SSL_CTX_free(context); }
-};
-
 /// Replaces OpenSSL's prompt on the terminal. `was_asked` points to a bool.
 int no_passphrase(char*, int, int, void* was_asked) {
   *static_cast<bool*>(was_asked) = true;
@@ -76,7 +72,8 @@ std::optional<TlsFileFault> fault_in(const TlsSettings& tls) {
     if (!path.empty())
       if (std::string why = why_unreadable(path); !why.empty())
         return TlsFileFault{key, std::move(why)};
-  const std::unique_ptr<SSL_CTX, FreeContext> context(SSL_CTX_new(TLS_client_method()));
+  const std::unique_ptr<SSL_CTX, decltype(&SSL_CTX_free)> context(SSL_CTX_new(TLS_client_method()),
+                                                                  SSL_CTX_free);
   if (context == nullptr) return std::nullopt;  // out of memory: the handshake will report it
   auto fault = fault_in(tls, context.get());
   ERR_clear_error();
