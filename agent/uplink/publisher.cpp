@@ -209,11 +209,8 @@ void Publisher::take_order(Order order, SteadyTime now) {
                 "too many commands and results wait; nothing was sent");
     return order.tell(result_text(result));
   }
-  Message message;
-  MessageProperties& properties = message;
-  properties = std::move(static_cast<MessageProperties&>(order));
-  message.topic = config_.base_topic() + "/" + order.device + "/command";
-  message.payload = std::move(order.payload);
+  Message message{std::move(static_cast<MessageProperties&>(order)),
+                  config_.base_topic() + "/" + order.device + "/command", std::move(order.payload)};
   if (message.received == SteadyTime{}) {
     message.received = now;
     message.received_ms = utc_ms_();

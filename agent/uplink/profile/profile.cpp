@@ -19,10 +19,7 @@ bool is_for_link(const Config& config, const Message& message, std::string_view 
 }
 
 Order order_of(const Message& message, std::string device, std::string sender) {
-  Order order;
-  MessageProperties& properties = order;
-  properties = message;
-  order.device = std::move(device);
+  Order order{static_cast<const MessageProperties&>(message), std::move(device), {}};
   order.sender = std::move(sender);
   order.response_topic.clear();  // the result goes where the profile says
   return order;
