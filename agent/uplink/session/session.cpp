@@ -55,7 +55,7 @@ void Session::on(const ConnectFailed& event, SteadyTime now) {
   starting_ = false;
   receive_maximum_ = kReceiveMaximum;
   listener_.attempt_failed();
-  retry_at_ = connects_.after_failure(now);
+  act_at_ = connects_.after_failure(now);
 }
 
 void Session::on(const Lost& event, SteadyTime now) {
@@ -66,25 +66,25 @@ void Session::on(const Lost& event, SteadyTime now) {
   if (event.reason_code == kSessionTakenOver) listener_.session_taken_over();
   receive_maximum_ = kReceiveMaximum;
   end(now);
-  retry_at_ = connects_.after_loss(connected_at_, now);
+  act_at_ = connects_.after_loss(connected_at_, now);
 }
 
 void Session::on(const Disconnected&, SteadyTime now) {
-  if (link_ == Link::leaving) retry_at_ = std::max(now, not_before_);
+  if (link_ == Link::leaving) act_at_ = std::max(now, not_before_);
 }
 
 void Session::keep(SteadyTime now) {
-  if (link_ == Link::connecting && now >= connect_deadline_) {
+  if (link_ == Link::connecting && now >= act_at_) {
     broker_.disconnect(with_will_);
     on(ConnectFailed{"no answer"}, now);
   }
   watch(now);
-  if ((link_ == Link::waiting || link_ == Link::leaving) && now >= retry_at_) connect(now);
+  if ((link_ == Link::waiting || link_ == Link::leaving) && now >= act_at_) connect(now);
 }
 
 void Session::connect(SteadyTime now) {
   link_ = Link::connecting;
-  connect_deadline_ = now + connects_.patience();
+  act_at_ = now + connects_.patience();
   broker_.connect(connects_.index(), receive_maximum_);
 }
 
@@ -107,7 +107,7 @@ void Session::connect_anew(SteadyTime now) {
   broker_.hold_messages(true);  // the broker sends them again on the next connection
   end(now);
   link_ = Link::leaving;
-  retry_at_ = now + kGoodbye;
+  act_at_ = now + kGoodbye;
 }
 
 void Session::begin_anew(SteadyTime now) {
@@ -122,7 +122,7 @@ void Session::begin_anew(SteadyTime now) {
   if (link_ == Link::connecting) listener_.attempt_failed();
   // An attempt without an answer gets no DISCONNECT: connect() abandons it.
   link_ = was_connected ? Link::leaving : Link::waiting;
-  retry_at_ = was_connected ? now + kGoodbye : now;
+  act_at_ = was_connected ? now + kGoodbye : now;
 }
 
 void Session::go_to_next(SteadyTime now) {
@@ -130,7 +130,7 @@ void Session::go_to_next(SteadyTime now) {
   broker_.disconnect(with_will_);
   end(now);
   link_ = Link::leaving;
-  retry_at_ = not_before_ = std::max(next, now + kGoodbye);
+  act_at_ = not_before_ = std::max(next, now + kGoodbye);
 }
 
 void Session::begin_end(SteadyTime now) {
@@ -161,16 +161,10 @@ void Session::watch(SteadyTime now) {
 }
 
 SteadyTime Session::next_wake() const {
+  if (link_ != Link::connected) return act_at_;
   SteadyTime wake = SteadyTime::max();
-  const auto at = [&wake](std::optional<SteadyTime> time) {
-    wake = std::min(wake, time.value_or(wake));
-  };
-  if (link_ == Link::waiting || link_ == Link::leaving) at(retry_at_);
-  if (link_ == Link::connecting) at(connect_deadline_);
-  if (link_ != Link::connected) return wake;
-  if (const auto since = outgoing_.unanswered_since()) at(*since + kNoAcknowledgement);
-  if (down_since_) at(*down_since_ + kLibraryForgot);
-  return wake;
+  if (const auto since = outgoing_.unanswered_since()) wake = *since + kNoAcknowledgement;
+  return down_since_ ? std::min(wake, *down_since_ + kLibraryForgot) : wake;
 }
 
 }  // namespace fxagent

@@ -95,12 +95,11 @@ class Session final {
 
   Link link_ = Link::waiting;
   bool starting_ = true;
-  SteadyTime retry_at_{};
+  SteadyTime act_at_{};      ///< next attempt; while one is in progress, its deadline
   SteadyTime not_before_{};  ///< the next attempt, even if the server is left sooner
   std::string last_failure_;
   std::string why_not_connected_;
   SteadyTime lost_at_{};
-  SteadyTime connect_deadline_{};
   SteadyTime connected_at_{};
   SteadyTime look_again_{};               ///< next check that the connection still exists
   std::optional<SteadyTime> down_since_;  ///< unreported: the library has no connection
