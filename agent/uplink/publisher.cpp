@@ -51,13 +51,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       intake_(commands, broker, config.mqtt),
       status_(
           {config, commands, session_, subscriptions_, states_, retained_, spool_, results_,
-           samples_out_, history_, refused_, store,
-           [this] {
-             std::vector<ProfileStatus> profiles;
-             for (Outlet* outlet : outlets_) profiles.push_back(outlet->status());
-             return profiles;
-           },
-           settings_.boot, settings_.version},
+           samples_out_, history_, refused_, store, outlets_, settings_.boot, settings_.version},
           utc_ms_, [this] { outbox_.notify(); }, std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
       shutdown_(broker, session_, farewell_),

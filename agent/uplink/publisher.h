@@ -174,13 +174,13 @@ class Publisher final {
   SampleDelivery samples_out_;
   HistoryDelivery history_;
   CommandIntake intake_;
+  std::vector<Outlet*> outlets_;
   StatusSource status_;
   /// To the broker, in a shutdown or when the MQTT settings have changed.
   Farewell farewell_;
   Shutdown shutdown_;
   OwnTopics own_topics_;
 
-  std::vector<Outlet*> outlets_;
   SteadyTime outlets_wake_ = SteadyTime::max();
 
   /// From begin_change() to change(). Nothing is taken from a store that opens meanwhile: rows

@@ -9,6 +9,7 @@
 #include "agent/log/log.h"
 #include "agent/process/this_process.h"
 #include "agent/store/samples/sample_record.h"
+#include "agent/uplink/profile/outlet.h"
 
 namespace fxagent {
 
@@ -239,7 +240,7 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   status.uptime = std::chrono::duration_cast<seconds>(now - started_);
   status.conflict = conflict_;
   status.broker = broker(now);
-  status.profiles = parts_.profiles();
+  for (const Outlet* outlet : parts_.outlets) status.profiles.push_back(outlet->status());
   status.samples = samples();
   status.field = field_;
   status.devices = parts_.states.all();

@@ -34,6 +34,8 @@
 
 namespace fxagent {
 
+class Outlet;
+
 /// Last values of each group, for the status: its last whole sample, and each tag that a command
 /// has written since. Each is a row (store/sample_record) of 10 to 25 bytes per tag, including its
 /// name. The result of groups() may be read on any thread.
@@ -69,7 +71,7 @@ class StatusSource final {
     const HistoryDelivery& history;
     const RefusedDevices& refused;
     const GuardedStore* store = nullptr;  ///< null: no store
-    std::function<std::vector<ProfileStatus>()> profiles;
+    const std::vector<Outlet*>& outlets;
     std::string boot;
     std::string version;
   };
