@@ -66,17 +66,15 @@ SteadyTime Publisher::step(SteadyTime now) {
     started_ms_ = utc_ms_();
     status_.start(now);
   }
-  if (shutdown_.finished()) {  // and the profiles have not finished theirs
-    keep_outlets(now);
-    return outlets_wake_;
-  }
+  if (shutdown_.finished()) return keep_outlets(now);  // the profiles have not finished theirs
   take_broker_events(now);
   spool_.upkeep(now, utc_ms_());
   take_found_late(now);  // older than all that follows
   spool_.move_memory_to_disk();
   take_outbox(now);  // before commands: its results make room for them, its states set the model
   take_commands(now);
-  keep_outlets(now);  // their results are known; their commands are taken in the next step
+  // Their results are known; their commands are taken in the next step.
+  const SteadyTime outlets_wake = keep_outlets(now);
   if (!shutdown_.has_begun()) keep_session(now);
   status_.report(now);
   send(now);
@@ -84,8 +82,8 @@ SteadyTime Publisher::step(SteadyTime now) {
   const bool failed = outgoing_.fail_unsendable(now);
   if (shutdown_.has_begun()) keep_shutdown(now);
   spool_.commit(now, !shutdown_.has_begun());
-  if (shutdown_.finished()) return outlets_wake_;
-  return failed ? now : next_wake(now);
+  if (shutdown_.finished()) return outlets_wake;
+  return failed ? now : std::min(outlets_wake, next_wake(now));
 }
 
 bool Publisher::finished() const {
@@ -154,9 +152,10 @@ void Publisher::take_outbox(SteadyTime now) {
   for (const Outbox::Call& call : batch.calls) call(now);
 }
 
-void Publisher::keep_outlets(SteadyTime now) {
-  outlets_wake_ = SteadyTime::max();
-  for (Outlet* outlet : outlets_) outlets_wake_ = std::min(outlets_wake_, outlet->step(now));
+SteadyTime Publisher::keep_outlets(SteadyTime now) {
+  SteadyTime wake = SteadyTime::max();
+  for (Outlet* outlet : outlets_) wake = std::min(wake, outlet->step(now));
+  return wake;
 }
 
 void Publisher::recover_joined(SteadyTime now) {
@@ -350,7 +349,7 @@ void Publisher::set_config_status(ConfigStatus status, SteadyTime now) {
 // ---- wake-up ------------------------------------------------------------------------------------
 
 SteadyTime Publisher::next_wake(SteadyTime now) const {
-  SteadyTime wake = std::min({status_.next_wake(), intake_.next_wake(now), outlets_wake_});
+  SteadyTime wake = std::min(status_.next_wake(), intake_.next_wake(now));
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   const bool running = !shutdown_.has_begun();
   if (running && farewell_.by()) at(*farewell_.by());

@@ -139,7 +139,8 @@ class Publisher final {
   void recover_joined(SteadyTime now);
   /// Same for commands that the other gateway of a pair left.
   void recover_other_gateway(SteadyTime now);
-  void keep_outlets(SteadyTime now);
+  /// Returns the time by which it must be called again.
+  SteadyTime keep_outlets(SteadyTime now);
   void keep_session(SteadyTime now);
   void send(SteadyTime now);
   /// Holds back what arrives faster than it can be sent.
@@ -180,8 +181,6 @@ class Publisher final {
   Farewell farewell_;
   Shutdown shutdown_;
   OwnTopics own_topics_;
-
-  SteadyTime outlets_wake_ = SteadyTime::max();
 
   /// From begin_change() to change(). Nothing is taken from a store that opens meanwhile: rows
   /// recovered for a device that ends with the change would come too late.
