@@ -74,8 +74,8 @@ void OwnTopics::connection_ended(SteadyTime now) {
 
 void OwnTopics::follow_conflict(SteadyTime now) {
   if (parts_.shutdown.has_begun()) return;
-  identity_.keep(now, parts_.intake.is_holding());
-  warn_if_unheard();
+  if (identity_.keep(now, parts_.intake.is_holding()) && parts_.config.mqtt.version == 4)
+    warn_of_unheard();
   const auto other = identity_.other();
   if (other == conflict_) return;
   const bool goes_on = other && conflict_ && *conflict_ != IdentityConflict::kUnknown;
@@ -102,15 +102,14 @@ void OwnTopics::follow_conflict(SteadyTime now) {
 }
 
 /// MQTT 5 has a reason code for this; on 3.1.1 the broker acknowledges what it discards.
-void OwnTopics::warn_if_unheard() {
-  if (identity_.take_unheard() && parts_.config.mqtt.version == 4)
-    log::warn(
-        "own_state_not_heard",
-        {{"topic", base_ + "/state"},
-         {"note",
-          "the broker acknowledges the agent's messages but does not send the agent's own state "
-          "back. Its access rules may not include this agent's user, which MQTT 3.1.1 cannot "
-          "report: all samples may be lost. fxagent acl prints the rules that the agent needs"}});
+void OwnTopics::warn_of_unheard() {
+  log::warn(
+      "own_state_not_heard",
+      {{"topic", base_ + "/state"},
+       {"note",
+        "the broker acknowledges the agent's messages but does not send the agent's own state "
+        "back. Its access rules may not include this agent's user, which MQTT 3.1.1 cannot "
+        "report: all samples may be lost. fxagent acl prints the rules that the agent needs"}});
 }
 
 }  // namespace fxagent

@@ -76,7 +76,7 @@ class OwnTopics final {
  private:
   void hear_command(const Message& message, std::string_view name);
   void hear_state(const Message& message, SteadyTime now);
-  void warn_if_unheard();
+  void warn_of_unheard();
 
   const Parts parts_;
   const std::string base_;

@@ -81,17 +81,16 @@ void IdentityConflict::connection_ended() {
   for (auto& [boot, silent_at] : online_) silent_at = SteadyTime::max();
 }
 
-void IdentityConflict::keep(SteadyTime now, bool messages_held) {
+bool IdentityConflict::keep(SteadyTime now, bool messages_held) {
   if (messages_held) {
     for (auto& [boot, silent_at] : online_) silent_at = std::max(silent_at, now + kAnswersWithin);
     unheard_at_ = std::max(unheard_at_, now + kAnswersWithin);
   }
-  if (now >= unheard_at_) {
-    unheard_at_ = SteadyTime::max();
-    is_unheard_ = !std::exchange(logged_unheard_, true);
-  }
   std::erase_if(online_, [now](const auto& each) { return each.second <= now; });
   if (taken_over_ && now >= steady_at_) taken_over_ = false;
+  if (now < unheard_at_) return false;
+  unheard_at_ = SteadyTime::max();
+  return !std::exchange(logged_unheard_, true);
 }
 
 SteadyTime IdentityConflict::next_wake() const {

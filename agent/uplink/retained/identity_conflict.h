@@ -42,11 +42,9 @@ class IdentityConflict final {
                         SteadyTime::duration steady_after);
   void connection_ended();
   /// Ends the conflict if the others were silent for long enough. `messages_held`: answers may be
-  /// waiting in the network, so silence proves nothing.
-  void keep(SteadyTime now, bool messages_held);
-  /// True if our own state has not come back from the broker although this connection has lasted
-  /// long enough. True once, until the state has come back.
-  bool take_unheard() { return std::exchange(is_unheard_, false); }
+  /// waiting in the network, so silence proves nothing. Returns true if our own state has not come
+  /// back from the broker although this connection has lasted long enough; once, until it has.
+  bool keep(SteadyTime now, bool messages_held);
   /// Returns the time by which keep() must run again.
   SteadyTime next_wake() const;
 
@@ -67,7 +65,6 @@ class IdentityConflict final {
   bool is_ours_ = false;           ///< our own state has come back in this connection
   SteadyTime steady_at_ = SteadyTime::max();
   SteadyTime unheard_at_ = SteadyTime::max();  ///< deadline for our own state
-  bool is_unheard_ = false;
   bool logged_unheard_ = false;
 };
 

@@ -14,8 +14,7 @@ const SteadyTime kNow{};
 struct ConnectedAgent {
   ConnectedAgent() { conflict.connection_began("mqtt://a", kNow, 60s); }
   bool unheard_at(SteadyTime::duration after, bool held = false) {
-    conflict.keep(kNow + after, held);
-    return conflict.take_unheard();
+    return conflict.keep(kNow + after, held);
   }
   IdentityConflict conflict{"mine"};
 };
