@@ -6,6 +6,7 @@
 #include <openssl/err.h>
 #include <openssl/x509_vfy.h>
 
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <string_view>
@@ -49,22 +50,15 @@ std::string reason_text(int code) {
   return text != nullptr ? text : "reason " + std::to_string(code);
 }
 
-/// CONNACK return codes of MQTT 3.1.1, section 3.2.2.3.
+/// CONNACK return codes of MQTT 3.1.1, section 3.2.2.3; empty: the code is none of them.
 std::string_view connack_text(int code) {
-  switch (code) {
-    case 1:
-      return "the broker does not support this MQTT version";
-    case 2:
-      return "client identifier rejected";
-    case 3:
-      return "server unavailable";
-    case 4:
-      return "bad user name or password";
-    case 5:
-      return "not authorized";
-    default:
-      return "";
-  }
+  constexpr std::array<std::string_view, 6> kTexts{"",
+                                                   "the broker does not support this MQTT version",
+                                                   "client identifier rejected",
+                                                   "server unavailable",
+                                                   "bad user name or password",
+                                                   "not authorized"};
+  return code > 0 && code < std::ssize(kTexts) ? kTexts[static_cast<std::size_t>(code)] : "";
 }
 
 constexpr std::string_view kAccessCure =
