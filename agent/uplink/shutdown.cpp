@@ -7,6 +7,7 @@ namespace fxagent {
 namespace {
 
 constexpr std::chrono::seconds kDrainFor{3};
+constexpr std::chrono::seconds kFarewellFor{1};
 constexpr std::chrono::seconds kCloseFor{1};
 
 }  // namespace
@@ -15,7 +16,7 @@ Farewell::Farewell(JsonPayload& payload, Outgoing& outgoing, std::function<std::
     : payload_(payload), outgoing_(outgoing), utc_ms_(std::move(utc_ms)) {}
 
 void Farewell::say(SteadyTime now) {
-  by_ = now + kWithin;
+  by_ = now + kFarewellFor;
   outgoing_.send(*this, payload_.agent_offline(utc_ms_()));
 }
 

@@ -5,7 +5,6 @@
 // offline. Closing: the connection is closed. Finished: nothing more is sent.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -22,13 +21,10 @@ namespace fxagent {
 /// retained state becomes offline.
 class Farewell final : private Outgoing::Sender {
  public:
-  /// Time that the broker has to acknowledge it.
-  static constexpr std::chrono::seconds kWithin{1};
-
   /// All references outlive the object. `utc_ms` returns the current calendar time.
   Farewell(JsonPayload& payload, Outgoing& outgoing, std::function<std::int64_t()> utc_ms);
 
-  /// Publishes the offline state.
+  /// Publishes the offline state. The broker has 1 s to acknowledge it.
   void say(SteadyTime now);
   /// Ends the wait for the acknowledgement.
   void withdraw() { by_.reset(); }
