@@ -21,15 +21,13 @@ PrimaryHost::PrimaryHost(std::string topic, bool old_state)
 
 void PrimaryHost::hear(std::string_view payload) {
   if (old_state_) {
-    if (payload == "ONLINE" || payload == "OFFLINE")
-      return set(payload == "ONLINE" ? State::online : State::offline, 0);
+    if (payload == "ONLINE" || payload == "OFFLINE") return set(payload == "ONLINE", 0);
   } else {
     const auto state = parsed_json(payload);
     const auto& online = member(state, "online");
     const auto& timestamp = member(state, "timestamp");
     if (online.is_boolean() && timestamp.is_number_integer())
-      return set(online.get<bool>() ? State::online : State::offline,
-                 timestamp.get<std::int64_t>());
+      return set(online.get<bool>(), timestamp.get<std::int64_t>());
   }
   log::warn("host_state_ignored", {{"topic", topic_},
                                    {"text", log::excerpt(payload)},
@@ -39,18 +37,17 @@ void PrimaryHost::hear(std::string_view payload) {
 }
 
 /// A state that is older than the last online state is a leftover.
-void PrimaryHost::set(State state, std::int64_t timestamp) {
-  const bool is_online = state == State::online;
-  if (timestamp < (is_online ? last_ : last_online_))
+void PrimaryHost::set(bool online, std::int64_t timestamp) {
+  if (timestamp < (online ? last_ : last_online_))
     return log::warn("host_state_ignored",
                      {{"topic", topic_},
                       {"timestamp", std::to_string(timestamp)},
                       {"note", "its timestamp is older than that of the state before"}});
   last_ = timestamp;
-  if (is_online) last_online_ = timestamp;
-  if (state != state_)
-    log::info("primary_host", {{"topic", topic_}, {"state", is_online ? "online" : "offline"}});
-  state_ = state;
+  if (online) last_online_ = timestamp;
+  if (online_ != online)
+    log::info("primary_host", {{"topic", topic_}, {"state", online ? "online" : "offline"}});
+  online_ = online;
 }
 
 // ---- session ------------------------------------------------------------------------------------

@@ -29,24 +29,23 @@ class PrimaryHost final {
   const std::string& topic() const { return topic_; }
   /// Nothing is known of it in a new session.
   void connection_began() {
-    state_ = State::unknown;
+    online_.reset();
     last_ = last_online_ = 0;
   }
   /// Processes a text on topic().
   void hear(std::string_view payload);
 
   /// True if births and data may be published.
-  bool is_online() const { return topic_.empty() || state_ == State::online; }
+  bool is_online() const { return topic_.empty() || online_.value_or(false); }
   /// True if it has said so in this session.
-  bool is_offline() const { return state_ == State::offline; }
+  bool is_offline() const { return !online_.value_or(true); }
 
  private:
-  enum class State : std::uint8_t { unknown, online, offline };
-  void set(State state, std::int64_t timestamp);
+  void set(bool online, std::int64_t timestamp);
 
   std::string topic_;
   bool old_state_;
-  State state_ = State::unknown;
+  std::optional<bool> online_;  ///< nullopt: not known
   // Timestamps in this session, in the host's unit.
   std::int64_t last_ = 0;         ///< of the last state
   std::int64_t last_online_ = 0;  ///< of the last one with which it was online
