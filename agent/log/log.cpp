@@ -23,6 +23,7 @@ using std::chrono::steady_clock;
 using std::chrono::system_clock;
 
 constexpr std::size_t kMostValueBytes = 1024;
+constexpr std::size_t kMostForeignBytes = 128;
 constexpr std::chrono::seconds kGoodbye{1};
 
 std::atomic<Level> least_level = Level::info;

@@ -29,9 +29,6 @@ std::optional<Format> format_from(std::string_view word);
 using Field = std::pair<std::string_view, std::string>;
 using Fields = std::vector<Field>;
 
-/// Most bytes that are logged of a text from outside.
-inline constexpr std::size_t kMostForeignBytes = 128;
-
 /// Returns the beginning of a text from outside: whole characters of at most 128 bytes, followed by
 /// the length of the text if it is longer. The log line escapes it.
 std::string excerpt(std::string_view foreign);
