@@ -36,11 +36,7 @@ std::uint64_t cookie_of(int fd) {
 
 /// Converts the server's scheme to those that Paho 1.2 supports best.
 std::string paho_uri(std::string_view server) {
-  constexpr std::string_view plain = "mqtt://";
-  constexpr std::string_view tls = "mqtts://";
-  if (server.starts_with(tls)) return "ssl://" + std::string(server.substr(tls.size()));
-  if (server.starts_with(plain)) return "tcp://" + std::string(server.substr(plain.size()));
-  return std::string(server);
+  return (is_tls(server) ? "ssl" : "tcp") + std::string(server.substr(server.find("://")));
 }
 
 mqtt::property number_property(mqtt::property::code code, std::uint32_t value) {
