@@ -41,8 +41,7 @@ bool is_socket(const std::string& path) {
 std::string cure_of(int error) {
   switch (error) {
     case EADDRINUSE:
-      return "; another program uses this address: end it, or set another address in "
-             "`listen`";
+      return "; another program uses this address: end it, or set another address in `listen`";
     case EADDRNOTAVAIL:
       return "; this machine does not have this address now: set one of its own in `listen`";
     case EACCES:

@@ -122,12 +122,10 @@ PageOrders::PageOrders(std::string token_file, std::function<void(Order)> place)
 std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
   if (token_file_.empty())
     return refusal(kForbidden,
-                   "this page is read-only; http.token_file of the config allows "
-                   "commands");
+                   "this page is read-only; http.token_file of the config allows commands");
   if (!is_own_origin(request))
     return refusal(kForbidden,
-                   "a command may come only from the page itself, not from another "
-                   "site");
+                   "a command may come only from the page itself, not from another site");
   if (!is_json(request.content_type))
     return refusal(kUnsupportedType, "Content-Type must be application/json");
   std::ifstream file(token_file_);
@@ -148,8 +146,7 @@ std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
   const std::string device = text_at(body, "device");
   if (device.empty())
     return refusal(kBadRequest,
-                   "the body must be a command as JSON, with the name of its device "
-                   "in \"device\"");
+                   "the body must be a command as JSON, with the name of its device in \"device\"");
   Order order;
   order.device = device;
   order.payload = without_device(request.body);
