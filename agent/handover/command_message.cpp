@@ -1,7 +1,6 @@
 #include "agent/handover/command_message.h"
 
 #include <algorithm>
-#include <array>
 #include <variant>
 
 namespace fxagent {

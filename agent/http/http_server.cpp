@@ -4,9 +4,7 @@
 #include <microhttpd.h>
 #include <sys/socket.h>
 
-#include <algorithm>
 #include <array>
-#include <string>
 #include <utility>
 
 #include "agent/text/json_writer.h"

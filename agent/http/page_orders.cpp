@@ -7,7 +7,6 @@
 #include <chrono>
 #include <fstream>
 #include <mutex>
-#include <optional>
 #include <sstream>
 #include <string_view>
 #include <utility>

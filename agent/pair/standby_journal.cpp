@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <string>
 #include <utility>
 
 #include "agent/commands/audit_records.h"

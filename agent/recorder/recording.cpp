@@ -4,8 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <memory>
-#include <optional>
 #include <utility>
 
 #include "agent/text/text.h"

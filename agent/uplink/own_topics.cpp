@@ -1,7 +1,5 @@
 #include "agent/uplink/own_topics.h"
 
-#include <utility>
-
 #include "agent/log/log.h"
 #include "agent/text/text.h"
 #include "agent/uplink/topics.h"

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <climits>
 #include <cstring>
-#include <utility>
 
 #include "agent/steady_time.h"
 #include "agent/uplink/paho/incoming_packets.h"

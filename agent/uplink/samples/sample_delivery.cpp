@@ -1,12 +1,10 @@
 #include "agent/uplink/samples/sample_delivery.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "agent/failpoint.h"
 #include "agent/handover/status.h"
 #include "agent/log/log.h"
-#include "agent/store/samples/sample_record.h"
 #include "agent/uplink/payload/json_payload.h"
 
 namespace fxagent {

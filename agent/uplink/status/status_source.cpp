@@ -4,7 +4,6 @@
 #include <chrono>
 #include <map>
 #include <ratio>
-#include <utility>
 
 #include "agent/log/log.h"
 #include "agent/process/this_process.h"
