@@ -68,8 +68,10 @@ void live_with(Store& store) {
   const Config config;
   JsonPayload payload(config, "9f3c21aa", "0.1.0");
   for (int i = 0; i < 4; ++i) {
-    const auto batch = store.samples().next(*payload.begin_history(4096), any);
-    if (!batch) break;
+    const auto stream = store.samples().streams().oldest_waiting(any);
+    if (!stream) break;
+    const auto batch = store.samples().next(*stream, *payload.begin_history(4096));
+    if (!batch) continue;
     if (!nlohmann::json::accept(batch->payload)) std::abort();
     i % 2 == 0 ? static_cast<void>(store.samples().remove(*batch))
                : store.samples().returned(*batch);

@@ -53,14 +53,11 @@ std::optional<HistoryBatch> GuardedSamples::next(std::shared_ptr<HistoryMessage>
     const auto stream = samples_.streams().oldest_waiting(may_send);
     if (!stream) return std::nullopt;
     const auto batch = std::make_shared<std::optional<HistoryBatch>>();
-    const bool in_time = guard_.run(
-        [this, message, stream, batch] {
-          const auto is_it = [&stream](const StreamKey& each) { return each == *stream; };
-          *batch = samples_.next(*message, is_it);
-        },
-        [this, batch] {
-          if (*batch) samples_.returned(**batch);
-        });
+    const bool in_time =
+        guard_.run([this, message, stream, batch] { *batch = samples_.next(*stream, *message); },
+                   [this, batch] {
+                     if (*batch) samples_.returned(**batch);
+                   });
     if (!in_time) return std::nullopt;
     if (*batch) return std::move(*batch);
     // If all rows of the stream were damaged, they are gone now: try the next stream.

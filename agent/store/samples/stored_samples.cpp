@@ -126,22 +126,9 @@ void StoredSamples::forget(const std::vector<SampleStreams::Row>& gone) {
   }
 }
 
-std::optional<HistoryBatch> StoredSamples::next(HistoryMessage& message, const MaySend& may_send) {
-  bool is_flushed = false;
-  for (;;) {
-    const auto key = streams_.oldest_waiting(may_send);
-    if (!key) return std::nullopt;
-    if (!std::exchange(is_flushed, true) && disk_.is_writable()) disk_.flush();
-    if (!sql_) return std::nullopt;
-    std::size_t dropped = 0;
-    auto batch = next_of(*key, message, dropped);
-    // If all its rows were damaged and dropped, try the next stream.
-    if (batch || dropped == 0) return batch;
-  }
-}
-
-std::optional<HistoryBatch> StoredSamples::next_of(const StreamKey& key, HistoryMessage& message,
-                                                   std::size_t& dropped) {
+std::optional<HistoryBatch> StoredSamples::next(const StreamKey& key, HistoryMessage& message) {
+  if (disk_.is_writable()) disk_.flush();
+  if (!sql_) return std::nullopt;
   BatchBuilder builder(message);
   std::vector<SampleStreams::Row> taken;
   std::vector<SampleStreams::Row> damaged;
@@ -161,8 +148,7 @@ std::optional<HistoryBatch> StoredSamples::next_of(const StreamKey& key, History
     streams_.take(row);
     dropped_[key.first] += remove(row.row_id);
   }
-  dropped = damaged.size();
-  if (dropped > 0) log_damaged(key, dropped);
+  if (!damaged.empty()) log_damaged(key, damaged.size());
   if (builder.empty()) return std::nullopt;
   for (const SampleStreams::Row& row : taken) streams_.take(row);
   streams_.set_on_the_way(key, true);

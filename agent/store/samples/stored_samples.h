@@ -33,9 +33,10 @@ class StoredSamples final : public StorePart {
   /// and commands exceed max_bytes, deletes the oldest rows. Returns false if none was written;
   /// then none has changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
-  /// Returns the next history message, like Backlog::next(). Drops and counts damaged rows: one of
-  /// them would spoil the whole message.
-  std::optional<HistoryBatch> next(HistoryMessage& message, const MaySend& may_send);
+  /// Returns the next history message of a stream, as Backlog::next() does of all. Drops and counts
+  /// damaged rows: one of them would spoil the whole message. Returns nullopt if no row is left to
+  /// send, or the file cannot be read.
+  std::optional<HistoryBatch> next(const StreamKey& stream, HistoryMessage& message);
   /// Call when the rows are delivered, or never will be. Returns how many were still here; rows
   /// that had to make room were counted as dropped already.
   std::uint64_t remove(std::uint64_t row_id);
@@ -87,10 +88,6 @@ class StoredSamples final : public StorePart {
   std::vector<SampleStreams::Row> delete_oldest(std::uint64_t excess, std::int64_t older_than_ms);
   void forget(const std::vector<SampleStreams::Row>& gone);
   void drop(std::uint64_t excess, std::int64_t older_than_ms);
-  /// next() of one stream. Returns nullopt if it had no row to send, or the file cannot be read.
-  /// `dropped` is the number of damaged rows that were dropped.
-  std::optional<HistoryBatch> next_of(const StreamKey& key, HistoryMessage& message,
-                                      std::size_t& dropped);
 
   const StoreConfig config_;
   StoreDisk& disk_;

@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "agent/store/samples/backlog.h"
 #include "agent/store/samples/history.h"
 
 namespace fxagent::test {
@@ -30,11 +31,11 @@ class JsonHistory final : public HistoryMessage {
   std::string text_ = R"({"history":true,"rows":[)";
 };
 
-/// Returns the next message of a store or backlog, of at most this many bytes.
-template <class Rows>
-std::optional<HistoryBatch> next(Rows& rows, std::size_t max_bytes, const MaySend& may_send) {
+/// Returns the next message of a backlog, of at most this many bytes.
+inline std::optional<HistoryBatch> next(Backlog& backlog, std::size_t max_bytes,
+                                        const MaySend& may_send) {
   JsonHistory message(max_bytes);
-  return rows.next(message, may_send);
+  return backlog.next(message, may_send);
 }
 
 }  // namespace fxagent::test

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <fstream>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -34,6 +35,18 @@ inline std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to,
 }
 
 inline bool any(const StreamKey&) { return true; }
+
+/// Returns the next message of the samples on disk, of at most this many bytes.
+inline std::optional<HistoryBatch> next(StoredSamples& samples, std::size_t max_bytes,
+                                        const MaySend& may_send) {
+  for (std::optional<StreamKey> before;;) {
+    const auto stream = samples.streams().oldest_waiting(may_send);
+    if (!stream || stream == before) return std::nullopt;
+    JsonHistory message(max_bytes);
+    if (auto batch = samples.next(*stream, message)) return batch;
+    before = stream;
+  }
+}
 
 inline JournalEntry entry(std::string id, std::string result = {},
                           std::int64_t received_ms = kNow) {
