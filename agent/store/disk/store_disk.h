@@ -38,9 +38,9 @@ class StorePart {
 
   /// Prepares the statements and reads the state that is kept in memory. Called when the file has
   /// opened. `database` stays valid until unload(). Throws SQLite::Exception.
-  virtual void load(SQLite::Database& database) = 0;
+  virtual void load(SQLite::Database& /*database*/) {}
   /// Finalizes the statements: SQLite does not close a file that still has some.
-  virtual void unload(Rows rows) = 0;
+  virtual void unload(Rows /*rows*/) {}
   /// A damaged file was renamed to `name`; empty if it could not be renamed.
   virtual void set_aside(const std::string& /*name*/) {}
   /// A fresh file has replaced the damaged one.

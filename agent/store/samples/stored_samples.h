@@ -75,14 +75,6 @@ class StoredSamples final : public StorePart {
   void move_stored_times(std::int64_t by_ms) override;
 
  private:
-  struct Statements {
-    explicit Statements(SQLite::Database& database);
-    SQLite::Statement insert;
-    SQLite::Statement remove;
-    SQLite::Statement stream;  ///< the rows of a stream, in the order of its samples
-    SQLite::Statement oldest;  ///< all rows, oldest first
-  };
-
   /// Within a commit: deletes the oldest rows until `excess` bytes are free and no row is older
   /// than `older_than_ms`. Returns them. Throws SQLite::Exception.
   std::vector<SampleStreams::Row> delete_oldest(std::uint64_t excess, std::int64_t older_than_ms);
@@ -93,7 +85,6 @@ class StoredSamples final : public StorePart {
   StoreDisk& disk_;
   const StoredJournal& journal_;
   SequenceNumbers& numbers_;
-  std::optional<Statements> sql_;  ///< of the open file
   SampleStreams streams_;
   std::set<std::uint64_t> removed_;  ///< row ids, still in the file
   bool is_removal_written_ = false;  ///< in the open commit
