@@ -1,9 +1,8 @@
-#include "agent/store/disk/checkpointer.h"
-
 #include <gtest/gtest.h>
 
 #include <filesystem>
 
+#include "agent/store/disk/store_file.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
