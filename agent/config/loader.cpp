@@ -5,7 +5,6 @@
 #include "agent/config/config_error.h"
 #include "agent/config/json/tree.h"
 #include "agent/config/keys.h"
-#include "agent/config/read/links.h"
 #include "agent/config/read/reader.h"
 #include "agent/config/read/sections.h"
 #include "agent/text/sha256.h"

@@ -1,4 +1,4 @@
-#include "agent/config/read/links.h"
+#include "agent/config/read/sections.h"
 
 #include <algorithm>
 #include <array>
@@ -9,7 +9,6 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/read/devices/templates.h"
-#include "agent/config/read/warnings.h"
 
 namespace fxagent {
 namespace {

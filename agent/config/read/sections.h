@@ -1,12 +1,18 @@
 // Reads sections of the config file: `mqtt` and `brokers` (mqtt.cpp), `http` and `metrics`
-// (http.cpp), `devices` (devices/), `profiles` (profiles.cpp), and the limits of remote configs in
-// `agent` (remote_limits.cpp). Each function reports faults to its reader.
+// (http.cpp), `links` (links.cpp), `devices` (devices/), `profiles` (profiles.cpp), and the limits
+// of remote configs in `agent` (remote_limits.cpp). Warns of settings that are allowed and probably
+// a mistake (warnings.cpp). Each function reports faults to its reader.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
+#include <utility>
+#include <vector>
 
 #include "agent/config/model.h"
 #include "agent/config/read/reader.h"
@@ -14,7 +20,7 @@
 
 namespace fxagent {
 
-struct Links;
+class DeviceEntry;
 
 /// Returns "mqtt://host:port" with the port filled in, or the fault of the address.
 tl::expected<std::string, std::string_view> normal_server(std::string_view server);
@@ -30,6 +36,38 @@ void read_brokers(ConfigReader& reader, const ConfigNode& list, Config& config,
 /// HTTP server. Warns if other machines can reach the address. Returns nullopt if there is none,
 /// and after an error.
 std::optional<HttpConfig> read_http(ConfigReader& reader, const ConfigNode& top);
+
+/// State of one link while the devices are read. There is one for each link of the config.
+struct LinkFacts {
+  std::string_view channel;  ///< "serial", "tcp" or "udp"; empty if the link has an error
+  /// Node with the keys of the serial line; nullptr if the link has none.
+  const ConfigNode* line = nullptr;
+  /// Protocol of the first device on the link, which all others must have too; nullptr until then.
+  const ProtocolInfo* protocol = nullptr;
+  const ConfigNode* first_device = nullptr;
+};
+
+/// The links while the file is read, in its order.
+struct Links {
+  NameTable names;
+  std::vector<LinkFacts> facts;
+};
+
+/// Reads the links at `array` into `config.links`.
+Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config);
+
+/// Sets `device.link` to the link that the entry names. Checks that the link's channel and its
+/// other devices allow the protocol, and records it in `links.facts`.
+void join_link(ConfigReader& reader, const DeviceEntry& entry, Links& links, DeviceConfig& device);
+
+/// Reads the settings of the serial lines, of which the protocol supplies missing ones. Call it
+/// when the devices are known. Warns of links without devices and of unusual line settings.
+void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& links,
+                  Config& config);
+
+/// Sets the silences that guard against late replies: the time that each link listens before its
+/// first request, and the gap before requests on UDP.
+void set_silences(Config& config);
 
 /// Reads `devices`, with the `templates` of the file, into `config.devices`. Records the protocol
 /// of each link in `links`. A device with errors stays partly filled.
@@ -47,5 +85,32 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
 RemoteLimits read_remote_limits(ConfigReader& reader, const ConfigNode& agent);
 /// Returns the limits as `check` prints them: "links, devices, commands.allow D300-D399".
 std::string to_string(const RemoteLimits& limits);
+
+// ---- warnings
+
+/// Warns if `min` or `max` of the tag at `node` is beyond the range of its type, or if they leave
+/// one value or none.
+void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfig& tag);
+
+/// Warns if `max_silent_s` of the group at `node` is below its poll interval: every poll is
+/// published then.
+void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupConfig& group);
+
+/// Warns of a speed or character format that the documents of the protocol or model do not list.
+/// `config.links` was read from the array `links`; `lines` are their settings, with 0 baud if they
+/// are unknown.
+void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
+                   std::span<const SerialSettings> lines, const Config& config);
+
+/// Finds devices with the same station or unit on one link.
+class StationTable {
+ public:
+  /// Warns if an earlier device has the station or unit of this one.
+  void add(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device);
+
+ private:
+  /// Entry of the first device, by link and number.
+  std::map<std::pair<std::uint32_t, std::int64_t>, const ConfigNode*> first_;
+};
 
 }  // namespace fxagent

@@ -1,4 +1,4 @@
-#include "agent/config/read/warnings.h"
+#include "agent/config/read/sections.h"
 
 #include <algorithm>
 #include <chrono>
@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/config/read/devices/templates.h"
 #include "protocol/plc.h"
 #include "protocol/value/value.h"
 #include "protocol/value/value_range.h"

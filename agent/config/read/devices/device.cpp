@@ -12,8 +12,6 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/read/devices/templates.h"
-#include "agent/config/read/links.h"
-#include "agent/config/read/warnings.h"
 #include "agent/config/suggestions.h"
 #include "protocol/plc.h"
 #include "protocol/value/span.h"

@@ -1,5 +1,3 @@
-#include "agent/config/read/warnings.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
