@@ -1,5 +1,6 @@
-#include "agent/remote/beyond_limits.h"
-
+// Detects rights that a remote config must not take, even in sections that it may set: commands
+// that touch more than the local file allows, the password sent to another server, device files of
+// the machine other than serial ports.
 #include <algorithm>
 #include <memory>
 #include <string>
@@ -12,6 +13,7 @@
 #include "agent/config/config_error.h"
 #include "agent/config/json/tree.h"
 #include "agent/config/read/findings.h"
+#include "agent/remote/desired_config.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"
 #include "protocol/value/point.h"

@@ -10,7 +10,6 @@
 #include "agent/config/json/tree.h"
 #include "agent/config/read/findings.h"
 #include "agent/config/suggestions.h"
-#include "agent/remote/beyond_limits.h"
 #include "agent/text/json.h"
 #include "agent/text/sha256.h"
 

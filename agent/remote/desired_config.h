@@ -1,6 +1,6 @@
 // Reads a document of {base}/config/desired and merges it into the local file. The sender may be
 // hostile: read_desired() checks size, depth and duplicates first, the merge then applies the
-// limits of the local file. Pure, any thread.
+// limits of the local file (beyond_limits.cpp has those of rights). Pure, any thread.
 #pragma once
 
 #include <atomic>
@@ -9,6 +9,7 @@
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
+#include <vector>
 
 #include "agent/config/config_error.h"
 #include "agent/config/model.h"
@@ -46,6 +47,19 @@ struct MergedConfig {
 /// whole file. `local_text` must be a valid config, and `desired` must have no errors.
 MergedConfig merged_config(std::string_view local_text, const DesiredConfig& desired,
                            const RemoteLimits& limits);
+
+/// Returns an error for each right of `wanted` that `local` and its `remote_allow` do not give.
+/// Errors of a device point at `/devices` and name it in the text. Both configs must be valid and
+/// without vacant places.
+///
+/// A device is the same as in the local file if its name, its protocol with all options, and the
+/// port or host of its link are the same. It keeps its rights there, plus the ranges of
+/// `remote_allow` without a protocol or with its protocol and model. Any other device is new:
+/// commands may do nothing to it except in ranges whose entry names its protocol and model, and
+/// nothing at a port or host where the local file has another protocol or model. Any thread may set
+/// `stop` to end the search early; nullptr: it cannot be stopped.
+std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted,
+                                       const std::atomic<bool>* stop = nullptr);
 
 /// Reads a merged text as load_config() reads the local file, within remote_limits().
 using ParseConfig = std::function<tl::expected<Config, ConfigErrors>(std::string_view text)>;

@@ -1,5 +1,3 @@
-#include "agent/remote/beyond_limits.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
