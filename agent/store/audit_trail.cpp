@@ -143,7 +143,7 @@ std::optional<AuditTrail::Unread> AuditTrail::read(const std::string& path,
                                                    audit::Head& head) {
   head = {};
   const auto fault = sqlite::attempt([&] {
-    SQLite::Database database = sqlite::open(path, sqlite::Access::read_only);
+    SQLite::Database database(path, SQLite::OPEN_READONLY | SQLite::OPEN_NOMUTEX);
     database.setBusyTimeout(kPatienceMs);
     // One transaction: head and records match even if the agent writes at the same time.
     const SQLite::Transaction transaction(database);

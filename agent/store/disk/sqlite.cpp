@@ -2,10 +2,8 @@
 
 namespace fxagent::sqlite {
 
-SQLite::Database open(const std::string& path, Access access) {
-  const int way = access == Access::read_only ? SQLite::OPEN_READONLY
-                                              : SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE;
-  return {path, way | SQLite::OPEN_NOMUTEX};
+SQLite::Database open(const std::string& path) {
+  return {path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLite::OPEN_NOMUTEX};
 }
 
 ByteView bytes(const SQLite::Statement& row, int column) {
@@ -18,10 +16,6 @@ ByteView bytes(const SQLite::Statement& row, int column) {
 std::string_view text(const SQLite::Statement& row, int column) {
   const ByteView all = bytes(row, column);
   return {reinterpret_cast<const char*>(all.data()), all.size()};
-}
-
-void bind(SQLite::Statement& statement, int position, const std::string& value) {
-  statement.bind(position, value);
 }
 
 void bind(SQLite::Statement& statement, int position, ByteView value) {

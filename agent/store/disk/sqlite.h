@@ -37,9 +37,8 @@ std::optional<Fault> attempt(Work&& work) {
   }
 }
 
-enum class Access : std::uint8_t { read_write, read_only };
-/// Opens the file; with read_write, creates it if needed. Throws SQLite::Exception.
-SQLite::Database open(const std::string& path, Access access = Access::read_write);
+/// Opens the file, or creates it. Throws SQLite::Exception.
+SQLite::Database open(const std::string& path);
 
 /// SQLite has only signed numbers. Returns the same 64 bits.
 inline std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }
@@ -59,7 +58,9 @@ template <std::integral Number>
 void bind(SQLite::Statement& statement, int position, Number value) {
   statement.bind(position, static_cast<std::int64_t>(value));
 }
-void bind(SQLite::Statement& statement, int position, const std::string& value);
+inline void bind(SQLite::Statement& statement, int position, const std::string& value) {
+  statement.bind(position, value);
+}
 void bind(SQLite::Statement& statement, int position, ByteView value);
 
 /// Resets a statement at the end of its scope. An unfinished one would hold back checkpoints.
