@@ -54,18 +54,15 @@ class Writer final {
     return *this;
   }
   Writer& integer(std::int64_t value) {
-    return integer_text(value, value > kMaxExactInteger || value < -kMaxExactInteger);
+    return digits(value, value > kMaxExactInteger || value < -kMaxExactInteger);
   }
   Writer& integer(std::uint64_t value) {
-    return integer_text(value, value > static_cast<std::uint64_t>(kMaxExactInteger));
+    return digits(value, value > static_cast<std::uint64_t>(kMaxExactInteger));
   }
   /// Writes the shortest text that reads back as the same number, or null if it is not finite.
   template <class Float>
   Writer& number(Float value) {
-    if (!std::isfinite(value)) return null();
-    std::array<char, 40> digits{};
-    const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
-    return raw(std::string_view(digits.data(), static_cast<std::size_t>(end - digits.data())));
+    return std::isfinite(value) ? digits(value, false) : null();
   }
   /// Writes a duration in ms with at most three decimals.
   Writer& milliseconds(std::chrono::nanoseconds duration) {
@@ -90,11 +87,11 @@ class Writer final {
     if (comma_) text_ += ',';
     comma_ = true;
   }
-  template <class Integer>
-  Writer& integer_text(Integer value, bool quoted) {
-    std::array<char, 24> digits{};
-    const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
-    const std::string_view text(digits.data(), static_cast<std::size_t>(end - digits.data()));
+  template <class Number>
+  Writer& digits(Number value, bool quoted) {
+    std::array<char, 40> room{};
+    const char* const end = std::to_chars(room.data(), room.data() + room.size(), value).ptr;
+    const std::string_view text(room.data(), static_cast<std::size_t>(end - room.data()));
     return quoted ? string(text) : raw(text);
   }
   void append_text(std::string_view value);
