@@ -5,6 +5,7 @@
 #include <array>
 #include <string>
 
+#include "agent/config/keys.h"
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
 #include "agent/text/text.h"
@@ -19,11 +20,6 @@ constexpr std::array kDevice{"Device Name"sv, "Device"sv,   "Device No."sv, "デ
                              "デバイス"sv,    "软元件名"sv, "软元件"sv};
 constexpr std::array kLabel{"Label"sv, "Alias"sv, "ラベル"sv, "別名"sv, "エイリアス"sv};
 
-template <class List>
-bool is_one_of(std::string_view cell, const List& list) {
-  return std::ranges::find(list, cell) != list.end();
-}
-
 /// True for "X0", "CN200", "D100.F": letters, then digits of any base.
 bool is_device(std::string_view cell) {
   const std::size_t letters = cell.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ");
@@ -33,7 +29,7 @@ bool is_device(std::string_view cell) {
 
 /// True for the header row. An address column would mean another format.
 bool is_head(const CsvRow& row) {
-  return is_one_of(row.at(0), kDevice) && csv_column(row, "address") == std::string::npos;
+  return contains(kDevice, row.at(0)) && csv_column(row, "address") == std::string::npos;
 }
 
 /// Returns the comment of a device, else its label. Comments are in the columns that are not
@@ -43,7 +39,7 @@ std::string_view comment_of(const CsvRow& row, const CsvRow* head) {
   for (std::size_t i = 1; i < row.cells.size(); ++i) {
     const std::string_view cell = row.at(i);
     if (cell.empty()) continue;
-    if (head == nullptr || !is_one_of(head->at(i), kLabel)) return cell;
+    if (head == nullptr || !contains(kLabel, head->at(i))) return cell;
     if (label.empty()) label = cell;
   }
   return label;

@@ -216,8 +216,7 @@ void note_other_keys(Imported& out, const ConfigTree& tree, const ConfigNode& no
     const bool says_nothing =
         member.kind == Kind::null || (member.kind == Kind::string && member.text.empty()) ||
         ((member.kind == Kind::array || member.kind == Kind::object) && member.children.empty());
-    if (says_nothing || std::ranges::find(known, std::string_view(member.key)) != known.end())
-      continue;
+    if (says_nothing || contains(known, std::string_view(member.key))) continue;
     list += (list.empty() ? "" : ", ") + std::string(member.key);
   }
   if (!list.empty()) out.note(tree.line_of(node.offset), "not imported: " + list + " of " + what);

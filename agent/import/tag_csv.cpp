@@ -188,7 +188,7 @@ ImportResult TagCsvReader::read(const std::vector<CsvRow>& rows) {
   columns_.push_back(csv_column(rows.front(), kDeviceColumn));
   group_column_ = csv_column(rows.front(), "group");
   for (std::size_t i = 0; i < rows.front().cells.size(); ++i)
-    if (std::ranges::find(columns_, i) == columns_.end() && !rows.front().at(i).empty())
+    if (!contains(columns_, i) && !rows.front().at(i).empty())
       out_.note(rows.front().line, "left out: the column \"" + std::string(rows.front().at(i)) +
                                        "\", which is not a key of a tag");
   for (const CsvRow& row : rows)
