@@ -5,7 +5,6 @@
 
 #include <cstddef>
 #include <initializer_list>
-#include <iterator>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -25,11 +24,8 @@ class SharedList final {
   template <class Element, class Base>
   class Iterator {
    public:
-    using iterator_category = std::forward_iterator_tag;
     using value_type = T;
     using difference_type = std::ptrdiff_t;
-    using pointer = Element*;
-    using reference = Element&;
 
     Iterator() = default;
     explicit Iterator(Base base) : base_(base) {}
