@@ -23,18 +23,14 @@ constexpr int kWrongCall = 2;
 
 /// Splits mqtt://HOST[:PORT] or mqtts://HOST[:PORT]. An IPv6 address is in brackets.
 void read_broker(const std::string& url, SubscriberConfig& config) {
-  std::string rest;
-  if (url.starts_with("mqtt://"))
-    rest = url.substr(7);
-  else if (url.starts_with("mqtts://"))
-    rest = url.substr(8);
-  else
+  config.tls = url.starts_with("mqtts://");
+  if (!config.tls && !url.starts_with("mqtt://"))
     throw CLI::ValidationError("--broker", "not mqtt://HOST:PORT or mqtts://HOST:PORT: " + url);
+  std::string rest = url.substr(url.find("://") + 3);
   if (rest.find_first_of("/@") != std::string::npos)  // the text may have a password
     throw CLI::ValidationError("--broker",
                                "must end after the port; user and password are --username and "
                                "--password-file");
-  config.tls = url.starts_with("mqtts://");
   config.port = config.tls ? 8883 : 1883;
   const std::size_t bracket = rest.rfind(']');
   const std::size_t colon = rest.rfind(':');

@@ -11,17 +11,11 @@ namespace fxagent {
 using std::string_view_literals::operator""sv;
 
 tl::expected<std::string, std::string_view> normal_server(std::string_view server) {
-  std::string out;
-  std::string_view port;
-  if (server.starts_with("mqtt://")) {
-    out = "mqtt://";
-    port = "1883";
-  } else if (server.starts_with("mqtts://")) {
-    out = "mqtts://";
-    port = "8883";
-  } else {
+  const bool is_tls = server.starts_with("mqtts://");
+  if (!is_tls && !server.starts_with("mqtt://"))
     return tl::unexpected("must begin with mqtt:// or mqtts://"sv);
-  }
+  std::string out = is_tls ? "mqtts://" : "mqtt://";
+  std::string_view port = is_tls ? "8883" : "1883";
   server.remove_prefix(out.size());
   if (server.find('@') != server.npos)
     return tl::unexpected(
