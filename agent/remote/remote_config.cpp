@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/config/source.h"
+#include "agent/config/loader.h"
+#include "agent/config/read/config_limits.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
 
@@ -27,6 +28,11 @@ std::string directory_for(const Config& config) {
 Next next_of(Next::Why why, Config config) {
   std::vector<std::string> servers = config.mqtt.servers;
   return {.why = why, .config = std::move(config), .servers = std::move(servers)};
+}
+
+/// Returns the error of a config for an exception in building it, such as out of memory.
+ConfigErrors not_built(const std::exception& fault) {
+  return {{"", 0, std::string("cannot be applied: ") + fault.what()}};
 }
 
 constexpr const char* kCannotBeKept =
@@ -105,6 +111,33 @@ tl::expected<Next, ConfigErrors> way_back(Next::Why why, const std::optional<Kep
 }
 
 }  // namespace
+
+// ---- the local file -----------------------------------------------------------------------------
+
+tl::expected<LocalConfig::Read, ConfigErrors> LocalConfig::read() const {
+  auto text = read_config_file(path_);
+  if (!text) return tl::unexpected(std::move(text.error()));
+  LocalFile file{std::move(*text), privacy_of(path_)};
+  auto config = build(file, nullptr);
+  if (!config) return tl::unexpected(std::move(config.error()));
+  file.limits = config->remote;
+  return Read{std::move(file), std::move(*config)};
+}
+
+tl::expected<Config, ConfigErrors> LocalConfig::build(const LocalFile& file,
+                                                      const DesiredConfig* document) const {
+  try {
+    auto config = config_of_file(path_, file.text, file.privacy, {.stop = &interrupted_});
+    if (!config || document == nullptr) return config;
+    const ConfigLimits limits = remote_limits(*config);
+    const auto parse = [&](std::string_view text) {
+      return config_of_file(path_, text, file.privacy, {limits, &interrupted_});
+    };
+    return effective_config(file.text, *config, *document, parse, &interrupted_);
+  } catch (const std::exception& fault) {  // such as out of memory
+    return tl::unexpected(not_built(fault));
+  }
+}
 
 RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot)
     : local_(std::move(path)), kept_(std::move(boot)), in_force_(trial) {}
