@@ -1,7 +1,6 @@
 #include "agent/config/json/tree.h"
 
 #include <algorithm>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -12,6 +11,7 @@ namespace fxagent {
 namespace {
 
 using Json = nlohmann::json;
+using Kind = ConfigNode::Kind;
 
 // Most bytes shown of an error text of the JSON library.
 constexpr std::size_t kMaxFault = 240;
@@ -22,14 +22,11 @@ constexpr std::size_t kUnfolded = ConfigTree::max_depth;
 /// position from this count; the library does not report one.
 class TracedIterator {
  public:
-  using iterator_category = std::input_iterator_tag;
   using value_type = char;
   using difference_type = std::ptrdiff_t;
-  using pointer = const char*;
-  using reference = const char&;
 
   TracedIterator(const char* at, std::size_t* taken) : at_(at), taken_(taken) {}
-  reference operator*() const { return *at_; }
+  const char& operator*() const { return *at_; }
   TracedIterator& operator++() {
     ++at_;
     ++*taken_;
@@ -61,13 +58,13 @@ class TreeBuilder {
       : root_(root), text_(text), taken_(taken), folded_depth_(folded_depth), bounds_(bounds) {}
 
   bool null() {
-    return leaf(ConfigNode::Kind::null, [](ConfigNode&) {});
+    return leaf(Kind::null, [](ConfigNode&) {});
   }
   bool boolean(bool value) {
-    return leaf(ConfigNode::Kind::boolean, [&](ConfigNode& node) { node.boolean = value; });
+    return leaf(Kind::boolean, [&](ConfigNode& node) { node.boolean = value; });
   }
   bool number_integer(number_integer_t value) {
-    return leaf(ConfigNode::Kind::integer, [&](ConfigNode& node) {
+    return leaf(Kind::integer, [&](ConfigNode& node) {
       node.integer = value;
       node.number = static_cast<double>(value);
     });
@@ -77,13 +74,13 @@ class TreeBuilder {
     return number_float(static_cast<double>(value), std::to_string(value));
   }
   bool number_float(number_float_t value, const string_t& spelled) {
-    return leaf(ConfigNode::Kind::number, [&](ConfigNode& node) {
+    return leaf(Kind::number, [&](ConfigNode& node) {
       node.number = value;
       node.text = spelled;
     });
   }
   bool string(string_t& value) {
-    return leaf(ConfigNode::Kind::string, [&](ConfigNode& node) { node.text = std::move(value); });
+    return leaf(Kind::string, [&](ConfigNode& node) { node.text = std::move(value); });
   }
   bool binary(binary_t&) { return false; }  // not in a JSON text
   bool key(string_t& value) {
@@ -94,8 +91,8 @@ class TreeBuilder {
     key_offset_ = place();
     return true;
   }
-  bool start_object(std::size_t) { return open(ConfigNode::Kind::object); }
-  bool start_array(std::size_t) { return open(ConfigNode::Kind::array); }
+  bool start_object(std::size_t) { return open(Kind::object); }
+  bool start_array(std::size_t) { return open(Kind::array); }
   bool end_object() { return close(); }
   bool end_array() { return close(); }
   bool parse_error(std::size_t, const std::string&, const Json::exception& fault) {
@@ -117,9 +114,9 @@ class TreeBuilder {
 
  private:
   template <class Fill>
-  bool leaf(ConfigNode::Kind kind, Fill fill) {
+  bool leaf(Kind kind, Fill fill) {
     if (is_over()) return false;
-    if (kind == ConfigNode::Kind::integer || kind == ConfigNode::Kind::number) end_number();
+    if (kind == Kind::integer || kind == Kind::number) end_number();
     if (!is_folding()) fill(*add(kind));
     return true;
   }
@@ -148,12 +145,12 @@ class TreeBuilder {
     return !end_.empty();
   }
 
-  ConfigNode* add(ConfigNode::Kind kind) {
+  ConfigNode* add(Kind kind) {
     ConfigNode* node = &root_;
     if (!open_.empty()) {
       // An open node is always the last of its siblings, so growing this vector moves no open node.
       node = &open_.back()->children.emplace_back();
-      if (open_.back()->kind == ConfigNode::Kind::object) {
+      if (open_.back()->kind == Kind::object) {
         node->key = std::move(key_);
         node->key_offset = key_offset_;
       } else {
@@ -164,7 +161,7 @@ class TreeBuilder {
     node->offset = place();
     return node;
   }
-  bool open(ConfigNode::Kind kind) {
+  bool open(Kind kind) {
     if (is_over()) return false;
     if (accepted_.open.size() == ConfigTree::max_depth) {
       fault_ = "more than " + std::to_string(ConfigTree::max_depth) + " levels of brackets";
@@ -176,7 +173,7 @@ class TreeBuilder {
       return true;
     }
     ConfigNode* const node = add(kind);
-    if (kind == ConfigNode::Kind::array && open_.size() == folded_depth_) {
+    if (kind == Kind::array && open_.size() == folded_depth_) {
       folded_ = node;
       in_folded_ = 1;
       nodes_in_folded_ = 0;
@@ -231,7 +228,7 @@ const ConfigNode* ConfigNode::find(std::string_view name) const {
 
 std::string pointer_to(const ConfigNode& node) {
   if (node.parent == nullptr) return {};
-  const bool is_item = node.parent->kind == ConfigNode::Kind::array;
+  const bool is_item = node.parent->kind == Kind::array;
   const std::string key = is_item ? std::to_string(node.index) : node.key;
   return pointer_to(*node.parent) + (Json::json_pointer() / key).to_string();
 }
