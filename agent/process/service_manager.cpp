@@ -53,9 +53,6 @@ void tell(std::string_view state, Patience patience) {
            reinterpret_cast<const sockaddr*>(&address), size);
 }
 
-/// True if the byte is UTF-8 and does not begin a character.
-bool is_inside_character(char byte) { return (static_cast<unsigned char>(byte) & 0xC0) == 0x80; }
-
 }  // namespace
 
 bool is_there() { return !variable("NOTIFY_SOCKET").empty(); }
@@ -72,10 +69,8 @@ void notify_stopping() { tell("STOPPING=1", Patience::short_); }
 void notify_alive() { tell("WATCHDOG=1", Patience::none); }
 
 void notify_status(std::string_view line) {
-  std::string text(line.substr(0, kMostStatusBytes));
   // Do not cut a character in two: systemd ignores text that is not UTF-8.
-  while (text.size() < line.size() && !text.empty() && is_inside_character(line[text.size()]))
-    text.pop_back();
+  std::string text(beginning(line, kMostStatusBytes));
   // A second line would be another message.
   std::ranges::replace_if(
       text, [](unsigned char c) { return c < ' ' || c == 0x7F; }, ' ');

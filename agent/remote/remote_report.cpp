@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "agent/text/json.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {
@@ -20,13 +21,7 @@ static_assert(kStates.size() == static_cast<std::size_t>(State::rolled_back) + 1
 /// Cuts `text` after at most kMostErrorBytes, at the end of a UTF-8 character, and appends "…".
 std::string cut(std::string text) {
   if (text.size() <= kMostErrorBytes) return text;
-  std::size_t end = kMostErrorBytes;
-  const auto is_inside = [&text](std::size_t at) {
-    return (static_cast<unsigned char>(text[at]) & 0xC0u) == 0x80u;
-  };
-  while (end > 0 && is_inside(end)) --end;
-  text.resize(end);
-  return text + "…";
+  return std::string(beginning(text, kMostErrorBytes)) + "…";
 }
 
 OrderedJson word(const std::string& text) {

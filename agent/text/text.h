@@ -19,6 +19,9 @@ bool is_utf8(std::string_view text);
 /// _ and -.
 bool is_name(std::string_view text);
 
+/// Returns the beginning of `text`: at most `most` bytes, up to the end of a UTF-8 character.
+std::string_view beginning(std::string_view text, std::size_t most);
+
 /// Returns `text` without the blanks, tabs and line ends around it.
 std::string_view trimmed(std::string_view text);
 
