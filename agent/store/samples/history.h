@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -15,13 +14,11 @@
 
 namespace fxagent {
 
-/// Encoding of a row's content. The file stores these numbers.
-enum class RowFormat : std::uint8_t {
+/// Encoding of a row's content. The file stores these numbers; a damaged one may have others.
+enum class RowFormat : std::int64_t {
   json_text = 0,  ///< as published; from schema versions up to 4
   cbor = 1        ///< encode_sample()
 };
-/// Returns nullopt for a number that no program has written.
-std::optional<RowFormat> row_format(std::int64_t number);
 
 /// One waiting sample.
 struct SampleRow {
@@ -52,15 +49,12 @@ class HistoryMessage {
 
   /// Adds a sample. Returns false, and adds nothing, if it does not fit. The first row always fits.
   virtual bool add(const SampleRecord& sample) = 0;
-  /// Same for a row of RowFormat::json_text, which is_intact(). A format other than JSON must parse
-  /// it: files of earlier versions may have such rows.
+  /// Same for a row of RowFormat::json_text, which is JSON. A format other than JSON must parse it:
+  /// files of earlier versions may have such rows.
   virtual bool add(std::string_view json_row) = 0;
   /// Returns the bytes and ends the message.
   virtual std::string take() = 0;
 };
-
-/// True if a row is still JSON. A worn-out disk may return something else.
-bool is_intact(std::string_view json_row);
 
 /// Device and group. The rows of one stream leave oldest first, one message at a time.
 using StreamKey = std::pair<std::string, std::string>;
@@ -74,7 +68,7 @@ class BatchBuilder final {
   explicit BatchBuilder(HistoryMessage& message) : message_(message) {}
 
   enum class Added : std::uint8_t { yes, no_room, damaged };
-  Added add(std::uint64_t row_id, std::optional<RowFormat> format, std::string_view content);
+  Added add(std::uint64_t row_id, RowFormat format, std::string_view content);
   bool empty() const { return row_ids_.empty(); }
   HistoryBatch take(const StreamKey& stream);
 

@@ -133,7 +133,7 @@ std::optional<HistoryBatch> StoredSamples::next(const StreamKey& key, HistoryMes
     const std::uint64_t row_id = from_sql(number(row, 0));
     if (streams_.is_out(row_id) || removed_.contains(row_id)) return true;
     const std::string_view content = text(row, 1);
-    const auto added = builder.add(row_id, row_format(number(row, 2)), content);
+    const auto added = builder.add(row_id, static_cast<RowFormat>(number(row, 2)), content);
     if (added == BatchBuilder::Added::no_room) return false;
     (added == BatchBuilder::Added::yes ? taken : damaged)
         .push_back({row_id, key, content.size() + SampleRow::kOverhead});

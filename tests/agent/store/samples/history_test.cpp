@@ -9,18 +9,22 @@ namespace {
 
 using Added = BatchBuilder::Added;
 
-TEST(Row, IsIntactWhereItCanStandAmongOthers) {
+TEST(BatchBuilder, PassesOverJsonThatCannotStandAmongOthers) {
   using namespace std::string_literals;
-  EXPECT_TRUE(fxagent::is_intact(R"({"ts":1})"));
+  test::JsonHistory history(28);
+  BatchBuilder builder(history);
   for (const std::string& row : {""s, "{\"ts\":1"s, "{\"ts\":1}\0001}"s, "\xEF\xBB\xBF{}"s})
-    EXPECT_FALSE(fxagent::is_intact(row)) << row;
+    EXPECT_EQ(builder.add(1, RowFormat::json_text, row), Added::damaged) << row;
+  EXPECT_EQ(builder.add(1, RowFormat::json_text, R"({"ts":1})"), Added::yes);
 }
 
-TEST(Row, FormatIsOneThatAProgramHasWritten) {
-  EXPECT_EQ(row_format(0), RowFormat::json_text);
-  EXPECT_EQ(row_format(1), RowFormat::cbor);
+TEST(BatchBuilder, PassesOverFormatsThatNoProgramHasWritten) {
+  const std::string row = encode_sample(Telemetry(), DeviceConfig(), "9f3c21aa", "a41c");
+  test::JsonHistory history(28);
+  BatchBuilder builder(history);
   for (const std::int64_t number : {std::int64_t{-1}, std::int64_t{2}, std::int64_t{256}})
-    EXPECT_FALSE(row_format(number)) << number;
+    for (const std::string& content : {row, std::string("1")})
+      EXPECT_EQ(builder.add(1, static_cast<RowFormat>(number), content), Added::damaged) << number;
 }
 
 TEST(BatchBuilder, TakesRowsOfBothFormatsAndPassesOverDamagedOnes) {
@@ -31,7 +35,6 @@ TEST(BatchBuilder, TakesRowsOfBothFormatsAndPassesOverDamagedOnes) {
   BatchBuilder builder(history);
   EXPECT_EQ(builder.add(1, RowFormat::cbor, row.substr(1)), Added::damaged);
   EXPECT_EQ(builder.add(2, RowFormat::json_text, "{"), Added::damaged);
-  EXPECT_EQ(builder.add(3, std::nullopt, row), Added::damaged);
   EXPECT_TRUE(builder.empty());
   EXPECT_EQ(builder.add(4, RowFormat::cbor, row), Added::yes);
   EXPECT_EQ(builder.add(5, RowFormat::json_text, "[]"), Added::no_room);
