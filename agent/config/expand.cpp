@@ -75,8 +75,7 @@ std::string expanded_config(std::string_view text, const Environment& environmen
   for (const ConfigNode& member : top.children) {
     if (member.key == "templates") continue;
     out += out.size() == 1 ? "\n  " : ",\n  ";
-    append_json_string(out, member.key);
-    out += ": ";
+    append_key(out, member.key);
     if (member.key != "devices") {
       append_pretty(out, member, 1);
       continue;

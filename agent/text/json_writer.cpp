@@ -1,7 +1,5 @@
 #include "agent/text/json_writer.h"
 
-#include "agent/text/text.h"
-
 namespace fxagent::json {
 namespace {
 
@@ -19,12 +17,6 @@ void write_scalar(Writer& out, const Scalar& scalar, Precision precision) {
 }
 
 }  // namespace
-
-void Writer::append_text(std::string_view value) {
-  text_ += '"';
-  append_escaped(text_, value, Escape::json);
-  text_ += '"';
-}
 
 void write_value(Writer& out, const Value& value, Precision precision) {
   if (value.is_array) {

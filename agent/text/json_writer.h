@@ -14,6 +14,7 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/text/text.h"
 #include "protocol/value/value.h"
 
 namespace fxagent::json {
@@ -34,14 +35,14 @@ class Writer final {
 
   Writer& key(std::string_view name) {
     separate();
-    append_text(name);
+    append_json_string(text_, name);
     text_ += ':';
     comma_ = false;
     return *this;
   }
   Writer& string(std::string_view value) {
     separate();
-    append_text(value);
+    append_json_string(text_, value);
     return *this;
   }
   /// Writes null if `value` is empty.
@@ -94,7 +95,6 @@ class Writer final {
     const std::string_view text(room.data(), static_cast<std::size_t>(end - room.data()));
     return quoted ? string(text) : raw(text);
   }
-  void append_text(std::string_view value);
 
   std::string text_;
   bool comma_ = false;

@@ -133,6 +133,12 @@ std::string escaped(std::string_view text, Escape how, std::size_t most) {
   return out;
 }
 
+void append_json_string(std::string& out, std::string_view text) {
+  out += '"';
+  append_escaped(out, text, Escape::json);
+  out += '"';
+}
+
 std::string ms_text(std::chrono::nanoseconds duration) {
   char text[32];
   std::snprintf(text, sizeof text, "%.1f",

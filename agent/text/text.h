@@ -50,6 +50,9 @@ void append_escaped(std::string& out, std::string_view text, Escape how,
                     std::size_t most = std::string_view::npos);
 std::string escaped(std::string_view text, Escape how, std::size_t most = std::string_view::npos);
 
+/// Appends `text` as a JSON string, in quotes.
+void append_json_string(std::string& out, std::string_view text);
+
 /// Returns "1 tag", "0 tags", "2 tags".
 inline std::string counted(std::uint64_t number, std::string_view noun) {
   return std::to_string(number) + " " + std::string(noun) + (number == 1 ? "" : "s");

@@ -29,10 +29,7 @@ void append_flat(std::string& out, const ConfigNode& node, std::size_t most) {
   out += is_object ? '{' : '[';
   for (const ConfigNode& child : node.children) {
     if (&child != &node.children.front()) out += ", ";
-    if (is_object) {
-      append_json_string(out, child.key);
-      out += ": ";
-    }
+    if (is_object) append_key(out, child.key);
     if (out.size() > most) return;
     append_flat(out, child, most);
   }
@@ -41,10 +38,9 @@ void append_flat(std::string& out, const ConfigNode& node, std::size_t most) {
 
 }  // namespace
 
-void append_json_string(std::string& out, std::string_view text) {
-  out += '"';
-  append_escaped(out, text, Escape::json);
-  out += '"';
+void append_key(std::string& out, std::string_view key) {
+  append_json_string(out, key);
+  out += ": ";
 }
 
 void append_pretty(std::string& out, const ConfigNode& node, std::size_t depth) {
@@ -58,10 +54,7 @@ void append_pretty(std::string& out, const ConfigNode& node, std::size_t depth) 
   for (const ConfigNode& child : node.children) {
     if (&child != &node.children.front()) out += ',';
     out += '\n' + std::string(kIndent * (depth + 1), ' ');
-    if (is_object) {
-      append_json_string(out, child.key);
-      out += ": ";
-    }
+    if (is_object) append_key(out, child.key);
     append_pretty(out, child, depth + 1);
   }
   out += '\n' + std::string(kIndent * depth, ' ') + (is_object ? '}' : ']');

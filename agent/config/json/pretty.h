@@ -9,8 +9,8 @@
 
 namespace fxagent {
 
-/// Appends the text in quotes, with escapes.
-void append_json_string(std::string& out, std::string_view text);
+/// Appends `"key": `, escaped.
+void append_key(std::string& out, std::string_view key);
 
 /// Appends the node and its children; folded arrays come out empty. `depth` is the number of
 /// brackets around it.
