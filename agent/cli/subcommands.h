@@ -84,8 +84,9 @@ struct OneShot {
   bool trace = false;   ///< log every frame of the link
   bool as_json = false;
 };
-/// Executes the command and prints the outcome. Returns 0 on success; 1 if the device refused or
-/// did not answer; 2 for a wrong argument or config. `path` is the file of the config.
+/// Executes the command and prints the outcome. `path` is the file of the config. Returns 0 on
+/// success; 1 if the device refused or did not answer; 2 for a wrong argument or config; 3 if
+/// another process uses the link.
 int run_one_shot(const std::string& path, const OneShot& what);
 
 // ---- verify-stream: subscribes to the data of the configured agent, and checks that it is

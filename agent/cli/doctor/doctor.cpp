@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/cli/check/link_holders.h"
 #include "agent/cli/doctor/fixed_config.h"
 #include "agent/cli/doctor/guesses.h"
 #include "agent/cli/exit_status.h"
@@ -163,7 +164,9 @@ struct Patient {
 
 class Doctor final {
  public:
-  Doctor(const Config& config, std::string text) : config_(config), text_(std::move(text)) {}
+  /// `path` is the file of the config, and `text` its content.
+  Doctor(const Config& config, const std::string& path, std::string text)
+      : config_(config), holders_(link_holders(config, path)), text_(std::move(text)) {}
 
   int run() {
     for (std::uint32_t i = 0; i < config_.links.size(); ++i) examine_link(i);
@@ -195,12 +198,11 @@ class Doctor final {
     link_ = config_.links[index];
     if (link_.is_vacant()) return;
     std::cout << "link " << link_.name << ", " << channel_text(link_) << '\n';
-    const auto* serial = std::get_if<SerialSettings>(&link_.channel);
-    if (const auto holder = serial == nullptr ? std::nullopt : port_holder(serial->path)) {
-      fault(kHeld, "another program uses the port: " + holder->text());
+    if (const auto& holder = holders_[index]) {
+      fault(kHeld, text_of(*holder));
       const auto pointer = pointer_of(text_, {"links", link_.name, "", "serial/path", ""});
-      return note("  End it. If this is the wrong port, correct " +
-                  pointer.value_or("the path of " + link_.name));
+      return note("  " + cure_of(*holder, link_) +
+                  (pointer ? ". If this is the wrong port, correct " + *pointer : ""));
     }
     std::vector<std::pair<const DeviceConfig*, ProbeAnswer>> first_answers;
     for (const DeviceConfig& device : config_.devices)
@@ -510,6 +512,7 @@ class Doctor final {
   }
 
   const Config& config_;
+  const std::vector<std::optional<OnlineHolder>> holders_;
   const std::string text_;
   LinkConfig link_;             ///< the one that is examined
   bool line_is_right_ = false;  ///< a device answers at the speed of link_
@@ -564,7 +567,7 @@ int run_doctor(const std::string& path, const std::string& fix) {
   // Known before the search, which may take minutes.
   if (const std::string why = fix.empty() ? "" : why_no_copy(fix); !why.empty())
     return refused(fix, "cannot be written: " + why, kFailed);
-  Doctor doctor(*config, *text);
+  Doctor doctor(*config, path, *text);
   const int status = doctor.run();
   if (status == kDone) std::cout << "Nothing to change.\n";
   if (fix.empty() || doctor.writable() == 0) return status;
