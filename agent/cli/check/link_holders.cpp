@@ -1,7 +1,12 @@
 #include "agent/cli/check/link_holders.h"
 
+#include <arpa/inet.h>
+
 #include <algorithm>
+#include <array>
+#include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <system_error>
 #include <utility>
 
@@ -43,20 +48,49 @@ std::vector<RunningAgent> running_agents(const std::string& path) {
   return agents;
 }
 
+/// True if the agent has freed the link by the command `yield`: it neither has the serial port nor
+/// a connection to the device. Compares IPv4 addresses with their port, other hosts by the port
+/// alone.
+bool has_yielded(const RunningAgent& agent, const LinkConfig& link) {
+  if (!link.allow_yield) return false;
+  const std::string place = endpoint_of(link);
+  if (std::holds_alternative<SerialSettings>(link.channel)) {
+    const auto holder = port_holder(place);
+    return !holder || holder->pid != agent.pid;
+  }
+  const std::size_t colon = place.rfind(':');
+  in_addr host{};
+  const bool is_ipv4 = ::inet_pton(AF_INET, place.substr(0, colon).c_str(), &host) == 1;
+  std::array<char, 32> device{};  // as the kernel spells it: "0200C00A:01F6"
+  const auto port = number_from<unsigned>(place.substr(colon + 1)).value_or(0);
+  if (is_ipv4)
+    std::snprintf(device.data(), device.size(), "%08X:%04X", host.s_addr, port);
+  else
+    std::snprintf(device.data(), device.size(), ":%04X", port);
+  for (const char* table : {"tcp", "tcp6", "udp", "udp6"}) {
+    std::ifstream rows("/proc/" + std::to_string(agent.pid) + "/net/" + table);
+    if (!rows) return false;
+    std::string number, own, its, state, rest;
+    while (rows >> number >> own >> its >> state && std::getline(rows, rest))
+      if (state == "01" && its.ends_with(device.data())) return false;  // connected
+  }
+  return true;
+}
+
 std::optional<OnlineHolder> holder_of(const Config& config, std::size_t index,
                                       const std::vector<RunningAgent>& agents,
                                       const std::string& command_id) {
   using Runs = OnlineHolder::Runs;
   const LinkConfig& link = config.links[index];
   for (const RunningAgent& agent : agents) {
-    if (agent.runs_this)
+    if (agent.runs_this && !has_yielded(agent, link))
       return OnlineHolder{agent.pid, "fxagent", Runs::this_config,
                           request_to(config, index, command_id)};
     if (!agent.config) continue;
     const auto& its_links = agent.config->links;
     const auto same = std::ranges::find_if(
         its_links, [&](const LinkConfig& its) { return is_same_place(link, its); });
-    if (same == its_links.end()) continue;
+    if (same == its_links.end() || has_yielded(agent, *same)) continue;
     OnlineHolder holder{agent.pid, "fxagent", Runs::another_config};
     if (agent.config->base_topic() == config.base_topic())
       holder.request =

@@ -16,8 +16,9 @@ std::string place_of(const LinkConfig& link);
 
 /// Returns the holder of each link, indexed as Config::links; nullopt if the link is free. `path`
 /// is the file of the config. An agent on this machine that runs this file holds every link. An
-/// agent that runs another file holds the links of the same place. Another program holds the serial
-/// port that it has open or locked.
+/// agent that runs another file holds the links of the same place. A link that the agent has freed
+/// by the command `yield` is free. Another program holds the serial port that it has open or
+/// locked.
 std::vector<std::optional<OnlineHolder>> link_holders(const Config& config,
                                                       const std::string& path);
 
