@@ -165,9 +165,9 @@ std::string no_permission(const std::string& path) {
 
 std::string in_use(const std::string& path) {
   if (const auto holder = port_holder(path))
-    return " (another program uses it: " + holder->text() + ")";
+    return " (another program uses it: " + holder->text() + "; end it, or use another port)";
   return " (another program uses it, such as GX Works or another agent: as root, fuser -v " + path +
-         " names it)";
+         " names it; end it, or use another port)";
 }
 
 }  // namespace

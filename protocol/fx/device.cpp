@@ -147,7 +147,9 @@ Result<Parts> take_apart(std::string_view text) {
   const int bit =
       rest.size() == 2 && rest[0] == '.' ? hex_digit(static_cast<std::uint8_t>(rest[1])) : -1;
   if (bit < 0 || (parts.letters != "D" && parts.letters != "R") || parts.group != 0)
-    return refuse("'" + name + "' is not an FX device; a bit of a word is D100.0 to D100.F");
+    return refuse("'" + name + "' is not an FX device: after the number comes '" +
+                  std::string(text.substr(text.size() - rest.size())) +
+                  "'; a bit of a word is D100.0 to D100.F");
   parts.word_bit = static_cast<std::uint32_t>(bit);
   return parts;
 }

@@ -64,8 +64,12 @@ Result<TablePlace> parse_numbered(const std::string& quoted, std::string_view di
   place.space = static_cast<Space>(table);
   const auto number = number_in(digits.substr(1));
   if (!number || *number == 0 || *number > kNumbers)
-    return refuse(quoted + ": these numbers go from 1 to " +
-                  (digits.size() == 5 ? "9999; longer ones have 6 digits" : "65536"));
+    return refuse(quoted + ": the numbers of this table go from " + digits[0] + "0001 to " +
+                  digits[0] + "9999 or from " + digits[0] + "00001 to " + digits[0] + "65536" +
+                  (digits.size() == 6
+                       ? ""
+                       : "; if this is the address itself, write " +
+                             std::string(letters_of(place.space)) + ":" + std::string(digits)));
   place.number = *number - 1;
   return place;
 }

@@ -51,7 +51,8 @@ TEST_F(PortAccess, WhoHasItOpenIsFoundByWhateverNameItWasOpened) {
     EXPECT_TRUE(holder->program.starts_with("core_test")) << holder->program;
   }
   EXPECT_EQ(port_cure(port, EBUSY), " (another program uses it: " + port_holder(port)->program +
-                                        ", pid " + std::to_string(other.pid()) + ")");
+                                        ", pid " + std::to_string(other.pid()) +
+                                        "; end it, or use another port)");
   EXPECT_EQ(port_cure(port, EWOULDBLOCK), port_cure(port, EBUSY));
 }
 
@@ -108,7 +109,7 @@ TEST_F(PortAccess, WhoHasLockedItIsFoundByTheLock) {
 TEST_F(PortAccess, WhoCannotBeSeenCanBeLookedFor) {
   EXPECT_EQ(port_cure(port, EBUSY),
             " (another program uses it, such as GX Works or another agent: as root, fuser -v " +
-                port + " names it)");
+                port + " names it; end it, or use another port)");
 }
 
 TEST_F(PortAccess, NoPermissionNamesTheGroupToJoin) {

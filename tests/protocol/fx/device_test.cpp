@@ -100,6 +100,9 @@ TEST(Device, NonsenseIsRefusedWithTheFormsThatExist) {
 TEST(Device, ARefusalQuotesTheNameAsItWasWritten) {
   EXPECT_TRUE(refusal("dd1").starts_with("'dd1' is not an FX device")) << refusal("dd1");
   EXPECT_EQ(refusal("x8"), "x8 does not exist: X is numbered in octal, after X7 comes X10");
+  EXPECT_EQ(refusal("D20o"),
+            "'D20o' is not an FX device: after the number comes 'o'; a bit of a word is D100.0 to "
+            "D100.F");
   EXPECT_EQ(refusal("d"), "'d' has no device number");
   EXPECT_EQ(refusal("k4d0"), "k4d0: a group is made of X, Y, M or S");
   EXPECT_TRUE(refusal("k9m0").starts_with("k9m0: ")) << refusal("k9m0");

@@ -175,8 +175,9 @@ TEST(Modbus, WhatIsNoAddressIsRefusedWithTheForms) {
   for (const char* text : {"hr:", "hr:65536", "co:-1", "hr:1x", "hr:0x", "di: 1"})
     EXPECT_NE(refusal(text).find("from 0 to 65535"), std::string::npos) << text << refusal(text);
   EXPECT_TRUE(refusal("D100").starts_with("'D100' ")) << "as it was written: " << refusal("D100");
-  expect_says(refusal("40000"), "from 1 to 9999");
-  expect_says(refusal("465537"), "from 1 to 65536");
+  expect_says(refusal("40000"), "from 40001 to 49999 or from 400001 to 465536; ");
+  expect_says(refusal("40000"), "write hr:40000");
+  expect_says(refusal("465537"), "from 400001 to 465536");
   expect_says(refusal("20001"), "first digit");
   expect_says(refusal("4001"), "5 or 6 digits");
   expect_says(refusal("hr:5.16"), ".0 to .15");
