@@ -200,9 +200,12 @@ CommandResult list_with(TargetResult second) {
 
 TEST(ContractExamples, EachIsThereOnceAndNoBlockIsWithoutAName) {
   const std::set<std::string> wanted = words_of(
-      "sample sample_bad history agent_state_online agent_state_offline device_state meta health "
+      "sample sample_bad history agent_state_online agent_state_offline device_state "
+      "device_state_offline "
+      "meta health "
       "command_write command_force command_list command_run command_read command_force_list "
-      "result_ack result_rejected result_list result_partial result_duplicate desired reported "
+      "result_ack result_rejected result_expired result_list result_partial result_duplicate "
+      "desired reported "
       "yield");
   std::set<std::string> found;
   for (const auto& [name, text] : examples()) found.insert(name);
@@ -268,6 +271,10 @@ TEST(ContractExamples, StatesHaveTheKeysOfTheProgram) {
   status.model = "FX3U";
   status.run = true;
   expect_same_keys("device_state", payload.device_state(status).payload);
+  status.state = DeviceStatus::State::offline;
+  status.reason = status.reason_text = "link_down";
+  status.run.reset();
+  expect_same_keys("device_state_offline", payload.device_state(status).payload);
 }
 
 TEST(ContractExamples, MetaHasTheKeysOfTheProgram) {
@@ -335,6 +342,8 @@ TEST(ContractExamples, ResultsOfOneTargetHaveTheKeysOfTheProgram) {
   rejected.targets[0].tag = "setpiont";
   rejected.targets[0].value = Value(std::int64_t{50});
   expect_same_keys("result_rejected", with_total(result_text(rejected), 1ms));
+  rejected.targets[0].address = "D200";
+  expect_same_keys("result_expired", with_total(result_text(rejected), 1ms));
 }
 
 TEST(ContractExamples, ResultsOfListsHaveTheKeysOfTheProgram) {
