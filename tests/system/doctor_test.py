@@ -71,11 +71,11 @@ class Doctor(PlantTest):
 
     def test_a_tag_that_the_device_lacks(self):
         self.start_sim([self.rtu(holes=["hr:7"])])
-        tags = [{"name": name, "address": f"hr:{at}", "type": "uint16"}
-                for name, at in (("good", 5), ("gone", 7))]
+        tags = [{"name": "good", "address": "hr:5", "type": "uint16"}, {"name": "gone", "address": "hr:7", "type": "int32"}]
         status, said, errors = fxagent("doctor", self.write(self.meter(tags=tags)))
         self.assertEqual(status, 4, said + errors)
-        self.assertIn("FAULT: tag gone: the device does not return 2 bytes at hr:7; correct the address", said)
+        self.assertIn("FAULT: tag gone: the device does not return 4 bytes at hr:7; correct the address", said)
+        self.assertEqual(said.count("gone"), 1, said)
         self.assertNotIn("tag good", said)
 
     def test_who_made_the_device(self):

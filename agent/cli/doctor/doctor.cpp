@@ -110,7 +110,8 @@ milliseconds patience(const DeviceConfig& device, std::size_t guess) {
 struct Patient {
   LineProbe& probe;
   const DeviceConfig& device;
-  std::shared_ptr<const Codec> codec;  ///< of the address and the model that it has
+  std::shared_ptr<const Codec> codec;    ///< of the address and the model that it has
+  std::set<const TagConfig*> refused{};  ///< tags that it does not return
 
   ProbeAnswer ask(const Request& question) const {
     return probe.ask(*codec, question, longest(device));
@@ -433,7 +434,7 @@ class Doctor final {
   }
 
   /// Tries every read of the plan.
-  void judge_blocks(const Patient& patient, std::chrono::nanoseconds char_time) {
+  void judge_blocks(Patient& patient, std::chrono::nanoseconds char_time) {
     const DeviceConfig& device = patient.device;
     std::uint32_t longest_bits = 0;
     std::uint32_t limit_bits = 0;  // 0: none was found
@@ -473,11 +474,12 @@ class Doctor final {
   }
 
   /// Reads a tag of a refused read by itself.
-  void judge_tag(const Patient& patient, const Read& refused, const TagConfig& tag) {
+  void judge_tag(Patient& patient, const Read& refused, const TagConfig& tag) {
     const auto span = span_of(tag.point);
     const bool is_inside = span && span->first_bit >= refused.span.first_bit &&
                            span->end_bit() <= refused.span.end_bit();
     if (!is_inside || patient.read(*span)) return;
+    patient.refused.insert(&tag);
     fault(kDiffers, "tag " + std::string(std::string_view(tag.name)) +
                         ": the device does not return " + bytes_text(span->bits) + " at " +
                         patient.codec->addresses().name_of({span->space, span->first_bit, 1}) +
@@ -492,6 +494,7 @@ class Doctor final {
     for (const TagConfig& tag : patient.device.tags) {
       const auto span = span_of(tag.point);
       if (!span || !has_word_order(tag.point) || span->bits != 2 * kWordBits) continue;
+      if (patient.refused.contains(&tag)) continue;
       const std::string name(std::string_view(tag.name));
       const auto image = patient.read(*span);
       if (!image) {
