@@ -37,7 +37,7 @@ struct CheckQuestion {
   bool as_json = false;  ///< output of `online` as JSON
 };
 /// Opens the links and the brokers of a config and queries each device, with reads alone. Skips a
-/// link that another process holds, and every link if an agent on this machine runs this config.
+/// link that another process holds, see link_holders.h.
 /// Prints its findings and returns exit_status() of online_report.h. `path` is the file.
 int run_online_check(const Config& config, const std::string& path, bool as_json);
 /// Prints errors and warnings on stderr. Prints one line on stdout if the config is right, and

@@ -48,16 +48,16 @@ std::vector<RunningAgent> running_agents(const std::string& path) {
   return agents;
 }
 
-/// True if the agent has freed the link by the command `yield`: it neither has the serial port nor
-/// a connection to the device. Compares IPv4 addresses with their port, other hosts by the port
-/// alone.
-bool has_yielded(const RunningAgent& agent, const LinkConfig& link) {
-  if (!link.allow_yield) return false;
+/// True if the agent does not use the link: another process or none has the serial port; or the
+/// agent has freed the link by the command `yield`, and has no connection to the device. Compares
+/// IPv4 addresses with their port, other hosts by the port alone.
+bool leaves_alone(const RunningAgent& agent, const LinkConfig& link) {
   const std::string place = endpoint_of(link);
   if (std::holds_alternative<SerialSettings>(link.channel)) {
     const auto holder = port_holder(place);
     return !holder || holder->pid != agent.pid;
   }
+  if (!link.allow_yield) return false;
   const std::size_t colon = place.rfind(':');
   in_addr host{};
   const bool is_ipv4 = ::inet_pton(AF_INET, place.substr(0, colon).c_str(), &host) == 1;
@@ -83,14 +83,14 @@ std::optional<OnlineHolder> holder_of(const Config& config, std::size_t index,
   using Runs = OnlineHolder::Runs;
   const LinkConfig& link = config.links[index];
   for (const RunningAgent& agent : agents) {
-    if (agent.runs_this && !has_yielded(agent, link))
+    if (agent.runs_this && !leaves_alone(agent, link))
       return OnlineHolder{agent.pid, "fxagent", Runs::this_config,
                           request_to(config, index, command_id)};
     if (!agent.config) continue;
     const auto& its_links = agent.config->links;
     const auto same = std::ranges::find_if(
         its_links, [&](const LinkConfig& its) { return is_same_place(link, its); });
-    if (same == its_links.end() || has_yielded(agent, *same)) continue;
+    if (same == its_links.end() || leaves_alone(agent, *same)) continue;
     OnlineHolder holder{agent.pid, "fxagent", Runs::another_config};
     if (agent.config->base_topic() == config.base_topic())
       holder.request =

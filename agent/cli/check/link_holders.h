@@ -15,10 +15,10 @@ namespace fxagent {
 std::string place_of(const LinkConfig& link);
 
 /// Returns the holder of each link, indexed as Config::links; nullopt if the link is free. `path`
-/// is the file of the config. An agent on this machine that runs this file holds every link. An
-/// agent that runs another file holds the links of the same place. A link that the agent has freed
-/// by the command `yield` is free. Another program holds the serial port that it has open or
-/// locked.
+/// is the file of the config. The holder of a serial port is the process that has it open or
+/// locked. An agent on this machine that runs this file holds every other link; one that runs
+/// another file holds those of the same host and port. A link that it has freed by the command
+/// `yield` is free.
 std::vector<std::optional<OnlineHolder>> link_holders(const Config& config,
                                                       const std::string& path);
 
