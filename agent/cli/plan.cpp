@@ -124,8 +124,8 @@ std::string size_text(const ExchangeReport& exchange) {
 }
 
 void print_groups(const LinkReport& link) {
-  std::vector<Row> rows{{"group", "every ms", "line ms", "at least ms", "asked", "framing",
-                         "unasked", "by words", "waiting"}};
+  std::vector<Row> rows{{"group", "every ms", "line ms", "at least ms", "data", "framing", "gaps",
+                         "whole words", "waiting"}};
   for (const GroupLoad& group : link.groups) {
     const auto use = [&](nanoseconds part) {
       return group.line_time ? number_text(rounded_ms(part)) : kNone;

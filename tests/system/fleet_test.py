@@ -90,7 +90,7 @@ class Fleet(PlantTest):
         status, out, _ = self.fleet("status")
         self.assertEqual(status, 1)
         self.assertIn("v2 REFUSED", out)
-        self.assertIn("2 of 3 online, 2 of 3 as asked", out)
+        self.assertIn("2 of 3 online, 2 of 3 as sent", out)
 
         # An agent that is offline gets nothing, and stops what follows.
         status, out, _ = self.fleet("push", new, "--agents", "edge3,edge1", "--json")

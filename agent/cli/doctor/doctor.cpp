@@ -373,9 +373,12 @@ class Doctor final {
     const milliseconds slowest = times.back();
     const milliseconds usual = times[times.size() / 2];
     const std::string needed = std::to_string(usual.count());
-    note("answers within " + std::to_string(slowest.count()) + " ms (timeout_ms " +
-         std::to_string(device.timeout.count()) + "), usually after " + needed +
-         " ms (turnaround_ms " + std::to_string(device.turnaround.count()) + ")");
+    const auto text = [](milliseconds time) {
+      return time.count() == 0 ? "less than 1 ms" : std::to_string(time.count()) + " ms";
+    };
+    note("slowest answer: " + text(slowest) + " (timeout_ms " +
+         std::to_string(device.timeout.count()) + "), usual: " + text(usual) + " (turnaround_ms " +
+         std::to_string(device.turnaround.count()) + ")");
     if (slowest >= device.timeout) {
       fault(kDiffers, "slower than its timeout");
       change({"devices", device.name, "", "timeout_ms", std::to_string(2 * slowest.count())});

@@ -84,13 +84,13 @@ std::string asked_version(const FleetAgent& agent) {
 std::string agreement_text(const FleetAgent& agent) {
   switch (agreement_of(agent)) {
     case Agreement::local_file:
-      return agent.presence == Presence::unknown ? "" : "nothing asked";
+      return agent.presence == Presence::unknown ? "" : "nothing sent";
     case Agreement::as_asked:
-      return "as asked";
+      return "as sent";
     case Agreement::on_trial:
-      return "as asked, on trial";
+      return "as sent, on trial";
     case Agreement::kept:
-      return "kept, nothing asked";
+      return "kept, nothing sent";
     case Agreement::refused:
       return asked_version(agent) + " REFUSED";
     case Agreement::rolled_back:
@@ -149,7 +149,7 @@ bool is_fleet_good(const Fleet& fleet) {
 std::string fleet_text(const Fleet& fleet) {
   if (fleet.agents().empty())
     return "no agent was found: is --root right, and may this user read {root}/+/state?\n";
-  std::vector<Row> rows{{"AGENT", "STATE", "VERSION", "CONFIG", "ASKED"}};
+  std::vector<Row> rows{{"AGENT", "STATE", "VERSION", "CONFIG", "SENT"}};
   std::string refusals;
   std::size_t online = 0;
   std::size_t as_asked = 0;
@@ -167,7 +167,7 @@ std::string fleet_text(const Fleet& fleet) {
   }
   const std::string all = std::to_string(fleet.agents().size());
   return table_text(rows, rows.front().size()) + refusals + std::to_string(online) + " of " + all +
-         " online, " + std::to_string(as_asked) + " of " + all + " as asked\n";
+         " online, " + std::to_string(as_asked) + " of " + all + " as sent\n";
 }
 
 std::string fleet_json(const Fleet& fleet) {

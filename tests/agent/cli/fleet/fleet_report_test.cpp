@@ -37,15 +37,15 @@ Fleet three_agents() {
 TEST(FleetReport, TableHasALineForEachAgentAndTheReasonOfARefusal) {
   EXPECT_EQ(
       fleet_text(three_agents()),
-      "  AGENT  STATE                                        VERSION  CONFIG         ASKED\n"
-      "  edge1  online since 2026-09-21 14:13                0.1.0    v8 5f0c9a31    as asked\n"
+      "  AGENT  STATE                                        VERSION  CONFIG         SENT\n"
+      "  edge1  online since 2026-09-21 14:13                0.1.0    v8 5f0c9a31    as sent\n"
       "  edge2  online since 2026-09-21 14:13                0.1.0    v7 5f0c9a31    v8 "
       "REFUSED\n"
       "  edge3  offline, lost, last health 2026-09-21 14:14  0.1.0    file 01234567  nothing "
-      "asked\n"
+      "sent\n"
       "edge2 refuses v8:\n"
       "  /devices/0/link: there is no link \"line9\"\n"
-      "2 of 3 online, 2 of 3 as asked\n");
+      "2 of 3 online, 2 of 3 as sent\n");
   EXPECT_FALSE(is_fleet_good(three_agents()));
 }
 
