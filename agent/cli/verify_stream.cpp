@@ -262,7 +262,7 @@ void print(const DeviceStream& stream) {
          " history samples, numbers " + std::to_string(stream.seen->first) + " to " +
          std::to_string(stream.seen->last));
   if (stream.unprovable.numbers > 0)
-    line("not provable, sent during an interruption or lost: " +
+    line("not provable: sent during an interruption, skipped by a new boot, or lost: " +
          std::to_string(stream.unprovable.numbers) + ": " + text_of(stream.unprovable));
   if (stream.skipped.numbers > 0)
     line("skipped by a new boot: " + std::to_string(stream.skipped.numbers) + ": " +
