@@ -178,7 +178,8 @@ void add_one_shot(CommandLine& line, const std::string& name, const std::string&
   if (op == Op::write)
     command->add_option("VALUE", what.value, "Number, true/false, text or [array]")->required();
   if (op == Op::read)
-    command->add_option("--count", what.count, "Devices in a row")->check(CLI::Range(1, 4096));
+    command->add_option("--count", what.count, "Number of consecutive devices")
+        ->check(CLI::Range(1, 4096));
   if (op == Op::read || op == Op::write) {
     command->add_option("--type", what.type,
                         "bool int16 uint16 int32 uint32 int64 uint64 float32 float64 bcd16 bcd32 "
@@ -206,7 +207,7 @@ void add_verify_stream(CommandLine& line) {
   command
       ->add_option_function<int>(
           "--seconds", [&to = what](int seconds) { to.listen = std::chrono::seconds(seconds); },
-          "How long to listen (60)")
+          "Seconds to listen (60)")
       ->check(CLI::Range(1, 604800));
   command->add_option("--username", what.username, "MQTT user instead of the config's");
   auto* file = command->add_option("--password-file", what.password_file, "File of its password");
@@ -300,7 +301,7 @@ void add_init(CommandLine& line) {
   const auto [command, what] = line.add(
       "init", "Write a config, its broker's access rules, a unit drop-in and a Node-RED flow",
       run_init);
-  command->add_option("DIRECTORY", what.directory, "Where to write them (.)");
+  command->add_option("DIRECTORY", what.directory, "Directory of the files (.)");
   command->add_option("--id", what.answers.id, "Name of this agent (edge1)");
   command->add_option("--broker", what.answers.broker, "mqtt://host or mqtts://host");
   command->add_option("--user", what.answers.user, "User of the agent at the broker (none)");
@@ -344,13 +345,14 @@ void add_fleet(CommandLine& line) {
       command->add_option("--agents", what.agents, "Only these: a,b,c; push: in this order")
           ->delimiter(',');
   command->add_flag("--all", what.all, "push: to all agents of the broker")->excludes(agents);
-  command->add_option("--batch", what.batch, "push: how many agents at a time (1)")
+  command->add_option("--batch", what.batch, "push: number of agents at a time (1)")
       ->check(CLI::Range(1, 10000));
   command
       ->add_option_function<int>(
           "--wait-s", [&to = what](int wait) { to.wait_s = wait; },
-          "push: how long a batch may take (30, with --confirmed 120); status: how long nothing "
-          "arrives at the end, if this user may not publish (2)")
+          "push: seconds that a batch may take (30, with --confirmed 120); status: seconds without "
+          "a "
+          "message before it ends, if this user may not publish (2)")
       ->check(CLI::Range(1, 86400));
   command->add_flag("--confirmed", what.confirmed, "push: wait for the end of each trial");
   command->add_flag("--skip-offline", what.skip_offline, "push: leave out agents that are offline");
