@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "agent/cli/check/link_holders.h"
+#include "agent/cli/doctor/examined_device.h"
 #include "agent/cli/doctor/fixed_config.h"
 #include "agent/cli/doctor/guesses.h"
 #include "agent/cli/exit_status.h"
@@ -42,7 +43,6 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kLikelyTimeout{1000};  // of the first guesses, for a slow device
 constexpr std::size_t kLikelyGuesses = 4;
-constexpr milliseconds kPatience{2000};  // a device slower than its configured timeout is found
 constexpr std::size_t kMeasurements = 5;
 constexpr milliseconds kTurnaroundMargin{20};  // of a busy machine
 constexpr std::uint32_t kByteBits = 8;
@@ -51,8 +51,6 @@ constexpr milliseconds kGuessTimeout{250};
 // A guess of a scan has this many characters, request and answer together, at most; and greet() may
 // ask twice.
 constexpr int kGuessCharacters = 120;
-
-// ---- questions ----------------------------------------------------------------------------------
 
 /// Returns the word of the config for it.
 std::string word_of(Parity parity) {
@@ -70,98 +68,17 @@ LinkConfig with_line(LinkConfig link, const LineDefaults& line) {
   return link;
 }
 
-/// Returns the first question to a device; nullopt: none would be answered.
-std::optional<Request> first_question(const Codec& codec) {
-  if (codec.is_broadcast()) return std::nullopt;
-  if (const PlcServices* plc = codec.plc()) return plc->run_state();
-  return codec.presence();
-}
-
-/// Asks the first question, which there must be, after putting the receiver of the device into a
-/// known state.
-ProbeAnswer greet(LineProbe& probe, const Codec& codec, milliseconds timeout) {
-  if (const auto resync = codec.resync(); resync && codec.expects_reply(*resync)) {
-    const ProbeAnswer ready = probe.ask(codec, *resync, timeout);
-    if (!ready.is_answered()) return ready;
-  }
-  return probe.ask(codec, *first_question(codec), timeout);
-}
-
-/// True if the device itself has answered, even with a refusal.
-bool is_there(const ProbeAnswer& answer, const Codec& codec) {
-  return answer.is_answered() && !codec.is_from_gateway(answer.device_code);
-}
-
 // ---- doctor -------------------------------------------------------------------------------------
 
 LineDefaults line_of(const SerialSettings& serial) {
   return {serial.baud, serial.data_bits, serial.parity, serial.stop_bits};
 }
 
-milliseconds longest(const DeviceConfig& device) { return std::max(kPatience, device.timeout); }
-
 /// Returns the timeout of a guess: the likely ones have that of the device.
 milliseconds patience(const DeviceConfig& device, std::size_t guess) {
   return guess < kLikelyGuesses ? std::clamp(device.timeout, kGuessTimeout, kLikelyTimeout)
                                 : kGuessTimeout;
 }
-
-/// A device that answers.
-struct Patient {
-  LineProbe& probe;
-  const DeviceConfig& device;
-  std::shared_ptr<const Codec> codec;    ///< of the address and the model that it has
-  std::set<const TagConfig*> refused{};  ///< tags that it does not return
-
-  ProbeAnswer ask(const Request& question) const {
-    return probe.ask(*codec, question, longest(device));
-  }
-
-  /// Returns the image of the span, from its first bit on.
-  std::optional<Bytes> read(const Span& span) const {
-    for (const ReadWay& way : codec->addresses().read_ways(span.space)) {
-      const std::uint32_t before = span.first_bit % way.align_bits;
-      Span asked{span.space, span.first_bit - before, span.bits + before};
-      asked.bits += (way.unit_bits - asked.bits % way.unit_bits) % way.unit_bits;
-      const bool reaches = asked.first_bit >= way.first_bit && asked.end_bit() <= way.end_bit;
-      if (way.gather != 0 || !reaches || asked.bits > way.max_bits) continue;
-      const auto answer = ask(Read{asked, way.way});
-      if (answer.kind != ProbeAnswer::Kind::data) return std::nullopt;
-      return extract_bits(answer.image, before, span.bits);
-    }
-    return std::nullopt;
-  }
-
-  /// Returns the bit or word at this address; nullopt if there is no name, if the model lacks it,
-  /// or if it cannot be read.
-  std::optional<std::uint64_t> word_at(std::string_view name) const {
-    if (name.empty()) return std::nullopt;
-    const auto address = codec->addresses().parse_address(name, std::nullopt);
-    const auto image = address ? read(address->span) : std::nullopt;
-    return image ? std::optional(bits_at(*image, 0, address->span.bits)) : std::nullopt;
-  }
-
-  /// Returns the largest half, quarter and so on in which the whole read is answered, in bits; 0:
-  /// there is none, because a part does not exist.
-  std::uint32_t answered_in_parts(const Read& whole) const {
-    for (std::uint32_t bits = half_of(whole.span.bits); bits > 0; bits = half_of(bits)) {
-      bool is_answered = true;
-      for (std::uint32_t at = whole.span.first_bit; is_answered && at < whole.span.end_bit();
-           at += bits) {
-        const Span part{whole.span.space, at, std::min(bits, whole.span.end_bit() - at)};
-        is_answered = ask(Read{part, whole.way}).kind == ProbeAnswer::Kind::data;
-      }
-      if (is_answered) return bits;
-    }
-    return 0;
-  }
-
- private:
-  /// Returns half of it in whole words; 0 below one.
-  static std::uint32_t half_of(std::uint32_t bits) {
-    return bits <= kWordBits ? 0 : (bits / 2 + kWordBits - 1) / kWordBits * kWordBits;
-  }
-};
 
 class Doctor final {
  public:
@@ -213,7 +130,7 @@ class Doctor final {
       if (!first_question(*device->codec)) continue;
       LineProbe probe(link_, device->gap);
       if (const auto opened = probe.open(); !opened) return fault(kFailed, opened.error().text);
-      answer = greet(probe, *device->codec, longest(*device));
+      answer = greet(probe, *device->codec, longest_wait(*device));
       line_is_right_ = line_is_right_ || is_there(answer, *device->codec);
     }
     for (const auto& [device, answer] : first_answers) {
@@ -235,18 +152,18 @@ class Doctor final {
       return fault(kFailed, why_silent(device, answer));
     LineProbe probe(line, device.gap);
     if (const auto opened = probe.open(); !opened) return fault(kFailed, opened.error().text);
-    if (!is_there(answer, *codec)) answer = greet(probe, *codec, longest(device));
+    if (!is_there(answer, *codec)) answer = greet(probe, *codec, longest_wait(device));
     if (!is_there(answer, *codec))
       return fault(kFailed, "answers now and then: the last question had no answer");
     judge_echo(device, answer);
-    Patient patient{probe, device, codec};
-    judge_time(patient);
-    judge_model(patient);
-    judge_state(patient);
-    judge_blocks(patient, line.char_time);
-    judge_orders(patient);
+    ExaminedDevice examined{probe, device, codec};
+    judge_time(examined);
+    judge_model(examined);
+    judge_state(examined);
+    judge_blocks(examined, line.char_time);
+    judge_orders(examined);
     // The last question, because a device may close the connection at a function that it lacks.
-    if (const auto question = patient.codec->identity()) note_identity(patient.ask(*question));
+    if (const auto question = examined.codec->identity()) note_identity(examined.ask(*question));
   }
 
   /// Finds a silent device at another line, which goes into `line`, or at another address. True if
@@ -359,11 +276,11 @@ class Doctor final {
     change({"devices", device.name, "", "echo", answer.echo ? "true" : "false"});
   }
 
-  void judge_time(const Patient& patient) {
-    const DeviceConfig& device = patient.device;
+  void judge_time(const ExaminedDevice& examined) {
+    const DeviceConfig& device = examined.device;
     std::vector<milliseconds> times;
     for (std::size_t i = 0; i < kMeasurements; ++i)
-      if (const auto answer = patient.ask(*first_question(*patient.codec)); answer.is_answered())
+      if (const auto answer = examined.ask(*first_question(*examined.codec)); answer.is_answered())
         times.push_back(answer.turnaround);
     if (times.size() < kMeasurements)
       return fault(kFailed, "answers " + std::to_string(times.size()) + " of " +
@@ -390,11 +307,11 @@ class Doctor final {
   }
 
   /// Sets the codec to that of the model which the device reports.
-  void judge_model(Patient& patient) {
-    const PlcServices* plc = patient.codec->plc();
+  void judge_model(ExaminedDevice& examined) {
+    const PlcServices* plc = examined.codec->plc();
     if (plc == nullptr) return;
     std::vector<Bytes> images;
-    for (const Request& question : plc->identify()) images.push_back(patient.ask(question).image);
+    for (const Request& question : plc->identify()) images.push_back(examined.ask(question).image);
     const auto model = plc->model_from(images);
     if (!model) return note("model: not reported");
     note("model " + *model);
@@ -402,9 +319,9 @@ class Doctor final {
     if (*model == configured) return;
     if (!configured.empty()) {
       fault(kDiffers, "the config says " + configured);
-      change({"devices", patient.device.name, "", "model", json_string(*model)});
+      change({"devices", examined.device.name, "", "model", json_string(*model)});
     }
-    patient.codec = plc->with_model(*model);
+    examined.codec = plc->with_model(*model);
   }
 
   void note_identity(const ProbeAnswer& answer) {
@@ -413,32 +330,32 @@ class Doctor final {
          (is_named ? std::string(answer.image.begin(), answer.image.end()) : "not reported"));
   }
 
-  void judge_state(const Patient& patient) {
-    const PlcServices* plc = patient.codec->plc();
+  void judge_state(const ExaminedDevice& examined) {
+    const PlcServices* plc = examined.codec->plc();
     if (plc == nullptr) return;
-    const auto state = patient.ask(plc->run_state());
+    const auto state = examined.ask(plc->run_state());
     if (const auto run = plc->run_state_from(state.image)) note(*run ? "RUN" : "STOP");
     const SpecialDevices special = plc->special_devices();
-    if (const auto low = patient.word_at(special.battery_low))
+    if (const auto low = examined.word_at(special.battery_low))
       note((*low != 0 ? "battery low (" : "battery good (") + std::string(special.battery_low) +
            ")");
-    const bool has_error = patient.word_at(special.has_error).value_or(0) != 0;
-    if (const auto error = patient.word_at(special.error); error && has_error)
+    const bool has_error = examined.word_at(special.has_error).value_or(0) != 0;
+    if (const auto error = examined.word_at(special.error); error && has_error)
       note("error word " + std::string(special.error) + " = " + std::to_string(*error));
     const bool is_valid =
-        special.clock_copied.empty() || patient.word_at(special.clock_copied).value_or(0) != 0;
-    const auto first = patient.codec->addresses().parse_address(special.clock_at, std::nullopt);
+        special.clock_copied.empty() || examined.word_at(special.clock_copied).value_or(0) != 0;
+    const auto first = examined.codec->addresses().parse_address(special.clock_at, std::nullopt);
     if (special.clock == SpecialDevices::Clock::none || !is_valid || !first) return;
     Span words = first->span;
     words.bits *= clock_words(special.clock);
-    const auto image = patient.read(words);
+    const auto image = examined.read(words);
     if (const auto text = image ? clock_text(special.clock, *image) : std::nullopt)
       note("clock " + *text);
   }
 
   /// Tries every read of the plan.
-  void judge_blocks(Patient& patient, std::chrono::nanoseconds char_time) {
-    const DeviceConfig& device = patient.device;
+  void judge_blocks(ExaminedDevice& examined, std::chrono::nanoseconds char_time) {
+    const DeviceConfig& device = examined.device;
     std::uint32_t longest_bits = 0;
     std::uint32_t limit_bits = 0;  // 0: none was found
     for (std::size_t g = 0; g < device.groups.size(); ++g) {
@@ -450,22 +367,22 @@ class Doctor final {
         tags.push_back(&tag);
       }
       const Plan plan =
-          make_plan(*patient.codec, points, cost_of(device, char_time, device.turnaround),
+          make_plan(*examined.codec, points, cost_of(device, char_time, device.turnaround),
                     device.max_block_bytes);
       for (const PlannedRead& planned : plan.reads) {
         const Read& whole = planned.read;
         if (whole.gather != 0) continue;
-        const auto answer = patient.ask(whole);
+        const auto answer = examined.ask(whole);
         if (answer.kind == ProbeAnswer::Kind::data)
           longest_bits = std::max(longest_bits, whole.span.bits);
         if (answer.kind != ProbeAnswer::Kind::refused) continue;
-        const std::uint32_t fits = patient.answered_in_parts(whole);
+        const std::uint32_t fits = examined.answered_in_parts(whole);
         const std::string place =
-            patient.codec->addresses().name_of({whole.span.space, whole.span.first_bit, 1});
+            examined.codec->addresses().name_of({whole.span.space, whole.span.first_bit, 1});
         note("a read of " + bytes_text(whole.span.bits) + " at " + place +
              " is refused: " + answer.text);
         if (fits == 0)
-          for (const std::uint32_t each : planned.points) judge_tag(patient, whole, *tags[each]);
+          for (const std::uint32_t each : planned.points) judge_tag(examined, whole, *tags[each]);
         else
           limit_bits = limit_bits == 0 ? fits : std::min(limit_bits, fits);
       }
@@ -477,15 +394,15 @@ class Doctor final {
   }
 
   /// Reads a tag of a refused read by itself.
-  void judge_tag(Patient& patient, const Read& refused, const TagConfig& tag) {
+  void judge_tag(ExaminedDevice& examined, const Read& refused, const TagConfig& tag) {
     const auto span = span_of(tag.point);
     const bool is_inside = span && span->first_bit >= refused.span.first_bit &&
                            span->end_bit() <= refused.span.end_bit();
-    if (!is_inside || patient.read(*span)) return;
-    patient.refused.insert(&tag);
+    if (!is_inside || examined.read(*span)) return;
+    examined.refused.insert(&tag);
     fault(kDiffers, "tag " + std::string(std::string_view(tag.name)) +
                         ": the device does not return " + bytes_text(span->bits) + " at " +
-                        patient.codec->addresses().name_of({span->space, span->first_bit, 1}) +
+                        examined.codec->addresses().name_of({span->space, span->first_bit, 1}) +
                         "; correct the address, or remove the tag");
   }
 
@@ -493,13 +410,13 @@ class Doctor final {
     return std::to_string((bits + kByteBits - 1) / kByteBits) + " bytes";
   }
 
-  void judge_orders(const Patient& patient) {
-    for (const TagConfig& tag : patient.device.tags) {
+  void judge_orders(const ExaminedDevice& examined) {
+    for (const TagConfig& tag : examined.device.tags) {
       const auto span = span_of(tag.point);
       if (!span || !has_word_order(tag.point) || span->bits != 2 * kWordBits) continue;
-      if (patient.refused.contains(&tag)) continue;
+      if (examined.refused.contains(&tag)) continue;
       const std::string name(std::string_view(tag.name));
-      const auto image = patient.read(*span);
+      const auto image = examined.read(*span);
       if (!image) {
         note(name + ": cannot be read");
         continue;
@@ -512,7 +429,7 @@ class Doctor final {
       const auto order = likelier_order(tag.point, *image, span->first_bit);
       if (!order) continue;
       fault(kDiffers, "the word order of " + name + " is probably wrong");
-      change({"devices", patient.device.name, name, "word_order",
+      change({"devices", examined.device.name, name, "word_order",
               json_string(std::string(to_string(*order)))});
     }
   }
