@@ -69,7 +69,8 @@ std::string why_no_port(const std::string& path, const std::string& file) {
   const bool is_agent = holder->program == kOurName;
   if (is_agent && is_called_with(holder->pid, file)) return {};
   return shown(path) + " is in use by another program: " + holder->program + ", pid " +
-         std::to_string(holder->pid) + (is_agent ? ", which runs another config" : "");
+         std::to_string(holder->pid) + (is_agent ? ", which runs another config" : "") +
+         "; end it, or use another port";
 }
 
 }  // namespace

@@ -513,7 +513,7 @@ int run_doctor(const std::string& path, const std::string& fix) {
 int run_scan(const std::string& port) {
   log::set_level(log::Level::error);
   if (const auto holder = port_holder(port))
-    return refused(port, "another program uses it: " + holder->text(), kHeld);
+    return refused(port, "another program uses it: " + holder->text() + "; end it first", kHeld);
   struct Guess {
     const ProtocolInfo* protocol;
     LineDefaults line;
