@@ -314,69 +314,35 @@ void RandomCommands::spoil(SentCommand& sent, Json& command) {
   command["op"] = sent.op = "write";
   command["value"] = fresh();
   const Json right{{"tag", "w0"}, {"value", fresh()}};
-  switch (fate_.between(0, 17)) {
-    case 0:
-      command["tag"] = "nothing";
-      break;
-    case 1:
-      command.update(name_of(sent.device, {"", Kind::word, 100}));  // a tag, not in allow
-      break;
-    case 2:
-      command["tag"] = "ro";
-      break;
-    case 3:
-      command.erase("value");
-      command["tag"] = "w1";
-      break;
-    case 4:
-      command.update({{"tag", "w1"}, {"value", 70000}});
-      break;
-    case 5:
-      command.update({{"tag", "w1"}, {"value", "eleven"}});
-      break;
-    case 6:
-      command.update({{"tag", "lim980"}, {"value", 200.0}});
-      break;
-    case 7:
-      command.update({{"tag", "w1"}, {"valeu", 4}});
-      break;
-    case 8:
-      command.update({{"tag", "w1"}, {"op", "reset"}});
-      sent.op = "reset";
-      break;
-    case 9:
-      command.update({{"tag", "w1"}, {"status", "SUCCEEDED"}});
-      break;
-    case 10: {
-      command.erase("value");
-      command["targets"] = {right, Json{{"tag", "nothing"}, {"value", 1}}, right};
-      break;
-    }
-    case 11: {
-      command.erase("value");
-      command["targets"] = Json::array();
-      for (int i = 0; i < 65; ++i) command["targets"].push_back(right);
-      break;
-    }
-    case 12:
-      command.update({{"tag", "w1"}, {"expect", nullptr}});
-      break;
-    case 13:
-      command.update({{"tag", "w1"}, {"count", 2}});
-      break;
-    case 14:
-      command.update({{"tag", "t0"}, {"op", "force_on"}});
-      break;
-    case 15:
-      command.update({{"tag", "w1"}, {"op", "stop"}});
-      break;
-    case 16:
-      command.update({{"tag", "s2"}, {"value", "nine char"}});
-      break;
-    default:
-      command["tag"] = "w1";
-      sent.retained = true;
-  }
+  const auto w1_with = [](const char* key, Json value) {
+    return Json{{"tag", "w1"}, {key, std::move(value)}};
+  };
+  const Json faults = Json::array({
+      {{"tag", "nothing"}},
+      name_of(sent.device, {"", Kind::word, 100}),  // a tag, not in allow
+      {{"tag", "ro"}},
+      w1_with("value", 70000),
+      w1_with("value", "eleven"),
+      {{"tag", "lim980"}, {"value", 200.0}},
+      w1_with("valeu", 4),
+      w1_with("op", "reset"),
+      w1_with("status", "SUCCEEDED"),
+      w1_with("expect", nullptr),
+      w1_with("count", 2),
+      {{"tag", "t0"}, {"op", "force_on"}},
+      w1_with("op", "stop"),
+      {{"tag", "s2"}, {"value", "nine char"}},
+      {{"tag", "w1"}},  // retained
+      // Without `value` in the command itself:
+      {{"tag", "w1"}},
+      {{"targets", Json::array({right, {{"tag", "nothing"}, {"value", 1}}, right})}},
+      {{"targets", Json::array_t(65, right)}},
+  });
+  const int fault = fate_.between(0, 17);
+  if (fault >= 15) command.erase("value");
+  command.update(faults[static_cast<std::size_t>(fault)]);
+  if (command["op"] == "reset") sent.op = "reset";
+  sent.retained = fault == 14;
 }
 
 void RandomCommands::make_unreadable(SentCommand& sent) {
