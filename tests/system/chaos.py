@@ -76,7 +76,7 @@ class Chaos:
         self.ledger.ramps = self.plant.ramps()
         self.ledger.on_shared_lines = self.plant.on_shared_lines()
         self.relay = Relay(self.broker.port, self.ledger)
-        self.relay.start()
+        self.relay.listen()
         self.stack.callback(self.relay.stop)
         self.consumer = Consumer(self.broker.port, self.ledger, self.seed)
         self.consumer.start()
@@ -204,7 +204,7 @@ class Chaos:
             self.relay.cut()
         elif act.kind == "refused":
             self.relay.refuse()
-            return self.relay.accept
+            return self.relay.listen
         elif act.kind == "slow":
             more = dict(act.more)
             self.relay.slow_down(more["seconds"], more["bytes"])

@@ -6,9 +6,8 @@ import asyncio
 import collections
 import socket
 import struct
-import threading
 
-from plant import PATIENCE, free_port
+import relays
 
 CONNECT, CONNACK, PUBLISH, PUBACK = 1, 2, 3, 4
 
@@ -119,122 +118,70 @@ class Nobody:
     broker_has = connected = connection_over = command_taken = agent_sent
 
 
-class Relay:
-    """Listens on `port` and forwards to the broker, in its own thread."""
+class Relay(relays.Relay):
+    """The way to the broker, in its own thread."""
 
     def __init__(self, broker_port, ledger):
-        self.broker_port = broker_port
+        super().__init__(relays.Loop(), broker_port)
         self.ledger = ledger
-        self.port = free_port()
-        self.connections = {}
         self.numbers = 0
-        self.server = None
         self.seconds_a_chunk = 0.0
         self.bytes_a_second = None
         self.struck = collections.Counter()  # effects on bytes and connections
-        self.loop = asyncio.new_event_loop()
-        self.thread = threading.Thread(target=self.loop.run_forever, name="relay", daemon=True)
-
-    def start(self):
-        self.thread.start()
-        self._call(self._start())
+        self.flowing = asyncio.Event()
+        self.flowing.set()
 
     def stop(self):
-        self._call(self._cut())
-        self.loop.call_soon_threadsafe(self.loop.stop)
-        self.thread.join(PATIENCE)
+        self.cut()
+        self.loop.close()
 
-    # --- Faults of the connection, called from any thread.
+    # --- More faults of the connection, called from any thread.
 
     def silence(self):
         """Stops all traffic without closing connections. New clients are accepted and get no answer."""
-        self.loop.call_soon_threadsafe(self.flowing.clear)
+        self.loop.post(self.flowing.clear)
 
     def resume(self):
         """Resumes all traffic at full speed and delivers what was held back."""
-        self.loop.call_soon_threadsafe(self.flowing.set)
+        self.loop.post(self.flowing.set)
         self.seconds_a_chunk, self.bytes_a_second = 0.0, None
 
     def slow_down(self, seconds_a_chunk, bytes_a_second):
         self.seconds_a_chunk, self.bytes_a_second = seconds_a_chunk, bytes_a_second
 
-    def cut(self):
-        """Resets every connection and discards what was held back."""
-        self._call(self._cut())
-
-    def refuse(self):
-        self._call(self._refuse())
-
-    def accept(self):
-        self._call(self._listen())
-
-    def _call(self, coroutine):
-        return asyncio.run_coroutine_threadsafe(coroutine, self.loop).result(PATIENCE)
-
-    async def _start(self):
-        self.flowing = asyncio.Event()
-        self.flowing.set()
-        await self._listen()
-
-    async def _listen(self):
-        if self.server is None:
-            self.server = await asyncio.start_server(self._serve, "127.0.0.1", self.port)
+    # --- In the loop.
 
     async def _refuse(self):
-        if self.server is not None:
-            self.server.close()
-            self.server = None
-            self.struck["refused"] += 1
-        await self._cut()
+        self.struck["refused"] += self.server is not None
+        await super()._refuse()
 
     async def _cut(self):
-        connections = list(self.connections.items())
-        self.struck["connections cut"] += len(connections)
-        for pumps, writers in connections:
-            for writer in writers:
-                reset(writer)
-            pumps.cancel()
-        await asyncio.gather(*(pumps for pumps, _ in connections), return_exceptions=True)
+        self.struck["connections cut"] += sum(len(writers) == 2 for writers in self.connections.values())
+        await super()._cut()
 
-    async def _serve(self, agent_reader, agent_writer):
+    async def accepted(self, _reader, _writer):
         await self.flowing.wait()
-        try:
-            broker_reader, broker_writer = await asyncio.open_connection("127.0.0.1", self.broker_port)
-        except OSError:
-            return reset(agent_writer)
+
+    async def carry(self, up, down):
         self.numbers += 1
         tap = Tap(self.ledger, self.numbers)
-        pumps = asyncio.gather(self._pump(agent_reader, broker_writer, tap.from_agent),
-                               self._pump(broker_reader, agent_writer, tap.from_broker))
-        self.connections[pumps] = (agent_writer, broker_writer)
         try:
-            await pumps
-        except (OSError, asyncio.CancelledError):
-            pass
+            await relays.until_one_ends(relays.forward(*up, lambda data: self._pass(data, tap.from_agent)),
+                                        relays.forward(*down, lambda data: self._pass(data, tap.from_broker)))
         finally:
-            del self.connections[pumps]
             tap.over()
-            agent_writer.close()
-            broker_writer.close()
 
-    async def _pump(self, reader, writer, note):
-        while True:
-            await self.flowing.wait()
-            data = await reader.read(65536)
-            if not data:
-                raise ConnectionResetError  # ends the other direction too
-            note(data)
-            if self.bytes_a_second:
-                self.struck["chunks slowed down"] += 1
-                await asyncio.sleep(self.seconds_a_chunk + len(data) / self.bytes_a_second)
-            if not self.flowing.is_set():
-                self.struck["chunks held back"] += 1
-            await self.flowing.wait()
-            writer.write(data)
-            await writer.drain()
+    async def _pass(self, data, note):
+        note(data)
+        if self.bytes_a_second:
+            self.struck["chunks slowed down"] += 1
+            await asyncio.sleep(self.seconds_a_chunk + len(data) / self.bytes_a_second)
+        if not self.flowing.is_set():
+            self.struck["chunks held back"] += 1
+        await self.flowing.wait()
 
-
-def reset(writer):
-    with_rst = struct.pack("ii", 1, 0)
-    writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, with_rst)
-    writer.transport.abort()
+    @staticmethod
+    def end(writer):
+        with_rst = struct.pack("ii", 1, 0)
+        writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, with_rst)
+        writer.transport.abort()

@@ -82,7 +82,7 @@ def run(plant, cluster, given, kinds, chance):
         if kind not in kinds or not names:
             continue
         at, mono, restarts = time.time(), time.monotonic(), cluster.restarts()
-        {"kill": node.kill, "pause": node.pause, "cut": node.proxy.cut, "split": node.split}[kind]()
+        {"kill": node.kill, "pause": node.pause, "cut": node.proxy.cut_off, "split": node.split}[kind]()
         time.sleep(lasts := chance.uniform(*given.fault_s))
         {"kill": node.start, "pause": node.resume, "cut": node.proxy.heal, "split": node.join}[kind]()
         back = time.time()
@@ -94,7 +94,7 @@ def run(plant, cluster, given, kinds, chance):
             print(f"  {len(single)} queues are still without a second copy", flush=True)
         away = [seconds for seconds in plant.reconnects(names, at) if seconds != float("inf")]  # the others stayed
         times[kind] += away
-        tried = [when for when, *_ in cluster.proxies.connects if mono < when < mono + 15]
+        tried = [when for when, *_ in cluster.connects if mono < when < mono + 15]
         accepted = [when for name in plant.names for when, what, *_ in plant.events(name)
                     if what == "broker_connected" and at < when < at + 15]
         others = sum(1 for name in plant.names for when, what, server, _ in plant.events(name)

@@ -73,7 +73,7 @@ class Cluster(unittest.TestCase):
             # Without the dead node: its return takes up to 35 s. The clients of the second one receive nothing more.
             names = plant.on_node(second)
             self.assertNotEqual(names, [])
-            second.proxy.cut()
+            second.proxy.cut_off()
             self.moved(plant, names, second)
             self.more_samples(plant, plant.names)
             self.more_results(plant)

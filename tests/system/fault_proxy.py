@@ -34,6 +34,7 @@ os.environ.setdefault("FXSIM", os.path.join(BUILD, "tests", "sim", "fxsim"))
 
 import paho.mqtt.client as mqtt
 
+import relays
 from chaos_ledger import SCAN_S, Ramp
 from plant import BASE, Agent, Broker, Sim, config_of
 
@@ -69,10 +70,11 @@ def place(row, what, number):
     return f"{modbus if row.startswith('modbus') else other}{number}"
 
 
-class Proxy:
+class Proxy(relays.Relay):
     """The line to one device, in the common event loop. The bytes of one recv() count as a frame."""
 
-    def __init__(self, row, faults, seed):
+    def __init__(self, loop, device_port, row, faults, seed):
+        super().__init__(loop, device_port)
         self.row, self.faults = row, faults
         self.rng = random.Random(f"{seed}/{row}")
         self.done = collections.Counter()
@@ -121,17 +123,12 @@ class Proxy:
 
     # --- Streams.
 
-    async def serve(self, reader, writer):
-        device_reader, device_writer = await asyncio.open_connection("127.0.0.1", self.device_port)
-        self.sends = writer.write
-        to_agent = (lambda frame: self.sends(frame)) if self.row in SERIAL else writer.write
-        pumps = [asyncio.ensure_future(self.pump(reader, device_writer.write, self.question,
-                                                 writer.write if self.faults == "echo" else None)),
-                 asyncio.ensure_future(self.pump(device_reader, to_agent, self.answer, None))]
-        await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
-        for end in (*pumps, device_writer.transport, writer.transport):
-            end.cancel() if isinstance(end, asyncio.Future) else end.abort()
-        await asyncio.gather(*pumps, return_exceptions=True)
+    async def carry(self, up, down):
+        self.sends = down[1].write
+        to_agent = (lambda frame: self.sends(frame)) if self.row in SERIAL else self.sends
+        await relays.until_one_ends(
+            self.pump(up[0], up[1].write, self.question, down[1].write if self.faults == "echo" else None),
+            self.pump(down[0], to_agent, self.answer, None))
 
     async def pump(self, reader, send, fault, echo):
         while data := await reader.read(65536):
@@ -151,14 +148,10 @@ class Proxy:
 
     # --- Datagrams: each port of the agent has its own port towards the device.
 
-    async def listen(self, device_port):
-        self.device_port = device_port
-        loop = asyncio.get_running_loop()
+    async def _listen(self):
         if self.row != "udp":
-            self.server = await asyncio.start_server(self.serve, "127.0.0.1", 0)
-            self.port = self.server.sockets[0].getsockname()[1]
-            return
-        proxy, upstreams = self, {}
+            return await super()._listen()
+        loop, proxy, upstreams = asyncio.get_running_loop(), self, {}
 
         class Upstream(asyncio.DatagramProtocol):
             def __init__(self, agent):
@@ -174,7 +167,7 @@ class Proxy:
             async def forward(self, data, agent):
                 if agent not in upstreams:
                     upstreams[agent], _ = await loop.create_datagram_endpoint(
-                        lambda: Upstream(agent), remote_addr=("127.0.0.1", device_port))
+                        lambda: Upstream(agent), remote_addr=("127.0.0.1", proxy.upstream))
                     while len(upstreams) > 50:
                         upstreams.pop(next(iter(upstreams))).close()
                 proxy.send(proxy.question(data), upstreams[agent].sendto)
@@ -254,11 +247,10 @@ class Plant:
         self.sim = Sim(directory, [self.plc(row) for row in self.rows])
         self.broker.start()
         self.sim.start()
-        self.loop = asyncio.new_event_loop()
-        self.proxies = {row: Proxy(row, options.faults, options.seed) for row in self.rows}
-        threading.Thread(target=self.loop.run_forever, daemon=True).start()
-        for row, proxy in self.proxies.items():
-            asyncio.run_coroutine_threadsafe(proxy.listen(self.sim.ports[row]), self.loop).result()
+        loop = relays.Loop()
+        self.proxies = {row: Proxy(loop, self.sim.ports[row], row, options.faults, options.seed) for row in self.rows}
+        for proxy in self.proxies.values():
+            proxy.listen()
         self.client = mqtt.Client(f"judge-{options.seed}")
         self.judges = {row: Judge(row, self.sim, self.client, options.seed) for row in self.rows}
         subscribed = threading.Event()

@@ -77,7 +77,7 @@ class Chaos:
             broker = Broker(self.directory, BROKER_CONF.format(directory=kept))
             broker.start()
             relay = Relay(broker.port, self.ledger)
-            relay.start()
+            relay.listen()
             self.brokers.append(broker)
             self.relays.append(relay)
             self.add_consumer(f"all-{name}", broker)

@@ -33,7 +33,7 @@ class Kills(PairTest):
         self.start_plant(lifetime_s=20 * ARGUMENTS.kills + 600)
         cuts = {name: Relay(self.broker.port, Nobody()) for name in "ab"}
         for name in "ab":
-            cuts[name].start()
+            cuts[name].listen()
             self.start_member(name, config=self.config(name, port=cuts[name].port))
         self.data()
         stop = threading.Event()

@@ -9,7 +9,8 @@ import threading
 import time
 import tty
 
-from plant import BASE, Agent, PlantTest, Sim, Watcher, config_of, device, free_port, wait_for
+import relays
+from plant import BASE, Agent, PlantTest, Sim, Watcher, config_of, device, wait_for
 
 QUIET_MS = 1500
 
@@ -38,55 +39,32 @@ class Masters(Requests):
 
     def __init__(self, plc_port, names):
         super().__init__()
-        self.plc_port = plc_port
-        self.ports = {name: free_port() for name in names}
         self.delay = 0.0  # of requests on their way to the PLC, after they were recorded
-        self.loop = asyncio.new_event_loop()
-        self.ready = threading.Event()
-        self.thread = threading.Thread(target=self._run, daemon=True)
-        self.thread.start()
-        assert self.ready.wait(30)
-
-    def _run(self):
-        asyncio.set_event_loop(self.loop)
-        for name, port in self.ports.items():
-            self.loop.run_until_complete(asyncio.start_server(
-                lambda r, w, name=name: self._serve(r, w, name), "127.0.0.1", port, reuse_address=True))
-        self.ready.set()
-        self.loop.run_forever()
-
-    async def _serve(self, reader, writer, name):
-        try:
-            plc_reader, plc_writer = await asyncio.open_connection("127.0.0.1", self.plc_port)
-        except OSError:
-            writer.close()
-            return
-        async def up():
-            while data := await reader.read(4096):
-                self.requests.append((time.monotonic(), name))
-                if self.delay:
-                    await asyncio.sleep(self.delay)
-                plc_writer.write(data)
-                await plc_writer.drain()
-        async def down():
-            while data := await plc_reader.read(4096):
-                writer.write(data)
-                await writer.drain()
-        tasks = [asyncio.ensure_future(up()), asyncio.ensure_future(down())]
-        try:
-            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            plc_writer.close()
-            writer.close()
+        self.loop = relays.Loop()
+        self.ways = {name: Way(self, name, plc_port) for name in names}
+        for way in self.ways.values():
+            way.listen()
 
     def link(self, name):
-        return {"tcp": {"host": "127.0.0.1", "port": self.ports[name]}}
+        return {"tcp": {"host": "127.0.0.1", "port": self.ways[name].port}}
 
     def close(self):
-        self.loop.call_soon_threadsafe(self.loop.stop)
-        self.thread.join(10)
+        self.loop.close()
+
+
+class Way(relays.Relay):
+    """One agent's way to the PLC."""
+
+    def __init__(self, masters, name, plc_port):
+        super().__init__(masters.loop, plc_port)
+        self.masters, self.name = masters, name
+
+    async def carry(self, up, down):
+        await relays.until_one_ends(relays.forward(*up, self.record), relays.forward(*down))
+
+    async def record(self, _request):
+        self.masters.requests.append((time.monotonic(), self.name))
+        await asyncio.sleep(self.masters.delay)
 
 
 class SerialBus(Requests):

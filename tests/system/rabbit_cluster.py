@@ -7,7 +7,6 @@ by their pid, also if this process dies. The kernel ends a node with the thread 
 docs/operate/cluster.md shows CONFIG and POLICY as the config that was tested. Its script runs here as it stands there.
 """
 
-import asyncio
 import contextlib
 import json
 import os
@@ -21,6 +20,8 @@ import subprocess
 import sys
 import threading
 import time
+
+import relays
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
 from files import write_text
@@ -91,105 +92,35 @@ def mqtt_answers(port, patience=3.0):
     return False
 
 
-class Proxies:
-    """The proxies of all nodes, in one thread. `connects` has (time, node, port of the client) of each accepted TCP
-    connection."""
-
-    def __init__(self):
-        self.loop = asyncio.new_event_loop()
-        self.thread = threading.Thread(target=self.loop.run_forever, daemon=True)
-        self.thread.start()
-        self.connects = []
-
-    def run(self, coroutine):
-        return asyncio.run_coroutine_threadsafe(coroutine, self.loop).result(30)
-
-    def close(self):
-        self.loop.call_soon_threadsafe(self.loop.stop)
-        self.thread.join()
-        self.loop.close()
-
-
-class Proxy:
-    """Forwards one port. cut() is a network that delivers nothing and reports nothing; it accepts connections, as
+class Proxy(relays.Relay):
+    """The way to one node. cut_off() is a network that delivers nothing and reports nothing; it accepts connections, as
     the kernel of a paused machine does."""
 
-    def __init__(self, proxies, node, upstream):
-        self.proxies, self.node, self.upstream = proxies, node, upstream
-        self.port = free_port()
-        self.server = None
+    def __init__(self, cluster, node, upstream):
+        super().__init__(cluster.loop, upstream)
+        self.connects, self.node = cluster.connects, node
         self.is_cut = False
-        self.open = set()  # writers of both sides
-        self.pumps = set()
 
-    def listen(self):
-        self.proxies.run(self._listen())
-
-    async def _listen(self):
-        if self.server is None:
-            self.server = await asyncio.start_server(self._serve, "127.0.0.1", self.port, backlog=512)
-
-    def refuse(self):
-        """Refuses connections and closes the existing ones, as the kernel does for a process that has died."""
-        self.proxies.run(self._refuse())
-
-    async def _refuse(self):
-        if self.server is not None:
-            self.server.close()
-            self.server = None
-        self._abort()
-
-    def cut(self):
-        self.proxies.loop.call_soon_threadsafe(setattr, self, "is_cut", True)
+    def cut_off(self):
+        self.loop.post(setattr, self, "is_cut", True)
 
     def heal(self):
         """Forwards again. Connections of the time before end, since their bytes are lost."""
-        self.proxies.run(self._heal())
+        self.loop.post(setattr, self, "is_cut", False)
+        self.cut()
 
-    async def _heal(self):
-        self.is_cut = False
-        self._abort()
+    async def accepted(self, reader, writer):
+        self.connects.append((time.monotonic(), self.node, writer.get_extra_info("peername")[1]))
+        if self.is_cut:
+            while await reader.read(65536):
+                pass
+            raise ConnectionResetError
 
-    def _abort(self):
-        for writer in list(self.open):
-            writer.transport.abort()
-        for pump in list(self.pumps):
-            pump.cancel()
+    async def carry(self, up, down):
+        await relays.until_one_ends(relays.forward(*up, self.arrives), relays.forward(*down, self.arrives))
 
-    async def _serve(self, reader, writer):
-        self.proxies.connects.append((time.monotonic(), self.node, writer.get_extra_info("peername")[1]))
-        self.open.add(writer)
-        other = None
-        try:
-            if self.is_cut:
-                self.pumps.add(task := asyncio.current_task())
-                task.add_done_callback(self.pumps.discard)
-                while await reader.read(65536):
-                    pass
-                return
-            other_reader, other = await asyncio.open_connection("127.0.0.1", self.upstream)
-            self.open.add(other)
-            pumps = {asyncio.ensure_future(self._pump(reader, other)),
-                     asyncio.ensure_future(self._pump(other_reader, writer))}
-            self.pumps |= pumps
-            await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
-            for pump in pumps:
-                pump.cancel()
-            await asyncio.gather(*pumps, return_exceptions=True)
-            self.pumps -= pumps
-        except (OSError, asyncio.CancelledError):
-            pass
-        finally:
-            for each in (writer, other):
-                if each is not None:
-                    each.transport.abort()
-                    self.open.discard(each)
-
-    async def _pump(self, reader, writer):
-        while data := await reader.read(65536):
-            if not self.is_cut:
-                writer.write(data)
-                await writer.drain()
+    async def arrives(self, _data):
+        return not self.is_cut
 
 
 class Node:
@@ -201,7 +132,7 @@ class Node:
         self.mqtt_port, self.amqp_port, self.dist_port = free_port(), free_port(), free_port()
         self.log_path = os.path.join(self.directory, "output.log")
         self.process = None
-        self.proxy = Proxy(cluster.proxies, number, self.mqtt_port)
+        self.proxy = Proxy(cluster, number, self.mqtt_port)
         self.lock = threading.RLock()  # of `process`: a Rejoin restarts the node in its own thread
 
     @property
@@ -358,7 +289,8 @@ class RabbitCluster:
         self.directory = os.path.join(directory, "rabbit")
         os.mkdir(self.directory)
         write_text(os.path.join(self.directory, ".erlang.cookie"), secrets.token_hex(20), 0o400)
-        self.proxies = Proxies()
+        self.loop = relays.Loop()  # of the proxies
+        self.connects = []  # (time, node, port of the client) of each TCP connection that a proxy has accepted
         self.epmd_port = free_port()
         self.epmd = None
         self.nodes = [Node(self, number) for number in range(1, nodes + 1)]
@@ -469,7 +401,7 @@ class RabbitCluster:
             self.epmd.kill()
             self.epmd.wait()
             self.epmd = None
-        self.proxies.close()
+        self.loop.close()
 
 
 def main():
