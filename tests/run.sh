@@ -22,7 +22,6 @@ if [ -z "${BUILD_TARGETS:-}" ]; then
   "$root/tests/npm.sh" "$root/tests/system/peers/node-red" "$build/npm/node-red"
   "$root/tests/npm.sh" "$root/tests/system/peers/browser" "$build/npm/browser"
   "$root/tests/npm.sh" "$root/tests/system/peers/describe" "$build/npm/describe"
-  "$root/tests/npm.sh" "$root/tests/bench/node" "$build/npm/bench"
 fi
 # shellcheck disable=SC2086 # several targets
 cmake --build "$build" ${BUILD_TARGETS:+--target $BUILD_TARGETS}

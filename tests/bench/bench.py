@@ -1,6 +1,6 @@
 """Measures the agent at the limit of the wire, next to hand-written bridges, and alone at the limit of its size. One
 run on one machine; prints a table and writes the same as JSON. run.sh calls it. FXAGENT and FXSIM name the programs,
-NODE_BRIDGE a folder with bridge.js and its node_modules.
+NODE_PEERS the folder with the npm packages of tests/system/peers/node.
 
 bench.py [--only a,b,c,d,e,f,g,h,i,j,k] [--json FILE] [--seconds N] [--share F] [--smoke]
 """
@@ -193,7 +193,7 @@ def main():
         Bench.share = rig.CpuShare(options.share)
         atexit.register(Bench.share.close)
     parts, peers = options.only.split(","), options.peers.split(",")
-    if options.smoke and not os.path.isdir(os.path.join(os.environ["NODE_BRIDGE"], "node_modules")):
+    if options.smoke and not os.path.isdir(os.path.join(os.environ["NODE_PEERS"], "node_modules")):
         print("node: left out, since its packages could not be had from npm")
         peers.remove("node")
     out = {"machine": machine(), "seconds": options.seconds, "share": options.share}

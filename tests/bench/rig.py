@@ -1,5 +1,5 @@
 """The common base of the bench: a broker, a simulator and one peer for each measurement, and the printed table.
-Programs come from the environment: FXAGENT, FXSIM, NODE_BRIDGE.
+Programs come from the environment: FXAGENT, FXSIM, NODE_PEERS.
 """
 
 import contextlib
@@ -146,8 +146,8 @@ class Bench:
             for d, port, count in devices]})
         if name == "python":
             return self.spawn(["/usr/bin/python3", os.path.join(HERE, "bridge.py"), config])
-        folder = os.environ["NODE_BRIDGE"]
-        return self.spawn(["node", "bridge.js", config], cwd=folder)
+        modules = os.path.join(os.environ["NODE_PEERS"], "node_modules")
+        return self.spawn(["node", os.path.join(HERE, "bridge.js"), config], env=dict(os.environ, NODE_PATH=modules))
 
     @staticmethod
     def links(devices):

@@ -15,8 +15,8 @@ docker/install.sh build test
 cmake -G Ninja -S . -B "$build" -DFXAGENT_TESTS=OFF -DFXAGENT_SIM=ON >/dev/null
 ninja --quiet -C "$build" fxagent fxsim
 
-node=$build/bench-node
-tests/npm.sh tests/bench/node "$node"
+peers=$build/npm/peers
+tests/npm.sh tests/system/peers/node "$peers"
 
-FXAGENT=$build/agent/fxagent FXSIM=$build/tests/sim/fxsim NODE_BRIDGE=$node \
+FXAGENT=$build/agent/fxagent FXSIM=$build/tests/sim/fxsim NODE_PEERS=$peers \
   PYTHONDONTWRITEBYTECODE=1 /usr/bin/python3 tests/bench/bench.py "$@"
