@@ -24,12 +24,27 @@ namespace fxagent::test {
 inline const std::string kBase = "fx/plant-a/edge7";
 inline constexpr SteadyTime kStart{std::chrono::hours(1)};
 
+using Seqs = std::vector<std::uint64_t>;
+
+/// Returns the sequence numbers of live and history messages, in order.
+inline Seqs seqs(const std::vector<std::string>& payloads) {
+  Seqs found;
+  for (const std::string& payload : payloads) {
+    const nlohmann::json parsed = nlohmann::json::parse(payload);
+    if (parsed.contains("rows"))
+      for (const nlohmann::json& row : parsed["rows"]) found.push_back(row["seq"]);
+    else
+      found.push_back(parsed["seq"]);
+  }
+  return found;
+}
+
 struct PublisherBench {
   Config config = plant();
   Outbox outbox{1000};
   FakeBroker broker;
   std::vector<AdmittedCommand> admitted;  ///< commands given to the field
-  std::vector<std::vector<std::uint64_t>> found_late;
+  std::vector<Seqs> found_late;
   SteadyTime now = kStart;
   /// The first number of the seed 1 would be 0: a reconnect without a pause.
   PublisherSettings settings{.boot = "9f3c21aa", .version = "0.1.0", .jitter_seed = 1'000'003};
@@ -61,8 +76,7 @@ struct PublisherBench {
       if (guarded) commands->restore(recover(config, guarded->journal(), utc(), now), now, utc());
       publisher = std::make_unique<Publisher>(
           config, settings, *format, outbox, broker, *commands, [this] { return utc(); },
-          guarded.get(),
-          [this](std::vector<std::uint64_t> numbers) { found_late.push_back(std::move(numbers)); },
+          guarded.get(), [this](Seqs numbers) { found_late.push_back(std::move(numbers)); },
           ask_counters);
     }
     return *publisher;
@@ -143,6 +157,18 @@ struct PublisherBench {
       }
     return result;
   }
+  /// Returns the numbers of the samples of a device's group "fast", as they were published.
+  Seqs live(const std::string& device = "press1") const {
+    return seqs(broker.on(kBase + "/" + device + "/data/fast"));
+  }
+  Seqs history(const std::string& device = "press1") const {
+    return seqs(broker.on(kBase + "/" + device + "/data/fast/history"));
+  }
+  /// Returns the last message on a topic below kBase; null: none.
+  nlohmann::json last(const std::string& topic) const {
+    const auto all = broker.on(kBase + topic);
+    return all.empty() ? nlohmann::json() : nlohmann::json::parse(all.back());
+  }
   std::vector<nlohmann::json> results() const {
     std::vector<nlohmann::json> found;
     for (const std::string& text : broker.on(kBase + "/press1/result"))
@@ -155,19 +181,6 @@ struct PublisherBench {
   std::string response_topic;  ///< for later commands
   Bytes correlation;
 };
-
-/// Returns the sequence numbers of live and history messages, in order.
-inline std::vector<std::uint64_t> seqs(const std::vector<std::string>& payloads) {
-  std::vector<std::uint64_t> found;
-  for (const std::string& payload : payloads) {
-    const nlohmann::json parsed = nlohmann::json::parse(payload);
-    if (parsed.contains("rows"))
-      for (const nlohmann::json& row : parsed["rows"]) found.push_back(row["seq"]);
-    else
-      found.push_back(parsed["seq"]);
-  }
-  return found;
-}
 
 /// A test on a bench of its own; OnBenchOnline: with the publisher connected.
 class OnBench : public ::testing::Test {

@@ -11,6 +11,7 @@ namespace {
 
 using nlohmann::json;
 using test::kBase;
+using test::Seqs;
 using namespace std::chrono_literals;
 
 struct PublisherChange : ::testing::Test, test::PublisherBench {
@@ -132,8 +133,7 @@ TEST_F(PublisherChange, WhatWaitsForTheBrokerIsDeliveredThoughItsDeviceIsGone) {
   settle();
   broker.reachable = true;
   advance(60s);
-  EXPECT_EQ(test::seqs(broker.on(kBase + "/press1/data/fast/history")),
-            std::vector<std::uint64_t>{5});
+  EXPECT_EQ(history(), Seqs{5});
   ASSERT_EQ(results().size(), 1U);
   EXPECT_EQ(results()[0]["status"], "SUCCEEDED");
   EXPECT_TRUE(broker.on(kBase + "/press1/meta").empty()) << "of a connection after it";
@@ -173,7 +173,7 @@ TEST_F(PublisherChange, OtherBrokerGetsWhatTheOldOneDidNotAcknowledge) {
   wanted.mqtt.servers = {"mqtt://three:1883"};
   change_to(std::move(wanted));
   step();
-  EXPECT_EQ(json::parse(broker.on(kBase + "/state").back())["state"], "offline")
+  EXPECT_EQ(last("/state")["state"], "offline")
       << "who watches the old broker must not see us online for ever";
   EXPECT_EQ(broker.disconnects, 0) << "until the broker has that, or a second has passed";
   broker.acknowledges = true;
@@ -185,10 +185,9 @@ TEST_F(PublisherChange, OtherBrokerGetsWhatTheOldOneDidNotAcknowledge) {
   ASSERT_EQ(broker.connects.size(), connects + 1);
   EXPECT_EQ(broker.connects.back(), 0U);
   advance(5s);
-  EXPECT_EQ(test::seqs(broker.on(kBase + "/press1/data/fast/history")),
-            std::vector<std::uint64_t>{5});
+  EXPECT_EQ(history(), Seqs{5});
   EXPECT_EQ(results().size(), 2U) << "sent to both";
-  EXPECT_EQ(json::parse(broker.on(kBase + "/state").back())["state"], "online");
+  EXPECT_EQ(last("/state")["state"], "online");
 }
 
 // A broker may deliver the agent's own goodbye before it acknowledges it; it is not another
@@ -201,7 +200,7 @@ TEST_F(PublisherChange, GoodbyeToTheOldBrokerIsNotRepaired) {
   wanted.mqtt.servers = {"mqtt://three:1883"};
   change_to(std::move(wanted));
   for (int i = 0; i < 5; ++i) step();
-  EXPECT_EQ(json::parse(broker.on(kBase + "/state").back())["state"], "offline");
+  EXPECT_EQ(last("/state")["state"], "offline");
   broker.acknowledges = true;
   advance(1s);
   EXPECT_EQ(broker.disconnects, 1);
@@ -241,7 +240,7 @@ TEST_F(PublisherChange, HealthSaysWhichConfigIsInForceAndWhyAnotherWasRefused) {
   status.remote = {"v7", "rolled_back", false};
   made().set_config_status(status, now);
   settle();
-  const json config_said = json::parse(broker.on(kBase + "/health").back())["config"];
+  const json config_said = last("/health")["config"];
   EXPECT_EQ(config_said, json::parse(R"({"hash":"0123456789abcdef","since":7,"last_reload":
       {"state":"rejected","ts":8,"errors":["agent.json:3: wrong"],"errors_in_all":12},
       "remote":{"version":"v7","state":"rolled_back","confirmed":false}})"));
@@ -265,7 +264,7 @@ TEST_F(PublisherChange, StatusNamesTheConfigThatItsIndicesAreOf) {
   EXPECT_TRUE(after->config->devices[0].is_vacant());
   ASSERT_EQ(after->values.size(), 2U);
   EXPECT_TRUE(after->values[1][0]) << "what was known of others is known still";
-  const json health = json::parse(broker.on(kBase + "/health").back());
+  const json health = last("/health");
   EXPECT_EQ(health["devices"].size(), 1U);
   EXPECT_TRUE(health["devices"].contains("press2"));
 }

@@ -335,7 +335,7 @@ TEST_F(PublisherAuditStoredOnlineTest, HealthPublishesTheHeadOfTheChain) {
   bench.command("{}");
   bench.settle();
   bench.advance(60s);
-  const json health = json::parse(bench.broker.on(kBase + "/health").back());
+  const json health = bench.last("/health");
   EXPECT_EQ(health["audit"]["records"], 2);
   EXPECT_EQ(health["audit"]["head"], to_text(bench.store->audit().head().hash));
   Bench without;
@@ -596,7 +596,7 @@ TEST_F(PublisherOnlineTest, WhatWasReadBeforeAWriteAndFindsNoRoomBeforeItsResult
   bench.broker.acknowledges = true;
   bench.acknowledge_all();
   EXPECT_EQ(bench.broker.on(kBase + "/press1/data/fast").size(), before);
-  EXPECT_EQ(test::seqs(bench.broker.on(kBase + "/press1/data/fast/history")).size(), 30U - before);
+  EXPECT_EQ(bench.history().size(), 30U - before);
 }
 
 TEST_F(PublisherFloodOnlineTest, SamplesGoOutBetweenCommands) {
@@ -717,7 +717,7 @@ TEST_F(PublisherFloodTest, StopWhileItConnectsAnewSaysGoodbye) {
   bench.made().stop(bench.now);
   bench.settle();
   EXPECT_TRUE(bench.publisher->finished());
-  EXPECT_EQ(json::parse(bench.broker.on(kBase + "/state").back())["state"], "offline");
+  EXPECT_EQ(bench.last("/state")["state"], "offline");
 }
 
 TEST_F(PublisherFloodTest, NextConnectionAfterALossMaySendAheadAgain) {
@@ -812,7 +812,7 @@ TEST_F(PublisherFloodTest, PauseEndsWithItsConnection) {
   bench.advance(5s);
   bench.advance(2s);
   EXPECT_TRUE(bench.broker.filters.contains(kBase + "/+/command"));
-  EXPECT_FALSE(json::parse(bench.broker.on(kBase + "/state").back()).contains("reason"));
+  EXPECT_FALSE(bench.last("/state").contains("reason"));
 }
 
 TEST_F(PublisherFloodOnlineTest, ResultsThatAreRefusedKeepNobodyAwake) {

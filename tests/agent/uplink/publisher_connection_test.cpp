@@ -9,16 +9,11 @@ namespace {
 
 using nlohmann::json;
 using test::kBase;
-using test::seqs;
+using test::Seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
 const std::string kCommands = "subscribe " + kBase + "/+/command";
-
-json last_state(const Bench& bench) {
-  const std::vector<std::string> states = bench.broker.on(kBase + "/state");
-  return states.empty() ? json() : json::parse(states.back());
-}
 
 /// Returns the time until the next attempt to connect.
 SteadyTime::duration until_next_connect(Bench& bench) {
@@ -43,8 +38,7 @@ TEST_F(PublisherConnectionOnlineTest, PublishThatFindsNoConnectionIsALoss) {
   bench.take_samples(1);
   bench.advance(2s);
   EXPECT_EQ(bench.broker.connects.size(), 2U);
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
-            std::vector<std::uint64_t>{1});
+  EXPECT_EQ(bench.history(), Seqs{1});
 }
 
 TEST_F(PublisherConnectionOnlineTest, ConnectionThatTheLibraryForgotToReportIsFoundGone) {
@@ -180,8 +174,8 @@ TEST_F(PublisherConnectionTest, OnlineIsSaidOnceTheSubscriptionIsGranted) {
   EXPECT_TRUE(bench.broker.on(kBase + "/state").empty());
   bench.broker.answer_subscription(kBase + "/+/command", "");
   bench.settle();
-  EXPECT_FALSE(last_state(bench).contains("commands")) << last_state(bench);
-  EXPECT_FALSE(last_state(bench).contains("reason")) << last_state(bench);
+  EXPECT_FALSE(bench.last("/state").contains("commands")) << bench.last("/state");
+  EXPECT_FALSE(bench.last("/state").contains("reason")) << bench.last("/state");
   bench.advance(1h);
   EXPECT_EQ(std::count(bench.broker.order.begin(), bench.broker.order.end(), kCommands), 1);
 }
@@ -190,9 +184,9 @@ TEST(PublisherConnection, RefusedSubscriptionIsInTheStateAndAskedForAgain) {
   Bench bench;
   bench.broker.refusal = "Not authorized";
   bench.settle();
-  EXPECT_EQ(last_state(bench)["state"], "online");
-  EXPECT_EQ(last_state(bench)["commands"], false);
-  EXPECT_EQ(last_state(bench)["reason"], "Not authorized");
+  EXPECT_EQ(bench.last("/state")["state"], "online");
+  EXPECT_EQ(bench.last("/state")["commands"], false);
+  EXPECT_EQ(bench.last("/state")["reason"], "Not authorized");
   std::vector<SteadyTime> asked;
   const auto asks = [&bench] {
     return std::count(bench.broker.order.begin(), bench.broker.order.end(), kCommands);
@@ -214,8 +208,8 @@ TEST(PublisherConnection, RefusedSubscriptionIsInTheStateAndAskedForAgain) {
   EXPECT_EQ(bench.broker.connects.size(), 1U);
   bench.broker.refusal.clear();
   bench.advance(76s);
-  EXPECT_FALSE(last_state(bench).contains("commands"));
-  EXPECT_FALSE(last_state(bench).contains("reason"));
+  EXPECT_FALSE(bench.last("/state").contains("commands"));
+  EXPECT_FALSE(bench.last("/state").contains("reason"));
   EXPECT_EQ(bench.broker.on(kBase + "/state").size(), 2U);
   const auto asks_at_last = asks();
   bench.advance(1h);
@@ -227,14 +221,14 @@ TEST_F(PublisherConnectionTest, UnansweredSubscriptionIsInTheStateAfterASecond) 
   bench.take_samples(1);
   EXPECT_LE(bench.step(), bench.now + 1s);
   bench.advance(1s);
-  EXPECT_EQ(last_state(bench)["commands"], false);
-  EXPECT_EQ(last_state(bench)["reason"], "the broker does not confirm the subscription");
+  EXPECT_EQ(bench.last("/state")["commands"], false);
+  EXPECT_EQ(bench.last("/state")["reason"], "the broker does not confirm the subscription");
   EXPECT_EQ(bench.made().samples().acknowledged, 1U) << "samples do not wait for it";
   bench.advance(5s);
   EXPECT_EQ(std::count(bench.broker.order.begin(), bench.broker.order.end(), kCommands), 2);
   bench.broker.answer_subscription(kBase + "/+/command", "");
   bench.settle();
-  EXPECT_FALSE(last_state(bench).contains("commands"));
+  EXPECT_FALSE(bench.last("/state").contains("commands"));
 }
 
 TEST_F(PublisherConnectionTest, DeafnessEndsWithItsConnection) {
@@ -244,8 +238,8 @@ TEST_F(PublisherConnectionTest, DeafnessEndsWithItsConnection) {
   bench.lose_connection();
   bench.advance(3s);
   ASSERT_EQ(bench.broker.connects.size(), 2U);
-  EXPECT_EQ(last_state(bench)["state"], "online");
-  EXPECT_FALSE(last_state(bench).contains("commands"));
+  EXPECT_EQ(bench.last("/state")["state"], "online");
+  EXPECT_FALSE(bench.last("/state").contains("commands"));
 }
 
 TEST_F(PublisherConnectionTest, StopDoesNotWaitForASuback) {
@@ -253,7 +247,7 @@ TEST_F(PublisherConnectionTest, StopDoesNotWaitForASuback) {
   bench.step();
   bench.made().stop(bench.now);
   bench.settle();
-  EXPECT_EQ(last_state(bench)["reason"], "stopped");
+  EXPECT_EQ(bench.last("/state")["reason"], "stopped");
   EXPECT_TRUE(bench.made().finished());
 }
 

@@ -10,7 +10,7 @@ namespace {
 
 using nlohmann::json;
 using test::kBase;
-using test::seqs;
+using test::Seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
 
@@ -35,15 +35,8 @@ struct PublisherHang : ::testing::Test {
   }
   json health() {
     bench.advance(60s);
-    return json::parse(bench.broker.on(kBase + "/health").back());
+    return bench.last("/health");
   }
-  std::vector<std::uint64_t> live() const {
-    return seqs(bench.broker.on(kBase + "/press1/data/fast"));
-  }
-  std::vector<std::uint64_t> history() const {
-    return seqs(bench.broker.on(kBase + "/press1/data/fast/history"));
-  }
-
   test::PowerCut disk;
   test::Scratch scratch;
   Bench bench{scratch.path("store")};
@@ -63,7 +56,7 @@ TEST_F(PublisherHang, LiveSamplesAndAnswersGoOnAndCommandsThatWriteAreRefused) {
   for (std::uint64_t seq = 1; seq <= 3; ++seq) bench.outbox.push(test::sample(seq));
   bench.outbox.push(test::offline(1, "timeout"));
   bench.settle();
-  EXPECT_EQ(live(), (std::vector<std::uint64_t>{1, 2, 3}));
+  EXPECT_EQ(bench.live(), (Seqs{1, 2, 3}));
   EXPECT_FALSE(bench.broker.on(kBase + "/press2/state").empty());
   EXPECT_EQ(health()["store"]["state"], "hangs");
   // Commands without a journal entry get their results as usual.
@@ -123,7 +116,7 @@ TEST_F(PublisherHang, SamplesOfAnOutageArriveOnceAndInTheirOrder) {
   ASSERT_TRUE(bench.broker.up());
   thaw();
   bench.advance(1s);
-  EXPECT_EQ(history(), (std::vector<std::uint64_t>{1, 2, 3, 4, 5}));
+  EXPECT_EQ(bench.history(), (Seqs{1, 2, 3, 4, 5}));
   EXPECT_EQ(bench.made().samples().acknowledged, 5U);
   EXPECT_EQ(bench.made().samples().dropped, 0U);
 }

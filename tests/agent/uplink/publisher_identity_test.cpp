@@ -20,12 +20,7 @@ void hear(Bench& bench, const std::string& topic, const std::string& payload) {
   bench.settle();
 }
 
-json last_on(const Bench& bench, const std::string& topic) {
-  const auto all = bench.broker.on(topic);
-  return all.empty() ? json() : json::parse(all.back());
-}
-
-json conflict_of(const Bench& bench) { return last_on(bench, kState).value("conflict", json()); }
+json conflict_of(const Bench& bench) { return bench.last("/state").value("conflict", json()); }
 
 json result_of(Bench& bench, const std::string& id) {
   bench.write(id);
@@ -45,7 +40,7 @@ TEST_F(PublisherIdentityTest, OnlineOfAnotherBootIsAConflictAndCommandsAreRefuse
   bench.online();
   hear(bench, kState, kOnline);
   EXPECT_EQ(conflict_of(bench), "0ther");
-  EXPECT_EQ(last_on(bench, kBase + "/health")["conflict"], "0ther");
+  EXPECT_EQ(bench.last("/health")["conflict"], "0ther");
   const json refused = result_of(bench, "a");
   EXPECT_EQ(refused["status"], "REJECTED");
   EXPECT_EQ(refused["reason"], "conflict");
@@ -58,8 +53,8 @@ TEST_F(PublisherIdentityTest, ConflictEndsWithTheOthersWillAndOurStateIsThereAga
   hear(bench, kState, kOnline);
   hear(bench, kState, kWill);
   EXPECT_EQ(conflict_of(bench), nullptr);
-  EXPECT_EQ(last_on(bench, kState)["boot"], "9f3c21aa");
-  EXPECT_EQ(last_on(bench, kBase + "/health")["conflict"], nullptr);
+  EXPECT_EQ(bench.last("/state")["boot"], "9f3c21aa");
+  EXPECT_EQ(bench.last("/health")["conflict"], nullptr);
   result_of(bench, "a");
   EXPECT_EQ(bench.admitted.size(), 1U);
 }
@@ -89,7 +84,7 @@ TEST_F(PublisherIdentityTest, OfflineOfAnEarlierBootIsNoConflict) {
   hear(bench, kState, kWill);
   EXPECT_EQ(conflict_of(bench), nullptr);
   bench.advance(2s);
-  EXPECT_EQ(last_on(bench, kState)["state"], "online");
+  EXPECT_EQ(bench.last("/state")["state"], "online");
 }
 
 TEST(PublisherIdentity, TextsThatAreNoStateOfAnAgentAreNoConflict) {
@@ -102,7 +97,7 @@ TEST(PublisherIdentity, TextsThatAreNoStateOfAnAgentAreNoConflict) {
     hear(bench, kState, text);
     EXPECT_EQ(conflict_of(bench), nullptr) << text;
     bench.advance(1s);
-    EXPECT_EQ(last_on(bench, kState)["boot"], "9f3c21aa") << "it is repaired all the same";
+    EXPECT_EQ(bench.last("/state")["boot"], "9f3c21aa") << "it is repaired all the same";
   }
 }
 
@@ -144,8 +139,8 @@ TEST(PublisherIdentity, TwoAgentsSeeEachOtherAsLongAsBothLiveAndNeitherCommands)
   twins.b.made().stop(twins.b.now);
   twins.run(5s);
   EXPECT_EQ(conflict_of(twins.a), nullptr);
-  EXPECT_EQ(last_on(twins.a, kState)["state"], "online");
-  EXPECT_EQ(last_on(twins.b, kState)["reason"], "stopped") << "the last word of the one that left";
+  EXPECT_EQ(twins.a.last("/state")["state"], "online");
+  EXPECT_EQ(twins.b.last("/state")["reason"], "stopped") << "the last word of the one that left";
 }
 
 TEST_F(PublisherIdentityTest, ThreeAgentsDoNotAnswerEachOtherWithoutEnd) {
@@ -260,7 +255,7 @@ TEST(PublisherIdentity, OverwrittenStateAndMetaAreRepairedOnceASecondAtTheMost) 
     EXPECT_LE(bench.broker.on(topic).size(), 6U) << topic;
     bench.advance(1s);
     const std::size_t repairs = bench.broker.on(topic).size();
-    EXPECT_FALSE(last_on(bench, topic).contains("forged"));
+    EXPECT_FALSE(bench.last(leaf).contains("forged"));
     bench.advance(50s);
     EXPECT_EQ(bench.broker.on(topic).size(), repairs) << "nothing is wrong any more";
   }
@@ -302,7 +297,7 @@ TEST_F(PublisherIdentityTest, RefusedSubscriptionToStatesStopsNothing) {
   bench.online();
   bench.take_samples(1);
   EXPECT_EQ(bench.made().samples().acknowledged, 1U);
-  EXPECT_FALSE(last_on(bench, kState).contains("commands"));
+  EXPECT_FALSE(bench.last("/state").contains("commands"));
   result_of(bench, "a");
   EXPECT_EQ(bench.admitted.size(), 1U);
   EXPECT_EQ(bench.broker.connects.size(), 1U);
@@ -315,24 +310,23 @@ TEST_F(PublisherIdentityOnlineTest, CommandForAnUnknownDeviceIsAnswered) {
   bench.response_topic = kBase + "/pres1/result/hmi";
   bench.command(R"({"id":"a","op":"write","tag":"setpoint","value":1})", kBase + "/pres1/command");
   bench.settle();
-  const json result = last_on(bench, kBase + "/pres1/result");
+  const json result = bench.last("/pres1/result");
   EXPECT_EQ(result["id"], "a");
   EXPECT_EQ(result["status"], "REJECTED");
   EXPECT_EQ(result["reason"], "unknown_device");
   EXPECT_NE(result["detail"].get<std::string>().find("press1"), std::string::npos) << result;
-  EXPECT_EQ(last_on(bench, kBase + "/pres1/result/hmi")["id"], "a");
+  EXPECT_EQ(bench.last("/pres1/result/hmi")["id"], "a");
   for (const Publication& each : bench.broker.taken) EXPECT_EQ(each.correlation, (Bytes{1, 2}));
   bench.command(R"({"id":"a","op":"run"})", kBase + "/pres1/command");
   bench.settle();
-  EXPECT_EQ(last_on(bench, kBase + "/pres1/result")["reason"], "unknown_device")
-      << "its id is not remembered";
+  EXPECT_EQ(bench.last("/pres1/result")["reason"], "unknown_device") << "its id is not remembered";
 }
 
 TEST_F(PublisherIdentityOnlineTest, MessageForAnUnknownDeviceIsCheckedLikeAnyOther) {
   const auto reason = [&](const std::string& payload, bool retained = false) {
     bench.broker.send(test::message_on(kBase + "/nobody/command", payload, retained));
     bench.settle();
-    const json result = last_on(bench, kBase + "/nobody/result");
+    const json result = bench.last("/nobody/result");
     return result.is_object() ? result["reason"] : json();
   };
   EXPECT_EQ(reason("", true), nullptr) << "it only clears the topic";
@@ -357,7 +351,7 @@ TEST(PublisherIdentity, AnswersForUnknownDevicesAreNotJournaled) {
   bench.command(R"({"id":"a","op":"run"})", kBase + "/nobody/command");
   bench.settle();
   bench.advance(1s);
-  EXPECT_EQ(last_on(bench, kBase + "/nobody/result")["id"], "a");
+  EXPECT_EQ(bench.last("/nobody/result")["id"], "a");
   EXPECT_FALSE(bench.store->journal().find("nobody", "a"));
 }
 
@@ -420,7 +414,7 @@ TEST_F(PublisherIdentityOnlineTest, SamplesThatTheLibraryDoesNotTakeAreNotRefuse
   bench.step();
   bench.broker.fails = false;
   bench.advance(200ms);
-  EXPECT_EQ(last_on(bench, kBase + "/health")["devices"]["press1"]["refused"], nullptr);
+  EXPECT_EQ(bench.last("/health")["devices"]["press1"]["refused"], nullptr);
   EXPECT_EQ(bench.made().samples().stored, 1U) << "it waits";
 }
 

@@ -15,6 +15,7 @@ namespace {
 using nlohmann::json;
 using test::kBase;
 using test::kStart;
+using test::Seqs;
 using test::seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
@@ -34,9 +35,8 @@ TEST(PublisherStore, SamplesOfAnOutageOutliveTheProcess) {
   }  // no goodbye
   Bench again(scratch.path("store"));
   again.report(test::sample(4));
-  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
-            (std::vector<std::uint64_t>{1, 2, 3}));
-  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{4});
+  EXPECT_EQ(again.history(), (Seqs{1, 2, 3}));
+  EXPECT_EQ(again.live(), Seqs{4});
   const SampleCounts samples = again.made().samples();
   EXPECT_EQ(samples.recovered, 3U);
   EXPECT_EQ(samples.acknowledged, 4U);
@@ -113,8 +113,7 @@ TEST_F(PublisherStoreOnlineTest, UnacknowledgedForASecondIsOnDiskAndStillInFligh
   EXPECT_TRUE(bench.broker.on(kBase + "/press1/data/fast/history").empty());
   bench.acknowledge_all();
   EXPECT_EQ(bench.made().samples().acknowledged, 18U);
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
-            (std::vector<std::uint64_t>{19, 20}));
+  EXPECT_EQ(bench.history(), (Seqs{19, 20}));
   bench.broker.acknowledge_all();
   bench.advance(1s);
   EXPECT_EQ(bench.made().samples().acknowledged, 20U);
@@ -136,7 +135,7 @@ TEST_F(PublisherStoreTest, SamplesInFlightLeaveBeforeYoungerOnesThatAreOnDiskAlr
   bench.lose_connection();
   bench.advance(2s);
   EXPECT_EQ(bench.broker.connects.size(), 2U);
-  const auto arrived = seqs(bench.broker.on(kBase + "/press1/data/fast/history"));
+  const auto arrived = bench.history();
   EXPECT_EQ(arrived.size(), 20U);
   EXPECT_TRUE(std::ranges::is_sorted(arrived)) << testing::PrintToString(arrived);
 }
@@ -185,8 +184,7 @@ TEST_F(PublisherStoreTest, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
   bench.online();
   bench.broker.acknowledges = false;
   bench.take_samples(1, 3);
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")),
-            (std::vector<std::uint64_t>{1, 2, 3}));
+  EXPECT_EQ(bench.live(), (Seqs{1, 2, 3}));
   EXPECT_EQ(bench.made().samples().stored, 3U);
   bench.broker.acknowledge_next();
   bench.settle();
@@ -195,8 +193,7 @@ TEST_F(PublisherStoreTest, WithAlwaysEverySampleIsOnDiskBeforeItIsSent) {
   bench.store.reset();  // no goodbye
   Bench again(scratch.path("store"));
   again.settle();
-  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")),
-            (std::vector<std::uint64_t>{2, 3}));
+  EXPECT_EQ(again.history(), (Seqs{2, 3}));
 }
 
 TEST_F(PublisherStoreTest, ReconnectInTheMiddleOfTheBacklogLosesAndReordersNothing) {
@@ -241,7 +238,7 @@ TEST_F(PublisherStoreTest, HistoryHasAShareOfTheWindowAndLiveTheRest) {
   bench.broker.log.clear();
   bench.take_samples(21);
   EXPECT_LE(bench.broker.open(), 3U);  // two history messages and the live one
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), std::vector<std::uint64_t>{21});
+  EXPECT_EQ(bench.live(), Seqs{21});
 }
 
 /// History streams of 900 rows each. The broker acknowledges only on request, and everything in
@@ -388,8 +385,7 @@ TEST(PublisherStore, DiskThatRefusesIsReplacedByMemoryUntilItTakesAgain) {
   bench.advance(1s);
   bench.broker.reachable = true;
   bench.advance(40s);
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
-            (std::vector<std::uint64_t>{1, 2, 3, 4}));
+  EXPECT_EQ(bench.history(), (Seqs{1, 2, 3, 4}));
 }
 
 TEST_F(PublisherStoreOnlineTest, CleanStopLeavesTheRestOnDisk) {
@@ -401,7 +397,7 @@ TEST_F(PublisherStoreOnlineTest, CleanStopLeavesTheRestOnDisk) {
   Bench again(scratch.path("store"));
   again.settle();
   EXPECT_EQ(again.made().samples().recovered, 30U);
-  EXPECT_EQ(seqs(again.broker.on(kBase + "/press1/data/fast/history")).size(), 30U);
+  EXPECT_EQ(again.history().size(), 30U);
 }
 
 TEST(PublisherStore, NumbersAreReservedBeforeTheyAreUsed) {
@@ -434,8 +430,7 @@ TEST(PublisherStore, RowsOfADeviceThatIsGoneStillArrive) {
   Bench again(scratch.path("store"));
   again.config.devices.pop_back();
   again.settle();
-  EXPECT_EQ(seqs(again.broker.on(kBase + "/press2/data/fast/history")),
-            std::vector<std::uint64_t>{1});
+  EXPECT_EQ(again.history("press2"), Seqs{1});
 }
 
 }  // namespace

@@ -12,6 +12,7 @@ namespace {
 
 using nlohmann::json;
 using test::kBase;
+using test::Seqs;
 using test::seqs;
 using Bench = test::PublisherBench;
 using namespace std::chrono_literals;
@@ -140,9 +141,8 @@ TEST_F(PublisherOnlineTest, UnacknowledgedSamplesComeAgainAsHistoryBesideLiveOne
   bench.outbox.push(test::sample(5));  // before the reconnect: becomes history too
   bench.settle();
   bench.take_samples(6);
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
-            (std::vector<std::uint64_t>{1, 2, 3, 4, 5}));
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast")), (std::vector<std::uint64_t>{6}));
+  EXPECT_EQ(bench.history(), (Seqs{1, 2, 3, 4, 5}));
+  EXPECT_EQ(bench.live(), (Seqs{6}));
   const json history = json::parse(bench.broker.on(kBase + "/press1/data/fast/history").at(0));
   EXPECT_EQ(history["history"], true);
   EXPECT_TRUE(history["rows"][0].contains("boot") && history["rows"][0].contains("values"));
@@ -163,8 +163,7 @@ TEST_F(PublisherTest, RowsLeaveMemoryOnlyAfterTheirAcknowledgement) {
   bench.take_samples(4);
   bench.broker.acknowledges = false;
   bench.advance(40s);
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
-            (std::vector<std::uint64_t>{1, 2, 3, 4}));
+  EXPECT_EQ(bench.history(), (Seqs{1, 2, 3, 4}));
   EXPECT_EQ(bench.made().samples().stored, 1U);
   bench.acknowledge_all();
   EXPECT_EQ(bench.made().samples().stored, 0U);
@@ -190,8 +189,7 @@ TEST_F(PublisherOnlineTest, SampleThatFindsNoRoomForASecondBecomesHistory) {
   EXPECT_EQ(bench.made().samples().stored, 2U);
   bench.broker.acknowledges = true;
   bench.acknowledge_all();
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
-            (std::vector<std::uint64_t>{19, 20}));
+  EXPECT_EQ(bench.history(), (Seqs{19, 20}));
 }
 
 TEST_F(PublisherTest, FullBacklogDropsTheOldestAndCountsThem) {
@@ -203,10 +201,10 @@ TEST_F(PublisherTest, FullBacklogDropsTheOldestAndCountsThem) {
   EXPECT_GT(dropped, 30U);
   bench.broker.reachable = true;
   bench.advance(40s);
-  const auto arrived = seqs(bench.broker.on(kBase + "/press2/data/fast/history"));
+  const auto arrived = bench.history("press2");
   ASSERT_EQ(arrived.size(), 50 - dropped);
   EXPECT_EQ(arrived.front(), dropped + 1);
-  const json health = json::parse(bench.broker.on(kBase + "/health").back());
+  const json health = bench.last("/health");
   EXPECT_EQ(health["devices"]["press2"]["dropped"], dropped);
   EXPECT_EQ(health["samples"]["dropped"], dropped);
 }
@@ -225,8 +223,7 @@ TEST_F(PublisherOnlineTest, BrokerThatAcknowledgesNothingForHalfAMinuteIsLeft) {
   bench.advance(1s);
   bench.advance(2s);
   EXPECT_EQ(bench.broker.connects.size(), 2U);
-  EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
-            std::vector<std::uint64_t>{1});
+  EXPECT_EQ(bench.history(), Seqs{1});
 }
 
 TEST_F(PublisherTest, RetainedTopicsOfUnknownDevicesAreCleared) {
@@ -333,12 +330,11 @@ TEST_F(PublisherOnlineTest, RefusedDeviceWaitsAndItsNeighbourDoesNot) {
     bench.outbox.push(test::sample(2, 0));
     bench.outbox.push(test::sample(3, 1));
     bench.settle();
-    EXPECT_EQ(seqs(bench.broker.on(kBase + "/press2/data/fast")), std::vector<std::uint64_t>{3});
+    EXPECT_EQ(bench.live("press2"), Seqs{3});
     EXPECT_TRUE(bench.broker.on(kBase + "/press1/data/fast/history").empty());
     bench.broker.acknowledge_all();
     bench.advance(2s);
-    EXPECT_EQ(seqs(bench.broker.on(kBase + "/press1/data/fast/history")),
-              (std::vector<std::uint64_t>{1, 2}));
+    EXPECT_EQ(bench.history(), (Seqs{1, 2}));
     bench.acknowledge_all();
   }
   EXPECT_EQ(bench.made().samples().acknowledged, 6U);
@@ -351,7 +347,7 @@ TEST_F(PublisherOnlineTest, HealthNamesTheCodeOfARefusalUntilItIsOver) {
   bench.settle();
   const auto refused = [&] {
     bench.advance(60s);
-    const json health = json::parse(bench.broker.on(kBase + "/health").back());
+    const json health = bench.last("/health");
     EXPECT_EQ(health["devices"]["press2"]["refused"], nullptr);
     return health["devices"]["press1"]["refused"];
   };
