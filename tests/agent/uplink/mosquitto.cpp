@@ -95,13 +95,12 @@ void make_certificates(const Scratch& directory, const std::string& prefix,
   }
 }
 
-Mosquitto::Mosquitto(const Scratch& directory, const std::string& settings, std::uint16_t port)
-    : port_(port) {
+Mosquitto::Mosquitto(const std::string& settings, std::uint16_t port) : port_(port) {
   // Started as root, mosquitto would switch to another user, who may not read this directory.
-  const std::string config = directory.write(
-      "mosquitto-" + std::to_string(port) + ".conf",
-      "user root\nlistener " + std::to_string(port) + " 127.0.0.1\n" + settings + "\n");
-  const std::string log = directory.path("mosquitto.log");
+  const std::string config =
+      directory_.write("mosquitto.conf", "user root\nlistener " + std::to_string(port) +
+                                             " 127.0.0.1\n" + settings + "\n");
+  const std::string log = directory_.path("mosquitto.log");
   const char* path = std::getenv("PATH");
   setenv("PATH", (std::string(path == nullptr ? "" : path) + ":/usr/sbin").c_str(), 1);
   pid_ = spawn({"mosquitto", "-c", config}, log);

@@ -1,5 +1,4 @@
-// A real mosquitto for one test: on a free loopback port, with files in its own directory, stopped
-// by the destructor.
+// A real mosquitto for one test: on a free loopback port, stopped by the destructor.
 #pragma once
 
 #include <sys/types.h>
@@ -29,8 +28,8 @@ void make_certificates(const Scratch& directory, const std::string& prefix,
 class Mosquitto final {
  public:
   /// `settings` are lines of mosquitto.conf after its listener. Returns when it is listening.
-  Mosquitto(const Scratch& directory, const std::string& settings,
-            std::uint16_t port = free_port());
+  explicit Mosquitto(const std::string& settings = "allow_anonymous true",
+                     std::uint16_t port = free_port());
   ~Mosquitto() { kill(); }
   Mosquitto(const Mosquitto&) = delete;
   Mosquitto& operator=(const Mosquitto&) = delete;
@@ -42,6 +41,7 @@ class Mosquitto final {
   }
 
  private:
+  Scratch directory_;
   std::uint16_t port_;
   pid_t pid_ = 0;
 };

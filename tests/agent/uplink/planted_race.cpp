@@ -35,8 +35,7 @@ bool await(PahoBroker& broker, int count) {
 }
 
 int run() {
-  const test::Scratch directory;
-  const test::Mosquitto mosquitto(directory, "allow_anonymous true");
+  const test::Mosquitto mosquitto;
   MqttConfig config;
   config.servers = {mosquitto.url()};
   config.version = 5;

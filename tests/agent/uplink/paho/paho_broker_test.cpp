@@ -48,7 +48,7 @@ MqttConfig settings(const std::string& url, int version = 5) {
 }
 
 /// A PahoBroker whose events a test can wait for.
-class Client final {
+class Client {
  public:
   explicit Client(MqttConfig config,
                   std::optional<Publication> will = retained("will/topic", "gone"),
@@ -114,6 +114,13 @@ class Client final {
   PahoBroker broker_;  // last: its callbacks use the other members
 };
 
+/// One that is connected.
+struct OnlineClient : Client {
+  explicit OnlineClient(MqttConfig config, auto&&... more) : Client(std::move(config), more...) {
+    connect();
+  }
+};
+
 Publication publication(std::uint64_t id, std::string topic, std::string payload) {
   return {.id = id, .topic = std::move(topic), .payload = std::move(payload)};
 }
@@ -138,10 +145,8 @@ std::vector<int> sockets_towards(std::uint16_t port) {
 }
 
 TEST(PahoBroker, SmallMessagesDoNotWaitForTheAckOfTheOneBefore) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
-  Client client(settings(mosquitto.url(), 5));
-  client.connect();
+  const Mosquitto mosquitto;
+  OnlineClient client(settings(mosquitto.url(), 5));
   const std::vector<int> sockets = sockets_towards(mosquitto.port());
   ASSERT_EQ(sockets.size(), 1U);
   EXPECT_EQ(option(sockets[0], IPPROTO_TCP, TCP_NODELAY), 1);
@@ -172,8 +177,7 @@ class OtherConnection final {
 void expect_others_left_alone(const Mosquitto& mosquitto, const MqttConfig& config) {
   const OtherConnection other(mosquitto.port());
   const int room = option(other.fd(), SOL_SOCKET, SO_RCVBUF);
-  Client client(config);
-  client.connect();
+  OnlineClient client(config);
   client->hold_messages(true);
   const std::vector<int> sockets = sockets_towards(mosquitto.port());
   EXPECT_EQ(sockets.size(), 2U);
@@ -189,8 +193,7 @@ class PahoBrokerVersion : public testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Mqtt, PahoBrokerVersion, testing::Values(4, 5));
 
 TEST_P(PahoBrokerVersion, CarriesMessagesBothWays) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  const Mosquitto mosquitto;
   Client client(settings(mosquitto.url(), GetParam()));
   const Connected connected = client.connect();
   EXPECT_FALSE(connected.session_present);
@@ -214,16 +217,13 @@ TEST_P(PahoBrokerVersion, CarriesMessagesBothWays) {
 }
 
 TEST_P(PahoBrokerVersion, SocketsOfOthersAreLeftAlone) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  const Mosquitto mosquitto;
   expect_others_left_alone(mosquitto, settings(mosquitto.url(), GetParam()));
 }
 
 TEST_P(PahoBrokerVersion, Qos0CountsAsDeliveredWhenItIsOnItsWay) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
-  Client client(settings(mosquitto.url(), GetParam()));
-  client.connect();
+  const Mosquitto mosquitto;
+  OnlineClient client(settings(mosquitto.url(), GetParam()));
   Publication live = publication(5, "a", "x");
   live.qos = 0;
   client->publish(live);
@@ -234,7 +234,7 @@ TEST_P(PahoBrokerVersion, Qos0CountsAsDeliveredWhenItIsOnItsWay) {
 Mosquitto edge7_only(const Scratch& directory) {
   const std::string users = directory.path("users");
   test::run({"mosquitto_passwd", "-b", "-c", users, "edge7", "right"}, directory.path("log"));
-  return Mosquitto(directory, "allow_anonymous false\npassword_file " + users);
+  return Mosquitto("allow_anonymous false\npassword_file " + users);
 }
 
 TEST_P(PahoBrokerVersion, WrongPasswordIsSaidAndTheFileIsReadAgain) {
@@ -256,27 +256,23 @@ TEST_P(PahoBrokerVersion, WrongPasswordIsSaidAndTheFileIsReadAgain) {
 }
 
 TEST_P(PahoBrokerVersion, LostConnectionIsToldOnceAndTheNextOneWorks) {
-  const Scratch directory;
   const std::uint16_t port = test::free_port();
-  auto mosquitto = std::make_unique<Mosquitto>(directory, "allow_anonymous true", port);
-  Client client(settings(mosquitto->url(), GetParam()));
-  client.connect();
+  auto mosquitto = std::make_unique<Mosquitto>("allow_anonymous true", port);
+  OnlineClient client(settings(mosquitto->url(), GetParam()));
   client->publish(publication(1, "a", "x"));
   EXPECT_EQ(client.next<Delivered>().id, 1U);
   mosquitto.reset();
   EXPECT_FALSE(client.next<Lost>().text.empty());
   EXPECT_FALSE(client.refusal().empty());
-  const Mosquitto again(directory, "allow_anonymous true", port);
+  const Mosquitto again("allow_anonymous true", port);
   client.connect();
   client->publish(publication(2, "a", "x"));
   EXPECT_EQ(client.next<Delivered>().id, 2U);
 }
 
 TEST_P(PahoBrokerVersion, BrokerKeepsNoCommandForOneThatWasAway) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
-  Client sender(settings(mosquitto.url()));
-  sender.connect();
+  const Mosquitto mosquitto;
+  OnlineClient sender(settings(mosquitto.url()));
   const MqttConfig config = settings(mosquitto.url(), GetParam());
   {
     Client client(config);
@@ -295,13 +291,10 @@ TEST_P(PahoBrokerVersion, BrokerKeepsNoCommandForOneThatWasAway) {
 }
 
 TEST(PahoBroker, OwnMessagesDoNotComeBackWhereTheyAreNotWanted) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
-  Client other(settings(mosquitto.url()));
-  other.connect();
+  const Mosquitto mosquitto;
+  OnlineClient other(settings(mosquitto.url()));
   other.subscribe("a/#");
-  Client client(settings(mosquitto.url()));
-  client.connect();
+  OnlineClient client(settings(mosquitto.url()));
   client->subscribe({"a/#", true});
   EXPECT_TRUE(client.next<Subscribed>().granted);
   client->publish(publication(1, "a/b", "its own"));
@@ -317,8 +310,7 @@ TEST(PahoBroker, PasswordComesFromTheEnvironmentWhereThereIsNoFile) {
   config.username = "edge7";
   config.password_env = "FXAGENT_TEST_PASSWORD";
   setenv("FXAGENT_TEST_PASSWORD", "right", 1);
-  Client client(config);
-  client.connect();
+  OnlineClient client(config);
 }
 
 TEST(PahoBroker, PasswordOfTheConfigItselfIsUsed) {
@@ -327,8 +319,7 @@ TEST(PahoBroker, PasswordOfTheConfigItselfIsUsed) {
   MqttConfig config = settings(mosquitto.url());
   config.username = "edge7";
   config.password = "right";
-  Client client(config);
-  client.connect();
+  OnlineClient client(config);
 }
 
 TEST(PahoBroker, PasswordFileWithoutEndIsRefused) {
@@ -348,9 +339,8 @@ TEST(PahoBroker, MissingSecretIsSaidWithoutAskingTheBroker) {
 
 TEST(PahoBroker, PropertiesOfMqtt5AndTheRetainFlagArrive) {
   const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
-  Client client(settings(mosquitto.url()));
-  client.connect();
+  const Mosquitto mosquitto;
+  OnlineClient client(settings(mosquitto.url()));
   client.subscribe("fx/e/+/command");
   std::istringstream words("mosquitto_pub -V 5 -h 127.0.0.1 -p " +
                            std::to_string(mosquitto.port()) +
@@ -372,20 +362,16 @@ TEST(PahoBroker, PropertiesOfMqtt5AndTheRetainFlagArrive) {
 }
 
 TEST(PahoBroker, PayloadIsCutOffBehindItsLimit) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
-  Client client(settings(mosquitto.url()));
-  client.connect();
+  const Mosquitto mosquitto;
+  OnlineClient client(settings(mosquitto.url()));
   client.subscribe("a");
   client->publish(publication(1, "a", std::string(200000, 'x')));
   EXPECT_EQ(client.next<Message>().payload.size(), kMaxMessageBytes + 1);
 }
 
 TEST(PahoBroker, LongerPayloadsArriveWhereTheyAreAskedFor) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
-  Client client(settings(mosquitto.url()), std::nullopt, 150000);
-  client.connect();
+  const Mosquitto mosquitto;
+  OnlineClient client(settings(mosquitto.url()), std::nullopt, 150000U);
   client.subscribe("a");
   client->publish(publication(1, "a", std::string(100000, 'x')));
   EXPECT_EQ(client.next<Message>().payload.size(), 100000U);
@@ -394,10 +380,8 @@ TEST(PahoBroker, LongerPayloadsArriveWhereTheyAreAskedFor) {
 }
 
 TEST(PahoBroker, RemoteConfigOfTheGreatestSizeArrives) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
-  Client client(settings(mosquitto.url()));
-  client.connect();
+  const Mosquitto mosquitto;
+  OnlineClient client(settings(mosquitto.url()));
   const std::string topic = "a" + std::string(kDesiredTopic);
   client.subscribe(topic);
   client->publish(publication(1, topic, std::string(kMaxDesiredBytes, 'x')));
@@ -407,9 +391,8 @@ TEST(PahoBroker, RemoteConfigOfTheGreatestSizeArrives) {
 TEST(PahoBroker, RefusedPublishCarriesItsReasonCode) {
   const Scratch directory;
   const std::string acl = directory.write("acl", "topic read #\ntopic write allowed\n");
-  const Mosquitto mosquitto(directory, "allow_anonymous true\nacl_file " + acl);
-  Client client(settings(mosquitto.url()));
-  client.connect();
+  const Mosquitto mosquitto("allow_anonymous true\nacl_file " + acl);
+  OnlineClient client(settings(mosquitto.url()));
   client->publish(publication(1, "forbidden", "x"));
   const auto failed = client.next<DeliveryFailed>();
   EXPECT_EQ(failed.id, 1U);
@@ -533,8 +516,7 @@ TEST(PahoBroker, DisconnectOfTheBrokerIsALossAndItsReasonIsTold) {
     const std::string reason = ++number % 2 == 0 ? "for a test" : "";
     SCOPED_TRACE("code " + std::to_string(code));
     const SpitefulServer server(5, disconnect_packet(code, reason), Afterwards::stays);
-    Client client(settings(server.url()));
-    client.connect();
+    OnlineClient client(settings(server.url()));
     const Lost lost = client.next<Lost>();
     const std::string& text = lost.text;
     EXPECT_EQ(lost.reason_code, code);
@@ -549,8 +531,7 @@ TEST(PahoBroker, ConnectionAfterADisconnectWorks) {
   for (const std::string reason : {"", "for a test"})
     for (const Afterwards afterwards : {Afterwards::closes, Afterwards::stays}) {
       const SpitefulServer server(5, disconnect_packet(0x98, reason), afterwards);
-      Client client(settings(server.url()));
-      client.connect();
+      OnlineClient client(settings(server.url()));
       client.next<Lost>();
       client.connect();
       EXPECT_TRUE(client->is_connected());
@@ -628,29 +609,24 @@ TEST_P(PahoBrokerVersion, WrongPasswordAndMissingUserNameTheKeysToSet) {
 
 TEST(PahoBroker, SessionTakenOverNamesTheClientId) {
   const SpitefulServer server(5, disconnect_packet(kSessionTakenOver, ""), Afterwards::closes);
-  Client client(settings(server.url()));
-  client.connect();
+  OnlineClient client(settings(server.url()));
   const Lost lost = client.next<Lost>();
   expect_says(lost.text, "Session taken over (another client connected");
 }
 
 // Debian's mosquitto does this when it gives the session to another client.
 TEST_P(PahoBrokerVersion, CloseWithoutAWordNamesTheClientIdToo) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  const Mosquitto mosquitto;
   const MqttConfig config = settings(mosquitto.url(), GetParam());
-  Client first(config);
-  first.connect();
-  Client second(config);
-  second.connect();
+  OnlineClient first(config);
+  OnlineClient second(config);
   const Lost lost = first.next<Lost>();
   expect_says(lost.text, "another client connected with this agent's client id");
 }
 
 TEST(PahoBroker, DisconnectWithoutACodeIsALossToo) {
   const SpitefulServer server(5, std::string("\xe0\x00", 2), Afterwards::stays);
-  Client client(settings(server.url()));
-  client.connect();
+  OnlineClient client(settings(server.url()));
   EXPECT_EQ(client.next<Lost>().text, "the broker said: normal disconnection");
 }
 
@@ -659,8 +635,7 @@ TEST(PahoBroker, LongReasonOfADisconnectIsCutOff) {
   const std::string packet =
       std::string("\xe0\xb2\x02\x98\xaf\x02\x1f\x01\x2c", 9) + std::string(300, 'x');
   const SpitefulServer server(5, packet, Afterwards::stays);
-  Client client(settings(server.url()));
-  client.connect();
+  OnlineClient client(settings(server.url()));
   const std::string text = client.next<Lost>().text;
   EXPECT_TRUE(text.starts_with("the broker said: Administrative action: xxx")) << text;
   EXPECT_TRUE(text.ends_with("x… (300 bytes)")) << text;
@@ -669,8 +644,7 @@ TEST(PahoBroker, LongReasonOfADisconnectIsCutOff) {
 
 TEST_P(PahoBrokerVersion, CallThatFindsNoConnectionIsALossToldOnce) {
   const SpitefulServer server(GetParam(), "", Afterwards::closes);
-  Client client(settings(server.url(), GetParam()));
-  client.connect();
+  OnlineClient client(settings(server.url(), GetParam()));
   for (std::uint64_t id = 1; id <= 5; ++id) client->publish(publication(id, "a", "x"));
   client.next<Lost>();
   client->publish(publication(6, "a", "x"));
@@ -686,8 +660,7 @@ TEST_P(PahoBrokerVersion, PacketThatIsFarTooLongEndsTheConnectionBeforeItIsRead)
                                                                         "a",
                                                                         3);
   const SpitefulServer server(GetParam(), huge, Afterwards::stays);
-  Client client(settings(server.url(), GetParam()));
-  client.connect();
+  OnlineClient client(settings(server.url(), GetParam()));
   expect_says(client.next<Lost>().text, "a packet of 250000000 bytes");
   client.connect();
 }
@@ -705,14 +678,12 @@ TEST_P(PahoBrokerVersion, LongestPacketArrivesAndOneByteMoreEndsTheConnection) {
   {
     const SpitefulServer server(GetParam(), publish_packet(GetParam(), kMaxPacketIn),
                                 Afterwards::stays);
-    Client client(settings(server.url(), GetParam()));
-    client.connect();
+    OnlineClient client(settings(server.url(), GetParam()));
     EXPECT_EQ(client.next<Message>().payload.size(), kMaxMessageBytes + 1);
   }
   const SpitefulServer server(GetParam(), publish_packet(GetParam(), kMaxPacketIn + 1),
                               Afterwards::stays);
-  Client client(settings(server.url(), GetParam()));
-  client.connect();
+  OnlineClient client(settings(server.url(), GetParam()));
   expect_says(client.next<Lost>().text, "a packet of 16777217 bytes");
 }
 
@@ -742,24 +713,23 @@ struct PahoBrokerTls : testing::Test {
 std::unique_ptr<Scratch> PahoBrokerTls::directory_;
 
 TEST_F(PahoBrokerTls, RightAuthorityAndNameConnect) {
-  const Mosquitto mosquitto(*directory_, listener());
+  const Mosquitto mosquitto(listener());
   for (const int version : {4, 5}) {
     MqttConfig config = tls(mosquitto.url("mqtts", "localhost"), "ca.pem");
     config.version = version;
-    Client client(config);
-    client.connect();
+    OnlineClient client(config);
     client->publish(publication(1, "a", "x"));
     EXPECT_EQ(client.next<Delivered>().id, 1U);
   }
 }
 
 TEST_F(PahoBrokerTls, SocketsOfOthersAreLeftAlone) {
-  const Mosquitto mosquitto(*directory_, listener());
+  const Mosquitto mosquitto(listener());
   expect_others_left_alone(mosquitto, tls(mosquitto.url("mqtts", "localhost"), "ca.pem"));
 }
 
 TEST_F(PahoBrokerTls, WrongAuthorityReadsAsSuch) {
-  const Mosquitto mosquitto(*directory_, listener());
+  const Mosquitto mosquitto(listener());
   const std::string text =
       Client(tls(mosquitto.url("mqtts", "localhost"), "other-ca.pem")).refusal();
   expect_says(text, "certificate verify failed");
@@ -769,26 +739,26 @@ TEST_F(PahoBrokerTls, WrongAuthorityReadsAsSuch) {
 }
 
 TEST_F(PahoBrokerTls, PortOfTheOtherKindIsSaidWithTheSchemeToTry) {
-  const Mosquitto encrypted(*directory_, listener());
+  const Mosquitto encrypted(listener());
   for (const int version : {4, 5}) {
     const std::string text =
         Client(settings(encrypted.url("mqtt", "localhost"), version)).refusal();
     expect_says(text, "try mqtts://");
   }
-  const Mosquitto plain(*directory_, "allow_anonymous true");
+  const Mosquitto plain;
   const std::string text = Client(tls(plain.url("mqtts", "localhost"), "ca.pem")).refusal();
   expect_says(text, "try mqtt://");
 }
 
 TEST_F(PahoBrokerTls, CertificateOfAnotherHostIsRefused) {
-  const Mosquitto mosquitto(*directory_, listener());
+  const Mosquitto mosquitto(listener());
   const std::string text = Client(tls(mosquitto.url("mqtts", "127.0.0.1"), "ca.pem")).refusal();
   expect_says(text, "is not for this host name: use a host name");
 }
 
 TEST_F(PahoBrokerTls, CertificateOfAnAddressIsNotSaidToBeOfAnotherHost) {
   test::make_certificates(*directory_, "address-", "IP:127.0.0.1");
-  const Mosquitto mosquitto(*directory_, listener("require_certificate true", "address-"));
+  const Mosquitto mosquitto(listener("require_certificate true", "address-"));
   const std::string text =
       Client(tls(mosquitto.url("mqtts", "127.0.0.1"), "address-ca.pem")).refusal();
   expect_says(text, "set mqtt.tls.cert_file and key_file");
@@ -807,13 +777,13 @@ TEST_F(PahoBrokerTls, ServerThatResetsTheHandshakeIsNamed) {
 }
 
 TEST_F(PahoBrokerTls, MissingFileIsNamed) {
-  const Mosquitto mosquitto(*directory_, listener());
+  const Mosquitto mosquitto(listener());
   const std::string text = Client(tls(mosquitto.url("mqtts", "localhost"), "no.pem")).refusal();
   expect_says(text, "no.pem: No such file");
 }
 
 TEST_F(PahoBrokerTls, MutualTlsNeedsTheClientsCertificate) {
-  const Mosquitto mosquitto(*directory_, listener("require_certificate true"));
+  const Mosquitto mosquitto(listener("require_certificate true"));
   MqttConfig config = tls(mosquitto.url("mqtts", "localhost"), "ca.pem");
   for (int i = 0; i < 5; ++i) {  // the TLS error depends on timing
     const std::string text = Client(config).refusal();
@@ -855,13 +825,11 @@ std::ptrdiff_t open_descriptors() {
 }
 
 TEST(PahoBroker, EndsWithPublishesOnTheirWayAndLeavesNoConnection) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  const Mosquitto mosquitto;
   std::ptrdiff_t after_the_first = 0;  // without the library's own descriptors
   for (int i = 0; i < 5; ++i) {
     {
-      Client client(settings(mosquitto.url()));
-      client.connect();
+      OnlineClient client(settings(mosquitto.url()));
       client.subscribe("a");
       for (std::uint64_t id = 1; id <= 20; ++id) client->publish(publication(id, "a", "x"));
     }
@@ -872,13 +840,11 @@ TEST(PahoBroker, EndsWithPublishesOnTheirWayAndLeavesNoConnection) {
 
 TEST(PahoBroker, WillIsSaidForOneThatVanishedAndNotForOneThatLeft) {
   const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
-  Client observer(settings(mosquitto.url()));
-  observer.connect();
+  const Mosquitto mosquitto;
+  OnlineClient observer(settings(mosquitto.url()));
   observer.subscribe("will/#");
 
-  Client polite(settings(mosquitto.url()), retained("will/polite", "gone"));
-  polite.connect();
+  OnlineClient polite(settings(mosquitto.url()), retained("will/polite", "gone"));
   polite->disconnect();
   polite.next<Disconnected>();
 
@@ -894,13 +860,11 @@ TEST(PahoBroker, WillIsSaidForOneThatVanishedAndNotForOneThatLeft) {
 }
 
 TEST(PahoBroker, CarriesTheWholeUplink) {
-  const Scratch directory;
-  const Mosquitto mosquitto(directory, "allow_anonymous true");
+  const Mosquitto mosquitto;
   Config config = test::plant();
   config.mqtt = settings(mosquitto.url());
   const std::string base = config.base_topic();
-  Client observer(settings(mosquitto.url()));
-  observer.connect();
+  OnlineClient observer(settings(mosquitto.url()));
   observer.subscribe(base + "/#");
 
   Outbox outbox(100);
@@ -942,8 +906,7 @@ TEST(PahoBroker, CarriesTheWholeUplink) {
 /// The other process of the test above: connects and waits to be killed.
 int be_the_victim(const std::string& url) {
   unsetenv("FXAGENT_TEST_VICTIM");
-  Client victim(settings(url), retained("will/victim", "gone"));
-  victim.connect();
+  OnlineClient victim(settings(url), retained("will/victim", "gone"));
   victim->publish(publication(1, "will/hello", "x"));
   for (;;) pause();
 }
