@@ -9,6 +9,8 @@ namespace {
 
 using namespace test;
 
+Made gx(std::string_view text) { return made_of(text, import_gx_comments); }
+
 TEST(GxComments, GxDeveloperHasCommasAndLabels) {
   const Made made = made_of(
       "Device,Label,Comment\r\n"
@@ -31,20 +33,18 @@ TEST(GxComments, GxDeveloperHasCommasAndLabels) {
 }
 
 TEST(GxComments, GxWorks2HasTabsAndATitle) {
-  const Made made = made_of(
-      "\"Press line\"\r\n\"COMMENT\"\r\n\"Device Name\"\t\"Comment\"\r\n"
-      "\"M0\"\t\"running\"\r\n\"M1\"\t\"\"\r\n\"TN5\"\t\"fill time\"\r\n",
-      import_gx_comments);
+  const Made made =
+      gx("\"Press line\"\r\n\"COMMENT\"\r\n\"Device Name\"\t\"Comment\"\r\n"
+         "\"M0\"\t\"running\"\r\n\"M1\"\t\"\"\r\n\"TN5\"\t\"fill time\"\r\n");
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 2U);
   expect_note(made, {"0: left out: 1 device without a comment"});
   expect_note(made, {"the link is a placeholder"});
 }
 
 TEST(GxComments, GxWorks3HasAColumnForEachLanguage) {
-  const Made made = made_of(
-      "\"Device Name\"\t\"Japanese/日本語\"\t\"English(Display Target)\"\r\n"
-      "\"D0\"\t\"\"\t\"speed\"\r\n\"D1\"\t\"圧力\"\t\"pressure\"\r\n",
-      import_gx_comments);
+  const Made made =
+      gx("\"Device Name\"\t\"Japanese/日本語\"\t\"English(Display Target)\"\r\n"
+         "\"D0\"\t\"\"\t\"speed\"\r\n\"D1\"\t\"圧力\"\t\"pressure\"\r\n");
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["name"], "speed");
   EXPECT_EQ(made.config["devices"][0]["tags"][1]["name"], "d1");
   EXPECT_EQ(made.config["devices"][0]["tags"][1].value("description", ""), "圧力");
@@ -56,7 +56,7 @@ TEST(GxComments, CommasInQuotedCommentsAreNoDelimiters) {
   for (int i = 0; i < 20; ++i)
     text += "\"D" + std::to_string(i) + "\"\t\"pump, valve, tank " + std::to_string(i) + "\"\r\n";
   EXPECT_TRUE(is_gx_comments(text));
-  const Made made = made_of(text, import_gx_comments);
+  const Made made = gx(text);
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 20U);
   EXPECT_EQ(made.config["devices"][0]["tags"][3]["name"], "pump_valve_tank_3");
 }
@@ -69,14 +69,13 @@ TEST(GxComments, ShiftJisHead) {
   const auto text = to_utf8(bytes, "CP932");
   ASSERT_TRUE(text);
   EXPECT_TRUE(is_gx_comments(*text));
-  const Made made = made_of(*text, import_gx_comments);
+  const Made made = gx(*text);
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "D5");
   expect_note(made, {"2: ", "温度"});
 }
 
 TEST(GxComments, DevicesThatAConfigLacksAreNamedWithTheirLine) {
-  const Made made = made_of("Device Name,Comment\nP10,subroutine\nX8,wrong\nD0,right\n???,x\n",
-                            import_gx_comments);
+  const Made made = gx("Device Name,Comment\nP10,subroutine\nX8,wrong\nD0,right\n???,x\n");
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 1U);
   expect_note(made, {"2: left out", "P10"});
   expect_note(made, {"3: left out", "X8"});
@@ -84,7 +83,7 @@ TEST(GxComments, DevicesThatAConfigLacksAreNamedWithTheirLine) {
 }
 
 TEST(GxComments, AFileWithoutAHeadHasDevicesAtLeast) {
-  EXPECT_EQ(made_of("D0,speed\n", import_gx_comments).config["devices"][0]["tags"].size(), 1U);
+  EXPECT_EQ(gx("D0,speed\n").config["devices"][0]["tags"].size(), 1U);
   EXPECT_EQ(error_of(import_gx_comments("a,b\nc,d\n", {})).text, "has no device comments");
 }
 

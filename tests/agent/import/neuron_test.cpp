@@ -12,6 +12,8 @@ namespace {
 using namespace test;
 using nlohmann::json;
 
+Made neuron(std::string_view text) { return made_of(text, import_neuron); }
+
 constexpr const char* kTags = R"([
   {"name": "Temp", "address": "1!400001", "type": 3, "attribute": 1, "decimal": 0.1, "precision": 0},
   {"name": "Power", "address": "1!300010#BL", "type": 9, "attribute": 3},
@@ -24,13 +26,12 @@ constexpr const char* kTags = R"([
   {"name": "Wrong", "address": "400040", "type": 3, "attribute": 1}])";
 
 TEST(Neuron, NodesWithGroupsAndTags) {
-  const Made made = made_of(R"({"nodes": [
+  const Made made = neuron(R"({"nodes": [
       {"name": "mqtt", "plugin": "MQTT", "groups": []},
       {"name": "Line 1", "plugin": "Modbus TCP",
        "params": {"host": "192.0.2.7", "port": 502, "timeout": 3000},
        "groups": [{"group": "fast", "interval": 500, "tags": )" +
-                                std::string(kTags) + "}]}]}",
-                            import_neuron);
+                           std::string(kTags) + "}]}]}");
   ASSERT_EQ(made.config["devices"].size(), 2U) << all_of(made.notes);
   EXPECT_EQ(made.config["links"],
             json::parse(R"([{"name":"line1","tcp":{"host":"192.0.2.7","port":502}}])"));
@@ -57,12 +58,11 @@ TEST(Neuron, NodesWithGroupsAndTags) {
 }
 
 TEST(Neuron, NoSettingIsDroppedInSilence) {
-  const Made made = made_of(R"({"nodes": [{"name": "n", "plugin": "Modbus TCP",
+  const Made made = neuron(R"({"nodes": [{"name": "n", "plugin": "Modbus TCP",
        "params": {"host": "192.0.2.7", "port": 502, "timeout": 3000, "interval": 20, "max_retries": 2},
        "groups": [{"group": "fast", "interval": 500, "tags": [
          {"name": "t", "address": "1!400001", "type": 3, "attribute": 1, "precision": 2, "unit": "bar"},
-         {"name": "u", "address": "1!400002", "type": 3, "attribute": 1, "precision": 0}]}]}]})",
-                            import_neuron);
+         {"name": "u", "address": "1!400002", "type": 3, "attribute": 1, "precision": 0}]}]}]})");
   EXPECT_EQ(made.config["devices"][0]["gap_ms"], 20);
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["unit"], "bar");
   expect_note(made, {"not imported: max_retries of the node n"});
@@ -72,15 +72,14 @@ TEST(Neuron, NoSettingIsDroppedInSilence) {
 
 // The order of the node for 64 bits is a setting of its own, and "#BL" of a tag goes before it.
 TEST(Neuron, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
-  const Made made = made_of(R"({"nodes": [{"name": "n", "plugin": "Modbus TCP",
+  const Made made = neuron(R"({"nodes": [{"name": "n", "plugin": "Modbus TCP",
        "params": {"host": "192.0.2.7", "port": 502, "endianess": 1, "endianess_64": 3},
        "groups": [{"group": "g", "interval": 500, "tags": [
          {"name": "a", "address": "1!400001", "type": 7, "attribute": 1},
          {"name": "b", "address": "1!400005#BL", "type": 8, "attribute": 1, "decimal": 0.001},
          {"name": "c", "address": "1!400009", "type": 10, "attribute": 1},
          {"name": "d", "address": "1!400013", "type": 18, "attribute": 1},
-         {"name": "e", "address": "1!400017", "type": 5, "attribute": 1}]}]}]})",
-                            import_neuron);
+         {"name": "e", "address": "1!400017", "type": 5, "attribute": 1}]}]}]})");
   EXPECT_EQ(made.config["devices"][0]["tags"], json::parse(R"([
     {"name":"a","address":"400001","type":"int64","word_order":"DCBA","group":"g"},
     {"name":"b","address":"400005","type":"uint64","word_order":"CDAB","scale":0.001,"group":"g"},
@@ -91,13 +90,12 @@ TEST(Neuron, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
 }
 
 TEST(Neuron, ListsThatNameTheirDriver) {
-  const Made made = made_of(R"({
+  const Made made = neuron(R"({
     "nodes": [{"name": "rtu", "plugin": "Modbus RTU"}],
     "groups": [{"driver": "rtu", "group": "g", "interval": 2000}],
     "tags": [{"driver": "rtu", "group": "g",
               "tags": [{"name": "t", "address": "3!40001", "type": 4, "attribute": 1}]}],
-    "settings": [{"node": "rtu", "params": {"device": "/dev/ttyS1", "timeout": 1000}}]})",
-                            import_neuron);
+    "settings": [{"node": "rtu", "params": {"device": "/dev/ttyS1", "timeout": 1000}}]})");
   EXPECT_EQ(made.config["devices"][0]["protocol"], "modbus-rtu");
   EXPECT_EQ(made.config["devices"][0]["unit"], 3);
   EXPECT_EQ(made.config["links"][0]["serial"]["path"], "/dev/ttyS1");
@@ -123,7 +121,7 @@ std::string rtu_with(const std::string& params) {
 }
 
 TEST(Neuron, AStringHasItsHighByteFirstUnlessItSaysL) {
-  const Made made = made_of(rtu_with(""), import_neuron);
+  const Made made = neuron(rtu_with(""));
   const json& tags = made.config["devices"][0]["tags"];
   EXPECT_EQ(tags[3]["word_order"], "high_first");
   EXPECT_EQ(tags[4]["word_order"], "low_first");
@@ -132,7 +130,7 @@ TEST(Neuron, AStringHasItsHighByteFirstUnlessItSaysL) {
 TEST(Neuron, TheNodesByteOrderIsThatOfTagsWithoutOne) {
   const std::vector<const char*> orders{"ABCD", "BADC", "DCBA", "CDAB"};
   for (std::size_t code = 1; code <= orders.size(); ++code) {
-    const Made made = made_of(rtu_with("\"endianess\": " + std::to_string(code)), import_neuron);
+    const Made made = neuron(rtu_with("\"endianess\": " + std::to_string(code)));
     const json& device = made.config["devices"][0];
     EXPECT_FALSE(device.contains("byte_order"));
     EXPECT_FALSE(device["tags"][0].contains("word_order"));
@@ -140,13 +138,13 @@ TEST(Neuron, TheNodesByteOrderIsThatOfTagsWithoutOne) {
     EXPECT_EQ(device["tags"][2]["word_order"], "DCBA");
     EXPECT_EQ(device["tags"][3]["word_order"], "high_first");
   }
-  const Made made = made_of(rtu_with("\"endianess\": 7"), import_neuron);
+  const Made made = neuron(rtu_with("\"endianess\": 7"));
   expect_note(made, {"not imported: endianess 7"});
 }
 
 TEST(Neuron, TheSerialLineIsWhatItsCodesMean) {
   const auto serial_of = [](const std::string& params) {
-    const Made made = made_of(rtu_with("\"device\": \"/dev/ttyS1\"" + params), import_neuron);
+    const Made made = neuron(rtu_with("\"device\": \"/dev/ttyS1\"" + params));
     return made.config["links"][0]["serial"];
   };
   EXPECT_EQ(serial_of(""), json::parse(R"({"path": "/dev/ttyS1", "baud": 9600, "data_bits": 8,
@@ -159,18 +157,16 @@ TEST(Neuron, TheSerialLineIsWhatItsCodesMean) {
   for (std::size_t code = 0; code < std::size(bauds); ++code)
     EXPECT_EQ(serial_of(", \"baud\": " + std::to_string(code))["baud"], bauds[code]);
   EXPECT_EQ(serial_of(R"(, "baud": 3, "parity": 1)")["parity"], "odd");
-  const Made made =
-      made_of(rtu_with(R"("device": "/dev/ttyS1", "baud": 99, "parity": 3)"), import_neuron);
+  const Made made = neuron(rtu_with(R"("device": "/dev/ttyS1", "baud": 99, "parity": 3)"));
   expect_note(made, {"not imported: baud 99"});
   expect_note(made, {"not imported: parity 3"});
   EXPECT_FALSE(made.config["links"][0]["serial"].contains("baud"));
 }
 
 TEST(Neuron, WhereItWaitsForTheDeviceTheLinkIsAPlaceholder) {
-  const Made made = made_of(R"({"nodes": [{"name": "n", "plugin": "Modbus TCP",
+  const Made made = neuron(R"({"nodes": [{"name": "n", "plugin": "Modbus TCP",
        "params": {"host": "0.0.0.0", "port": 5000, "connection_mode": 1, "address_base": 0},
-       "groups": [{"group": "g", "tags": [{"name": "t", "address": "1!400001", "type": 4}]}]}]})",
-                            import_neuron);
+       "groups": [{"group": "g", "tags": [{"name": "t", "address": "1!400001", "type": 4}]}]}]})");
   EXPECT_EQ(made.config["links"][0]["tcp"]["host"], "192.0.2.1");
   expect_note(made, {"the device connects to Neuron"});
   expect_note(made, {"its addresses count from 0"});

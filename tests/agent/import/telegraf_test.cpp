@@ -10,8 +10,16 @@ namespace {
 using namespace test;
 using nlohmann::json;
 
+Made telegraf(std::string_view text) { return made_of(text, import_telegraf); }
+
+/// Imports a plugin with these lines.
+Made plugin_of(const std::string& lines) {
+  return telegraf("[[inputs.modbus]]\nname = \"m\"\ncontroller = \"tcp://192.0.2.1:502\"\n" +
+                  lines);
+}
+
 TEST(Telegraf, StyleOfRegisters) {
-  const Made made = made_of(R"(
+  const Made made = telegraf(R"(
 [agent]
   interval = "5s"
 [[inputs.modbus]]
@@ -31,8 +39,7 @@ TEST(Telegraf, StyleOfRegisters) {
     { name = "ph", byte_order = "ABCD", data_type = "FLOAT32-IEEE", scale=1.0, address = [1,2]},
   ]
 [[inputs.cpu]]
-)",
-                            import_telegraf);
+)");
   const json& device = made.config["devices"][0];
   EXPECT_EQ(device["name"], "device");
   EXPECT_EQ(device["unit"], 4);
@@ -51,7 +58,7 @@ TEST(Telegraf, StyleOfRegisters) {
 }
 
 TEST(Telegraf, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
-  const Made made = made_of(R"(
+  const Made made = telegraf(R"(
 [[inputs.modbus]]
   name = "m"
   controller = "tcp://localhost:502"
@@ -70,8 +77,7 @@ TEST(Telegraf, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
   [[inputs.modbus.request]]
     byte_order = "CDAB"
     fields = [ { address=0, name="g", type="FLOAT64" }, { address=4, name="h", type="UINT64" } ]
-)",
-                            import_telegraf);
+)");
   EXPECT_EQ(made.config["devices"][0]["tags"], json::parse(R"([
     {"name":"a","address":"hr:0","type":"int64","word_order":"ABCD","scale":0.1,"group":"every_10000_ms"},
     {"name":"b","address":"hr:4","type":"uint64","word_order":"DCBA","group":"every_10000_ms"},
@@ -85,7 +91,7 @@ TEST(Telegraf, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
 }
 
 TEST(Telegraf, StyleOfRequests) {
-  const Made made = made_of(R"(
+  const Made made = telegraf(R"(
 [[inputs.modbus]]
   name = "gw"
   controller = "file:///dev/ttyUSB0"
@@ -109,8 +115,7 @@ TEST(Telegraf, StyleOfRequests) {
     slave_id = 2
     register = "coil"
     fields = [ { address=0, name="run"} ]
-)",
-                            import_telegraf);
+)");
   ASSERT_EQ(made.config["devices"].size(), 2U) << all_of(made.notes);
   EXPECT_EQ(made.config["devices"][0]["protocol"], "modbus-rtu");
   EXPECT_EQ(made.config["devices"][1]["name"], "gw_2");
@@ -123,11 +128,7 @@ TEST(Telegraf, StyleOfRequests) {
 }
 
 TEST(Telegraf, StyleOfMetrics) {
-  const Made made = made_of(R"(
-[[inputs.modbus]]
-  name = "m"
-  controller = "tcp://192.0.2.1:502"
-  configuration_type = "metric"
+  const Made made = plugin_of(R"(  configuration_type = "metric"
   [[inputs.modbus.metric]]
     slave_id = 1
     byte_order = "ABCD"
@@ -135,21 +136,19 @@ TEST(Telegraf, StyleOfMetrics) {
       { register="coil", address=0, name="door" },
       { register="input", address=3, name="rpm", type="UINT16" },
     ]
-)",
-                            import_telegraf);
+)");
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "co:0");
   EXPECT_EQ(made.config["devices"][0]["tags"][1]["address"], "ir:3");
 }
 
 TEST(Telegraf, ModeAutoIsWhatTheControllerTakes) {
   const auto protocol_of = [](const std::string& controller) {
-    const Made made = made_of(
+    const Made made = telegraf(
         "[[inputs.modbus]]\n  name = \"m\"\n  transmission_mode = \"auto\"\n"
         "  controller = \"" +
-            controller +
-            "\"\n"
-            "  holding_registers = [{name=\"a\", data_type=\"INT16\", address=[0]}]\n",
-        import_telegraf);
+        controller +
+        "\"\n"
+        "  holding_registers = [{name=\"a\", data_type=\"INT16\", address=[0]}]\n");
     return made.config["devices"][0]["protocol"];
   };
   EXPECT_EQ(protocol_of("file:///dev/ttyUSB0"), "modbus-rtu");
@@ -157,11 +156,7 @@ TEST(Telegraf, ModeAutoIsWhatTheControllerTakes) {
 }
 
 TEST(Telegraf, NoSettingIsDroppedInSilence) {
-  const Made made = made_of(R"(
-[[inputs.modbus]]
-  name = "m"
-  controller = "tcp://192.0.2.1:502"
-  timeout = "2s"
+  const Made made = plugin_of(R"(  timeout = "2s"
   pause_between_requests = "30ms"
   busy_retries = 3
   holding_registers = [
@@ -170,8 +165,7 @@ TEST(Telegraf, NoSettingIsDroppedInSilence) {
     plant = "north"
   [inputs.modbus.workarounds]
     one_request_per_field = true
-)",
-                            import_telegraf);
+)");
   EXPECT_EQ(made.config["devices"][0]["timeout_ms"], 2000);
   EXPECT_EQ(made.config["devices"][0]["gap_ms"], 30);
   expect_note(made, {"not imported: busy_retries, tags, workarounds of inputs.modbus \"m\""});
@@ -180,7 +174,7 @@ TEST(Telegraf, NoSettingIsDroppedInSilence) {
 }
 
 TEST(Telegraf, NumbersBeyondAllMeasureCostOneTagAtMost) {
-  const Made made = made_of(R"(
+  const Made made = telegraf(R"(
 [[inputs.modbus]]
   name = "m"
   interval = "1e300h"
@@ -190,8 +184,7 @@ TEST(Telegraf, NumbersBeyondAllMeasureCostOneTagAtMost) {
     {name="a", data_type="INT16", address=[0]},
     {name="b", data_type="INT16", address=[1], scale=inf},
     {name="c", data_type="INT16", address=[2], scale=nan}]
-)",
-                            import_telegraf);
+)");
   EXPECT_EQ(made.config["links"][0]["tcp"]["port"], 502);
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 1U);
   EXPECT_EQ(made.config["devices"][0]["groups"][0]["interval_ms"], 86'400'000);
@@ -200,10 +193,9 @@ TEST(Telegraf, NumbersBeyondAllMeasureCostOneTagAtMost) {
 }
 
 TEST(Telegraf, NameBeyondAsciiIsSaidToLoseLetters) {
-  const Made made = made_of(
+  const Made made = telegraf(
       "[[inputs.modbus]]\nname = \"K\u00FChler\"\ncontroller = \"tcp://192.0.2.1:502\"\n"
-      "holding_registers = [{name=\"\u6E29\u5EA6 a\", data_type=\"INT16\", address=[0]}]\n",
-      import_telegraf);
+      "holding_registers = [{name=\"\u6E29\u5EA6 a\", data_type=\"INT16\", address=[0]}]\n");
   EXPECT_EQ(made.config["devices"][0]["name"], "k_hler");
   EXPECT_EQ(made.config["devices"][0]["tags"][0]["name"], "a");
   expect_note(made, {"is named k_hler"});
@@ -218,12 +210,6 @@ TEST(Telegraf, BrokenTextHasItsLine) {
   EXPECT_EQ(error_of(import_telegraf("[[inputs.modbus]]\nname = \n", {})).line, 2);
   EXPECT_FALSE(is_telegraf("inputs.modbus ="));
   EXPECT_FALSE(import_telegraf("[agent]\n", {}));
-}
-
-/// Imports a plugin with these lines.
-Made plugin_of(const std::string& lines) {
-  return made_of("[[inputs.modbus]]\nname = \"m\"\ncontroller = \"tcp://192.0.2.1:502\"\n" + lines,
-                 import_telegraf);
 }
 
 TEST(Telegraf, StringsInBothStyles) {

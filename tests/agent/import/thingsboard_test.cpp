@@ -9,8 +9,10 @@ namespace {
 using namespace test;
 using nlohmann::json;
 
+Made thingsboard(std::string_view text) { return made_of(text, import_thingsboard); }
+
 TEST(Thingsboard, ASlaveOverTcp) {
-  const Made made = made_of(R"({"master": {"slaves": [{
+  const Made made = thingsboard(R"({"master": {"slaves": [{
     "host": "127.0.0.1", "port": 5021, "type": "tcp", "method": "socket", "unitId": 3,
     "deviceName": "Demo Device", "byteOrder": "BIG", "wordOrder": "LITTLE", "pollPeriod": 1000,
     "attributes": [{"tag": "power", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 2, "divider": 10}],
@@ -22,8 +24,7 @@ TEST(Thingsboard, ASlaveOverTcp) {
       {"tag": "byte", "type": "8int", "address": 50, "objectsCount": 1, "functionCode": 3}],
     "attributeUpdates": [{"tag": "relay", "type": "bits", "address": 1, "objectsCount": 1, "functionCode": 5}],
     "rpc": [{"tag": "reset", "type": "bits", "address": 9, "objectsCount": 1, "functionCode": 5}]}]},
-    "slave": {"type": "tcp"}})",
-                            import_thingsboard);
+    "slave": {"type": "tcp"}})");
   const json& device = made.config["devices"][0];
   EXPECT_EQ(device["name"], "demo_device");
   EXPECT_EQ(device["protocol"], "modbus-tcp");
@@ -42,7 +43,7 @@ TEST(Thingsboard, ASlaveOverTcp) {
 }
 
 TEST(Thingsboard, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
-  const Made made = made_of(R"({"master": {"slaves": [{
+  const Made made = thingsboard(R"({"master": {"slaves": [{
     "host": "127.0.0.1", "port": 502, "type": "tcp", "unitId": 3, "deviceName": "d",
     "byteOrder": "BIG", "wordOrder": "BIG", "pollPeriod": 1000,
     "timeseries": [
@@ -50,8 +51,7 @@ TEST(Thingsboard, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
       {"tag": "b", "type": "64uint", "address": 4, "objectsCount": 4, "functionCode": 3, "divider": 1000},
       {"tag": "c", "type": "64float", "address": 8, "objectsCount": 4, "functionCode": 4, "wordOrder": "LITTLE"},
       {"tag": "d", "type": "double", "address": 12, "objectsCount": 4, "functionCode": 4},
-      {"tag": "e", "type": "long", "address": 16, "objectsCount": 4, "functionCode": 4}]}]}})",
-                            import_thingsboard);
+      {"tag": "e", "type": "long", "address": 16, "objectsCount": 4, "functionCode": 4}]}]}})");
   EXPECT_FALSE(made.config["devices"][0].contains("byte_order")) << "ABCD is the default";
   EXPECT_EQ(made.config["devices"][0]["tags"], json::parse(R"([
     {"name":"a","address":"hr:0","type":"int64","group":"every_1000_ms"},
@@ -63,14 +63,13 @@ TEST(Thingsboard, ValuesOfFourRegistersHaveTheirTypeAndOrder) {
 }
 
 TEST(Thingsboard, NoSettingIsDroppedInSilence) {
-  const Made made = made_of(R"({"name": "gw", "master": {"slaves": [{
+  const Made made = thingsboard(R"({"name": "gw", "master": {"slaves": [{
     "host": "127.0.0.1", "port": 502, "type": "tcp", "method": "socket", "unitId": 3, "deviceName": "d",
     "timeout": 3.5, "delayBetweenRequestsMs": 20, "retries": true, "connectAttemptTimeMs": 5000,
     "security": {"certfile": "x"}, "strict": null,
     "timeseries": [{"tag": "a", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 2,
                     "min": 0, "reportStrategy": {"type": "ON_CHANGE"}},
-                   {"tag": "b", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 3}]}]}})",
-                            import_thingsboard);
+                   {"tag": "b", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 3}]}]}})");
   EXPECT_EQ(made.config["devices"][0]["timeout_ms"], 3500);
   EXPECT_EQ(made.config["devices"][0]["gap_ms"], 20);
   expect_note(made, {"not imported: retries, connectAttemptTimeMs, security of the slave d"});
@@ -80,13 +79,12 @@ TEST(Thingsboard, NoSettingIsDroppedInSilence) {
 }
 
 TEST(Thingsboard, SlavesOnOneSerialLine) {
-  const Made made = made_of(R"({"master": {"slaves": [
+  const Made made = thingsboard(R"({"master": {"slaves": [
     {"type": "serial", "method": "rtu", "port": "/dev/ttyUSB0", "baudrate": 19200, "stopbits": 1, "bytesize": 8,
      "parity": "N", "unitId": 1, "deviceName": "a",
      "timeseries": [{"tag": "t", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 0}]},
     {"type": "serial", "method": "rtu", "port": "/dev/ttyUSB0", "unitId": 2, "deviceName": "b",
-     "timeseries": [{"tag": "t", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 0}]}]}})",
-                            import_thingsboard);
+     "timeseries": [{"tag": "t", "type": "16int", "functionCode": 3, "objectsCount": 1, "address": 0}]}]}})");
   ASSERT_EQ(made.config["devices"].size(), 2U) << all_of(made.notes);
   EXPECT_EQ(made.config["links"], json::parse(R"([{"name":"line1","serial":{"baud":19200,
       "data_bits":8,"parity":"none","stop_bits":1,"path":"/dev/ttyUSB0"}}])"));
@@ -94,21 +92,19 @@ TEST(Thingsboard, SlavesOnOneSerialLine) {
 }
 
 TEST(Thingsboard, ASerialLineIsWhatTheGatewayTakesItFor) {
-  const Made made = made_of(R"({"master": {"slaves": [
+  const Made made = thingsboard(R"({"master": {"slaves": [
     {"type": "serial", "method": "rtu", "port": "/dev/ttyUSB0", "unitId": 1, "deviceName": "a",
-     "timeseries": [{"tag": "t", "type": "16int", "functionCode": 3, "address": 0}]}]}})",
-                            import_thingsboard);
+     "timeseries": [{"tag": "t", "type": "16int", "functionCode": 3, "address": 0}]}]}})");
   EXPECT_EQ(made.config["links"], json::parse(R"([{"name":"line1","serial":{"baud":19200,
       "data_bits":8,"parity":"none","stop_bits":1,"path":"/dev/ttyUSB0"}}])"));
 }
 
 /// Imports a slave with these timeseries.
 Made series(const std::string& list) {
-  return made_of(R"({"master": {"slaves": [{"host": "192.0.2.7", "port": 502, "type": "TCP",
+  return thingsboard(R"({"master": {"slaves": [{"host": "192.0.2.7", "port": 502, "type": "TCP",
     "method": "Socket", "deviceName": "a", "byteOrder": "big", "wordOrder": "Big",
     "timeseries": [)" +
-                     list + "]}]}}",
-                 import_thingsboard);
+                     list + "]}]}}");
 }
 
 TEST(Thingsboard, ASlaveWithoutAUnitIsUnitOne) {
@@ -174,7 +170,7 @@ TEST(Thingsboard, WhatAGatewaysPageExportsHasTheFileWithin) {
                             slaves_with("") + "}";
   for (const std::string& text : {inner, "{\"Modbus 1\": " + inner + "}"}) {
     EXPECT_TRUE(is_thingsboard(text)) << text;
-    const Made made = made_of(text, import_thingsboard);
+    const Made made = thingsboard(text);
     EXPECT_EQ(made.config["devices"][0]["tags"][0]["address"], "hr:0");
     EXPECT_EQ(made.config["devices"][0]["groups"][0].value("publish", ""), "on_change");
     EXPECT_TRUE(made.notes.empty()) << all_of(made.notes);
@@ -193,7 +189,7 @@ TEST(Thingsboard, TheFirstGenerationIsNamedWithItsCure) {
 
 TEST(Thingsboard, WhatIsSentOnChangeIsPublishedSo) {
   const auto group_of = [](const std::string& keys) {
-    const Made made = made_of(slaves_with(keys), import_thingsboard);
+    const Made made = thingsboard(slaves_with(keys));
     EXPECT_TRUE(made.notes.empty()) << all_of(made.notes);
     return made.config["devices"][0]["groups"][0];
   };
@@ -208,8 +204,8 @@ TEST(Thingsboard, WhatIsSentOnChangeIsPublishedSo) {
   EXPECT_EQ(group_of(R"(, "reportStrategy": {"type": "ON_CHANGE_OR_REPORT_PERIOD",
                        "reportPeriod": 89001})"),
             on_change);
-  const Made other = made_of(slaves_with(R"(, "reportStrategy": {"type": "ON_REPORT_PERIOD"})"),
-                             import_thingsboard);
+  const Made other =
+      thingsboard(slaves_with(R"(, "reportStrategy": {"type": "ON_REPORT_PERIOD"})"));
   expect_note(other, {"not imported: the reportStrategy \"ON_REPORT_PERIOD\""});
 }
 
