@@ -73,8 +73,8 @@ struct CommandsTest : ::testing::Test {
     properties.received_ms = kNow;
     commands().receive(device, "any/topic", payload, properties, now, kNow);
   }
-  void write(const std::string& id) {
-    receive(R"({"id":")" + id + R"(","op":"write","tag":"setpoint","value":50})");
+  void write(const std::string& id, std::uint32_t device = 0) {
+    receive(R"({"id":")" + id + R"(","op":"write","tag":"setpoint","value":50})", device);
   }
   /// Delivers a write and hands what waits to the field.
   void order(const std::string& id) {
@@ -95,6 +95,12 @@ struct CommandsTest : ::testing::Test {
     std::vector<json> found;
     for (const ResultMessage& result : commands().take_results())
       found.push_back(json::parse(result.text));
+    return found;
+  }
+  /// Exactly so many results; otherwise the test ends here.
+  std::vector<json> results(std::size_t count) {
+    std::vector<json> found = results();
+    if (found.size() != count) throw std::runtime_error(json(found).dump(1));
     return found;
   }
   Commands& commands() {
@@ -143,9 +149,8 @@ TEST_F(CommandsTest, ResultsAreInTheJournalInOneCommitBeforeTheyAreTaken) {
   finish("b");
   receive("{}");
   EXPECT_EQ(journal.happened, "");
-  const auto taken = results();
+  const auto taken = results(3);
   EXPECT_EQ(journal.happened, "record 2; ") << "what has no id is in the audit alone";
-  ASSERT_EQ(taken.size(), 3U);
   EXPECT_EQ(json::parse(journal.entries.at("press1/b").result), taken[1]);
   EXPECT_EQ(journal.audits.size(), 5U);
 }
@@ -158,8 +163,7 @@ TEST_F(CommandsTest, EachIsCarriedOutOnce) {
   finish("a");
   order("a");
   EXPECT_EQ(admitted.size(), 1U);
-  const auto taken = results();
-  ASSERT_EQ(taken.size(), 4U);
+  const auto taken = results(4);
   EXPECT_EQ(taken[0]["first"], nullptr) << "still pending";
   EXPECT_EQ(taken[1]["first"], nullptr);
   EXPECT_EQ(taken[2]["status"], "SUCCEEDED");
@@ -175,8 +179,7 @@ TEST_F(CommandsTest, WhatCannotBeJournaledIsRefusedAndNeverCarriedOut) {
   order("b");
   ASSERT_EQ(admitted.size(), 1U) << "a read changes nothing";
   EXPECT_EQ(admitted[0].command.id, "look");
-  const auto taken = results();
-  ASSERT_EQ(taken.size(), 2U);
+  const auto taken = results(2);
   for (const json& result : taken) {
     EXPECT_EQ(result["status"], "REJECTED");
     EXPECT_EQ(result["reason"], "store_unavailable");
@@ -197,8 +200,7 @@ TEST_F(CommandsTest, FirstResultThatTheDiskDoesNotGiveIsNotSaidToBeLost) {
   journal.entries.clear();
   journal.disk_hangs = true;
   write("a");
-  const auto taken = results();
-  ASSERT_EQ(taken.size(), 1U);
+  const auto taken = results(1);
   EXPECT_EQ(taken[0]["status"], "DUPLICATE");
   EXPECT_EQ(taken[0]["detail"],
             "the store's disk does not respond, so the first result cannot be read; the command is "
@@ -209,8 +211,7 @@ TEST_F(CommandsTest, WithoutAJournalFirstResultsAreRememberedHere) {
   journaling = false;
   carry_out("a");
   write("a");
-  const auto taken = results();
-  ASSERT_EQ(taken.size(), 2U);
+  const auto taken = results(2);
   EXPECT_EQ(taken[1]["first"], taken[0]);
   EXPECT_EQ(journal.happened, "submit a; ");
 }
@@ -219,8 +220,7 @@ TEST_F(CommandsTest, RefusedOneIsTheFirstOfItsRepeatInTheSameStep) {
   const std::string bad = R"({"id":"bad","op":"write","tag":"nothing","value":1})";
   receive(bad);
   receive(bad);
-  const auto taken = results();
-  ASSERT_EQ(taken.size(), 2U);
+  const auto taken = results(2);
   EXPECT_EQ(taken[1]["first"], taken[0]);
 }
 
@@ -242,11 +242,10 @@ TEST_F(CommandsTest, FirstResultThatIsLostIsSaidToBeLost) {
 TEST_F(CommandsTest, QueueIsPerDeviceAndAnswersWhenFull) {
   config.devices[0].commands.queue = 3;
   for (int i = 0; i < 6; ++i) write("c" + std::to_string(i));
-  receive(R"({"id":"c","op":"write","tag":"setpoint","value":50})", 1);
+  write("c", 1);
   commands().hand_over(kNow);
   EXPECT_EQ(admitted.size(), 5U) << "one on the wire, three that wait, and the neighbour's";
-  auto taken = results();
-  ASSERT_EQ(taken.size(), 2U);
+  auto taken = results(2);
   for (const json& result : taken) EXPECT_EQ(result["reason"], "queue_full");
   finish("c0");
   order("next");
@@ -264,8 +263,7 @@ TEST_F(CommandsTest, IdOfAnEarlierRunIsADuplicate) {
   journal.keep(old);
   commands().restore(std::move(known), now, kNow);
   write("old");
-  const auto taken = results();
-  ASSERT_EQ(taken.size(), 1U);
+  const auto taken = results(1);
   EXPECT_EQ(taken[0]["status"], "DUPLICATE");
   EXPECT_EQ(taken[0]["first"], json::parse(old.result));
 }
@@ -291,8 +289,7 @@ TEST_F(CommandsTest, KnownIdOfATooLargeCommandIsADuplicate) {
   const std::string large = R"({"id":"a","by":")" + std::string(65536, 'x') + "\"}";
   write("a");
   receive(large);
-  const auto taken = results();
-  ASSERT_EQ(taken.size(), 1U);
+  const auto taken = results(1);
   EXPECT_EQ(taken[0]["status"], "DUPLICATE");
   EXPECT_EQ(taken[0]["id"], "a");
 }
@@ -316,8 +313,7 @@ TEST_F(CommandsTest, EachTargetOfAnInterruptedListIsUnknownWhereAReadDoesNotTell
   known.interrupted.push_back(list);
   commands().restore(std::move(known), now, kNow);
   EXPECT_TRUE(admitted.empty());
-  const auto taken = results();
-  ASSERT_EQ(taken.size(), 1U);
+  const auto taken = results(1);
   EXPECT_EQ(taken[0]["status"], "UNKNOWN_OUTCOME");
   ASSERT_EQ(taken[0]["targets"].size(), 2U);
   EXPECT_EQ(taken[0]["reason"], "interrupted");
@@ -367,8 +363,7 @@ TEST_F(CommandsTest, NothingIsAdmittedAfterTheEndWasAskedFor) {
   receive("no json");
   commands().hand_over(kNow);
   EXPECT_EQ(admitted.size(), 1U);
-  const auto taken = results();
-  ASSERT_EQ(taken.size(), 3U);
+  const auto taken = results(3);
   EXPECT_EQ(taken[0]["status"], "DUPLICATE");
   EXPECT_EQ(taken[1]["reason"], "shutting_down");
   EXPECT_EQ(taken[2]["reason"], "bad_json") << "shutting_down is the last of the checks";
@@ -447,6 +442,11 @@ TEST_F(CommandsTest, ResultThatAnEarlierRunGaveIsNoLastOne) {
 // ---- a changed config ---------------------------------------------------------------------------
 
 struct CommandsChangeTest : CommandsTest {
+  Config without_press1() const {
+    Config wanted = config;
+    wanted.devices = {config.devices[1]};
+    return wanted;
+  }
   /// Begins a change as the publisher does; the config is switched later.
   void begin_change(Config wanted) {
     change = change_between(config, std::move(wanted));
@@ -471,8 +471,7 @@ TEST_F(CommandsChangeTest, DeviceOfTheSameNameKnowsItsIdsAndObeysItsNewRules) {
   write("a");
   write("b");
   write("c");
-  const auto after = results();
-  ASSERT_EQ(after.size(), 3U);
+  const auto after = results(3);
   EXPECT_EQ(after[0]["status"], "DUPLICATE");
   EXPECT_EQ(after[0]["first"]["status"], "SUCCEEDED");
   EXPECT_EQ(after[1]["status"], "DUPLICATE") << "each id has one result";
@@ -519,9 +518,7 @@ TEST_F(CommandsChangeTest, DeviceThatComesBackKnowsTheIdsOfBefore) {
     carry_out("a");
     results();
     const Config both = config;
-    Config one = config;
-    one.devices = {both.devices[1]};
-    begin_change(std::move(one));
+    begin_change(without_press1());
     EXPECT_TRUE(end_change().empty());
     EXPECT_FALSE(commands().device_named("press1"));
     EXPECT_EQ(commands().device_named("press2"), 1U);
@@ -536,8 +533,7 @@ TEST_F(CommandsChangeTest, DeviceThatIsGoneIsForgottenWithItsLastId) {
   carry_out("a");
   results();
   const Config both = config;
-  Config one = config;
-  one.devices = {both.devices[1]};
+  const Config one = without_press1();
   for (const auto& [later, is_known] :
        {std::pair(std::chrono::hours(23), true), std::pair(std::chrono::hours(2), false)}) {
     begin_change(one);
@@ -552,9 +548,7 @@ TEST_F(CommandsChangeTest, IdThatIsFoundLateIsKnownToADeviceThatIsGone) {
   carry_out("a");
   results();
   const Config both = config;
-  Config one = config;
-  one.devices = {both.devices[1]};
-  begin_change(one);
+  begin_change(without_press1());
   end_change();
   Recovered late;
   late.ids.push_back({"press1", "old", 7, kNow - 1000, kNow - 1000});
@@ -571,7 +565,7 @@ TEST_F(CommandsChangeTest, DeviceThatIsNewIsNamedSoThatEarlierRunsAreAsked) {
   wanted.devices.push_back(test::press("oven"));
   begin_change(std::move(wanted));
   EXPECT_EQ(end_change(), std::vector<std::string>{"oven"});
-  receive(R"({"id":"a","op":"write","tag":"setpoint","value":50})", 2);
+  write("a", 2);
   commands().hand_over(kNow);
   ASSERT_EQ(admitted.size(), 1U);
   EXPECT_EQ(admitted[0].command.device, 2U);
@@ -579,9 +573,7 @@ TEST_F(CommandsChangeTest, DeviceThatIsNewIsNamedSoThatEarlierRunsAreAsked) {
 
 TEST_F(CommandsChangeTest, ResultOfADeviceThatIsGoneIsStillAcknowledged) {
   order("a");
-  Config wanted = config;
-  wanted.devices = {config.devices[1]};
-  begin_change(std::move(wanted));
+  begin_change(without_press1());
   finish("a");
   auto left = commands().take_results();
   end_change();
@@ -601,7 +593,7 @@ TEST_F(CommandsChangeTest, DeviceThatBeginsDuringTheEndAdmitsNothing) {
   commands().close();
   end_change();
   for (const std::uint32_t device : {0U, 2U}) {
-    receive(R"({"id":"a","op":"write","tag":"setpoint","value":50})", device);
+    write("a", device);
     EXPECT_EQ(results().at(0)["reason"], "shutting_down");
   }
 }
@@ -614,7 +606,7 @@ TEST_F(CommandsChangeTest, DeviceThatBeginsWhileAnotherAgentHasOurIdRefusesToo) 
   begin_change(std::move(wanted));
   end_change();
   for (const std::uint32_t device : {0U, 2U}) {
-    receive(R"({"id":"a","op":"write","tag":"setpoint","value":50})", device);
+    write("a", device);
     EXPECT_EQ(results().at(0)["reason"], "conflict");
   }
 }
