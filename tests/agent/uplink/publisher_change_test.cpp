@@ -26,10 +26,15 @@ struct PublisherChange : ::testing::Test, test::PublisherBench {
     step();
     return numbers;
   }
-  static Config without_press1(const Config& config) {
+  Config without_press1() const {
     Config wanted = config;
     wanted.devices = {config.devices[1]};
     return wanted;
+  }
+  void change_broker() {
+    Config wanted = config;
+    wanted.mqtt.servers = {"mqtt://three:1883"};
+    change_to(std::move(wanted));
   }
   bool is_cleared(const std::string& topic) const {
     const auto said = broker.on(topic);
@@ -42,7 +47,7 @@ TEST_F(PublisherChange, TopicsOfADeviceThatIsGoneAreClearedAndTheOthersLeftAlone
   outbox.push(test::offline(0, "timeout"));
   settle();
   broker.log.clear();
-  change_to(without_press1(config));
+  change_to(without_press1());
   settle();
   EXPECT_TRUE(is_cleared(kBase + "/press1/state"));
   EXPECT_TRUE(is_cleared(kBase + "/press1/meta"));
@@ -60,7 +65,7 @@ TEST_F(PublisherChange, DeviceThatComesBackBeforeItsTopicsWereClearedKeepsThem) 
   lose_connection();
   advance(20s);  // a window of four, all in use
   ASSERT_TRUE(broker.up());
-  change_to(without_press1(config));
+  change_to(without_press1());
   change_to(both);
   outbox.push(test::offline(0, "timeout"));
   broker.acknowledges = true;
@@ -115,7 +120,7 @@ TEST_F(PublisherChange, CountersOfWhatHasEndedStayInTheSum) {
   after.ended_collected = 6;
   after.ended_suppressed = 2;
   outbox.push(after);
-  change_to(without_press1(config));
+  change_to(without_press1());
   settle();
   EXPECT_EQ(made().samples().collected, 6U);
   EXPECT_EQ(made().samples().suppressed, 2U);
@@ -129,7 +134,7 @@ TEST_F(PublisherChange, WhatWaitsForTheBrokerIsDeliveredThoughItsDeviceIsGone) {
   lose_connection();
   outbox.push(test::sample(5));
   outbox.push(succeeded("a"));
-  change_to(without_press1(config));
+  change_to(without_press1());
   settle();
   broker.reachable = true;
   advance(60s);
@@ -154,7 +159,7 @@ TEST_F(PublisherChange, CommandThatCameBeforeIsAnsweredByWhatIsInForceWhenItsTur
   const std::size_t before = admitted.size();
   EXPECT_LT(before, 100U) << "some still wait";
   for (std::size_t i = 0; i < before; ++i) outbox.push(succeeded(admitted[i].command.id));
-  change_to(without_press1(config));
+  change_to(without_press1());
   settle();
   EXPECT_EQ(results().size(), 100U);
   EXPECT_EQ(
@@ -169,9 +174,7 @@ TEST_F(PublisherChange, OtherBrokerGetsWhatTheOldOneDidNotAcknowledge) {
   write("a");
   outbox.push(succeeded("a"));
   step();
-  Config wanted = config;
-  wanted.mqtt.servers = {"mqtt://three:1883"};
-  change_to(std::move(wanted));
+  change_broker();
   step();
   EXPECT_EQ(last("/state")["state"], "offline")
       << "who watches the old broker must not see us online for ever";
@@ -196,9 +199,7 @@ TEST_F(PublisherChange, GoodbyeToTheOldBrokerIsNotRepaired) {
   broker.echoes = true;
   online();
   broker.acknowledges = false;
-  Config wanted = config;
-  wanted.mqtt.servers = {"mqtt://three:1883"};
-  change_to(std::move(wanted));
+  change_broker();
   for (int i = 0; i < 5; ++i) step();
   EXPECT_EQ(last("/state")["state"], "offline");
   broker.acknowledges = true;
@@ -209,9 +210,7 @@ TEST_F(PublisherChange, GoodbyeToTheOldBrokerIsNotRepaired) {
 TEST_F(PublisherChange, StopBehindAGoodbyeStillSendsWhatWaits) {
   online();
   broker.acknowledges = false;
-  Config wanted = config;
-  wanted.mqtt.servers = {"mqtt://three:1883"};
-  change_to(std::move(wanted));
+  change_broker();
   step();
   publisher->stop(now);
   broker.acknowledges = true;
@@ -222,10 +221,8 @@ TEST_F(PublisherChange, OtherBrokerIsTriedAtOnceWhereTheOldOneIsAway) {
   broker.reachable = false;
   settle();
   advance(60s);
-  Config wanted = config;
-  wanted.mqtt.servers = {"mqtt://three:1883"};
   broker.reachable = true;
-  change_to(std::move(wanted));
+  change_broker();
   step();
   EXPECT_TRUE(broker.up());
   EXPECT_EQ(broker.connects.back(), 0U);
@@ -256,7 +253,7 @@ TEST_F(PublisherChange, StatusNamesTheConfigThatItsIndicesAreOf) {
   };
   advance(61s);
   const auto before = read();
-  change_to(without_press1(config));
+  change_to(without_press1());
   advance(61s);
   const auto after = read();
   ASSERT_TRUE(before && after);
@@ -271,6 +268,14 @@ TEST_F(PublisherChange, StatusNamesTheConfigThatItsIndicesAreOf) {
 
 struct PublisherChangeWithStore : PublisherChange {
   PublisherChangeWithStore() { config.store.path = directory.path("store"); }
+  static void end(PublisherBench& bench) {
+    bench.made().stop(bench.now);
+    for (int i = 0; i < 200 && !bench.made().finished(); ++i) {
+      bench.now += 100ms;
+      bench.made().step(bench.now);
+    }
+    ASSERT_TRUE(bench.made().finished());
+  }
   test::Scratch directory;
 };
 
@@ -283,12 +288,7 @@ TEST_F(PublisherChangeWithStore, NumbersOfADeviceOfAnEarlierRunGoOn) {
     earlier.outbox.push(test::sample(5007, 2));
     earlier.settle();
     earlier.write("a");
-    earlier.made().stop(earlier.now);
-    for (int i = 0; i < 200 && !earlier.made().finished(); ++i) {
-      earlier.now += 100ms;
-      earlier.made().step(earlier.now);
-    }
-    ASSERT_TRUE(earlier.made().finished());
+    end(earlier);
   }
   online();
   store->numbers().begin(std::vector<std::string>{"press1", "press2"}, 1000);
@@ -309,14 +309,10 @@ TEST_F(PublisherChangeWithStore, IdsOfADeviceOfAnEarlierRunAreKnown) {
     earlier.write("a");
     earlier.outbox.push(earlier.succeeded("a"));
     earlier.settle();
-    earlier.made().stop(earlier.now);
-    for (int i = 0; i < 200 && !earlier.made().finished(); ++i) {
-      earlier.now += 100ms;
-      earlier.made().step(earlier.now);
-    }
+    end(earlier);
   }
   const Config both = config;
-  config = without_press1(config);
+  config = without_press1();
   config.store = both.store;
   online();
   change_to(both);
