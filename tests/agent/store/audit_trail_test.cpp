@@ -21,12 +21,12 @@ TEST(AuditTrail, AuditOfACommandIsWrittenWithItsJournal) {
   command.audit = told("one");
   command.number = 7;
   command.payload = "{}";
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  ASSERT_TRUE(shelf.journal(command));
   EXPECT_EQ(audit_of(shelf).size(), 1U);
   EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).number, 7U);
   EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).payload, "{}");
   command.result = "{1}";
-  shelf.store->journal().record(command);
+  shelf.record(command);
   EXPECT_EQ(audit_of(shelf).size(), 2U);
   EXPECT_EQ(shelf.store->journal().unacknowledged().at(0).payload, "");  // no longer needed
   EXPECT_EQ(shelf.store->audit().head().records, 2U);
@@ -58,12 +58,10 @@ TEST(AuditTrail, AuditGoesOnAfterARestartAndCommandsKeepTheirNumbers) {
 }
 
 TEST(AuditTrail, AuditThatFoundNoDiskIsWrittenLaterAndSaysWhatWasLost) {
-  Shelf shelf;
-  shelf.block();
-  shelf.open();
+  ShelfWithoutDisk shelf;
   JournalEntry command = entry("one");
   command.audit = told("one");
-  EXPECT_FALSE(shelf.store->journal().journal(std::vector{command}));
+  EXPECT_FALSE(shelf.journal(command));
   for (int i = 0; i < 30005; ++i) shelf.store->audit().note(told("x"));
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart, kNow);

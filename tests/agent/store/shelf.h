@@ -7,6 +7,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdint>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <optional>
@@ -91,6 +92,18 @@ struct Shelf {
     made.number = store->audit().next_command_number();
     return made;
   }
+  /// Puts a command in the journal. False: the disk refused it.
+  bool journal(JournalEntry command) {
+    return store->journal().journal(std::vector{std::move(command)});
+  }
+  void record(JournalEntry result) { store->journal().record(std::move(result)); }
+  void record_acknowledged(const JournalEntry& result) {
+    record(result);
+    store->journal().acknowledge(result.device, result.id, result.number);
+  }
+  std::optional<JournalEntry> found(const std::string& id) const {
+    return store->journal().find("a", id);
+  }
   /// Returns all pending rows message by message, acknowledging each.
   std::string drain(std::size_t max_payload = 65536) {
     std::string all;
@@ -104,6 +117,19 @@ struct Shelf {
 
 struct OpenShelf : Shelf {
   OpenShelf() { open(); }
+};
+
+/// A store that keeps everything in memory, until there is a disk.
+struct ShelfWithoutDisk : Shelf {
+  ShelfWithoutDisk() {
+    block();
+    open();
+  }
+  void bring_disk() {
+    std::filesystem::remove(config.path);
+    store->upkeep(kStart, kNow);
+    store->upkeep(kStart + std::chrono::seconds(10), kNow);
+  }
 };
 
 /// Limits the size of files written by this process, as a full disk does.

@@ -18,7 +18,7 @@ TEST(StoreClock, ClockThatIsSetMakesNothingOlderOrYounger) {
   shelf.store->upkeep(kStart, kNow - kYear);
   shelf.add(rows(1, 2));
   JournalEntry command = shelf.arrived("x", {}, kNow - kYear);
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  ASSERT_TRUE(shelf.journal(command));
   shelf.store->upkeep(kStart + 30min, kNow + 1800000);
   shelf.store->upkeep(kStart + 60min, kNow + 3600000);
   EXPECT_TRUE(shelf.store->samples().take_dropped().empty());
@@ -49,7 +49,7 @@ TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
   for (const char* id : {"told", "again", "untold"}) {
     JournalEntry made = entry(id, "{earlier}", kNow - 60000);
     made.number = static_cast<std::uint64_t>(kNow);  // like a run that opened its file late
-    shelf.store->journal().record(made);
+    shelf.record(made);
     if (made.id != "untold") shelf.store->journal().acknowledge("a", id, made.number);
   }
   shelf.store->upkeep(kStart, kNow);
@@ -60,17 +60,17 @@ TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
   shelf.open(kBoot);
   shelf.store->upkeep(kStart, kBoot);
   JournalEntry again = shelf.arrived("again", "", kBoot);
-  EXPECT_FALSE(shelf.store->journal().journal(std::vector{again}));
+  EXPECT_FALSE(shelf.journal(again));
   std::filesystem::remove(shelf.config.path);
   std::filesystem::rename(away, shelf.config.path);
   shelf.store->upkeep(kStart + 10s, kBoot + 10000);
   ASSERT_EQ(shelf.store->state(), "disk");
-  EXPECT_EQ(shelf.store->journal().find("a", "again")->result, "");  // belongs to this run
+  EXPECT_EQ(shelf.found("again")->result, "");  // belongs to this run
   shelf.store->upkeep(kStart + 20s, kNow + 20000);
   shelf.store->upkeep(kStart + 21s, kNow + 21000);
-  EXPECT_EQ(shelf.store->journal().find("a", "told")->received_ms, kNow - 60000);
-  EXPECT_EQ(shelf.store->journal().find("a", "untold")->received_ms, kNow - 60000);
-  EXPECT_EQ(shelf.store->journal().find("a", "again")->received_ms, kNow);
+  EXPECT_EQ(shelf.found("told")->received_ms, kNow - 60000);
+  EXPECT_EQ(shelf.found("untold")->received_ms, kNow - 60000);
+  EXPECT_EQ(shelf.found("again")->received_ms, kNow);
   const auto ids = shelf.store->journal().known_ids();
   ASSERT_EQ(ids.size(), 2U);
   EXPECT_EQ(ids[0].id, "told");
@@ -78,13 +78,11 @@ TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
 
 TEST(StoreClock, ClockThatIsSetTwiceWithoutADiskMovesWhatWasThere) {
   constexpr std::int64_t kHour = 3600000;
-  Shelf shelf;
-  shelf.block();
-  shelf.open();
+  ShelfWithoutDisk shelf;
   shelf.store->upkeep(kStart, kNow);
   const auto journal = [&](const char* id, std::int64_t at) {
     JournalEntry made = shelf.arrived(id, "", at);
-    shelf.store->journal().journal(std::vector{made});
+    shelf.journal(made);
   };
   journal("first", kNow);
   shelf.store->upkeep(kStart + 1s, kNow + 30 * kHour + 1000);
@@ -94,9 +92,9 @@ TEST(StoreClock, ClockThatIsSetTwiceWithoutADiskMovesWhatWasThere) {
   std::filesystem::remove(shelf.config.path);
   shelf.store->upkeep(kStart + 20s, kNow - 50 * kHour + 20000);
   ASSERT_EQ(shelf.store->state(), "disk");
-  EXPECT_EQ(shelf.store->journal().find("a", "first")->received_ms, kNow - 50 * kHour);
-  EXPECT_EQ(shelf.store->journal().find("a", "between")->received_ms, kNow - 50 * kHour + 1000);
-  EXPECT_EQ(shelf.store->journal().find("a", "last")->received_ms, kNow - 50 * kHour + 2000);
+  EXPECT_EQ(shelf.found("first")->received_ms, kNow - 50 * kHour);
+  EXPECT_EQ(shelf.found("between")->received_ms, kNow - 50 * kHour + 1000);
+  EXPECT_EQ(shelf.found("last")->received_ms, kNow - 50 * kHour + 2000);
 }
 
 }  // namespace

@@ -66,12 +66,10 @@ TEST(Store, FileOfANewerProgramIsSetAside) {
 }
 
 TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
-  Shelf shelf;
-  shelf.block();
-  shelf.open();
+  ShelfWithoutDisk shelf;
   EXPECT_EQ(shelf.store->state(), "memory");
   EXPECT_FALSE(shelf.add(rows(1, 1)));
-  EXPECT_FALSE(shelf.store->journal().journal(std::vector{entry("x")}));
+  EXPECT_FALSE(shelf.journal(entry("x")));
   EXPECT_EQ(shelf.begin(), static_cast<std::uint64_t>(kNow));
   shelf.store->upkeep(kStart, kNow);
   std::filesystem::remove(shelf.config.path);
@@ -122,7 +120,7 @@ TEST(Store, FileOfTheFirstVersionIsTakenOver) {
   EXPECT_EQ(shelf.store->set_aside(), "");
   EXPECT_EQ(shelf.begin(), 5U);
   ASSERT_EQ(shelf.store->journal().known_ids().size(), 1U);
-  const auto known = shelf.store->journal().find("a", shelf.store->journal().known_ids()[0].id);
+  const auto known = shelf.found(shelf.store->journal().known_ids()[0].id);
   EXPECT_EQ(known->result, "{1}");
   EXPECT_EQ(known->correlation, Bytes{1});
   EXPECT_TRUE(known->acknowledged);
@@ -132,7 +130,7 @@ TEST(Store, FileOfTheFirstVersionIsTakenOver) {
   EXPECT_EQ(shelf.drain(), "a/fast[5]}");
   result.result = "{2}";
   result.audit = told("open");
-  shelf.store->journal().record(result);
+  shelf.record(result);
   EXPECT_EQ(audit_of(shelf).size(), 1U);
   EXPECT_EQ(shelf.open().journal().unacknowledged().at(0).result, "{2}");
 }

@@ -27,7 +27,7 @@ struct StartedCommandsTest : ::testing::Test {
   std::uint64_t journal(const std::string& id) {
     JournalEntry made = shelf.arrived(id);
     made.audit = told(id);  // a record stores the number in the file with it
-    EXPECT_TRUE(shelf.store->journal().journal(std::vector{made}));
+    EXPECT_TRUE(shelf.journal(made));
     return made.number;
   }
   void start(std::uint64_t number) { shelf.store->started().mark(number); }
@@ -250,7 +250,7 @@ TEST_F(StartedCommandsTest, StoreThatOpensLateKnowsWhatWaitedAndNothingOfThisRun
   shelf.block();
   shelf.open(kNow + 1000);
   const JournalEntry unmarked = shelf.arrived("of this run");
-  EXPECT_FALSE(shelf.store->journal().journal(std::vector{unmarked}));
+  EXPECT_FALSE(shelf.journal(unmarked));
   start(unmarked.number);
   fs::remove(shelf.config.path);
   fs::rename(aside, shelf.config.path);

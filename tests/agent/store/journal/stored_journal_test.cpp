@@ -17,23 +17,21 @@ using namespace test;
 TEST(StoredJournal, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
   OpenShelf shelf;
   JournalEntry command = shelf.arrived("x");
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  ASSERT_TRUE(shelf.journal(command));
   shelf.store->upkeep(kStart, kNow);
   {
     const DiskLimit full(1000);
     command.result = "{x}";
-    shelf.store->journal().record(command);
-    shelf.store->journal().acknowledge("a", "x", command.number);
+    shelf.record_acknowledged(command);
     for (std::size_t i = 0; i < kRememberedIds; ++i) {
-      JournalEntry made = shelf.arrived(std::to_string(i), "{}");
-      shelf.store->journal().record(std::move(made));
+      shelf.record(shelf.arrived(std::to_string(i), "{}"));
     }
     EXPECT_EQ(shelf.store->state(), "memory");
   }
   shelf.store->upkeep(kStart + 1s, kNow);
   shelf.store->upkeep(kStart + 11s, kNow);
   ASSERT_EQ(shelf.store->state(), "disk");
-  EXPECT_EQ(shelf.store->journal().find("a", "x")->result, "");
+  EXPECT_EQ(shelf.found("x")->result, "");
   for (const JournalEntry& open : shelf.store->journal().unacknowledged()) EXPECT_NE(open.id, "x");
   const auto ids = shelf.open().journal().known_ids();
   EXPECT_TRUE(
@@ -71,28 +69,27 @@ TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   OpenShelf shelf;
   JournalEntry early = entry("early");
   early.audit = R"({"early":1})";
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{early}));
+  ASSERT_TRUE(shelf.journal(early));
   {
     SQLite::Database other = sqlite::open(shelf.file());
     ASSERT_NO_THROW(other.exec("INSERT INTO audit VALUES(2, '', x'')"));  // the next number
   }
   JournalEntry command = entry("x");
   command.audit = R"({"x":1})";
-  EXPECT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  EXPECT_TRUE(shelf.journal(command));
   EXPECT_NE(shelf.store->set_aside(), "");
   command.result = "{1}";
-  shelf.store->journal().record(command);
-  EXPECT_EQ(shelf.store->journal().find("a", "x")->result, "{1}");
+  shelf.record(command);
+  EXPECT_EQ(shelf.found("x")->result, "{1}");
   EXPECT_EQ(shelf.open().journal().unacknowledged().at(0).id, "x");
 }
 
 TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
   OpenShelf shelf;
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{entry("one"), entry("two")}));
-  shelf.store->journal().record(entry("one", "{1}"));
-  shelf.store->journal().record(entry("one", "{2}"));
-  shelf.store->journal().record(entry("three", "{3}", kNow + 1));
-  shelf.store->journal().acknowledge("a", "three", 0);
+  shelf.record(entry("one", "{1}"));
+  shelf.record(entry("one", "{2}"));
+  shelf.record_acknowledged(entry("three", "{3}", kNow + 1));
   shelf.store->upkeep(kStart, kNow);
   shelf.open();
   const auto ids = shelf.store->journal().known_ids();
@@ -110,7 +107,7 @@ TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
   EXPECT_EQ(open[1].response_topic, "hmi/replies");
   EXPECT_EQ(open[1].correlation, (Bytes{1, 0, 255}));
   EXPECT_EQ(open[1].deadline_ms, kNow + 10000);
-  const auto three = shelf.store->journal().find("a", "three");
+  const auto three = shelf.found("three");
   ASSERT_TRUE(three);
   EXPECT_EQ(three->result, "{3}");
   EXPECT_TRUE(three->acknowledged);
@@ -126,34 +123,34 @@ TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
   JournalEntry again = entry("one", "", kNow + 60000);
   again.number = 8;
   again.op = "read";
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{first}));
+  ASSERT_TRUE(shelf.journal(first));
   first.result = "{1}";
-  shelf.store->journal().record(first);
+  shelf.record(first);
   shelf.store->upkeep(kStart, kNow);
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{first}));  // the same command
-  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "{1}");
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{again}));
-  const auto found = shelf.store->journal().find("a", "one");
+  ASSERT_TRUE(shelf.journal(first));  // the same command
+  EXPECT_EQ(shelf.found("one")->result, "{1}");
+  ASSERT_TRUE(shelf.journal(again));
+  const auto found = shelf.found("one");
   ASSERT_TRUE(found);
   EXPECT_EQ(found->result, "");
   EXPECT_FALSE(found->acknowledged);
   EXPECT_EQ(found->op, "read");
   EXPECT_EQ(found->received_ms, kNow + 60000);
-  shelf.store->journal().record(first);
+  shelf.record(first);
   shelf.store->journal().acknowledge("a", "one", 7);  // a late one, for the first command
   shelf.store->upkeep(kStart + 1s, kNow);
-  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "");
+  EXPECT_EQ(shelf.found("one")->result, "");
   again.result = "{2}";
-  shelf.store->journal().record(again);
-  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "{2}");
-  EXPECT_FALSE(shelf.store->journal().find("a", "one")->acknowledged);
+  shelf.record(again);
+  EXPECT_EQ(shelf.found("one")->result, "{2}");
+  EXPECT_FALSE(shelf.found("one")->acknowledged);
   JournalEntry refused = entry("one", "{3}", kNow + 120000);  // it was never admitted
   refused.number = 9;
-  shelf.store->journal().record(refused);
-  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "{3}");
+  shelf.record(refused);
+  EXPECT_EQ(shelf.found("one")->result, "{3}");
   shelf.store->journal().acknowledge("a", "one", 9);
   shelf.store->upkeep(kStart + 2s, kNow);
-  EXPECT_TRUE(shelf.store->journal().find("a", "one")->acknowledged);
+  EXPECT_TRUE(shelf.found("one")->acknowledged);
 }
 
 TEST(StoredJournal, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
@@ -162,13 +159,11 @@ TEST(StoredJournal, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   // An hour longer than the field remembers ids, so that the field finds every id it asks for.
   for (const std::int64_t age : {day + 3620000, day + 3580000}) {
     const std::string id = std::to_string(age);
-    shelf.store->journal().record(entry(id, "{}", kNow - age));
-    shelf.store->journal().acknowledge("a", id, 0);
+    shelf.record_acknowledged(entry(id, "{}", kNow - age));
   }
   JournalEntry late = entry("late", "{}", kNow - 2 * day);
   late.deadline_ms = kNow + 1;
-  shelf.store->journal().record(late);
-  shelf.store->journal().acknowledge("a", "late", 0);
+  shelf.record_acknowledged(late);
   shelf.store->upkeep(kStart, kNow);
   const auto found = shelf.store->journal().known_ids();
   ASSERT_EQ(found.size(), 2U);
@@ -184,8 +179,7 @@ TEST(StoredJournal, IdsAreKeptForTheirDayHoweverLongSamplesAre) {
     shelf.open();
     for (const std::chrono::milliseconds age : {25h + 1s, 25h - 1s}) {
       const std::string id = std::to_string(age.count());
-      shelf.store->journal().record(entry(id, "{}", kNow - age.count()));
-      shelf.store->journal().acknowledge("a", id, 0);
+      shelf.record_acknowledged(entry(id, "{}", kNow - age.count()));
     }
     shelf.store->upkeep(kStart, kNow);
     const auto found = shelf.store->journal().known_ids();
@@ -198,25 +192,22 @@ TEST(StoredJournal, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
   OpenShelf shelf;
   for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
     const std::int64_t at = kNow - 100000 + static_cast<std::int64_t>(i);
-    shelf.store->journal().record(entry(std::to_string(i), "{}", at));
-    shelf.store->journal().acknowledge("a", std::to_string(i), 0);
+    shelf.record_acknowledged(entry(std::to_string(i), "{}", at));
     if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), kNow - 200000);
   }
   shelf.store->upkeep(kStart + 10h, kNow);
   const auto found = shelf.store->journal().known_ids();
   EXPECT_EQ(found.size(), kRememberedIds + 5) << "every id is known";
-  EXPECT_EQ(shelf.store->journal().find("a", "4")->result, "");
-  EXPECT_EQ(shelf.store->journal().find("a", "5")->result, "{}");
+  EXPECT_EQ(shelf.found("4")->result, "");
+  EXPECT_EQ(shelf.found("5")->result, "{}");
 }
 
 TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
   OpenShelf shelf;
   JournalEntry old = entry("old", "{}", kNow - std::chrono::milliseconds(48h).count());
-  shelf.store->journal().record(old);
-  shelf.store->journal().acknowledge("a", "old", 0);
+  shelf.record_acknowledged(old);
   for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
-    shelf.store->journal().record(entry(std::to_string(i), "{}"));
-    shelf.store->journal().acknowledge("a", std::to_string(i), 0);
+    shelf.record_acknowledged(entry(std::to_string(i), "{}"));
     if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::seconds(i), old.received_ms);
   }
   // No result is pending, and nothing is forgotten yet.
@@ -237,7 +228,7 @@ TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
   }
   EXPECT_EQ(shelf.open().bytes(), bytes);
   shelf.store->upkeep(kStart + 20h, kNow);
-  EXPECT_FALSE(shelf.store->journal().find("a", "old"));
+  EXPECT_FALSE(shelf.found("old"));
   EXPECT_LT(shelf.store->bytes(), bytes);
 }
 
@@ -248,22 +239,20 @@ TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
   constexpr std::int64_t kHour = 3600000;
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + static_cast<std::int64_t>(i));
-    shelf.store->journal().record(made);
+    shelf.record(made);
     if (i != 0) shelf.store->journal().acknowledge("a", made.id, made.number);
     if (i % 1000 == 0) shelf.store->upkeep(kStart + std::chrono::milliseconds(i), kNow);
   }
   for (const char* id : {"x", "y"}) {  // the clock was set back
-    JournalEntry made = shelf.arrived(id, "{}", kNow - kHour);
-    shelf.store->journal().record(made);
-    shelf.store->journal().acknowledge("a", made.id, made.number);
+    shelf.record_acknowledged(shelf.arrived(id, "{}", kNow - kHour));
   }
   shelf.store->upkeep(kStart + 20s, kNow + 20000);
   shelf.open(kNow + kHour);
   shelf.store->upkeep(kStart, kNow + kHour);
   const auto found = shelf.store->journal().known_ids();
   ASSERT_EQ(found.size(), kRememberedIds + 2);
-  EXPECT_EQ(shelf.store->journal().find("a", "1")->result, "");
-  EXPECT_EQ(shelf.store->journal().find("a", "2")->result, "{}");
+  EXPECT_EQ(shelf.found("1")->result, "");
+  EXPECT_EQ(shelf.found("2")->result, "{}");
   EXPECT_EQ(found.back().id, "y");
   ASSERT_EQ(shelf.store->journal().unacknowledged().size(), 1U);
   EXPECT_EQ(shelf.store->journal().unacknowledged()[0].id,
@@ -275,12 +264,10 @@ TEST(StoredJournal, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
   JournalEntry patient = entry("patient", "{}");
   patient.deadline_ms = kNow + 3600000;
   patient.number = shelf.store->audit().next_command_number();
-  shelf.store->journal().record(patient);
-  shelf.store->journal().acknowledge("a", "patient", patient.number);
+  shelf.record_acknowledged(patient);
   shelf.store->upkeep(kStart, kNow);
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
-    JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + 1000);
-    shelf.store->journal().record(made);
+    shelf.record(shelf.arrived(std::to_string(i), "{}", kNow + 1000));
   }
   shelf.open(kNow + 1800000);
   shelf.store->upkeep(kStart, kNow + 1800000);
@@ -289,7 +276,7 @@ TEST(StoredJournal, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
   shelf.open(kNow + 3600001);
   shelf.store->upkeep(kStart, kNow + 3600001);
   EXPECT_EQ(shelf.store->journal().known_ids().size(), kRememberedIds + 1);
-  EXPECT_EQ(shelf.store->journal().find("a", "patient")->result, "");
+  EXPECT_EQ(shelf.found("patient")->result, "");
 }
 
 TEST(StoredJournal, ResultsAboveTheShareOfCommandsGoAndTheIdsStay) {
@@ -297,9 +284,7 @@ TEST(StoredJournal, ResultsAboveTheShareOfCommandsGoAndTheIdsStay) {
   shelf.config.max_bytes = 1 << 20;
   shelf.open();
   for (int i = 0; i < 30; ++i) {
-    JournalEntry made = shelf.arrived(std::to_string(i), std::string(60000, 'r'));
-    shelf.store->journal().record(made);
-    shelf.store->journal().acknowledge("a", made.id, made.number);
+    shelf.record_acknowledged(shelf.arrived(std::to_string(i), std::string(60000, 'r')));
   }
   for (int i = 0; i < 5; ++i) shelf.store->upkeep(kStart + i * 1s, kNow + i * 1000);
   EXPECT_LE(shelf.store->bytes(), shelf.store->max_bytes() / 2);
@@ -311,23 +296,22 @@ TEST(StoredJournal, CommandsThatWereRefusedDoNotFillTheFile) {
   for (std::size_t i = 0; i < 10500; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), "{}");
     made.refused = true;
-    shelf.store->journal().record(made);
+    shelf.record(made);
   }
   EXPECT_LE(shelf.store->journal().known_ids().size(), 10000U);
-  EXPECT_FALSE(shelf.store->journal().find("a", "0"));
-  EXPECT_TRUE(shelf.store->journal().find("a", "10499"));
+  EXPECT_FALSE(shelf.found("0"));
+  EXPECT_TRUE(shelf.found("10499"));
   EXPECT_TRUE(shelf.store->journal().known_ids().front().refused);
 }
 
 TEST(StoredJournal, ResultsThatNobodyTakesDoNotFillTheDisk) {
   OpenShelf shelf;
   for (std::size_t i = 0; i < kRememberedIds + 3; ++i) {
-    JournalEntry made = shelf.arrived(std::to_string(i), "{}");
-    shelf.store->journal().record(made);
+    shelf.record(shelf.arrived(std::to_string(i), "{}"));
   }
   shelf.store->upkeep(kStart, kNow + 20000);
-  EXPECT_FALSE(shelf.store->journal().find("a", "2"));
-  EXPECT_TRUE(shelf.store->journal().find("a", "3"));
+  EXPECT_FALSE(shelf.found("2"));
+  EXPECT_TRUE(shelf.found("3"));
 }
 
 TEST(StoredJournal, ResultThatIsNotAcknowledgedIsKeptAsLongAsASample) {
@@ -335,8 +319,8 @@ TEST(StoredJournal, ResultThatIsNotAcknowledgedIsKeptAsLongAsASample) {
   shelf.config.max_age = std::chrono::hours(48);
   shelf.open();
   const std::int64_t hour = 3600000;
-  shelf.store->journal().record(entry("older", "{}", kNow - 49 * hour));
-  shelf.store->journal().record(entry("old", "{}", kNow - 47 * hour));
+  shelf.record(entry("older", "{}", kNow - 49 * hour));
+  shelf.record(entry("old", "{}", kNow - 47 * hour));
   shelf.store->upkeep(kStart, kNow);
   const auto waiting = shelf.store->journal().unacknowledged();
   ASSERT_EQ(waiting.size(), 1U);
@@ -348,56 +332,47 @@ TEST(StoredJournal, ResultThatIsNotAcknowledgedIsKeptAsLongAsASample) {
 TEST(StoredJournal, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
   OpenShelf shelf;
   JournalEntry command = shelf.arrived("x");
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  ASSERT_TRUE(shelf.journal(command));
   JournalEntry anew = shelf.arrived("x");
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{anew}));
+  ASSERT_TRUE(shelf.journal(anew));
   command.result = "{1}";
-  shelf.store->journal().record(command);
-  EXPECT_EQ(shelf.store->journal().find("a", "x")->number, anew.number);
-  EXPECT_EQ(shelf.store->journal().find("a", "x")->result, "");
+  shelf.record(command);
+  EXPECT_EQ(shelf.found("x")->number, anew.number);
+  EXPECT_EQ(shelf.found("x")->result, "");
 }
 
 // The clock is set during a command: the result must not change the command's age.
 TEST(StoredJournal, ResultLeavesTheTimeOfItsCommand) {
   OpenShelf shelf;
   JournalEntry command = shelf.arrived("x");
-  ASSERT_TRUE(shelf.store->journal().journal(std::vector{command}));
+  ASSERT_TRUE(shelf.journal(command));
   command.result = "{}";
   command.received_ms = command.deadline_ms = 5000;
-  shelf.store->journal().record(command);
-  EXPECT_EQ(shelf.store->journal().find("a", "x")->received_ms, kNow);
-  EXPECT_EQ(shelf.store->journal().find("a", "x")->deadline_ms, kNow + 10000);
+  shelf.record(command);
+  EXPECT_EQ(shelf.found("x")->received_ms, kNow);
+  EXPECT_EQ(shelf.found("x")->deadline_ms, kNow + 10000);
 }
 
 TEST(StoredJournal, ResultThatFoundNoDiskIsWrittenLater) {
-  Shelf shelf;
-  shelf.block();
-  shelf.open();
-  shelf.store->journal().record(entry("one", "{1}"));
-  shelf.store->journal().acknowledge("a", "one", 0);
-  std::filesystem::remove(shelf.config.path);
-  shelf.store->upkeep(kStart, kNow);
-  shelf.store->upkeep(kStart + 10s, kNow);
+  ShelfWithoutDisk shelf;
+  shelf.record_acknowledged(entry("one", "{1}"));
+  shelf.bring_disk();
   ASSERT_EQ(shelf.store->journal().known_ids().size(), 1U);
-  EXPECT_EQ(shelf.store->journal().find("a", "one")->result, "{1}");
-  EXPECT_TRUE(shelf.store->journal().find("a", "one")->acknowledged);
+  EXPECT_EQ(shelf.found("one")->result, "{1}");
+  EXPECT_TRUE(shelf.found("one")->acknowledged);
 }
 
 TEST(StoredJournal, CommandThatFoundNoDiskIsInTheJournalLater) {
-  Shelf shelf;
-  shelf.block();
-  shelf.open();
+  ShelfWithoutDisk shelf;
   const std::vector<JournalEntry> commands{entry("waits", ""), entry("done", "")};
   EXPECT_FALSE(shelf.store->journal().journal(commands));
-  shelf.store->journal().record(entry("done", "{1}"));
-  shelf.store->journal().record(entry("done", "{2}"));  // the first one stays, as in the file
-  EXPECT_EQ(shelf.store->journal().find("a", "waits")->result, "");
-  EXPECT_EQ(shelf.store->journal().find("a", "done")->result, "{1}");
-  EXPECT_EQ(shelf.store->journal().find("a", "done")->deadline_ms, kNow + 10000);
-  EXPECT_FALSE(shelf.store->journal().find("a", "never"));
-  std::filesystem::remove(shelf.config.path);
-  shelf.store->upkeep(kStart, kNow);
-  shelf.store->upkeep(kStart + 10s, kNow);
+  shelf.record(entry("done", "{1}"));
+  shelf.record(entry("done", "{2}"));  // the first one stays, as in the file
+  EXPECT_EQ(shelf.found("waits")->result, "");
+  EXPECT_EQ(shelf.found("done")->result, "{1}");
+  EXPECT_EQ(shelf.found("done")->deadline_ms, kNow + 10000);
+  EXPECT_FALSE(shelf.found("never"));
+  shelf.bring_disk();
   const auto found = shelf.store->journal().unacknowledged();
   ASSERT_EQ(found.size(), 2U);
   const bool done_first = found[0].id == "done";
@@ -409,9 +384,7 @@ TEST(StoredJournal, CommandThatFoundNoDiskIsInTheJournalLater) {
 // The disk may be missing for a day: a command and its result use one place together, and a reused
 // id takes its own place again.
 TEST(StoredJournal, TenThousandCommandsFindRoomUntilThereIsADisk) {
-  Shelf shelf;
-  shelf.block();
-  shelf.open();
+  ShelfWithoutDisk shelf;
   const auto make = [](std::size_t i, std::uint64_t number) {
     JournalEntry made = entry(std::to_string(i), "");
     made.number = number;
@@ -419,27 +392,24 @@ TEST(StoredJournal, TenThousandCommandsFindRoomUntilThereIsADisk) {
   };
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
     JournalEntry made = make(i, 1 + i);
-    EXPECT_FALSE(shelf.store->journal().journal(std::vector{made}));
+    EXPECT_FALSE(shelf.journal(made));
     made.result = "{" + std::to_string(i) + "}";
-    shelf.store->journal().record(std::move(made));
+    shelf.record(std::move(made));
   }
-  shelf.store->journal().journal(std::vector{make(7, 20000)});  // reuses the id
+  shelf.journal(make(7, 20000));  // reuses the id
   JournalEntry late = make(7, 8);
   late.result = "{late}";
-  shelf.store->journal().record(std::move(late));  // of the first command
-  shelf.store->journal().journal(
-      std::vector{make(kRememberedIds, 20001)});  // one too many: drops the oldest
-  EXPECT_EQ(shelf.store->journal().find("a", "7")->result, "");
-  EXPECT_FALSE(shelf.store->journal().find("a", "0"));
-  std::filesystem::remove(shelf.config.path);
-  shelf.store->upkeep(kStart, kNow);
-  shelf.store->upkeep(kStart + 10s, kNow);
+  shelf.record(std::move(late));               // of the first command
+  shelf.journal(make(kRememberedIds, 20001));  // one too many: drops the oldest
+  EXPECT_EQ(shelf.found("7")->result, "");
+  EXPECT_FALSE(shelf.found("0"));
+  shelf.bring_disk();
   ASSERT_EQ(shelf.store->state(), "disk");
   EXPECT_EQ(shelf.store->journal().known_ids().size(), kRememberedIds - 2);
   EXPECT_EQ(shelf.store->journal().unacknowledged().back().id, std::to_string(kRememberedIds));
-  EXPECT_EQ(shelf.store->journal().find("a", "9999")->result, "{9999}");
-  EXPECT_EQ(shelf.store->journal().find("a", "7")->result, "");
-  EXPECT_EQ(shelf.store->journal().find("a", "7")->number, 20000U);
+  EXPECT_EQ(shelf.found("9999")->result, "{9999}");
+  EXPECT_EQ(shelf.found("7")->result, "");
+  EXPECT_EQ(shelf.found("7")->number, 20000U);
 }
 
 }  // namespace

@@ -154,7 +154,7 @@ TEST(StoredSamples, SamplesKeepToTheRoomThatCommandsLeave) {
   for (int i = 0; i < 6; ++i) {
     JournalEntry order = shelf.arrived(std::to_string(i));
     order.payload = std::string(65536, 'p');
-    ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
+    ASSERT_TRUE(shelf.journal(order));
   }
   std::vector<SampleRow> samples = rows(1, 4);
   for (SampleRow& row : samples) row.content = std::string(200000, 'x');
@@ -173,7 +173,7 @@ TEST(StoredSamples, CommandsCountIntoTheLimitAndTheOldestSamplesMakeRoom) {
   for (int i = 0; i < 6; ++i) {
     JournalEntry order = shelf.arrived(std::to_string(i));
     order.payload = std::string(65536, 'p');
-    ASSERT_TRUE(shelf.store->journal().journal(std::vector{order}));
+    ASSERT_TRUE(shelf.journal(order));
   }
   EXPECT_GT(shelf.store->bytes(), shelf.store->max_bytes());
   shelf.store->upkeep(kStart, kNow);
