@@ -58,14 +58,19 @@ inline GroupConfig group(std::string name, std::chrono::milliseconds interval) {
 }
 
 /// A device without tags, with one group that is polled as fast as the line allows.
-inline DeviceConfig port_device(std::string name = "press1",
-                                std::shared_ptr<const Codec> codec = port_codec()) {
+inline DeviceConfig device_on(std::string_view protocol, std::shared_ptr<const Codec> codec,
+                              std::string name = "meter") {
   DeviceConfig device;
   device.name = std::move(name);
-  device.protocol = find_protocol("fx-programming-port");
+  device.protocol = find_protocol(protocol);
   device.codec = std::move(codec);
   device.groups.push_back(group("fast", std::chrono::milliseconds(0)));
   return device;
+}
+
+inline DeviceConfig port_device(std::string name = "press1",
+                                std::shared_ptr<const Codec> codec = port_codec()) {
+  return device_on("fx-programming-port", std::move(codec), std::move(name));
 }
 
 /// A codec with its protocol's default options, overridden by `more`.
@@ -76,16 +81,6 @@ inline std::shared_ptr<const Codec> codec_of(std::string_view protocol, Options 
   const auto made = info.make(options);
   EXPECT_TRUE(made.has_value()) << made.error().text;
   return *made;
-}
-
-inline DeviceConfig device_on(std::string_view protocol, std::shared_ptr<const Codec> codec,
-                              std::string name = "meter") {
-  DeviceConfig device;
-  device.name = std::move(name);
-  device.protocol = find_protocol(protocol);
-  device.codec = std::move(codec);
-  device.groups.push_back(group("fast", std::chrono::milliseconds(0)));
-  return device;
 }
 
 inline Command command_of(std::string id, Op op, std::vector<CommandTarget> targets = {}) {
