@@ -202,8 +202,7 @@ TEST_F(RemoteConfigTest, WhereItNoLongerFitsTheLocalFileWins) {
   json document = plant.with_retries("v1", 7);
   plant.hear(document);
   plant.pass(kTrial);
-  plant.local()["agent"]["remote_allow"] = {"links"};
-  plant.write();
+  plant.set("/agent/remote_allow", {"links"});
   EXPECT_TRUE(plant.hang_up());
   EXPECT_EQ(plant.retries(), 2);
   EXPECT_EQ(plant.reported()["state"], "rejected");
@@ -212,8 +211,7 @@ TEST_F(RemoteConfigTest, WhereItNoLongerFitsTheLocalFileWins) {
   EXPECT_EQ(plant.retries(), 2);
   // The local file permits it again: a rejected document is judged once more.
   plant.hear(document);
-  plant.local()["agent"]["remote_allow"] = {"devices"};
-  plant.write();
+  plant.set("/agent/remote_allow", {"devices"});
   EXPECT_TRUE(plant.hang_up());
   EXPECT_EQ(plant.remote().rejected(), document.dump());
   EXPECT_TRUE(plant.hear_text(std::string(plant.remote().rejected())));
@@ -221,35 +219,31 @@ TEST_F(RemoteConfigTest, WhereItNoLongerFitsTheLocalFileWins) {
 }
 
 TEST_F(RemoteConfigAfterGoodV1, AKeptOneThatNoLongerFitsAtTheStartIsLeftOut) {
-  plant.local()["agent"]["remote_allow"] = json::array();
-  plant.write();
+  plant.set("/agent/remote_allow", json::array());
   plant.start();
   EXPECT_EQ(plant.retries(), 2);
   EXPECT_EQ(plant.reported()["state"], "rejected");
 }
 
 TEST_F(RemoteConfigAfterGoodV1, SwitchedOffNothingOfItStays) {
-  plant.local()["agent"]["remote_config"] = false;
-  plant.write();
+  plant.set("/agent/remote_config", false);
   EXPECT_TRUE(plant.hang_up());
   EXPECT_EQ(plant.retries(), 2);
   EXPECT_FALSE(plant.remote().is_enabled());
   EXPECT_FALSE(plant.remote().status().has_value());
   EXPECT_FALSE(std::filesystem::exists(plant.kept_path()));
   EXPECT_FALSE(plant.hear(plant.with_retries("v2", 8)));
-  plant.local()["agent"]["remote_config"] = true;
-  plant.write();
+  plant.set("/agent/remote_config", true);
   EXPECT_TRUE(plant.hang_up());
   EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
 }
 
 TEST_F(RemoteConfigTest, ADiskThatRefusesDecidesAsTheLocalFileAsks) {
-  std::ofstream(plant.kept_path().substr(0, plant.kept_path().rfind('/'))) << "no directory";
+  std::ofstream(plant.store()) << "no directory";
   EXPECT_FALSE(plant.hear(plant.with_retries("v1", 7)));
   EXPECT_EQ(plant.retries(), 2);
   EXPECT_NE(plant.said().find("remote_without_disk"), std::string::npos) << plant.said();
-  plant.local()["agent"]["remote_without_disk"] = true;
-  plant.write();
+  plant.set("/agent/remote_without_disk", true);
   plant.hang_up();
   EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
   EXPECT_EQ(plant.retries(), 7);
@@ -257,13 +251,10 @@ TEST_F(RemoteConfigTest, ADiskThatRefusesDecidesAsTheLocalFileAsks) {
 }
 
 TEST_F(RemoteConfigAfterV1, WhatTheDiskRefusedIsWrittenLater) {
-  const std::string store = plant.kept_path().substr(0, plant.kept_path().rfind('/'));
-  std::filesystem::rename(store, store + ".away");
-  std::ofstream(store) << "no directory";
+  plant.take_disk();
   plant.pass(kTrial);
   EXPECT_EQ(plant.reported()["confirmed"], true);
-  std::filesystem::remove(store);
-  std::filesystem::rename(store + ".away", store);
+  plant.give_disk();
   EXPECT_NE(plant.remote().next_wake(), SteadyTime::max());
   plant.pass(60s);
   plant.pass(1h);
@@ -325,15 +316,8 @@ TEST_F(RemoteConfigTest, TheWayBackDoesNotDependOnTheFileOnDisk) {
   std::filesystem::permissions(
       plant.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
   plant.start();
-  const auto share = [&] {
-    std::filesystem::permissions(plant.path(), std::filesystem::perms::others_read,
-                                 std::filesystem::perm_options::add);
-  };
-  const auto keep_private = [&] {
-    std::filesystem::permissions(plant.path(), std::filesystem::perms::others_read,
-                                 std::filesystem::perm_options::remove);
-  };
-  share();
+  std::filesystem::permissions(plant.path(), std::filesystem::perms::others_read,
+                               std::filesystem::perm_options::add);
   EXPECT_TRUE(plant.hear(plant.with_retries("v1", 7)));
   plant.connection(false);
   EXPECT_TRUE(plant.pass(kTrial));
@@ -342,7 +326,6 @@ TEST_F(RemoteConfigTest, TheWayBackDoesNotDependOnTheFileOnDisk) {
   EXPECT_TRUE(plant.hear(plant.with_retries("v2", 8)));
   EXPECT_TRUE(plant.hear_text(""));
   EXPECT_EQ(plant.retries(), 2);
-  keep_private();
 }
 
 TEST_F(RemoteConfigAfterV1, ReadingAtTheStartWritesNothing) {
@@ -354,8 +337,7 @@ TEST_F(RemoteConfigAfterV1, ReadingAtTheStartWritesNothing) {
   plant.start();
   EXPECT_EQ(plant.retries(), 7);
   EXPECT_NE(plant.kept_text(), before);
-  plant.local()["agent"]["remote_config"] = false;
-  plant.write();
+  plant.set("/agent/remote_config", false);
   plant.read();
   EXPECT_TRUE(std::filesystem::exists(plant.kept_path()));
 }
@@ -370,16 +352,14 @@ TEST_F(RemoteConfigAfterV1, ASecondAgentTouchesNothing) {
   };
   begin_second();
   EXPECT_EQ(plant.kept_text(), before);
-  plant.local()["agent"]["remote_config"] = false;
-  plant.write();
+  plant.set("/agent/remote_config", false);
   begin_second();
   EXPECT_EQ(plant.kept_text(), before);
 }
 
 TEST_F(RemoteConfigAfterV1, AStoppedTrialThatNoLongerFitsIsOver) {
   plant.stop();
-  plant.local()["agent"]["remote_allow"] = json::array();
-  plant.write();
+  plant.set("/agent/remote_allow", json::array());
   plant.start();
   EXPECT_EQ(plant.reported()["state"], "rejected");
   plant.start();
@@ -434,8 +414,7 @@ TEST_F(RemoteConfigTest, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
 TEST_F(RemoteConfigTest, SwitchedOffByARestartTheAnswerIsClearedOnce) {
   EXPECT_FALSE(plant.remote().take_left_answer());
   plant.hear(plant.with_retries("v1", 7));
-  plant.local()["agent"]["remote_config"] = false;
-  plant.write();
+  plant.set("/agent/remote_config", false);
   plant.start();
   EXPECT_FALSE(std::filesystem::exists(plant.kept_path()));
   EXPECT_TRUE(plant.remote().take_left_answer());
@@ -512,8 +491,7 @@ TEST_F(RemoteConfigAfterGoodV1, WhereTheTrialNoLongerFitsTheGoodOneStays) {
 }
 
 TEST_F(RemoteConfigAfterGoodV1, WhatAnotherAgentHasKeptIsLeftOut) {
-  plant.local()["agent"]["id"] = "edge8";
-  plant.write();
+  plant.set("/agent/id", "edge8");
   plant.start();
   EXPECT_EQ(plant.retries(), 2);
   EXPECT_EQ(plant.said(), "applied null");

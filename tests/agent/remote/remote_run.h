@@ -36,6 +36,11 @@ class Plant {
 
   json& local() { return local_; }
   void write() { std::ofstream(path()) << local_.dump(); }
+  /// Changes one value of the local file.
+  void set(const std::string& pointer, const json& value) {
+    local_[json::json_pointer(pointer)] = value;
+    write();
+  }
   std::string path() const { return scratch_.path("agent.json"); }
   std::string kept_path() const { return scratch_.path("store/remote_config.json"); }
 
