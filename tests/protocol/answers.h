@@ -4,12 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <sstream>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
-
 #include "protocol/codec.h"
 #include "protocol/encoding.h"
 #include "protocol/explanation.h"

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <string>
 
 #include "tests/sim/sample_plc.h"
 #include "tests/sim/transcripts.h"

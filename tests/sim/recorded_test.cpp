@@ -2,10 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "tests/sim/config.h"
 #include "tests/sim/sample_plc.h"
 

@@ -13,12 +13,8 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <map>
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <string>
 #include <thread>
-#include <utility>
 
 #include "tests/sim/bytes.h"
 #include "tests/sim/simulator.h"

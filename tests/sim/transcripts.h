@@ -16,10 +16,6 @@
 #include <algorithm>
 #include <chrono>
 #include <random>
-#include <sstream>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "tests/sim/personality.h"
 #include "tests/support/transcripts.h"

@@ -9,11 +9,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstddef>
 #include <cstdlib>
 #include <cstring>
-#include <string>
-#include <vector>
 
 namespace fxagent::test {
 

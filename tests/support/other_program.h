@@ -8,8 +8,6 @@
 #include <unistd.h>
 
 #include <array>
-#include <cstdint>
-#include <string>
 
 namespace fxagent::test {
 

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <source_location>
-#include <string_view>
 
 namespace fxagent::test {
 

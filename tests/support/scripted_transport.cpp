@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <asio/post.hpp>
 #include <asio/use_awaitable.hpp>
-#include <utility>
 
 #include "agent/field/transport/stream_io.h"
 

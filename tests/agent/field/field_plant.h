@@ -4,12 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
-#include <optional>
-#include <string>
-#include <string_view>
-#include <utility>
-
 #include "agent/config/model.h"
 #include "agent/handover/command_message.h"
 #include "protocol/fx/programming_port.h"

@@ -8,9 +8,6 @@
 #include <asio/io_context.hpp>
 #include <chrono>
 #include <exception>
-#include <functional>
-#include <optional>
-#include <utility>
 
 namespace fxagent::test {
 

@@ -5,11 +5,6 @@
 
 #include <algorithm>
 #include <asio/io_context.hpp>
-#include <functional>
-#include <map>
-#include <memory>
-#include <utility>
-#include <vector>
 
 #include "agent/field/link/poller.h"
 #include "tests/agent/field/field_plant.h"

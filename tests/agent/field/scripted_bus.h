@@ -5,10 +5,6 @@
 
 #include <asio/io_context.hpp>
 #include <chrono>
-#include <memory>
-#include <optional>
-#include <string_view>
-#include <utility>
 
 #include "agent/field/bus/bus.h"
 #include "agent/field/command/command_exchanges.h"

@@ -7,9 +7,6 @@
 #include <nlohmann/json.hpp>
 #include <source_location>
 #include <stdexcept>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "agent/config/loader.h"
 #include "agent/import/formats.h"

@@ -6,10 +6,6 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <functional>
-#include <optional>
-#include <string>
-#include <utility>
 
 #include "agent/remote/remote_config.h"
 #include "tests/agent/remote/remote_plant.h"

@@ -7,10 +7,6 @@
 
 #include <algorithm>
 #include <deque>
-#include <map>
-#include <set>
-#include <string>
-#include <vector>
 
 #include "agent/uplink/broker.h"
 

@@ -3,13 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <future>
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "agent/commands/commands.h"
 #include "agent/commands/recovery.h"

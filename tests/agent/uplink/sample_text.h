@@ -3,9 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-#include <string_view>
-
 #include "agent/uplink/payload/json_payload.h"
 #include "tests/agent/uplink/plant.h"
 

@@ -7,10 +7,7 @@
 #include <asio/co_spawn.hpp>
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
-#include <functional>
 #include <iterator>
-#include <map>
-#include <memory>
 #include <numeric>
 
 #include "agent/commands/admission.h"
