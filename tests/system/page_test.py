@@ -127,6 +127,8 @@ class Orders(PagePlant):
     def begin(self, **more):
         token_file = write_text(os.path.join(self.directory, "token"), f"anna {self.TOKEN}\n", 0o600)
         super().begin(http_more={"token_file": token_file}, store={"path": os.path.join(self.directory, "store.db")}, **more)
+        self.ready()
+        self.until("all well", lambda news: news["works"].startswith("2 of 2") and news["broker"]["connected"])
 
     def post(self, command, token=TOKEN, **headers):
         """Returns status and body as JSON."""
@@ -137,13 +139,8 @@ class Orders(PagePlant):
     def write(self, value, id="w1", **more):
         return {"device": "press1", "id": id, "op": "write", "tag": "total", "value": value} | more
 
-    def ready(self):
-        super().ready()
-        self.until("all well", lambda news: news["works"].startswith("2 of 2") and news["broker"]["connected"])
-
     def test_a_command_has_one_result_here_and_on_mqtt(self):
         self.begin()
-        self.ready()
         status, result = self.post(self.write(70000, by="eve"))
         self.assertEqual((status, result["status"]), (200, "SUCCEEDED"), result)
         self.assertEqual(result["id"], "w1")
@@ -162,7 +159,6 @@ class Orders(PagePlant):
 
     def test_a_repeated_command_is_not_carried_out(self):
         self.begin()
-        self.ready()
         self.assertEqual(self.post(self.write(1))[1]["status"], "SUCCEEDED")
         self.sim.set("press1", "D110", 5)
         self.assertEqual(self.post(self.write(1))[1]["status"], "DUPLICATE")
@@ -170,7 +166,6 @@ class Orders(PagePlant):
 
     def test_a_silent_device_is_named_with_what_to_check(self):
         self.begin()
-        self.ready()
         self.sim.fault("press2", "silent", count=100000)
         news = self.until("the fault", lambda news: news["problems"] and "does not answer (timeout)" in news["problems"][0]["text"])
         self.assertEqual(news["problems"][0]["place"], "device press2")
@@ -178,7 +173,6 @@ class Orders(PagePlant):
 
     def test_what_admission_refuses_is_refused_here(self):
         self.begin()
-        self.ready()
         for change, reason in (({"device": "nobody"}, "unknown_device"), ({"tag": "none"}, "unknown_tag"), ({"value": "x"}, "bad_value"),
                                ({"op": "explode"}, "bad_op")):
             status, result = self.post(self.write(1, id=reason, **{}) | change)
@@ -186,7 +180,6 @@ class Orders(PagePlant):
 
     def test_a_silent_plc_has_its_honest_result(self):
         self.begin()
-        self.ready()
         self.sim.fault("press1", "silent", count=100000)
         status, result = self.post(self.write(1))
         self.assertEqual(status, 200)
@@ -194,7 +187,6 @@ class Orders(PagePlant):
 
     def test_the_page_commands_while_the_broker_is_away(self):
         self.begin()
-        self.ready()
         self.broker.kill()
         self.until("the fault", lambda news: not news["broker"]["connected"])
         self.assertEqual(self.post(self.write(77))[1]["status"], "SUCCEEDED")
@@ -202,7 +194,6 @@ class Orders(PagePlant):
 
     def test_results_for_a_broker_that_is_away_are_bounded(self):
         self.begin()
-        self.ready()
         self.broker.kill()
         self.until("the fault", lambda news: not news["broker"]["connected"])
         reasons = [self.post(self.write(1, id=f"w{number}", tag="none"))[1]["reason"] for number in range(202)]
@@ -214,7 +205,6 @@ class Orders(PagePlant):
 
     def test_strangers_and_other_sites_reach_nothing(self):
         self.begin()
-        self.ready()
         here = f"127.0.0.1:{self.port}"
         for headers, status in (({"Authorization": "Bearer wrong"}, 401), ({"Authorization": ""}, 401), ({"Origin": "http://evil.example"}, 403),
                                 ({"Origin": f"http://{here}", "Sec-Fetch-Site": "cross-site"}, 403), ({"Content-Type": "text/plain"}, 415),
@@ -229,7 +219,6 @@ class Orders(PagePlant):
     def test_an_agent_that_stops_leaves_nobody_waiting(self):
         # No poll meets the silence before the write does.
         self.begin(recorder={"path": os.path.join(self.directory, "recordings")}, interval_ms=600_000)
-        self.ready()
         self.sim.fault("press1", "silent", count=100000)
         answers = []
         asking = threading.Thread(target=lambda: answers.append(self.post(self.write(1))))
@@ -244,7 +233,6 @@ class Orders(PagePlant):
 
     def test_the_port_is_freed_and_taken_back(self):
         self.begin(yields=True)
-        self.ready()
         self.assertEqual(self.post({"device": "line1", "op": "yield", "minutes": 15})[1]["status"], "SUCCEEDED")
         news = self.until("the yield", lambda news: news["links"][0][4] == 1 and news["problems"])
         self.assertIn("page:anna", news["problems"][0]["text"])

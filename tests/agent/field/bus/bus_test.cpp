@@ -169,7 +169,7 @@ TEST_F(BusTest, EchoThatDoesNotComeIsNamed) {
   open();
   const Exchange answer = read("D100");
   EXPECT_EQ(answer.outcome, Outcome::unanswered);
-  EXPECT_NE(answer.error.find("not even the echo"), std::string::npos) << answer.error;
+  expect_says(answer.error, "not even the echo");
 }
 
 TEST_F(BusTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
@@ -435,7 +435,7 @@ TEST_F(BusTest, BadSumIsGarbledAndTheLineIsPutInOrder) {
   open();
   const Exchange garbled = read("D100");
   EXPECT_EQ(garbled.outcome, Outcome::garbled);
-  EXPECT_NE(garbled.error.find("sum"), std::string::npos) << garbled.error;
+  expect_says(garbled.error, "sum");
   EXPECT_EQ(read("D100").reply.image, word(7));
 }
 
@@ -615,7 +615,7 @@ TEST_F(BusTest, NakThatLiesBehindAnAckTakesTheAckWithIt) {
   open();
   const Exchange first = write_d200();
   EXPECT_EQ(first.outcome, Outcome::garbled);
-  EXPECT_NE(first.error.find("15"), std::string::npos) << first.error;
+  expect_says(first.error, "15");
   EXPECT_EQ(bus->counters().bad_frames, 1U);
 }
 
@@ -636,7 +636,7 @@ TEST_F(BusTest, AckIsNotBelievedOnceAnotherAnswerWasFoundBehindOne) {
   const Exchange second = write_d200();
   EXPECT_EQ(second.outcome, Outcome::garbled);
   EXPECT_TRUE(second.sent);
-  EXPECT_NE(second.error.find("does not count"), std::string::npos) << second.error;
+  expect_says(second.error, "does not count");
 }
 
 TEST_F(BusTest, NakIsNotBelievedInDoubtEither) {
@@ -717,7 +717,7 @@ TEST_F(BusTest, FloodBetweenTwoQuestionsClosesTheChannel) {
   const Exchange flooded = read("D100");
   EXPECT_EQ(flooded.outcome, Outcome::link_down);
   EXPECT_FALSE(flooded.sent);
-  EXPECT_NE(flooded.error.find("without a pause"), std::string::npos) << flooded.error;
+  expect_says(flooded.error, "without a pause");
   EXPECT_FALSE(bus->is_open());
   EXPECT_TRUE(bus->channel().never_silent());
 }
