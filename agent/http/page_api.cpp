@@ -216,12 +216,6 @@ void write_events(Writer& out, std::uint64_t after) {
   out.end_array();
 }
 
-std::string model_of(const DeviceConfig& device) {
-  const auto* model =
-      device.options == nullptr ? nullptr : option<std::string>(*device.options, "model");
-  return model == nullptr ? std::string() : *model;
-}
-
 /// Writes a tag as an array, since there may be many: name, address, type, unit, 1 if a command may
 /// write it, description.
 void write_tag(Writer& out, const TagConfig& tag) {
@@ -237,7 +231,10 @@ void write_tag(Writer& out, const TagConfig& tag) {
 void write_device(Writer& out, const DeviceConfig& device) {
   out.begin_object();
   out.key("name").string(device.name).key("link").integer(std::int64_t{device.link});
-  out.key("protocol").string(device.protocol->name).key("model").string(model_of(device));
+  const auto* model =
+      device.options == nullptr ? nullptr : option<std::string>(*device.options, "model");
+  out.key("protocol").string(device.protocol->name);
+  out.key("model").string(model == nullptr ? std::string_view() : *model);
   out.key("timeout_ms").integer(std::int64_t{device.timeout.count()});
   out.key("groups").begin_array();
   for (std::size_t g = 0; g < device.groups.size(); ++g) {
