@@ -209,11 +209,9 @@ void write_and_end() {
   say_why();
 }
 
-bool is_written(Level level) { return level >= least_level.load(std::memory_order_relaxed); }
-
 void write(Level level, std::string_view event, std::initializer_list<Field> fields) {
   keep(level, event, fields);
-  if (is_written(level))
+  if (level >= least_level.load(std::memory_order_relaxed))
     out().write(level, body_of(event, {fields.begin(), fields.size()}, kMostValueBytes));
 }
 
