@@ -120,8 +120,6 @@ Result<ListeningSocket> ListeningSocket::open_tcp(const HttpConfig& config) {
   return made;
 }
 
-ListeningSocket::~ListeningSocket() { remove_path(); }
-
 void ListeningSocket::remove_path() {
   if (!path_.empty()) ::unlink(path_.c_str());
   path_.clear();

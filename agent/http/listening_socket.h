@@ -23,7 +23,7 @@ class ListeningSocket final {
         path_(std::exchange(other.path_, {})) {}
   ListeningSocket& operator=(ListeningSocket&&) = delete;
   /// Closes the socket unless take_file() was called, and removes the file of a Unix socket.
-  ~ListeningSocket();
+  ~ListeningSocket() { remove_path(); }
 
   /// Removes the file of a Unix socket. Call it before the socket is closed: afterwards the path
   /// may be another process's.

@@ -1,7 +1,6 @@
 #include "agent/pair/pair_state.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "agent/steady_time.h"
 
@@ -36,8 +35,6 @@ void PairState::fault(std::string text) {
   if (faults_.size() >= kMostPeers || !faults_.insert(text).second) return;
   fault_ = std::move(text);
 }
-
-std::string PairState::take_fault() { return std::exchange(fault_, {}); }
 
 void PairState::remember(const std::string& boot) {
   if (boots_.size() < kMostBoots) boots_.insert(boot);

@@ -18,6 +18,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "agent/handover/line_permit.h"
@@ -101,7 +102,7 @@ class PairState final {
   /// Highest number of all heartbeats so far.
   std::uint64_t highest_seq() const { return highest_seq_; }
   /// Returns a fault that a person must repair; once for each. Empty: none.
-  std::string take_fault();
+  std::string take_fault() { return std::exchange(fault_, {}); }
   /// True for the boot of another gateway of this pair, or of an earlier process of this one.
   bool knows(const std::string& boot) const { return boots_.contains(boot); }
 

@@ -111,8 +111,4 @@ std::vector<Publication> JsonProfile::due(SteadyTime now, std::int64_t) {
   return due;
 }
 
-std::vector<Publication> JsonProfile::farewell(std::int64_t utc_ms) {
-  return {payload_.agent_offline(utc_ms)};
-}
-
 }  // namespace fxagent

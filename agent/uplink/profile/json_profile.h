@@ -31,7 +31,9 @@ class JsonProfile final : public Profile {
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
-  std::vector<Publication> farewell(std::int64_t utc_ms) override;
+  std::vector<Publication> farewell(std::int64_t utc_ms) override {
+    return {payload_.agent_offline(utc_ms)};
+  }
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override {
     return payload_.sample(stream, sample);

@@ -158,8 +158,6 @@ std::vector<Publication> PlainProfile::due(SteadyTime, std::int64_t) {
   return due;
 }
 
-std::vector<Publication> PlainProfile::farewell(std::int64_t) { return {last_will()}; }
-
 Publication PlainProfile::value(const std::string& topic, std::string text) const {
   Publication publication = retained(topic, std::move(text));
   publication.qos = broker_of(config_, broker_).qos;

@@ -32,7 +32,7 @@ class PlainProfile final : public Profile {
   void hear(const Message& message) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
-  std::vector<Publication> farewell(std::int64_t utc_ms) override;
+  std::vector<Publication> farewell(std::int64_t) override { return {last_will()}; }
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   void undelivered(const std::string& device) override;

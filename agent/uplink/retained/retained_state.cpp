@@ -141,8 +141,6 @@ Publication RetainedState::publication_of(const Key& key, SteadyTime now) {
   return retained(key.topic);
 }
 
-void RetainedState::delivered(std::uint64_t id, SteadyTime) { flights_.erase(id); }
-
 void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
   auto found = flights_.extract(event.id);
   if (found.empty()) return;  // of a removed device

@@ -77,7 +77,7 @@ class RetainedState final : public Outgoing::Sender {
   /// Returns the time by which pump() must run, apart from acknowledgements.
   SteadyTime next_wake(SteadyTime now) const;
 
-  void delivered(std::uint64_t id, SteadyTime now) override;
+  void delivered(std::uint64_t id, SteadyTime) override { flights_.erase(id); }
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
  private:

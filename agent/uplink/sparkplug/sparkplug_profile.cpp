@@ -339,9 +339,6 @@ std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
   return {message("DDATA", config.name, packet.SerializeAsString())};
 }
 
-/// A message that was refused is missing in the order of `seq`.
-void SparkplugProfile::undelivered(const std::string&) { request_rebirth(); }
-
 std::unique_ptr<HistoryMessage> SparkplugProfile::begin_history(std::size_t max_bytes) {
   return std::make_unique<SparkplugHistory>(std::min(max_bytes, most_bytes()));
 }

@@ -40,7 +40,8 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   void saw(const Telemetry& sample) override;
-  void undelivered(const std::string& device) override;
+  /// A message that was refused is missing in the order of `seq`.
+  void undelivered(const std::string&) override { request_rebirth(); }
   std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
   std::vector<Publication> history(const HistoryBatch& batch) override;
 
