@@ -41,8 +41,7 @@ class FieldLinks final {
   /// ended.
   void stop(Done over);
   bool is_stopping() const { return stopping_; }
-  /// Returns the links that have not ended: the first names and the number of the others. Any
-  /// thread.
+  /// As Field::unfinished(). Any thread.
   std::string unfinished() const;
 
   /// Hands a command to its link. Its result, whatever it is, goes to the outbox.

@@ -10,7 +10,6 @@
 namespace fxagent {
 namespace {
 
-using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 
 // No protocol here has longer frames; a line that brings more is babbling.

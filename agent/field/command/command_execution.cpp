@@ -12,7 +12,6 @@ namespace fxagent {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
 // Interval between reads of the RUN state after RUN or STOP.

@@ -11,7 +11,6 @@ namespace fxagent {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
 // A silent device that is alone on its line delays no other; on a shared line it costs the others
