@@ -9,7 +9,6 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
-#include <cstdlib>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -38,12 +37,6 @@ bool await_bytes(int file, Clock::time_point deadline) {
 }
 
 }  // namespace
-
-std::optional<std::string> process_environment(std::string_view name) {
-  // No code changes the environment while the agent runs.
-  const char* value = std::getenv(std::string(name).c_str());  // NOLINT(concurrency-mt-unsafe)
-  return value == nullptr ? std::nullopt : std::optional<std::string>(value);
-}
 
 FilePrivacy privacy_of(const std::string& path) {
   struct stat file {};

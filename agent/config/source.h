@@ -10,14 +10,12 @@
 #include <tl/expected.hpp>
 
 #include "agent/config/config_error.h"
+#include "agent/process/this_process.h"
 
 namespace fxagent {
 
 /// Returns the value of a variable for `${NAME}`; nullopt if it is not set.
 using Environment = std::function<std::optional<std::string>(std::string_view name)>;
-
-/// Looks up a variable in the environment of the process.
-std::optional<std::string> process_environment(std::string_view name);
 
 /// Read permissions of the config file. A file that users other than its owner can read must not
 /// contain a password, unless `allow_plain_secret` is set.

@@ -1,6 +1,7 @@
 #include "agent/process/service_manager.h"
 
 #include "agent/file_handle.h"
+#include "agent/process/this_process.h"
 #include "agent/text/text.h"
 
 #include <sys/socket.h>
@@ -11,19 +12,11 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 
 namespace fxagent::service_manager {
 namespace {
-
-/// Returns an empty text if the variable is not set.
-std::string_view variable(const char* name) {
-  // The environment does not change while the agent runs.
-  const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe)
-  return value == nullptr ? std::string_view() : value;
-}
 
 /// Time to wait for room in a socket that is full because it is not read.
 enum class Patience : std::uint8_t {
@@ -35,7 +28,7 @@ constexpr timeval kShort{1, 0};
 /// sd_notify(3): sends one datagram to the socket named in NOTIFY_SOCKET; @ begins an abstract
 /// name. Ignores errors: a service manager that gets no message runs into its own time-out.
 void tell(std::string_view state, Patience patience) {
-  const std::string_view path = variable("NOTIFY_SOCKET");
+  const std::string path = process_environment("NOTIFY_SOCKET").value_or("");
   sockaddr_un address{};
   // At most 107 bytes, as in systemd's own library: one of the 108 is for the end.
   const bool is_name = path.size() > 1 && (path.front() == '/' || path.front() == '@');
@@ -55,7 +48,7 @@ void tell(std::string_view state, Patience patience) {
 
 }  // namespace
 
-bool is_there() { return !variable("NOTIFY_SOCKET").empty(); }
+bool is_there() { return !process_environment("NOTIFY_SOCKET").value_or("").empty(); }
 
 void notify_ready() { tell("READY=1", Patience::short_); }
 
@@ -80,8 +73,9 @@ void notify_status(std::string_view line) {
 // sd_watchdog_enabled(3).
 std::optional<std::chrono::nanoseconds> watchdog_interval() {
   constexpr std::uint64_t longest_us = std::chrono::microseconds(std::chrono::years(100)).count();
-  const auto within_us = number_from<std::uint64_t>(variable("WATCHDOG_USEC"));
-  const std::string_view pid = variable("WATCHDOG_PID");
+  const auto within_us =
+      number_from<std::uint64_t>(process_environment("WATCHDOG_USEC").value_or(""));
+  const std::string pid = process_environment("WATCHDOG_PID").value_or("");
   const bool is_ours =
       pid.empty() || number_from<std::uint64_t>(pid) == static_cast<std::uint64_t>(::getpid());
   if (!is_ours || !within_us || *within_us == 0 || *within_us > longest_us) return std::nullopt;

@@ -60,6 +60,12 @@ char restarted[] = "FXAGENT_RESTARTED=1";
 
 }  // namespace
 
+std::optional<std::string> process_environment(std::string_view name) {
+  // No code changes the environment while the agent runs.
+  const char* value = std::getenv(std::string(name).c_str());  // NOLINT(concurrency-mt-unsafe)
+  return value == nullptr ? std::nullopt : std::optional<std::string>(value);
+}
+
 std::string boot_id() {
   std::string id;
   std::getline(std::ifstream("/proc/sys/kernel/random/boot_id"), id);
@@ -123,10 +129,7 @@ void say_where_files_are_too_few(std::size_t needed) {
                         "the service, ulimits of a container, ulimit -Hn in a shell)"}});
 }
 
-bool was_restarted() {
-  // The environment does not change while the agent runs.
-  return std::getenv(kRestarted) != nullptr;  // NOLINT(concurrency-mt-unsafe)
-}
+bool was_restarted() { return process_environment(kRestarted).has_value(); }
 
 void restart_program() {
   std::ifstream file("/proc/self/cmdline", std::ios::binary);

@@ -3,7 +3,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 
 namespace fxagent {
 
@@ -14,6 +16,9 @@ struct ProcessFacts {
 };
 /// Reads adjtimex(2) and /proc/self/statm, for the health message. Any thread.
 ProcessFacts read_process_facts();
+
+/// Looks up a variable in the environment of the process.
+std::optional<std::string> process_environment(std::string_view name);
 
 /// Returns the machine's boot id, which differs after each boot; empty if unknown. Reads /proc. Any
 /// thread.
