@@ -71,21 +71,18 @@ std::string DurableFile::write(std::string_view text) const {
   const std::string fresh = path_ + ".new";
   // A crash may have left this file, or another user may have put it there.
   ::unlink(fresh.c_str());
+  const auto give_up = [&fresh](const std::string& what) {
+    std::string fault = fault_of_system(what);
+    ::unlink(fresh.c_str());
+    return fault;
+  };
   {
     const FileHandle file(::open(
         fresh.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
     if (file < 0) return fault_of_system(fresh);
-    if (!write_all(file, text) || ::fsync(file) != 0) {
-      std::string fault = fault_of_system(fresh);
-      ::unlink(fresh.c_str());
-      return fault;
-    }
+    if (!write_all(file, text) || ::fsync(file) != 0) return give_up(fresh);
   }
-  if (::rename(fresh.c_str(), path_.c_str()) != 0) {
-    std::string fault = fault_of_system(path_);
-    ::unlink(fresh.c_str());
-    return fault;
-  }
+  if (::rename(fresh.c_str(), path_.c_str()) != 0) return give_up(path_);
   return synchronise_directory();
 }
 
