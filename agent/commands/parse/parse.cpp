@@ -325,22 +325,45 @@ void read_targets(const Json& object, Command& command, Faults& faults) {
   for (const Json& entry : *targets) command.targets.push_back(read_target(entry, faults));
 }
 
-/// Returns the first `id` of the command itself in a text that may end anywhere.
-std::optional<Json> id_in(std::string_view text) {
-  using Event = Json::parse_event_t;
-  std::optional<Json> id;
-  bool is_next = false;
-  bool is_over = false;
-  const auto look = [&](int depth, Event event, const Json& parsed) {
-    if (is_next && event == Event::value) id = parsed;  // an id is not an object or array
-    is_over = is_over || is_next;
-    is_next = !is_over && event == Event::key && depth == 1 && parsed == "id";
-    return depth == 0;  // nothing is kept
-  };
-  [[maybe_unused]] const Json nothing =
-      Json::parse(text.begin(), text.end(), look, /*allow_exceptions=*/false);
-  return id;
-}
+/// Finds the first `id` of the command itself in a text that may end anywhere.
+class IdReader final : public nlohmann::json_sax<Json> {
+ public:
+  const std::optional<Json>& id() const { return id_; }
+
+  bool null() override { return take(nullptr); }
+  bool boolean(bool value) override { return take(value); }
+  bool number_integer(number_integer_t value) override { return take(value); }
+  bool number_unsigned(number_unsigned_t value) override { return take(value); }
+  bool number_float(number_float_t value, const string_t&) override { return take(value); }
+  bool string(string_t& value) override { return take(value); }
+  bool binary(binary_t&) override { return false; }
+  bool start_object(std::size_t) override { return begin(); }
+  bool start_array(std::size_t) override { return depth_ != 0 && begin(); }
+  bool end_object() override { return --depth_ != 0; }
+  bool end_array() override { return --depth_ != 0; }
+  bool key(string_t& name) override {
+    is_id_ = depth_ == 1 && name == "id";
+    return true;
+  }
+  bool parse_error(std::size_t, const std::string&, const Json::exception&) override {
+    return false;
+  }
+
+ private:
+  bool begin() {
+    if (is_id_) return false;  // an id is not an object or array
+    ++depth_;
+    return true;
+  }
+  bool take(Json value) {
+    if (is_id_) id_ = std::move(value);
+    return !is_id_ && depth_ != 0;
+  }
+
+  int depth_ = 0;
+  bool is_id_ = false;
+  std::optional<Json> id_;
+};
 
 /// Reads a key that must be `true` or `false` if present.
 std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults) {
@@ -388,8 +411,10 @@ std::string why_no_json(std::string_view payload) {
 std::optional<Json> read_object(std::string_view payload, Command& command, Faults& faults) {
   if (payload.size() > kMaxCommandBytes) {
     faults.add(Reason::too_large, "more than 65536 bytes");
+    IdReader reader;
+    Json::sax_parse(payload, &reader);
     Faults of_id;
-    if (const auto id = id_in(payload)) read_id({{"id", *id}}, command, of_id);
+    if (reader.id()) read_id({{"id", *reader.id()}}, command, of_id);
     return std::nullopt;
   }
   Watch watch;
