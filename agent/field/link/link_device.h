@@ -1,7 +1,6 @@
 // The state that a link keeps of each device. Its loop, polls and commands share it.
 #pragma once
 
-#include <algorithm>
 #include <bitset>
 #include <chrono>
 #include <cstdint>
@@ -16,6 +15,7 @@
 #include "agent/field/bus/unexpected_bytes.h"
 #include "agent/field/link/device_state.h"
 #include "agent/field/poll/hole_map.h"
+#include "agent/field/poll/measured_turnaround.h"
 #include "agent/field/poll/poll_cycle.h"
 #include "agent/field/poll/poll_scheduler.h"
 #include "agent/handover/field_health.h"
@@ -35,45 +35,6 @@ class Raised final {
 
  private:
   bool& flag_;
-};
-
-/// Time that one device takes to answer, without the characters on the wire: first as configured,
-/// later as measured. Pure.
-class MeasuredTurnaround final {
- public:
-  explicit MeasuredTurnaround(std::chrono::nanoseconds assumed) : value_(assumed) {}
-
-  /// Adds the turnaround of one exchange that ended well.
-  void add(std::chrono::nanoseconds measured) {
-    sum_ += measured;
-    ++count_;
-  }
-  /// Call regularly. Adopts the mean of the added measurements if there are enough of them, and if
-  /// it differs enough to change plans. True: value() has changed.
-  bool review() {
-    if (count_ < kEnough) return false;
-    const std::chrono::nanoseconds mean = sum_ / count_;
-    count_ = 0;
-    sum_ = {};
-    const auto [least, most] = std::minmax(mean, value_);
-    if (most - least <= kNoise ||
-        static_cast<double>(most.count()) <= static_cast<double>(least.count()) * kOther)
-      return false;
-    value_ = mean;
-    return true;
-  }
-  std::chrono::nanoseconds value() const { return value_; }
-
- private:
-  // Number of exchanges for a mean. A mean counts if it differs from the old one by this factor and
-  // by more than the scheduling noise of a busy machine.
-  static constexpr std::uint32_t kEnough = 64;
-  static constexpr double kOther = 1.5;
-  static constexpr std::chrono::milliseconds kNoise{3};
-
-  std::chrono::nanoseconds value_;
-  std::chrono::nanoseconds sum_{0};
-  std::uint32_t count_ = 0;
 };
 
 /// One group of one device: its cycle and the inputs of its plan.
@@ -97,8 +58,7 @@ struct LinkDevice {
 
   /// Owned by this device and by every config that has it.
   const std::shared_ptr<const DeviceConfig> owned;
-  /// As of its beginning. A reload may have given its groups other settings:
-  /// PollCycle::settings().
+  /// As of its beginning. A reload may have given its groups other settings: PollCycle::settings().
   const DeviceConfig& config;
   const std::uint32_t index;  ///< in Config::devices
   /// Set when the device leaves the link. It begins nothing more, ends what is in progress, and
@@ -136,8 +96,8 @@ struct LinkDevice {
   /// Logs why the device or its gateway refuses requests, each reason once until the device is
   /// online.
   void log_refusal_once(const std::string& reason);
-  /// Logs the first bytes that came in place of an answer and what they look like, once a day
-  /// for each cause.
+  /// Logs the first bytes that came in place of an answer and what they look like, once a day for
+  /// each cause.
   void log_foreign_bytes(const Exchange& exchange);
   HoleMap& found_holes() {
     if (holes == nullptr) holes = std::make_unique<HoleMap>();
