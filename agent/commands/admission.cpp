@@ -207,8 +207,8 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     set_outcome(result, CommandStatus::succeeded, Reason::none, {});
     return result;
   }
-  if (room_->is_closed || is_closed_) {
-    const Reason closed = room_->is_closed ? Reason::shutting_down : Reason::reloading;
+  if (room_->is_stopping || is_reloading_) {
+    const Reason closed = room_->is_stopping ? Reason::shutting_down : Reason::reloading;
     set_outcome(result, CommandStatus::rejected, closed, why_not_sent(closed));
     remember_refused(cmd, result, now);
     return result;

@@ -46,12 +46,12 @@ class CommandAdmission final {
   }
 
   /// Rejects every later command that would be admitted, with `reloading`.
-  void close() { is_closed_ = true; }
+  void close() { is_reloading_ = true; }
   /// Continues with another device, or config, of the same name: admits again, and keeps the known
   /// ids.
   void use(const DeviceConfig& device) {
     device_ = &device;
-    is_closed_ = false;
+    is_reloading_ = false;
   }
 
   /// Restores an id of an earlier run. `utc_ms` is the calendar time of `now`.
@@ -86,7 +86,7 @@ class CommandAdmission final {
   const DeviceConfig* device_;  ///< never null
   const std::shared_ptr<CommandRoom> room_;
   IdMemory ids_;
-  bool is_closed_ = false;
+  bool is_reloading_ = false;
 };
 
 }  // namespace fxagent

@@ -60,8 +60,10 @@ class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
 
   IdFingerprints fingerprints;
   bool is_journaled = false;  ///< the journal keeps first results
-  bool is_closed = false;     ///< the agent is stopping: what would be admitted is rejected
-  std::string conflict;       ///< same: boot of another agent that has our id; empty: there is none
+  bool is_stopping = false;   ///< the agent is: what would be admitted is rejected
+  /// Boot of another agent that has our id; empty: there is none. With one, what would be admitted
+  /// is rejected.
+  std::string conflict;
 
  private:
   std::size_t bytes_ = 0;

@@ -104,7 +104,7 @@ class Commands final {
   /// Sets the codec of a device whose model was identified: its addresses may mean something else.
   void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec);
   /// Rejects every later command that would be admitted, with `shutting_down`.
-  void close() { room_->is_closed = true; }
+  void close() { room_->is_stopping = true; }
   /// Rejects every later command that would be admitted, with `conflict`: another agent, of boot
   /// `other_boot`, has our id. Empty: there is none.
   void set_conflict(const std::string& other_boot) { room_->conflict = other_boot; }

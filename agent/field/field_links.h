@@ -41,7 +41,8 @@ class FieldLinks final {
   /// ended.
   void stop(Done over);
   bool is_stopping() const { return stopping_; }
-  /// As Field::unfinished(). Any thread.
+  /// Returns the links that have not ended: the first names and the number of the others. Any
+  /// thread.
   std::string unfinished() const;
 
   /// Hands a command to its link. Its result, whatever it is, goes to the outbox.

@@ -52,7 +52,7 @@ struct Watch {
     return true;
   }
 
-  std::vector<std::set<std::string>> keys;  ///< of the open objects
+  std::vector<std::set<std::string>> keys;  ///< by depth; deeper ones than the current are old
   std::string fault;                        ///< the first one
 };
 

@@ -1,4 +1,5 @@
-// The state that a link keeps of each device. Its loop, polls and commands share it.
+// The state that a link keeps of each device, and what the parts of a link share: its loop, its
+// polls and its commands.
 #pragma once
 
 #include <bitset>
