@@ -192,7 +192,8 @@ std::optional<Refusal> Commands::refusal_for_link(const LinkConfig& link, const 
   if (is_late || (command.expires_ms && utc_ms >= *command.expires_ms))
     return Refusal{Reason::expired, "it came too late"};
   if (!room_->conflict.empty()) return refusal_of_conflict(room_->conflict);
-  if (room_->is_stopping) return Refusal{Reason::shutting_down, why_not_sent(Reason::shutting_down)};
+  if (room_->is_stopping)
+    return Refusal{Reason::shutting_down, why_not_sent(Reason::shutting_down)};
   return std::nullopt;
 }
 
