@@ -12,7 +12,7 @@ inline constexpr int kDone = 0;
 inline constexpr int kFailed = 1;
 /// The command line, the config or a file that it names is wrong.
 inline constexpr int kWrong = 2;
-/// Another process uses a link, which was not opened.
+/// check --online, doctor, scan: another process uses a link, which was not examined.
 inline constexpr int kHeld = 3;
 /// check --online, doctor: everything answers, and something does not match the config.
 inline constexpr int kDiffers = 4;

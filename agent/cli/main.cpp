@@ -350,9 +350,8 @@ void add_fleet(CommandLine& line) {
   command
       ->add_option_function<int>(
           "--wait-s", [&to = what](int wait) { to.wait_s = wait; },
-          "push: seconds that a batch may take (30, with --confirmed 120); status: seconds without "
-          "a "
-          "message before it ends, if this user may not publish (2)")
+          "push: seconds that a batch may take (30, with --confirmed 120); status: seconds "
+          "without a message before it ends, if this user may not publish (2)")
       ->check(CLI::Range(1, 86400));
   command->add_flag("--confirmed", what.confirmed, "push: wait for the end of each trial");
   command->add_flag("--skip-offline", what.skip_offline, "push: leave out agents that are offline");

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "agent/cli/audit/command_line_audit.h"
-#include "agent/cli/check/link_holders.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/layout.h"
 #include "agent/cli/report/read_report.h"
@@ -458,9 +457,6 @@ int run_one_shot(const std::string& path, const OneShot& what) {
     if (!order) return refused("--word-order", order.error().text);
     target.order = *order;
   }
-  const LinkConfig& link = config.links.front();
-  if (const auto holder = link_holders(config, path).front())
-    return refused("link " + link.name, text_of(*holder) + '\n' + cure_of(*holder, link), kHeld);
   if (what.op == Op::read) {
     DirectLine line(config, what.trace);
     return run_read(line, what, target);

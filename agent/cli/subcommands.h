@@ -25,7 +25,8 @@ void print_errors(const std::vector<ConfigError>& errors, const std::string& pat
 
 /// Loads a config. Prints the errors on stderr and returns nullopt if it is wrong.
 std::optional<Config> loaded(const std::string& path);
-/// The same for a call that uses the lines itself. Prints a note if another gateway may use them.
+/// The same for a call that uses the lines itself. Prints a note if another gateway, or an agent on
+/// this machine, may use them.
 std::optional<Config> loaded_for_lines(const std::string& path);
 
 // ---- check: validates a config file and checks that this machine can run it
@@ -37,7 +38,7 @@ struct CheckQuestion {
   bool as_json = false;  ///< output of `online` as JSON
 };
 /// Opens the links and the brokers of a config and queries each device, with reads alone. Skips a
-/// link that another process holds, see link_holders.h.
+/// link that another process holds, and every link if an agent on this machine runs this config.
 /// Prints its findings and returns exit_status() of online_report.h. `path` is the file.
 int run_online_check(const Config& config, const std::string& path, bool as_json);
 /// Prints errors and warnings on stderr. Prints one line on stdout if the config is right, and
@@ -84,9 +85,8 @@ struct OneShot {
   bool trace = false;   ///< log every frame of the link
   bool as_json = false;
 };
-/// Executes the command and prints the outcome. `path` is the file of the config. Returns 0 on
-/// success; 1 if the device refused or did not answer; 2 for a wrong argument or config; 3 if
-/// another process uses the link.
+/// Executes the command and prints the outcome. Returns 0 on success; 1 if the device refused or
+/// did not answer; 2 for a wrong argument or config. `path` is the file of the config.
 int run_one_shot(const std::string& path, const OneShot& what);
 
 // ---- verify-stream: subscribes to the data of the configured agent, and checks that it is

@@ -141,7 +141,7 @@ class PairMember final {
   std::uint64_t announcing_ = 0;  ///< publication of an unanswered command; 0: none
   Announcements announcements_;
 
-  std::atomic<bool> leaving_ = false;
+  std::atomic<bool> leaving_ = false;  ///< written under mutex_ with woken_, read without it
   mutable std::mutex mutex_;
   std::condition_variable news_;
   bool woken_ = false;                   ///< under mutex_

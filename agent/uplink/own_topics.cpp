@@ -72,6 +72,7 @@ void OwnTopics::connection_ended(SteadyTime now) {
 
 void OwnTopics::follow_conflict(SteadyTime now) {
   if (parts_.shutdown.has_begun()) return;
+  // MQTT 5 has a reason code for this; on 3.1.1 the broker acknowledges what it discards.
   if (identity_.keep(now, parts_.intake.is_holding()) && parts_.config.mqtt.version == 4)
     warn_of_unheard();
   const auto other = identity_.other();
@@ -99,7 +100,6 @@ void OwnTopics::follow_conflict(SteadyTime now) {
   parts_.status.request_health(now);
 }
 
-/// MQTT 5 has a reason code for this; on 3.1.1 the broker acknowledges what it discards.
 void OwnTopics::warn_of_unheard() {
   log::warn(
       "own_state_not_heard",

@@ -129,15 +129,16 @@ class Publisher final {
   StatusBoard& board() { return status_.board(); }
 
  private:
-  // The phases of step(), in their order. SampleSpool and StatusSource have the others.
+  // The phases of step(), in their order. Outgoing, SampleSpool and StatusSource have the others.
   void take_broker_events(SteadyTime now);
-  void take_outbox(SteadyTime now);
-  void take_commands(SteadyTime now);
   /// Recovers what earlier runs left in a store that has opened late.
   void take_found_late(SteadyTime now);
-  /// Same for devices that a config change has added. Tries again later if the store hangs.
+  void take_outbox(SteadyTime now);
+  void take_commands(SteadyTime now);
+  /// Recovers what earlier runs left of devices that a config change has added. Tries again later
+  /// if the store hangs.
   void recover_joined(SteadyTime now);
-  /// Same for commands that the other gateway of a pair left.
+  /// Recovers commands that the other gateway of a pair left.
   void recover_other_gateway(SteadyTime now);
   /// Returns the time by which it must be called again.
   SteadyTime keep_outlets(SteadyTime now);

@@ -130,7 +130,7 @@ class Doctor(PlantTest):
             status, said, _ = fxagent("doctor", self.write(device()))
             holder.communicate("")
         self.assertEqual(status, 3, said)
-        self.assertIn(", uses it (another program)", said)
+        self.assertIn("another program uses the port: ", said)
         self.assertIn("If this is the wrong port, correct /links/0/serial/path", said)
 
     def test_never_replaces_a_file(self):

@@ -1,8 +1,10 @@
 #include "agent/cli/subcommands.h"
 
+#include <algorithm>
 #include <iostream>
 #include <string_view>
 #include <utility>
+#include <variant>
 
 #include "agent/cli/check/check_target.h"
 #include "agent/cli/exit_status.h"
@@ -12,6 +14,7 @@
 #include "agent/config/read/config_limits.h"
 #include "agent/config/read/reader.h"
 #include "agent/config/read/sections.h"
+#include "agent/process/port_access.h"
 #include "agent/remote/desired_config.h"
 #include "agent/text/text.h"
 #include "agent/uplink/paho/tls_files.h"
@@ -108,6 +111,15 @@ std::optional<Config> loaded_for_lines(const std::string& path) {
     std::cerr << "note: the other gateway of the pair may use the line now, and this call does not "
                  "ask it. Two masters disturb each other: stop both agents first, or send the "
                  "command over MQTT\n";
+  if (!config || std::ranges::all_of(config->links, [](const LinkConfig& link) {
+        return std::holds_alternative<SerialSettings>(link.channel);
+      }))
+    return config;
+  for (const CalledProcess& agent : processes_called("fxagent", "run"))
+    if (is_called_with(agent.pid, path))
+      std::cerr << "note: fxagent, pid " << agent.pid
+                << ", runs this config. A network device may accept only one connection: stop the "
+                   "agent first, or send a command over MQTT\n";
   return config;
 }
 

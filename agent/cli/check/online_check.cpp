@@ -3,18 +3,21 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <iostream>
 #include <optional>
 #include <semaphore>
+#include <system_error>
 #include <utility>
 #include <vector>
 
-#include "agent/cli/check/link_holders.h"
 #include "agent/cli/check/online_report.h"
 #include "agent/cli/waiting_broker.h"
+#include "agent/config/loader.h"
 #include "agent/field/field.h"
 #include "agent/handover/outbox.h"
 #include "agent/log/log.h"
+#include "agent/process/port_access.h"
 #include "agent/text/text.h"
 #include "agent/uplink/paho/paho_broker.h"
 #include "agent/uplink/topics.h"
@@ -33,14 +36,81 @@ constexpr std::size_t kMostSamples = 100'000;
 
 // ---- links --------------------------------------------------------------------------------------
 
+std::string place_of(const LinkConfig& link) {
+  return (std::holds_alternative<UdpSettings>(link.channel) ? "udp " : "") + endpoint_of(link);
+}
+
+/// True if both name one serial port, or one host and port.
+bool is_same_place(const LinkConfig& one, const LinkConfig& other) {
+  const auto* serial = std::get_if<SerialSettings>(&one.channel);
+  const auto* its_serial = std::get_if<SerialSettings>(&other.channel);
+  if (serial == nullptr || its_serial == nullptr) return place_of(one) == place_of(other);
+  std::error_code missing;
+  return serial->path == its_serial->path ||
+         std::filesystem::equivalent(serial->path, its_serial->path, missing);
+}
+
+/// An agent that runs on this machine.
+struct RunningAgent {
+  int pid = 0;
+  bool runs_this = false;          ///< the checked file, whatever is in it by now
+  std::optional<Config> config{};  ///< of another file; nullopt: it cannot be read
+};
+
+std::vector<RunningAgent> running_agents(const std::string& path) {
+  std::vector<RunningAgent> agents;
+  for (const CalledProcess& process : processes_called("fxagent", "run")) {
+    RunningAgent& agent = agents.emplace_back(process.pid);
+    for (const std::string& file : process.files) {
+      std::error_code unseen;
+      if (std::filesystem::equivalent(file, path, unseen)) agent.runs_this = true;
+      if (agent.runs_this || agent.config) break;
+      if (auto config = load_config(file)) agent.config = std::move(*config);
+    }
+  }
+  return agents;
+}
+
+/// Returns the holder of a link; nullopt if it is free. An agent that runs the checked file holds
+/// all its links; one of another file those of the same place.
+std::optional<OnlineHolder> holder_of(const Config& config, std::size_t index,
+                                      const std::vector<RunningAgent>& agents,
+                                      const std::string& command_id) {
+  using Runs = OnlineHolder::Runs;
+  const LinkConfig& link = config.links[index];
+  for (const RunningAgent& agent : agents) {
+    if (agent.runs_this)
+      return OnlineHolder{agent.pid, "fxagent", Runs::this_config,
+                          request_to(config, index, command_id)};
+    if (!agent.config) continue;
+    const auto& its_links = agent.config->links;
+    const auto same = std::ranges::find_if(
+        its_links, [&](const LinkConfig& its) { return is_same_place(link, its); });
+    if (same == its_links.end()) continue;
+    OnlineHolder holder{agent.pid, "fxagent", Runs::another_config};
+    if (agent.config->base_topic() == config.base_topic())
+      holder.request =
+          request_to(*agent.config, static_cast<std::size_t>(same - its_links.begin()), command_id);
+    return holder;
+  }
+  const auto* serial = std::get_if<SerialSettings>(&link.channel);
+  const auto holder = serial == nullptr ? std::nullopt : port_holder(serial->path);
+  if (!holder) return std::nullopt;
+  const bool is_agent = holder->program == "fxagent";
+  return OnlineHolder{holder->pid, holder->program,
+                      is_agent ? Runs::another_config : Runs::no_agent};
+}
+
 std::vector<OnlineLink> links_of(const Config& config, const std::string& path) {
-  const auto holders = link_holders(config, path);
+  const auto agents = running_agents(path);
+  const std::string command_id = "check-" + random_digits();
   std::vector<OnlineLink> links;
   for (const LinkConfig& link : config.links)
     links.push_back({.name = link.name, .place = place_of(link)});
   for (const DeviceConfig& device : config.devices) {
     OnlineLink& link = links[device.link];
-    link.holder = holders[device.link];
+    if (link.holder) continue;
+    link.holder = holder_of(config, device.link, agents, command_id);
     if (link.holder) link.state = OnlineLink::State::held;
   }
   return links;

@@ -71,7 +71,8 @@ std::string said(const OnlineLink& link) {
     case LinkState::down:
       return "does not open";
     case LinkState::held:
-      return "not checked: " + text_of(*link.holder);
+      return "not checked: " + link.holder->program + ", pid " + std::to_string(link.holder->pid) +
+             ", uses it (" + std::string(word(link.holder->runs)) + ")";
     default:
       return "not opened: it has no devices";
   }
@@ -166,7 +167,14 @@ void add_link(std::vector<std::string>& to_do, const Config& config, const Onlin
   const OnlineLink& link = findings.links[index];
   if (link.state == LinkState::down) to_do.push_back(link.name + ": " + link.text);
   if (link.state != LinkState::held) return;
-  to_do.push_back(link.name + ": " + cure_of(*link.holder, config.links[index]));
+  const std::string end = link.holder->program + " (pid " + std::to_string(link.holder->pid) + ")";
+  if (!link.holder->request.empty())
+    to_do.push_back(link.name + ": " + link.holder->request);
+  else if (std::holds_alternative<SerialSettings>(config.links[index].channel))
+    to_do.push_back(link.name + ": end " + end + ", or give the agent a port of its own");
+  else
+    to_do.push_back(link.name + ": end " + end +
+                    " for this check: a second connection may close the first");
 }
 
 void add_device(std::vector<std::string>& to_do, const Config& config,
@@ -250,27 +258,13 @@ std::string hint_of(const Point& point, const Value& value) {
 
 }  // namespace
 
-std::string text_of(const OnlineHolder& holder) {
-  return holder.program + ", pid " + std::to_string(holder.pid) + ", uses it (" +
-         std::string(word(holder.runs)) + ")";
-}
-
-std::string cure_of(const OnlineHolder& holder, const LinkConfig& link) {
-  if (!holder.request.empty()) return holder.request;
-  const std::string end = "end " + holder.program + " (pid " + std::to_string(holder.pid) + ")";
-  if (std::holds_alternative<SerialSettings>(link.channel))
-    return end + ", or give the agent a port of its own";
-  return end + " first: a second connection may close the first";
-}
-
 std::string request_to(const Config& config, std::size_t link, const std::string& id) {
   const auto device = std::ranges::find(config.devices, link, &DeviceConfig::link);
   if (device == config.devices.end()) return {};
   const std::string user = config.mqtt.username.empty()
                                ? std::string()
                                : ", with -u and -P of a user who may send commands";
-  return "stop the agent, or use it over MQTT" + user +
-         ", for example: " + offer(config, *device, id);
+  return "have the running agent read" + user + ": " + offer(config, *device, id);
 }
 
 // ---- answers of the devices ---------------------------------------------------------------------

@@ -20,11 +20,6 @@ struct OnlineHolder {
   std::string request{};  ///< how to have it read a tag over MQTT; empty: it is not this agent
 };
 
-/// Returns "fxagent, pid 4711, uses it (the agent of this config)".
-std::string text_of(const OnlineHolder& holder);
-/// Returns advice how to get at the link of this holder.
-std::string cure_of(const OnlineHolder& holder, const LinkConfig& link);
-
 struct OnlineLink {
   /// `held`: another process holds the link, so the check skipped it. `unused`: the link has no
   /// device.

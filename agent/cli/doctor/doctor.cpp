@@ -16,7 +16,6 @@
 #include <utility>
 #include <vector>
 
-#include "agent/cli/check/link_holders.h"
 #include "agent/cli/doctor/examined_device.h"
 #include "agent/cli/doctor/fixed_config.h"
 #include "agent/cli/doctor/guesses.h"
@@ -82,9 +81,7 @@ milliseconds patience(const DeviceConfig& device, std::size_t guess) {
 
 class Doctor final {
  public:
-  /// `path` is the file of the config, and `text` its content.
-  Doctor(const Config& config, const std::string& path, std::string text)
-      : config_(config), holders_(link_holders(config, path)), text_(std::move(text)) {}
+  Doctor(const Config& config, std::string text) : config_(config), text_(std::move(text)) {}
 
   int run() {
     for (std::uint32_t i = 0; i < config_.links.size(); ++i) examine_link(i);
@@ -116,11 +113,12 @@ class Doctor final {
     link_ = config_.links[index];
     if (link_.is_vacant()) return;
     std::cout << "link " << link_.name << ", " << channel_text(link_) << '\n';
-    if (const auto& holder = holders_[index]) {
-      fault(kHeld, text_of(*holder));
+    const auto* serial = std::get_if<SerialSettings>(&link_.channel);
+    if (const auto holder = serial == nullptr ? std::nullopt : port_holder(serial->path)) {
+      fault(kHeld, "another program uses the port: " + holder->text());
       const auto pointer = pointer_of(text_, {"links", link_.name, "", "serial/path", ""});
-      return note("  " + cure_of(*holder, link_) +
-                  (pointer ? ". If this is the wrong port, correct " + *pointer : ""));
+      return note("  End it. If this is the wrong port, correct " +
+                  pointer.value_or("the path of " + link_.name));
     }
     std::vector<std::pair<const DeviceConfig*, ProbeAnswer>> first_answers;
     for (const DeviceConfig& device : config_.devices)
@@ -435,7 +433,6 @@ class Doctor final {
   }
 
   const Config& config_;
-  const std::vector<std::optional<OnlineHolder>> holders_;
   const std::string text_;
   LinkConfig link_;             ///< the one that is examined
   bool line_is_right_ = false;  ///< a device answers at the speed of link_
@@ -490,7 +487,7 @@ int run_doctor(const std::string& path, const std::string& fix) {
   // Known before the search, which may take minutes.
   if (const std::string why = fix.empty() ? "" : why_no_copy(fix); !why.empty())
     return refused(fix, "cannot be written: " + why, kFailed);
-  Doctor doctor(*config, path, *text);
+  Doctor doctor(*config, *text);
   const int status = doctor.run();
   if (status == kDone) std::cout << "Nothing to change.\n";
   if (fix.empty() || doctor.writable() == 0) return status;

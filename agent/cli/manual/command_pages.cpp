@@ -126,7 +126,7 @@ Exit status:
 
 constexpr std::string_view kExitStatus = R"(.SH EXIT STATUS
 0: done. 1: the device refused or did not answer, the frame is bad, something is missing, or the agent could not
-run. 2: the arguments or the config were wrong. 3: another process uses the link.
+run. 2: the arguments or the config were wrong.
 )";
 constexpr std::string_view kFiles = R"(.SH FILES
 .TP

@@ -33,7 +33,7 @@ std::uint64_t cookie_of(int fd) {
   return getsockopt(fd, SOL_SOCKET, SO_COOKIE, &cookie, &length) == 0 ? cookie : 0;
 }
 
-/// Converts the server's scheme to those that Paho 1.2 supports best.
+/// Converts the scheme of a normal_server() to those that Paho 1.2 supports best.
 std::string paho_uri(std::string_view server) {
   return (is_tls(server) ? "ssl" : "tcp") + std::string(server.substr(server.find("://")));
 }

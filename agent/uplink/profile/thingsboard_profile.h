@@ -1,8 +1,8 @@
 // The profile `thingsboard`: the agent as a ThingsBoard gateway. Each device of the config is a
 // device of ThingsBoard; RPC requests are commands. Section 12 of docs/interface.md has the topics.
 // Source: ThingsBoard, MQTT Gateway API reference. All topics are below v1/gateway. ThingsBoard
-// closes the session of a gateway whose message it cannot read, so no value is ever null. If the
-// connection of a gateway ends, it disconnects the devices itself: there are no last messages.
+// closes the session of a gateway whose message it cannot read, so no value is ever null. When
+// the connection of a gateway ends, ThingsBoard disconnects the devices: there is no last will.
 #pragma once
 
 #include <chrono>

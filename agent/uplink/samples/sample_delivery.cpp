@@ -50,10 +50,10 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     row.device = device.name;
     row.group = group.name;
     row.seq = message.seq;
-    // With the first sample of each device: for many devices at once it would take too long.
-    std::string& meta = meta_hashes_.at(message.device);
-    if (meta.empty()) meta = json::device_meta(device).hash;
-    row.content = encode_sample(message, device, boot_, meta);
+    // Computed with the first sample of each device: for many devices at once it takes too long.
+    std::string& hash = meta_hashes_.at(message.device);
+    if (hash.empty()) hash = json::device_meta(device).hash;
+    row.content = encode_sample(message, device, boot_, hash);
     row_bytes_ += row.cost();
     spool_.used(row.device, row.seq);
     if (can_go && may_send(row.device, now))

@@ -211,7 +211,7 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
               "config)\n");
   expect_says(said, "device press1 on line1: not asked\n");
   expect_says(said,
-              "with -u and -P of a user who may send commands, for example: mosquitto_rr -h "
+              "with -u and -P of a user who may send commands: mosquitto_rr -h "
               "broker.example -p 8883 --cafile /etc/ca.pem -W 10 -q 1 -t "
               "fx/edge7/press1/command -e fx/edge7/press1/result/check -m "
               "'{\"id\":\"check-1\",\"op\":\"read\",\"tag\":\"temp\"}'\n");
@@ -220,7 +220,7 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
   expect_says(online_text(config, findings), "  line1: end picocom (pid 9), or ");
   findings.links[1].state = OnlineLink::State::held;
   findings.links[1].holder = OnlineHolder{8, "fxagent", OnlineHolder::Runs::another_config};
-  EXPECT_NE(online_text(config, findings).find("  line2: end fxagent (pid 8) first: "),
+  EXPECT_NE(online_text(config, findings).find("  line2: end fxagent (pid 8) for this check: "),
             std::string::npos)
       << "a device of TCP has no other port to give";
   EXPECT_EQ(request_to(config, 2, "check-1"), "") << "it has no devices";
