@@ -6,6 +6,7 @@
 #include "agent/config/keys.h"
 #include "agent/config/loader.h"
 #include "agent/config/read/devices/templates.h"
+#include "agent/process/this_process.h"
 #include "agent/text/text.h"
 
 namespace fxagent {

@@ -8,6 +8,7 @@
 #include "agent/config/model.h"
 #include "agent/config/read/config_limits.h"
 #include "agent/config/source.h"
+#include "agent/process/this_process.h"
 
 namespace fxagent {
 

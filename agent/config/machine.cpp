@@ -13,6 +13,7 @@
 #include "agent/config/source.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
+#include "agent/process/this_process.h"
 
 namespace fxagent {
 namespace {

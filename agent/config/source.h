@@ -1,5 +1,4 @@
-// The text of a config file, and what it depends on: the permissions of the file and the
-// environment.
+// The text of a config file and the permissions of the file.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +9,6 @@
 #include <tl/expected.hpp>
 
 #include "agent/config/config_error.h"
-#include "agent/process/this_process.h"
 
 namespace fxagent {
 

@@ -7,6 +7,7 @@
 #include "agent/config/read/config_limits.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
+#include "agent/process/this_process.h"
 
 namespace fxagent {
 namespace {
@@ -112,6 +113,9 @@ tl::expected<Next, ConfigErrors> way_back(Next::Why why, const std::optional<Kep
 
 }  // namespace
 
+RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot)
+    : local_(std::move(path)), kept_(std::move(boot)), in_force_(trial) {}
+
 // ---- the local file -----------------------------------------------------------------------------
 
 tl::expected<LocalConfig::Read, ConfigErrors> LocalConfig::read() const {
@@ -138,9 +142,6 @@ tl::expected<Config, ConfigErrors> LocalConfig::build(const LocalFile& file,
     return tl::unexpected(not_built(fault));
   }
 }
-
-RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot)
-    : local_(std::move(path)), kept_(std::move(boot)), in_force_(trial) {}
 
 // ---- the start ----------------------------------------------------------------------------------
 

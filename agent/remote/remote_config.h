@@ -1,6 +1,7 @@
 // Decides which config is in force: the local file, merged with the remote config. Owns the parts
 // that keep the local file, the configs on disk, the config in force and the answer for the broker.
-// agent/reload.h applies the configs. One thread; calls read and write files.
+// agent/reload.h applies the configs. One thread, except
+// interrupt(); calls read and write files.
 #pragma once
 
 #include <atomic>

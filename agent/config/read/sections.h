@@ -86,8 +86,6 @@ RemoteLimits read_remote_limits(ConfigReader& reader, const ConfigNode& agent);
 /// Returns the limits as `check` prints them: "links, devices, commands.allow D300-D399".
 std::string to_string(const RemoteLimits& limits);
 
-// ---- warnings
-
 /// Warns if `min` or `max` of the tag at `node` is beyond the range of its type, or if they leave
 /// one value or none.
 void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfig& tag);

@@ -36,8 +36,8 @@ class StorePart {
 
   virtual ~StorePart() = default;
 
-  /// Prepares the statements and reads the state that is kept in memory. Called when the file has
-  /// opened. `database` stays valid until unload(). Throws SQLite::Exception.
+  /// Prepares the statements that are kept, and reads the state that is kept in memory. Called when
+  /// the file has opened. `database` stays valid until unload(). Throws SQLite::Exception.
   virtual void load(SQLite::Database& /*database*/) {}
   /// Finalizes the statements: SQLite does not close a file that still has some.
   virtual void unload(Rows /*rows*/) {}

@@ -20,7 +20,7 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kPatience{500};
 constexpr milliseconds kAskAgain{10};
-// Of a checkpoint. The second is short; usually no commit has come since the first.
+// Passes of one checkpoint. The second is short; usually no commit has come since the first.
 constexpr int kPasses = 2;
 
 // Step i leads from user_version i to i + 1. `grp` is a group. Rows of a stream are ordered by seq.

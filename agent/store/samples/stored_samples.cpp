@@ -50,9 +50,10 @@ void StoredSamples::unload(Rows rows) {
 }
 
 bool StoredSamples::write_pending(std::size_t /*at_most*/) {
+  is_removal_written_ = true;
+  if (removed_.empty()) return false;
   SQLite::Statement remove(disk_.database(), kRemove);
   for (const std::uint64_t row_id : removed_) sqlite::run(remove, row_id);
-  is_removal_written_ = true;
   return false;
 }
 

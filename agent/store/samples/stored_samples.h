@@ -33,8 +33,8 @@ class StoredSamples final : public StorePart {
   /// and commands exceed max_bytes, deletes the oldest rows. Returns false if none was written;
   /// then none has changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
-  /// Returns the next history message of a stream, as Backlog::next() does of all. Drops and counts
-  /// damaged rows: one of them would spoil the whole message. Returns nullopt if no row is left to
+  /// Returns the next history message of one stream. Drops and counts damaged rows: one of them
+  /// would spoil the whole message. Returns nullopt if no row is left to
   /// send, or the file cannot be read.
   std::optional<HistoryBatch> next(const StreamKey& stream, HistoryMessage& message);
   /// Call when the rows are delivered, or never will be. Returns how many were still here; rows

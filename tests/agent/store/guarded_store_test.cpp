@@ -74,6 +74,17 @@ TEST_F(GuardedStoreTest, DiskThatAnswersIsUsedAsWithoutTheGuard) {
   EXPECT_EQ(removed, 3U);
 }
 
+TEST_F(GuardedStoreTest, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
+  Outcome outcome;
+  auto damaged = rows(1, 3);
+  for (SampleRow& row : damaged) row.content = "{";
+  store.samples().append(std::move(damaged), outcome.take());
+  store.samples().append(rows(1, 1, "b"), outcome.take());
+  const auto batch = store.samples().next(std::make_shared<test::JsonHistory>(65536), test::any);
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(batch->device, "b");
+}
+
 TEST_F(GuardedStoreTest, OverdueSamplesAreInOnePlaceAtATime) {
   Outcome first;
   Outcome second;

@@ -114,7 +114,7 @@ TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
   EXPECT_FALSE(store.samples().streams().has_waiting("press1"));
 }
 
-TEST_F(StoreDamage, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
+TEST_F(StoreDamage, StreamOfDamagedRowsAloneIsDroppedAndCounted) {
   {
     Store store(shelf_.config, kNow);
     auto both = rows(4);
