@@ -95,8 +95,8 @@ TEST(ConfigModbus, WrongAddressesNameTheFormsAndTheRange) {
   const std::string place = "/devices/0/tags/0/address";
   expect_modbus_refused(place, R"("D100")", {"hr:0 ir:0 co:0 di:0", "40001"});
   expect_modbus_refused(place, R"("hr:65536")", {"0 to 65535"});
-  expect_modbus_refused(place, R"("40000")", {"1 to 9999"});
-  expect_modbus_refused(place, R"("465537")", {"1 to 65536"});
+  expect_modbus_refused(place, R"("40000")", {"40001 to 49999", "hr:40000"});
+  expect_modbus_refused(place, R"("465537")", {"400001 to 465536"});
   expect_modbus_refused(place, R"("4001")", {"5 or 6 digits"});
   expect_modbus_refused(place, R"("hr:1.16")", {".0 to .15"});
   expect_modbus_refused(place, R"("co:1.0")", {"only registers have bits"});
@@ -116,7 +116,7 @@ TEST(ConfigModbus, TheAddressBaseMovesNamesWithATableAndNoOthers) {
   EXPECT_EQ(tags[0].point.address.span.first_bit, 99U * 16);
   EXPECT_EQ(tags[1].point.address.text, "hr:100");
   plant["devices"][0]["tags"][0]["address"] = "hr:0";
-  expect_error(plant.dump(1), "/devices/0/tags/0/address", {"1 to 65536"});
+  expect_error(plant.dump(1), "/devices/0/tags/0/address", {"400001 to 465536"});
 }
 
 TEST(ConfigModbus, TheDevicesByteOrderIsThatOfItsTags) {
