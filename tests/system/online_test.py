@@ -103,6 +103,10 @@ class Online(PlantTest):
         # The timeout is longer than any stall of a busy simulator.
         self.start_agent([device(timeout_ms=10000), METER], [self.serial(), network])
         self.ready()
+        # A read beside it says so: the device may accept one connection.
+        status, said, note = fxagent("read", self.agent.path, "meter", "level")
+        self.assertEqual((status, note.split(",")[:2]), (0, ["note: fxagent", f" pid {self.agent.process.pid}"]), said)
+
         since = self.watcher.mark()
         edited = os.path.join(self.directory, "edited.json")
 
