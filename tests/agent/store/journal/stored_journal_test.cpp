@@ -115,6 +115,14 @@ TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
   EXPECT_EQ(three->correlation, Bytes{});
 }
 
+TEST(StoredJournal, AcknowledgementIsOnDiskWithTheNextCommand) {
+  OpenShelf shelf;
+  shelf.record_acknowledged(entry("one", "{1}"));
+  ASSERT_TRUE(shelf.journal(entry("two")));
+  shelf.open();  // as after a kill: nothing has written the rest
+  EXPECT_TRUE(shelf.found("one")->acknowledged);
+}
+
 // The field forgets the oldest of 10,000 ids at once, the file once a minute.
 TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
   OpenShelf shelf;
