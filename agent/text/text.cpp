@@ -157,6 +157,7 @@ std::string utc_text(std::int64_t utc_ms) {
 }
 
 std::optional<std::int64_t> utc_ms_from(std::string_view text) {
+  if (text.starts_with('-')) return std::nullopt;  // the library reads years before 0
   if (text.ends_with('Z')) text.remove_suffix(1);
   // With %T the library computes with seconds that it has not read, unless all of it is there.
   constexpr std::string_view shape = "T00:00:00";
