@@ -115,6 +115,14 @@ TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
   EXPECT_EQ(three->correlation, Bytes{});
 }
 
+TEST(StoredJournal, AcknowledgementsFollowResultsThatAreWrittenInParts) {
+  ShelfWithoutDisk shelf;
+  for (int i = 0; i < 1000; ++i) shelf.record_acknowledged(entry(std::to_string(i), "{}"));
+  shelf.bring_disk();
+  EXPECT_EQ(shelf.store->journal().known_ids().size(), 1000U);
+  EXPECT_TRUE(shelf.store->journal().unacknowledged().empty());
+}
+
 TEST(StoredJournal, AcknowledgementIsOnDiskWithTheNextCommand) {
   OpenShelf shelf;
   shelf.record_acknowledged(entry("one", "{1}"));
