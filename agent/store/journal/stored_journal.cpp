@@ -21,15 +21,7 @@ void StoredJournal::write(const JournalEntry& entry) {
 bool StoredJournal::commit(std::span<const JournalEntry> entries) {
   return disk_.commit("journal", [&] {
     for (const JournalEntry& entry : entries) write(entry);
-    write_acknowledgements();
   });
-}
-
-void StoredJournal::write_acknowledgements() {
-  if (written_ < waiting_.size()) return;
-  for (const auto& [device, id, number, total_ms] : to_acknowledge_)
-    table_->acknowledge(device, id, number, total_ms);
-  is_acknowledged_ = true;
 }
 
 void StoredJournal::keep(JournalEntry entry) {
@@ -134,8 +126,12 @@ void StoredJournal::begin_commit() {
 bool StoredJournal::write_pending(std::size_t at_most) {
   const std::size_t count = std::min(at_most, waiting_.size());
   for (auto entry = waiting_.begin(); written_ < count; ++entry, ++written_) write(*entry);
-  write_acknowledgements();
-  return written_ < waiting_.size();
+  if (written_ < waiting_.size()) return true;
+  // Acknowledgements follow their results.
+  for (const auto& [device, id, number, total_ms] : to_acknowledge_)
+    table_->acknowledge(device, id, number, total_ms);
+  is_acknowledged_ = true;
+  return false;
 }
 
 void StoredJournal::committed() {

@@ -74,11 +74,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// Within a commit: writes a command before it is carried out, or its result if it has one.
   /// Throws SQLite::Exception.
   void write(const JournalEntry& entry);
-  /// Within a commit. Waits for results that are not written yet: an acknowledgement follows its
-  /// result.
-  void write_acknowledgements();
-  /// Writes the entries in one commit, with the acknowledgements so far: a result that the broker
-  /// had before a command is not published again after a crash. Returns false if none was written.
+  /// Writes them in one commit. Returns false if none was written.
   bool commit(std::span<const JournalEntry> entries);
   /// Keeps the entry in memory until a commit writes it.
   void keep(JournalEntry entry);

@@ -123,14 +123,6 @@ TEST(StoredJournal, AcknowledgementsFollowResultsThatAreWrittenInParts) {
   EXPECT_TRUE(shelf.store->journal().unacknowledged().empty());
 }
 
-TEST(StoredJournal, AcknowledgementIsOnDiskWithTheNextCommand) {
-  OpenShelf shelf;
-  shelf.record_acknowledged(entry("one", "{1}"));
-  ASSERT_TRUE(shelf.journal(entry("two")));
-  shelf.open();  // as after a kill: nothing has written the rest
-  EXPECT_TRUE(shelf.found("one")->acknowledged);
-}
-
 // The field forgets the oldest of 10,000 ids at once, the file once a minute.
 TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
   OpenShelf shelf;
