@@ -78,6 +78,13 @@ class Pair(PairTest):
         self.start_pair()
         done = self.command(id="done-1", op="write", address="D300", value=7)
         self.assertEqual(done["status"], "SUCCEEDED", done)
+
+        def is_acknowledged():
+            lines = fxagent("audit", "--json", self.agents["a"].path)[1].splitlines()
+            return any(line["id"] == "done-1" and line["acknowledged"] for line in map(json.loads, lines))
+
+        # Killed before that, it would publish the result again.
+        wait_for("the acknowledgement of the result in the store", is_acknowledged)
         self.masters.delay = 0.2
         asked = len(self.masters.requests)
         self.send({"id": "wire-1", "op": "write", "address": "D301", "value": 8})
