@@ -22,8 +22,12 @@ void take_digest(ByteView kept, Digest& digest) {
 
 }  // namespace
 
+AuditTrail::Statements::Statements(SQLite::Database& database)
+    : insert(database, "INSERT INTO audit VALUES(?, ?, ?)"),
+      update(database, "INSERT OR REPLACE INTO audit_head VALUES(1, ?, ?, ?, ?)") {}
+
 void AuditTrail::load(SQLite::Database& database) {
-  insert_.emplace(database, "INSERT INTO audit VALUES(?, ?, ?)");
+  sql_.emplace(database);
   kept_ = {};
   SQLite::Statement head(database, "SELECT records, hash, arrivals, bytes FROM audit_head");
   sqlite::each(head, [this](const SQLite::Statement& row) {
@@ -44,7 +48,7 @@ void AuditTrail::load(SQLite::Database& database) {
 }
 
 void AuditTrail::unload(Rows) {
-  insert_.reset();
+  sql_.reset();
   kept_ = {};
 }
 
@@ -68,7 +72,7 @@ void AuditTrail::append(std::string_view body) {
   if (body.empty()) return;
   const audit::Record record = audit::seal(next_.head, body);
   next_.bytes += record.text.size() + kOverhead;
-  sqlite::run(*insert_, record.number, record.text, ByteView(record.hash));
+  sqlite::run(sql_->insert, record.number, record.text, ByteView(record.hash));
 }
 
 bool AuditTrail::write_pending(std::size_t at_most) {
@@ -83,9 +87,8 @@ bool AuditTrail::write_pending(std::size_t at_most) {
 void AuditTrail::end_commit() {
   if (next_.head.records == kept_.head.records) return;
   next_.arrivals = std::max(next_.arrivals, last_command_number_.load());
-  SQLite::Statement update(disk_.database(),
-                           "INSERT OR REPLACE INTO audit_head VALUES(1, ?, ?, ?, ?)");
-  sqlite::run(update, next_.head.records, ByteView(next_.head.hash), next_.arrivals, next_.bytes);
+  sqlite::run(sql_->update, next_.head.records, ByteView(next_.head.hash), next_.arrivals,
+              next_.bytes);
 }
 
 void AuditTrail::committed() {

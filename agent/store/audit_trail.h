@@ -91,6 +91,11 @@ class AuditTrail final : public StorePart {
                                     audit::Head& head);
 
  private:
+  struct Statements {
+    explicit Statements(SQLite::Database& database);
+    SQLite::Statement insert;
+    SQLite::Statement update;
+  };
   struct State {
     audit::Head head;
     std::uint64_t bytes = 0;
@@ -99,7 +104,7 @@ class AuditTrail final : public StorePart {
 
   const StoreConfig config_;
   StoreDisk& disk_;
-  std::optional<SQLite::Statement> insert_;
+  std::optional<Statements> sql_;
   State kept_;  ///< in the file
   State next_;  ///< as the open commit will leave it
   std::atomic<std::uint64_t> last_command_number_ = 0;

@@ -36,11 +36,11 @@ class StorePart {
 
   virtual ~StorePart() = default;
 
-  /// Prepares the statements that are kept, and reads the state that is kept in memory. Called when
-  /// the file has opened. `database` stays valid until unload(). Throws SQLite::Exception.
-  virtual void load(SQLite::Database& /*database*/) {}
+  /// Prepares the statements and reads the state that is kept in memory. Called when the file has
+  /// opened. `database` stays valid until unload(). Throws SQLite::Exception.
+  virtual void load(SQLite::Database& database) = 0;
   /// Finalizes the statements: SQLite does not close a file that still has some.
-  virtual void unload(Rows /*rows*/) {}
+  virtual void unload(Rows rows) = 0;
   /// A damaged file was renamed to `name`; empty if it could not be renamed.
   virtual void set_aside(const std::string& /*name*/) {}
   /// A fresh file has replaced the damaged one.

@@ -9,6 +9,14 @@ namespace fxagent {
 
 using sqlite::from_sql;
 
+void SequenceNumbers::load(SQLite::Database& database) {
+  // A number decreases only from the end of its block to the exact last one.
+  insert_.emplace(database,
+                  "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
+                  " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
+                  " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean");
+}
+
 std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> devices,
                                                   std::int64_t utc_ms) {
   is_behind_ = ::access(behind_.path().c_str(), F_OK) == 0;
@@ -86,18 +94,10 @@ void SequenceNumbers::reserve() {
 
 /// Synchronised with the disk: a power cut must not bring a number back.
 bool SequenceNumbers::write(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning) {
-  return disk_.commit("numbers", StoreDisk::Sync::full, [&] { insert(numbers, meaning); });
-}
-
-void SequenceNumbers::insert(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning) {
-  // A number decreases only from the end of its block to the exact last one.
-  SQLite::Statement insert(
-      disk_.database(),
-      "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
-      " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
-      " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean");
-  for (const auto& [device, number] : numbers)
-    sqlite::run(insert, device, number, meaning == Meaning::exact ? 1 : 0);
+  return disk_.commit("numbers", StoreDisk::Sync::full, [&] {
+    for (const auto& [device, number] : numbers)
+      sqlite::run(*insert_, device, number, meaning == Meaning::exact ? 1 : 0);
+  });
 }
 
 void SequenceNumbers::write_all() {
@@ -114,7 +114,8 @@ void SequenceNumbers::write_last() {
 }
 
 void SequenceNumbers::write_with_samples(const std::map<std::string, std::uint64_t>& highest) {
-  if (config_.sync_always) insert(highest, Meaning::reserved);
+  if (!config_.sync_always) return;
+  for (const auto& [device, seq] : highest) sqlite::run(*insert_, device, seq, 0);
 }
 
 void SequenceNumbers::refused() {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -52,6 +53,8 @@ class SequenceNumbers final : public StorePart {
   /// Returns, for each device of this run, the number in the file if it is above this run's.
   std::map<std::string, std::uint64_t> above_ours();
 
+  void load(SQLite::Database& database) override;
+  void unload(Rows /*rows*/) override { insert_.reset(); }
   void replaced() override { write_all(); }
 
  private:
@@ -65,12 +68,12 @@ class SequenceNumbers final : public StorePart {
   std::vector<std::uint64_t> add(std::span<const std::string> devices, std::int64_t utc_ms,
                                  std::map<std::string, std::uint64_t>& reserved);
   bool write(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning);
-  void insert(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning);
   void mark_as_behind();
   void mark_as_known();
 
   const StoreConfig config_;
   StoreDisk& disk_;
+  std::optional<SQLite::Statement> insert_;
   std::map<std::string, Numbers> numbers_;
   bool is_short_ = false;
   const DurableFile behind_;  ///< marker: the database lacks some numbers

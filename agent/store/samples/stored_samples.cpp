@@ -15,8 +15,6 @@ using sqlite::from_sql;
 using sqlite::number;
 using sqlite::text;
 
-constexpr const char* kRemove = "DELETE FROM samples WHERE id = ?";
-
 void log_damaged(const StreamKey& stream, std::size_t rows) {
   log::error("store", {{"state", "damaged"},
                        {"device", stream.first},
@@ -26,9 +24,19 @@ void log_damaged(const StreamKey& stream, std::size_t rows) {
 
 }  // namespace
 
+StoredSamples::Statements::Statements(SQLite::Database& database)
+    : insert(database, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?, ?)"),
+      remove(database, "DELETE FROM samples WHERE id = ?"),
+      stream(database,
+             "SELECT id, row, format FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"),
+      oldest(database,
+             "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
+             " ORDER BY id") {}
+
 void StoredSamples::load(SQLite::Database& database) {
   removed_.clear();
   streams_.clear();
+  sql_.emplace(database);
   SQLite::Statement groups(
       database,
       "SELECT device, grp, count(*), sum(length(CAST(row AS BLOB))), min(id), max(id)"
@@ -43,6 +51,7 @@ void StoredSamples::load(SQLite::Database& database) {
 }
 
 void StoredSamples::unload(Rows rows) {
+  sql_.reset();
   if (rows == Rows::kept) return;
   removed_.clear();
   for (const auto& [device, count] : streams_.clear())
@@ -50,10 +59,8 @@ void StoredSamples::unload(Rows rows) {
 }
 
 bool StoredSamples::write_pending(std::size_t /*at_most*/) {
+  for (const std::uint64_t row_id : removed_) sqlite::run(sql_->remove, row_id);
   is_removal_written_ = true;
-  if (removed_.empty()) return false;
-  SQLite::Statement remove(disk_.database(), kRemove);
-  for (const std::uint64_t row_id : removed_) sqlite::run(remove, row_id);
   return false;
 }
 
@@ -67,14 +74,13 @@ bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
   std::vector<SampleStreams::Row> gone;
   const bool written = disk_.commit("append", StoreDisk::Sync::full, [&] {
     disk_.write_pending();
-    SQLite::Statement insert(disk_.database(), "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?, ?)");
     std::uint64_t added = 0;
     std::uint64_t row_id = next_row_id_;
     std::map<std::string, std::uint64_t> highest;
     for (const SampleRow& row : rows) {
       added += row.cost();
       highest[row.device] = std::max(highest[row.device], row.seq);
-      sqlite::run(insert, row_id++, row.device, row.group, row.seq, disk_.utc_ms(),
+      sqlite::run(sql_->insert, row_id++, row.device, row.group, row.seq, disk_.utc_ms(),
                   as_bytes(row.content), static_cast<std::int64_t>(row.format));
     }
     numbers_.write_with_samples(highest);
@@ -100,10 +106,7 @@ std::vector<SampleStreams::Row> StoredSamples::delete_oldest(std::uint64_t exces
                                                              std::int64_t older_than_ms) {
   std::vector<SampleStreams::Row> gone;
   std::uint64_t freed = 0;
-  SQLite::Statement oldest(
-      disk_.database(),
-      "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples ORDER BY id");
-  sqlite::each(oldest, [&](const SQLite::Statement& row) {
+  sqlite::each(sql_->oldest, [&](const SQLite::Statement& row) {
     // Row ids rise with time: the first row that is young enough ends the search.
     if (freed >= excess && number(row, 3) >= older_than_ms) return false;
     const std::uint64_t cost = from_sql(number(row, 4)) + SampleRow::kOverhead;
@@ -112,8 +115,7 @@ std::vector<SampleStreams::Row> StoredSamples::delete_oldest(std::uint64_t exces
     freed += cost;
     return true;
   });
-  SQLite::Statement remove(disk_.database(), kRemove);
-  for (const SampleStreams::Row& row : gone) sqlite::run(remove, row.row_id);
+  for (const SampleStreams::Row& row : gone) sqlite::run(sql_->remove, row.row_id);
   return gone;
 }
 
@@ -126,7 +128,7 @@ void StoredSamples::forget(const std::vector<SampleStreams::Row>& gone) {
 
 std::optional<HistoryBatch> StoredSamples::next(const StreamKey& key, HistoryMessage& message) {
   if (disk_.is_writable()) disk_.flush();
-  if (!disk_.is_open()) return std::nullopt;
+  if (!sql_) return std::nullopt;
   BatchBuilder builder(message);
   std::vector<SampleStreams::Row> taken;
   std::vector<SampleStreams::Row> damaged;
@@ -140,13 +142,8 @@ std::optional<HistoryBatch> StoredSamples::next(const StreamKey& key, HistoryMes
         .push_back({row_id, key, content.size() + SampleRow::kOverhead});
     return true;
   };
-  const auto read = [&] {
-    SQLite::Statement rows(
-        disk_.database(),
-        "SELECT id, row, format FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id");
-    sqlite::each(rows, take, key.first, key.second);
-  };
-  if (!disk_.attempt("read", read)) return std::nullopt;
+  if (!disk_.attempt("read", [&] { sqlite::each(sql_->stream, take, key.first, key.second); }))
+    return std::nullopt;
   for (const SampleStreams::Row& row : damaged) {
     streams_.take(row);
     dropped_[key.first] += remove(row.row_id);

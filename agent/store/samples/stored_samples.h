@@ -34,8 +34,8 @@ class StoredSamples final : public StorePart {
   /// then none has changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
   /// Returns the next history message of one stream. Drops and counts damaged rows: one of them
-  /// would spoil the whole message. Returns nullopt if no row is left to
-  /// send, or the file cannot be read.
+  /// would spoil the whole message. Returns nullopt if no row is left to send, or the file cannot
+  /// be read.
   std::optional<HistoryBatch> next(const StreamKey& stream, HistoryMessage& message);
   /// Call when the rows are delivered, or never will be. Returns how many were still here; rows
   /// that had to make room were counted as dropped already.
@@ -75,6 +75,14 @@ class StoredSamples final : public StorePart {
   void move_stored_times(std::int64_t by_ms) override;
 
  private:
+  struct Statements {
+    explicit Statements(SQLite::Database& database);
+    SQLite::Statement insert;
+    SQLite::Statement remove;
+    SQLite::Statement stream;  ///< the rows of a stream, in the order of its samples
+    SQLite::Statement oldest;  ///< all rows, oldest first
+  };
+
   /// Within a commit: deletes the oldest rows until `excess` bytes are free and no row is older
   /// than `older_than_ms`. Returns them. Throws SQLite::Exception.
   std::vector<SampleStreams::Row> delete_oldest(std::uint64_t excess, std::int64_t older_than_ms);
@@ -85,6 +93,7 @@ class StoredSamples final : public StorePart {
   StoreDisk& disk_;
   const StoredJournal& journal_;
   SequenceNumbers& numbers_;
+  std::optional<Statements> sql_;  ///< of the open file
   SampleStreams streams_;
   std::set<std::uint64_t> removed_;  ///< row ids, still in the file
   bool is_removal_written_ = false;  ///< in the open commit
