@@ -21,27 +21,27 @@ Whole power_of_ten(int exponent) {
   return boost::multiprecision::pow(Whole(10), static_cast<unsigned>(exponent));
 }
 
-/// Returns the digits, with a minus if it is negative, and the exponent of the shortest decimal
-/// spelling of a finite number.
-std::pair<std::string, int> spelling_of(double number) {
-  std::array<char, 64> text{};
+/// Writes the shortest decimal spelling of a finite number to `text`. Returns its digits, with a
+/// minus if it is negative and perhaps a point, and the exponent that they have without the point.
+std::pair<std::string_view, int> spelling_of(double number, std::array<char, 64>& text) {
   const auto end =
       std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::scientific)
           .ptr;
   const std::string_view spelling(text.data(), static_cast<std::size_t>(end - text.data()));
   const auto e = spelling.find('e');
-  std::string digits(spelling.substr(0, e));
+  const std::string_view digits = spelling.substr(0, e);
   int exponent = 0;
   std::from_chars(spelling.data() + e + (spelling[e + 1] == '+' ? 2 : 1), end, exponent);
-  if (const auto point = digits.find('.'); point != digits.npos) {
+  if (const auto point = digits.find('.'); point != digits.npos)
     exponent -= static_cast<int>(digits.size() - point - 1);
-    digits.erase(point, 1);
-  }
-  return {std::move(digits), exponent};
+  return {digits, exponent};
 }
 
 Decimal decimal_of(double number) {
-  const auto [digits, exponent] = spelling_of(number);
+  std::array<char, 64> text{};
+  const auto [spelled, exponent] = spelling_of(number, text);
+  std::string digits(spelled);
+  std::erase(digits, '.');
   const bool is_negative = digits.front() == '-';
   const Whole magnitude(is_negative ? digits.substr(1) : digits);
   return {is_negative ? Whole(-magnitude) : magnitude, exponent};
@@ -71,7 +71,10 @@ Whole divided(const Whole& number, const Whole& by) {
 
 }  // namespace
 
-int decimals_of(double number) { return std::max(0, -spelling_of(number).second); }
+int decimals_of(double number) {
+  std::array<char, 64> text{};
+  return std::max(0, -spelling_of(number, text).second);
+}
 
 std::optional<Whole> whole_from(std::string_view text) {
   constexpr std::size_t kMostDigits = 40;

@@ -29,7 +29,8 @@ class Bus final {
   bool is_open() const { return channel().is_open(); }
   /// Sets how long open() listens. Takes effect at the next open().
   void set_listening(std::chrono::nanoseconds listening) { listening_ = listening; }
-  /// See Wire::close().
+  /// Closes the channel and ends what is in progress, including listening and the gap before a
+  /// request.
   void close() noexcept { wire_.close(); }
 
   /// Sends one request and returns its outcome. Checks `not_after` just before the first byte.
