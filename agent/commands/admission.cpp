@@ -193,22 +193,22 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
     if (waiting >= rules.queue)
       why = refuse(Reason::queue_full,
                    std::to_string(waiting) + " commands are waiting for this device");
-    else if (!(admitted.place = room_->take(cmd.device, kAdmittedToCommand * memory_of(cmd))))
+    else if (!(admitted.place = shared_->take(cmd.device, kAdmittedToCommand * memory_of(cmd))))
       why = refuse(Reason::queue_full, "the waiting commands already take " +
-                                           std::to_string(room_->bytes() >> 20) + " MiB");
+                                           std::to_string(shared_->bytes() >> 20) + " MiB");
     else if (!ids_.make_room(now))
       why = refuse(Reason::queue_full,
                    "the memory of command ids is full, and no id in it has expired");
-    else if (!room_->conflict.empty())
-      why = refusal_of_conflict(room_->conflict);
+    else if (!shared_->conflict.empty())
+      why = refusal_of_conflict(shared_->conflict);
   }
   if (why) return rejected(cmd, *why);
   if (cmd.dry_run) {
     set_outcome(result, CommandStatus::succeeded, Reason::none, {});
     return result;
   }
-  if (room_->is_stopping || is_reloading_) {
-    const Reason closed = room_->is_stopping ? Reason::shutting_down : Reason::reloading;
+  if (shared_->is_stopping || is_reloading_) {
+    const Reason closed = shared_->is_stopping ? Reason::shutting_down : Reason::reloading;
     set_outcome(result, CommandStatus::rejected, closed, why_not_sent(closed));
     remember_refused(cmd, result, now);
     return result;
@@ -366,12 +366,12 @@ void CommandAdmission::remember_refused(const Command& command, const CommandRes
                                         SteadyTime now) {
   if (command.dry_run || command.id.empty()) return;
   ids_.add_refused(
-      {command.id, command.number, now, now, true, room_->is_journaled ? nullptr : kept(result)},
+      {command.id, command.number, now, now, true, shared_->is_journaled ? nullptr : kept(result)},
       now);
 }
 
 void CommandAdmission::finished(const CommandResult& result) {
-  ids_.finish(result.id, room_->is_journaled ? nullptr : kept(result));
+  ids_.finish(result.id, shared_->is_journaled ? nullptr : kept(result));
 }
 
 void CommandAdmission::restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms) {

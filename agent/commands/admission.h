@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "agent/commands/admitted_command.h"
-#include "agent/commands/command_room.h"
 #include "agent/commands/id_memory.h"
 #include "agent/commands/journal.h"
+#include "agent/commands/shared_admission.h"
 #include "agent/config/model.h"
 #include "agent/handover/command_message.h"
 #include "protocol/codec.h"
@@ -25,11 +25,11 @@ class CommandAdmission final {
  public:
   using Decision = std::variant<CommandResult, AdmittedCommand>;
 
-  /// `device` outlives admission, or the next use(). `room` is shared with the admission of the
-  /// other devices and with pending commands.
-  explicit CommandAdmission(const DeviceConfig& device,
-                            std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>())
-      : device_(&device), room_(std::move(room)), ids_(room_, device.name) {}
+  /// `device` outlives admission, or the next use(). `shared` is common to the admission of all
+  /// devices and to pending commands.
+  explicit CommandAdmission(const DeviceConfig& device, std::shared_ptr<SharedAdmission> shared =
+                                                            std::make_shared<SharedAdmission>())
+      : device_(&device), shared_(std::move(shared)), ids_(shared_, device.name) {}
 
   /// Decides on `command`, by the checks of the contract in their order. `codec` is the device's
   /// current one (its model may have been identified). `waiting` is the number of commands that
@@ -84,7 +84,7 @@ class CommandAdmission final {
                                      const CommandTarget& target, AdmittedTarget& out) const;
 
   const DeviceConfig* device_;  ///< never null
-  const std::shared_ptr<CommandRoom> room_;
+  const std::shared_ptr<SharedAdmission> shared_;
   IdMemory ids_;
   bool is_reloading_ = false;
 };

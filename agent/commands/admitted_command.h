@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "agent/commands/command_room.h"
 #include "agent/commands/journal.h"
+#include "agent/commands/shared_admission.h"
 #include "agent/handover/command_message.h"
 #include "protocol/codec.h"
 
@@ -44,7 +44,7 @@ struct AdmittedCommand {
   std::optional<std::chrono::nanoseconds> line_time;
   std::optional<std::chrono::nanoseconds> bound;
   /// Its share of the room for pending commands. Commands holds it until there is a result.
-  CommandRoom::Place place{};
+  SharedAdmission::Place place{};
 };
 
 }  // namespace fxagent

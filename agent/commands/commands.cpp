@@ -76,7 +76,7 @@ audit::Receipt receipt_of(const Command& command, const std::string& device, std
 
 Commands::Commands(const Config& config, Submit submit, CommandJournal* journal, Yield yield)
     : config_(config), submit_(std::move(submit)), yield_(std::move(yield)), journal_(journal) {
-  room_->is_journaled = journal != nullptr;
+  shared_->is_journaled = journal != nullptr;
   devices_.resize(config.devices.size());
   for (std::uint32_t i = 0; i < devices_.size(); ++i)
     if (!config.devices[i].is_vacant()) open(i);
@@ -88,7 +88,7 @@ void Commands::open(std::uint32_t index) {
   if (device)
     device->admission.use(config_.devices[index]);
   else
-    device = std::make_unique<Device>(config_.devices[index], room_);
+    device = std::make_unique<Device>(config_.devices[index], shared_);
 }
 
 void Commands::list_names() {
@@ -191,8 +191,8 @@ std::optional<Refusal> Commands::refusal_for_link(const LinkConfig& link, const 
   const bool is_late = command.message_expiry && now - command.received >= *command.message_expiry;
   if (is_late || (command.expires_ms && utc_ms >= *command.expires_ms))
     return Refusal{Reason::expired, "it came too late"};
-  if (!room_->conflict.empty()) return refusal_of_conflict(room_->conflict);
-  if (room_->is_stopping)
+  if (!shared_->conflict.empty()) return refusal_of_conflict(shared_->conflict);
+  if (shared_->is_stopping)
     return Refusal{Reason::shutting_down, why_not_sent(Reason::shutting_down)};
   return std::nullopt;
 }

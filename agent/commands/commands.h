@@ -104,10 +104,10 @@ class Commands final {
   /// Sets the codec of a device whose model was identified: its addresses may mean something else.
   void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec);
   /// Rejects every later command that would be admitted, with `shutting_down`.
-  void close() { room_->is_stopping = true; }
+  void close() { shared_->is_stopping = true; }
   /// Rejects every later command that would be admitted, with `conflict`: another agent, of boot
   /// `other_boot`, has our id. Empty: there is none.
-  void set_conflict(const std::string& other_boot) { room_->conflict = other_boot; }
+  void set_conflict(const std::string& other_boot) { shared_->conflict = other_boot; }
 
   /// Returns results for the broker, in the order in which they came. The journal has those of
   /// admitted commands by now.
@@ -124,14 +124,14 @@ class Commands final {
 
  private:
   struct Device {
-    Device(const DeviceConfig& config, std::shared_ptr<CommandRoom> room)
-        : name(config.name), admission(config, std::move(room)), codec(config.codec) {}
+    Device(const DeviceConfig& config, std::shared_ptr<SharedAdmission> shared)
+        : name(config.name), admission(config, std::move(shared)), codec(config.codec) {}
 
     const std::string name;
     CommandAdmission admission;
     std::shared_ptr<const Codec> codec;
     /// Commands without a result, by id, each with its share of the room; null: of an earlier run.
-    std::unordered_map<std::string, CommandRoom::Place> pending;
+    std::unordered_map<std::string, SharedAdmission::Place> pending;
 
     /// One of the pending commands may be in progress; the others wait.
     std::size_t waiting() const { return pending.empty() ? 0 : pending.size() - 1; }
@@ -162,7 +162,7 @@ class Commands final {
   const Submit submit_;
   const Yield yield_;
   CommandJournal* const journal_;
-  const std::shared_ptr<CommandRoom> room_ = std::make_shared<CommandRoom>();
+  const std::shared_ptr<SharedAdmission> shared_ = std::make_shared<SharedAdmission>();
   std::vector<std::unique_ptr<Device>> devices_;  ///< by index in Config::devices; null: vacant
   std::unordered_map<std::string_view, std::uint32_t> index_;  ///< index in devices_, by name
   /// Devices that are no longer in the config, by name. Their ids stay known as long as the

@@ -35,8 +35,8 @@ struct IdMemory::Ids {
   Entries refused;   ///< same
 };
 
-IdMemory::IdMemory(std::shared_ptr<CommandRoom> room, std::string device)
-    : room_(std::move(room)), device_(std::move(device)) {}
+IdMemory::IdMemory(std::shared_ptr<SharedAdmission> shared, std::string device)
+    : shared_(std::move(shared)), device_(std::move(device)) {}
 IdMemory::~IdMemory() = default;
 
 bool IdMemory::is_empty(SteadyTime now) {
@@ -62,7 +62,7 @@ std::optional<IdMemory::Seen> IdMemory::find(const std::string& id, SteadyTime n
         return Seen{found->over, found->number, found->result};
     }
   }
-  if (room_->fingerprints.has(device_, id, now)) return Seen{true, std::nullopt, nullptr};
+  if (shared_->fingerprints.has(device_, id, now)) return Seen{true, std::nullopt, nullptr};
   return std::nullopt;
 }
 
@@ -80,12 +80,12 @@ bool IdMemory::make_room(SteadyTime now) {
   forget_old(now);
   if (ids_ == nullptr || ids_->admitted.size() < kRememberedIds) return true;
   Entries& admitted = ids_->admitted;
-  const bool room = room_->fingerprints.make_room(now);
+  const bool room = shared_->fingerprints.make_room(now);
   const auto oldest = std::find_if(admitted.begin(), admitted.end(), [&](const Entry& entry) {
     return room ? entry.over : may_go(entry, now);
   });
   if (oldest == admitted.end()) return false;
-  if (room) room_->fingerprints.add(device_, oldest->id, oldest->seen, oldest->deadline);
+  if (room) shared_->fingerprints.add(device_, oldest->id, oldest->seen, oldest->deadline);
   admitted.erase(oldest);
   return true;
 }
@@ -103,7 +103,7 @@ void IdMemory::add(Entry entry, SteadyTime now) {
     const auto oldest =
         std::find_if(admitted.begin(), admitted.end(), [](const Entry& each) { return each.over; });
     if (oldest == admitted.end()) break;
-    room_->fingerprints.add(device_, oldest->id, oldest->seen, oldest->deadline);
+    shared_->fingerprints.add(device_, oldest->id, oldest->seen, oldest->deadline);
     admitted.erase(oldest);
   }
 }

@@ -13,8 +13,8 @@
 #include <optional>
 #include <string>
 
-#include "agent/commands/command_room.h"
 #include "agent/commands/journal.h"
+#include "agent/commands/shared_admission.h"
 #include "agent/handover/command_message.h"
 
 namespace fxagent {
@@ -37,8 +37,8 @@ class IdMemory final {
     std::shared_ptr<const CommandResult> result{};
   };
 
-  /// `room` is shared with the other devices; `device` is the name of this one.
-  IdMemory(std::shared_ptr<CommandRoom> room, std::string device);
+  /// `shared` is common to all devices; `device` is the name of this one.
+  IdMemory(std::shared_ptr<SharedAdmission> shared, std::string device);
   ~IdMemory();
 
   /// Returns nullopt if the id was never seen, or need not be known any more.
@@ -57,7 +57,7 @@ class IdMemory final {
   void note_total(const std::string& id, std::chrono::nanoseconds total);
 
   /// Removes ids that are over and older than kRememberedFor. Returns true if none is left;
-  /// fingerprints belong to the room and do not count.
+  /// fingerprints are shared and do not count.
   bool is_empty(SteadyTime now);
   /// Number of ids, without fingerprints.
   std::size_t size() const;
@@ -70,7 +70,7 @@ class IdMemory final {
   /// True if refused ids take more than their share.
   bool has_too_many_refused() const;
 
-  std::shared_ptr<CommandRoom> room_;
+  std::shared_ptr<SharedAdmission> shared_;
   std::string device_;
   std::unique_ptr<Ids> ids_;  ///< null: none so far, as with most devices
 };

@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "agent/commands/command_room.h"
 #include "agent/commands/parse/parse.h"
 #include "agent/commands/result.h"
+#include "agent/commands/shared_admission.h"
 #include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
@@ -273,7 +273,7 @@ TEST_F(CommandAdmissionTest, ResponseTopicOfAResultIsNotRemembered) {
 }
 
 TEST_F(CommandAdmissionTest, WithAJournalOnlyTheIdsAreKeptHere) {
-  const auto room = std::make_shared<CommandRoom>();
+  const auto room = std::make_shared<SharedAdmission>();
   room->is_journaled = true;
   CommandAdmission beside_journal(device, room);
   const auto judge = [&](const char* id) {
@@ -531,10 +531,10 @@ TEST_F(CommandAdmissionTest, WaitingCommandsAreBoundedInBytesToo) {
   admit(large);
 }
 
-TEST(CommandRoom, EachDeviceHasAShareWhateverTheOthersHold) {
-  const auto room = std::make_shared<CommandRoom>();
-  constexpr std::size_t kShare = CommandRoom::kBytesOfADevice;
-  const auto all = room->take(0, CommandRoom::kMostBytes);
+TEST(SharedAdmission, EachDeviceHasAShareWhateverTheOthersHold) {
+  const auto room = std::make_shared<SharedAdmission>();
+  constexpr std::size_t kShare = SharedAdmission::kBytesOfADevice;
+  const auto all = room->take(0, SharedAdmission::kMostBytes);
   ASSERT_TRUE(all);
   EXPECT_FALSE(room->take(0, 1));
   const auto share = room->take(1, kShare);

@@ -87,7 +87,7 @@ struct PlainMemory {
 };
 
 struct Memory {
-  std::shared_ptr<CommandRoom> room = std::make_shared<CommandRoom>();
+  std::shared_ptr<SharedAdmission> room = std::make_shared<SharedAdmission>();
   IdMemory ids{room, "press1"};
 };
 

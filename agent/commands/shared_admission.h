@@ -46,7 +46,7 @@ class IdFingerprints final {
 };
 
 /// Shared by the admission of all devices and by each command that has a place here.
-class CommandRoom final : public std::enable_shared_from_this<CommandRoom> {
+class SharedAdmission final : public std::enable_shared_from_this<SharedAdmission> {
  public:
   /// Limit for all pending commands, and the share that each device has in any case.
   static constexpr std::size_t kMostBytes = std::size_t{8} << 20;

@@ -1,4 +1,4 @@
-#include "agent/commands/command_room.h"
+#include "agent/commands/shared_admission.h"
 
 #include <openssl/core_names.h>
 #include <openssl/evp.h>
@@ -101,7 +101,7 @@ void IdFingerprints::add(std::string_view device, std::string_view id, SteadyTim
   earliest_deadline_ = std::min(earliest_deadline_, deadline);
 }
 
-CommandRoom::Place CommandRoom::take(std::uint32_t device, std::size_t bytes) {
+SharedAdmission::Place SharedAdmission::take(std::uint32_t device, std::size_t bytes) {
   std::size_t& own = by_device_[device];
   if (own + bytes > kBytesOfADevice && bytes_ + bytes > kMostBytes) return nullptr;
   own += bytes;
