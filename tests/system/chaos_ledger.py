@@ -98,6 +98,7 @@ class Ledger:
         self.streams = collections.defaultdict(Stream)
         self.ages = []
         self.most_age_s = 1.5  # in addition to span_ms: time-out, line time, a busy machine
+        self.recent = collections.deque(maxlen=40)  # the last observations, for the text of a fault
         self.kills, self.broker_kills = [], []  # machine's time; monotonic
         self.connection_ends = []
         self.disk_refusals = []  # [from, until]
@@ -124,9 +125,10 @@ class Ledger:
             self.note("fault", text=text)
 
     def note(self, what, **more):
-        if self.trace:
-            line = json.dumps({"at": round(time.time(), 4), "what": what, **more}) + "\n"
-            with self.lock:
+        line = json.dumps({"at": round(time.time(), 4), "what": what, **more}) + "\n"
+        with self.lock:
+            self.recent.append(line[:300].strip())
+            if self.trace:
                 self.trace.write(line)
 
     def agent_killed(self):
@@ -304,7 +306,8 @@ class Ledger:
                 self.note("disorder", where=where, device=device, lane=lane, seq=seq, top=top[0])
                 self.counts["out of order at the consumer"] += 1
             else:
-                self.fault(f"{where}: {device} {lane}: seq {seq} after {top[0]}")
+                self.fault("\n  ".join([f"{where}: {device} {lane}: seq {seq} after {top[0]}; before it:",
+                                        *self.recent]))
         top[0] = max(top[0], seq)
 
     # --- Results and health.

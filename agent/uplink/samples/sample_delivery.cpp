@@ -85,16 +85,18 @@ void SampleDelivery::settle(SteadyTime now) {
 }
 
 /// Writes samples that have been in flight for 1 s to disk; they stay in flight. Includes those
-/// that would follow soon, too.
+/// that would follow soon, too; and all of them, if younger ones are written now: after a
+/// reconnect, rows on disk leave before those that the disk has refused.
 void SampleDelivery::hold_on_disk(SteadyTime now) {
   if (!spool_.can_hold()) return;
   std::vector<SampleRow> rows;
   std::vector<LiveRow*> held;
-  bool is_time = false;
+  const bool younger_follow = spool_.is_commit_due(now);
+  bool is_time = younger_follow;
   for (auto& [id, flight] : flights_) {
     LiveRow& live = flight.live;
     if (live.stored) continue;
-    if (live.since + kLiveFor - kCommitWithin > now) continue;
+    if (!younger_follow && live.since + kLiveFor - kCommitWithin > now) continue;
     is_time = is_time || live.since + kLiveFor <= now;
     rows.push_back(live.row);
     held.push_back(&live);

@@ -64,11 +64,11 @@ void SampleSpool::add(LiveRow live) {
 }
 
 void SampleSpool::commit(SteadyTime now, bool can_wait) {
-  if (spool_.empty()) {
-    commit_at_ = now + kCommitWithin;
-    return;
+  if (!spool_.empty()) {
+    if (can_wait && can_hold() && now < commit_at_) return;
+    write();
   }
-  if (!can_wait || !can_hold() || now >= commit_at_) write();
+  commit_at_ = now + kCommitWithin;
 }
 
 /// Writes the added rows now, to the disk or into memory.

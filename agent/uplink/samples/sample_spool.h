@@ -119,6 +119,8 @@ class SampleSpool final {
   void add(LiveRow live);
   /// Writes the added rows to the disk, several at once; immediately if they cannot wait.
   void commit(SteadyTime now, bool can_wait);
+  /// True if commit() writes now.
+  bool is_commit_due(SteadyTime now) const { return !spool_.empty() && now >= commit_at_; }
   /// Makes the next commit happen by `at`.
   void commit_by(SteadyTime at) { commit_at_ = std::min(commit_at_, at); }
   /// Moves rows from memory to the disk, once it accepts them again.

@@ -2,10 +2,8 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
 #include <chrono>
-#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <span>
@@ -13,6 +11,7 @@
 #include "agent/commands/audit_records.h"
 #include "agent/store/store.h"
 #include "tests/agent/store/json_history.h"
+#include "tests/support/disk_limit.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent::test {
@@ -124,24 +123,6 @@ struct ShelfWithoutDisk : Shelf {
     store->upkeep(kStart, kNow);
     store->upkeep(kStart + std::chrono::seconds(10), kNow);
   }
-};
-
-/// Limits the size of files written by this process, as a full disk does.
-class DiskLimit final {
- public:
-  explicit DiskLimit(rlim_t bytes) {
-    std::signal(SIGXFSZ, SIG_IGN);
-    getrlimit(RLIMIT_FSIZE, &before_);
-    rlimit limit = before_;
-    limit.rlim_cur = bytes;
-    setrlimit(RLIMIT_FSIZE, &limit);
-  }
-  ~DiskLimit() { setrlimit(RLIMIT_FSIZE, &before_); }
-  DiskLimit(const DiskLimit&) = delete;
-  DiskLimit& operator=(const DiskLimit&) = delete;
-
- private:
-  rlimit before_{};
 };
 
 /// Returns the audit records as another process reads them. Expects an intact chain.

@@ -8,6 +8,7 @@
 
 #include "agent/store/disk/sqlite.h"
 #include "tests/agent/uplink/publisher_bench.h"
+#include "tests/support/disk_limit.h"
 
 namespace fxagent {
 namespace {
@@ -130,11 +131,30 @@ TEST_F(PublisherStoreTest, SamplesInFlightLeaveBeforeYoungerOnesThatAreOnDiskAlr
   bench.outbox.push(bench.succeeded("w1"));  // the two become history
   bench.settle();
   bench.advance(200ms);
-  ASSERT_EQ(bench.store->samples().rows(), 2U);
+  ASSERT_EQ(bench.store->samples().rows(), 20U);
   bench.broker.acknowledges = true;
   bench.lose_connection();
   bench.advance(2s);
   EXPECT_EQ(bench.broker.connects.size(), 2U);
+  const auto arrived = bench.history();
+  EXPECT_EQ(arrived.size(), 20U);
+  EXPECT_TRUE(std::ranges::is_sorted(arrived)) << testing::PrintToString(arrived);
+}
+
+// Rows on disk leave before those in memory, so the older ones must be on disk first.
+TEST_F(PublisherStoreTest, SamplesInFlightLeaveBeforeYoungerOnesEvenIfTheDiskIsFullThen) {
+  bench.settings.jitter_seed = 1;  // the first reconnect is made at once
+  bench.online();
+  bench.broker.acknowledges = false;
+  bench.take_samples(1, 20);  // 18 in flight, 2 waiting
+  bench.write("w1");
+  bench.outbox.push(bench.succeeded("w1"));  // the two become history
+  bench.settle();
+  bench.advance(200ms);
+  bench.broker.acknowledges = true;
+  const test::DiskLimit full(1000);
+  bench.lose_connection();
+  bench.advance(2s);
   const auto arrived = bench.history();
   EXPECT_EQ(arrived.size(), 20U);
   EXPECT_TRUE(std::ranges::is_sorted(arrived)) << testing::PrintToString(arrived);

@@ -1,15 +1,14 @@
 #include "agent/store/disk/durable_file.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <filesystem>
 #include <fstream>
 
 #include "tests/agent/store/synced_files.h"
+#include "tests/support/disk_limit.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -96,15 +95,11 @@ TEST(DurableFile, ADiskThatRefusesLeavesTheOneBefore) {
   const Scratch scratch;
   const DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.write("one"), "");
-  rlimit before{};
-  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
-  const auto heard = std::signal(SIGXFSZ, SIG_IGN);
-  rlimit full = before;
-  full.rlim_cur = 1024;
-  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &full), 0);
-  const std::string why = file.write(std::string(4096, 'x'));
-  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
-  std::signal(SIGXFSZ, heard);
+  std::string why;
+  {
+    const test::DiskLimit full(1024);
+    why = file.write(std::string(4096, 'x'));
+  }
   EXPECT_NE(why, "");
   EXPECT_EQ(content(file), "one");
   EXPECT_FALSE(std::filesystem::exists(file.path() + ".new"));
