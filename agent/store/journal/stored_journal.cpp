@@ -20,6 +20,7 @@ void StoredJournal::write(const JournalEntry& entry) {
 
 bool StoredJournal::commit(std::span<const JournalEntry> entries) {
   return disk_.commit("journal", [&] {
+    disk_.write_pending();
     for (const JournalEntry& entry : entries) write(entry);
   });
 }
@@ -37,12 +38,7 @@ bool StoredJournal::journal(std::span<const JournalEntry> entries) {
 }
 
 void StoredJournal::record(std::vector<JournalEntry> entries) {
-  if (entries.empty()) return;
-  // A command that is not on disk yet is written together with its result.
-  const bool command_waits = std::ranges::any_of(entries, [this](const JournalEntry& entry) {
-    return waiting_.find(entry.device, entry.id) != nullptr;
-  });
-  if (!command_waits && commit(entries)) return;
+  if (entries.empty() || commit(entries)) return;
   for (JournalEntry& entry : entries) keep(std::move(entry));
   if (disk_.is_writable()) disk_.flush();
 }

@@ -74,7 +74,9 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// Within a commit: writes a command before it is carried out, or its result if it has one.
   /// Throws SQLite::Exception.
   void write(const JournalEntry& entry);
-  /// Writes them in one commit. Returns false if none was written.
+  /// Writes what the parts have pending, then the entries, in one commit: a result that the broker
+  /// had acknowledged before a command came is not published again after a crash. Returns false if
+  /// nothing was written.
   bool commit(std::span<const JournalEntry> entries);
   /// Keeps the entry in memory until a commit writes it.
   void keep(JournalEntry entry);

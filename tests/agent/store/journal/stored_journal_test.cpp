@@ -123,6 +123,17 @@ TEST(StoredJournal, AcknowledgementsFollowResultsThatAreWrittenInParts) {
   EXPECT_TRUE(shelf.store->journal().unacknowledged().empty());
 }
 
+TEST(StoredJournal, AcknowledgementIsOnDiskWithTheNextCommand) {
+  OpenShelf shelf;
+  shelf.record_acknowledged(entry("one", "{1}"));
+  shelf.store->journal().note("delivered");
+  ASSERT_TRUE(shelf.journal(entry("two")));
+  const std::uint64_t records = shelf.store->audit().head().records;
+  shelf.open();  // as after a kill: nothing has written the rest
+  EXPECT_TRUE(shelf.found("one")->acknowledged);
+  EXPECT_EQ(records, 1U);  // the audit has the delivery too
+}
+
 // The field forgets the oldest of 10,000 ids at once, the file once a minute.
 TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
   OpenShelf shelf;
