@@ -92,8 +92,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Store store(config, kUtc);
     live_with(store);
     std::vector<SampleRow> rows(1);
-    rows[0].device = kStream.first;
-    rows[0].group = kStream.second;
+    rows[0].stream = kStream;
     rows[0].seq = 7;
     rows[0].content = kRow;
     // The disk works, so damage found while writing costs at most one attempt.

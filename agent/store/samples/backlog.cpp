@@ -6,12 +6,12 @@ namespace fxagent {
 
 void Backlog::append(SampleRow row) {
   bytes_ += row.cost();
-  auto& stream = *streams_.try_emplace({row.device, row.group}).first;
+  auto& stream = *streams_.try_emplace(row.stream).first;
   stream.second.waiting.insert(row.row_id);
   place(stream);
   rows_.emplace(row.row_id, std::move(row));
   while (bytes_ > max_bytes_ && !rows_.empty()) {
-    ++dropped_[rows_.begin()->second.device];
+    ++dropped_[rows_.begin()->second.stream.device];
     erase(rows_.begin());
   }
 }
@@ -37,7 +37,7 @@ std::optional<HistoryBatch> Backlog::next_of(Streams::value_type& stream, Histor
     if (added == BatchBuilder::Added::damaged) damaged.push_back(row_id);
   }
   for (const std::uint64_t row_id : damaged) {
-    ++dropped_[stream.first.first];
+    ++dropped_[stream.first.device];
     erase(rows_.find(row_id));
   }
   if (builder.empty()) return std::nullopt;
@@ -49,7 +49,7 @@ std::optional<HistoryBatch> Backlog::next_of(Streams::value_type& stream, Histor
 }
 
 void Backlog::returned(const HistoryBatch& batch) {
-  auto& stream = *streams_.try_emplace({batch.device, batch.group}).first;
+  auto& stream = *streams_.try_emplace(batch.stream).first;
   stream.second.on_the_way = false;
   for (const std::uint64_t row_id : batch.row_ids)
     if (rows_.contains(row_id)) stream.second.waiting.insert(row_id);
@@ -60,8 +60,7 @@ std::vector<SampleRow> Backlog::take_waiting() {
   std::vector<SampleRow> taken;
   for (auto next = rows_.begin(); next != rows_.end();) {
     const auto row = next++;
-    if (!streams_.at({row->second.device, row->second.group}).waiting.contains(row->first))
-      continue;
+    if (!streams_.at(row->second.stream).waiting.contains(row->first)) continue;
     taken.push_back(row->second);
     erase(row);
   }
@@ -70,7 +69,7 @@ std::vector<SampleRow> Backlog::take_waiting() {
 
 bool Backlog::has_waiting(const std::string& device) const {
   for (auto stream = streams_.lower_bound({device, {}});
-       stream != streams_.end() && stream->first.first == device; ++stream)
+       stream != streams_.end() && stream->first.device == device; ++stream)
     if (!stream->second.waiting.empty()) return true;
   return false;
 }
@@ -81,7 +80,7 @@ bool Backlog::is_on_the_way(const StreamKey& stream) const {
 }
 
 std::uint64_t Backlog::remove(const HistoryBatch& batch) {
-  auto& stream = *streams_.try_emplace({batch.device, batch.group}).first;
+  auto& stream = *streams_.try_emplace(batch.stream).first;
   stream.second.on_the_way = false;
   place(stream);
   std::uint64_t removed = 0;
@@ -96,7 +95,7 @@ std::uint64_t Backlog::remove(const HistoryBatch& batch) {
 
 void Backlog::erase(std::map<std::uint64_t, SampleRow>::iterator row) {
   bytes_ -= row->second.cost();
-  auto& stream = *streams_.try_emplace({row->second.device, row->second.group}).first;
+  auto& stream = *streams_.try_emplace(row->second.stream).first;
   stream.second.waiting.erase(row->first);
   place(stream);
   rows_.erase(row);

@@ -18,7 +18,7 @@ void GuardedSamples::append(std::vector<SampleRow> rows, Stored then) {
   if (guard_.hangs() || rows.empty()) return then(std::move(rows), false);
   const auto call = std::make_shared<AppendCall>(AppendCall{std::move(rows)});
   std::set<StreamKey> streams;
-  for (const SampleRow& row : call->rows) streams.emplace(row.device, row.group);
+  for (const SampleRow& row : call->rows) streams.insert(row.stream);
   const std::size_t count = call->rows.size();
   const auto end = [this, call, then = std::move(then)] {
     at_disk_ = 0;

@@ -20,7 +20,7 @@ BatchBuilder::Added BatchBuilder::add(std::uint64_t row_id, RowFormat format,
 }
 
 HistoryBatch BatchBuilder::take(const StreamKey& stream) {
-  return {stream.first, stream.second, std::move(row_ids_), message_.take()};
+  return {stream, std::move(row_ids_), message_.take()};
 }
 
 }  // namespace fxagent

@@ -2,12 +2,12 @@
 // disk. Plain data, and the port to the payload format of a history message.
 #pragma once
 
+#include <compare>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "agent/store/samples/sample_record.h"
@@ -20,11 +20,19 @@ enum class RowFormat : std::int64_t {
   cbor = 1        ///< encode_sample()
 };
 
+/// The rows of one stream leave oldest first, one message at a time.
+struct StreamKey {
+  std::string device;
+  std::string group;
+  auto operator<=>(const StreamKey&) const = default;
+};
+/// True if a message of this stream may leave now.
+using MaySend = std::function<bool(const StreamKey& stream)>;
+
 /// One waiting sample.
 struct SampleRow {
   std::uint64_t row_id = 0;  ///< unique in its backlog or file; rises with time
-  std::string device;
-  std::string group;
+  StreamKey stream;
   std::uint64_t seq = 0;
   std::string content;
   RowFormat format = RowFormat::cbor;
@@ -36,8 +44,7 @@ struct SampleRow {
 
 /// Rows of one stream that leave in one message.
 struct HistoryBatch {
-  std::string device;
-  std::string group;
+  StreamKey stream;
   std::vector<std::uint64_t> row_ids;
   std::string payload;
 };
@@ -55,11 +62,6 @@ class HistoryMessage {
   /// Returns the bytes and ends the message.
   virtual std::string take() = 0;
 };
-
-/// Device and group. The rows of one stream leave oldest first, one message at a time.
-using StreamKey = std::pair<std::string, std::string>;
-/// True if a message of this stream may leave now.
-using MaySend = std::function<bool(const StreamKey& stream)>;
 
 /// Gathers rows of one stream until the next one would make the message too large.
 class BatchBuilder final {

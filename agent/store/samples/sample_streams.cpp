@@ -59,7 +59,7 @@ void SampleStreams::set_on_the_way(const StreamKey& stream, bool is_on_the_way) 
 std::map<std::string, std::uint64_t> SampleStreams::clear() {
   std::map<std::string, std::uint64_t> gone;
   for (const auto& [key, stream] : streams_)
-    if (stream.rows > 0) gone[key.first] += stream.rows;
+    if (stream.rows > 0) gone[key.device] += stream.rows;
   streams_.clear();
   out_.clear();
   rows_ = 0;
@@ -80,7 +80,7 @@ std::optional<StreamKey> SampleStreams::oldest_waiting(const MaySend& may_send) 
 
 bool SampleStreams::has_waiting(const std::string& device) const {
   for (auto stream = streams_.lower_bound({device, {}});
-       stream != streams_.end() && stream->first.first == device; ++stream)
+       stream != streams_.end() && stream->first.device == device; ++stream)
     if (stream->second.has_waiting()) return true;
   return false;
 }

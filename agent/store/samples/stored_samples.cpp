@@ -17,8 +17,8 @@ using sqlite::text;
 
 void log_damaged(const StreamKey& stream, std::size_t rows) {
   log::error("store", {{"state", "damaged"},
-                       {"device", stream.first},
-                       {"group", stream.second},
+                       {"device", stream.device},
+                       {"group", stream.group},
                        {"rows_dropped", std::to_string(rows)}});
 }
 
@@ -79,9 +79,9 @@ bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
     std::map<std::string, std::uint64_t> highest;
     for (const SampleRow& row : rows) {
       added += row.cost();
-      highest[row.device] = std::max(highest[row.device], row.seq);
-      sqlite::run(sql_->insert, row_id++, row.device, row.group, row.seq, disk_.utc_ms(),
-                  as_bytes(row.content), static_cast<std::int64_t>(row.format));
+      highest[row.stream.device] = std::max(highest[row.stream.device], row.seq);
+      sqlite::run(sql_->insert, row_id++, row.stream.device, row.stream.group, row.seq,
+                  disk_.utc_ms(), as_bytes(row.content), static_cast<std::int64_t>(row.format));
     }
     numbers_.write_with_samples(highest);
     const std::uint64_t full = streams_.bytes() + added + journal_.bytes_in_commit();
@@ -93,7 +93,7 @@ bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
   }
   for (SampleRow& row : rows) {
     row.row_id = next_row_id_++;
-    const SampleStreams::Row stored{row.row_id, {row.device, row.group}, row.cost()};
+    const SampleStreams::Row stored{row.row_id, row.stream, row.cost()};
     streams_.added(stored);
     if (hold == Hold::yes) streams_.take(stored);
   }
@@ -122,7 +122,7 @@ std::vector<SampleStreams::Row> StoredSamples::delete_oldest(std::uint64_t exces
 void StoredSamples::forget(const std::vector<SampleStreams::Row>& gone) {
   for (const SampleStreams::Row& row : gone) {
     streams_.remove_oldest(row);
-    ++dropped_[row.stream.first];
+    ++dropped_[row.stream.device];
   }
 }
 
@@ -142,11 +142,11 @@ std::optional<HistoryBatch> StoredSamples::next(const StreamKey& key, HistoryMes
         .push_back({row_id, key, content.size() + SampleRow::kOverhead});
     return true;
   };
-  if (!disk_.attempt("read", [&] { sqlite::each(sql_->stream, take, key.first, key.second); }))
+  if (!disk_.attempt("read", [&] { sqlite::each(sql_->stream, take, key.device, key.group); }))
     return std::nullopt;
   for (const SampleStreams::Row& row : damaged) {
     streams_.take(row);
-    dropped_[key.first] += remove(row.row_id);
+    dropped_[key.device] += remove(row.row_id);
   }
   if (!damaged.empty()) log_damaged(key, damaged.size());
   if (builder.empty()) return std::nullopt;
@@ -162,14 +162,14 @@ std::uint64_t StoredSamples::remove(std::uint64_t row_id) {
 }
 
 std::uint64_t StoredSamples::remove(const HistoryBatch& batch) {
-  streams_.set_on_the_way({batch.device, batch.group}, false);
+  streams_.set_on_the_way(batch.stream, false);
   std::uint64_t count = 0;
   for (const std::uint64_t row_id : batch.row_ids) count += remove(row_id);
   return count;
 }
 
 void StoredSamples::returned(const HistoryBatch& batch) {
-  streams_.set_on_the_way({batch.device, batch.group}, false);
+  streams_.set_on_the_way(batch.stream, false);
   for (const std::uint64_t row_id : batch.row_ids) release(row_id);
 }
 

@@ -331,7 +331,7 @@ Publication JsonPayload::device_meta(std::uint32_t device) const {
 }
 
 std::vector<Publication> JsonPayload::sample(const StreamKey& stream, const SampleRecord& sample) {
-  return data(data_topic(stream.first, stream.second), json::sample(sample));
+  return data(data_topic(stream), json::sample(sample));
 }
 
 std::unique_ptr<HistoryMessage> JsonPayload::begin_history(std::size_t max_bytes) {
@@ -339,7 +339,7 @@ std::unique_ptr<HistoryMessage> JsonPayload::begin_history(std::size_t max_bytes
 }
 
 std::vector<Publication> JsonPayload::history(const HistoryBatch& batch) {
-  return data(data_topic(batch.device, batch.group) + "/history", batch.payload);
+  return data(data_topic(batch.stream) + "/history", batch.payload);
 }
 
 std::vector<Publication> JsonPayload::data(std::string topic, std::string payload) const {
@@ -355,8 +355,8 @@ std::string JsonPayload::device_topic(std::uint32_t device) const {
   return base_ + "/" + config_.devices.at(device).name;
 }
 
-std::string JsonPayload::data_topic(const std::string& device, const std::string& group) const {
-  return base_ + "/" + device + "/data/" + group;
+std::string JsonPayload::data_topic(const StreamKey& stream) const {
+  return base_ + "/" + stream.device + "/data/" + stream.group;
 }
 
 }  // namespace fxagent

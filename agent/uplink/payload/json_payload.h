@@ -61,7 +61,7 @@ class JsonPayload final : public SamplePayload {
  private:
   std::vector<Publication> data(std::string topic, std::string payload) const;
   std::string device_topic(std::uint32_t device) const;
-  std::string data_topic(const std::string& device, const std::string& group) const;
+  std::string data_topic(const StreamKey& stream) const;
 
   const Config& config_;
   const std::string base_;

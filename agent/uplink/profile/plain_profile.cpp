@@ -167,7 +167,7 @@ Publication PlainProfile::value(const std::string& topic, std::string text) cons
 std::vector<Publication> PlainProfile::sample(const StreamKey& stream, const SampleRecord& sample) {
   std::vector<Publication> changed;
   for (const RecordedReading& reading : sample.readings) {
-    const std::string topic = topics_.of(stream.first, stream.second, reading.name);
+    const std::string topic = topics_.of(stream.device, stream.group, reading.name);
     std::string text = json::bare_value(reading);
     const std::size_t hash = std::hash<std::string>{}(text);
     const auto [place, is_first] = published_.try_emplace(topic, hash);
@@ -196,7 +196,8 @@ std::vector<Publication> PlainProfile::history(const HistoryBatch& batch) {
     const std::size_t tab = text.find('\t');
     const std::size_t end = text.find('\n', tab);
     messages.push_back(
-        {.topic = topics_.of(batch.device, batch.group, text.substr(0, tab)) + "/history",
+        {.topic =
+             topics_.of(batch.stream.device, batch.stream.group, text.substr(0, tab)) + "/history",
          .payload = std::string(text.substr(tab + 1, end - tab - 1)),
          .qos = broker_of(config_, broker_).qos});
     text.remove_prefix(end + 1);

@@ -329,12 +329,12 @@ bool ThingsBoardProfile::may_send(const std::string& device) const {
 
 std::vector<Publication> ThingsBoardProfile::sample(const StreamKey& stream,
                                                     const SampleRecord& sample) {
-  Reasons& reasons = reasons_[stream.first];
+  Reasons& reasons = reasons_[stream.device];
   Changes changes;
   const std::string row = row_of(sample, reasons, changes);
   if (row.empty()) return {};
   remember(changes, reasons);
-  return {message_on(kTelemetryTopic, of_device(stream.first, "[" + row + "]"))};
+  return {message_on(kTelemetryTopic, of_device(stream.device, "[" + row + "]"))};
 }
 
 std::unique_ptr<HistoryMessage> ThingsBoardProfile::begin_history(std::size_t max_bytes) {
@@ -342,11 +342,11 @@ std::unique_ptr<HistoryMessage> ThingsBoardProfile::begin_history(std::size_t ma
 }
 
 std::vector<Publication> ThingsBoardProfile::history(const HistoryBatch& batch) {
-  Publication rows = message_on(kTelemetryTopic, of_device(batch.device, batch.payload));
-  if (index_.contains(batch.device)) return {std::move(rows)};
+  Publication rows = message_on(kTelemetryTopic, of_device(batch.stream.device, batch.payload));
+  if (index_.contains(batch.stream.device)) return {std::move(rows)};
   // A config change has removed the device.
-  return {connect_message(batch.device, "default"), std::move(rows),
-          disconnect_message(batch.device)};
+  return {connect_message(batch.stream.device, "default"), std::move(rows),
+          disconnect_message(batch.stream.device)};
 }
 
 // ---- commands -----------------------------------------------------------------------------------

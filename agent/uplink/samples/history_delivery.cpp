@@ -51,7 +51,7 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
     if (!history) return;
     auto publications = payload_.history(history->batch);
     if (publications.empty()) {
-      spool_.remove(*history, spool_.as_dropped(history->batch.device));
+      spool_.remove(*history, spool_.as_dropped(history->batch.stream.device));
       rests_until_ = now + kBetweenDrops;
       return;
     }
@@ -78,26 +78,26 @@ void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
   const Flight flight = ended(id, now);
   failpoint("history_acknowledged");
   spool_.remove(flight.history, [this](std::uint64_t count) { acknowledged_ += count; });
-  refused_.accepted(flight.history.batch.device, flight.since);
+  refused_.accepted(flight.history.batch.stream.device, flight.since);
 }
 
 void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   const OutgoingHistory history = ended(event.id, now).history;
-  payload_.undelivered(history.batch.device);
+  payload_.undelivered(history.batch.stream.device);
   const HistoryBatch& batch = history.batch;
   const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;
   if (is_final(event.reason_code) && !can_be_cut) {
-    log::warn("history_refused", {{"device", batch.device},
+    log::warn("history_refused", {{"device", batch.stream.device},
                                   {"rows", std::to_string(batch.row_ids.size())},
                                   {"code", hex_code(event.reason_code)},
                                   {"reason", event.text}});
-    return spool_.remove(history, spool_.as_dropped(batch.device));
+    return spool_.remove(history, spool_.as_dropped(batch.stream.device));
   }
   spool_.returned(history);
   if (can_be_cut)
     max_bytes_ = std::min(max_bytes_, batch.payload.size() / 2);
   else
-    refused_.refused(batch.device, event, now);
+    refused_.refused(batch.stream.device, event, now);
 }
 
 void HistoryDelivery::add_to(SampleCounts& counts) const {

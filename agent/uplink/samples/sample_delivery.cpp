@@ -47,16 +47,15 @@ void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, S
     patience = std::min(patience, microseconds(group.interval) / kGatherShare);
     SampleRow row;
     row.row_id = next_row_id_++;
-    row.device = device.name;
-    row.group = group.name;
+    row.stream = {device.name, group.name};
     row.seq = message.seq;
     // Computed with the first sample of each device: for many devices at once it takes too long.
     std::string& hash = meta_hashes_.at(message.device);
     if (hash.empty()) hash = json::device_meta(device).hash;
     row.content = encode_sample(message, device, boot_, hash);
     row_bytes_ += row.cost();
-    spool_.used(row.device, row.seq);
-    if (can_go && may_send(row.device, now))
+    spool_.used(row.stream.device, row.seq);
+    if (can_go && may_send(row.stream.device, now))
       live.push_back(std::move(row));
     else
       spool_.add(std::move(row));
@@ -112,11 +111,11 @@ void SampleDelivery::pump_live(SteadyTime now) {
   while (!live_.empty() && outgoing_.has_room_for_samples()) {
     LiveRow live = std::move(live_.front());
     live_.pop_front();
-    if (!may_send(live.row.device, now) || !decode_sample(live.row.content, record_)) {
+    if (!may_send(live.row.stream.device, now) || !decode_sample(live.row.content, record_)) {
       spool_.add(std::move(live));
       continue;
     }
-    auto publications = payload_.sample({live.row.device, live.row.group}, record_);
+    auto publications = payload_.sample(live.row.stream, record_);
     if (publications.empty()) {
       complete(live);
       continue;
@@ -130,7 +129,7 @@ void SampleDelivery::pump_live(SteadyTime now) {
 void SampleDelivery::make_history(const std::set<std::string>& devices) {
   if (devices.empty()) return;
   const auto moved = std::ranges::stable_partition(
-      live_, [&devices](const LiveRow& live) { return !devices.contains(live.row.device); });
+      live_, [&devices](const LiveRow& live) { return !devices.contains(live.row.stream.device); });
   for (LiveRow& live : moved) spool_.add(std::move(live));
   live_.erase(moved.begin(), moved.end());
 }
@@ -153,7 +152,7 @@ void SampleDelivery::delivered(std::uint64_t id, SteadyTime) {
   const Flight flight = std::move(flights_.extract(id).mapped());
   failpoint("sample_acknowledged");
   complete(flight.live);
-  refused_.accepted(flight.live.row.device, flight.since);
+  refused_.accepted(flight.live.row.stream.device, flight.since);
 }
 
 void SampleDelivery::complete(const LiveRow& live) {
@@ -166,15 +165,15 @@ void SampleDelivery::complete(const LiveRow& live) {
 void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   LiveRow live = std::move(flights_.extract(event.id).mapped().live);
   const SampleRow& row = live.row;
-  payload_.undelivered(row.device);
+  payload_.undelivered(row.stream.device);
   if (is_final(event.reason_code)) {
-    log::warn(
-        "sample_refused",
-        {{"device", row.device}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
-    const auto drop = spool_.as_dropped(row.device);
+    log::warn("sample_refused", {{"device", row.stream.device},
+                                 {"code", hex_code(event.reason_code)},
+                                 {"reason", event.text}});
+    const auto drop = spool_.as_dropped(row.stream.device);
     return live.stored ? spool_.remove(live, drop) : drop(1);
   }
-  refused_.refused(row.device, event, now);
+  refused_.refused(row.stream.device, event, now);
   spool_.add(std::move(live));
 }
 

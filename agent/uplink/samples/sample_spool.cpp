@@ -103,10 +103,10 @@ std::optional<OutgoingHistory> SampleSpool::next(
     SamplePayload& payload, std::size_t max_bytes,
     const std::function<bool(const std::string&)>& may_send) {
   const auto from_disk = [&](const StreamKey& stream) {
-    return may_send(stream.first) && !backlog_.is_on_the_way(stream);
+    return may_send(stream.device) && !backlog_.is_on_the_way(stream);
   };
   const auto from_memory = [&](const StreamKey& stream) {
-    return may_send(stream.first) &&
+    return may_send(stream.device) &&
            (store_ == nullptr || !store_->samples().is_ahead_of_memory(stream));
   };
   if (store_ != nullptr) {

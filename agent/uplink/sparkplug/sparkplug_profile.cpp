@@ -305,7 +305,7 @@ void SparkplugProfile::saw(const Telemetry& sample) {
 
 std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
                                                   const SampleRecord& sample) {
-  const auto index = index_of(stream.first);
+  const auto index = index_of(stream.device);
   if (!index) return {};
   Device& device = devices_[*index];
   const DeviceConfig& config = config_.devices[*index];
@@ -346,7 +346,7 @@ std::unique_ptr<HistoryMessage> SparkplugProfile::begin_history(std::size_t max_
 std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
   Packet gathered;
   Packet packet;
-  const auto index = index_of(batch.device);
+  const auto index = index_of(batch.stream.device);
   if (index && gathered.ParseFromString(batch.payload)) {
     const DeviceConfig& config = config_.devices[*index];
     TagFinder tags(config);
@@ -364,7 +364,7 @@ std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
   if (packet.metrics().empty()) return {};
   packet.set_timestamp(stamp(utc_ms_()));
   packet.set_seq(next_seq());
-  return {message("DDATA", batch.device, packet.SerializeAsString())};
+  return {message("DDATA", batch.stream.device, packet.SerializeAsString())};
 }
 
 // ---- commands -----------------------------------------------------------------------------------

@@ -82,7 +82,7 @@ TEST_F(GuardedStoreTest, StreamOfDamagedRowsAloneHoldsNoOtherUp) {
   store.samples().append(rows(1, 1, "b"), outcome.take());
   const auto batch = store.samples().next(std::make_shared<test::JsonHistory>(65536), test::any);
   ASSERT_TRUE(batch);
-  EXPECT_EQ(batch->device, "b");
+  EXPECT_EQ(batch->stream.device, "b");
 }
 
 TEST_F(GuardedStoreTest, OverdueSamplesAreInOnePlaceAtATime) {

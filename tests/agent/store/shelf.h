@@ -24,7 +24,7 @@ inline std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to,
                                    const std::string& group = "fast") {
   std::vector<SampleRow> made;
   for (std::uint64_t seq = from; seq <= to; ++seq)
-    made.push_back({0, device, group, seq, std::to_string(seq), RowFormat::json_text});
+    made.push_back({0, {device, group}, seq, std::to_string(seq), RowFormat::json_text});
   return made;
 }
 
@@ -101,7 +101,7 @@ struct Shelf {
   std::string drain(std::size_t max_payload = 65536) {
     std::string all;
     while (const auto batch = test::next(store->samples(), max_payload, any)) {
-      all += batch->device + "/" + batch->group + batch->payload.substr(23);
+      all += batch->stream.device + "/" + batch->stream.group + batch->payload.substr(23);
       EXPECT_EQ(store->samples().remove(*batch), batch->row_ids.size());
     }
     return all;

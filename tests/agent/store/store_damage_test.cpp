@@ -19,8 +19,7 @@ struct StoreDamage : testing::Test {
   static std::vector<SampleRow> rows(std::uint64_t count) {
     std::vector<SampleRow> made(count);
     for (std::uint64_t i = 0; i < count; ++i) {
-      made[i].device = "press1";
-      made[i].group = "fast";
+      made[i].stream = {"press1", "fast"};
       made[i].seq = i + 1;
       made[i].content = "{\"x\":\"" + std::string(300, 'x') + "\"}";
       made[i].format = RowFormat::json_text;
@@ -118,7 +117,7 @@ TEST_F(StoreDamage, StreamOfDamagedRowsAloneIsDroppedAndCounted) {
   {
     Store store(shelf_.config, kNow);
     auto both = rows(4);
-    both[3].device = "press2";
+    both[3].stream.device = "press2";
     ASSERT_TRUE(store.samples().append(both, Store::Hold::no));
     store.close();
   }
@@ -129,7 +128,7 @@ TEST_F(StoreDamage, StreamOfDamagedRowsAloneIsDroppedAndCounted) {
   Store store(shelf_.config, kNow);
   const auto batch = test::next(store.samples(), 4096, any);
   ASSERT_TRUE(batch);
-  EXPECT_EQ(batch->device, "press2");
+  EXPECT_EQ(batch->stream.device, "press2");
   EXPECT_EQ(store.samples().take_dropped(), (std::map<std::string, std::uint64_t>{{"press1", 3}}));
   EXPECT_EQ(store.samples().remove(*batch), 1U);
   EXPECT_EQ(store.samples().rows(), 0U);

@@ -185,14 +185,14 @@ TEST_F(ThingsBoardProfileTest, IntegersThatADoubleWouldChangeAreText) {
 TEST_F(ThingsBoardProfileTest, HistoryHasManyRows) {
   const auto message = profile->begin_history(kHistoryBytes);
   for (const std::uint64_t seq : {1U, 2U}) EXPECT_TRUE(message->add(Row(test::sample(seq)).record));
-  HistoryBatch batch{"press1", "fast", {1, 2}, message->take()};
+  HistoryBatch batch{{"press1", "fast"}, {1, 2}, message->take()};
   const auto sent = profile->history(batch);
   ASSERT_EQ(sent.size(), 1U);
   EXPECT_EQ(sent[0].payload,
             R"({"press1":[{"ts":1790000000001,"values":{"temp":23.4,"temp_bad":""}},)"
             R"({"ts":1790000000002,"values":{"temp":23.4}}]})");
   // The device that the config has no more.
-  batch.device = "press9";
+  batch.stream.device = "press9";
   const auto last = profile->history(batch);
   ASSERT_EQ(last.size(), 3U);
   EXPECT_EQ(last[0].topic, "v1/gateway/connect");

@@ -8,8 +8,11 @@ namespace fxagent {
 namespace {
 
 SampleRow row(std::uint64_t number, std::string device = "a", std::string group = "fast") {
-  return {number, std::move(device),      std::move(group),
-          number, std::to_string(number), RowFormat::json_text};
+  return {number,
+          {std::move(device), std::move(group)},
+          number,
+          std::to_string(number),
+          RowFormat::json_text};
 }
 
 bool any(const StreamKey&) { return true; }
@@ -19,10 +22,10 @@ TEST(Backlog, OldestStreamGoesFirstAndKeepsItsSequence) {
   for (const auto& r : {row(3, "b"), row(1, "a", "slow"), row(4), row(2, "a", "slow")})
     backlog.append(r);
   const auto first = test::next(backlog, 1000, any).value();
-  EXPECT_EQ(first.device, "a");
-  EXPECT_EQ(first.group, "slow");
+  EXPECT_EQ(first.stream.device, "a");
+  EXPECT_EQ(first.stream.group, "slow");
   EXPECT_EQ(first.payload, R"({"history":true,"rows":[1,2]})");
-  EXPECT_EQ(test::next(backlog, 1000, any).value().device, "b");
+  EXPECT_EQ(test::next(backlog, 1000, any).value().stream.device, "b");
 }
 
 TEST(Backlog, MessageKeepsItsSizeAndALargerRowGoesAlone) {
@@ -78,9 +81,9 @@ TEST(Backlog, PausedDeviceIsPassedOver) {
   backlog.append(row(1));
   backlog.append(row(2, "b"));
   const auto batch =
-      test::next(backlog, 1000, [](const StreamKey& stream) { return stream.first == "b"; });
+      test::next(backlog, 1000, [](const StreamKey& stream) { return stream.device == "b"; });
   ASSERT_TRUE(batch);
-  EXPECT_EQ(batch->device, "b");
+  EXPECT_EQ(batch->stream.device, "b");
   EXPECT_TRUE(backlog.has_waiting("a"));
   EXPECT_FALSE(backlog.has_waiting("b"));
 }
@@ -122,7 +125,7 @@ TEST(Backlog, NextLooksAtNoMoreLanesThanItMust) {
   const auto counting = [&](const StreamKey&) { return ++looks > 0; };
   for (std::uint64_t stream = 0; stream < 1000; ++stream) {
     const auto batch = test::next(backlog, 1000, counting).value();
-    EXPECT_EQ(batch.device, "d" + std::to_string(stream)) << "the oldest first";
+    EXPECT_EQ(batch.stream.device, "d" + std::to_string(stream)) << "the oldest first";
     if (stream % 2 == 0)
       backlog.remove(batch);
     else

@@ -77,9 +77,9 @@ TEST(StoredSamples, PausedLaneIsPassedOver) {
   shelf.add(rows(1, 1));
   shelf.add(rows(1, 1, "b"));
   const auto batch = test::next(shelf.store->samples(), 65536,
-                                [](const StreamKey& stream) { return stream.first == "b"; });
+                                [](const StreamKey& stream) { return stream.device == "b"; });
   ASSERT_TRUE(batch);
-  EXPECT_EQ(batch->device, "b");
+  EXPECT_EQ(batch->stream.device, "b");
   EXPECT_TRUE(shelf.store->samples().streams().is_on_the_way({"b", "fast"}));
 }
 

@@ -285,7 +285,7 @@ TEST(JsonPayload, TopicsAndTheirDeliveryAreTheContracts) {
             base + "/press2/state retained 1");
   EXPECT_EQ(place(payload.device_meta(1)), base + "/press2/meta retained 1");
   EXPECT_EQ(place(payload.sample({"press1", "fast"}, {}).at(0)), base + "/press1/data/fast 0");
-  EXPECT_EQ(place(payload.history({"press1", "fast", {}, {}}).at(0)),
+  EXPECT_EQ(place(payload.history({{"press1", "fast"}, {}, {}}).at(0)),
             base + "/press1/data/fast/history 0");
   const Publication will = payload.last_will();
   EXPECT_EQ(will.topic, base + "/state");

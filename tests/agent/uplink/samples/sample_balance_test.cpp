@@ -69,8 +69,7 @@ TEST_F(SampleBalance, HoldsThroughALifeOfSamples) {
 
 TEST_F(SampleBalance, SampleOutOfNowhereIsAnErrorInLogAndHealth) {
   std::vector<SampleRow> rows(1);
-  rows[0].device = "press1";
-  rows[0].group = "fast";
+  rows[0].stream = {"press1", "fast"};
   rows[0].seq = 1;
   rows[0].content = "{}";
   rows[0].format = RowFormat::json_text;
