@@ -255,8 +255,8 @@ TEST(ContractExamples, HistoryHasTheKeysOfTheProgram) {
   const std::string row = telemetry_text(message);
   JsonPayload payload(test::plant(), kBoot, "0.1.0");
   const auto history = payload.begin_history(65536);
-  ASSERT_TRUE(history->add(row) && history->add(row));
-  expect_same_keys("history", history->take());
+  ASSERT_TRUE(history->add_json(row) && history->add_json(row));
+  expect_same_keys("history", history->take({"press1", "fast"}).at(0).payload);
 }
 
 TEST(ContractExamples, StatesHaveTheKeysOfTheProgram) {

@@ -70,9 +70,10 @@ void live_with(Store& store) {
   for (int i = 0; i < 4; ++i) {
     const auto stream = store.samples().streams().oldest_waiting(any);
     if (!stream) break;
-    const auto batch = store.samples().next(*stream, *payload.begin_history(4096));
+    const auto message = payload.begin_history(4096);
+    const auto batch = store.samples().next(*stream, *message);
     if (!batch) continue;
-    if (!nlohmann::json::accept(batch->payload)) std::abort();
+    if (!nlohmann::json::accept(message->take(*stream).at(0).payload)) std::abort();
     i % 2 == 0 ? static_cast<void>(store.samples().remove(*batch))
                : store.samples().returned(*batch);
   }

@@ -254,7 +254,7 @@ class Examination {
     for (const DeviceConfig& device : config_.devices) {
       look(base + "/" + device.name + "/command");
       for (const GroupConfig& group : device.groups)
-        look(payload_.history({device.name, group.name, {}, {}}).at(0).topic);
+        look(payload_.begin_history(0)->take({device.name, group.name}).at(0).topic);
     }
     for (const ProfileConfig& profile : config_.profiles) {
       if (profile.kind != ProfileConfig::Kind::plain || !profile.broker.empty()) continue;
@@ -441,7 +441,7 @@ std::size_t largest_history(SamplePayload& payload, const DeviceConfig& device, 
   }
   const auto message = payload.begin_history(/*max_bytes=*/0);
   message->add(sample);
-  return message->take().size();
+  return message->take({device.name, device.groups[group].name}).at(0).payload.size();
 }
 
 std::size_t largest_health(const Config& config) {

@@ -14,13 +14,9 @@ BatchBuilder::Added BatchBuilder::add(std::uint64_t row_id, RowFormat format,
                              ? json::may_stand_inside(content) && nlohmann::json::accept(content)
                              : format == RowFormat::cbor && decode_sample(content, record_);
   if (!is_intact) return Added::damaged;
-  if (!(is_json ? message_.add(content) : message_.add(record_))) return Added::no_room;
+  if (!(is_json ? message_.add_json(content) : message_.add(record_))) return Added::no_room;
   row_ids_.push_back(row_id);
   return Added::yes;
-}
-
-HistoryBatch BatchBuilder::take(const StreamKey& stream) {
-  return {stream, std::move(row_ids_), message_.take()};
 }
 
 }  // namespace fxagent

@@ -8,6 +8,7 @@
 #include <functional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "agent/store/samples/sample_record.h"
@@ -46,7 +47,6 @@ struct SampleRow {
 struct HistoryBatch {
   StreamKey stream;
   std::vector<std::uint64_t> row_ids;
-  std::string payload;
 };
 
 /// A history message under construction. Hides the payload format.
@@ -56,11 +56,9 @@ class HistoryMessage {
 
   /// Adds a sample. Returns false, and adds nothing, if it does not fit. The first row always fits.
   virtual bool add(const SampleRecord& sample) = 0;
-  /// Same for a row of RowFormat::json_text, which is JSON. A format other than JSON must parse it:
-  /// files of earlier versions may have such rows.
-  virtual bool add(std::string_view json_row) = 0;
-  /// Returns the bytes and ends the message.
-  virtual std::string take() = 0;
+  /// Same for a row of RowFormat::json_text, which is JSON. Files of earlier versions may have such
+  /// rows, but no profile had a file then: by default the row is left out.
+  virtual bool add_json(std::string_view /*row*/) { return true; }
 };
 
 /// Gathers rows of one stream until the next one would make the message too large.
@@ -72,7 +70,7 @@ class BatchBuilder final {
   enum class Added : std::uint8_t { yes, no_room, damaged };
   Added add(std::uint64_t row_id, RowFormat format, std::string_view content);
   bool empty() const { return row_ids_.empty(); }
-  HistoryBatch take(const StreamKey& stream);
+  HistoryBatch take(const StreamKey& stream) { return {stream, std::move(row_ids_)}; }
 
  private:
   HistoryMessage& message_;

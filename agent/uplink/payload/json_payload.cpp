@@ -260,32 +260,34 @@ std::string offline_text(std::optional<std::int64_t> since_ms, std::string_view 
   return out.key("reason").string(reason).key("boot").string(boot).end_object().take();
 }
 
-/// Builds {"history":true,"rows":[…]} of rows as they were published live.
-class JsonHistory final : public HistoryMessage {
- public:
-  explicit JsonHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+}  // namespace
 
-  bool add(const SampleRecord& sample) override { return add(json::sample(sample)); }
-  bool add(std::string_view json_row) override {
+/// Builds {"history":true,"rows":[…]} of rows as they were published live.
+class JsonPayload::History final : public SampleHistory {
+ public:
+  History(const JsonPayload& payload, std::size_t max_bytes)
+      : payload_(payload), max_bytes_(max_bytes) {}
+
+  bool add(const SampleRecord& sample) override { return add_json(json::sample(sample)); }
+  bool add_json(std::string_view row) override {
     const bool is_first = text_.size() == kBegin.size();
-    if (!is_first && text_.size() + 1 + json_row.size() + kEnd.size() > max_bytes_) return false;
+    if (!is_first && text_.size() + 1 + row.size() + kEnd.size() > max_bytes_) return false;
     if (!is_first) text_ += ',';
-    text_ += json_row;
+    text_ += row;
     return true;
   }
-  std::string take() override {
+  std::vector<Publication> take(const StreamKey& stream) override {
     text_ += kEnd;
-    return std::move(text_);
+    return payload_.data(payload_.data_topic(stream) + "/history", std::move(text_));
   }
 
  private:
   static constexpr std::string_view kBegin = R"({"history":true,"rows":[)";
   static constexpr std::string_view kEnd = "]}";
+  const JsonPayload& payload_;
   const std::size_t max_bytes_;
   std::string text_{kBegin};
 };
-
-}  // namespace
 
 JsonPayload::JsonPayload(const Config& config, std::string boot, std::string version,
                          std::string broker)
@@ -334,12 +336,8 @@ std::vector<Publication> JsonPayload::sample(const StreamKey& stream, const Samp
   return data(data_topic(stream), json::sample(sample));
 }
 
-std::unique_ptr<HistoryMessage> JsonPayload::begin_history(std::size_t max_bytes) {
-  return std::make_unique<JsonHistory>(max_bytes);
-}
-
-std::vector<Publication> JsonPayload::history(const HistoryBatch& batch) {
-  return data(data_topic(batch.stream) + "/history", batch.payload);
+std::shared_ptr<SampleHistory> JsonPayload::begin_history(std::size_t max_bytes) {
+  return std::make_shared<History>(*this, max_bytes);
 }
 
 std::vector<Publication> JsonPayload::data(std::string topic, std::string payload) const {

@@ -55,10 +55,11 @@ class JsonPayload final : public SamplePayload {
   /// Describes the tags of a device: its birth. `device` is the index in Config::devices.
   Publication device_meta(std::uint32_t device) const;
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
-  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
-  std::vector<Publication> history(const HistoryBatch& batch) override;
+  std::shared_ptr<SampleHistory> begin_history(std::size_t max_bytes) override;
 
  private:
+  class History;
+
   std::vector<Publication> data(std::string topic, std::string payload) const;
   std::string device_topic(std::uint32_t device) const;
   std::string data_topic(const StreamKey& stream) const;

@@ -18,6 +18,15 @@
 
 namespace fxagent {
 
+/// A history message of one format.
+class SampleHistory : public HistoryMessage {
+ public:
+  /// Returns the messages that together deliver the rows of the stream, and ends this one; none if
+  /// the format cannot express them any more, as after a change of the config. They are dropped
+  /// then, and counted. Uplink thread.
+  virtual std::vector<Publication> take(const StreamKey& stream) = 0;
+};
+
 /// Topics and bytes of samples. Uplink thread only, except for the constructor. Not const: a format
 /// may count its messages, or remember the last values for a birth.
 class SamplePayload {
@@ -31,11 +40,9 @@ class SamplePayload {
   virtual std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) = 0;
   /// Samples of the device were refused. They become history, or are dropped.
   virtual void undelivered(const std::string& /*device*/) {}
-  /// Returns an empty history message of at most `max_bytes`; it becomes HistoryBatch::payload.
-  virtual std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) = 0;
-  /// Returns the messages that together deliver the batch; none if the format cannot express it any
-  /// more, as after a change of the config. It is dropped then, and counted.
-  virtual std::vector<Publication> history(const HistoryBatch& batch) = 0;
+  /// Returns an empty history message of at most `max_bytes`, to take() while this object exists.
+  /// Shared with the store's thread, which may still add rows after the caller has given up.
+  virtual std::shared_ptr<SampleHistory> begin_history(std::size_t max_bytes) = 0;
 };
 
 }  // namespace fxagent

@@ -32,6 +32,8 @@ class HomeAssistantProfile final : public Profile {
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   bool wants_samples() const override { return false; }
+  std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
+  std::shared_ptr<SampleHistory> begin_history(std::size_t) override { return nullptr; }
 
  private:
   /// Platform by component key.

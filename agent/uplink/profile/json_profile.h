@@ -38,11 +38,8 @@ class JsonProfile final : public Profile {
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override {
     return payload_.sample(stream, sample);
   }
-  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override {
+  std::shared_ptr<SampleHistory> begin_history(std::size_t max_bytes) override {
     return payload_.begin_history(max_bytes);
-  }
-  std::vector<Publication> history(const HistoryBatch& batch) override {
-    return payload_.history(batch);
   }
 
  private:

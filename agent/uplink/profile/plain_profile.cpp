@@ -15,11 +15,13 @@ namespace {
 constexpr std::string_view kSet = "/set";
 constexpr const char* kOnline = "\"online\"";
 
-/// Gathers `[time, value]` of each tag. The payload of the batch has a line for each tag: its name,
-/// a tab and the list. Neither can be part of a name or of JSON.
-class PlainHistory final : public HistoryMessage {
+}  // namespace
+
+/// Gathers `[time, value]` of each tag.
+class PlainProfile::History final : public SampleHistory {
  public:
-  explicit PlainHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+  History(const PlainProfile& profile, std::size_t max_bytes)
+      : profile_(profile), max_bytes_(max_bytes) {}
 
   bool add(const SampleRecord& sample) override {
     std::vector<std::string> values;
@@ -38,21 +40,22 @@ class PlainHistory final : public HistoryMessage {
     }
     return true;
   }
-  /// A profile's store has no rows of earlier versions.
-  bool add(std::string_view) override { return true; }
-  std::string take() override {
-    std::string text;
-    for (const auto& [tag, list] : lists_) text += tag + "\t" + list + "]\n";
-    return text;
+  std::vector<Publication> take(const StreamKey& stream) override {
+    std::vector<Publication> messages;
+    for (auto& [tag, list] : lists_)
+      messages.push_back(
+          {.topic = profile_.topics_.of(stream.device, stream.group, tag) + "/history",
+           .payload = std::move(list) + "]",
+           .qos = broker_of(profile_.config_, profile_.broker_).qos});
+    return messages;
   }
 
  private:
+  const PlainProfile& profile_;
   const std::size_t max_bytes_;
   std::size_t bytes_ = 0;
-  std::map<std::string, std::string> lists_;
+  std::map<std::string, std::string> lists_;  ///< by tag
 };
-
-}  // namespace
 
 PlainProfile::PlainProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
                            std::function<std::string()> new_id)
@@ -185,24 +188,8 @@ void PlainProfile::undelivered(const std::string& device) {
   }
 }
 
-std::unique_ptr<HistoryMessage> PlainProfile::begin_history(std::size_t max_bytes) {
-  return std::make_unique<PlainHistory>(max_bytes);
-}
-
-std::vector<Publication> PlainProfile::history(const HistoryBatch& batch) {
-  std::vector<Publication> messages;
-  std::string_view text = batch.payload;
-  while (!text.empty()) {
-    const std::size_t tab = text.find('\t');
-    const std::size_t end = text.find('\n', tab);
-    messages.push_back(
-        {.topic =
-             topics_.of(batch.stream.device, batch.stream.group, text.substr(0, tab)) + "/history",
-         .payload = std::string(text.substr(tab + 1, end - tab - 1)),
-         .qos = broker_of(config_, broker_).qos});
-    text.remove_prefix(end + 1);
-  }
-  return messages;
+std::shared_ptr<SampleHistory> PlainProfile::begin_history(std::size_t max_bytes) {
+  return std::make_shared<History>(*this, max_bytes);
 }
 
 }  // namespace fxagent

@@ -36,10 +36,11 @@ class PlainProfile final : public Profile {
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   void undelivered(const std::string& device) override;
-  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
-  std::vector<Publication> history(const HistoryBatch& batch) override;
+  std::shared_ptr<SampleHistory> begin_history(std::size_t max_bytes) override;
 
  private:
+  class History;
+
   void find_writable();
   Publication value(const std::string& topic, std::string text) const;
 

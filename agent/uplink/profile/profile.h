@@ -34,12 +34,8 @@ class Profile : public SamplePayload {
   /// Processes a message on one of the subscriptions.
   virtual void hear(const Message& message) = 0;
 
-  /// False: the profile has no samples. No function of SamplePayload is called then; otherwise a
-  /// profile must override the next three.
+  /// False: the profile has no samples. No function of SamplePayload is called then.
   virtual bool wants_samples() const { return true; }
-  std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
-  std::unique_ptr<HistoryMessage> begin_history(std::size_t) override { return nullptr; }
-  std::vector<Publication> history(const HistoryBatch&) override { return {}; }
   virtual void device_state(const DeviceStatus& /*status*/) {}
   /// A sample has come from the field. It follows by sample(), or later as history.
   virtual void saw(const Telemetry& /*sample*/) {}

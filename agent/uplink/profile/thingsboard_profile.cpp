@@ -97,31 +97,6 @@ void remember(const Changes& changes, ThingsBoardProfile::Reasons& published) {
   for (const auto& [tag, bad] : changes) published.insert_or_assign(std::string(tag), bad);
 }
 
-/// Gathers rows of one device, whose name is added later. Each message begins with the reasons of
-/// all tags, because the messages between two of them may be lost.
-class ThingsBoardHistory final : public HistoryMessage {
- public:
-  explicit ThingsBoardHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}
-
-  bool add(const SampleRecord& sample) override {
-    Changes changes;
-    const std::string row = row_of(sample, reasons_, changes);
-    if (row.empty()) return true;
-    if (!rows_.empty() && rows_.size() + row.size() + 2 > max_bytes_) return false;
-    rows_ += (rows_.empty() ? "[" : ",") + row;
-    remember(changes, reasons_);
-    return true;
-  }
-  /// A profile's store has no rows of earlier versions.
-  bool add(std::string_view) override { return true; }
-  std::string take() override { return rows_.empty() ? "[]" : std::move(rows_) + "]"; }
-
- private:
-  const std::size_t max_bytes_;
-  std::string rows_;
-  ThingsBoardProfile::Reasons reasons_;
-};
-
 // ---- attributes ---------------------------------------------------------------------------------
 
 std::string state_attributes(const DeviceStatus& status) {
@@ -337,16 +312,40 @@ std::vector<Publication> ThingsBoardProfile::sample(const StreamKey& stream,
   return {message_on(kTelemetryTopic, of_device(stream.device, "[" + row + "]"))};
 }
 
-std::unique_ptr<HistoryMessage> ThingsBoardProfile::begin_history(std::size_t max_bytes) {
-  return std::make_unique<ThingsBoardHistory>(max_bytes);
-}
+/// Gathers rows of one device. Each message begins with the reasons of all tags, because the
+/// messages between two of them may be lost.
+class ThingsBoardProfile::History final : public SampleHistory {
+ public:
+  History(const ThingsBoardProfile& profile, std::size_t max_bytes)
+      : profile_(profile), max_bytes_(max_bytes) {}
 
-std::vector<Publication> ThingsBoardProfile::history(const HistoryBatch& batch) {
-  Publication rows = message_on(kTelemetryTopic, of_device(batch.stream.device, batch.payload));
-  if (index_.contains(batch.stream.device)) return {std::move(rows)};
-  // A config change has removed the device.
-  return {connect_message(batch.stream.device, "default"), std::move(rows),
-          disconnect_message(batch.stream.device)};
+  bool add(const SampleRecord& sample) override {
+    Changes changes;
+    const std::string row = row_of(sample, reasons_, changes);
+    if (row.empty()) return true;
+    if (!rows_.empty() && rows_.size() + row.size() + 2 > max_bytes_) return false;
+    rows_ += (rows_.empty() ? "[" : ",") + row;
+    remember(changes, reasons_);
+    return true;
+  }
+  std::vector<Publication> take(const StreamKey& stream) override {
+    const std::string& device = stream.device;
+    Publication rows =
+        message_on(kTelemetryTopic, of_device(device, rows_.empty() ? "[]" : rows_ + "]"));
+    if (profile_.index_.contains(device)) return {std::move(rows)};
+    // A config change has removed the device.
+    return {connect_message(device, "default"), std::move(rows), disconnect_message(device)};
+  }
+
+ private:
+  const ThingsBoardProfile& profile_;
+  const std::size_t max_bytes_;
+  std::string rows_;
+  Reasons reasons_;
+};
+
+std::shared_ptr<SampleHistory> ThingsBoardProfile::begin_history(std::size_t max_bytes) {
+  return std::make_shared<History>(*this, max_bytes);
 }
 
 // ---- commands -----------------------------------------------------------------------------------

@@ -46,10 +46,10 @@ class ThingsBoardProfile final : public Profile {
   bool may_send(const std::string& device) const override;
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   void undelivered(const std::string& device) override { reasons_.erase(device); }
-  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
-  std::vector<Publication> history(const HistoryBatch& batch) override;
+  std::shared_ptr<SampleHistory> begin_history(std::size_t max_bytes) override;
 
  private:
+  class History;
   struct Device {
     std::string name;           ///< empty: a vacant place
     bool is_alive = false;      ///< online or degraded

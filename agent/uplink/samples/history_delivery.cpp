@@ -49,15 +49,16 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
       return refused_.may_send(device, now) && payload_.may_send(device);
     });
     if (!history) return;
-    auto publications = payload_.history(history->batch);
-    if (publications.empty()) {
+    if (history->publications.empty()) {
       spool_.remove(*history, spool_.as_dropped(history->batch.stream.device));
       rests_until_ = now + kBetweenDrops;
       return;
     }
     published_ += history->batch.row_ids.size();
-    const std::uint64_t id = outgoing_.send(*this, std::move(publications));
-    flights_.emplace(id, Flight{std::move(*history), now});
+    std::size_t bytes = 0;
+    for (const Publication& each : history->publications) bytes += each.payload.size();
+    const std::uint64_t id = outgoing_.send(*this, std::exchange(history->publications, {}));
+    flights_.emplace(id, Flight{std::move(*history), bytes, now});
   }
 }
 
@@ -82,9 +83,9 @@ void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
 }
 
 void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
-  const OutgoingHistory history = ended(event.id, now).history;
-  payload_.undelivered(history.batch.stream.device);
+  const auto [history, bytes, since] = ended(event.id, now);
   const HistoryBatch& batch = history.batch;
+  payload_.undelivered(batch.stream.device);
   const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;
   if (is_final(event.reason_code) && !can_be_cut) {
     log::warn("history_refused", {{"device", batch.stream.device},
@@ -95,7 +96,7 @@ void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   }
   spool_.returned(history);
   if (can_be_cut)
-    max_bytes_ = std::min(max_bytes_, batch.payload.size() / 2);
+    max_bytes_ = std::min(max_bytes_, bytes / 2);
   else
     refused_.refused(batch.stream.device, event, now);
 }

@@ -110,14 +110,16 @@ std::optional<OutgoingHistory> SampleSpool::next(
            (store_ == nullptr || !store_->samples().is_ahead_of_memory(stream));
   };
   if (store_ != nullptr) {
-    auto batch = store_->samples().next(payload.begin_history(max_bytes), from_disk);
+    const auto message = payload.begin_history(max_bytes);
+    const auto batch = store_->samples().next(message, from_disk);
     count_dropped();
-    if (batch) return OutgoingHistory{std::move(*batch), true};
+    if (batch) return OutgoingHistory{*batch, true, message->take(batch->stream)};
   }
   if (backlog_.rows() == 0) return std::nullopt;
-  auto batch = backlog_.next(*payload.begin_history(max_bytes), from_memory);
+  const auto message = payload.begin_history(max_bytes);
+  const auto batch = backlog_.next(*message, from_memory);
   count_dropped();
-  if (batch) return OutgoingHistory{std::move(*batch), false};
+  if (batch) return OutgoingHistory{*batch, false, message->take(batch->stream)};
   return std::nullopt;
 }
 

@@ -92,6 +92,7 @@ struct LiveRow {
 struct OutgoingHistory {
   HistoryBatch batch;
   bool on_disk = false;
+  std::vector<Publication> publications;  ///< deliver it together; none: it cannot be delivered
 };
 
 class SampleSpool final {
@@ -129,9 +130,10 @@ class SampleSpool final {
   bool hold(std::vector<SampleRow>& rows);
   bool can_hold() const { return store_ != nullptr && store_->is_writable(); }
 
-  /// Returns the next history message of a device for which `may_send` is true; nullopt if there is
-  /// none. No other message of its stream leaves until returned() or remove() is called with it,
-  /// once. Rows in memory are younger than those of the same stream on disk, and wait for them.
+  /// Returns the next history message, in the form of `payload`, of a device for which `may_send`
+  /// is true; nullopt if there is none. No other message of its stream leaves until returned() or
+  /// remove() is called with it, once. Rows in memory are younger than those of the same stream on
+  /// disk, and wait for them.
   std::optional<OutgoingHistory> next(SamplePayload& payload, std::size_t max_bytes,
                                       const std::function<bool(const std::string&)>& may_send);
   /// Call if the message did not arrive. Its rows wait again, in their old places.

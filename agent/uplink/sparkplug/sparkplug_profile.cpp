@@ -107,38 +107,7 @@ std::optional<std::string> json_of(const Metric& metric, Type type) {
   return sparkplug::json_of(sparkplug::taken(metric, integer), type);
 }
 
-// ---- history and values -------------------------------------------------------------------------
-
-/// Gathers historical metrics by name: a message under construction does not know its device. Their
-/// data type is that of the value that was read.
-class SparkplugHistory final : public HistoryMessage {
- public:
-  explicit SparkplugHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}
-
-  bool add(const SampleRecord& sample) override {
-    Packet more;
-    for (const RecordedReading& reading : sample.readings) {
-      const Type type = sparkplug::type_of(reading);
-      Metric& metric = add_metric(more, reading.name, sample.ts_ms, type);
-      metric.set_is_historical(true);
-      set_value(metric, reading.value, type);
-      if (reading.bad) add_quality(metric, reading.bad);
-    }
-    const std::size_t bytes = more.ByteSizeLong();
-    if (!packet_.metrics().empty() && bytes_ + bytes > max_bytes_) return false;
-    bytes_ += bytes;
-    packet_.mutable_metrics()->MergeFrom(more.metrics());
-    return true;
-  }
-  /// A profile's store has no rows of earlier versions.
-  bool add(std::string_view) override { return true; }
-  std::string take() override { return packet_.SerializeAsString(); }
-
- private:
-  const std::size_t max_bytes_;
-  std::size_t bytes_ = 0;
-  Packet packet_;
-};
+// ---- values -------------------------------------------------------------------------
 
 /// Returns a hash of the value; equal values have equal hashes.
 std::size_t hash_of(const Value& value) {
@@ -333,38 +302,67 @@ std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
     last.sent = hash;
     last.sent_bad = reading.bad;
   }
-  if (packet.metrics().empty()) return {};
-  packet.set_timestamp(stamp(utc_ms_()));
-  packet.set_seq(next_seq());
-  return {message("DDATA", config.name, packet.SerializeAsString())};
+  return data(config.name, std::move(packet));
 }
 
-std::unique_ptr<HistoryMessage> SparkplugProfile::begin_history(std::size_t max_bytes) {
-  return std::make_unique<SparkplugHistory>(std::min(max_bytes, most_bytes()));
-}
+/// Gathers historical metrics by name: a message under construction does not know its device. Their
+/// data type is that of the value that was read.
+class SparkplugProfile::History final : public SampleHistory {
+ public:
+  History(SparkplugProfile& profile, std::size_t max_bytes)
+      : profile_(profile), max_bytes_(max_bytes) {}
 
-std::vector<Publication> SparkplugProfile::history(const HistoryBatch& batch) {
-  Packet gathered;
-  Packet packet;
-  const auto index = index_of(batch.stream.device);
-  if (index && gathered.ParseFromString(batch.payload)) {
-    const DeviceConfig& config = config_.devices[*index];
+  bool add(const SampleRecord& sample) override {
+    Packet more;
+    for (const RecordedReading& reading : sample.readings) {
+      const Type type = sparkplug::type_of(reading);
+      Metric& metric = add_metric(more, reading.name, sample.ts_ms, type);
+      metric.set_is_historical(true);
+      set_value(metric, reading.value, type);
+      if (reading.bad) add_quality(metric, reading.bad);
+    }
+    const std::size_t bytes = more.ByteSizeLong();
+    if (!gathered_.metrics().empty() && bytes_ + bytes > max_bytes_) return false;
+    bytes_ += bytes;
+    gathered_.mutable_metrics()->MergeFrom(more.metrics());
+    return true;
+  }
+  std::vector<Publication> take(const StreamKey& stream) override {
+    const auto index = profile_.index_of(stream.device);
+    if (!index) return {};
+    const DeviceConfig& config = profile_.config_.devices[*index];
+    Packet packet;
     TagFinder tags(config);
-    for (Metric& metric : *gathered.mutable_metrics()) {
+    for (Metric& metric : *gathered_.mutable_metrics()) {
       const auto tag = tags.find(metric.name());
       // The births of this session do not have the metric in this form.
       if (!tag || metric.datatype() != number(sparkplug::type_of(config.tags[*tag].point)))
         continue;
       metric.clear_name();
       metric.clear_datatype();
-      metric.set_alias(devices_[*index].first_alias + *tag);
+      metric.set_alias(profile_.devices_[*index].first_alias + *tag);
       *packet.add_metrics() = std::move(metric);
     }
+    return profile_.data(config.name, std::move(packet));
   }
+
+ private:
+  SparkplugProfile& profile_;
+  const std::size_t max_bytes_;
+  std::size_t bytes_ = 0;
+  Packet gathered_;
+};
+
+std::shared_ptr<SampleHistory> SparkplugProfile::begin_history(std::size_t max_bytes) {
+  return std::make_shared<History>(*this, std::min(max_bytes, most_bytes()));
+}
+
+/// Returns the metrics as a message, or nothing if there are none.
+std::vector<Publication> SparkplugProfile::data(const std::string& device, Packet packet) {
   if (packet.metrics().empty()) return {};
   packet.set_timestamp(stamp(utc_ms_()));
   packet.set_seq(next_seq());
-  return {message("DDATA", batch.stream.device, packet.SerializeAsString())};
+  return {message("DDATA", device, packet.SerializeAsString())};
 }
 
 // ---- commands -----------------------------------------------------------------------------------

@@ -42,10 +42,11 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
   void saw(const Telemetry& sample) override;
   /// A message that was refused is missing in the order of `seq`.
   void undelivered(const std::string&) override { request_rebirth(); }
-  std::unique_ptr<HistoryMessage> begin_history(std::size_t max_bytes) override;
-  std::vector<Publication> history(const HistoryBatch& batch) override;
+  std::shared_ptr<SampleHistory> begin_history(std::size_t max_bytes) override;
 
  private:
+  class History;
+
   /// The last value of a tag that the field has reported.
   struct Last {
     Value value;
@@ -61,6 +62,7 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
     std::vector<Last> last;  ///< by tag
   };
 
+  std::vector<Publication> data(const std::string& device, sparkplug::Packet packet);
   std::uint64_t next_seq();
   Publication node_birth(SteadyTime now, std::int64_t utc_ms) override;
   std::optional<Publication> device_birth(std::uint32_t index, std::int64_t utc_ms) override;

@@ -39,6 +39,8 @@ class TypedCommandsProfile final : public sparkplug::EdgeNode {
   bool is_ready() const override { return is_born(); }
   SteadyTime next_wake() const override;
   bool wants_samples() const override { return false; }
+  std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
+  std::shared_ptr<SampleHistory> begin_history(std::size_t) override { return nullptr; }
 
  private:
   struct Request {

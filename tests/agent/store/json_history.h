@@ -15,15 +15,15 @@ class JsonHistory final : public HistoryMessage {
  public:
   explicit JsonHistory(std::size_t max_bytes) : max_bytes_(max_bytes) {}
 
-  bool add(const SampleRecord& sample) override { return add(std::to_string(sample.seq)); }
-  bool add(std::string_view json_row) override {
-    std::string longer = text_ + (is_empty_ ? "" : ",") + std::string(json_row);
+  bool add(const SampleRecord& sample) override { return add_json(std::to_string(sample.seq)); }
+  bool add_json(std::string_view row) override {
+    std::string longer = text_ + (is_empty_ ? "" : ",") + std::string(row);
     if (!is_empty_ && longer.size() + 2 > max_bytes_) return false;
     text_ = std::move(longer);
     is_empty_ = false;
     return true;
   }
-  std::string take() override { return text_ + "]}"; }
+  std::string text() const { return text_ + "]}"; }
 
  private:
   const std::size_t max_bytes_;
@@ -31,11 +31,17 @@ class JsonHistory final : public HistoryMessage {
   std::string text_ = R"({"history":true,"rows":[)";
 };
 
+/// A history message with its text.
+struct Batch : HistoryBatch {
+  std::string payload;
+};
+
 /// Returns the next message of a backlog, of at most this many bytes.
-inline std::optional<HistoryBatch> next(Backlog& backlog, std::size_t max_bytes,
-                                        const MaySend& may_send) {
+inline std::optional<Batch> next(Backlog& backlog, std::size_t max_bytes, const MaySend& may_send) {
   JsonHistory message(max_bytes);
-  return backlog.next(message, may_send);
+  const auto batch = backlog.next(message, may_send);
+  if (!batch) return std::nullopt;
+  return Batch{*batch, message.text()};
 }
 
 }  // namespace fxagent::test

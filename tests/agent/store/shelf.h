@@ -31,13 +31,13 @@ inline std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to,
 inline bool any(const StreamKey&) { return true; }
 
 /// Returns the next message of the samples on disk, of at most this many bytes.
-inline std::optional<HistoryBatch> next(StoredSamples& samples, std::size_t max_bytes,
-                                        const MaySend& may_send) {
+inline std::optional<Batch> next(StoredSamples& samples, std::size_t max_bytes,
+                                 const MaySend& may_send) {
   for (std::optional<StreamKey> before;;) {
     const auto stream = samples.streams().oldest_waiting(may_send);
     if (!stream || stream == before) return std::nullopt;
     JsonHistory message(max_bytes);
-    if (auto batch = samples.next(*stream, message)) return batch;
+    if (auto batch = samples.next(*stream, message)) return Batch{*batch, message.text()};
     before = stream;
   }
 }

@@ -57,7 +57,7 @@ std::size_t bytes(JsonPayload& payload, const DeviceConfig& device, bool bad) {
   }
   const auto message = payload.begin_history(16384);
   message->add(sample);
-  return message->take().size();
+  return message->take({device.name, "fast"}).at(0).payload.size();
 }
 
 TEST(LargestMessage, NoSampleIsLargerAndOneIsNearlyAsLarge) {

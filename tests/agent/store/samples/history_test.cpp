@@ -41,7 +41,7 @@ TEST(BatchBuilder, TakesRowsOfBothFormatsAndPassesOverDamagedOnes) {
   EXPECT_EQ(builder.add(6, RowFormat::json_text, "1"), Added::no_room);
   const HistoryBatch batch = builder.take({"a", "fast"});
   EXPECT_EQ(batch.row_ids, std::vector<std::uint64_t>{4});
-  EXPECT_EQ(batch.payload, R"({"history":true,"rows":[7]})");
+  EXPECT_EQ(history.text(), R"({"history":true,"rows":[7]})");
 }
 
 }  // namespace

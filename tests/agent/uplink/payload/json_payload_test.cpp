@@ -234,23 +234,27 @@ TEST(HealthJson, HasEveryCounterByName) {
               parsed.contains("uptime_s"));
 }
 
+std::string text_of(SampleHistory& history) {
+  return history.take({"press1", "fast"}).at(0).payload;
+}
+
 TEST(JsonPayload, HistoryHoldsRowsAsTheyWere) {
   const Config config = test::plant();
   JsonPayload payload(config, "9f3c21aa", "0.1.0");
   const auto history = payload.begin_history(1000);
-  ASSERT_TRUE(history->add("{\"a\":1}") && history->add("{}"));
-  EXPECT_EQ(history->take(), R"({"history":true,"rows":[{"a":1},{}]})");
-  EXPECT_EQ(payload.begin_history(0)->take(), R"({"history":true,"rows":[]})");
+  ASSERT_TRUE(history->add_json("{\"a\":1}") && history->add_json("{}"));
+  EXPECT_EQ(text_of(*history), R"({"history":true,"rows":[{"a":1},{}]})");
+  EXPECT_EQ(text_of(*payload.begin_history(0)), R"({"history":true,"rows":[]})");
 }
 
 TEST(JsonPayload, HistoryKeepsItsSizeAndALargerRowGoesAlone) {
   const Config config = test::plant();
   JsonPayload payload(config, "9f3c21aa", "0.1.0");
   const auto history = payload.begin_history(26 + 2 + 1 + 2);
-  EXPECT_TRUE(history->add("{}") && history->add("{}"));
-  EXPECT_FALSE(history->add("{}"));
-  EXPECT_EQ(history->take().size(), 26U + 2 + 1 + 2);
-  EXPECT_TRUE(payload.begin_history(1)->add("{}"));
+  EXPECT_TRUE(history->add_json("{}") && history->add_json("{}"));
+  EXPECT_FALSE(history->add_json("{}"));
+  EXPECT_EQ(text_of(*history).size(), 26U + 2 + 1 + 2);
+  EXPECT_TRUE(payload.begin_history(1)->add_json("{}"));
 }
 
 TEST(JsonPayload, HistoryOfARecordIsItsLiveText) {
@@ -264,7 +268,7 @@ TEST(JsonPayload, HistoryOfARecordIsItsLiveText) {
   const auto history = payload.begin_history(1000);
   ASSERT_TRUE(history->add(record));
   const Publication live = payload.sample({"press1", "fast"}, record).at(0);
-  EXPECT_EQ(history->take(), R"({"history":true,"rows":[)" + live.payload + "]}");
+  EXPECT_EQ(text_of(*history), R"({"history":true,"rows":[)" + live.payload + "]}");
   EXPECT_EQ(live.payload,
             R"({"ts":1790000000007,"seq":7,"boot":"9f3c21aa","meta":"a41c","partial":true,)"
             R"("values":{"temp":23.4},"written":["temp"]})");
@@ -285,7 +289,7 @@ TEST(JsonPayload, TopicsAndTheirDeliveryAreTheContracts) {
             base + "/press2/state retained 1");
   EXPECT_EQ(place(payload.device_meta(1)), base + "/press2/meta retained 1");
   EXPECT_EQ(place(payload.sample({"press1", "fast"}, {}).at(0)), base + "/press1/data/fast 0");
-  EXPECT_EQ(place(payload.history({{"press1", "fast"}, {}, {}}).at(0)),
+  EXPECT_EQ(place(payload.begin_history(1)->take({"press1", "fast"}).at(0)),
             base + "/press1/data/fast/history 0");
   const Publication will = payload.last_will();
   EXPECT_EQ(will.topic, base + "/state");
