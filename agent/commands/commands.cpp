@@ -141,18 +141,24 @@ std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime
 
 // ---- from the message to the field --------------------------------------------------------------
 
-void Commands::receive(std::uint32_t device, std::string_view topic, std::string_view payload,
+void Commands::receive(const std::string& name, std::string_view topic, std::string_view payload,
                        MessageProperties properties, SteadyTime now, std::int64_t utc_ms) {
+  const auto device = device_named(name);
+  if (!device) {
+    if (const LinkConfig* link = link_named(name))
+      return receive_for_link(*link, topic, payload, std::move(properties), now, utc_ms);
+    return refuse_unknown(name, payload, std::move(properties));
+  }
   Command command = parse_command(payload);
   static_cast<MessageProperties&>(command) = std::move(properties);
-  command.device = device;
+  command.device = *device;
   std::optional<audit::Receipt> receipt;
   if (journal_ != nullptr) {
     command.number = journal_->next_command_number();
-    receipt = receipt_of(command, name_of(device), topic, payload);
+    receipt = receipt_of(command, name, topic, payload);
   }
   failpoint("command_received");
-  Device& to = device_at(device);
+  Device& to = device_at(*device);
   auto decision = to.admission.admit(std::move(command), to.codec, to.waiting(), now);
   if (auto* result = std::get_if<CommandResult>(&decision))
     return take_result(std::move(*result), receipt, utc_ms);
@@ -163,20 +169,20 @@ void Commands::receive(std::uint32_t device, std::string_view topic, std::string
   admitted_.push_back(std::move(admitted));
 }
 
-void Commands::refuse_unknown(const std::string& device, std::string_view payload,
+void Commands::refuse_unknown(const std::string& name, std::string_view payload,
                               MessageProperties properties) {
   Command command = parse_command(payload);
   static_cast<MessageProperties&>(command) = std::move(properties);
-  Refusal why = refusal_of_unknown(command, config_, device);
+  Refusal why = refusal_of_unknown(command, config_, name);
   CommandResult result = result_of(command);
   set_outcome(result, CommandStatus::rejected, why.reason, std::move(why.detail));
   ++counts_[result.status];
-  results_.push_back(message_of(device, result));
+  results_.push_back(message_of(name, result));
 }
 
 const LinkConfig* Commands::link_named(std::string_view name) const {
   const auto link = std::ranges::find(config_.links, name, &LinkConfig::name);
-  return link == config_.links.end() || device_named(name) ? nullptr : &*link;
+  return link == config_.links.end() ? nullptr : &*link;
 }
 
 std::optional<Refusal> Commands::refusal_for_link(const LinkConfig& link, const Command& command,

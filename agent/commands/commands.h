@@ -68,6 +68,10 @@ class Commands final {
 
   /// Returns the index of a device by its name; nullopt if there is none.
   std::optional<std::uint32_t> device_named(std::string_view name) const;
+  /// True if a device or a link has the name.
+  bool knows(std::string_view name) const {
+    return device_named(name).has_value() || link_named(name) != nullptr;
+  }
 
   /// Rejects later commands for devices that end in the change, with `reloading`.
   void begin_change(const ConfigChange& change);
@@ -82,19 +86,12 @@ class Commands final {
   /// calendar time of `now`.
   void restore(Recovered known, SteadyTime now, std::int64_t utc_ms);
 
-  /// Takes a message on the command topic of a device. There is one result for it, in
-  /// take_results() now or later. An admitted command goes to the field with hand_over().
-  void receive(std::uint32_t device, std::string_view topic, std::string_view payload,
+  /// Takes a message on the command topic of the device with this name, or else of the link. There
+  /// is one result for it, in take_results() now or later. An admitted command goes to the field
+  /// with hand_over(). If nothing in the config has the name, the result is REJECTED, and neither
+  /// the command nor its id is remembered.
+  void receive(const std::string& name, std::string_view topic, std::string_view payload,
                MessageProperties properties, SteadyTime now, std::int64_t utc_ms);
-  /// Returns the link of this name; nullptr if there is none, or if a device has the name.
-  const LinkConfig* link_named(std::string_view name) const;
-  /// Takes a message on the command topic of a link. There is one result for it.
-  void receive_for_link(const LinkConfig& link, std::string_view topic, std::string_view payload,
-                        MessageProperties properties, SteadyTime now, std::int64_t utc_ms);
-  /// Takes a message on the command topic of a device that is not in the config. There is one
-  /// result for it, too: REJECTED. Neither the command nor its id is remembered.
-  void refuse_unknown(const std::string& device, std::string_view payload,
-                      MessageProperties properties);
   /// Writes the commands admitted since the last call to the journal, in one commit, and hands them
   /// to the field. If the journal hangs, rejects all except reads with `store_unavailable`.
   void hand_over(std::int64_t utc_ms);
@@ -145,6 +142,13 @@ class Commands final {
   void open(std::uint32_t index);
   void list_names();
 
+  /// Returns the link of this name; nullptr if there is none.
+  const LinkConfig* link_named(std::string_view name) const;
+
+  void receive_for_link(const LinkConfig& link, std::string_view topic, std::string_view payload,
+                        MessageProperties properties, SteadyTime now, std::int64_t utc_ms);
+  void refuse_unknown(const std::string& name, std::string_view payload,
+                      MessageProperties properties);
   /// Returns why the command for the link is not carried out; nullopt: it is.
   std::optional<Refusal> refusal_for_link(const LinkConfig& link, const Command& command,
                                           SteadyTime now, std::int64_t utc_ms) const;

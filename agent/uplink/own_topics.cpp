@@ -27,8 +27,7 @@ void OwnTopics::hear(const Message& message, SteadyTime now) {
 }
 
 void OwnTopics::hear_command(const Message& message, std::string_view name) {
-  const bool is_known =
-      parts_.commands.device_named(name) || parts_.commands.link_named(name) != nullptr;
+  const bool is_known = parts_.commands.knows(name);
   if (!is_known) log::warn("command_for_unknown_device", {{"topic", log::excerpt(message.topic)}});
   if (is_known || is_name(name))
     parts_.intake.add(message, std::string(name), parts_.results.is_full());

@@ -52,14 +52,7 @@ void CommandIntake::take_some(SteadyTime now, std::int64_t utc_ms) {
     // An empty retained payload only clears the topic. On 3.1.1 we do not receive its retain flag.
     if (message.payload.empty() && (message.retained || mqtt_.version != 5)) continue;
     MessageProperties& properties = message;
-    if (const auto device = commands_.device_named(name))
-      commands_.receive(*device, message.topic, message.payload, std::move(properties), now,
-                        utc_ms);
-    else if (const LinkConfig* link = commands_.link_named(name))
-      commands_.receive_for_link(*link, message.topic, message.payload, std::move(properties), now,
-                                 utc_ms);
-    else
-      commands_.refuse_unknown(name, message.payload, std::move(properties));
+    commands_.receive(name, message.topic, message.payload, std::move(properties), now, utc_ms);
   }
   commands_.hand_over(utc_ms);
 }

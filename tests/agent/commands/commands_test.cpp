@@ -71,7 +71,7 @@ struct CommandsTest : ::testing::Test {
     MessageProperties properties;
     properties.received = now;
     properties.received_ms = kNow;
-    commands().receive(device, "any/topic", payload, properties, now, kNow);
+    commands().receive(config.devices.at(device).name, "any/topic", payload, properties, now, kNow);
   }
   void write(const std::string& id, std::uint32_t device = 0) {
     receive(R"({"id":")" + id + R"(","op":"write","tag":"setpoint","value":50})", device);

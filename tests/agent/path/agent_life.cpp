@@ -76,8 +76,8 @@ void AgentLife::receive(const SentCommand& sent) {
   properties.received_ms = path_utc_ms();
   if (sent.message_expiry_s)
     properties.message_expiry = std::chrono::seconds(*sent.message_expiry_s);
-  commands_.receive(sent.device, "command", sent.payload, std::move(properties), Clock::now(),
-                    path_utc_ms());
+  commands_.receive(config_.devices.at(sent.device).name, "command", sent.payload,
+                    std::move(properties), Clock::now(), path_utc_ms());
 }
 
 void AgentLife::hand_over() {
