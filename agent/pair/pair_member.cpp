@@ -78,6 +78,16 @@ std::string PairMember::topic(const char* leaf) const {
   return pair_messages::topic_of(config_.base_topic(), pair_.member) + leaf;
 }
 
+std::uint64_t PairMember::publish(Broker& session, Publication publication) {
+  const std::uint64_t id = publication.id = next_id_++;
+  session.publish(std::move(publication));
+  return id;
+}
+
+std::uint64_t PairMember::publish_in_journal(Broker& session, std::string text) {
+  return publish(session, {.topic = topic("/journal"), .payload = std::move(text)});
+}
+
 // ---- called by other threads --------------------------------------------------------------------
 
 std::uint64_t PairMember::await_claim(const std::function<void()>& waits) {
@@ -187,9 +197,7 @@ void PairMember::run(const std::stop_token& stop) {
     if (leaving_ && !leave_by) {
       leave_by = now + kFarewell;
       lease_->disconnect();
-      Publication last = offline_status();
-      last.id = farewell_ = next_id_++;
-      member_->publish(std::move(last));
+      farewell_ = publish(*member_, offline_status());
     }
     keep(now);
     if (!leave_by || (farewell_ != 0 && now < *leave_by)) continue;
@@ -231,10 +239,8 @@ void PairMember::send_replies() {
     answered.swap(answered_);
   }
   for (JournalEntry& entry : answered)
-    member_->publish({.id = next_id_++,
-                      .topic = topic("/journal"),
-                      .payload = pair_messages::announcement(
-                          {.boot = boot_, .answered = true, .entry = std::move(entry)})});
+    publish_in_journal(*member_, pair_messages::announcement(
+                                     {.boot = boot_, .answered = true, .entry = std::move(entry)}));
 }
 
 /// Announces what earlier processes of this gateway left, one command after the other.
@@ -246,10 +252,7 @@ void PairMember::announce_unanswered(BootTime now) {
   pair_messages::Announcement announcement{
       .boot = boot_, .unanswered = true, .entry = std::move(*left)};
   announcement.id_is_number = parse_command(announcement.entry.payload).id_is_number;
-  announcing_ = next_id_++;
-  member_->publish({.id = announcing_,
-                    .topic = topic("/journal"),
-                    .payload = pair_messages::announcement(announcement)});
+  announcing_ = publish_in_journal(*member_, pair_messages::announcement(announcement));
 }
 
 void PairMember::take_member_events(BootTime now) {
@@ -444,9 +447,7 @@ void PairMember::take_evicting_events(BootTime now) {
       claim_ = Claim::marking;
       mark_came_ = false;
       mark_ = next_id_;
-      lease_->publish({.id = next_id_++,
-                       .topic = topic("/journal"),
-                       .payload = pair_messages::announcement({.boot = boot_, .mark = mark_})});
+      publish_in_journal(*lease_, pair_messages::announcement({.boot = boot_, .mark = mark_}));
     }
   }
 }
@@ -475,8 +476,7 @@ void PairMember::go_on_with_claim(BootTime now) {
   {
     const std::lock_guard lock(mutex_);
     unwritten_ = std::move(unwritten);
-    const auto clock = static_cast<std::uint64_t>(utc_ms(std::chrono::system_clock::now()));
-    floor_ = std::max(clock, state_.highest_seq());
+    floor_ = std::max(static_cast<std::uint64_t>(utc_now_ms()), state_.highest_seq());
     claimed_ = true;
     news_.notify_all();
   }
@@ -498,19 +498,17 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
         const std::lock_guard lock(mutex_);
         if (claimed_) seq = std::max(agent_ ? agent_->highest_seq() : 0, floor_) + kReserve;
       }
-      const std::uint64_t id = next_id_++;
+      const std::uint64_t id = next_id_;
       state_.heartbeat_sent(id, now);
-      return lease_->publish({.id = id,
-                              .topic = topic("/heartbeat"),
-                              .payload = pair_messages::heartbeat({boot_, seq}, id),
-                              .retain = Retain::yes});
+      publish(*lease_, retained(topic("/heartbeat"), pair_messages::heartbeat({boot_, seq}, id)));
+      return;
     }
   }
 }
 
 void PairMember::publish_status() {
   const auto age = std::chrono::round<milliseconds>(boot_time_now() - state_.since());
-  const std::int64_t now_ms = utc_ms(std::chrono::system_clock::now());
+  const std::int64_t now_ms = utc_now_ms();
   const PairStatus status{.member = pair_.member,
                           .boot = boot_,
                           .role = std::string(to_string(state_.role())),
@@ -519,18 +517,14 @@ void PairMember::publish_status() {
                           .why = state_.why(),
                           .peer = state_.peer(),
                           .since_ms = state_.since() == BootTime{} ? now_ms : now_ms - age.count()};
-  Publication publication = retained(topic(), pair_messages::status(status));
-  publication.id = next_id_++;
-  member_->publish(std::move(publication));
+  publish(*member_, retained(topic(), pair_messages::status(status)));
 }
 
 void PairMember::send_announcements() {
-  const auto publish = [this](std::string text) {
-    const std::uint64_t id = next_id_++;
-    lease_->publish({.id = id, .topic = topic("/journal"), .payload = std::move(text)});
-    return id;
+  const auto announce = [this](std::string text) {
+    return publish_in_journal(*lease_, std::move(text));
   };
-  announcements_.step(lease_up_, publish, std::chrono::steady_clock::now());
+  announcements_.step(lease_up_, announce, std::chrono::steady_clock::now());
 }
 
 void PairMember::log_role() {

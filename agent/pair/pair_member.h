@@ -106,6 +106,10 @@ class PairMember final {
   void announce_unanswered(BootTime now);
   void log_role();
   void log_peer(BootTime now);
+  /// Publishes under a new id, and returns it.
+  std::uint64_t publish(Broker& session, Publication publication);
+  /// Same on the topic of this gateway's announcements.
+  std::uint64_t publish_in_journal(Broker& session, std::string text);
   std::string topic(const char* leaf = "") const;
   Publication offline_status() const;
 
