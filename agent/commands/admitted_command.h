@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "agent/commands/journal.h"
@@ -46,5 +47,22 @@ struct AdmittedCommand {
   /// Its share of the room for pending commands. Commands holds it until there is a result.
   SharedAdmission::Place place{};
 };
+
+/// Returns its entry for the journal, without payload and audit record. `device` is the name.
+inline JournalEntry entry_of(const AdmittedCommand& admitted, std::string device) {
+  const Command& command = admitted.command;
+  const auto expiry =
+      std::chrono::ceil<std::chrono::milliseconds>(admitted.deadline - command.received);
+  JournalEntry entry;
+  entry.device = std::move(device);
+  entry.id = command.id;
+  entry.number = command.number;
+  entry.received_ms = command.received_ms;
+  entry.deadline_ms = command.received_ms + expiry.count();
+  entry.op = command.op_text;
+  entry.response_topic = command.response_topic;
+  entry.correlation = command.correlation;
+  return entry;
+}
 
 }  // namespace fxagent

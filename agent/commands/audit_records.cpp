@@ -59,6 +59,14 @@ std::string admitted(const Receipt& receipt, std::string_view id, std::string_vi
   return dumped(body);
 }
 
+std::string announced(const JournalEntry& entry, std::string_view topic, std::int64_t now_ms) {
+  return admitted({.number = entry.number,
+                   .device = entry.device,
+                   .topic = std::string(topic),
+                   .received_ms = entry.received_ms},
+                  entry.id, entry.op, now_ms);
+}
+
 std::string result(std::uint64_t number, std::string_view device, std::string_view result_text,
                    const FrameTrace& frames, std::int64_t now_ms) {
   Json body = body_of("result", now_ms);

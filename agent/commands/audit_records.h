@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "agent/commands/journal.h"
 #include "agent/handover/command_message.h"
 
 namespace fxagent::audit {
@@ -36,6 +37,8 @@ inline constexpr std::size_t kResultKept = 8192;
 std::string answered(const Receipt& receipt, std::string_view result_text, std::int64_t now_ms);
 std::string admitted(const Receipt& receipt, std::string_view id, std::string_view op,
                      std::int64_t now_ms);
+/// Same for a command that the other gateway of a pair has announced on `topic`.
+std::string announced(const JournalEntry& entry, std::string_view topic, std::int64_t now_ms);
 std::string result(std::uint64_t number, std::string_view device, std::string_view result_text,
                    const FrameTrace& frames, std::int64_t now_ms);
 std::string delivery(std::uint64_t number, std::string_view device, std::string_view id,

@@ -152,7 +152,7 @@ void Commands::receive(const std::string& name, std::string_view topic, std::str
   Command command = parse_command(payload);
   static_cast<MessageProperties&>(command) = std::move(properties);
   command.device = *device;
-  std::optional<audit::Receipt> receipt;
+  std::optional<audit::Receipt> receipt;  // with a journal
   if (journal_ != nullptr) {
     command.number = journal_->next_command_number();
     receipt = receipt_of(command, name, topic, payload);
@@ -164,8 +164,13 @@ void Commands::receive(const std::string& name, std::string_view topic, std::str
     return take_result(std::move(*result), receipt, utc_ms);
   auto& admitted = std::get<AdmittedCommand>(decision);
   to.pending.emplace(admitted.command.id, std::move(admitted.place));
-  if (journal_ != nullptr) admitted.starts = journal_->starts();
-  journal_later(admitted, std::move(receipt), utc_ms);
+  if (receipt) {
+    admitted.starts = journal_->starts();
+    JournalEntry entry = entry_of(admitted, name);
+    entry.audit = audit::admitted(*receipt, entry.id, entry.op, utc_ms);
+    entry.payload = std::move(receipt->payload);
+    to_journal_.push_back(std::move(entry));
+  }
   admitted_.push_back(std::move(admitted));
 }
 
@@ -235,27 +240,6 @@ void Commands::receive_for_link(const LinkConfig& link, std::string_view topic,
     if (why == Reason::none) return finish(CommandStatus::succeeded, why, text);
     finish(CommandStatus::failed, why, why_not_sent(why));
   });
-}
-
-void Commands::journal_later(const AdmittedCommand& admitted, std::optional<audit::Receipt> receipt,
-                             std::int64_t utc_ms) {
-  if (journal_ == nullptr) return;
-  const Command& command = admitted.command;
-  JournalEntry entry;
-  entry.device = name_of(command.device);
-  entry.id = command.id;
-  entry.received_ms = command.received_ms;
-  entry.deadline_ms = command.received_ms +
-                      std::chrono::ceil<milliseconds>(admitted.deadline - command.received).count();
-  entry.op = command.op_text;
-  entry.response_topic = command.response_topic;
-  entry.correlation = command.correlation;
-  entry.number = command.number;
-  if (receipt) {
-    entry.audit = audit::admitted(*receipt, entry.id, entry.op, utc_ms);
-    entry.payload = std::move(receipt->payload);
-  }
-  to_journal_.push_back(std::move(entry));
 }
 
 void Commands::hand_over(std::int64_t utc_ms) {

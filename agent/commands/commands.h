@@ -152,8 +152,6 @@ class Commands final {
   /// Returns why the command for the link is not carried out; nullopt: it is.
   std::optional<Refusal> refusal_for_link(const LinkConfig& link, const Command& command,
                                           SteadyTime now, std::int64_t utc_ms) const;
-  void journal_later(const AdmittedCommand& admitted, std::optional<audit::Receipt> receipt,
-                     std::int64_t utc_ms);
   /// `receipt`: of its command, if that is not in the audit yet.
   void take_result(CommandResult result, const std::optional<audit::Receipt>& receipt,
                    std::int64_t utc_ms);

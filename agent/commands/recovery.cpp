@@ -110,11 +110,7 @@ Recovered recover_unanswered(const Config& config, CommandJournal& journal, Jour
   if (std::ranges::find(config.devices, left.device, &DeviceConfig::name) == config.devices.end())
     return {};
   left.number = journal.next_command_number();
-  const audit::Receipt receipt{.number = left.number,
-                               .device = left.device,
-                               .topic = topic,
-                               .received_ms = left.received_ms};
-  journal.note(audit::admitted(receipt, left.id, left.op, utc_ms));
+  journal.note(audit::announced(left, topic, utc_ms));
   if (!left.result.empty()) {
     left.audit = audit::result(left.number, left.device, left.result, {}, utc_ms);
     journal.record(left);

@@ -124,18 +124,11 @@ void PairMember::agent_began(Agent agent) {
 void PairMember::announce(AdmittedCommand command, const std::string& device,
                           const Announcements::Submit& submit) {
   if (command.command.op == Op::read) return submit(std::move(command));
-  const Command& what = command.command;
-  pair_messages::Announcement announcement{.boot = boot_, .id_is_number = what.id_is_number};
-  JournalEntry& entry = announcement.entry;
-  entry.device = device;
-  entry.id = what.id;
-  entry.op = what.op_text;
-  entry.received_ms = what.received_ms;
-  entry.deadline_ms =
-      what.received_ms + std::chrono::ceil<milliseconds>(command.deadline - what.received).count();
-  entry.response_topic = what.response_topic;
-  entry.correlation = what.correlation;
-  announcements_.add({std::move(command), pair_messages::announcement(announcement), submit});
+  const std::string text =
+      pair_messages::announcement({.boot = boot_,
+                                   .id_is_number = command.command.id_is_number,
+                                   .entry = entry_of(command, device)});
+  announcements_.add({std::move(command), text, submit});
   const std::lock_guard lock(mutex_);
   wake();
 }

@@ -87,14 +87,11 @@ std::optional<JournalEntry> StandbyJournal::keep_unanswered(JournalEntry entry,
 void StandbyJournal::keep(JournalEntry entry, const std::string& topic) {
   StoredJournal& journal = store_.journal();
   entry.number = journal.next_command_number();
-  const audit::Receipt receipt{.number = entry.number,
-                               .device = entry.device,
-                               .topic = topic,
-                               .received_ms = entry.received_ms};
-  entry.audit = audit::admitted(receipt, entry.id, entry.op, utc_now_ms());
+  const std::int64_t now = utc_now_ms();
+  entry.audit = audit::announced(entry, topic, now);
   if (!entry.result.empty()) {
-    journal.note(std::exchange(
-        entry.audit, audit::result(entry.number, entry.device, entry.result, {}, utc_now_ms())));
+    journal.note(std::exchange(entry.audit,
+                               audit::result(entry.number, entry.device, entry.result, {}, now)));
     return journal.record(std::move(entry));
   }
   // It counts as sent: only the other gateway knows.
